@@ -1,0 +1,42 @@
+"""What a model's parameter is: its domain, unit and meaning, kept as data on the field that holds it."""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+
+@dataclasses.dataclass(frozen=True)
+class ParameterInfo:
+    """Domain [low, high] (closed at both ends), unit and meaning of a parameter.
+
+    `start` is where a fit begins when nothing is known; `per_channel` says that a joint fit frees one value for each
+    channel; `linear` that f is proportional to the parameter; `log` that a fit steps in its logarithm.
+    """
+
+    low: float
+    high: float
+    unit: str
+    doc: str
+    start: float
+    per_channel: bool = False
+    linear: bool = False
+    log: bool = False
+
+
+def parameter(info: ParameterInfo, **kwargs: Any) -> Any:
+    """An Equinox field that holds a parameter: a scalar, or one value a channel (shape ``(channels,)``)."""
+    return eqx.field(converter=_as_parameter, metadata={"parameter": info}, **kwargs)
+
+
+def _as_parameter(value: Any) -> Any:
+    if value is None:
+        return None
+    return jnp.asarray(value, dtype=jnp.result_type(float)) if isinstance(value, int | float | list | tuple) else value
+
+
+def parameters_of(model_class: type) -> dict[str, ParameterInfo]:
+    """The parameters of a model class by name, in the order of its fields."""
+    fields = dataclasses.fields(model_class)
+    return {f.name: f.metadata["parameter"] for f in fields if "parameter" in f.metadata}
