@@ -11,7 +11,7 @@ TANGENT_MAX = 1e8  # the layer that a grazing horizon makes in azimuth is then 1
 
 
 def grazing_tangent(w: Direction) -> Scalar:
-    """tan θ of a direction on or above the horizon, at most `TANGENT_MAX`; with finite gradients everywhere."""
+    """tan θ of a direction on or above the horizon, at most `TANGENT_MAX`; gradients are finite."""
     sin2 = w.x**2 + w.y**2
     null = sin2 <= 0
     sin_t = jnp.where(null, 0.0, jnp.sqrt(jnp.where(null, 1.0, sin2)))
@@ -30,10 +30,10 @@ def _sinhc(x: Scalar) -> Scalar:
 def grazing_azimuth(tan_i: Scalar, u1: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """(cos ψ, sin ψ, |dψ/du1|) for u1 in [0, 1]: ψ runs from π over π/2, 0, −π/2 to −π at u1 = 0, ¼, ½, ¾, 1.
 
-    An integral bounded by the horizon of a lobe about a direction of polar angle θ_i depends on tan θ_i · cos ψ, so
-    near grazing everything happens within cot θ_i of ψ = ±π/2. Hence cos ψ = sinh(y)/tan θ_i with
-    y = −Y cos(2πu1), sinh Y = tan θ_i: smooth in y at any tan θ_i in [0, ∞], equal steps of azimuth at
-    tan θ_i = 0. The Jacobian is periodic and smooth in u1.
+    An integral bounded by the horizon of a lobe about a direction of polar angle θ_i depends on
+    tan θ_i · cos ψ, so near grazing everything happens within cot θ_i of ψ = ±π/2. Hence
+    cos ψ = sinh(y)/tan θ_i with y = −Y cos(2πu1), sinh Y = tan θ_i: smooth in y at any tan θ_i in [0, ∞], equal
+    steps of azimuth at tan θ_i = 0. The Jacobian is periodic and smooth in u1.
     """
     big_y = jnp.arcsinh(jnp.minimum(tan_i, TANGENT_MAX))
     cos_u, sin_u = jnp.cos(2 * jnp.pi * u1), jnp.sin(2 * jnp.pi * u1)
