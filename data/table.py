@@ -76,10 +76,10 @@ class Block(NamedTuple):
 class Table:
     """BRDF readings on a layout.
 
-    `f` (1/sr, without the cosine) and `flag` (uint8 `Flag`) have the shape ``layout.shape + (channels,)``; `u_f`,
-    the standard uncertainty of the expected reading, too (NaN unknown, 0 exact), or it is None: unknown
-    everywhere. They are NumPy arrays, or h5py datasets for a table larger than memory. Solid angles are those of
-    the apertures, sr; None where nobody said. `provenance` is anything JSON can hold. Raises GonioError where
+    `f` (1/sr, without the cosine) and `flag` (uint8 `Flag`) have the shape ``layout.shape + (channels,)``; so has
+    `u_f`, the standard uncertainty of the expected reading (NaN unknown, 0 exact), or it is None: unknown
+    everywhere. They are NumPy arrays, or h5py datasets for a table larger than memory. Solid angles are those
+    of the apertures, sr; None where nobody said. `provenance` is anything JSON can hold. Raises GonioError where
     shapes disagree.
     """
 
@@ -103,7 +103,7 @@ class Table:
                 )
 
     def blocks(self, max_cells: int = 1 << 20) -> Iterator[tuple[int, int]]:
-        """Ranges (start, stop) of cells in C order: whole rows of the leading axis if they fit `max_cells`."""
+        """Ranges (start, stop) of cells in C order: whole rows of the first axis if they fit `max_cells`."""
         row = self.layout.row_size
         step = max_cells // row * row if row <= max_cells else max_cells
         for start in range(0, self.layout.size, step):
@@ -117,7 +117,7 @@ class Table:
         return Block(wi, wo, self._flat("f", start, stop), self._uncertainty(start, stop, flag.shape), flag)
 
     def counts(self) -> dict[str, int]:
-        """Number of `cells`, and of readings (cells times channels): `negative` valid ones, and by each flag."""
+        """Number of `cells`; of readings (cells times channels): those of each flag, and the `negative` valid."""
         by_flag, negative = np.zeros(256, np.int64), 0
         for start, stop in self.blocks():
             flag = self._flat("flag", start, stop)
