@@ -38,8 +38,8 @@ class Layout:
     - spherical: theta_i, phi_i, theta_o, phi_o
     - isotropic: theta_i, theta_o, delta_phi = phi_o − phi_i in [0, 2π), specular at π (phi_i = 0)
     - half_difference: theta_h, theta_d, phi_d and, for anisotropic surfaces, phi_h (0 if absent); phi_d is
-      the azimuth of wi in the half vector's frame, over [0, π) where phi_d and phi_d + π are one by reciprocity,
-      or over [0, 2π)
+      the azimuth of wi in the half vector's frame, over [0, π) where phi_d and phi_d + π are one by
+      reciprocity, or over [0, 2π)
     - in_plane: theta_i and a signed theta_o, positive on the specular side (delta_phi = π), negative on the
       light's
 

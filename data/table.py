@@ -76,11 +76,11 @@ class Block(NamedTuple):
 class Table:
     """BRDF readings on a layout.
 
-    `f` (1/sr, without the cosine) and `flag` (uint8 `Flag`) have the shape ``layout.shape + (channels,)``; so has
-    `u_f`, the standard uncertainty of the expected reading (NaN unknown, 0 exact), or it is None: unknown
+    `f` (1/sr, without the cosine) and `flag` (uint8 `Flag`) have the shape ``layout.shape + (channels,)``; so
+    has `u_f`, the standard uncertainty of the expected reading (NaN unknown, 0 exact), or it is None: unknown
     everywhere. They are NumPy arrays, or h5py datasets for a table larger than memory. Solid angles are those
-    of the apertures, sr; None where nobody said. `provenance` is anything JSON can hold. Raises GonioError where
-    shapes disagree.
+    of the apertures, sr; None where nobody said. `provenance` is anything JSON can hold. Raises GonioError
+    where shapes disagree.
     """
 
     layout: Layout
@@ -117,7 +117,7 @@ class Table:
         return Block(wi, wo, self._flat("f", start, stop), self._uncertainty(start, stop, flag.shape), flag)
 
     def counts(self) -> dict[str, int]:
-        """Number of `cells`; of readings (cells times channels): those of each flag, and the `negative` valid."""
+        """Number of `cells`; of readings (cells × channels): those of each flag, and the `negative` valid."""
         by_flag, negative = np.zeros(256, np.int64), 0
         for start, stop in self.blocks():
             flag = self._flat("flag", start, stop)
