@@ -32,8 +32,8 @@ def grazing_azimuth(tan_i: Scalar, u1: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
     An integral bounded by the horizon of a lobe about a direction of polar angle θ_i depends on
     tan θ_i · cos ψ, so near grazing everything happens within cot θ_i of ψ = ±π/2. Hence
-    cos ψ = sinh(y)/tan θ_i with y = −Y cos(2πu1), sinh Y = tan θ_i: smooth in y at any tan θ_i in [0, ∞], equal
-    steps of azimuth at tan θ_i = 0. The Jacobian is periodic and smooth in u1.
+    cos ψ = sinh(y)/tan θ_i with y = −Y cos(2πu1), sinh Y = tan θ_i: smooth in y at any tan θ_i in [0, ∞],
+    equal steps of azimuth at tan θ_i = 0. The Jacobian is periodic and smooth in u1.
     """
     big_y = jnp.arcsinh(jnp.minimum(tan_i, TANGENT_MAX))
     cos_u, sin_u = jnp.cos(2 * jnp.pi * u1), jnp.sin(2 * jnp.pi * u1)
