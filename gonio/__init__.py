@@ -1,0 +1,36 @@
+"""gonio: a virtual gonioreflectometer and BRDF fitting tool.
+
+    import gonio
+
+    material = gonio.material("lambert(rho=0.3) + ggx(alpha=0.2, f0=0.04)")
+    table = gonio.measure(material)
+    fitted = gonio.fit(table, "lambert + ggx(f0=0.04)")
+    certificate = gonio.check(table)
+    gonio.report([table], "report.html")
+
+The verbs are loaded when they are first used, so that `import gonio` is quick.
+"""
+
+from typing import Any
+
+__version__ = "0.1.0"
+
+_VERBS = {
+    "material": ("gonio.data.material", "load_material"),
+    "open": ("gonio.data.reading", "read"),
+    "measure": ("gonio.measuring", "measure"),
+    "fit": ("gonio.fitting.fitting", "fit"),
+    "check": ("gonio.checking", "check"),
+    "report": ("gonio.reporting", "report"),
+}
+
+__all__ = ["__version__", "check", "fit", "material", "measure", "open", "report"]  # noqa: F822, RUF022
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _VERBS:
+        raise AttributeError(f"module 'gonio' has no attribute {name!r}")
+    import importlib
+
+    module, function = _VERBS[name]
+    return getattr(importlib.import_module(module), function)

@@ -1,0 +1,91 @@
+"""``gonio VERB ...``: parse, call the verb, turn a user's error into one line and exit status 2."""
+
+import argparse
+import importlib
+import os
+import sys
+
+VERBS = {
+    "demo": "the whole job on bundled materials, ending in a report to look at",
+    "materials": "the reference materials there are",
+    "models": "the models there are, with parameters, domains and sources",
+    "eval": "values of a material at any directions",
+    "measure": "scan a material with the simulated instrument",
+    "info": "what a file holds, in any format that can be read",
+    "fit": "fit a model to a table; the result is a material file",
+    "check": "reciprocity, energy conservation, positivity and symmetry",
+    "report": "tables, fits, checks and pictures in one self-contained page",
+    "convert": "from one format to another, with the round-trip error",
+}
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> None:
+        # One line, like every other error of a user's.
+        sys.stderr.write(f"gonio: {message}; see '{self.prog} --help'.\n")
+        raise SystemExit(2)
+
+
+def parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line."""
+    from gonio import __version__
+
+    top = _Parser(
+        prog="gonio",
+        description="A virtual gonioreflectometer and BRDF fitting tool.",
+        epilog="MATERIAL is a reference material's name, any readable file, or a spelling such as "
+        "'lambert(rho=0.3) + ggx(alpha=0.2, f0=0.04)'.",
+    )
+    top.add_argument("--version", action="version", version=f"gonio {__version__}")
+    verbs = top.add_subparsers(dest="verb", metavar="VERB", parser_class=_Parser)
+    for verb, summary in VERBS.items():
+        sub = verbs.add_parser(verb, help=summary, description=summary[0].upper() + summary[1:] + ".")
+        importlib.import_module(f"gonio.cli.{verb}_verb").add_arguments(sub)
+    return top
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command; the exit status is 0 for success, 2 for bad input, else what the verb says."""
+    args = parser().parse_args(argv)
+    if args.verb is None:
+        parser().print_help()
+        return 0
+    verb = importlib.import_module(f"gonio.cli.{args.verb}_verb")
+    from gonio.models.errors import GonioError
+
+    try:
+        _prepare_jax()
+        return verb.run(args)
+    except BrokenPipeError:
+        # The reader of our output (head, less) has gone: not an error, and nothing more can be said to it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        sys.stderr.write("gonio: interrupted.\n")
+        return 130
+    except GonioError as error:
+        sys.stderr.write(f"gonio: {error}\n")
+        return 2
+    except OSError as error:
+        what = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
+        sys.stderr.write(f"gonio: {what}.\n")
+        return 2
+    except MemoryError:
+        sys.stderr.write("gonio: not enough memory for this; use a smaller table or fewer samples.\n")
+        return 2
+
+
+def _prepare_jax() -> None:
+    # Read by JAX when it is imported, which the verbs do only if they need it. Double precision is the command
+    # line's default; the compilation cache saves a user's second run from compiling again.
+    os.environ.setdefault("JAX_ENABLE_X64", "true")
+    if os.environ.get("GONIO_NO_CACHE"):
+        return
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", os.path.join(home, "gonio", "jax"))
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.05")
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "0")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

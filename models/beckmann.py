@@ -1,0 +1,53 @@
+"""The Beckmann microfacet model."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from gonio.models import microfacet as mf
+from gonio.models import slopes
+from gonio.models.geometry import dot, half_vector, reflect, scale
+from gonio.models.parameters import parameter
+
+LAST_SLOPE = 6.5  # exp(-6.5²) = 4e-19: beyond it lies nothing that a double could add
+
+
+class Beckmann(mf.AbstractMicrofacet):
+    """Microfacets with Gaussian slopes [Beckmann & Spizzichino 1963; Walter 2007, eq. 25], Smith's masking.
+
+    `smith`: "correlated" (the default), "separable" (both with the exact erf form), or "walter" (separable, with the
+    rational fit that renderers use). `alpha`, or `alpha_x` with `alpha_y`.
+    """
+
+    alpha: Float[Array, "*channel"] | None = parameter(mf.ALPHA, default=None)
+    alpha_x: Float[Array, "*channel"] | None = parameter(mf.ALPHA_X, default=None)
+    alpha_y: Float[Array, "*channel"] | None = parameter(mf.ALPHA_Y, default=None)
+    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
+    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
+    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    smith: str = eqx.field(
+        static=True, default="correlated", metadata={"choices": ("correlated", "separable", "walter")}
+    )
+
+    def density(self, m):
+        return slopes.beckmann_d(m, *self.widths)
+
+    def visibility(self, wi, wo):
+        if self.smith == "correlated":
+            m_i, m_o = (slopes.beckmann_shadow_excess(w, *self.widths) for w in (wi, wo))
+            return 0.25 / (wi.z * wo.z + wo.z * m_i + wi.z * m_o)
+        one = slopes.walter_masked_cosine if self.smith == "walter" else slopes.beckmann_masked_cosine
+        return 0.25 / (one(wi, *self.widths) * one(wo, *self.widths))
+
+    def slope_radius(self, u2, width, horizon):
+        last = jnp.minimum(horizon, LAST_SLOPE * width)
+        return last * u2, last
+
+    def sample(self, wi, u1, u2):
+        return reflect(wi, slopes.beckmann_normal(*self.mean_widths, u1, u2))
+
+    def pdf(self, wi, wo):
+        h = half_vector(wi, wo)
+        m = scale(jnp.where(h.z < 0, -1.0, 1.0), h)
+        facing = jnp.abs(dot(wi, m))
+        return slopes.beckmann_d(m, *self.mean_widths) * m.z / (4.0 * jnp.where(facing > 0, facing, 1.0))

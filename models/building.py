@@ -1,0 +1,94 @@
+"""From a spelling to a model, and back."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+
+from gonio.models.base import AbstractBRDF, Scaled, Sum, terms
+from gonio.models.catalog import MODELS, name_of
+from gonio.models.errors import GonioError
+from gonio.models.parameters import parameters_of
+from gonio.models.spelling import Call, Term, Value, needed, options_of, parse
+
+
+def build(spelling: str | tuple[Term, ...]) -> AbstractBRDF:
+    """The model that a spelling means; GonioError where it cannot be read or leaves a parameter without a value."""
+    spelled = parse(spelling) if isinstance(spelling, str) else spelling
+    built = []
+    for term in spelled:
+        call = term.call
+        missing = [n for n in needed(call) if call.values.get(n, Value()).number is None]
+        unsaid = [n for n, v in call.values.items() if v.number is None and n not in missing]
+        if missing or unsaid or (term.scale and term.scale.number is None):
+            what = ", ".join([*missing, *unsaid]) or "a scale"
+            raise GonioError(f"{call.name} has no value for {what}; give one, as in {example(call.name)}.")
+        base = assemble(call, {n: as_array(v.number) for n, v in call.values.items()})
+        built.append(base if term.scale is None else Scaled(as_array(term.scale.number), base))
+    return built[0] if len(built) == 1 else Sum(tuple(built))
+
+
+def assemble(call: Call, values: dict[str, jnp.ndarray]) -> AbstractBRDF:
+    """One model of the given parameter values, which may be traced by JAX."""
+    return MODELS[call.name](**values, **call.options)
+
+
+def as_array(number: float | tuple[float, ...]) -> jnp.ndarray:
+    """A spelled number, or list of them, in the caller's precision."""
+    return jnp.asarray(number, dtype=jnp.result_type(float))
+
+
+def example(name: str) -> str:
+    """A complete spelling of one model, at its starting values."""
+    known = parameters_of(MODELS[name])
+    wanted = ["alpha"] if "alpha" in known else list(known)
+    return f"'{name}({', '.join(f'{n}={known[n].start:g}' for n in wanted)})'"
+
+
+def _number_text(value) -> str:
+    a = np.asarray(value)
+    # The shortest decimal that reads back as the same number of the array's own precision.
+    texts = [
+        np.format_float_positional(x, trim="-") if 1e-5 <= abs(x) < 1e6 else repr(x.item())
+        for x in a.reshape(-1)
+    ]
+    return texts[0] if a.ndim == 0 else f"[{', '.join(texts)}]"
+
+
+def spell(brdf: AbstractBRDF) -> str:
+    """The spelling of a model, which `build` reads back to the same values; GonioError for what has none."""
+    return " + ".join(_spell_term(t) for t in terms(brdf))
+
+
+def _spell_term(brdf: AbstractBRDF) -> str:
+    if isinstance(brdf, Scaled):
+        return f"{_number_text(brdf.scale)} * {_spell_term(brdf.base)}"
+    if type(brdf) not in MODELS.values():
+        raise GonioError(
+            f"A {type(brdf).__name__} has no spelling; only the models that 'gonio models' lists have one."
+        )
+    values = [
+        f"{n}={_number_text(getattr(brdf, n))}"
+        for n in parameters_of(type(brdf))
+        if getattr(brdf, n) is not None
+    ]
+    defaults = {f.name: f.default for f in dataclasses.fields(type(brdf))}
+    options = [f'{o}="{getattr(brdf, o)}"' for o in options_of(type(brdf)) if getattr(brdf, o) != defaults[o]]
+    return f"{name_of(type(brdf))}({', '.join([*values, *options])})"
+
+
+def spell_terms(spelled: tuple[Term, ...]) -> str:
+    """The text of parsed terms, with what is free in them."""
+
+    def said(v: Value, sign: str = "=") -> str:
+        if v.number is None:
+            return f"{sign}?"
+        return f"{'~' if v.free else sign}{_number_text(as_array(v.number))}"
+
+    texts = []
+    for t in spelled:
+        inside = [f"{n}{said(v)}" for n, v in t.call.values.items()]
+        inside += [f'{n}="{v}"' for n, v in t.call.options.items()]
+        factor = "" if t.scale is None else said(t.scale, "") + " * "
+        texts.append(f"{factor}{t.call.name}({', '.join(inside)})")
+    return " + ".join(texts)

@@ -1,0 +1,66 @@
+"""Fresnel reflectance of a smooth interface, for unpolarised light."""
+
+import jax.numpy as jnp
+
+from gonio.models.geometry import Scalar
+
+
+def fresnel_schlick1994(cos_d: Scalar, f0: Scalar) -> Scalar:
+    """Schlick's approximation f0 + (1 − f0)(1 − cos_d)⁵ [Schlick 1994, eq. 15]; cos_d, f0 in [0, 1]."""
+    m = 1.0 - cos_d
+    m2 = m * m
+    return f0 + (1.0 - f0) * (m2 * m2 * m)
+
+
+def fresnel_dielectric(cos_d: Scalar, eta: Scalar) -> Scalar:
+    """Reflectance of a dielectric of relative index `eta` > 0; cos_d in [0, 1]; 1 in total internal reflection.
+
+    r_s = (1 − η²)/(c + g)², r_p = (η² − 1)((η² + 1)c² − 1)/(η²c + g)² with g = √(η² − sin²): the textbook's
+    quotients multiplied out, so that η − 1 is carried and no digit is lost as η → 1.
+    """
+    excess = (eta - 1.0) * (eta + 1.0)
+    g2 = excess + cos_d * cos_d
+    transmits = g2 > 0
+    g = jnp.sqrt(jnp.where(transmits, g2, 1.0))
+    eta2 = eta * eta
+    r_s = -excess / (cos_d + g) ** 2
+    r_p = excess * ((eta2 + 1.0) * cos_d * cos_d - 1.0) / (eta2 * cos_d + g) ** 2
+    # At g = 0 the interface reflects all, unless there is none (η = 1 at grazing).
+    return jnp.where(transmits, 0.5 * (r_s * r_s + r_p * r_p), jnp.where(excess == 0, 0.0, 1.0))
+
+
+def fresnel_conductor(cos_d: Scalar, eta: Scalar, k: Scalar) -> Scalar:
+    """Reflectance of an interface of complex relative index η + ik (η > 0, k ≥ 0); cos_d in [0, 1].
+
+    With a + ib = √((η + ik)² − sin²) [Born & Wolf, §14.4.1]. The smaller of a² and b² comes from the product
+    ab = ηk, so neither cancels for good metals or for weak absorbers.
+    """
+    sin2_d = (1.0 - cos_d) * (1.0 + cos_d)
+    real = (eta - k) * (eta + k) - sin2_d
+    product = eta * k
+    large = 0.5 * (jnp.hypot(real, 2.0 * product) + jnp.abs(real))
+    has_size = large > 0
+    large_safe = jnp.where(has_size, large, 1.0)
+    small = jnp.where(has_size, product * product / large_safe, 0.0)
+    a2, b2 = jnp.where(real > 0, large, small), jnp.where(real > 0, small, large)
+    positive = a2 > 0
+    a = jnp.where(positive, jnp.sqrt(jnp.where(positive, a2, 1.0)), 0.0)
+    c2, modulus2 = cos_d * cos_d, a2 + b2
+    cross = 2.0 * a * cos_d
+    total_s = modulus2 + c2 + cross
+    empty = total_s <= 0
+    r_s = jnp.where(empty, 0.0, (modulus2 + c2 - cross) / jnp.where(empty, 1.0, total_s))
+    p_sum, p_cross = modulus2 * c2 + sin2_d * sin2_d, cross * sin2_d
+    total_p = p_sum + p_cross
+    still = total_p <= 0
+    ratio_p = jnp.where(still, 1.0, (p_sum - p_cross) / jnp.where(still, 1.0, total_p))
+    return 0.5 * r_s * (1.0 + ratio_p)
+
+
+def fresnel(cos_d: Scalar, f0, eta, k) -> Scalar:
+    """The reflectance that the given parameters mean: none, 1; `f0`, Schlick; `eta` (with `k`), exact."""
+    if f0 is not None:
+        return fresnel_schlick1994(cos_d, f0)
+    if eta is None:
+        return jnp.ones_like(cos_d)
+    return fresnel_dielectric(cos_d, eta) if k is None else fresnel_conductor(cos_d, eta, k)

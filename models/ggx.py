@@ -1,0 +1,48 @@
+"""The GGX (Trowbridge-Reitz) microfacet model."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from gonio.models import microfacet as mf
+from gonio.models.geometry import half_vector, reflect
+from gonio.models.parameters import parameter
+from gonio.models.slopes import ggx_d, ggx_masked_cosine, ggx_shadow_root, ggx_visible_normal
+
+
+class GGX(mf.AbstractMicrofacet):
+    """Microfacets with GGX slopes [Walter 2007, eq. 33] and Smith's masking [Heitz 2014, eq. 43 and 99].
+
+    `smith`: "correlated" (height-correlated, the default) or "separable". `alpha`, or `alpha_x` with `alpha_y`.
+    """
+
+    alpha: Float[Array, "*channel"] | None = parameter(mf.ALPHA, default=None)
+    alpha_x: Float[Array, "*channel"] | None = parameter(mf.ALPHA_X, default=None)
+    alpha_y: Float[Array, "*channel"] | None = parameter(mf.ALPHA_Y, default=None)
+    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
+    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
+    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    smith: str = eqx.field(
+        static=True, default="correlated", metadata={"choices": ("correlated", "separable")}
+    )
+
+    def density(self, m):
+        return ggx_d(m, *self.widths)
+
+    def visibility(self, wi, wo):
+        if self.smith == "separable":
+            return 0.25 / (ggx_masked_cosine(wi, *self.widths) * ggx_masked_cosine(wo, *self.widths))
+        s_i, s_o = ggx_shadow_root(wi, *self.widths), ggx_shadow_root(wo, *self.widths)
+        return 0.5 / (wo.z * s_i + wi.z * s_o)
+
+    def slope_radius(self, u2, width, horizon):
+        # The tails fall as a power: the inverse hyperbolic sine gives core and tail their share at every width.
+        x_max = jnp.arcsinh(horizon / width)
+        x = x_max * u2
+        return width * jnp.sinh(x), width * jnp.cosh(x) * x_max
+
+    def sample(self, wi, u1, u2):
+        return reflect(wi, ggx_visible_normal(wi, *self.mean_widths, u1, u2))
+
+    def pdf(self, wi, wo):
+        return 0.25 * ggx_d(half_vector(wi, wo), *self.mean_widths) / ggx_masked_cosine(wi, *self.mean_widths)

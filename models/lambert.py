@@ -1,0 +1,18 @@
+"""The perfect diffuser."""
+
+import jax.numpy as jnp
+
+from gonio.models.base import AbstractBRDF, Channels
+from gonio.models.parameters import ParameterInfo, parameter
+
+ALBEDO = ParameterInfo(0.0, 1.0, "1", "albedo", start=0.5, per_channel=True, linear=True)
+
+
+class Lambert(AbstractBRDF):
+    """f = ρ/π: the same radiance in all directions [Lambert 1760]; its albedo is ρ at every incidence."""
+
+    rho: Channels = parameter(ALBEDO)
+
+    def f(self, wi, wo):
+        above = (wi.z > 0) & (wo.z > 0)
+        return jnp.where(above, self.rho / jnp.pi, 0.0)

@@ -1,0 +1,249 @@
+"""Models spelled in words, for people and files alike: ``lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)``.
+
+    sum    := term ("+" term)*
+    term   := [value "*"] (name "(" [arguments] ")" | "(" sum ")")
+    argument := parameter "=" value | parameter "~" number-or-list | parameter "=" "?" | option "=" string
+    value  := number | "[" number ("," number)* "]" | "?"
+
+A list means channels. `name=?` is free in a fit, `name~v` free from that start, and an omitted shape parameter is free
+too; to evaluate a model every parameter must have a value. The text is parsed here, never evaluated as code.
+"""
+
+import dataclasses
+import difflib
+import re
+
+from gonio.models.base import SCALE
+from gonio.models.catalog import MODELS
+from gonio.models.errors import GonioError
+from gonio.models.parameters import ParameterInfo, parameters_of
+
+LONGEST = 200_000  # characters: a thousand wavelengths at full precision are a tenth of it
+DEEPEST = 20
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)"
+    r"|(?P<string>\"[^\"]*\"|'[^']*')|(?P<sign>[-+*()=,~?\[\]]))"
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Value:
+    """What is said of a parameter: a number or one for each channel (None: not said), and whether a fit may move it."""
+
+    number: float | tuple[float, ...] | None = None
+    free: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Call:
+    """One model by its name, with what was said of its parameters and its options (such as `smith`)."""
+
+    name: str
+    values: dict[str, Value]
+    options: dict[str, str]
+
+
+@dataclasses.dataclass(frozen=True)
+class Term:
+    """A scaled model. `scale` is None where the spelling has no factor."""
+
+    scale: Value | None
+    call: Call
+
+
+def nearest(word: str, known) -> str:
+    """`; did you mean 'x'?` for the known name nearest to a wrong one, or the list of what is known."""
+    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+    return f"did you mean '{close[0]}'?" if close else f"known are {', '.join(known)}."
+
+
+class _Parser:
+    def __init__(self, text: str):
+        if len(text) > LONGEST:
+            raise GonioError(f"A model spelling of {len(text)} characters came; at most {LONGEST} are read.")
+        self.text, self.tokens, self.at = text, [], 0
+        position, end = 0, len(text.rstrip())
+        while position < end:
+            match = _TOKEN.match(text, position)
+            if match is None:
+                bad = text[position:].strip()[:1]
+                raise self.error(f"the character {bad!r} has no meaning in it")
+            kind = match.lastgroup
+            self.tokens.append((kind, match.group(kind)))
+            position = match.end()
+
+    def error(self, what: str) -> GonioError:
+        text = self.text if len(self.text) <= 80 else self.text[:77] + "..."
+        return GonioError(
+            f"Cannot read the model '{text}': {what}. Expected a form like 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)'."
+        )
+
+    def peek(self) -> tuple[str, str]:
+        return self.tokens[self.at] if self.at < len(self.tokens) else ("end", "the end")
+
+    def take(self) -> tuple[str, str]:
+        token = self.peek()
+        self.at += 1
+        return token
+
+    def accept(self, sign: str) -> bool:
+        if self.peek() == ("sign", sign):
+            self.at += 1
+            return True
+        return False
+
+    def expect(self, sign: str) -> None:
+        if not self.accept(sign):
+            raise self.error(f"'{sign}' expected where {self.peek()[1]!r} came")
+
+    def sum(self, depth: int = 0) -> list[Term]:
+        if depth > DEEPEST:
+            raise self.error(f"more than {DEEPEST} brackets inside one another")
+        found = self.term(depth)
+        while True:
+            kind, text = self.peek()
+            if kind == "number" and text[0] == "+":  # "a +2 * b": the sign belongs to the sum
+                self.tokens[self.at] = (kind, text[1:])
+            elif not self.accept("+"):
+                return found
+            found += self.term(depth)
+
+    def term(self, depth: int) -> list[Term]:
+        scale = None
+        if self.peek()[0] == "number" or self.peek()[1] in ("[", "?", "~"):
+            free = self.accept("~")
+            scale = self.value(SCALE, "a scale")
+            scale = dataclasses.replace(scale, free=free or scale.free)
+            self.expect("*")
+        if self.accept("("):
+            inner = self.sum(depth + 1)
+            self.expect(")")
+            return inner if scale is None else [Term(self.product(scale, t.scale), t.call) for t in inner]
+        return [Term(scale, self.call())]
+
+    def product(self, a: Value, b: Value | None) -> Value:
+        if b is None:
+            return a
+        if a.number is None or b.number is None:
+            raise self.error("a free scale around a scaled term has no single meaning; give one scale a term")
+        lists = [v.number if isinstance(v.number, tuple) else None for v in (a, b)]
+        if lists[0] is None and lists[1] is None:
+            return Value(a.number * b.number, a.free or b.free)
+        n = len(lists[0] or lists[1])
+        left, right = (v.number if isinstance(v.number, tuple) else (v.number,) * n for v in (a, b))
+        if len(left) != len(right):
+            raise self.error(f"scales of {len(left)} and {len(right)} channels multiply each other")
+        return Value(tuple(x * y for x, y in zip(left, right, strict=True)), a.free or b.free)
+
+    def call(self) -> Call:
+        kind, name = self.take()
+        if kind != "name":
+            raise self.error(f"a model's name expected where {name!r} came")
+        if name not in MODELS:
+            raise GonioError(f"Unknown model '{name}'; {nearest(name, MODELS)}")
+        known, options = parameters_of(MODELS[name]), options_of(MODELS[name])
+        values: dict[str, Value] = {}
+        chosen: dict[str, str] = {}
+        self.expect("(")
+        while not self.accept(")"):
+            kind, key = self.take()
+            if kind != "name":
+                raise self.error(f"a parameter's name expected where {key!r} came")
+            if key in values or key in chosen:
+                raise self.error(f"{key} is given twice")
+            if key in options:
+                self.expect("=")
+                chosen[key] = self.option(name, key, options[key])
+            elif key in known:
+                free = self.accept("~")
+                if not free:
+                    self.expect("=")
+                value = self.value(known[key], f"{name}'s {key}")
+                values[key] = dataclasses.replace(value, free=free or value.free)
+            else:
+                raise GonioError(
+                    f"{name} has no parameter '{key}'; {nearest(key, [*known, *options]) if known or options else 'it has none.'}"
+                )
+            if self.peek() != ("sign", ")"):
+                self.expect(",")
+        return Call(name, values, chosen)
+
+    def option(self, model: str, key: str, choices: tuple[str, ...]) -> str:
+        kind, text = self.take()
+        text = text.strip("\"'")
+        if kind not in ("string", "name") or text not in choices:
+            raise GonioError(f"{model}'s {key} is '{text}'; {nearest(text, choices)}")
+        return text
+
+    def number(self, info: ParameterInfo, what: str) -> float:
+        kind, text = self.take()
+        if kind == "sign" and text in "+-" and self.peek()[0] == "number":
+            text += self.take()[1]
+        elif kind != "number":
+            raise self.error(f"{what} is a number or a list of them, not {text!r}")
+        number = float(text)
+        if not info.low <= number <= info.high:
+            raise GonioError(
+                f"{what} is {text}, outside of its domain [{info.low:g}, {info.high:g}]; give a value inside ({info.doc})."
+            )
+        return number
+
+    def value(self, info: ParameterInfo, what: str) -> Value:
+        if self.accept("?"):
+            return Value(None, free=True)
+        if not self.accept("["):
+            return Value(self.number(info, what))
+        numbers = [self.number(info, what)]
+        while self.accept(","):
+            numbers.append(self.number(info, what))
+        self.expect("]")
+        return Value(tuple(numbers))
+
+
+def options_of(model_class: type) -> dict[str, tuple[str, ...]]:
+    """The options of a model class (such as `smith`) with the choices of each."""
+    fields = dataclasses.fields(model_class)
+    return {f.name: f.metadata["choices"] for f in fields if "choices" in f.metadata}
+
+
+def parse(text: str) -> tuple[Term, ...]:
+    """The terms of a spelled model; GonioError, in one sentence, for anything that is not one."""
+    parser = _Parser(text)
+    found = parser.sum()
+    if parser.peek()[0] != "end":
+        raise parser.error(f"nothing more was expected where {parser.peek()[1]!r} came")
+    for term in found:
+        require_one_fresnel(term.call)
+    lists = {
+        len(v.number)
+        for t in found
+        for v in (*t.call.values.values(), t.scale)
+        if v and isinstance(v.number, tuple)
+    }
+    if len(lists) > 1:
+        raise parser.error(
+            f"its lists have {' and '.join(map(str, sorted(lists)))} values; all lists are one value a channel"
+        )
+    return tuple(found)
+
+
+def require_one_fresnel(call: Call) -> None:
+    """GonioError where a microfacet's parameters contradict each other."""
+    given = call.values
+    if "f0" in given and "eta" in given:
+        raise GonioError(f"{call.name} has both f0 and eta; give f0 (Schlick) or eta (exact), not both.")
+    if "k" in given and "eta" not in given:
+        raise GonioError(f"{call.name} has k without eta; give both for a conductor.")
+    if "alpha" in given and ("alpha_x" in given or "alpha_y" in given):
+        raise GonioError(f"{call.name} has alpha and alpha_x or alpha_y; give alpha, or both of the others.")
+    if ("alpha_x" in given) != ("alpha_y" in given):
+        raise GonioError(f"{call.name} has one of alpha_x and alpha_y; give both, or alpha.")
+
+
+def needed(call: Call) -> tuple[str, ...]:
+    """The shape parameters that a model cannot do without, in its order (a Fresnel parameter can be left out)."""
+    known = parameters_of(MODELS[call.name])
+    if "alpha" in known:
+        return ("alpha_x", "alpha_y") if "alpha_x" in call.values else ("alpha",)
+    return tuple(known)
