@@ -1,0 +1,87 @@
+"""Files at the edge: what a user may get wrong about a path, each said in one sentence."""
+
+import contextlib
+import errno
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from gonio.models.errors import GonioError
+
+
+def input_size(path: str | os.PathLike) -> int:
+    """Bytes of a file to be read. Raises GonioError where it is absent, a folder, empty or not readable."""
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise GonioError(f"{path} is a folder; expected a file")
+        with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+    except FileNotFoundError:
+        raise GonioError(f"{path} does not exist; check the name and the folder") from None
+    except OSError as error:
+        raise GonioError(f"{path} cannot be read ({error.strerror}); check its permissions") from None
+    if size == 0:
+        raise GonioError(f"{path} is empty; expected a file with measured values")
+    return size
+
+
+def refuse_existing(path: str | os.PathLike, force: bool) -> None:
+    """Raises GonioError where `path` is a folder, or exists and is not to be replaced."""
+    path = Path(path)
+    if path.is_dir():
+        raise GonioError(f"{path} is a folder; name a file to write")
+    if path.exists() and not force:
+        raise GonioError(f"{path} exists already; give another name, or --force to replace it")
+
+
+@contextlib.contextmanager
+def output_errors(path: str | os.PathLike) -> Iterator[None]:
+    """Turns the OSErrors of writing `path` into a GonioError of one sentence."""
+    try:
+        yield
+    except OSError as error:
+        folder = Path(path).absolute().parent
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG) or "No space left" in str(error)
+        if full:
+            message = f"no room on the disk for {path}; free some, or write to another folder"
+        elif not folder.is_dir():
+            message = f"the folder {folder} of {path} does not exist; make it first"
+        else:
+            message = (
+                f"{path} cannot be written ({error.strerror or error}); choose a folder you may write to"
+            )
+        raise GonioError(message) from None
+
+
+@contextlib.contextmanager
+def new_file(path: str | os.PathLike, force: bool = False) -> Iterator[Path]:
+    """A temporary path beside `path` to write to; it takes its place, whole and on disk, when the block ends
+    well.
+
+    When the block fails nothing is left behind. Raises GonioError as `refuse_existing` and `output_errors`
+    do.
+    """
+    path = Path(path)
+    refuse_existing(path, force)
+    with output_errors(path):
+        handle, name = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.", suffix=".tmp")
+        os.close(handle)
+        try:
+            yield Path(name)
+            publish(name, path)
+        except BaseException:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(name)
+            raise
+
+
+def publish(temporary: str | os.PathLike, path: str | os.PathLike) -> None:
+    """Puts a finished file in its place: what it holds is on disk before its name is."""
+    mask = os.umask(0)
+    os.umask(mask)
+    os.chmod(temporary, 0o666 & ~mask)
+    with open(temporary, "rb") as file:
+        os.fsync(file.fileno())
+    os.replace(temporary, path)
