@@ -10,12 +10,18 @@ Scalar = Float[Array, ""]
 TANGENT_MAX = 1e8  # the layer that a grazing horizon makes in azimuth is then 1e-8 rad wide: nothing is in it
 
 
+def polar_parts(w: Direction) -> tuple[Scalar, Scalar, Scalar]:
+    """(sin θ, cos φ, sin φ) of a unit vector; (0, 1, 0) at the normal, where the gradients are 0."""
+    sin2 = w.x**2 + w.y**2
+    tilted = sin2 > 0
+    sin_t = jnp.where(tilted, jnp.sqrt(jnp.where(tilted, sin2, 1.0)), 0.0)
+    length = jnp.where(tilted, sin_t, 1.0)
+    return sin_t, jnp.where(tilted, w.x / length, 1.0), jnp.where(tilted, w.y / length, 0.0)
+
+
 def grazing_tangent(w: Direction) -> Scalar:
     """tan θ of a direction on or above the horizon, at most `TANGENT_MAX`; gradients are finite."""
-    sin2 = w.x**2 + w.y**2
-    null = sin2 <= 0
-    sin_t = jnp.where(null, 0.0, jnp.sqrt(jnp.where(null, 1.0, sin2)))
-    return sin_t / jnp.maximum(w.z, 1.0 / TANGENT_MAX)
+    return polar_parts(w)[0] / jnp.maximum(w.z, 1.0 / TANGENT_MAX)
 
 
 def _sinhc(x: Scalar) -> Scalar:
@@ -39,9 +45,7 @@ def grazing_azimuth(tan_i: Scalar, u1: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     cos_u, sin_u = jnp.cos(2 * jnp.pi * u1), jnp.sin(2 * jnp.pi * u1)
     y = -big_y * cos_u
     # 1 − sinh²y/sinh²Y = sinh(Y+y) sinh(Y−y)/sinh²Y, without the cancellation.
-    ends = jnp.sqrt(
-        _sinhc(2 * big_y * jnp.sin(jnp.pi * u1) ** 2) * _sinhc(2 * big_y * jnp.cos(jnp.pi * u1) ** 2)
-    )
+    ends = jnp.sqrt(_sinhc(2 * big_y * jnp.sin(jnp.pi * u1) ** 2) * _sinhc(2 * big_y * jnp.cos(jnp.pi * u1) ** 2))
     cos_psi = -cos_u * _sinhc(y)
     sin_psi = sin_u * ends
     norm = jnp.sqrt(cos_psi**2 + sin_psi**2)
