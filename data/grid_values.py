@@ -1,4 +1,4 @@
-"""A model on the cells of a layout, quickly: a compiled kernel with the trigonometry of each axis as an input."""
+"""A model on the cells of a layout: a compiled kernel that gets the trigonometry of each axis as an input."""
 
 import equinox as eqx
 import jax
@@ -20,9 +20,7 @@ def block_rows(layout: Layout) -> int:
     return max(1, -(-layout.shape[0] // calls))
 
 
-def grid_values(
-    brdf: AbstractBRDF, layout: Layout, start_row: int = 0, stop_row: int | None = None
-) -> np.ndarray:
+def grid_values(brdf: AbstractBRDF, layout: Layout, start_row: int = 0, stop_row: int | None = None) -> np.ndarray:
     """f, 1/sr, of the cells in the rows start..stop of the leading axis: ``(rows, *layout.shape[1:],
     channels)``.
 

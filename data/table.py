@@ -54,9 +54,7 @@ class Channels:
     @classmethod
     def of_count(cls, count: int) -> "Channels":
         """Channels of which only the number is known: grey, RGB if three, else numbered from 1."""
-        return {1: cls.grey, 3: cls.rgb}.get(
-            count, lambda: cls(tuple(f"channel {k + 1}" for k in range(count)))
-        )()
+        return {1: cls.grey, 3: cls.rgb}.get(count, lambda: cls(tuple(f"channel {k + 1}" for k in range(count))))()
 
 
 class Block(NamedTuple):
@@ -98,9 +96,7 @@ class Table:
         for what in ("f", "flag", "u_f"):
             values = getattr(self, what)
             if values is not None and tuple(values.shape) != shape:
-                raise GonioError(
-                    f"{what} has shape {tuple(values.shape)}, but layout and channels make {shape}"
-                )
+                raise GonioError(f"{what} has shape {tuple(values.shape)}, but layout and channels make {shape}")
 
     def blocks(self, max_cells: int = 1 << 20) -> Iterator[tuple[int, int]]:
         """Ranges (start, stop) of cells in C order: whole rows of the first axis if they fit `max_cells`."""
@@ -113,8 +109,17 @@ class Table:
         """The cells start..stop in C order."""
         stop = self.layout.size if stop is None else stop
         wi, wo = self.layout.directions(start, stop)
+        return Block(wi, wo, **self.read_values(start, stop))
+
+    def read_values(self, start: int = 0, stop: int | None = None) -> dict[str, np.ndarray]:
+        """`f`, `u_f` and `flag` of the cells start..stop, each ``(cells, channels)``: `read` without directions."""
+        stop = self.layout.size if stop is None else stop
         flag = self._flat("flag", start, stop)
-        return Block(wi, wo, self._flat("f", start, stop), self._uncertainty(start, stop, flag.shape), flag)
+        return {
+            "f": self._flat("f", start, stop),
+            "u_f": self._uncertainty(start, stop, flag.shape),
+            "flag": flag,
+        }
 
     def counts(self) -> dict[str, int]:
         """Number of `cells`; of readings (cells × channels): those of each flag, and the `negative` valid."""
