@@ -14,7 +14,7 @@ MU = np.array([1.0, 0.999, 0.9, 0.5, 0.2, 0.05, 1e-3, 1e-6, 1e-9])
 
 
 def test_albedo_is_one_at_every_incidence():
-    x, w = leggauss(64)
+    x, w = leggauss(32)  # NumPy's weights of order 64 are good to 2e-15 only
     u2, weight = (np.arange(2)[:, None] + 0.5 + 0.5 * x).ravel() / 2, np.tile(w, 2) / 4
 
     @jax.jit
@@ -27,7 +27,9 @@ def test_albedo_is_one_at_every_incidence():
         return jnp.sum(weight * jax.vmap(node)(u2))
 
     wi = Direction(jnp.asarray(np.sqrt((1 - MU) * (1 + MU))), jnp.zeros(MU.size), jnp.asarray(MU))
-    np.testing.assert_allclose(albedo(wi), 1.0, atol=2e-14)
+    found = np.asarray(albedo(wi))
+    np.testing.assert_allclose(found[MU >= 1e-3], 1.0, atol=5e-15)
+    np.testing.assert_allclose(found, 1.0, atol=2e-14)
 
 
 def test_what_is_lost_is_precise_at_grazing_and_normal():
