@@ -56,9 +56,7 @@ class Layout:
             raise GonioError(f"layout {self.name!r} is unknown; expected one of {', '.join(AXES)}")
         names = AXES[self.name]
         if set(self.axes) not in ({*names}, {*names} - {"phi_h"}):
-            raise GonioError(
-                f"layout {self.name} has axes {', '.join(self.axes)}; give it {', '.join(names)}"
-            )
+            raise GonioError(f"layout {self.name} has axes {', '.join(self.axes)}; give it {', '.join(names)}")
         axes = {n: _axis(self.name, n, self.axes[n]) for n in names if n in self.axes}
         if self.name == "scattered" and len({a.size for a in axes.values()}) > 1:
             sizes = ", ".join(f"{n} {a.size}" for n, a in axes.items())
@@ -110,17 +108,12 @@ class Layout:
     def directions(self, start: int = 0, stop: int | None = None) -> tuple["Direction", "Direction"]:
         """(wi, wo) of the cells start..stop in C order: components of shape (stop − start,), float64."""
         start, stop = self._range(start, stop)
-        row = self.row_size
-        if not self.gridded or stop - start < row:
+        if not self.gridded or stop - start < self.row_size:
             return self.directions_at(np.arange(start, stop))
-        first, last = start // row, -(-stop // row)
         from gonio.models.geometry import Direction
 
-        wi, wo = self._pair(self._row_trig(first, last))
-        shape = (last - first, *self.shape[1:])
-        cut = slice(start - first * row, stop - first * row)
-        flat = [[np.broadcast_to(c, shape).reshape(-1)[cut] for c in w] for w in (wi, wo)]
-        return Direction(*flat[0]), Direction(*flat[1])
+        flat = self._on_rows(start, stop, lambda trig: [c for w in self._pair(trig) for c in w])
+        return Direction(*flat[:3]), Direction(*flat[3:])
 
     def directions_at(self, cells: np.ndarray) -> tuple["Direction", "Direction"]:
         """(wi, wo) of the cells of these C-order numbers, shape (n,): components of shape (n,), float64."""
@@ -133,9 +126,7 @@ class Layout:
             trig = [(np.cos(a[cells]), np.sin(a[cells])) for a in self.axes.values()]
         wi, wo = self._pair(trig)
         shape = np.shape(cells)
-        return Direction(*(np.broadcast_to(c, shape) for c in wi)), Direction(
-            *(np.broadcast_to(c, shape) for c in wo)
-        )
+        return Direction(*(np.broadcast_to(c, shape) for c in wi)), Direction(*(np.broadcast_to(c, shape) for c in wo))
 
     def angles(self, start: int = 0, stop: int | None = None) -> tuple[np.ndarray, ...]:
         """(theta_i, phi_i, theta_o, phi_o) of the cells start..stop, radians; azimuths in [0, 2π)."""
@@ -156,7 +147,10 @@ class Layout:
 
     def cosines(self, start: int = 0, stop: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(cos theta_i, cos theta_o) of the cells start..stop, shape (stop − start,)."""
-        wi, wo = self.directions(start, stop)
+        start, stop = self._range(start, stop)
+        if self.gridded and stop - start >= self.row_size:
+            return self._on_rows(start, stop, self._z_of_pair)
+        wi, wo = self.directions_at(np.arange(start, stop))
         return wi.z, wo.z
 
     def above_horizon(self, start: int = 0, stop: int | None = None) -> np.ndarray:
@@ -167,12 +161,25 @@ class Layout:
     def _range(self, start, stop):
         return slice(start, stop).indices(self.size)[:2]
 
+    def _on_rows(self, start, stop, function):
+        """Flat results of a function of the axes' trigonometry, evaluated on whole rows: no index is gathered."""
+        row = self.row_size
+        first, last = start // row, -(-stop // row)
+        shape = (last - first, *self.shape[1:])
+        cut = slice(start - first * row, stop - first * row)
+        return tuple(np.broadcast_to(c, shape).reshape(-1)[cut] for c in function(self._row_trig(first, last)))
+
+    def _z_of_pair(self, trig):
+        if self.name == "half_difference":
+            (ch, sh), (cd, sd), (cp, _), *_ = trig
+            up, across = ch * cd, sh * (sd * cp)
+            return up - across, up + across
+        return trig[0][0], trig[1 if self.name in ("isotropic", "in_plane") else 2][0]
+
     def _row_trig(self, first: int, last: int):
         shaped = []
         for k, a in enumerate(self.axes.values()):
-            angle = (a[first:last] if k == 0 else a).reshape(
-                [-1 if j == k else 1 for j in range(len(self.axes))]
-            )
+            angle = (a[first:last] if k == 0 else a).reshape([-1 if j == k else 1 for j in range(len(self.axes))])
             shaped.append((np.cos(angle), np.sin(angle)))
         return shaped
 
@@ -197,9 +204,7 @@ def _axis(layout: str, name: str, values: Angles) -> np.ndarray:
     try:
         axis = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise GonioError(
-            f"axis {name} of a {layout} layout is not a list of numbers; give angles in radians"
-        ) from None
+        raise GonioError(f"axis {name} of a {layout} layout is not a list of numbers; give angles in radians") from None
     what = f"axis {name} of a {layout} layout"
     if axis.ndim != 1 or axis.size == 0:
         raise GonioError(f"{what} has shape {axis.shape}; give a list of at least one angle")
@@ -256,9 +261,7 @@ def scattered(theta_i: Angles, phi_i: Angles, theta_o: Angles, phi_o: Angles) ->
     return Layout("scattered", {"theta_i": theta_i, "phi_i": phi_i, "theta_o": theta_o, "phi_o": phi_o})
 
 
-def merl(
-    nodes: str = "lower", counts: tuple[int, int, int] = (90, 90, 180), phi_d_range: float = math.pi
-) -> Layout:
+def merl(nodes: str = "lower", counts: tuple[int, int, int] = (90, 90, 180), phi_d_range: float = math.pi) -> Layout:
     """MERL's half/difference grid [Matusik 2003]: theta_h = (i/90)²·90°, theta_d and phi_d in equal steps.
 
     `nodes`: a node is its bin's "lower" edge (the original code's look-up) or its "centre" (ALTA's reading).
