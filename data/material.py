@@ -1,0 +1,224 @@
+"""Materials: a model with its name, channels and source; from a name, a file or a spelling, and to a file."""
+
+import dataclasses
+import os
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from gonio.data.files import input_size, new_file
+from gonio.data.table import Channels
+from gonio.models.base import AbstractBRDF
+from gonio.models.building import build, spell
+from gonio.models.catalog import MODELS
+from gonio.models.errors import GonioError
+from gonio.models.evaluate import channel_count
+from gonio.models.spelling import nearest
+
+FORMAT = 1
+LARGEST = 4 << 20  # bytes: ten thousand wavelengths at full precision are a quarter of it
+MOST_CHANNELS = 10_000
+REFERENCE_FOLDER = Path(__file__).parent / "materials"
+
+_KEYS = ("gonio_material", "name", "description", "model", "channels", "wavelengths_nm", "source", "fit")
+
+
+@dataclasses.dataclass(frozen=True)
+class Material:
+    """A BRDF that knows what it is: whatever takes a material takes this.
+
+    `spelling` is None where the model has none (an interpolated table). `channels` are those of the model's values;
+    `source` says where the numbers come from; `meta` is anything JSON can hold (`fit`: how it was fitted; `file`).
+    """
+
+    name: str
+    brdf: AbstractBRDF
+    spelling: str | None
+    channels: Channels
+    description: str = ""
+    source: str = ""
+    meta: dict = dataclasses.field(default_factory=dict)
+
+
+def reference_materials() -> list[str]:
+    """The names of the reference materials that come with gonio, sorted."""
+    return sorted(path.stem for path in REFERENCE_FOLDER.glob("*.toml"))
+
+
+def load_material(what: str | os.PathLike) -> Material:
+    """The material that a reference name, a .toml file, a readable table file or a spelling means.
+
+    A reference name goes before a file of the same name (write ./name for the file); a file before a spelling. Raises
+    GonioError, in one sentence, for what is none of them, naming the nearest.
+    """
+    text = os.fspath(what)
+    if text in reference_materials():
+        return read_material(REFERENCE_FOLDER / f"{text}.toml")
+    if isinstance(what, os.PathLike) or _is_there(text):
+        return _from_file(Path(text))
+    if "(" in text:
+        brdf = build(text)
+        return Material(text, brdf, text, _channels_of(brdf), "spelled on the spot")
+    if os.sep in text or Path(text).suffix:
+        raise GonioError(f"{text} does not exist; check the name and the folder")
+    if text in MODELS:
+        raise GonioError(f"'{text}' is a model, not a material; give its parameters, as in '{text}(...)'")
+    known = [*reference_materials(), *MODELS]
+    raise GonioError(f"Unknown material '{text[:80]}'; {nearest(text[:80], known)}")
+
+
+def _is_there(text: str) -> bool:
+    try:
+        return Path(text).exists()
+    except (OSError, ValueError):  # a spelling too long for a file name, or one with a null character
+        return False
+
+
+def _channels_of(brdf: AbstractBRDF) -> Channels:
+    count = channel_count(brdf)
+    return Channels.grey() if count is None else Channels.of_count(count)
+
+
+def _from_file(path: Path) -> Material:
+    if path.suffix.lower() == ".toml":
+        return read_material(path)
+    # Tables drag in the readers of every format; a material that is a model does without them.
+    from gonio.data.reading import read
+    from gonio.data.tabulated import as_material
+
+    table = read(path)
+    assumptions = table.provenance.get("assumptions", [])
+    return Material(
+        table.name or path.stem,
+        as_material(table),
+        None,
+        table.channels,
+        f"a measured table, {table.layout.name}, interpolated",
+        str(table.provenance.get("source", "")),
+        {"file": str(path), "assumptions": assumptions},
+    )
+
+
+def read_material(path: str | os.PathLike) -> Material:
+    """A material file of format 1. Raises GonioError, in one sentence that names the file, for anything else."""
+    path = Path(path)
+    size = input_size(path)
+    if size > LARGEST:
+        raise GonioError(f"{path} has {size} bytes; a material file has at most {LARGEST}")
+    try:
+        data = tomllib.loads(path.read_bytes().decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise GonioError(f"{path} is not a TOML file ({_first_line(error)}); expected a material") from None
+    try:
+        return _material(data, path.stem, str(path))
+    except GonioError as error:
+        raise GonioError(f"{path}: {error}") from None
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).splitlines()[0] if str(error) else type(error).__name__
+
+
+def _material(data: dict, stem: str, file: str) -> Material:
+    version = data.get("gonio_material")
+    if type(version) is not int:
+        raise GonioError("it has no integer gonio_material; a material file begins with 'gonio_material = 1'")
+    if version != FORMAT:
+        raise GonioError(f"material format {version} is not known; this gonio reads format {FORMAT}, so update gonio")
+    for key in data:
+        if key not in _KEYS:
+            raise GonioError(f"unknown key '{key}'; {nearest(key, _KEYS)}")
+    spelling = " ".join(_typed(data, "model", str, "a spelled model in quotes").split())
+    brdf = build(spelling)
+    source = _typed(data, "source", dict, "a table [source] with a text", {})
+    meta = {"file": file}
+    if "fit" in data:
+        meta["fit"] = _typed(data, "fit", dict, "a table")
+    return Material(
+        _typed(data, "name", str, "a text", stem),
+        brdf,
+        spelling,
+        _declared_channels(data, brdf),
+        _typed(data, "description", str, "a text", ""),
+        _typed(source, "text", str, "a text", ""),
+        meta,
+    )
+
+
+_NO_DEFAULT = object()
+
+
+def _typed(data: dict, key: str, kind: type, expected: str, default: Any = _NO_DEFAULT) -> Any:
+    value = data.get(key, default)
+    if value is _NO_DEFAULT:
+        raise GonioError(f"it has no {key}; expected {expected}")
+    if not isinstance(value, kind):
+        raise GonioError(f"{key} is {type(value).__name__}; expected {expected}")
+    return value
+
+
+def _declared_channels(data: dict, brdf: AbstractBRDF) -> Channels:
+    if "channels" in data and "wavelengths_nm" in data:
+        raise GonioError("it has both channels and wavelengths_nm; give one of them")
+    if "channels" in data:
+        names = _typed(data, "channels", list, "a list of names")
+        if not names or not all(isinstance(n, str) for n in names):
+            raise GonioError("channels holds something that is not a name; expected a list of texts")
+        found = Channels(tuple(names[:MOST_CHANNELS]))
+    elif "wavelengths_nm" in data:
+        found = Channels.of_wavelengths(_wavelengths(data))
+    else:
+        return _channels_of(brdf)
+    count = channel_count(brdf) or 1
+    if len(found) != count:
+        raise GonioError(f"{len(found)} channels are named, but the model has {count}; name as many as its lists hold")
+    return found
+
+
+def _wavelengths(data: dict) -> list[float]:
+    values = _typed(data, "wavelengths_nm", list, "a list of numbers, nm")
+    for v in values[:MOST_CHANNELS]:
+        if isinstance(v, bool) or not isinstance(v, int | float) or not 1 <= v <= 1e6:
+            raise GonioError(f"wavelengths_nm holds {v!r}; expected wavelengths from 1 to 1e6 nm")
+    if not values:
+        raise GonioError("wavelengths_nm is empty; leave it out for a grey material")
+    return [float(v) for v in values[:MOST_CHANNELS]]
+
+
+def material_text(material: Material) -> str:
+    """The material file of a material, as text. Raises GonioError where its model has no spelling."""
+    import tomli_w
+
+    data: dict[str, Any] = {
+        "gonio_material": FORMAT,
+        "name": material.name,
+        "description": material.description,
+        "model": material.spelling or spell(material.brdf),
+    }
+    if material.channels.wavelengths_nm is not None:
+        data["wavelengths_nm"] = [float(w) for w in material.channels.wavelengths_nm]
+    elif channel_count(material.brdf) is not None:
+        data["channels"] = list(material.channels.names)
+    data["source"] = {"text": material.source}
+    if material.meta.get("fit"):
+        data["fit"] = _plain(material.meta["fit"])
+    return tomli_w.dumps(data)
+
+
+def write_material(path: str | os.PathLike, material: Material, force: bool = False) -> None:
+    """Writes a material file, whole or not at all. Raises GonioError where `path` exists (unless `force`), cannot be
+    written, or the material's model has no spelling."""
+    text = material_text(material)
+    with new_file(path, force) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    # What TOML can hold: NumPy's scalars and arrays become numbers and lists; None, which it has no word for, goes.
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items() if v is not None}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value if v is not None]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    return value if isinstance(value, bool | int | float | str) else str(value)
