@@ -1,5 +1,6 @@
 """The Phong lobe: albedo, reciprocity, its sampler's density, edges."""
 
+import helpers
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -127,3 +128,11 @@ def test_gradients_are_finite_at_every_edge():
     for n in (1.0, 50.0, 1e6):
         assert all(np.all(np.isfinite(g)) for g in jax.tree.leaves(value(jnp.asarray(n), wi, wo)))
         assert all(np.all(np.isfinite(g)) for g in jax.tree.leaves(drawn(wi, jnp.asarray(n))))
+
+
+@pytest.mark.parametrize("sharpness", [5, 50, 1000])
+def test_values_against_an_independent_implementation(sharpness):
+    data = np.load(helpers.shared("oracle", "models_double.npz"), allow_pickle=False)
+    at = list(data["model"]).index(f"Phong(albedo=[1,1,1], sharpness={sharpness})")
+    found = evaluate(Phong(float(sharpness)), *(Direction(*data[w].T) for w in ("wi", "wo")))
+    np.testing.assert_allclose(found, data["f"][at, :, 0], rtol=2e-12, atol=1e-18)
