@@ -1,7 +1,7 @@
 """Models spelled in words, for people and files alike: ``lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)``.
 
     sum    := term ("+" term)*
-    term   := [value "*"] (name "(" [arguments] ")" | "(" sum ")")
+    term   := [value "*"] (name ["(" [arguments] ")"] | "(" sum ")")
     argument := parameter "=" value | parameter "~" number-or-list | parameter "=" "?" | option "=" string
     value  := number | "[" number ("," number)* "]" | "?"
 
@@ -145,7 +145,8 @@ class _Parser:
         known, options = parameters_of(MODELS[name]), options_of(MODELS[name])
         values: dict[str, Value] = {}
         chosen: dict[str, str] = {}
-        self.expect("(")
+        if not self.accept("("):  # a bare name: nothing is said of its parameters
+            return Call(name, values, chosen)
         while not self.accept(")"):
             kind, key = self.take()
             if kind != "name":

@@ -1,0 +1,75 @@
+"""Many starts on few samples, then the best on all: who agrees with whom."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+
+from gonio.fitting.domains import Domains, to_parameters, to_unconstrained
+from gonio.fitting.solver import Problem, minimise
+from gonio.fitting.structure import Structure, count
+
+SAME_COST = 1e-6  # relative difference of two costs that are one minimum
+
+
+@dataclasses.dataclass(frozen=True)
+class Descent:
+    """One descent's end: unconstrained coordinates, parameters, cost, and how stationary it is."""
+
+    x: np.ndarray
+    p: np.ndarray
+    cost: float
+    stationarity: float
+    exact: bool
+    steps: int
+    said_successful: bool
+
+    @property
+    def stationary(self) -> bool:
+        """Stationary by the projected gradient, or exact; what the solver said of itself does not count."""
+        return self.exact or self.stationarity <= 1e-6
+
+
+def descend(problem: Problem, domains: Domains, start: np.ndarray) -> Descent:
+    """One descent from the parameters `start`, shape (P,)."""
+    x, cost, normal, steps, said = minimise(problem, jnp.asarray(to_unconstrained(domains, start)))
+    p = to_parameters(domains, x)[0]
+    return Descent(
+        np.asarray(x), np.asarray(p), float(cost), float(normal.stationarity), bool(normal.exact), int(steps), bool(said)
+    )
+
+
+def agreeing(ends: list[Descent], best: Descent, size2: float) -> int:
+    """How many descents ended at the best cost (to 1e-6 of it, or to rounding where it is exact)."""
+    margin = SAME_COST * best.cost + 1e-20 * size2
+    return sum(end.cost <= best.cost + margin for end in ends)
+
+
+def distinct(ends: list[Descent], size2: float, most: int = 3) -> list[Descent]:
+    """The best descents of different cost, at most `most`, none more than half above the best."""
+    found: list[Descent] = []
+    for end in sorted((e for e in ends if np.isfinite(e.cost)), key=lambda e: e.cost):
+        if found and end.cost > 1.5 * found[0].cost + 1e-20 * size2:
+            break
+        if all(end.cost > f.cost * (1 + SAME_COST) + 1e-20 * size2 for f in found):
+            found.append(end)
+    return found[:most]
+
+
+def ordered_lobes(s: Structure, fixed: tuple[dict, ...], p: np.ndarray) -> np.ndarray:
+    """The same model with lobes of one kind in the order of their widths, narrow first: two fits then compare."""
+    def kind(t: int) -> tuple:
+        held = tuple((n, tuple(np.ravel(v))) for n, v in fixed[t].items())
+        return s.calls[t], held, tuple((g.name, g.per_channel) for g in s.groups if g.term == t)
+
+    def width(t: int) -> float:
+        return next((float(p[g.first]) for g in s.groups if g.term == t and g.name.startswith("alpha")), 0.0)
+
+    p = p.copy()
+    before = p.copy()
+    for same in {kind(t): [u for u in range(len(s.calls)) if kind(u) == kind(t)] for t in range(len(s.calls))}.values():
+        for place, taken in zip(same, sorted(same, key=width), strict=True):
+            ours, theirs = ([g for g in s.groups if g.term == t] for t in (place, taken))
+            for g, h in zip(ours, theirs, strict=True):
+                p[g.first : g.first + count(s, g)] = before[h.first : h.first + count(s, h)]
+    return p

@@ -1,0 +1,54 @@
+"""From unconstrained coordinates to parameters inside their closed domains, with both bounds in reach.
+
+u = u_low + (u_high − u_low) sin²x, and the parameter is u, eᵘ or eᵘ − 1 by the domain: a bound is an ordinary point of x
+[James & Roos 1975, MINUIT], reached at finite x. There the slope vanishes, so Gauss–Newton alone would crawl; the
+curvature of the map is known in closed form and goes into the Hessian (`fitting.solver`).
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+LINEAR, LOG, LOG1P = 0, 1, 2
+
+
+class Domains(NamedTuple):
+    """Closed domains of P parameters: kind of map, and bounds of the parameters; arrays of shape (P,)."""
+
+    kind: Array
+    low: Float[Array, " p"]
+    high: Float[Array, " p"]
+
+
+def domain_kind(low: float, log: bool) -> int:
+    """The map that suits a domain: logarithmic where the parameter is a scale, and from 0 where 0 is allowed."""
+    return LINEAR if not log else LOG if low > 0 else LOG1P
+
+
+def _u(kind, p, xp=np):
+    tiny = np.finfo(float).tiny
+    return xp.where(kind == LOG, xp.log(xp.maximum(p, tiny)), xp.where(kind == LOG1P, xp.log1p(p), p))
+
+
+def to_parameters(d: Domains, x: Float[Array, " p"]):
+    """(p, dp/dx, d²p/dx²) at unconstrained coordinates x, each of shape (P,)."""
+    u_low, u_high = _u(d.kind, d.low, jnp), _u(d.kind, d.high, jnp)
+    width = u_high - u_low
+    sine, cosine = jnp.sin(x), jnp.cos(x)
+    u = u_low + width * sine * sine
+    grown = jnp.exp(jnp.where(d.kind == LINEAR, 0.0, u))
+    p = jnp.where(d.kind == LINEAR, u, jnp.where(d.kind == LOG, grown, jnp.expm1(jnp.where(d.kind == LINEAR, 0.0, u))))
+    first, second = 2.0 * width * sine * cosine, 2.0 * width * (cosine * cosine - sine * sine)
+    slope = grown * first
+    curvature = grown * (second + jnp.where(d.kind == LINEAR, 0.0, first * first))
+    return jnp.clip(p, d.low, d.high), slope, curvature
+
+
+def to_unconstrained(d: Domains, p: np.ndarray) -> np.ndarray:
+    """x of parameters p, shape (P,), kept a little off the bounds, where a start would see no slope."""
+    u_low, u_high = (_u(np.asarray(d.kind), np.asarray(b)) for b in (d.low, d.high))
+    share = (_u(np.asarray(d.kind), np.asarray(p, float)) - u_low) / (u_high - u_low)
+    # A scale's domain is wide (10⁶): the margin is small enough not to move a start of 1e-3 of a usual value.
+    return np.arcsin(np.sqrt(np.clip(share, 1e-12, 1.0 - 1e-6)))

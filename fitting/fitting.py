@@ -1,0 +1,133 @@
+"""From a table to a model: the one public function, `fit`."""
+
+import dataclasses
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from gonio.data.table import Table
+from gonio.fitting.cell_measure import pair_measure
+from gonio.fitting.losses import LOSSES
+from gonio.fitting.one_model import Options, fit_one
+from gonio.fitting.result import FitResult
+from gonio.fitting.samples import Readings, readings_of, sigma_of
+from gonio.fitting.structure import with_defaults
+from gonio.models.errors import GonioError
+from gonio.models.spelling import nearest, parse
+
+CANDIDATES = (
+    "lambert",
+    "eon",
+    "lambert + ggx",
+    "lambert + ggx(f0=0.04)",
+    "lambert + ggx(f0=0.04) + ggx(f0=0.04)",
+)
+WEIGHTS = ("solid-angle",)
+
+
+def fit(
+    table: Table | str,
+    model: str | list[str] | None = None,
+    *,
+    loss: str | None = None,
+    theta_max: float | None = None,
+    weight: str | None = None,
+    relative_noise: float | None = None,
+    per_channel: bool = False,
+    samples: int | None = None,
+    starts: int = 8,
+    seed: int = 0,
+    say: Callable[[str], None] = lambda line: None,
+) -> FitResult:
+    """Fit a spelled model to a table; of several, or of the usual candidates (None), the one of the lowest BIC.
+
+    What is free: an omitted shape parameter, or ``name=?``; ``name~v`` from that start; every lobe's scale unless it is
+    written (``1 * ggx(...)``); an omitted Fresnel parameter means F = 1. Over channels, albedos and scales are free in
+    each, shapes are shared; `per_channel` fits every channel by itself.
+
+    `loss`: sigma, linear, cbrt, log or log1p; without one, sigma where the table has standard uncertainties, else cbrt.
+    `relative_noise`: σ is this share of the model's own f, reweighted until it settles. `theta_max`: radians; readings
+    beyond it, on either side, are left out. `weight`: "solid-angle" or none. `samples`: at most so many cells, drawn by
+    `seed`. `starts`: random starts beside those from the data. `say` hears a line for each model tried.
+
+    Raises GonioError for an unknown model, loss or weight, and for a table with too few readings for the model.
+    """
+    if isinstance(table, str):
+        from gonio.data.reading import read
+
+        table = read(table)
+    asked = [model] if isinstance(model, str) else list(model or CANDIDATES)
+    parsed = [with_defaults(parse(m)) for m in asked]
+    began = time.perf_counter()
+    readings = readings_of(table, samples, theta_max, seed)
+    if not readings.count:
+        raise GonioError(
+            f"{table.name or 'The table'} has no valid reading"
+            + (f" with both polar angles below {np.degrees(theta_max):g}°; raise --theta-max." if theta_max else ".")
+        )
+    loss, sigma = _loss(loss, readings, relative_noise)
+    if weight is not None:
+        if weight not in WEIGHTS:
+            raise GonioError(f"Unknown weight '{weight}'; {nearest(weight, WEIGHTS)}")
+        readings = dataclasses.replace(readings, measure=pair_measure(table.layout, readings.wi, readings.wo))
+    read_seconds = time.perf_counter() - began
+    options = Options(loss, sigma, relative_noise, starts, seed, theta_max, weight, table.name)
+    results, refused = [], []
+    for text, terms in zip(asked, parsed, strict=True):
+        try:
+            result = fit_one(text, terms, readings, table.channels, options, per_channel)
+        except GonioError as error:
+            if len(asked) == 1:
+                raise
+            refused.append({"model": text, "refused": str(error)})
+            continue
+        result.seconds["read"] = read_seconds
+        results.append(result)
+        say(f"{text}: {_line(result)}")
+    if not results:
+        raise GonioError(refused[0]["refused"])
+    ranked = sorted(results, key=lambda r: (not r.converged, r.bic))
+    table_of = [_alternative(r, ranked[0].bic) for r in ranked] + refused
+    return dataclasses.replace(ranked[0], alternatives=table_of if len(asked) > 1 else [])
+
+
+def _loss(loss: str | None, readings: Readings, relative_noise: float | None) -> tuple[str, np.ndarray | None]:
+    if relative_noise is not None:
+        if loss not in (None, "sigma"):
+            raise GonioError(f"relative_noise weighs by the noise itself and excludes the loss '{loss}'; give one of them.")
+        if not 0 < relative_noise < 1:
+            raise GonioError(f"A relative noise of {relative_noise:g} came; expected a share between 0 and 1, such as 0.05.")
+        return "sigma", None
+    if loss is not None and loss not in LOSSES:
+        raise GonioError(f"Unknown loss '{loss}'; {nearest(loss, LOSSES)}")
+    sigma = sigma_of(readings) if loss in (None, "sigma") else None
+    if loss is None:
+        loss = "cbrt" if sigma is None else "sigma"
+    if loss == "sigma" and sigma is None:
+        raise GonioError(
+            "The loss 'sigma' needs standard uncertainties, and this table has none above 0; choose cbrt, log or log1p."
+        )
+    return loss, sigma
+
+
+def _line(r: FitResult) -> str:
+    verdict = "converged" if r.converged else f"NOT converged ({r.reason})"
+    return (
+        f"{verdict}, relative rms {r.metrics['relative_rms']:.3g}, BIC {r.bic:.6g}, "
+        f"{r.starts_agreed} of {r.starts} starts agree, {r.seconds['fit']:.2f} s"
+    )
+
+
+def _alternative(r: FitResult, best: float) -> dict:
+    return {
+        "model": r.asked,
+        "spelling": r.spelling,
+        "bic": r.bic,
+        "bic_above_best": r.bic - best,
+        "free": len(r.free_names),
+        "converged": r.converged,
+        "relative_rms": r.metrics["relative_rms"],
+        "log_rms": r.metrics["log_rms"],
+        "seconds": r.seconds["fit"],
+    }

@@ -1,0 +1,42 @@
+"""Losses: what is subtracted from what, by what is known of the noise.
+
+Each residual is w·(T(f c) − T(y c)), where c is cosθi or 1 and w the weight of the cell:
+
+- `sigma`: T(v) = v, c = 1, w = 1/u: the noise's own likelihood, where the standard uncertainty u is known;
+- `linear`: the same with w = 1;
+- `cbrt`: T(v) = v/(v² + ε²)^⅓, c = cosθi: the cube root [Löw et al. 2012, as BRDF-space weighting by compression],
+  signed, and linear within the floor ε, which takes its pole at 0 away;
+- `log`: T(v) = sign(v) log(1 + |v|), c = cosθi [Löw et al. 2012, eq. 17]; `log1p`: the same with c = 1.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+
+LOSSES = ("sigma", "linear", "cbrt", "log", "log1p")
+
+
+def uses_cosine(loss: str) -> bool:
+    """Whether the loss compares f cosθi rather than f."""
+    return loss in ("cbrt", "log")
+
+
+def transform(loss: str, v, floor, xp=jnp):
+    """(T(v), T'(v)) of a loss; shapes of v."""
+    if loss == "cbrt":
+        s = v * v + floor * floor
+        root = xp.cbrt(s)
+        return v / root, (s - (2.0 / 3.0) * v * v) / (s * root)
+    if loss in ("log", "log1p"):
+        size = xp.abs(v)
+        return xp.sign(v) * xp.log1p(size), 1.0 / (1.0 + size)
+    return v, xp.ones_like(v)
+
+
+def floor_of(loss: str, compared: np.ndarray) -> float:
+    """The floor of a loss: a hundredth of the median size of what is compared (1 where the loss has none)."""
+    if loss != "cbrt" or not compared.size:
+        return 1.0
+    typical = float(np.median(np.abs(compared)))
+    if typical == 0.0:
+        typical = float(np.max(np.abs(compared)))
+    return 0.01 * typical if typical > 0 else 1.0

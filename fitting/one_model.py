@@ -1,0 +1,231 @@
+"""One model fitted to readings: starts, descents, polish on all readings, and what can be said of the end."""
+
+import dataclasses
+import time
+
+import jax.numpy as jnp
+import numpy as np
+
+from gonio.data.table import Channels
+from gonio.fitting.descents import Descent, agreeing, descend, distinct, ordered_lobes
+from gonio.fitting.domains import Domains
+from gonio.fitting.equations import Closing, Sums, closing
+from gonio.fitting.losses import floor_of, uses_cosine
+from gonio.fitting.result import FitResult
+from gonio.fitting.samples import Readings, blocked, coarse_cells, weights_of
+from gonio.fitting.solver import Problem, at_bounds, stationarity
+from gonio.fitting.starts import LinearSolver, guesses, random_shapes
+from gonio.fitting.statement import state
+from gonio.fitting.structure import Structure, domains_of, labels, structure_of
+from gonio.fitting.uncertainty import Covariance, covariance
+from gonio.models.errors import GonioError
+from gonio.models.spelling import Term, Value
+
+COARSE = 4000
+DATA_STARTS = 3
+REWEIGHTINGS = 30
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """How to fit: loss, standard uncertainties, relative noise, random starts, seed, and what the table was."""
+
+    loss: str
+    sigma: np.ndarray | None
+    relative_noise: float | None
+    starts: int
+    seed: int
+    theta_max: float | None
+    weight: str | None
+    table: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Ending:
+    """The end of a fit of one structure: its numbers p (P,), and what the sums over all readings say of them."""
+
+    structure: Structure
+    fixed: tuple[dict, ...]
+    domains: Domains
+    p: np.ndarray
+    model_f: np.ndarray  # (n, C)
+    total: Sums
+    covariance: Covariance
+    pinned: np.ndarray
+    size2: float
+    log_weight: float  # Σ ln w over the readings: what a likelihood adds where weights are the model's
+    stationarity: float
+    starts: int
+    agreed: int
+    notes: list[str]
+
+    @property
+    def exact(self) -> bool:
+        """‖r‖ ≤ 10³ eps ‖data‖: the residual is rounding."""
+        return 2.0 * float(self.total.cost) <= (1e3 * np.finfo(float).eps) ** 2 * self.size2
+
+    @property
+    def converged(self) -> bool:
+        """Stationary or exact, at a finite cost."""
+        return bool(np.isfinite(float(self.total.cost))) and (self.exact or self.stationarity <= 1e-6)
+
+
+def fit_one(
+    asked: str, terms: tuple[Term, ...], readings: Readings, channels: Channels, options: Options, per_channel: bool
+) -> FitResult:
+    """Fit terms (as `with_defaults` gives them) to readings; GonioError where these are too few for the model."""
+    began = time.perf_counter()
+    _require_lists(asked, terms, len(channels))
+    if per_channel and len(channels) > 1:
+        endings = []
+        for c in range(len(channels)):
+            one = dataclasses.replace(options, sigma=None if options.sigma is None else options.sigma[:, c : c + 1])
+            endings.append(_end(asked, _of_channel(terms, c), readings.channel(c), (channels.names[c],), one))
+    else:
+        endings = [_end(asked, terms, readings, channels.names, options)]
+    seconds = {"fit": time.perf_counter() - began}
+    return state(asked, terms, endings, readings, channels, options, seconds)
+
+
+def _require_lists(asked: str, terms: tuple[Term, ...], channels: int) -> None:
+    for t in terms:
+        for name, value in [*t.call.values.items(), ("scale", t.scale)]:
+            if value is not None and isinstance(value.number, tuple) and len(value.number) != channels:
+                raise GonioError(
+                    f"'{asked}' gives {t.call.name}'s {name} {len(value.number)} values, but the table has {channels} "
+                    f"channel{'s' * (channels != 1)}; give one value each, or a single one."
+                )
+
+
+def _of_channel(terms: tuple[Term, ...], c: int) -> tuple[Term, ...]:
+    def one(v: Value | None) -> Value | None:
+        return dataclasses.replace(v, number=v.number[c]) if v and isinstance(v.number, tuple) else v
+
+    return tuple(
+        Term(one(t.scale), dataclasses.replace(t.call, values={n: one(v) for n, v in t.call.values.items()})) for t in terms
+    )
+
+
+def _require_enough(asked: str, s: Structure, readings: Readings, names: tuple[str, ...]) -> None:
+    of = labels(s)
+    for c, name in enumerate(names):
+        wanted = [n for n, channel in of if channel in (c, None)]
+        have = int(np.count_nonzero(readings.valid[:, c]))
+        if have < len(wanted):
+            raise GonioError(
+                f"'{asked}' has {len(wanted)} free numbers in channel {name} ({', '.join(wanted)}), and the table has "
+                f"{have} valid reading{'s' * (have != 1)} there: {len(wanted) - have} more are needed, or a smaller model."
+            )
+
+
+def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options: Options) -> Ending:
+    s, fixed, said = structure_of(terms, len(names))
+    _require_enough(asked, s, readings, names)
+    d = domains_of(s)
+    loss = options.loss
+    sigma = options.sigma if options.relative_noise is None else _relative_sigma(readings, readings.f, options.relative_noise)
+    weight = weights_of(readings, loss, sigma)
+    compared = readings.f * np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else readings.f
+    floor = floor_of(loss, compared[readings.valid])
+    notes: list[str] = []
+
+    def problem(part: Readings, w: np.ndarray) -> Problem:
+        data, size2 = blocked(part, loss, w, floor)
+        return Problem(s, loss, fixed, d, data, jnp.asarray(size2))
+
+    whole = problem(readings, weight)
+    if not s.size:
+        last, agreed, number = None, 1, 1
+        p = said
+    else:
+        cells = coarse_cells(readings, COARSE, options.seed)
+        all_cells = cells.size == readings.f.shape[0]
+        coarse = whole if all_cells else problem(readings.part(cells), weight[cells])
+        ends = [descend(coarse, d, p0) for p0 in _starts(s, fixed, d, said, readings, loss, weight, floor, options)]
+        finite = [e for e in ends if np.isfinite(e.cost)]
+        if not finite:
+            raise GonioError(
+                f"No start of '{asked}' has a finite cost on these readings; check their values, or give starts as name~value."
+            )
+        best = min(finite, key=lambda e: e.cost)
+        number, agreed = len(ends), agreeing(ends, best, float(coarse.size2))
+        if not all_cells:
+            polished = [descend(whole, d, e.p) for e in distinct(ends, float(coarse.size2))]
+            best = min((e for e in polished if np.isfinite(e.cost)), key=lambda e: e.cost, default=best)
+        last, p = best, best.p
+        if options.relative_noise is not None:
+            last, whole, weight = _reweighted(problem, d, readings, last, options, notes)
+            p = last.p
+        p = ordered_lobes(s, fixed, _snapped(d, p))
+    if last is not None and not last.said_successful:
+        notes.append("the solver stopped at its step limit")
+    return _closed(s, fixed, d, p, whole, readings, weight, (number, agreed), options, notes)
+
+
+def _starts(s, fixed, d, said, readings, loss, weight, floor, options: Options) -> list[np.ndarray]:
+    solve = LinearSolver(s, fixed, readings, loss, weight, floor, options.seed)
+    guessed = sorted((solve(p) for p in guesses(s, said)), key=lambda found: found[1])
+    from_data = [p for p, _ in guessed[:DATA_STARTS]]
+    drawn = [solve(p)[0] for p in random_shapes(s, d, said, options.starts, options.seed)]
+    if not any(not g.linear for g in s.groups):
+        return from_data[:1]  # the model is linear in all its free numbers: every start is the same
+    return from_data + drawn
+
+
+def _relative_sigma(readings: Readings, f: np.ndarray, share: float) -> np.ndarray:
+    typical = np.median(np.abs(f[readings.valid]))
+    return share * np.maximum(np.abs(f), 1e-6 * typical if typical > 0 else 1.0)
+
+
+def _reweighted(problem, d: Domains, readings: Readings, last: Descent, options: Options, notes: list[str]):
+    """Descents with σ from the model's own f, until its numbers settle [iteratively reweighted least squares]."""
+    s_problem = None
+    for _ in range(REWEIGHTINGS):
+        if s_problem is None:
+            s_problem = problem(readings, weights_of(readings, "sigma", _relative_sigma(readings, readings.f, options.relative_noise)))
+        f = _model_values(s_problem, last.p, readings)
+        weight = weights_of(readings, "sigma", _relative_sigma(readings, f, options.relative_noise))
+        s_problem = problem(readings, weight)
+        after = descend(s_problem, d, last.p)
+        moved = np.max(np.abs(after.p - last.p) / np.maximum(np.abs(after.p), 1e-9))
+        last = after
+        if moved < 1e-8:
+            break
+    else:
+        notes.append(f"the weights had not settled after {REWEIGHTINGS} rounds: the numbers still moved by {moved:.1g}")
+    return last, s_problem, weight
+
+
+def _model_values(p_problem: Problem, p: np.ndarray, readings: Readings) -> np.ndarray:
+    done = _close(p_problem, p)
+    n, channels = readings.f.shape
+    return np.asarray(done.f).reshape(-1, channels)[:n]
+
+
+def _close(problem: Problem, p: np.ndarray) -> Closing:
+    return closing(problem.structure, problem.loss, jnp.asarray(p), problem.fixed, problem.data)
+
+
+def _snapped(d: Domains, p: np.ndarray) -> np.ndarray:
+    low, high = (np.asarray(b) for b in at_bounds(d, jnp.asarray(p)))
+    return np.where(low, d.low, np.where(high, d.high, p))
+
+
+def _closed(s, fixed, d, p, whole: Problem, readings: Readings, weight, counts, options: Options, notes) -> Ending:
+    done = _close(whole, p)
+    n, channels = readings.f.shape
+    f = np.asarray(done.f).reshape(-1, channels)[:n]
+    measure, pinned, silent = (np.asarray(a) for a in stationarity(d, jnp.asarray(p), done.total))
+    exact = 2.0 * float(done.total.cost) <= (1e3 * np.finfo(float).eps) ** 2 * float(whole.size2)
+    if exact:
+        # The gradient of a rounding residual points anywhere: a bound is active where the number lies on it.
+        low, high = (np.asarray(b) for b in at_bounds(d, jnp.asarray(p)))
+        pinned = low | high
+    matrix, scatter = np.asarray(done.total.matrix), np.asarray(done.scatter)
+    known = options.loss == "sigma"
+    spread = covariance(matrix, scatter, known, ~pinned & ~silent, p, readings.count)
+    used = weight[weight > 0]
+    return Ending(
+        s, fixed, d, p, f, done.total, spread, pinned, float(whole.size2),
+        float(np.sum(np.log(used))) if known else 0.0, float(measure), *counts, notes,
+    )  # fmt: skip

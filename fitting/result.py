@@ -1,0 +1,112 @@
+"""What a fit returns: the model, every number with its uncertainty and status, and how far to believe it."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from gonio.data.table import Channels
+from gonio.models.base import AbstractBRDF
+
+
+@dataclasses.dataclass(frozen=True)
+class ParameterEstimate:
+    """One fitted number. `status`: determined, undetermined, at lower bound, at upper bound, or fixed."""
+
+    name: str
+    channel: str | None
+    value: float
+    standard_uncertainty: float
+    interval95: tuple[float, float]
+    status: str
+    unit: str
+    low: float
+    high: float
+
+    @property
+    def label(self) -> str:
+        """Name with its channel, such as ``lambert.rho[R]``."""
+        return self.name if self.channel is None else f"{self.name}[{self.channel}]"
+
+
+@dataclasses.dataclass(frozen=True)
+class FitResult:
+    """A fitted model. `converged` means stationary by the projected gradient, or exact; `reason` says which, or why not.
+
+    `covariance` and `correlation` are over `free_names`; `cost` is ½Σr² of the named loss; `bic` compares models on the
+    same readings and loss; `seconds` are wall time by stage.
+    """
+
+    spelling: str
+    asked: str
+    brdf: AbstractBRDF
+    channels: Channels
+    parameters: list[ParameterEstimate]
+    free_names: list[str]
+    covariance: np.ndarray
+    correlation: np.ndarray
+    converged: bool
+    reason: str
+    stationarity: float
+    exact: bool
+    loss: str
+    weight: str | None
+    cost: float
+    metrics: dict[str, float]
+    samples: int
+    cells: int
+    negative_readings: int
+    starts: int
+    starts_agreed: int
+    bic: float
+    undetermined: list[str]
+    active_bounds: list[str]
+    seconds: dict[str, float]
+    theta_max: float | None
+    notes: list[str] = dataclasses.field(default_factory=list)
+    alternatives: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    table: str = ""
+
+    @property
+    def exit_status(self) -> int:
+        """0 where converged, else 1."""
+        return 0 if self.converged else 1
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the model itself, as what JSON and TOML can hold."""
+        kept = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in ("brdf", "channels")}
+        kept["parameters"] = [dataclasses.asdict(p) for p in self.parameters]
+        kept["channels"] = list(self.channels.names)
+        return plain(kept)
+
+    def to_material_dict(self, name: str, description: str = "") -> dict[str, Any]:
+        """The fitted model as a material file's content, which `gonio measure` can scan again."""
+        held: dict[str, Any] = {"gonio_material": 1, "name": name, "description": description or f"fit to {self.table}"}
+        held["model"] = self.spelling
+        if self.channels.wavelengths_nm is not None:
+            held["wavelengths_nm"] = list(self.channels.wavelengths_nm)
+        elif len(self.channels) > 1:
+            held["channels"] = list(self.channels.names)
+        held["source"] = {"text": f"gonio fit of '{self.asked}' to {self.table or 'a table'}"}
+        fit = self.to_dict()
+        fit.pop("spelling")
+        held["fit"] = without_none(fit)
+        return held
+
+
+def plain(value: Any) -> Any:
+    """NumPy out of nested containers: lists, dicts, numbers and strings only."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def without_none(value: Any) -> Any:
+    """Nested containers less their empty entries, which TOML cannot hold."""
+    if isinstance(value, dict):
+        return {k: without_none(v) for k, v in value.items() if v is not None}
+    return [without_none(v) for v in value] if isinstance(value, list) else value

@@ -1,0 +1,143 @@
+"""From the end of a fit to what is said of it."""
+
+import dataclasses
+
+import numpy as np
+
+from gonio.data.table import Channels
+from gonio.fitting.metrics import metrics
+from gonio.fitting.result import FitResult, ParameterEstimate
+from gonio.fitting.samples import Readings
+from gonio.fitting.structure import FACTOR, domains_of, labels, term_labels
+from gonio.fitting.uncertainty import NORMAL_95, in_words
+from gonio.models.building import build, spell
+from gonio.models.catalog import MODELS
+from gonio.models.parameters import parameters_of
+from gonio.models.spelling import Term, Value
+
+
+def state(asked, terms: tuple[Term, ...], endings, readings: Readings, channels: Channels, options, seconds) -> FitResult:
+    """The result of one joint ending, or of one ending for each channel."""
+    brdf = build(_filled(terms, endings))
+    f = np.concatenate([e.model_f for e in endings], axis=1)
+    estimates, names = [], []
+    for c, e in enumerate(endings):
+        of_channel = channels.names[c] if len(endings) > 1 else None
+        these = _estimates(e, channels, of_channel)
+        estimates += these
+        names += [p.label for p in these]
+    estimates += _held(terms, endings[0], channels)
+    matrix = _block_diagonal([e.covariance.matrix for e in endings])
+    with np.errstate(invalid="ignore"):
+        deviations = np.sqrt(np.diagonal(matrix))
+        correlation = matrix / np.outer(deviations, deviations)
+    undetermined, at, size = [], 0, len(names)
+    for e in endings:
+        mine = names[at : at + e.structure.size]
+        undetermined += [in_words(value, change, mine) for value, change in e.covariance.combinations]
+        silent = np.flatnonzero(e.covariance.undetermined & (np.diagonal(np.asarray(e.total.matrix)) <= 0))
+        undetermined += [f"{mine[k]} does not change the residuals at all" for k in silent]
+        at += e.structure.size
+    measured = metrics(f, readings)
+    cost = float(sum(float(e.total.cost) for e in endings))
+    if options.loss == "sigma":
+        measured["reduced_chi2"] = 2.0 * cost / max(readings.count - size, 1)
+    return FitResult(
+        spelling=spell(brdf), asked=asked, brdf=brdf, channels=channels, parameters=estimates, free_names=names,
+        covariance=matrix, correlation=correlation, converged=all(e.converged for e in endings),
+        reason=_reason(endings), stationarity=max(e.stationarity for e in endings), exact=all(e.exact for e in endings),
+        loss=options.loss, weight=options.weight, cost=cost, metrics=measured, samples=readings.count,
+        cells=readings.f.shape[0], negative_readings=int(np.count_nonzero(readings.valid & (readings.f < 0))),
+        starts=sum(e.starts for e in endings), starts_agreed=sum(e.agreed for e in endings),
+        bic=_bic(endings, cost, readings.count, size, options), undetermined=undetermined,
+        active_bounds=[p.label for p in estimates if p.status.startswith("at ")], seconds=seconds,
+        theta_max=options.theta_max, notes=sorted({n for e in endings for n in e.notes}), table=options.table,
+    )  # fmt: skip
+
+
+def _reason(endings) -> str:
+    said = []
+    for e in endings:
+        if not np.isfinite(float(e.total.cost)):
+            said.append("the cost is not finite")
+        elif e.exact:
+            said.append("exact: the residual is rounding")
+        elif e.stationarity <= 1e-6:
+            said.append("stationary")
+        else:
+            said.append(f"not stationary: the projected gradient is {e.stationarity:.1e}, above 1e-6")
+    return "; ".join(dict.fromkeys(said))
+
+
+def _bic(endings, cost: float, count: int, free: int, options) -> float:
+    """Schwarz's criterion [Schwarz 1978], up to what models on the same readings share; lower is better."""
+    if options.loss == "sigma":
+        return 2.0 * cost - 2.0 * sum(e.log_weight for e in endings) + free * np.log(count)
+    least = sum(e.size2 for e in endings) * (1e3 * np.finfo(float).eps) ** 2
+    return float(count * np.log(max(2.0 * cost, least, 1e-300) / count) + free * np.log(count))
+
+
+def _estimates(e, channels: Channels, of_channel: str | None) -> list[ParameterEstimate]:
+    s, d = e.structure, domains_of(e.structure)
+    infos = [g.info for g in s.groups for _ in range(s.channels if g.per_channel else 1)]
+    found = []
+    for k, (name, c) in enumerate(labels(s)):
+        value, u = float(e.p[k]), float(e.covariance.standard[k])
+        low, high = float(d.low[k]), float(d.high[k])
+        if e.pinned[k]:
+            status = "at lower bound" if value - low <= high - value else "at upper bound"
+        else:
+            status = "undetermined" if e.covariance.undetermined[k] or not np.isfinite(u) else "determined"
+        interval = (max(low, value - NORMAL_95 * u), min(high, value + NORMAL_95 * u)) if np.isfinite(u) else (low, high)
+        if e.pinned[k]:
+            interval = (value, value)
+        channel = of_channel or (None if c is None else channels.names[c])
+        found.append(ParameterEstimate(name, channel, value, u, interval, status, infos[k].unit, low, high))
+    return found
+
+
+def _held(terms: tuple[Term, ...], e, channels: Channels) -> list[ParameterEstimate]:
+    found = []
+    for label, held, term in zip(term_labels(e.structure), e.fixed, terms, strict=True):
+        known = parameters_of(MODELS[term.call.name])
+        for name in held:
+            number = term.scale.number if name == FACTOR else term.call.values[name].number
+            info = known.get(name)
+            values = np.atleast_1d(np.asarray(number, float))
+            for c, value in enumerate(values):
+                channel = channels.names[c] if values.size > 1 else None
+                low, high = (info.low, info.high) if info else (0.0, np.inf)
+                nothing = (float(value), float(value))
+                unit = info.unit if info else "1"
+                found.append(ParameterEstimate(f"{label}.{name}", channel, float(value), 0.0, nothing, "fixed", unit, low, high))
+    return found
+
+
+def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
+    sizes = [b.shape[0] for b in blocks]
+    whole, at = np.zeros((sum(sizes), sum(sizes))), 0
+    for b, n in zip(blocks, sizes, strict=True):
+        whole[at : at + n, at : at + n] = b
+        at += n
+    return whole
+
+
+def _filled(terms: tuple[Term, ...], endings) -> tuple[Term, ...]:
+    """The terms with every free number in its place: one for all channels, or a list."""
+    filled = []
+    for index, term in enumerate(terms):
+        values, scale = dict(term.call.values), term.scale
+        for g in endings[0].structure.groups:
+            if g.term != index:
+                continue
+            parts = [e.p[g.first : g.first + (e.structure.channels if g.per_channel else 1)] for e in endings]
+            numbers = np.concatenate(parts)
+            value = Value(tuple(numbers.tolist()) if numbers.size > 1 else float(numbers[0]))
+            if g.name == FACTOR:
+                scale = value
+            else:
+                values[g.name] = value
+        filled.append(Term(scale, dataclasses.replace(term.call, values=values)))
+    return tuple(filled)
+
+
