@@ -5,7 +5,7 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.fitting.domains import Domains, to_parameters, to_unconstrained
+from gonio.fitting.domains import Domains, to_unconstrained
 from gonio.fitting.solver import Problem, minimise
 from gonio.fitting.structure import Structure, count
 
@@ -14,9 +14,8 @@ SAME_COST = 1e-6  # relative difference of two costs that are one minimum
 
 @dataclasses.dataclass(frozen=True)
 class Descent:
-    """One descent's end: unconstrained coordinates, parameters, cost, and how stationary it is."""
+    """One descent's end: parameters, cost, and how stationary it is."""
 
-    x: np.ndarray
     p: np.ndarray
     cost: float
     stationarity: float
@@ -32,10 +31,9 @@ class Descent:
 
 def descend(problem: Problem, domains: Domains, start: np.ndarray) -> Descent:
     """One descent from the parameters `start`, shape (P,)."""
-    x, cost, normal, steps, said = minimise(problem, jnp.asarray(to_unconstrained(domains, start)))
-    p = to_parameters(domains, x)[0]
+    p, cost, normal, steps, said = minimise(problem, jnp.asarray(to_unconstrained(domains, start)))
     return Descent(
-        np.asarray(x), np.asarray(p), float(cost), float(normal.stationarity), bool(normal.exact), int(steps), bool(said)
+        np.asarray(p), float(cost), float(normal.stationarity), bool(normal.exact), int(steps), bool(said)
     )
 
 

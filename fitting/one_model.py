@@ -129,8 +129,8 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
     floor = floor_of(loss, compared[readings.valid])
     notes: list[str] = []
 
-    def problem(part: Readings, w: np.ndarray) -> Problem:
-        data, size2 = blocked(part, loss, w, floor)
+    def problem(part: Readings, w: np.ndarray, beside: int = 0) -> Problem:
+        data, size2 = blocked(part, loss, w, floor, beside)
         return Problem(s, loss, fixed, d, data, jnp.asarray(size2))
 
     whole = problem(readings, weight)
@@ -140,7 +140,7 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
     else:
         cells = coarse_cells(readings, COARSE, options.seed)
         all_cells = cells.size == readings.f.shape[0]
-        coarse = whole if all_cells else problem(readings.part(cells), weight[cells])
+        coarse = whole if all_cells else problem(readings.part(cells), weight[cells], readings.f.shape[0])
         ends = [descend(coarse, d, p0) for p0 in _starts(s, fixed, d, said, readings, loss, weight, floor, options)]
         finite = [e for e in ends if np.isfinite(e.cost)]
         if not finite:
@@ -207,7 +207,7 @@ def _close(problem: Problem, p: np.ndarray) -> Closing:
 
 
 def _snapped(d: Domains, p: np.ndarray) -> np.ndarray:
-    low, high = (np.asarray(b) for b in at_bounds(d, jnp.asarray(p)))
+    low, high = at_bounds(d, p, np)
     return np.where(low, d.low, np.where(high, d.high, p))
 
 
@@ -215,17 +215,18 @@ def _closed(s, fixed, d, p, whole: Problem, readings: Readings, weight, counts, 
     done = _close(whole, p)
     n, channels = readings.f.shape
     f = np.asarray(done.f).reshape(-1, channels)[:n]
-    measure, pinned, silent = (np.asarray(a) for a in stationarity(d, jnp.asarray(p), done.total))
-    exact = 2.0 * float(done.total.cost) <= (1e3 * np.finfo(float).eps) ** 2 * float(whole.size2)
+    total = Sums(*(np.asarray(a) for a in done.total))
+    measure, pinned, silent = stationarity(d, p, total, np)
+    exact = 2.0 * float(total.cost) <= (1e3 * np.finfo(float).eps) ** 2 * float(whole.size2)
     if exact:
         # The gradient of a rounding residual points anywhere: a bound is active where the number lies on it.
-        low, high = (np.asarray(b) for b in at_bounds(d, jnp.asarray(p)))
+        low, high = at_bounds(d, p, np)
         pinned = low | high
-    matrix, scatter = np.asarray(done.total.matrix), np.asarray(done.scatter)
+    matrix, scatter = total.matrix, np.asarray(done.scatter)
     known = options.loss == "sigma"
     spread = covariance(matrix, scatter, known, ~pinned & ~silent, p, readings.count)
     used = weight[weight > 0]
     return Ending(
-        s, fixed, d, p, f, done.total, spread, pinned, float(whole.size2),
+        s, fixed, d, p, f, total, spread, pinned, float(whole.size2),
         float(np.sum(np.log(used))) if known else 0.0, float(measure), *counts, notes,
     )  # fmt: skip

@@ -13,6 +13,7 @@ from gonio.models.errors import GonioError
 from gonio.models.geometry import Direction
 
 BLOCK_COUNTS = (1, 2, 8, 32, 128, 512, 2048, 8192)  # padded to one of these: one compiled program each
+SHARED_BLOCKS = 128  # up to here padding few samples to the size of all costs less than compiling once more
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,11 +79,18 @@ def weights_of(readings: Readings, loss: str, sigma: np.ndarray | None) -> np.nd
     return weight
 
 
-def blocked(readings: Readings, loss: str, weight: np.ndarray, floor: float | None = None) -> tuple[Samples, float]:
-    """(samples in blocks, ‖weighted targets‖²) of the readings for a loss."""
+def blocked(
+    readings: Readings, loss: str, weight: np.ndarray, floor: float | None = None, beside: int = 0
+) -> tuple[Samples, float]:
+    """(samples in blocks, ‖weighted targets‖²) of the readings for a loss.
+
+    `beside`: a number of cells whose padded size these may share, so that both compile as one program.
+    """
     n, channels = readings.f.shape
     used = -(-n // BLOCK)
-    held = next((b for b in BLOCK_COUNTS if b >= used), used)
+    held, other = (next((b for b in BLOCK_COUNTS if b * BLOCK >= size), -(-size // BLOCK)) for size in (n, beside))
+    if other <= SHARED_BLOCKS:
+        held = max(held, other)
     compared = readings.f * np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else readings.f
     floor = floor_of(loss, compared[readings.valid]) if floor is None else floor
     target = transform(loss, compared, floor, np)[0]

@@ -42,23 +42,23 @@ class Normal(eqx.Module):
     exact: Bool[Array, ""]
 
 
-def at_bounds(d: Domains, p: Float[Array, " p"]) -> tuple[Array, Array]:
+def at_bounds(d: Domains, p: Float[Array, " p"], xp=jnp) -> tuple[Array, Array]:
     """Which parameters lie on their lower, and which on their upper bound (to 1e-9 of the domain's size there)."""
-    span = jnp.minimum(d.high - d.low, 1.0)
+    span = xp.minimum(d.high - d.low, 1.0)
     return p - d.low <= 1e-9 * span, d.high - p <= 1e-9 * span
 
 
-def stationarity(d: Domains, p, total: Sums) -> tuple[Float[Array, ""], Array, Array]:
+def stationarity(d: Domains, p, total: Sums, xp=jnp) -> tuple[Float[Array, ""], Array, Array]:
     """(max_j |J_jᵀr|/(‖J_j‖‖r‖), pinned, silent): pinned sit on a bound that the cost pushes against, and silent
     parameters do not move the residuals at all; neither counts in the maximum.
     """
-    low, high = at_bounds(d, p)
+    low, high = at_bounds(d, p, xp)
     pinned = (low & (total.gradient >= 0)) | (high & (total.gradient <= 0))
-    length2 = jnp.diagonal(total.matrix)
+    length2 = xp.diagonal(total.matrix)
     silent = length2 <= 0
-    scale = jnp.sqrt(jnp.where(silent, 1.0, length2) * 2.0 * jnp.maximum(total.cost, 1e-300))
-    share = jnp.where(pinned | silent, 0.0, jnp.abs(total.gradient) / scale)
-    return jnp.max(share, initial=0.0), pinned, silent
+    scale = xp.sqrt(xp.where(silent, 1.0, length2) * 2.0 * xp.maximum(total.cost, 1e-300))
+    share = xp.where(pinned | silent, 0.0, xp.abs(total.gradient) / scale)
+    return xp.max(share, initial=0.0), pinned, silent
 
 
 def cost_and_normal(x: Float[Array, " p"], problem: Problem) -> tuple[Float[Array, ""], Normal]:
@@ -151,8 +151,9 @@ class StreamedLevenbergMarquardt(optx.AbstractMinimiser):
 
 @eqx.filter_jit
 def minimise(problem: Problem, x: Float[Array, " p"]):
-    """(x, cost, `Normal`, steps, whether Optimistix calls it successful) of one descent from x."""
+    """(parameters, cost, `Normal`, steps, whether Optimistix calls it successful) of one descent from x."""
     found = optx.minimise(
         cost_and_normal, StreamedLevenbergMarquardt(), x, problem, has_aux=True, max_steps=MAX_STEPS, throw=False
     )
-    return found.value, found.stats["cost"], found.aux, found.stats["num_steps"], found.result == optx.RESULTS.successful
+    p, _, _ = to_parameters(problem.domains, found.value)
+    return p, found.stats["cost"], found.aux, found.stats["num_steps"], found.result == optx.RESULTS.successful
