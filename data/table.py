@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -90,6 +90,8 @@ class Table:
     source_solid_angle: float | None = None
     receiver_solid_angle: float | None = None
     name: str = ""
+    interpolant: Callable | None = None
+    """Makes the BRDF by which the file's format itself reads between the cells; None: `gonio.data.tabulated`."""
 
     def __post_init__(self):
         shape = (*self.layout.shape, len(self.channels))

@@ -1,0 +1,56 @@
+"""What a table loses in a file of another format, measured by reading the file again."""
+
+import dataclasses
+
+import numpy as np
+
+from gonio.data.flags import Flag
+from gonio.data.table import Table
+
+
+@dataclasses.dataclass(frozen=True)
+class RoundTrip:
+    """Differences between a table and what is read back from the file just written, over `compared` readings."""
+
+    compared: int
+    max_absolute: float
+    """1/sr."""
+    max_relative: float
+    """Largest |a − b| / |a|, where a is not 0."""
+    rms_relative: float
+    """Root mean square of a − b over that of a."""
+    lost: int
+    """Valid readings that the file could not hold."""
+    note: str = ""
+
+    def __str__(self):
+        lost = f", {self.lost} readings lost" if self.lost else ""
+        note = f" ({self.note})" if self.note else ""
+        return (
+            f"round trip over {self.compared} readings: largest difference {self.max_absolute:.3g} sr^-1, "
+            f"{self.max_relative:.3g} relative, rms {self.rms_relative:.3g} relative{lost}{note}"
+        )
+
+
+def compare(written: np.ndarray, read: np.ndarray, was_valid: np.ndarray, is_valid: np.ndarray, note="") -> RoundTrip:
+    """The round trip of values ``(n, channels)`` with their validity, cell by cell."""
+    both = was_valid & is_valid
+    a, b = (np.asarray(v, np.float64)[both] for v in (written, read))
+    difference, size = np.abs(a - b), np.abs(a)
+    nonzero = size > 0
+    scale = float(np.sqrt(np.mean(a**2))) if a.size else 0.0
+    return RoundTrip(
+        compared=int(both.sum()),
+        max_absolute=float(difference.max(initial=0.0)),
+        max_relative=float((difference[nonzero] / size[nonzero]).max(initial=0.0)),
+        rms_relative=float(np.sqrt(np.mean(difference**2))) / scale if scale > 0 else 0.0,
+        lost=int((was_valid & ~is_valid).sum()),
+        note=note,
+    )
+
+
+def compare_cells(table: Table, read: Table, note: str = "") -> RoundTrip:
+    """The round trip of a table into one with the same cells in the same order."""
+    a, b = (t.read_values() for t in (table, read))
+    f = np.broadcast_to(a["f"], b["f"].shape)
+    return compare(f, b["f"], np.broadcast_to(a["flag"] == Flag.VALID, f.shape), b["flag"] == Flag.VALID, note)
