@@ -1,0 +1,186 @@
+"""The instrument: a disc source, a disc detector, a counting signal chain, and what is wrong with them."""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from gonio.models.errors import GonioError
+
+HALF_ANGLE_MAX = math.radians(45)
+PHOTONS_MAX = 1e15
+"""Counts are floating-point numbers: float64 holds whole numbers up to 2^53 = 9e15."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Systematic:
+    """Errors that stay the same for all readings of one measurement.
+
+    The arms stand at theta_i + `theta_i`, theta_o + `theta_o` and an azimuth difference larger by `phi` than
+    the table says; the sample's normal is turned by `tilt_x` about the x axis, then by `tilt_y` about the y axis
+    (all radians). The irradiance is reckoned from the table's angle. Every reading is multiplied by `gain`.
+    """
+
+    tilt_x: float = 0.0
+    tilt_y: float = 0.0
+    theta_i: float = 0.0
+    theta_o: float = 0.0
+    phi: float = 0.0
+    gain: float = 1.0
+
+    def __post_init__(self):
+        for name, value in dataclasses.asdict(self).items():
+            limit = 1e6 if name == "gain" else math.pi / 2
+            if not (math.isfinite(value) and abs(value) <= limit and (name != "gain" or value > 0)):
+                raise GonioError(
+                    f"the systematic error {name} is {value!r}; "
+                    + ("give a factor above 0" if name == "gain" else "give radians within ±π/2")
+                )
+
+    @property
+    def aligned(self) -> bool:
+        """Whether the directions are what the table says."""
+        return not (self.tilt_x or self.tilt_y or self.theta_i or self.theta_o or self.phi)
+
+
+@dataclasses.dataclass(frozen=True)
+class Instrument:
+    """A gonioreflectometer; the default is ideal: point apertures, no noise, no error.
+
+    A reading is what the detector's radiance over the sample's irradiance is: with apertures the average of f over
+    both discs, weighted by cosθi dωi and cosθo dωo, of what lies above the horizon. The detector looks at an evenly lit
+    patch, so that its signal is proportional to radiance: a reading of f in an irradiance E counts
+    photons·π·f·E/E(normal incidence). Light that is there without the source is read with the source off and
+    subtracted: f is defined by what the source adds, dL/dE.
+
+    Domains: half-angles in [0, π/4] and `shadow` in [0, π], radians; standard deviations and counts ≥ 0. Raises
+    GonioError outside them, and where counts are asked for without `photons`.
+    """
+
+    source_half_angle: float = 0.0
+    """Half-angle of the source's disc as the sample sees it, radians; 0 is a point."""
+    detector_half_angle: float = 0.0
+    """Half-angle of the detector's disc as the sample sees it, radians; 0 is a point."""
+    photons: float | None = None
+    """Counts expected of the perfect white diffuser at normal incidence, per reading; None: no shot noise."""
+    ambient: float = 0.0
+    """Light that is there without the source, as a share of `photons`."""
+    dark: float = 0.0
+    """Dark counts expected, per reading."""
+    read_noise: float = 0.0
+    """Standard deviation of the reading-out, counts."""
+    noise: float = 0.0
+    """Relative standard deviation of the source from reading to reading."""
+    misalignment: float = 0.0
+    """Standard deviation of each of the five angles of `Systematic`, radians; drawn once, from the seed."""
+    calibration: float = 0.0
+    """Relative standard deviation of the calibration factor; drawn once, from the seed."""
+    saturation: float | None = None
+    """Counts at which the detector is full; None: never."""
+    shadow: float = 0.0
+    """The detector blocks the source where the arms are closer than this angle, radians."""
+    systematic: Systematic | None = None
+    """The systematic errors themselves, instead of drawing them."""
+    tolerance: float = 1e-4
+    """Error allowed to the average over the apertures, relative to the reading."""
+
+    def __post_init__(self):
+        limits = {
+            "source_half_angle": HALF_ANGLE_MAX,
+            "detector_half_angle": HALF_ANGLE_MAX,
+            "photons": math.inf,
+            "ambient": 1e6,
+            "dark": PHOTONS_MAX,
+            "read_noise": PHOTONS_MAX,
+            "noise": 1.0,
+            "misalignment": math.pi / 4,
+            "calibration": 0.3,
+            "saturation": math.inf,
+            "shadow": math.pi,
+            "tolerance": 1.0,
+        }
+        for name, high in limits.items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if not (isinstance(value, int | float | np.number) and 0 <= value <= high):
+                raise GonioError(f"the instrument's {name} is {value!r}; give a number from 0 to {high:g}")
+            object.__setattr__(self, name, float(value))
+        if self.photons == math.inf:
+            object.__setattr__(self, "photons", None)
+        if self.photons is not None and not 0 < self.photons <= PHOTONS_MAX:
+            raise GonioError(
+                f"photons is {self.photons:g}; give more than 0 and at most {PHOTONS_MAX:g}, or none for no shot noise"
+            )
+        if self.photons is None:
+            counted = [n for n in ("dark", "read_noise") if getattr(self, n)]
+            counted += ["saturation"] if self.saturation is not None else []
+            if counted:
+                raise GonioError(f"{', '.join(counted)} is in counts; give photons too, which says what a count is")
+        if not self.tolerance > 0:
+            raise GonioError("the instrument's tolerance is 0; give the relative error that is allowed, such as 1e-4")
+
+    @property
+    def has_apertures(self) -> bool:
+        """Whether the source or the detector is larger than a point."""
+        return self.source_half_angle > 0 or self.detector_half_angle > 0
+
+    @property
+    def has_noise(self) -> bool:
+        """Whether a repeated reading differs."""
+        return self.photons is not None or self.noise > 0
+
+    def systematic_errors(self, seed: int) -> Systematic:
+        """The errors of a measurement with this seed: `systematic` if given, else drawn with the stated deviations."""
+        if self.systematic is not None:
+            return self.systematic
+        # A stream of its own: noise is drawn by cell, from other keys.
+        draw = np.random.default_rng([seed, 0x5EED]).standard_normal(6)
+        angles = (draw[:5] * self.misalignment).tolist()
+        gain = 1.0 + self.calibration * float(np.clip(draw[5], -3.0, 3.0))
+        return Systematic(*angles, gain=gain)
+
+    def to_dict(self) -> dict:
+        """What JSON can hold of it: angles in degrees, counts and shares as given, without the defaults of the ideal."""
+        given = {}
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if field.name == "systematic" or value == field.default:
+                continue
+            angle = field.name in ("source_half_angle", "detector_half_angle", "misalignment", "shadow")
+            given[f"{field.name}_deg" if angle else field.name] = math.degrees(value) if angle else value
+        if self.systematic is not None:
+            given["systematic"] = systematic_to_dict(self.systematic)
+        return given
+
+    def solid_angles(self) -> tuple[float, float]:
+        """Solid angles of source and detector, sr; 0 for points."""
+        return _cap(self.source_half_angle), _cap(self.detector_half_angle)
+
+
+def systematic_to_dict(errors: Systematic) -> dict:
+    """Systematic errors for a table's provenance: angles in degrees."""
+    angles = ("tilt_x", "tilt_y", "theta_i", "theta_o", "phi")
+    return {f"{n}_deg": math.degrees(getattr(errors, n)) for n in angles} | {"gain": errors.gain}
+
+
+def true_directions(errors: Systematic, angles: tuple[np.ndarray, ...]) -> tuple[tuple, tuple]:
+    """Components of (wi, wo), in the sample's own frame, where the table says (theta_i, phi_i, theta_o, phi_o)."""
+    theta_i, phi_i, theta_o, phi_o = angles
+    return (
+        _in_sample_frame(errors, theta_i + errors.theta_i, phi_i),
+        _in_sample_frame(errors, theta_o + errors.theta_o, phi_o + errors.phi),
+    )
+
+
+def _in_sample_frame(errors, theta, phi):
+    x, y, z = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
+    # The normal is R_y R_x e_z, so a direction of the room is R_x⁻¹ R_y⁻¹ w for the sample.
+    cos_y, sin_y = math.cos(errors.tilt_y), math.sin(errors.tilt_y)
+    x, z = cos_y * x - sin_y * z, sin_y * x + cos_y * z
+    cos_x, sin_x = math.cos(errors.tilt_x), math.sin(errors.tilt_x)
+    return x, cos_x * y + sin_x * z, cos_x * z - sin_x * y
+
+
+def _cap(half_angle):
+    return 4 * math.pi * math.sin(half_angle / 2) ** 2
