@@ -26,8 +26,8 @@ class _Parser(argparse.ArgumentParser):
         raise SystemExit(2)
 
 
-def parser() -> argparse.ArgumentParser:
-    """The parser of the whole command line."""
+def parser(asked: str | None = None) -> argparse.ArgumentParser:
+    """The parser of the whole command line; only the verb that is asked for gets its arguments."""
     from gonio import __version__
 
     top = _Parser(
@@ -40,13 +40,15 @@ def parser() -> argparse.ArgumentParser:
     verbs = top.add_subparsers(dest="verb", metavar="VERB", parser_class=_Parser)
     for verb, summary in VERBS.items():
         sub = verbs.add_parser(verb, help=summary, description=summary[0].upper() + summary[1:] + ".")
-        importlib.import_module(f"gonio.cli.{verb}_verb").add_arguments(sub)
+        if verb == asked:
+            importlib.import_module(f"gonio.cli.{verb}_verb").add_arguments(sub)
     return top
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; the exit status is 0 for success, 2 for bad input, else what the verb says."""
-    args = parser().parse_args(argv)
+    words = sys.argv[1:] if argv is None else argv
+    args = parser(next((w for w in words if w in VERBS), None)).parse_args(words)
     if args.verb is None:
         parser().print_help()
         return 0
@@ -64,7 +66,7 @@ def main(argv: list[str] | None = None) -> int:
         sys.stderr.write("gonio: interrupted.\n")
         return 130
     except GonioError as error:
-        sys.stderr.write(f"gonio: {error}\n")
+        sys.stderr.write(f"gonio: {str(error).rstrip('.')}.\n")
         return 2
     except OSError as error:
         what = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
@@ -76,8 +78,8 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _prepare_jax() -> None:
-    # Read by JAX when it is imported, which the verbs do only if they need it. Double precision is the command
-    # line's default; the compilation cache saves a user's second run from compiling again.
+    # Read by JAX when it is imported, which the verbs do only if they need it. Double precision is the default of the
+    # command line; the compilation cache saves a user's second run from compiling again.
     os.environ.setdefault("JAX_ENABLE_X64", "true")
     if os.environ.get("GONIO_NO_CACHE"):
         return

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from gonio.models.azimuth_map import grazing_azimuth
 from gonio.models.base import AbstractBRDF, Scalar
 from gonio.models.fresnel import fresnel
-from gonio.models.geometry import Direction, add, dot, norm, normalize, reflect
+from gonio.models.geometry import Direction, dot, half_vector, reflect
 from gonio.models.parameters import ParameterInfo
 
 ALPHA = ParameterInfo(1e-4, 1.0, "1", "width of the slope distribution", start=0.3, log=True)
@@ -54,9 +54,8 @@ class AbstractMicrofacet(AbstractBRDF):
         up = Direction(jnp.zeros_like(wi.x), jnp.zeros_like(wi.x), jnp.ones_like(wi.x))
         # Below the horizon the formula is evaluated at the normal instead, so that no gradient there is NaN.
         wi, wo = (Direction(*(jnp.where(above, c, e) for c, e in zip(w, up, strict=True))) for w in (wi, wo))
-        together = add(wi, wo)
-        h = normalize(together)
-        cos_d = jnp.minimum(0.5 * norm(together), 1.0)
+        h = half_vector(wi, wo)
+        cos_d = jnp.clip(dot(wi, h), 0.0, 1.0)
         value = fresnel(cos_d, self.f0, self.eta, self.k) * self.density(h) * self.visibility(wi, wo)
         return jnp.where(above, value, 0.0)
 

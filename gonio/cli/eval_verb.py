@@ -1,0 +1,36 @@
+"""``gonio eval``: values of a material at any directions, as CSV."""
+
+import argparse
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("material", metavar="MATERIAL", help="a reference material, a readable file or a spelling")
+    parser.add_argument(
+        "--directions",
+        required=True,
+        metavar="DIRS.csv",
+        help="columns theta_i,phi_i,theta_o,phi_o in degrees, or wi_x,wi_y,wi_z,wo_x,wo_y,wo_z",
+    )
+    parser.add_argument("-o", "--output", metavar="OUT.csv", help="where to write; standard output if not given")
+    parser.add_argument("--force", action="store_true", help="replace an existing output")
+
+
+def run(args: argparse.Namespace) -> int:
+    import sys
+
+    from gonio.data.csv_table import read_directions, write_values
+    from gonio.data.files import new_file, refuse_existing
+    from gonio.data.material import load_material
+    from gonio.models.evaluate import evaluate
+
+    if args.output:
+        refuse_existing(args.output, args.force)
+    wi, wo, columns = read_directions(args.directions)
+    material = load_material(args.material)
+    f = evaluate(material.brdf, wi, wo)
+    if args.output is None:
+        write_values(sys.stdout, columns, f)
+        return 0
+    with new_file(args.output, args.force) as path, open(path, "w", encoding="utf-8") as file:
+        write_values(file, columns, f)
+    return 0

@@ -1,0 +1,57 @@
+"""``gonio models``: what can be spelled, with parameters, domains and sources."""
+
+import argparse
+import inspect
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("name", nargs="?", help="show one model whole")
+    parser.add_argument("--json", action="store_true", help="machine-readable")
+
+
+def run(args: argparse.Namespace) -> int:
+    from gonio.cli.text import columns, say
+    from gonio.models.building import example
+    from gonio.models.catalog import MODELS
+    from gonio.models.errors import GonioError
+    from gonio.models.spelling import nearest
+
+    if args.name and args.name not in MODELS:
+        raise GonioError(f"Unknown model '{args.name}'; {nearest(args.name, MODELS)}")
+    names = [args.name] if args.name else list(MODELS)
+    if args.json:
+        import json
+
+        say(json.dumps({n: _facts(n) for n in names}, indent=2, ensure_ascii=False))
+        return 0
+    for name in names:
+        facts = _facts(name)
+        say(f"{name}: {facts['doc'].splitlines()[0]}")
+        rest = inspect.cleandoc("\n".join(facts["doc"].splitlines()[1:])).strip()
+        if args.name and rest:
+            say(rest)
+        rows = [[f"    {p}", v["domain"], v["unit"], v["doc"]] for p, v in facts["parameters"].items()]
+        rows += [[f"    {o}", " | ".join(c), "", "option"] for o, c in facts["options"].items()]
+        if rows:
+            say(columns(rows))
+        if args.name:
+            say(f"    example: {example(name)}")
+    if not args.name:
+        say("\nSums and factors: 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)'; a list means channels: rho=[0.1, 0.2, 0.4].")
+        say("No Fresnel parameter means F = 1, f0 Schlick's, eta (with k) the exact one. 'gonio models NAME' shows one whole.")
+    return 0
+
+
+def _facts(name: str) -> dict:
+    from gonio.models.catalog import MODELS
+    from gonio.models.parameters import parameters_of
+    from gonio.models.spelling import options_of
+
+    return {
+        "doc": inspect.getdoc(MODELS[name]) or "",
+        "parameters": {
+            p: {"domain": f"[{i.low:g}, {i.high:g}]", "low": i.low, "high": i.high, "unit": i.unit, "doc": i.doc}
+            for p, i in parameters_of(MODELS[name]).items()
+        },
+        "options": {o: list(c) for o, c in options_of(MODELS[name]).items()},
+    }

@@ -1,0 +1,31 @@
+"""Plain text for terminals and pipes alike: aligned columns, numbers at a readable length."""
+
+import math
+import sys
+
+
+def columns(rows: list[list[str]], header: list[str] | None = None) -> str:
+    """Rows as aligned columns, two spaces apart; the last column is left ragged."""
+    every = ([header] if header else []) + rows
+    if not every:
+        return ""
+    widths = [max(len(r[i]) for r in every if i < len(r)) for i in range(max(map(len, every)))]
+    lines = ["  ".join(c.ljust(w) for c, w in zip(r, widths, strict=False)).rstrip() for r in every]
+    if header:
+        lines.insert(1, "  ".join("─" * w for w in widths))
+    return "\n".join(lines)
+
+
+def number(value: float | None, digits: int = 6) -> str:
+    """A number in at most so many significant digits; a dash where there is none."""
+    return "–" if value is None or math.isnan(value) else f"{value:.{digits}g}"
+
+
+def say(text: str = "") -> None:
+    """A line to standard output, at once: a user of a long command sees it when it is true."""
+    print(text, flush=True)
+
+
+def tell(text: str) -> None:
+    """A line to standard error: progress and remarks, which no pipe should swallow."""
+    print(text, file=sys.stderr, flush=True)
