@@ -16,14 +16,14 @@ NAMES = ("reciprocity", "energy", "positivity", "symmetry")
 
 
 def verdict_of(residual: float, bound: float, tolerance: float) -> str:
-    """pass if residual + bound ≤ tolerance, fail if residual − bound > tolerance, else undecided (NaN: undecided)."""
+    """pass if residual + bound ≤ tolerance, fail if residual − bound > tolerance, else undecided (also NaN)."""
     if residual + bound <= tolerance:
         return PASS
     return FAIL if residual - bound > tolerance else UNDECIDED
 
 
 def worst(verdicts: list[str]) -> str:
-    """fail before undecided before pass; what is not applicable does not count, and nothing left is undecided."""
+    """fail before undecided before pass; "not applicable" does not count, and nothing left is undecided."""
     for verdict in (FAIL, UNDECIDED, PASS):
         if verdict in verdicts:
             return verdict
@@ -34,9 +34,9 @@ def worst(verdicts: list[str]) -> str:
 class Property:
     """One property of a material: its residual, a bound on the error of computing that, and the tolerance.
 
-    `where` holds the angles in degrees of the worst place (and the channel, where there are several), `detail` one
-    sentence for people, `facts` further numbers, `series` what a plot needs. Residual and bound are None where
-    nothing could be computed.
+    `where` holds the angles in degrees of the worst place (and the channel, where there are several),
+    `detail` one sentence for people, `facts` further numbers, `series` what a plot needs. Residual and bound
+    are None where nothing could be computed.
     """
 
     name: str

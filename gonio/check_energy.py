@@ -1,0 +1,159 @@
+"""Energy conservation of a model: the directional albedo at all incidences, with bounds, at most 1."""
+
+import numpy as np
+
+from gonio.certificate import UNDECIDED, Property, verdict_of
+from gonio.check_cubature import cubature_albedo
+from gonio.check_probes import Rotated, pair_angles, precision
+from gonio.check_reciprocity import worst_difference
+from gonio.models.base import AbstractBRDF, Scaled, Sum, terms
+from gonio.models.catalog import MODELS
+from gonio.models.quadrature import directional_albedo, is_isotropic
+
+GRAZING = 89.9
+"""The last incidence, degrees."""
+
+ISOTROPIC = 1e-7
+"""A model that changes by less than this share when both directions are turned together is isotropic."""
+
+COARSE = 1e-5
+"""Bound of an albedo above which adaptive cubature is tried as well, where the albedo may exceed 1."""
+
+MOST_ADAPTED = 16
+
+
+def incidences() -> np.ndarray:
+    """Polar angles of incidence, radians: 0 to 89.9°, ever closer towards grazing."""
+    coarse = np.linspace(0, 80, 17)
+    fine = 90 - 10 * 10 ** np.linspace(0, -2, 16)[1:]
+    return np.radians(np.concatenate([coarse, fine]))
+
+
+def model_energy(brdf: AbstractBRDF, tolerance: float) -> Property:
+    """How far the directional albedo exceeds 1 at the worst incidence; losses in the facts."""
+    turning, own = _turning_residual(brdf), _own(brdf)
+    isotropic = turning is None or turning <= ISOTROPIC
+    theta = incidences()
+    azimuths = np.zeros(1) if isotropic else np.arange(8) * (np.pi if own else 2 * np.pi) / 8
+    accuracy = max(tolerance / 4, 1e-9)
+    t, p = (a.ravel() for a in np.meshgrid(theta, azimuths, indexing="ij"))
+    value, bound = _albedo(brdf, t, p, accuracy)
+    shape = (theta.size, azimuths.size, value.shape[-1])
+    series = {
+        "theta_i_deg": np.degrees(theta).tolist(),
+        "phi_i_deg": np.degrees(azimuths).tolist(),
+        "albedo": _by_channel(value.reshape(shape)),
+        "bound": _by_channel(bound.reshape(shape)),
+    }
+    t, p, value, bound = _refined(brdf, t, p, value, bound, accuracy, isotropic)
+    return energy_property(t, p, value, bound, tolerance, _method(brdf, own, isotropic), series)
+
+
+def energy_property(theta, phi, value, bound, tolerance, about: str, series: dict, lower=None) -> Property:
+    """The property of directional albedos (n, channels) at n incidences, with the bounds on their errors.
+
+    `lower` is the bound on how much smaller an albedo may be, where that differs from `bound`, on how much larger.
+    """
+    lower = bound if lower is None else lower
+    with np.errstate(invalid="ignore"):
+        surely, perhaps = value - lower, value + bound
+    failing = np.nan_to_num(surely, nan=-np.inf)
+    wild = ~np.isfinite(value)
+    if wild.any():
+        at, side = np.unravel_index(np.argmax(wild), value.shape), np.inf
+    elif failing.max() > 1 + tolerance:
+        at = np.unravel_index(np.argmax(failing), value.shape)
+        side = lower[at]
+    else:
+        at = np.unravel_index(np.argmax(np.nan_to_num(perhaps, nan=np.inf)), value.shape)
+        side = bound[at]
+    residual, side = float(value[at] - 1), float(side)
+    verdict = UNDECIDED if wild.any() else verdict_of(residual, side, tolerance)
+    where = {"theta_i": float(np.degrees(theta[at[0]])), "phi_i": float(np.degrees(phi[at[0]]) % 360)}
+    if value.shape[1] > 1:
+        where["channel"] = int(at[1])
+    least = np.unravel_index(np.nanargmin(np.where(wild, np.inf, value)), value.shape)
+    facts = {
+        "incidences": len(theta),
+        "largest_albedo": float(np.max(np.where(wild, -np.inf, value))),
+        "least_albedo": float(value[least]),
+        "largest_loss": float(1 - value[least]),
+        "loss_at_theta_i_deg": float(np.degrees(theta[least[0]])),
+    }
+    said = {
+        "pass": "The surface reflects no more than it receives",
+        "fail": "The surface reflects more than it receives",
+        "undecided": "The error of the albedo is too large for a verdict",
+    }[verdict]
+    size = f"±{side:.2g}" if np.isfinite(side) else "with an error that has no bound"
+    detail = (
+        f"{said}: albedo {value[at]:.6g} ({size}) at θi {where['theta_i']:.4g}°; it loses up to"
+        f" {max(facts['largest_loss'], 0.0):.3g} (at θi {facts['loss_at_theta_i_deg']:.4g}°). {about}"
+    )
+    return Property("energy", verdict, residual, side, tolerance, where, detail, facts, series)
+
+
+def _method(brdf, own, isotropic) -> str:
+    rule = "by each lobe's own map" if own else "by adaptive cubature, as the model's own map is not known to be right"
+    azimuths = "" if isotropic else ", at 8 azimuths"
+    return f"Incidence 0 to {GRAZING}°{azimuths}, integrated {rule}."
+
+
+def _by_channel(a: np.ndarray) -> list:
+    # The worst azimuth of each incidence, as one list for each channel.
+    return np.max(a, axis=1).T.tolist()
+
+
+def _base(term):
+    return term.base if isinstance(term, Scaled) else term
+
+
+def _own(brdf) -> bool:
+    return all(type(_base(t)) in MODELS.values() for t in terms(brdf))
+
+
+def _turning_residual(brdf) -> float | None:
+    # None where the model is one of ours and says that it is isotropic.
+    if _own(brdf):
+        return None if is_isotropic(brdf) else np.inf
+    found = worst_difference(brdf, Rotated(0.7), pair_angles(brdf)[::3], refine=False)
+    return max(found["residual"] - max(found["bound"], found["rounding"]), 0.0)
+
+
+def _albedo(brdf, theta, phi, accuracy) -> tuple[np.ndarray, np.ndarray]:
+    ours = [t for t in terms(brdf) if _own(t)]
+    foreign = [t for t in terms(brdf) if not _own(t)]
+    total, bound = np.zeros((theta.size, 1)), np.zeros((theta.size, 1))
+    if ours:
+        together = ours[0] if len(ours) == 1 else Sum(tuple(ours))
+        part = directional_albedo(together, theta, phi, accuracy)
+        value, error = (a.reshape(theta.size, -1).copy() for a in part[:2])
+        # Where the lobe's own map does not resolve it (very unequal widths), cells that adapt may.
+        open_ = np.flatnonzero(np.any((error > COARSE) & (value + error > 1), axis=-1))
+        for k in open_[:MOST_ADAPTED]:
+            v, e = cubature_albedo(together, theta[k], phi[k], accuracy)
+            better = e < error[k]
+            value[k], error[k] = np.where(better, v, value[k]), np.where(better, e, error[k])
+        total, bound = total + value, bound + error
+    for term in foreign:
+        parts = [cubature_albedo(term, a, b, accuracy) for a, b in zip(theta, phi, strict=True)]
+        total = total + np.stack([v for v, _ in parts])
+        bound = bound + np.stack([b for _, b in parts])
+    return total, bound + 64 * precision() * np.abs(total)
+
+
+def _refined(brdf, theta, phi, value, bound, accuracy, isotropic):
+    # Between the incidences looked at, on either side of the largest albedo, twice: the maximum lies in there.
+    for _ in range(2):
+        k = int(np.unravel_index(np.argmax(np.nan_to_num(value - bound, nan=-1.0)), value.shape)[0])
+        others = np.unique(theta)
+        place = int(np.searchsorted(others, theta[k]))
+        low, high = others[max(place - 1, 0)], others[min(place + 1, others.size - 1)]
+        new_t = np.linspace(low, high, 10)[1:-1]
+        new_p = np.full(8, phi[k])
+        if not isotropic:
+            new_p = new_p + np.linspace(-0.3, 0.3, 8)[[3, 0, 6, 1, 5, 2, 7, 4]]
+        v, b = _albedo(brdf, new_t, new_p, accuracy)
+        theta, phi = np.concatenate([theta, new_t]), np.concatenate([phi, new_p])
+        value, bound = np.concatenate([value, v]), np.concatenate([bound, b])
+    return theta, phi, value, bound

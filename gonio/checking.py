@@ -1,0 +1,88 @@
+"""`check`: is this model, or this table, reciprocal, and does it conserve energy?"""
+
+import os
+from typing import Any
+
+from gonio.certificate import NAMES, Certificate
+from gonio.data.material import Material
+from gonio.data.table import Table
+from gonio.models.base import AbstractBRDF
+from gonio.models.errors import GonioError
+
+MODEL_TOLERANCES = {"reciprocity": 1e-9, "energy": 1e-6, "positivity": 1e-9, "symmetry": 1e-9}
+TABLE_TOLERANCES = {"reciprocity": 0.05, "energy": 0.01, "positivity": 0.01, "symmetry": 0.05}
+
+
+def check(
+    subject: "Material | AbstractBRDF | Table | str | os.PathLike",
+    *,
+    tolerances: dict[str, float] | None = None,
+    strict: bool = False,
+    feature_width: float = 0.0,
+    name: str | None = None,
+) -> Certificate:
+    """Judges reciprocity, energy conservation, positivity and bilateral symmetry of a model or a table.
+
+    `subject` may be a material, a model, a table, or what names one: a reference material, a spelling, a file.
+    `tolerances` replaces defaults by name. With `strict` all properties make the overall verdict, else reciprocity
+    and energy. `feature_width`, radians: for tables, no lobe is taken to be narrower than this (0: as narrow as they
+    come), so a grid that never looks into the mirror direction may still be judged. Raises GonioError for a subject
+    that cannot be read, and for a tolerance that is unknown or negative.
+    """
+    kind, title, thing = _subject(subject)
+    title = name or title
+    limits = _limits(MODEL_TOLERANCES if kind == "model" else TABLE_TOLERANCES, tolerances)
+    if kind == "model":
+        from gonio.check_energy import model_energy
+        from gonio.check_other import model_positivity, model_symmetry
+        from gonio.check_reciprocity import model_reciprocity
+
+        found = [
+            model_reciprocity(thing, limits["reciprocity"]),
+            model_energy(thing, limits["energy"]),
+            model_positivity(thing, limits["positivity"]),
+            model_symmetry(thing, limits["symmetry"]),
+        ]
+    else:
+        from gonio.check_tables import check_table
+
+        found = check_table(thing, limits, feature_width)
+    return Certificate(title, kind, found, strict)
+
+
+def _limits(defaults: dict[str, float], given: dict[str, float] | None) -> dict[str, float]:
+    given = {k: v for k, v in (given or {}).items() if v is not None}
+    for key, value in given.items():
+        if key not in NAMES:
+            raise GonioError(f"there is no tolerance of {key!r}; expected one of {', '.join(NAMES)}")
+        if not value >= 0 or value == float("inf"):
+            raise GonioError(f"the tolerance of {key} is {value}; give a number from 0 up")
+    return {**defaults, **given}
+
+
+def _subject(subject: Any) -> tuple[str, str, Any]:
+    if isinstance(subject, Table):
+        return "table", subject.name or "table", subject
+    if isinstance(subject, AbstractBRDF):
+        return "model", _title(subject), subject
+    if isinstance(subject, str | os.PathLike):
+        from gonio.data.material import load_material
+
+        subject = load_material(subject)
+    if not isinstance(subject, Material):
+        raise GonioError(f"a {type(subject).__name__} cannot be checked; give a material, a model, a table or a file")
+    if subject.spelling is None and subject.meta.get("file"):
+        from gonio.data.reading import read
+
+        # The readings themselves are judged, not what lies between them.
+        return "table", subject.name, read(subject.meta["file"])
+    return "model", subject.name, subject.brdf
+
+
+def _title(brdf: AbstractBRDF) -> str:
+    from gonio.models.building import spell
+
+    try:
+        return spell(brdf)
+    except GonioError:
+        return type(brdf).__name__
