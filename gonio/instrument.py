@@ -141,7 +141,7 @@ class Instrument:
         return Systematic(*angles, gain=gain)
 
     def to_dict(self) -> dict:
-        """What JSON can hold of it: angles in degrees, counts and shares as given, without the defaults of the ideal."""
+        """What is not ideal about it, for JSON: angles in degrees, counts and shares as given."""
         given = {}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
