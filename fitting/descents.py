@@ -32,9 +32,7 @@ class Descent:
 def descend(problem: Problem, domains: Domains, start: np.ndarray) -> Descent:
     """One descent from the parameters `start`, shape (P,)."""
     p, cost, normal, steps, said = minimise(problem, jnp.asarray(to_unconstrained(domains, start)))
-    return Descent(
-        np.asarray(p), float(cost), float(normal.stationarity), bool(normal.exact), int(steps), bool(said)
-    )
+    return Descent(np.asarray(p), float(cost), float(normal.stationarity), bool(normal.exact), int(steps), bool(said))
 
 
 def agreeing(ends: list[Descent], best: Descent, size2: float) -> int:
@@ -56,6 +54,7 @@ def distinct(ends: list[Descent], size2: float, most: int = 3) -> list[Descent]:
 
 def ordered_lobes(s: Structure, fixed: tuple[dict, ...], p: np.ndarray) -> np.ndarray:
     """The same model with lobes of one kind in the order of their widths, narrow first: two fits then compare."""
+
     def kind(t: int) -> tuple:
         held = tuple((n, tuple(np.ravel(v))) for n, v in fixed[t].items())
         return s.calls[t], held, tuple((g.name, g.per_channel) for g in s.groups if g.term == t)

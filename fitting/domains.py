@@ -1,7 +1,7 @@
 """From unconstrained coordinates to parameters inside their closed domains, with both bounds in reach.
 
-u = u_low + (u_high − u_low) sin²x, and the parameter is u, eᵘ or eᵘ − 1 by the domain: a bound is an ordinary point of x
-[James & Roos 1975, MINUIT], reached at finite x. There the slope vanishes, so Gauss–Newton alone would crawl; the
+u = u_low + (u_high − u_low) sin²x, and the parameter is u, eᵘ or eᵘ − 1 by the domain: a bound is an ordinary point
+of x [James & Roos 1975, MINUIT], reached at finite x. There the slope vanishes, so Gauss–Newton alone would crawl; the
 curvature of the map is known in closed form and goes into the Hessian (`fitting.solver`).
 """
 

@@ -95,9 +95,13 @@ def fit(
 def _loss(loss: str | None, readings: Readings, relative_noise: float | None) -> tuple[str, np.ndarray | None]:
     if relative_noise is not None:
         if loss not in (None, "sigma"):
-            raise GonioError(f"relative_noise weighs by the noise itself and excludes the loss '{loss}'; give one of them.")
+            raise GonioError(
+                f"relative_noise weighs by the noise itself and excludes the loss '{loss}'; give one of them."
+            )
         if not 0 < relative_noise < 1:
-            raise GonioError(f"A relative noise of {relative_noise:g} came; expected a share between 0 and 1, such as 0.05.")
+            raise GonioError(
+                f"A relative noise of {relative_noise:g} came; expected a share between 0 and 1, such as 0.05."
+            )
         return "sigma", None
     if loss is not None and loss not in LOSSES:
         raise GonioError(f"Unknown loss '{loss}'; {nearest(loss, LOSSES)}")
@@ -106,7 +110,7 @@ def _loss(loss: str | None, readings: Readings, relative_noise: float | None) ->
         loss = "cbrt" if sigma is None else "sigma"
     if loss == "sigma" and sigma is None:
         raise GonioError(
-            "The loss 'sigma' needs standard uncertainties, and this table has none above 0; choose cbrt, log or log1p."
+            "The loss 'sigma' needs standard uncertainties above 0, and this table has none; choose cbrt, log or log1p."
         )
     return loss, sigma
 

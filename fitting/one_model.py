@@ -102,7 +102,8 @@ def _of_channel(terms: tuple[Term, ...], c: int) -> tuple[Term, ...]:
         return dataclasses.replace(v, number=v.number[c]) if v and isinstance(v.number, tuple) else v
 
     return tuple(
-        Term(one(t.scale), dataclasses.replace(t.call, values={n: one(v) for n, v in t.call.values.items()})) for t in terms
+        Term(one(t.scale), dataclasses.replace(t.call, values={n: one(v) for n, v in t.call.values.items()}))
+        for t in terms
     )
 
 
@@ -114,7 +115,7 @@ def _require_enough(asked: str, s: Structure, readings: Readings, names: tuple[s
         if have < len(wanted):
             raise GonioError(
                 f"'{asked}' has {len(wanted)} free numbers in channel {name} ({', '.join(wanted)}), and the table has "
-                f"{have} valid reading{'s' * (have != 1)} there: {len(wanted) - have} more are needed, or a smaller model."
+                f"{have} valid reading{'s' * (have != 1)} there: {len(wanted) - have} more are needed."
             )
 
 
@@ -123,7 +124,11 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
     _require_enough(asked, s, readings, names)
     d = domains_of(s)
     loss = options.loss
-    sigma = options.sigma if options.relative_noise is None else _relative_sigma(readings, readings.f, options.relative_noise)
+    sigma = (
+        options.sigma
+        if options.relative_noise is None
+        else _relative_sigma(readings, readings.f, options.relative_noise)
+    )
     weight = weights_of(readings, loss, sigma)
     compared = readings.f * np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else readings.f
     floor = floor_of(loss, compared[readings.valid])
@@ -145,7 +150,7 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
         finite = [e for e in ends if np.isfinite(e.cost)]
         if not finite:
             raise GonioError(
-                f"No start of '{asked}' has a finite cost on these readings; check their values, or give starts as name~value."
+                f"No start of '{asked}' has a finite cost on these readings; give other starts as name~value."
             )
         best = min(finite, key=lambda e: e.cost)
         number, agreed = len(ends), agreeing(ends, best, float(coarse.size2))
@@ -182,7 +187,9 @@ def _reweighted(problem, d: Domains, readings: Readings, last: Descent, options:
     s_problem = None
     for _ in range(REWEIGHTINGS):
         if s_problem is None:
-            s_problem = problem(readings, weights_of(readings, "sigma", _relative_sigma(readings, readings.f, options.relative_noise)))
+            s_problem = problem(
+                readings, weights_of(readings, "sigma", _relative_sigma(readings, readings.f, options.relative_noise))
+            )
         f = _model_values(s_problem, last.p, readings)
         weight = weights_of(readings, "sigma", _relative_sigma(readings, f, options.relative_noise))
         s_problem = problem(readings, weight)

@@ -31,7 +31,7 @@ class ParameterEstimate:
 
 @dataclasses.dataclass(frozen=True)
 class FitResult:
-    """A fitted model. `converged` means stationary by the projected gradient, or exact; `reason` says which, or why not.
+    """A fitted model. `converged` means stationary by the projected gradient, or exact; `reason` says why.
 
     `covariance` and `correlation` are over `free_names`; `cost` is ½Σr² of the named loss; `bic` compares models on the
     same readings and loss; `seconds` are wall time by stage.

@@ -70,7 +70,7 @@ def weights_of(readings: Readings, loss: str, sigma: np.ndarray | None) -> np.nd
     if loss == "sigma":
         if sigma is None:
             raise GonioError(
-                "The loss 'sigma' needs standard uncertainties, and this table has none above 0; choose cbrt, log or log1p."
+                "The loss 'sigma' needs standard uncertainties above 0, and this table has none; choose another loss."
             )
         weight = weight / np.where(readings.valid, sigma, 1.0)
     if readings.measure is not None:
@@ -86,7 +86,7 @@ def blocked(
 
     `beside`: a number of cells whose padded size these may share, so that both compile as one program.
     """
-    n, channels = readings.f.shape
+    n = readings.f.shape[0]
     used = -(-n // BLOCK)
     held, other = (next((b for b in BLOCK_COUNTS if b * BLOCK >= size), -(-size // BLOCK)) for size in (n, beside))
     if other <= SHARED_BLOCKS:
@@ -102,7 +102,9 @@ def blocked(
         return jnp.asarray(padded.reshape(held, BLOCK, *a.shape[1:]))
 
     up = (0.0, 0.0, 1.0)
-    wi, wo = (Direction(*(laid(np.asarray(c), e) for c, e in zip(w, up, strict=True))) for w in (readings.wi, readings.wo))
+    wi, wo = (
+        Direction(*(laid(np.asarray(c), e) for c, e in zip(w, up, strict=True))) for w in (readings.wi, readings.wo)
+    )
     samples = Samples(wi, wo, laid(target, 0.0), laid(weight, 0.0), jnp.asarray(used), jnp.asarray(float(floor)))
     return samples, size2
 

@@ -134,7 +134,7 @@ class StreamedLevenbergMarquardt(optx.AbstractMinimiser):
         promised = -(jnp.dot(info.grad, move) + 0.5 * jnp.dot(move, info.hessian.mv(move)))
         spent = promised <= 4.0 * _EPS * cost
         stationary = normal.stationarity <= STATIONARY
-        refused = state.first & ~finite
+        refused = (state.first & ~finite) | (result != optx.RESULTS.successful)
         finished = stationary | normal.exact | spent | refused
         state = _State(
             jnp.array(False), y + move / safe, cost, normal, scale, search, finished,

@@ -57,14 +57,25 @@ def _inside(s: Structure) -> tuple[np.ndarray, np.ndarray]:
 def random_shapes(s: Structure, d: Domains, said: np.ndarray, number: int, seed: int) -> list[np.ndarray]:
     """Vectors (P,) with every shape drawn at random in its domain, evenly in the coordinate of its map."""
     rng = np.random.default_rng(seed)
-    low = np.array([max(g.info.low, NARROWEST) if _is_width(g.name) else g.info.low for g in s.groups for _ in range(count(s, g))])
+    low = np.array(
+        [max(g.info.low, NARROWEST) if _is_width(g.name) else g.info.low for g in s.groups for _ in range(count(s, g))]
+    )
     high = d.high
-    u_low, u_high = (np.where(d.kind == LINEAR, b, np.where(d.kind == LOG, np.log(np.maximum(b, 1e-300)), np.log1p(b))) for b in (low, high))
+    u_low, u_high = (
+        np.where(d.kind == LINEAR, b, np.where(d.kind == LOG, np.log(np.maximum(b, 1e-300)), np.log1p(b)))
+        for b in (low, high)
+    )
     linear = np.array([g.linear for g in s.groups for _ in range(count(s, g))], dtype=bool)
     found = []
     for _ in range(number):
         u = u_low + (u_high - u_low) * rng.random(s.size)
-        p = np.where(d.kind == LINEAR, u, np.where(d.kind == LOG, np.exp(np.where(d.kind == LINEAR, 0.0, u)), np.expm1(np.where(d.kind == LINEAR, 0.0, u))))
+        p = np.where(
+            d.kind == LINEAR,
+            u,
+            np.where(
+                d.kind == LOG, np.exp(np.where(d.kind == LINEAR, 0.0, u)), np.expm1(np.where(d.kind == LINEAR, 0.0, u))
+            ),
+        )
         found.append(np.where(linear, said, p))
     return found
 
@@ -74,7 +85,9 @@ class LinearSolver:
 
     def __init__(self, s: Structure, fixed, readings: Readings, loss: str, weight: np.ndarray, floor: float, seed: int):
         n = readings.f.shape[0]
-        cells = np.arange(n) if n <= GUESS_SAMPLES else np.random.default_rng(seed).choice(n, GUESS_SAMPLES, replace=False)
+        cells = (
+            np.arange(n) if n <= GUESS_SAMPLES else np.random.default_rng(seed).choice(n, GUESS_SAMPLES, replace=False)
+        )
         part = readings.part(np.resize(cells, GUESS_SAMPLES))  # repeated if few, so that one program serves
         self.s, self.fixed = s, fixed
         self.wi, self.wo = (Direction(*(jnp.asarray(c, float) for c in w)) for w in (part.wi, part.wo))

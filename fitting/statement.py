@@ -16,7 +16,9 @@ from gonio.models.parameters import parameters_of
 from gonio.models.spelling import Term, Value
 
 
-def state(asked, terms: tuple[Term, ...], endings, readings: Readings, channels: Channels, options, seconds) -> FitResult:
+def state(
+    asked, terms: tuple[Term, ...], endings, readings: Readings, channels: Channels, options, seconds
+) -> FitResult:
     """The result of one joint ending, or of one ending for each channel."""
     brdf = build(_filled(terms, endings))
     f = np.concatenate([e.model_f for e in endings], axis=1)
@@ -88,7 +90,9 @@ def _estimates(e, channels: Channels, of_channel: str | None) -> list[ParameterE
             status = "at lower bound" if value - low <= high - value else "at upper bound"
         else:
             status = "undetermined" if e.covariance.undetermined[k] or not np.isfinite(u) else "determined"
-        interval = (max(low, value - NORMAL_95 * u), min(high, value + NORMAL_95 * u)) if np.isfinite(u) else (low, high)
+        interval = (
+            (max(low, value - NORMAL_95 * u), min(high, value + NORMAL_95 * u)) if np.isfinite(u) else (low, high)
+        )
         if e.pinned[k]:
             interval = (value, value)
         channel = of_channel or (None if c is None else channels.names[c])
@@ -109,7 +113,9 @@ def _held(terms: tuple[Term, ...], e, channels: Channels) -> list[ParameterEstim
                 low, high = (info.low, info.high) if info else (0.0, np.inf)
                 nothing = (float(value), float(value))
                 unit = info.unit if info else "1"
-                found.append(ParameterEstimate(f"{label}.{name}", channel, float(value), 0.0, nothing, "fixed", unit, low, high))
+                found.append(
+                    ParameterEstimate(f"{label}.{name}", channel, float(value), 0.0, nothing, "fixed", unit, low, high)
+                )
     return found
 
 
@@ -139,5 +145,3 @@ def _filled(terms: tuple[Term, ...], endings) -> tuple[Term, ...]:
                 values[g.name] = value
         filled.append(Term(scale, dataclasses.replace(term.call, values=values)))
     return tuple(filled)
-
-

@@ -92,7 +92,9 @@ def structure_of(terms: tuple[Term, ...], channels: int) -> tuple[Structure, tup
 
 def domains_of(s: Structure) -> Domains:
     """The closed domains of the free numbers, in their order."""
-    per_number = [(domain_kind(g.info.low, g.info.log), g.info.low, g.info.high) for g in s.groups for _ in range(count(s, g))]
+    per_number = [
+        (domain_kind(g.info.low, g.info.log), g.info.low, g.info.high) for g in s.groups for _ in range(count(s, g))
+    ]
     kind, low, high = (np.array(c) for c in zip(*per_number, strict=True)) if per_number else (np.empty(0),) * 3
     return Domains(kind.astype(int), low.astype(float), high.astype(float))
 

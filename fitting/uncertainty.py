@@ -77,4 +77,5 @@ def in_words(eigenvalue: float, change: np.ndarray, names: list[str]) -> str:
     others = ", ".join(f"{names[k]} by {100 * change[k] / lead:+.3g} %" for k in order[1:5])
     more = f" and {len(order) - 5} more" if len(order) > 5 else ""
     how = "changes nothing" if eigenvalue < LOST * len(names) else "changes almost nothing"
-    return f"raising {names[order[0]]} by 1 % together with {others}{more} {how} in the residuals: only their combination is determined"
+    start = f"raising {names[order[0]]} by 1 % together with {others}{more}"
+    return f"{start} {how} in the residuals: only their combination is determined"

@@ -96,9 +96,7 @@ class Sum(AbstractBRDF):
         n = len(self.parts)
         which = jnp.minimum(jnp.floor(u1 * n), n - 1)
         drawn = [part.sample(wi, u1 * n - which, u2) for part in self.parts]
-        return Direction(
-            *(jnp.select([which == i for i in range(n)], list(c)) for c in zip(*drawn, strict=True))
-        )
+        return Direction(*(jnp.select([which == i for i in range(n)], list(c)) for c in zip(*drawn, strict=True)))
 
     def pdf(self, wi, wo):
         return sum(part.pdf(wi, wo) for part in self.parts) / len(self.parts)
@@ -115,7 +113,6 @@ def terms(brdf: AbstractBRDF) -> tuple[AbstractBRDF, ...]:
         inner = terms(brdf.base)
         if len(inner) > 1 or isinstance(inner[0], Scaled):
             return tuple(
-                Scaled(brdf.scale * t.scale, t.base) if isinstance(t, Scaled) else Scaled(brdf.scale, t)
-                for t in inner
+                Scaled(brdf.scale * t.scale, t.base) if isinstance(t, Scaled) else Scaled(brdf.scale, t) for t in inner
             )
     return (brdf,)

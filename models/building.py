@@ -48,10 +48,7 @@ def example(name: str) -> str:
 def _number_text(value) -> str:
     a = np.asarray(value)
     # The shortest decimal that reads back as the same number of the array's own precision.
-    texts = [
-        np.format_float_positional(x, trim="-") if 1e-5 <= abs(x) < 1e6 else repr(x.item())
-        for x in a.reshape(-1)
-    ]
+    texts = [np.format_float_positional(x, trim="-") if 1e-5 <= abs(x) < 1e6 else repr(x.item()) for x in a.reshape(-1)]
     return texts[0] if a.ndim == 0 else f"[{', '.join(texts)}]"
 
 
@@ -68,9 +65,7 @@ def _spell_term(brdf: AbstractBRDF) -> str:
             f"A {type(brdf).__name__} has no spelling; only the models that 'gonio models' lists have one."
         )
     values = [
-        f"{n}={_number_text(getattr(brdf, n))}"
-        for n in parameters_of(type(brdf))
-        if getattr(brdf, n) is not None
+        f"{n}={_number_text(getattr(brdf, n))}" for n in parameters_of(type(brdf)) if getattr(brdf, n) is not None
     ]
     defaults = {f.name: f.default for f in dataclasses.fields(type(brdf))}
     options = [f'{o}="{getattr(brdf, o)}"' for o in options_of(type(brdf)) if getattr(brdf, o) != defaults[o]]

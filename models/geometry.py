@@ -99,9 +99,7 @@ def reflect(w: Direction, m: Direction) -> Direction:
     return Direction(twice * m.x - w.x, twice * m.y - w.y, twice * m.z - w.z)
 
 
-def pair_from_half_difference_trig(
-    cos_h, sin_h, cos_d, sin_d, cos_phi_d, sin_phi_d
-) -> tuple[Direction, Direction]:
+def pair_from_half_difference_trig(cos_h, sin_h, cos_d, sin_d, cos_phi_d, sin_phi_d) -> tuple[Direction, Direction]:
     """(wi, wo) of half/difference coordinates at phi_h = 0, from cosines and sines already at hand.
 
     [Rusinkiewicz 1998]: wi = R_y(theta_h) d, wo its mirror image about h; here d has the azimuth phi_d of `wi`.
@@ -118,9 +116,7 @@ def rotate_z(w: Direction, cos_phi: Scalar, sin_phi: Scalar) -> Direction:
     return Direction(w.x * cos_phi - w.y * sin_phi, w.x * sin_phi + w.y * cos_phi, w.z)
 
 
-def from_half_difference(
-    theta_h: Scalar, phi_h: Scalar, theta_d: Scalar, phi_d: Scalar
-) -> tuple[Direction, Direction]:
+def from_half_difference(theta_h: Scalar, phi_h: Scalar, theta_d: Scalar, phi_d: Scalar) -> tuple[Direction, Direction]:
     """(wi, wo) of Rusinkiewicz's half/difference angles, radians; shapes broadcast [Rusinkiewicz 1998, §3].
 
     theta_h in [0, π/2], phi_h in [0, 2π) locate the half vector; theta_d in [0, π/2], phi_d in [0, 2π) locate `wi` in

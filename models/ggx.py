@@ -22,9 +22,7 @@ class GGX(mf.AbstractMicrofacet):
     f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
     eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
     k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
-    smith: str = eqx.field(
-        static=True, default="correlated", metadata={"choices": ("correlated", "separable")}
-    )
+    smith: str = eqx.field(static=True, default="correlated", metadata={"choices": ("correlated", "separable")})
 
     def density(self, m):
         return ggx_d(m, *self.widths)

@@ -14,9 +14,7 @@ ALPHA = ParameterInfo(1e-4, 1.0, "1", "width of the slope distribution", start=0
 ALPHA_X = ParameterInfo(1e-4, 1.0, "1", "width of the slope distribution along x", start=0.2, log=True)
 ALPHA_Y = ParameterInfo(1e-4, 1.0, "1", "width of the slope distribution along y", start=0.4, log=True)
 F0 = ParameterInfo(0.0, 1.0, "1", "Fresnel reflectance at normal incidence (Schlick)", start=0.04)
-ETA = ParameterInfo(
-    0.01, 20.0, "1", "refractive index, relative to the outside (exact Fresnel)", start=1.5, log=True
-)
+ETA = ParameterInfo(0.01, 20.0, "1", "refractive index, relative to the outside (exact Fresnel)", start=1.5, log=True)
 K = ParameterInfo(0.0, 50.0, "1", "extinction coefficient (exact Fresnel, with eta)", start=3.0)
 
 

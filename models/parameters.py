@@ -33,11 +33,7 @@ def parameter(info: ParameterInfo, **kwargs: Any) -> Any:
 def _as_parameter(value: Any) -> Any:
     if value is None:
         return None
-    return (
-        jnp.asarray(value, dtype=jnp.result_type(float))
-        if isinstance(value, int | float | list | tuple)
-        else value
-    )
+    return jnp.asarray(value, dtype=jnp.result_type(float)) if isinstance(value, int | float | list | tuple) else value
 
 
 def parameters_of(model_class: type) -> dict[str, ParameterInfo]:

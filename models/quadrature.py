@@ -120,9 +120,7 @@ def _albedo_block(parts, theta, phi, tolerance) -> tuple[np.ndarray, np.ndarray,
         open_terms = unmet
         if not open_terms:
             break
-    value, bound = (
-        sum(_channels_last(d[k], done.values()) for d in done.values())[: theta.size] for k in (0, 1)
-    )
+    value, bound = (sum(_channels_last(d[k], done.values()) for d in done.values())[: theta.size] for k in (0, 1))
     return value, bound, evaluations
 
 

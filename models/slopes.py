@@ -56,12 +56,14 @@ def ggx_visible_normal(wi: Direction, alpha_x: Scalar, alpha_y: Scalar, u1: Scal
 def beckmann_d(m: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
     """Beckmann density of normals, 1/sr [Walter 2007, eq. 25, anisotropic]; 0 for m.z ≤ 0.
 
-    Below m.z = 1e-4 the exponential is 0 in every precision, while tan² would overflow: that range is masked.
+    Beyond tan² = 745 (of the scaled slope) the exponential is 0 in double precision, while powers of 1/m.z would
+    overflow and turn its gradient into NaN: that range is masked before it is evaluated.
     """
-    up = m.z > 1e-4
-    z2 = jnp.where(up, m.z, 1.0) ** 2
-    tan2 = ((m.x / alpha_x) ** 2 + (m.y / alpha_y) ** 2) / z2
-    return jnp.where(up, jnp.exp(-tan2) / (jnp.pi * alpha_x * alpha_y * z2 * z2), 0.0)
+    slope2 = (m.x / alpha_x) ** 2 + (m.y / alpha_y) ** 2
+    live = (m.z > 0) & (slope2 < 745.0 * m.z**2)
+    z2 = jnp.where(live, m.z, 1.0) ** 2
+    tan2 = jnp.where(live, slope2, 0.0) / z2
+    return jnp.where(live, jnp.exp(-tan2) / (jnp.pi * alpha_x * alpha_y * z2 * z2), 0.0)
 
 
 def beckmann_shadow_excess(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:

@@ -217,10 +217,7 @@ def parse(text: str) -> tuple[Term, ...]:
     for term in found:
         require_one_fresnel(term.call)
     lists = {
-        len(v.number)
-        for t in found
-        for v in (*t.call.values.values(), t.scale)
-        if v and isinstance(v.number, tuple)
+        len(v.number) for t in found for v in (*t.call.values.values(), t.scale) if v and isinstance(v.number, tuple)
     }
     if len(lists) > 1:
         raise parser.error(

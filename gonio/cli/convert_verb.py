@@ -18,14 +18,14 @@ def run(args: argparse.Namespace) -> int:
     from gonio.data.files import refuse_existing
     from gonio.data.merl import write_merl
     from gonio.data.reading import read
-    from gonio.data.store import open_table, write_table
     from gonio.data.round_trip import compare_cells
+    from gonio.data.store import open_table, write_table
     from gonio.models.errors import GonioError
 
     suffix = Path(args.output).suffix.lower()
     if suffix not in (".h5", ".hdf5", ".nc", ".binary", ".csv"):
         raise GonioError(
-            f"{args.output} has the ending '{suffix}'; give .h5 (gonio's HDF5), .binary (MERL) or .csv to say the format."
+            f"{args.output} ends in '{suffix}'; give .h5 (gonio's HDF5), .binary (MERL) or .csv to say the format."
         )
     refuse_existing(args.output, args.force)
     table = read(args.input, **({"nodes": args.merl_nodes} if args.merl_nodes else {}))

@@ -2,6 +2,16 @@
 
 import argparse
 
+METRIC_NAMES = {
+    "relative_rms": "relative rms",
+    "relative_rms_cosine": "with cosines",
+    "median_relative": "median |Δ|/f",
+    "log_rms": "log rms",
+    "cbrt_rms": "cube-root rms",
+    "bias": "bias (1/sr)",
+    "reduced_chi2": "reduced χ²",
+}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="a table in any format that can be read")
@@ -10,17 +20,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="such as 'lambert + ggx(eta=1.5)': omitted shapes are free, name=v is fixed, name~v free from v; "
         "several are ranked by BIC; without one, the usual candidates are",
     )  # fmt: skip
-    parser.add_argument("-o", "--output", metavar="FIT.toml", help="the fitted material; FILE's name with .fit.toml if not given")
+    parser.add_argument(
+        "-o", "--output", metavar="FIT.toml", help="the fitted material; FILE's name with .fit.toml if not given"
+    )
     parser.add_argument("--loss", help="sigma, linear, cbrt, log or log1p; by default sigma where known, else cbrt")
-    parser.add_argument("--relative-noise", type=float, metavar="SHARE", help="noise as a share of f, such as 0.05: weights by the model, reweighted")
-    parser.add_argument("--theta-max", type=float, metavar="DEG", help="leave out readings beyond this polar angle, on either side")
+    parser.add_argument(
+        "--relative-noise",
+        type=float,
+        metavar="SHARE",
+        help="noise as a share of f, such as 0.05: weights by the model, reweighted",
+    )
+    parser.add_argument(
+        "--theta-max", type=float, metavar="DEG", help="leave out readings beyond this polar angle, on either side"
+    )
     parser.add_argument("--weight", metavar="HOW", help="solid-angle: weigh cells by the solid angle they stand for")
     parser.add_argument("--per-channel", action="store_true", help="fit each channel by itself")
     parser.add_argument("--samples", type=int, metavar="N", help="use at most N cells, drawn by the seed")
-    parser.add_argument("--starts", type=int, default=8, metavar="N", help="random starts beside those from the data (default 8)")
+    parser.add_argument(
+        "--starts", type=int, default=8, metavar="N", help="random starts beside those from the data (default 8)"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of random starts and samples (default 0)")
     parser.add_argument("--merl-nodes", choices=("lower", "centre"), help="where a MERL file's nodes lie in their bins")
-    parser.add_argument("--json", metavar="FILE", help="also write everything about the fit as JSON ('-': standard output)")
+    parser.add_argument(
+        "--json", metavar="FILE", help="also write everything about the fit as JSON ('-': standard output)"
+    )
     parser.add_argument("--force", action="store_true", help="replace an existing output")
 
 
@@ -81,18 +104,26 @@ def summary(r) -> list[str]:
     """What a fit says of itself, in lines."""
     from gonio.cli.text import columns, number
 
-    lines = [f"{r.asked} on {r.table}: {r.samples} readings, loss {r.loss}" + (f", weight {r.weight}" if r.weight else "")]
-    lines.append(f"{'converged' if r.converged else 'NOT converged'}: {r.reason}; {r.starts_agreed} of {r.starts} starts agree")
+    lines = [
+        f"{r.asked} on {r.table}: {r.samples} readings, loss {r.loss}" + (f", weight {r.weight}" if r.weight else "")
+    ]
+    lines.append(
+        f"{'converged' if r.converged else 'NOT converged'}: {r.reason}; {r.starts_agreed} of {r.starts} starts agree"
+    )
     rows = [
-        [p.label, number(p.value, 8), number(p.standard_uncertainty, 2), f"[{number(p.interval95[0])}, {number(p.interval95[1])}]", p.status]
+        [
+            p.label,
+            number(p.value, 8),
+            number(p.standard_uncertainty, 2),
+            f"[{number(p.interval95[0])}, {number(p.interval95[1])}]",
+            p.status,
+        ]
         for p in r.parameters
         if p.status != "fixed"
     ]
     if rows:
         lines.append(columns(rows, ["number", "value", "std. unc.", "95 % interval", "status"]))
-    names = {"relative_rms": "relative rms", "relative_rms_cosine": "with cosines", "median_relative": "median |Δ|/f",
-             "log_rms": "log rms", "cbrt_rms": "cube-root rms", "bias": "bias (1/sr)", "reduced_chi2": "reduced χ²"}  # fmt: skip
-    lines.append("; ".join(f"{names[k]} {number(v, 3)}" for k, v in r.metrics.items()))
+    lines.append("; ".join(f"{METRIC_NAMES[k]} {number(v, 3)}" for k, v in r.metrics.items()))
     if r.negative_readings:
         lines.append(f"{r.negative_readings} negative readings, used as they are")
     lines += [f"active bound: {name}" for name in r.active_bounds]
@@ -100,9 +131,14 @@ def summary(r) -> list[str]:
     lines += [f"note: {words}" for words in r.notes]
     if r.alternatives:
         ranked = [
-            [a["model"], number(a.get("bic_above_best"), 5), str(a.get("free", "–")), number(a.get("relative_rms"), 3),
-             a.get("refused") or ("" if a["converged"] else "not converged")]
+            [
+                a["model"],
+                number(a.get("bic_above_best"), 5),
+                str(a.get("free", "–")),
+                number(a.get("relative_rms"), 3),
+                a.get("refused") or ("" if a["converged"] else "not converged"),
+            ]
             for a in r.alternatives
-        ]  # fmt: skip
+        ]
         lines.append(columns(ranked, ["tried", "BIC above best", "free", "relative rms", ""]))
     return lines

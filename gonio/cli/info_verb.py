@@ -32,7 +32,11 @@ def _material(path: str) -> dict:
     facts |= {"channels": list(m.channels.names), "source": m.source}
     fit = m.meta.get("fit")
     if fit:
-        facts |= {f"fit {k}": fit[k] for k in ("converged", "reason", "loss", "samples", "starts_agreed", "starts") if k in fit}
+        facts |= {
+            f"fit {k}": fit[k]
+            for k in ("converged", "reason", "loss", "samples", "starts_agreed", "starts")
+            if k in fit
+        }
         facts |= {f"fit {k}": v for k, v in fit.get("metrics", {}).items()}
     return facts
 
@@ -46,7 +50,9 @@ def _table(path: str) -> dict:
     degrees = {n: np.degrees(a) for n, a in t.layout.axes.items()}
     facts = {"kind": "table", "name": t.name, "layout": t.layout.name, "cells": t.layout.size}
     facts["dimensions"] = ", ".join(f"{n} {s}" for n, s in zip(t.layout.dims, t.layout.shape, strict=True))
-    facts |= {f"{n} (degrees)": f"{a.min():.6g} to {a.max():.6g}, {np.unique(a).size} values" for n, a in degrees.items()}
+    facts |= {
+        f"{n} (degrees)": f"{a.min():.6g} to {a.max():.6g}, {np.unique(a).size} values" for n, a in degrees.items()
+    }
     facts["channels"] = list(t.channels.names)
     counts = t.counts()
     facts["readings"] = ", ".join(f"{v} {k.replace('_', ' ')}" for k, v in counts.items() if v and k != "cells")

@@ -25,7 +25,13 @@ def run(args: argparse.Namespace) -> int:
         import json
 
         facts = [
-            {"name": m.name, "description": m.description, "model": m.spelling, "channels": m.channels.names, "source": m.source}
+            {
+                "name": m.name,
+                "description": m.description,
+                "model": m.spelling,
+                "channels": m.channels.names,
+                "source": m.source,
+            }
             for m in found
         ]
         say(json.dumps(facts, indent=2, ensure_ascii=False))

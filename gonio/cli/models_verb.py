@@ -37,8 +37,9 @@ def run(args: argparse.Namespace) -> int:
         if args.name:
             say(f"    example: {example(name)}")
     if not args.name:
-        say("\nSums and factors: 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)'; a list means channels: rho=[0.1, 0.2, 0.4].")
-        say("No Fresnel parameter means F = 1, f0 Schlick's, eta (with k) the exact one. 'gonio models NAME' shows one whole.")
+        say("\nSums and factors: 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)'; a list means channels.")
+        say("No Fresnel parameter means F = 1, f0 Schlick's, eta (with k) the exact one.")
+        say("'gonio models NAME' shows one whole.")
     return 0
 
 
