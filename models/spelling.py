@@ -76,7 +76,7 @@ class _Parser:
     def error(self, what: str) -> GonioError:
         text = self.text if len(self.text) <= 80 else self.text[:77] + "..."
         return GonioError(
-            f"Cannot read the model '{text}': {what}. Expected a form like 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)'."
+            f"Cannot read the model '{text}': {what}. Expected a form like 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2)'."
         )
 
     def peek(self) -> tuple[str, str]:
@@ -164,7 +164,8 @@ class _Parser:
                 values[key] = dataclasses.replace(value, free=free or value.free)
             else:
                 raise GonioError(
-                    f"{name} has no parameter '{key}'; {nearest(key, [*known, *options]) if known or options else 'it has none.'}"
+                    f"{name} has no parameter '{key}'; "
+                    + (nearest(key, [*known, *options]) if known or options else "it has none.")
                 )
             if self.peek() != ("sign", ")"):
                 self.expect(",")
@@ -186,7 +187,7 @@ class _Parser:
         number = float(text)
         if not info.low <= number <= info.high:
             raise GonioError(
-                f"{what} is {text}, outside of its domain [{info.low:g}, {info.high:g}]; give a value inside ({info.doc})."
+                f"{what} is {text}, outside of its domain [{info.low:g}, {info.high:g}]; give a value inside it."
             )
         return number
 
