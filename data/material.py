@@ -79,23 +79,35 @@ def _channels_of(brdf: AbstractBRDF) -> Channels:
     return Channels.grey() if count is None else Channels.of_count(count)
 
 
-def _from_file(path: Path) -> Material:
+def _is_material_file(path: Path) -> bool:
     if path.suffix.lower() == ".toml":
+        return True
+    if not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file:
+            return b"gonio_material" in file.read(4096)
+    except OSError:  # the reader of tables says what is wrong with it
+        return False
+
+
+def _from_file(path: Path) -> Material:
+    if _is_material_file(path):
         return read_material(path)
     # Tables drag in the readers of every format; a material that is a model does without them.
     from gonio.data.reading import read
-    from gonio.data.tabulated import as_material
+    from gonio.data.tabulated import as_material, interpolation
 
     table = read(path)
-    assumptions = table.provenance.get("assumptions", [])
+    how = interpolation(table)
     return Material(
         table.name or path.stem,
         as_material(table),
         None,
         table.channels,
-        f"a measured table, {table.layout.name}, interpolated",
+        f"a table ({table.layout.name}), {how}",
         str(table.provenance.get("source", "")),
-        {"file": str(path), "assumptions": assumptions},
+        {"file": str(path), "interpolation": how, "provenance": table.provenance},
     )
 
 

@@ -7,9 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from gonio.data import layout
 from gonio.data import material as mat
 from gonio.data.material import Material, load_material, reference_materials, write_material
-from gonio.data.table import Channels
+from gonio.data.store import write_table
+from gonio.data.table import Channels, Table
 from gonio.models.base import Scaled, terms
 from gonio.models.building import build
 from gonio.models.errors import GonioError
@@ -79,6 +81,24 @@ def test_a_spelling_is_a_material():
     assert np.array_equal(evaluate(found.brdf, WI, WO), evaluate(build(text), WI, WO))
 
 
+def test_a_table_file_is_a_material(tmp_path):
+    theta, phi = np.radians([0.0, 20.0, 40.0, 60.0, 80.0]), np.radians([0.0, 90.0, 180.0, 270.0])
+    grid = layout.isotropic(theta, theta, phi)
+    rho = np.array([0.2, 0.4])
+    f = np.broadcast_to(rho / np.pi, (*grid.shape, 2))
+    table = Table(grid, f, np.zeros(f.shape, np.uint8), Channels.of_wavelengths([500.0, 600.0]), name="flat")
+    write_table(tmp_path / "flat.h5", table)
+    found = load_material(tmp_path / "flat.h5")
+    assert found.channels == table.channels
+    assert found.spelling is None
+    np.testing.assert_allclose(evaluate(found.brdf, WI, WO), np.broadcast_to(rho / np.pi, (3, 2)), rtol=1e-14)
+    with pytest.raises(GonioError, match="no spelling"):
+        write_material(tmp_path / "flat.toml", found)
+    (tmp_path / "noise.bin").write_bytes(b"\x01\x02" * 100)
+    with pytest.raises(GonioError, match="noise"):
+        load_material(tmp_path / "noise.bin")
+
+
 def test_written_and_read_back_it_is_the_same(tmp_path):
     path = tmp_path / "fitted.toml"
     model = build("lambert(rho=[0.1, 0.2]) + 0.3 * ggx(alpha=0.123456789012345678, eta=1.5)")
@@ -143,6 +163,12 @@ def test_bad_files_are_refused_in_one_sentence(tmp_path, text, said):
         load_material(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_material_file_is_known_by_its_content_too(tmp_path):
+    path = tmp_path / "material.txt"
+    path.write_text(GOOD)
+    assert load_material(path).channels == Channels.rgb()
 
 
 def test_a_huge_file_is_refused_before_it_is_read(tmp_path):
