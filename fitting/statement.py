@@ -9,7 +9,7 @@ from gonio.fitting.metrics import metrics
 from gonio.fitting.result import FitResult, ParameterEstimate
 from gonio.fitting.samples import Readings
 from gonio.fitting.structure import FACTOR, domains_of, labels, term_labels
-from gonio.fitting.uncertainty import NORMAL_95, in_words
+from gonio.fitting.uncertainty import NORMAL_95, covers_domain, in_words
 from gonio.models.building import build, spell
 from gonio.models.catalog import MODELS
 from gonio.models.parameters import parameters_of
@@ -85,11 +85,13 @@ def _estimates(e, channels: Channels, of_channel: str | None) -> list[ParameterE
     found = []
     for k, (name, c) in enumerate(labels(s)):
         value, u = float(e.p[k]), float(e.covariance.standard[k])
+        u = max(u, float(np.finfo(float).eps) * abs(value)) if np.isfinite(u) else u
         low, high = float(d.low[k]), float(d.high[k])
         if e.pinned[k]:
             status = "at lower bound" if value - low <= high - value else "at upper bound"
         else:
-            status = "undetermined" if e.covariance.undetermined[k] or not np.isfinite(u) else "determined"
+            lost = e.covariance.undetermined[k] or not np.isfinite(u) or covers_domain(d, k, value, u)
+            status = "undetermined" if lost else "determined"
         interval = (
             (max(low, value - NORMAL_95 * u), min(high, value + NORMAL_95 * u)) if np.isfinite(u) else (low, high)
         )

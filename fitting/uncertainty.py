@@ -4,6 +4,8 @@ import dataclasses
 
 import numpy as np
 
+from gonio.fitting.domains import LINEAR, LOG, Domains
+
 NORMAL_95 = 1.959963984540054
 LOST = 1e-13  # eigenvalue of the scaled normal matrix below which double precision sees a combination as free
 WEAK = 1e-5  # below which a combination is named: its uncertainty is 300 times that of its members known apart
@@ -67,6 +69,15 @@ def covariance(
     return Covariance(full, undetermined, named)
 
 
+def covers_domain(d: Domains, k: int, value: float, u: float) -> bool:
+    """Whether the 95 % interval of number k is as long as its domain, in the coordinate of the domain's map."""
+    low, high = float(d.low[k]), float(d.high[k])
+    if d.kind[k] == LINEAR:
+        return 2 * NORMAL_95 * u >= high - low
+    shift = 0.0 if d.kind[k] == LOG else 1.0
+    return 2 * NORMAL_95 * u / (value + shift) >= np.log((high + shift) / (low + shift))
+
+
 def in_words(eigenvalue: float, change: np.ndarray, names: list[str]) -> str:
     """A combination of free numbers that the data leave (nearly) open, as a sentence."""
     size = np.abs(change) / np.max(np.abs(change))
@@ -74,7 +85,7 @@ def in_words(eigenvalue: float, change: np.ndarray, names: list[str]) -> str:
     if len(order) == 1:
         return f"{names[order[0]]} is not determined by these readings"
     lead = change[order[0]]
-    others = ", ".join(f"{names[k]} by {100 * change[k] / lead:+.3g} %" for k in order[1:5])
+    others = ", ".join(f"{names[k]} by {change[k] / lead:+.3g} %" for k in order[1:5])
     more = f" and {len(order) - 5} more" if len(order) > 5 else ""
     how = "changes nothing" if eigenvalue < LOST * len(names) else "changes almost nothing"
     start = f"raising {names[order[0]]} by 1 % together with {others}{more}"
