@@ -164,7 +164,7 @@ def test_models_are_ranked_by_bic():
     table = table_of("lambert(rho=.2)+0.5*ggx(alpha=0.2)", noise=0.02)
     result = fit(table, ["lambert", "lambert + ggx", "lambert + ggx + ggx"], starts=2)
     assert result.asked == "lambert + ggx"
-    assert [a["model"] for a in result.alternatives][0] == "lambert + ggx" and len(result.alternatives) == 3
+    assert result.alternatives[0]["model"] == "lambert + ggx" and len(result.alternatives) == 3
     assert result.alternatives[0]["bic_above_best"] == 0 < result.alternatives[1]["bic_above_best"]
 
 
