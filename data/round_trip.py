@@ -38,12 +38,15 @@ def compare(written: np.ndarray, read: np.ndarray, was_valid: np.ndarray, is_val
     a, b = (np.asarray(v, np.float64)[both] for v in (written, read))
     difference, size = np.abs(a - b), np.abs(a)
     nonzero = size > 0
-    scale = float(np.sqrt(np.mean(a**2))) if a.size else 0.0
+    largest = float(size.max(initial=0.0))
+    # In units of the largest value: squares of what a float can hold overflow.
+    unit = largest if largest > 0 else 1.0
+    rms = float(np.sqrt(np.sum((difference / unit) ** 2) / max(np.sum((size / unit) ** 2), 1e-300)))
     return RoundTrip(
         compared=int(both.sum()),
         max_absolute=float(difference.max(initial=0.0)),
         max_relative=float((difference[nonzero] / size[nonzero]).max(initial=0.0)),
-        rms_relative=float(np.sqrt(np.mean(difference**2))) / scale if scale > 0 else 0.0,
+        rms_relative=rms if largest > 0 else 0.0,
         lost=int((was_valid & ~is_valid).sum()),
         note=note,
     )

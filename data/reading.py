@@ -1,0 +1,71 @@
+"""Any file that gonio can read, known by what is in it, not by its name."""
+
+import os
+
+from gonio.data import csv_table, merl, nist, tensor_file
+from gonio.data.csv_text import CsvText
+from gonio.data.files import input_size
+from gonio.data.table import Table
+from gonio.models.errors import GonioError
+
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+KINDS = ("HDF5", "MERL", "RGL", "NIST", "CSV")
+
+
+def sniff(path: str | os.PathLike) -> str:
+    """Which of `KINDS` a file is. Raises GonioError, in one sentence, where it is none of them or cannot be read."""
+    size = input_size(path)
+    with open(path, "rb") as file:
+        start = file.read(4096)
+    if start.startswith(HDF5_SIGNATURE):
+        return "HDF5"
+    if start.startswith(tensor_file.MAGIC):
+        return "RGL"
+    if merl.header_counts(start, size) or merl.looks_like_merl(start):
+        return "MERL"
+    if b"\0" in start:
+        _unknown(path, "binary")
+    names = CsvText(path, limit=1 << 16).names
+    if nist.looks_like_nist(names):
+        return "NIST"
+    if csv_table.looks_like_csv(names):
+        return "CSV"
+    if len(names) > 1 and not _number(names[0]):
+        csv_table.read_directions(path)  # says which columns are missing
+    return _unknown(path, "text")
+
+
+def read(path: str | os.PathLike, **options) -> Table:
+    """The table of a file: gonio's HDF5, MERL, RGL, NIST's PTFE CSV or plain CSV.
+
+    Options: `nodes` ("lower" or "centre") for MERL, `wavelength_nm` for NIST. Raises GonioError for a file
+    that is damaged or unknown, and for an option that its format does not have.
+    """
+    kind = sniff(path)
+    allowed = {"MERL": {"nodes"}, "NIST": {"wavelength_nm"}}.get(kind, set())
+    if unknown := sorted(set(options) - allowed):
+        raise GonioError(f"{path} is a {kind} file, which has no option {unknown[0]!r}; leave it out")
+    if kind == "HDF5":
+        from gonio.data.store import open_table
+
+        return open_table(path)
+    if kind == "RGL":
+        from gonio.data.rgl import read_rgl
+
+        return read_rgl(path)
+    return {"MERL": merl.read_merl, "NIST": nist.read_nist, "CSV": csv_table.read_csv}[kind](path, **options)
+
+
+def _number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _unknown(path, what: str):
+    raise GonioError(
+        f"{path} is {what} of an unknown kind; expected a table of gonio (HDF5), MERL .binary, RGL .bsdf, "
+        "NIST's PTFE CSV, or CSV with a header (theta_i,phi_i,theta_o,phi_o,f)"
+    )
