@@ -135,17 +135,16 @@ def sums(s: Structure, loss: str, p, fixed, data: Samples) -> Sums:
 
 
 class Closing(NamedTuple):
-    """What a fit ends with: its sums, Jᵀ diag(r²) J [White 1980], and the model's f and residuals at every sample."""
+    """What a fit ends with: its sums, Jᵀ diag(r²) J [White 1980], and the model's f at every sample."""
 
     total: Sums
     scatter: Float[Array, "p p"]
     f: Float[Array, "B n C"]
-    residual: Float[Array, "B n C"]
 
 
 @eqx.filter_jit
 def closing(s: Structure, loss: str, p, fixed, data: Samples) -> Closing:
-    """The sums at p once more, with the middle of the heteroscedasticity-consistent covariance and the residuals."""
+    """The sums at p once more, with the middle of the heteroscedasticity-consistent covariance and the model."""
     groups = len(s.groups)
 
     def add_block(carry, b):
@@ -155,13 +154,13 @@ def closing(s: Structure, loss: str, p, fixed, data: Samples) -> Closing:
         row = row + jnp.sum(weighted, 0)
         square = square + jnp.einsum("nkc,nlc->klc", jac, jac)
         scatter = scatter + jnp.einsum("nkc,nlc->klc", weighted, weighted)
-        return (cost + 0.5 * jnp.sum(r * r), row, square, scatter), (f, r)
+        return (cost + 0.5 * jnp.sum(r * r), row, square, scatter), f
 
     squares = jnp.zeros((groups, groups, s.channels))
     start = (jnp.zeros(()), jnp.zeros((groups, s.channels)), squares, squares)
-    (cost, row, square, scatter), (f, r) = jax.lax.scan(add_block, start, jnp.arange(data.weight.shape[0]))
+    (cost, row, square, scatter), f = jax.lax.scan(add_block, start, jnp.arange(data.weight.shape[0]))
     matrix, vector = _spread(s, square, row)
-    return Closing(Sums(cost, vector, matrix), _spread(s, scatter, row)[0], f, r)
+    return Closing(Sums(cost, vector, matrix), _spread(s, scatter, row)[0], f)
 
 
 @eqx.filter_jit
