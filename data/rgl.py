@@ -119,10 +119,10 @@ def read_rgl(path: str | os.PathLike) -> Table:
     flag[np.minimum(*grid.cosines()) <= FLOAT32_HORIZON] = Flag.BELOW_HORIZON
     f[flag != Flag.VALID] = np.nan
 
-    def interpolant():
+    def interpolant(coarse: bool = False):
         from gonio.data.rgl_material import RGLMaterial
 
-        return RGLMaterial(data)
+        return RGLMaterial(coarser(data) if coarse else data)
 
     provenance = {
         "format": "RGL",
@@ -134,6 +134,16 @@ def read_rgl(path: str | os.PathLike) -> Table:
     }
     name = os.path.splitext(os.path.basename(path))[0]
     return Table(grid, f, flag, data.channels, provenance=provenance, name=name, interpolant=interpolant)
+
+
+def coarser(data: RGLData) -> RGLData:
+    """The file with every second incidence and half the samples: what it misses tells what the file itself misses."""
+    count = data.theta_i.size
+    kept = sorted({*range(0, count, 2), count - 1})
+    half = max(2, (data.spectra.shape[-1] + 1) // 2)
+    x, y = np.meshgrid(*2 * (np.linspace(0.0, 1.0, half),))
+    spectra = np.stack([[[_bilinear(c, x, y) for c in t] for t in p[kept]] for p in data.spectra])
+    return dataclasses.replace(data, theta_i=data.theta_i[kept], vndf=data.vndf[:, kept], spectra=spectra)
 
 
 def _samples(data: RGLData, p: int, t: int):

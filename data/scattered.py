@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from gonio.data.flags import Flag
 from gonio.data.layout import HORIZON
@@ -13,18 +13,20 @@ from gonio.models.base import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.geometry import Direction, rotate_z
 
-NEIGHBOURS = 8
-CHUNK = 32
+CHUNK = 64
 MAX_SAMPLES = 50_000
 """Every sample is visited for every value: beyond this a grid is the better table."""
+SOFTENING = 1e-12
+"""Squared distance at which a sample counts as met: its weight is then beyond all others'."""
 DESCRIPTION = (
-    f"inverse-distance mean of the {NEIGHBOURS} nearest scattered samples, by |wi − wi'|² + |wo − wo'|² or the same "
-    "with a sample's directions swapped (reciprocity is assumed); an approximation of first order"
+    "inverse-distance mean of all scattered samples, weights 1/d⁶ with d² = |wi − wi'|² + |wo − wo'|², or the same "
+    "with a sample's directions swapped if smaller (reciprocity is assumed); an approximation"
 )
 
 
 class Scattered(AbstractBRDF):
-    """Franke and Little's modified inverse-distance mean [Franke 1982] over the nearest scattered samples.
+    """The inverse-distance mean of scattered samples [Shepard 1968], weights 1/d⁶: it falls off faster than
+    the number of samples in a shell of the three or four dimensions grows, so the near ones decide.
 
     Distance of two pairs: |wi − wi'|² + |wo − wo'|², or that to the swapped sample if smaller (reciprocity).
     Where all samples have the light at one azimuth the surface is taken as isotropic: a pair is first turned
@@ -32,35 +34,24 @@ class Scattered(AbstractBRDF):
     """
 
     pairs: Float[Array, "chunks chunk 6"]
-    values: Float[Array, "sample channel"]
-    valid: Bool[Array, "sample channel"]
+    values: Float[Array, "chunks chunk channel"]
+    valid: Float[Array, "chunks chunk channel"]
+    """1 where there is a value, else 0."""
     isotropic: bool = eqx.field(static=True)
 
     def f(self, wi, wo):
         forward, backward = self._turned(wi, wo), self._turned(wo, wi)
-        k = NEIGHBOURS + 1
 
-        def step(best, chunk):
-            samples, first = chunk
+        def step(sums, chunk):
+            samples, values, valid = chunk
             d2 = jnp.minimum(_distance2(samples, forward), _distance2(samples, backward))
-            number = first + jnp.arange(CHUNK, dtype=jnp.int32)
-            negative, at = jax.lax.top_k(-jnp.concatenate([best[0], d2]), k)
-            return (-negative, jnp.concatenate([best[1], number])[at]), None
+            weight = valid / (d2 + SOFTENING)[:, None] ** 3
+            return (sums[0] + jnp.sum(weight * values, 0), sums[1] + jnp.sum(weight, 0)), None
 
-        start = (jnp.full(k, jnp.inf, self.pairs.dtype), jnp.zeros(k, jnp.int32))
-        first = jnp.arange(0, self.pairs.shape[0] * CHUNK, CHUNK, dtype=jnp.int32)
-        (d2, nearest), _ = jax.lax.scan(step, start, (self.pairs, first))
-        distance = jnp.sqrt(d2)
-        # The farthest of the nine sets the radius where the weight reaches 0: neighbours come and go smoothly.
-        farthest = jnp.max(jnp.where(jnp.isfinite(distance), distance, 0.0))
-        radius = jnp.where(jnp.isfinite(distance[-1]), farthest, 2.0 * farthest)
-        inside = jnp.maximum(radius - distance, 0.0) / jnp.maximum(radius * distance, 1e-9 * radius**2 + 1e-18)
-        weight = jnp.where(self.valid[nearest], (inside**2)[:, None], 0.0)
-        total = jnp.sum(weight, 0)
-        found = total > 0
-        value = jnp.sum(weight * self.values[nearest], 0) / jnp.where(found, total, 1.0)
-        nearest_value = jnp.where(self.valid[nearest[0]], self.values[nearest[0]], 0.0)
-        value = jnp.where(found, value, nearest_value)
+        zero = jnp.zeros(self.values.shape[-1], self.values.dtype)
+        (total, weight), _ = jax.lax.scan(step, (zero, zero), (self.pairs, self.values, self.valid))
+        found = weight > 0
+        value = jnp.where(found, total / jnp.where(found, weight, 1.0), 0.0)
         return jnp.where((wi.z > HORIZON) & (wo.z > HORIZON), value, 0.0)
 
     def _turned(self, wi, wo):
@@ -95,12 +86,13 @@ def scattered_material(table: Table) -> Scattered:
         c, s = np.cos(azimuth[0]), -np.sin(azimuth[0])
         wi, wo = (Direction(w.x * c - w.y * s, w.x * s + w.y * c, w.z) for w in (wi, wo))
     dtype = jnp.result_type(float)
-    pairs = np.full((-(-n // CHUNK) * CHUNK, 6), np.inf)
-    pairs[:n] = np.stack([*wi, *wo], axis=-1)
     valid = block.flag == Flag.VALID
-    return Scattered(
-        jnp.asarray(pairs.reshape(-1, CHUNK, 6), dtype),
-        jnp.asarray(np.where(valid, block.f, 0.0), dtype),
-        jnp.asarray(valid),
-        bool(isotropic),
-    )
+    parts = np.stack([*wi, *wo], axis=-1), np.where(valid, block.f, 0.0), valid
+    return Scattered(*(jnp.asarray(_chunks(part), dtype) for part in parts), bool(isotropic))
+
+
+def _chunks(part: np.ndarray) -> np.ndarray:
+    """Rows in groups of `CHUNK`, filled up with zeros (samples that have no value)."""
+    filled = np.zeros((-(-part.shape[0] // CHUNK) * CHUNK, part.shape[1]))
+    filled[: part.shape[0]] = part
+    return filled.reshape(-1, CHUNK, part.shape[1])

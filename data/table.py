@@ -91,7 +91,11 @@ class Table:
     receiver_solid_angle: float | None = None
     name: str = ""
     interpolant: Callable | None = None
-    """Makes the BRDF by which the file's format itself reads between the cells; None: `gonio.data.tabulated`."""
+    """Makes the BRDF by which the file's format itself reads between the cells; None: `gonio.data.tabulated`.
+
+    Called with ``coarse=True`` it makes one of half the nodes, from which the error of the whole one is
+    estimated.
+    """
 
     def __post_init__(self):
         shape = (*self.layout.shape, len(self.channels))

@@ -7,6 +7,7 @@ Beyond its outermost nodes an axis is held constant; azimuths are periodic. Scat
 
 import dataclasses
 import math
+from functools import partial
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -180,12 +181,15 @@ class InterpolationError:
 
 
 def coarsened(table: Table) -> Table:
-    """The table of every second node of each axis that has more than two (of every second scattered sample).
+    """The table of every second node of each axis that has more than two (of every second scattered sample),
+    or the same cells read by a format's own interpolant of half the nodes.
 
     What differs between this table's interpolant and the whole one's bounds the whole one's error:
     interpolation of a smooth function is of second order, so a grid of half the nodes errs by four times as
     much.
     """
+    if table.interpolant is not None:
+        return dataclasses.replace(table, interpolant=partial(table.interpolant, coarse=True))
     axes, step = table.layout.axes, []
     for name, axis in axes.items():
         step.append(slice(None, None, 2 if axis.size > 2 else 1))
@@ -209,7 +213,7 @@ def interpolation_error(
     guess = np.asarray(evaluate(as_material(coarsened(table)), block.wi, block.wo))
     valid = (block.flag == Flag.VALID) & np.isfinite(guess)
     a, b = np.asarray(block.f, np.float64)[valid], guess[valid]
-    share = 1 / 3 if table.layout.gridded else 1.0
+    share = 1 / 3 if table.layout.gridded or table.interpolant is not None else 1.0
     size = np.abs(a) + np.abs(b)
     relative = share * 2 * np.abs(a - b)[size > 0] / size[size > 0]
     if relative.size == 0:
