@@ -19,6 +19,9 @@ EDGE_ANGLES = np.radians([0.0, 1e-4, 0.5, 15, 30, 45, 60, 75, 85, 89, 89.9, 89.9
 NEAREST = 1e-12
 """Cosine of the most grazing direction looked at: at the horizon itself f is 0 by definition."""
 
+OPPOSITE = 1e-4
+"""Least cosines of opposite grazing directions: wi + wo then keeps eleven digits."""
+
 
 def precision() -> float:
     """Rounding of one operation in the precision that the caller's JAX works in."""
@@ -129,9 +132,22 @@ def sampled_angles(brdf: AbstractBRDF, theta_i: np.ndarray, phi_i: np.ndarray) -
 
 
 def pair(angles: np.ndarray) -> tuple[Direction, Direction]:
-    """(wi, wo) of rows of angles; no cosine is below `NEAREST`, so that every pair is above the horizon."""
+    """(wi, wo) of rows of angles; no cosine is below `NEAREST`, so that every pair is above the horizon.
+
+    Of directions that are opposite to each other at the horizon the half vector is lost in rounding: their cosines
+    are at least `OPPOSITE`.
+    """
     wi, wo = (directions(angles[:, k], angles[:, k + 1]) for k in (0, 2))
-    return tuple(Direction(w.x, w.y, np.maximum(w.z, NEAREST)) for w in (wi, wo))
+    opposite = np.hypot(wi.x + wo.x, wi.y + wo.y) + wi.z + wo.z < 4 * OPPOSITE
+    least = np.where(opposite, OPPOSITE, NEAREST)
+    return tuple(_raised(w, least) for w in (wi, wo))
+
+
+def _raised(w: Direction, least: np.ndarray) -> Direction:
+    # Still of unit length: a model that holds wi·h and wo·h for the same must not be blamed for our directions.
+    z = np.maximum(w.z, least)
+    shrunk = np.where(w.z < least, np.sqrt((1 - z * z) / np.maximum(w.x**2 + w.y**2, 1e-300)), 1.0)
+    return Direction(w.x * shrunk, w.y * shrunk, z)
 
 
 def climb(

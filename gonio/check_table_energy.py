@@ -54,7 +54,7 @@ def table_energy(table: Table, tolerance: float, feature_width: float = 0.0) -> 
     p.facts["passes_below_theta_i_deg"] = float(np.degrees(refused.min())) if refused.size else 90.0
     p.facts["noise_of_albedo"] = float(np.max(found.noise))
     p.facts["incidences_without_mirror_direction"] = int(found.unseen.sum())
-    if p.verdict == UNDECIDED and p.facts["passes_below_theta_i_deg"] > 0:
+    if p.verdict == UNDECIDED and p.facts["passes_below_theta_i_deg"] > 1:
         p.detail += f" Below θi {p.facts['passes_below_theta_i_deg']:.4g}° it passes."
     if found.unseen.any():
         p.detail += (

@@ -1,0 +1,108 @@
+"""``gonio check FILE|MATERIAL``: a certificate to read, and one for machines."""
+
+import math
+import sys
+
+
+def add_arguments(parser) -> None:
+    """The arguments of the verb."""
+    parser.description = (
+        "Judges reciprocity, energy conservation, positivity and bilateral symmetry of a model or a table, each with"
+        " the error of the judgement. Exit status: 0 pass, 1 fail, 3 undecided."
+    )
+    parser.add_argument("subject", metavar="FILE|MATERIAL", help="a table, a material's name, or a spelling")
+    parser.add_argument("--strict", action="store_true", help="positivity and symmetry count as well")
+    for name, unit in (
+        ("reciprocity", "relative difference"),
+        ("energy", "albedo above 1"),
+        ("positivity", "negative part"),
+        ("symmetry", "relative difference"),
+    ):
+        parser.add_argument(f"--tol-{name}", type=float, metavar="T", help=f"tolerance of {name}: {unit}")
+    parser.add_argument(
+        "--feature-width",
+        type=float,
+        default=0.0,
+        metavar="DEG",
+        help="tables: no lobe is narrower than this, so a grid that leaves out the mirror direction may be judged",
+    )
+    parser.add_argument("--json", metavar="FILE", help="write the certificate as JSON too; '-' prints it instead")
+    parser.add_argument("--force", action="store_true", help="replace an existing FILE")
+
+
+def run(args) -> int:
+    """Checks, prints, writes; the exit status is the certificate's."""
+    from gonio.data.files import refuse_existing
+    from gonio.models.errors import GonioError
+
+    if not 0 <= args.feature_width <= 90:
+        raise GonioError(f"--feature-width is {args.feature_width:g}; give degrees from 0 to 90")
+    if args.json and args.json != "-":
+        refuse_existing(args.json, args.force)
+    from gonio.checking import check
+
+    tolerances = {name: getattr(args, f"tol_{name}") for name in ("reciprocity", "energy", "positivity", "symmetry")}
+    certificate = check(
+        args.subject, tolerances=tolerances, strict=args.strict, feature_width=math.radians(args.feature_width)
+    )
+    if args.json == "-":
+        sys.stdout.write(certificate.to_json())
+        return certificate.exit_status
+    if args.json:
+        _write(args.json, certificate, args.force)
+    _print(certificate)
+    return certificate.exit_status
+
+
+def _write(path, certificate, force):
+    from gonio.data.files import new_file
+
+    with new_file(path, force) as temporary:
+        temporary.write_text(certificate.to_json(), encoding="utf-8")
+
+
+COLOURS = {"pass": "green", "fail": "red", "undecided": "yellow", "not applicable": "dim"}
+HEADINGS = ("property", "verdict", "residual", "bound", "tolerance", "worst at")
+
+
+def _print(certificate) -> None:
+    title = f"{certificate.subject} ({certificate.kind}): {certificate.overall.upper()}"
+    counted = "all properties" if certificate.strict else "reciprocity and energy"
+    rows = [
+        (p.name, p.verdict, *(_number(v) for v in (p.residual, p.bound, p.tolerance)), _place(p.where))
+        for p in certificate.properties
+    ]
+    if sys.stdout.isatty():
+        _rich(title, rows)
+    else:
+        widths = [max(len(r[k]) for r in [HEADINGS, *rows]) for k in range(len(HEADINGS))]
+        lines = ["  ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)).rstrip() for r in [HEADINGS, *rows]]
+        sys.stdout.write("\n".join([title, "", *lines, ""]) + "\n")
+    for p in certificate.properties:
+        sys.stdout.write(f"{p.name}: {p.detail}\n")
+    sys.stdout.write(f"The overall verdict is the worst of {counted}.\n")
+
+
+def _rich(title, rows) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(*HEADINGS, title=Text(title), title_justify="left")
+    for name, verdict, *rest in rows:
+        table.add_row(name, Text(verdict, style=COLOURS[verdict]), *rest)
+    Console().print(table)
+
+
+def _number(value) -> str:
+    if value is None:
+        return "-"
+    return "no bound" if math.isinf(value) else f"{value:.3g}"
+
+
+def _place(where) -> str:
+    if not where:
+        return "-"
+    signs = {"theta_i": "θi", "phi_i": "φi", "theta_o": "θo", "phi_o": "φo"}
+    said = " ".join(f"{signs[k]} {v:.4g}°" for k, v in where.items() if k in signs)
+    return said + (f" channel {where['channel']}" if "channel" in where else "")
