@@ -84,7 +84,7 @@ def read_directions(path: str | os.PathLike):
     pair = _angles(text, columns, used)
     if used == VECTORS:
         parts = np.stack([columns[name] for name in VECTORS])
-        wi, wo = (w / np.linalg.norm(w, axis=0) for w in (parts[:3], parts[3:]))
+        wi, wo = (_lengthened(w) for w in (parts[:3], parts[3:]))
     else:
         wi, wo = (_unit_vector(theta, phi) for theta, phi in (pair[:2], pair[2:]))
     return Direction(*wi), Direction(*wo), {name: columns[name] for name in text.names if name in columns}
@@ -177,6 +177,12 @@ def _angles(text: CsvText, numbers, used) -> tuple[np.ndarray, ...]:
             text.fail(row, f"{name} = {degrees[row]:g}{below}; expected {expected}")
     theta_i, phi_i, theta_o, phi_o = (np.radians(numbers[name]) for name in ANGLES)
     return theta_i, phi_i % (2 * np.pi), theta_o, phi_o % (2 * np.pi)
+
+
+def _lengthened(w: np.ndarray) -> np.ndarray:
+    # Vectors of single precision are taken as they came: a narrow lobe would see their directions change.
+    length = np.linalg.norm(w, axis=0)
+    return w / np.where(np.abs(length - 1.0) <= 1e-6, 1.0, length)
 
 
 def _unit_vector(theta, phi):

@@ -36,6 +36,13 @@ def refuse_existing(path: str | os.PathLike, force: bool) -> None:
         raise GonioError(f"{path} exists already; give another name, or --force to replace it")
 
 
+def refuse_input(path: str | os.PathLike, *inputs: str | os.PathLike) -> None:
+    """Raises GonioError where an output is one of the inputs, which no command may touch, --force or not."""
+    for given in inputs:
+        if Path(path).exists() and Path(given).exists() and os.path.samefile(path, given):
+            raise GonioError(f"{path} is an input of this command; name another output")
+
+
 @contextlib.contextmanager
 def output_errors(path: str | os.PathLike) -> Iterator[None]:
     """Turns the OSErrors of writing `path` into a GonioError of one sentence."""
@@ -49,9 +56,7 @@ def output_errors(path: str | os.PathLike) -> Iterator[None]:
         elif not folder.is_dir():
             message = f"the folder {folder} of {path} does not exist; make it first"
         else:
-            message = (
-                f"{path} cannot be written ({error.strerror or error}); choose a folder you may write to"
-            )
+            message = f"{path} cannot be written ({error.strerror or error}); choose a folder you may write to"
         raise GonioError(message) from None
 
 

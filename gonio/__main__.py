@@ -66,7 +66,8 @@ def main(argv: list[str] | None = None) -> int:
         sys.stderr.write("gonio: interrupted.\n")
         return 130
     except GonioError as error:
-        sys.stderr.write(f"gonio: {str(error).rstrip('.')}.\n")
+        said = str(error)
+        sys.stderr.write(f"gonio: {said}{'' if said.endswith(('.', '?')) else '.'}\n")
         return 2
     except OSError as error:
         what = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)

@@ -15,7 +15,7 @@ def run(args: argparse.Namespace) -> int:
 
     from gonio.cli.text import say
     from gonio.data.csv_table import write_csv
-    from gonio.data.files import refuse_existing
+    from gonio.data.files import refuse_existing, refuse_input
     from gonio.data.merl import write_merl
     from gonio.data.reading import read
     from gonio.data.round_trip import compare_cells
@@ -28,6 +28,7 @@ def run(args: argparse.Namespace) -> int:
             f"{args.output} ends in '{suffix}'; give .h5 (gonio's HDF5), .binary (MERL) or .csv to say the format."
         )
     refuse_existing(args.output, args.force)
+    refuse_input(args.output, args.input)
     table = read(args.input, **({"nodes": args.merl_nodes} if args.merl_nodes else {}))
     if suffix == ".binary":
         error = write_merl(args.output, table, force=args.force)

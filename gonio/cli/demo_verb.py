@@ -22,7 +22,9 @@ INSTRUMENT = "--source-half-angle 0.25 --detector-half-angle 0.5 --photons 1e7 -
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("-o", "--output", default="demo", metavar="FOLDER", help="where to put the files (default: demo)")
+    parser.add_argument(
+        "-o", "--output", default="demo", metavar="FOLDER", help="where to put the files (default: demo)"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

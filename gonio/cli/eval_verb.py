@@ -18,19 +18,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     import sys
 
-    from gonio.data.csv_table import read_directions, write_values
-    from gonio.data.files import new_file, refuse_existing
+    from gonio.data.csv_table import read_directions
+    from gonio.data.csv_text import write_columns
+    from gonio.data.files import new_file, refuse_existing, refuse_input
     from gonio.data.material import load_material
-    from gonio.models.evaluate import evaluate
 
     if args.output:
         refuse_existing(args.output, args.force)
+        refuse_input(args.output, args.directions, args.material)
     wi, wo, columns = read_directions(args.directions)
     material = load_material(args.material)
-    f = evaluate(material.brdf, wi, wo)
+    columns |= _values(material, wi, wo)
     if args.output is None:
-        write_values(sys.stdout, columns, f)
+        write_columns(sys.stdout, columns)
         return 0
     with new_file(args.output, args.force) as path, open(path, "w", encoding="utf-8") as file:
-        write_values(file, columns, f)
+        write_columns(file, columns)
     return 0
+
+
+def _values(material, wi, wo) -> dict:
+    import numpy as np
+
+    from gonio.models.evaluate import evaluate
+
+    f = np.asarray(evaluate(material.brdf, wi, wo))
+    if f.ndim == 1:
+        return {"f": f}
+    return {f"f_{c + 1}": f[:, c] for c in range(f.shape[1])}

@@ -53,13 +53,15 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from gonio.cli.text import say, tell
-    from gonio.data.files import new_file, refuse_existing
+    from gonio.data.files import new_file, refuse_existing, refuse_input
     from gonio.models.errors import GonioError
 
     output = args.output or f"{Path(args.file).stem}.fit.toml"
     refuse_existing(output, args.force)
+    refuse_input(output, args.file)
     if args.json and args.json != "-":
         refuse_existing(args.json, args.force)
+        refuse_input(args.json, args.file)
     if args.starts < 0 or (args.samples is not None and args.samples < 1):
         raise GonioError("--starts takes 0 or more and --samples 1 or more; give a larger number.")
     if args.theta_max is not None and not 0 < args.theta_max <= 90:
