@@ -4,7 +4,7 @@ import abc
 
 import jax.numpy as jnp
 
-from gonio.models.azimuth_map import grazing_azimuth
+from gonio.models.azimuth_map import grazing_azimuth, grazing_tangent, polar_parts
 from gonio.models.base import AbstractBRDF, Scalar
 from gonio.models.fresnel import fresnel
 from gonio.models.geometry import Direction, dot, half_vector, reflect
@@ -64,13 +64,8 @@ class AbstractMicrofacet(AbstractBRDF):
         r < tanθi cosψ + √(tan²θi cos²ψ + 1): the range is explicit, and the integrand analytic inside it.
         """
         alpha_x, alpha_y = self.mean_widths
-        cos_i = jnp.maximum(wi.z, 1e-8)
-        sin_i2 = wi.x**2 + wi.y**2
-        tilted = sin_i2 > 0
-        sin_i = jnp.where(tilted, jnp.sqrt(jnp.where(tilted, sin_i2, 1.0)), 0.0)
-        cos_a = jnp.where(tilted, wi.x / jnp.where(tilted, sin_i, 1.0), 1.0)
-        sin_a = jnp.where(tilted, wi.y / jnp.where(tilted, sin_i, 1.0), 0.0)
-        tan_i = sin_i / cos_i
+        _, cos_a, sin_a = polar_parts(wi)
+        tan_i = grazing_tangent(wi)
         cos_p, sin_p, azimuth_rate = grazing_azimuth(tan_i, u1)
         e_x, e_y = cos_a * cos_p - sin_a * sin_p, sin_a * cos_p + cos_a * sin_p
         lean = tan_i * cos_p
