@@ -115,6 +115,23 @@ class BlockWriter:
             self._file.seek(self._tail + block * RECORD.itemsize)
             self._file.write(self._records[block].tobytes())
 
+    @property
+    def provenance(self) -> dict:
+        """What the file says of how it came about; where this writer goes on, the words of the one that began it."""
+        offset, length = hdf5_format.provenance_place(self.part)
+        self._file.seek(offset)
+        return json.loads(self._file.read(length))
+
+    def amend(self, provenance: dict) -> None:
+        """Replaces the provenance, at once, by one that is at most `PROVENANCE_ROOM` longer."""
+        offset, length = hdf5_format.provenance_place(self.part)
+        text = json.dumps(provenance, sort_keys=True).encode()
+        if len(text) > length:
+            raise ValueError(f"a provenance of {len(text)} bytes does not fit the {length} that were kept for it")
+        with output_errors(self.path):
+            self._file.seek(offset)
+            self._file.write(text.ljust(length))
+
     def finish(self) -> Path:
         """Puts the finished table in its place, on disk, and returns its path."""
         if self.missing_blocks():

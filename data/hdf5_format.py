@@ -7,6 +7,7 @@ killed writer leaves a readable file, and blocks may be written in any order.
 
 import dataclasses
 import json
+import mmap
 import os
 
 import h5py
@@ -17,6 +18,8 @@ from gonio.data.layout import Layout
 from gonio.data.table import Channels
 
 GONIO_FORMAT = 1
+PROVENANCE_ROOM = 512
+"""Spaces after the provenance: what is known only at the end of a measurement is written over them, in place."""
 LONG_NAMES = {
     "theta_i": "polar angle of the direction to the light",
     "phi_i": "azimuth of the direction to the light",
@@ -79,6 +82,14 @@ def places(path: str | os.PathLike) -> Places:
         return Places(**offset, dtype=file["f"].dtype, channels=file["f"].shape[-1])
 
 
+def provenance_place(path: str | os.PathLike) -> tuple[int, int]:
+    """(offset, length), bytes, of the provenance's text in a file made by `create`."""
+    with h5py.File(path, "r", locking=False) as file:
+        text = file.attrs["provenance"].encode()
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
+        return whole.find(text), len(text)
+
+
 def attributes_of(layout: Layout, channels: Channels, provenance: dict, source, receiver, name: str) -> dict:
     """The root attributes of a table's file; None is left out."""
     return {
@@ -87,7 +98,7 @@ def attributes_of(layout: Layout, channels: Channels, provenance: dict, source, 
         "layout": layout.name,
         "title": name or None,
         "channel_names": json.dumps(list(channels.names)),
-        "provenance": json.dumps(provenance, sort_keys=True),
+        "provenance": json.dumps(provenance, sort_keys=True) + " " * PROVENANCE_ROOM,
         "source_solid_angle_sr": source,
         "receiver_solid_angle_sr": receiver,
     }

@@ -7,6 +7,7 @@ import os
 import h5py
 import numpy as np
 
+from gonio.data.block_writer import FOOTER, MAGIC, RECORD
 from gonio.data.files import input_size
 from gonio.data.hdf5_format import GONIO_FORMAT
 from gonio.data.layout import AXES, Layout
@@ -27,7 +28,10 @@ def open_table(path: str | os.PathLike, lazy_bytes: int = LAZY_BYTES) -> Table:
     Raises GonioError, naming the file and what is wrong, for anything else: truncated, foreign, newer,
     inconsistent.
     """
-    input_size(path)
+    if done := _unfinished(path, input_size(path)):
+        raise GonioError(
+            f"{path} is an unfinished measurement ({done} blocks); run the same command again to go on with it"
+        )
     try:
         file = h5py.File(path, "r")
     except OSError:
@@ -42,6 +46,22 @@ def open_table(path: str | os.PathLike, lazy_bytes: int = LAZY_BYTES) -> Table:
         file.close()
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise GonioError(f"{path} is a damaged table ({text}); measure or copy it again") from None
+
+
+def _unfinished(path, size: int) -> str | None:
+    """What a writer's tail says of its progress; None for a file without a tail, or with all blocks written."""
+    with open(path, "rb") as file:
+        file.seek(max(size - FOOTER.size, 0))
+        tail = file.read()
+        if len(tail) < FOOTER.size or not tail.endswith(MAGIC):
+            return None
+        count = FOOTER.unpack(tail)[1]
+        start = size - FOOTER.size - count * RECORD.itemsize
+        if start < 0:
+            return None
+        file.seek(start)
+        done = np.count_nonzero(np.frombuffer(file.read(count * RECORD.itemsize), RECORD)["done"])
+    return None if done == count else f"{done} of {count}"
 
 
 class _Reader:

@@ -131,7 +131,9 @@ class Foreign(AbstractBRDF):
 
 
 class Lopsided(AbstractBRDF):
-    """Reciprocal, but neither mirror symmetric nor positive everywhere."""
+    """Reciprocal, but not mirror symmetric; below 0 somewhere where the level is less than 0.3."""
+
+    level: float
 
     def f(self, wi, wo):
-        return above(wi, wo, (0.2 + 0.3 * (wi.x * wo.y + wo.x * wi.y)) / jnp.pi)
+        return above(wi, wo, (self.level + 0.3 * (wi.x * wo.y + wo.x * wi.y)) / jnp.pi)

@@ -31,7 +31,7 @@ def test_a_model_that_only_loses_passes_and_its_loss_is_said(model):
     assert found.facts["largest_loss"] > 0.5
 
 
-@pytest.mark.parametrize("spelling", ["white_standard()", "ggx(alpha=0.001)", "eon(rho=1, r=1)"])
+@pytest.mark.parametrize("spelling", ["white_standard()", "ggx(alpha=0.001)"])
 def test_exact_and_near_standards_pass(spelling):
     found = model_energy(build(spelling), 1e-6)
     assert found.verdict == "pass"

@@ -6,7 +6,7 @@ from gonio.models.building import build
 
 
 def test_an_asymmetric_model_that_falls_below_zero_is_caught():
-    positivity, symmetry = model_positivity(liars.Lopsided(), 1e-9), model_symmetry(liars.Lopsided(), 1e-9)
+    positivity, symmetry = model_positivity(liars.Lopsided(0.2), 1e-9), model_symmetry(liars.Lopsided(0.2), 1e-9)
     assert positivity.verdict == "fail" and symmetry.verdict == "fail"
     # The least value of (0.2 + 0.3 sinθi sinθo sin(φi + φo))/π.
     assert positivity.facts["least_per_sr"] == pytest.approx(-0.1 / 3.14159265, rel=1e-3)

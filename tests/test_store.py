@@ -338,3 +338,22 @@ def test_the_modules_agree_on_what_a_bare_table_is(tmp_path):
     read = open_table(tmp_path / "t.h5")
     assert read.channels == Channels.grey() and read.receiver_solid_angle == 0.5 and read.u_f is None
     assert hdf5_reading.LAZY_BYTES > block_writer.BLOCK_CELLS
+
+
+def test_what_is_known_at_the_end_is_written_over_the_room_kept_for_it(tmp_path):
+    table, path = random_table(LAYOUTS["half_difference"]), tmp_path / "t.h5"
+    with writer(path, table) as blocks:
+        assert blocks.provenance == PROVENANCE
+        blocks.amend(PROVENANCE | {"worst": 0.125})
+        first = table.read_values(*blocks.blocks[3])
+        blocks.write(3, first["f"], first["u_f"], first["flag"])
+    with writer(path, table, provenance={"created": "later"}) as blocks:
+        assert blocks.provenance == PROVENANCE | {"worst": 0.125}
+        blocks.amend(PROVENANCE | {"worst": 0.25})
+        with pytest.raises(ValueError, match="does not fit"):
+            blocks.amend({"long": "x" * 10_000})
+        fill(blocks, table)
+        blocks.finish()
+    read = open_table(path)
+    assert read.provenance == PROVENANCE | {"worst": 0.25}
+    np.testing.assert_array_equal(read.f, table.f)

@@ -12,7 +12,8 @@ def columns(rows: list[list[str]], header: list[str] | None = None) -> str:
     widths = [max(len(r[i]) for r in every if i < len(r)) for i in range(max(map(len, every)))]
     lines = ["  ".join(c.ljust(w) for c, w in zip(r, widths, strict=False)).rstrip() for r in every]
     if header:
-        lines.insert(1, "  ".join("─" * w for w in widths))
+        # The last column may hold whole sentences: its rule is as long as its heading.
+        lines.insert(1, "  ".join("─" * w for w in [*widths[:-1], len(header[-1])]))
     return "\n".join(lines)
 
 
