@@ -10,6 +10,7 @@ import numpy as np
 from gonio.data.block_writer import FOOTER, MAGIC, RECORD
 from gonio.data.files import input_size
 from gonio.data.hdf5_format import GONIO_FORMAT
+from gonio.data.hdf5_heaps import damaged_heap
 from gonio.data.layout import AXES, Layout
 from gonio.data.table import Channels, Table
 from gonio.models.errors import GonioError
@@ -32,6 +33,8 @@ def open_table(path: str | os.PathLike, lazy_bytes: int = LAZY_BYTES) -> Table:
         raise GonioError(
             f"{path} is an unfinished measurement ({done} blocks); run the same command again to go on with it"
         )
+    if damaged_heap(path) is not None:
+        raise GonioError(f"{path} is a damaged table (its texts run into each other); measure or copy it again")
     try:
         file = h5py.File(path, "r")
     except OSError:
