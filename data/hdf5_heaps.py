@@ -5,6 +5,8 @@ import os
 
 SIGNATURE = b"GCOL\x01\x00\x00\x00"
 HEADER = 16
+SEARCHED = 64 << 20
+"""Bytes that are searched: texts stand at the front, and to look through all of a large table takes seconds."""
 
 
 def damaged_heap(path: str | os.PathLike) -> int | None:
@@ -14,12 +16,12 @@ def damaged_heap(path: str | os.PathLike) -> int | None:
     left over, and its size counts its own header. The library loops for ever where that size is 0.
     """
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
-        at = whole.find(SIGNATURE)
+        at = whole.find(SIGNATURE, 0, SEARCHED)
         while at >= 0:
             size = int.from_bytes(whole[at + 8 : at + 16], "little")
             if not _whole(whole, at + HEADER, at + size):
                 return at
-            at = whole.find(SIGNATURE, at + size)
+            at = whole.find(SIGNATURE, at + size, SEARCHED)
     return None
 
 
