@@ -34,6 +34,9 @@ MAX_CELLS = 1500
 """Cells of one incidence after which the rest of the error is left as the bound: 340,000 evaluations."""
 
 
+CLEAR = 1e-4
+"""Bound that is enough where an albedo is ten times as far from the limit."""
+
 UNFINISHED = 10.0
 """Factor on the bound where the cells ran out."""
 
@@ -42,9 +45,11 @@ PEAK_POINTS = 2000
 
 
 def cubature_albedo(
-    brdf: AbstractBRDF, theta_i: float, phi_i: float, tolerance: float = 1e-7
+    brdf: AbstractBRDF, theta_i: float, phi_i: float, tolerance: float = 1e-7, limit: float | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """(albedo, bound on its error), each of shape (channels,), of light from one direction, radians.
+
+    With a `limit`, an albedo that is known to 1e-4 and lies clear of it is not refined further.
 
     The bound holds for what the nodes and the search for peaks see; a peak narrower than the first nodes' distance
     that is neither where mirrors, retroreflectors nor the model's sampler send light would go unseen.
@@ -63,7 +68,8 @@ def cubature_albedo(
     while True:
         total, left = value.sum(0), error.sum(0) + rounding * np.abs(value).sum(0)
         worst = np.max(error, axis=-1)
-        if (np.all(left <= tolerance) and not unseen.any()) or len(cells) >= MAX_CELLS:
+        clear = limit is not None and np.all((left <= CLEAR) & (np.abs(total - limit) > 10 * left))
+        if ((clear or np.all(left <= tolerance)) and not unseen.any()) or len(cells) >= MAX_CELLS:
             break
         # The cells that hold the larger part of the error at once, so that few calls are needed.
         order = np.argsort(worst)[::-1]

@@ -138,8 +138,9 @@ def _albedo(brdf, theta, phi, accuracy) -> tuple[np.ndarray, np.ndarray]:
             better = e < error[k]
             value[k], error[k] = np.where(better, v, value[k]), np.where(better, e, error[k])
         total, bound = total + value, bound + error
+    limit = 1.0 if len(foreign) == 1 and not ours else None
     for term in foreign:
-        parts = [cubature_albedo(term, a, b, accuracy) for a, b in zip(theta, phi, strict=True)]
+        parts = [cubature_albedo(term, a, b, accuracy, limit) for a, b in zip(theta, phi, strict=True)]
         total = total + np.stack([v for v, _ in parts])
         bound = bound + np.stack([b for _, b in parts])
     return total, bound + 64 * precision() * np.abs(total)

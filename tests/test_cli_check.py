@@ -1,0 +1,48 @@
+import json
+
+import numpy as np
+import pytest
+
+from gonio.__main__ import main
+from gonio.data import layout as layouts
+from gonio.data.grid_values import grid_values
+from gonio.data.store import write_table
+from gonio.data.table import whole_table_of_values
+from gonio.models.building import build
+
+
+def test_a_certificate_is_printed_and_written(tmp_path, capsys):
+    out = tmp_path / "certificate.json"
+    assert main(["check", "lambert(rho=0.5)", "--json", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "PASS" in printed and "reciprocity" in printed and "1e-09" in printed
+    assert json.loads(out.read_text())["overall"] == "pass"
+    assert main(["check", "lambert(rho=0.5)", "--json", str(out)]) == 2
+    assert main(["check", "1.5 * lambert(rho=1)", "--json", str(out), "--force"]) == 1
+    assert json.loads(out.read_text())["exit_status"] == 1
+
+
+def test_json_alone_goes_to_standard_output(capsys):
+    assert main(["check", "1.05 * lambert(rho=1)", "--json", "-", "--tol-energy", "0.1"]) == 0
+    assert json.loads(capsys.readouterr().out)["properties"][1]["tolerance"] == 0.1
+
+
+def test_a_file_is_checked_as_the_table_it_holds(tmp_path, capsys):
+    d = np.radians
+    layout = layouts.isotropic(d(np.arange(0, 81, 10)), d(np.arange(2.5, 89, 5)), d(np.arange(0, 360, 10)))
+    table = whole_table_of_values(layout, grid_values(build("lambert(rho=0.5)"), layout))
+    write_table(tmp_path / "t.h5", table)
+    assert main(["check", str(tmp_path / "t.h5")]) == 3
+    printed = capsys.readouterr().out
+    assert "(table)" in printed and "mirror direction" in printed and "no bound" in printed
+    assert main(["check", str(tmp_path / "t.h5"), "--feature-width", "6"]) == 0
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["nonsense"], ["lambert(rho=0.5)", "--tol-energy", "-1"], ["lambert(rho=0.5)", "--feature-width", "100"]],
+)
+def test_bad_input_is_one_line_and_status_2(arguments, capsys):
+    assert main(["check", *arguments]) == 2
+    said = capsys.readouterr()
+    assert said.err.startswith("gonio: ") and said.err.count("\n") == 1 and said.out == ""
