@@ -121,12 +121,14 @@ def _one(f, u, valid, theta, azimuth):
     u = np.where(valid & np.isfinite(u), u, 0.0)
     noise = np.sqrt(np.sum((weight * u) ** 2, axis=(0, 1)))
     floor = np.maximum(FLOOR * np.abs(value) / np.pi, 1e-300)
-    logs = log_values(filled, floor)
-    relative = u / np.maximum(filled, floor)
+    # A negative reading has no logarithm: its place takes its neighbours', and the difference counts as bound.
+    shown = _filled(np.where(filled < 0, 0.0, filled), valid & (f >= 0))
+    logs = log_values(shown, floor)
+    relative = u / np.maximum(shown, floor)
     surprises = [_across_the_pole(logs, theta, azimuth), surprise(logs, azimuth, 1, 2 * np.pi)]
-    missed = np.sum(weight * excess(filled, floor, surprises, relative), axis=(0, 1))
+    missed = np.sum(weight * excess(shown, floor, surprises, relative), axis=(0, 1))
     missed += np.max([np.abs(_every_second(filled, theta, azimuth, *k) - value) for k in np.ndindex(2, 2)], axis=0)
-    guessed = np.sum(weight * np.where(valid, 0.0, np.abs(filled)), axis=(0, 1))
+    guessed = np.sum(weight * (np.where(valid, 0.0, np.abs(filled)) + np.abs(shown - filled)), axis=(0, 1))
     return value, missed + guessed + _beyond(filled, logs, theta, azimuth) + 2 * noise, noise
 
 
