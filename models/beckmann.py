@@ -39,8 +39,8 @@ class Beckmann(mf.AbstractMicrofacet):
         one = slopes.walter_masked_cosine if self.smith == "walter" else slopes.beckmann_masked_cosine
         return 0.25 / (one(wi, *self.widths) * one(wo, *self.widths))
 
-    def slope_radius(self, u2, width, horizon):
-        last = jnp.minimum(horizon, LAST_SLOPE * width)
+    def slope_radius(self, u2, horizon):
+        last = jnp.minimum(horizon, LAST_SLOPE)
         return last * u2, last
 
     def sample(self, wi, u1, u2):

@@ -33,11 +33,11 @@ class GGX(mf.AbstractMicrofacet):
         s_i, s_o = ggx_shadow_root(wi, *self.widths), ggx_shadow_root(wo, *self.widths)
         return 0.5 / (wo.z * s_i + wi.z * s_o)
 
-    def slope_radius(self, u2, width, horizon):
-        # The tails fall as a power: the inverse hyperbolic sine gives core and tail their share at every width.
-        x_max = jnp.arcsinh(horizon / width)
+    def slope_radius(self, u2, horizon):
+        # The tails fall as a power: the inverse hyperbolic sine gives core and tail their share.
+        x_max = jnp.arcsinh(horizon)
         x = x_max * u2
-        return width * jnp.sinh(x), width * jnp.cosh(x) * x_max
+        return jnp.sinh(x), jnp.cosh(x) * x_max
 
     def sample(self, wi, u1, u2):
         return reflect(wi, ggx_visible_normal(wi, *self.mean_widths, u1, u2))

@@ -4,7 +4,7 @@ import abc
 
 import jax.numpy as jnp
 
-from gonio.models.azimuth_map import grazing_azimuth, grazing_tangent, polar_parts
+from gonio.models.azimuth_map import TANGENT_MAX, grazing_azimuth, polar_parts
 from gonio.models.base import AbstractBRDF, Scalar
 from gonio.models.fresnel import fresnel
 from gonio.models.geometry import Direction, dot, half_vector, reflect
@@ -34,8 +34,8 @@ class AbstractMicrofacet(AbstractBRDF):
         """G₂(wi, wo)/(4 cosθi cosθo), finite at grazing."""
 
     @abc.abstractmethod
-    def slope_radius(self, u2: Scalar, width: Scalar, horizon: Scalar) -> tuple[Scalar, Scalar]:
-        """A slope in [0, horizon] from u2 in [0, 1] by the distribution's own scale, and its derivative by u2."""
+    def slope_radius(self, u2: Scalar, horizon: Scalar) -> tuple[Scalar, Scalar]:
+        """A slope, in units of the width, in [0, horizon] from u2 in [0, 1], and its derivative by u2."""
 
     @property
     def widths(self) -> tuple[Scalar, Scalar]:
@@ -58,22 +58,25 @@ class AbstractMicrofacet(AbstractBRDF):
         return jnp.where(above, value, 0.0)
 
     def lobe_map(self, wi, u1, u2):
-        """Polar coordinates of the facet's slope, out to the slope that reflects to the horizon.
+        """Polar coordinates (s, ψ) of the facet's slope in units of the widths, out to the slope that meets the horizon.
 
-        In the azimuth ψ from the plane of incidence the facets of slope r reflect above the horizon when
-        r < tanθi cosψ + √(tan²θi cos²ψ + 1): the range is explicit, and the integrand analytic inside it.
+        With the slope (α_x s cosψ, α_y s sinψ), its length ρs, and t = (α_x wi.x cosψ + α_y wi.y sinψ)/wi.z, a facet
+        reflects above the horizon when ρ²s² − 2ts − 1 < 0, so for s < (t + √(t² + ρ²))/ρ²: the range is explicit, and
+        the integrand analytic inside it.
         """
         alpha_x, alpha_y = self.mean_widths
-        _, cos_a, sin_a = polar_parts(wi)
-        tan_i = grazing_tangent(wi)
-        cos_p, sin_p, azimuth_rate = grazing_azimuth(tan_i, u1)
-        e_x, e_y = cos_a * cos_p - sin_a * sin_p, sin_a * cos_p + cos_a * sin_p
-        lean = tan_i * cos_p
-        root = jnp.sqrt(lean * lean + 1.0)
-        horizon = jnp.where(lean >= 0, lean + root, 1.0 / (root + jnp.abs(lean)))
-        width = 1.0 / jnp.sqrt((e_x / alpha_x) ** 2 + (e_y / alpha_y) ** 2)
-        r, radial_rate = self.slope_radius(u2, width, horizon)
-        m_z = 1.0 / jnp.sqrt(1.0 + r * r)
-        m = Direction(r * e_x * m_z, r * e_y * m_z, m_z)
+        cos_i = jnp.maximum(wi.z, 1.0 / TANGENT_MAX)
+        lean_most, cos_a, sin_a = polar_parts(Direction(alpha_x * wi.x / cos_i, alpha_y * wi.y / cos_i, wi.z))
+        across = jnp.sqrt((alpha_x * sin_a) ** 2 + (alpha_y * cos_a) ** 2)
+        cos_p, sin_p, azimuth_rate = grazing_azimuth(lean_most / across, u1)
+        slope_x = alpha_x * (cos_a * cos_p - sin_a * sin_p)
+        slope_y = alpha_y * (sin_a * cos_p + cos_a * sin_p)
+        length2 = slope_x**2 + slope_y**2
+        lean = lean_most * cos_p
+        root = jnp.sqrt(lean * lean + length2)
+        horizon = jnp.where(lean >= 0, (lean + root) / length2, 1.0 / (root + jnp.abs(lean)))
+        s, radial_rate = self.slope_radius(u2, horizon)
+        m_z = 1.0 / jnp.sqrt(1.0 + s * s * length2)
+        m = Direction(s * slope_x * m_z, s * slope_y * m_z, m_z)
         facing = dot(wi, m)
-        return reflect(wi, m), 4.0 * facing * m_z**3 * r * radial_rate * azimuth_rate
+        return reflect(wi, m), 4.0 * facing * m_z**3 * alpha_x * alpha_y * s * radial_rate * azimuth_rate
