@@ -37,11 +37,11 @@ def average(
     wo: Direction,
     source_half_angle: float,
     detector_half_angle: float,
-    tolerance: Callable[[np.ndarray], np.ndarray],
+    tolerance: Callable[[np.ndarray, np.ndarray], np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
     """(readings in 1/sr, estimates of their error): (n, channels) each, for NumPy directions of shape (n,).
 
-    Half-angles in [0, π/4], radians; 0 is a point. `tolerance` says which error is allowed to values (n, channels);
+    Half-angles in [0, π/4], radians; 0 is a point. `tolerance(values, cells)` says which error is allowed to values;
     where the estimate stays above it, the ladder was at its end. The estimate is how much the last two steps differ,
     which is the error of the coarser one. 0 where a whole disc is below the horizon.
     """
@@ -52,7 +52,8 @@ def average(
     for crossing in (False, True):
         cells = np.flatnonzero(cut == crossing)
         if cells.size or values is None:
-            got = _climb(brdf, wi[:, cells], wo[:, cells], half, tolerance, crossing)
+            allowed = functools.partial(_allowed, tolerance, cells)
+            got = _climb(brdf, wi[:, cells], wo[:, cells], half, allowed, crossing)
             if values is None:
                 values, error = (np.zeros((wi.shape[1], got[0].shape[1])) for _ in range(2))
             values[cells], error[cells] = got
@@ -73,6 +74,10 @@ def irradiance(cos_theta: np.ndarray, half_angle: float) -> np.ndarray:
     return out
 
 
+def _allowed(tolerance, cells, values, climbing):
+    return tolerance(values, cells[climbing])
+
+
 def _crosses(cosine, half_angle):
     return cosine < math.sin(half_angle)
 
@@ -90,7 +95,7 @@ def _climb(brdf, wi, wo, half, tolerance, crossing):
         # A peak that no ray has met is an error as large as itself, until one meets it.
         difference = np.where(missed > PEAK_MISSED, np.maximum(difference, np.abs(finer)), difference)
         values[climbing], error[climbing] = finer, difference
-        rough = ~(difference <= tolerance(finer)) & np.isfinite(finer)
+        rough = ~(difference <= tolerance(finer, climbing)) & np.isfinite(finer)
         climbing = climbing[rough.any(axis=1)]
     return values, error
 

@@ -9,7 +9,11 @@ import numpy as np
 
 from gonio.data import layout
 from gonio.data.layout import Layout
+from gonio.models.base import AbstractBRDF, Scaled, terms
+from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError
+from gonio.models.evaluate import evaluate
+from gonio.models.geometry import Direction
 
 NAMES = ("isotropic", "spherical", "half-difference", "merl", "in-plane")
 MAX_CELLS = 1 << 31
@@ -75,6 +79,41 @@ def listed(path: str | os.PathLike) -> Layout:
     wi, wo, _ = read_directions(path)
     angles = [a for w in (wi, wo) for a in layout.spherical_angles(*(np.asarray(c, np.float64) for c in w))]
     return layout.scattered(*angles)
+
+
+def default_name(brdf: AbstractBRDF) -> str:
+    """The scan for who names none: isotropic for a material that looks the same all round, else spherical."""
+    return "isotropic" if is_isotropic(brdf) else "spherical"
+
+
+def isotropy_remark(grid: Layout, brdf: AbstractBRDF) -> str | None:
+    """What to tell a user whose scan never turns an anisotropic sample; None for all others."""
+    turns = grid.name in ("spherical", "scattered") or "phi_h" in grid.axes
+    if turns or is_isotropic(brdf):
+        return None
+    return (
+        f"the material is anisotropic, but a scan of layout {grid.name} never turns the sample: the table holds one "
+        "orientation of it; the spherical scan, or a phi_step for half-difference, turns it"
+    )
+
+
+def is_isotropic(brdf: AbstractBRDF) -> bool:
+    """Whether f stays the same when both directions are turned about the normal: seen in 64 pairs, unless spelled."""
+    parts = [t.base if isinstance(t, Scaled) else t for t in terms(brdf)]
+    if all(type(p) in MODELS.values() and getattr(p, "alpha_x", None) is None for p in parts):
+        return True
+    rng = np.random.default_rng(0)
+    z = rng.uniform(0.1, 0.98, (2, 64))
+    phi, turn = rng.uniform(0, 2 * math.pi, (2, 64)), rng.uniform(0.3, 6.0, 64)
+    # Some pairs near mirror reflection, where a narrow lobe is.
+    phi[1, :48], z[1, :48] = phi[0, :48] + math.pi + rng.normal(0, 0.1, 48), z[0, :48]
+    r = np.sqrt(1 - z**2)
+    turned = np.stack([phi, phi + turn])
+    pairs = [
+        Direction(r[k] * np.cos(turned[:, k]), r[k] * np.sin(turned[:, k]), z[k] + 0 * turned[:, k]) for k in (0, 1)
+    ]
+    there, here = np.nan_to_num(np.asarray(evaluate(brdf, *pairs)))
+    return bool(np.allclose(there, here, rtol=1e-3, atol=1e-9))
 
 
 def scan(

@@ -22,7 +22,7 @@ def directions(theta, phi):
 
 
 def relative(tolerance):
-    return lambda f: tolerance * np.maximum(np.abs(f), 1e-8)
+    return lambda f, _: tolerance * np.maximum(np.abs(f), 1e-8)
 
 
 WI = directions(np.array([0.0, 30.0, 40.0, 60.0, 80.0, 50.0]), np.array([0.0, 0.0, 70.0, 10.0, 0.0, 200.0]))
