@@ -45,7 +45,7 @@ def open_table(path: str | os.PathLike, lazy_bytes: int = LAZY_BYTES) -> Table:
     except GonioError:
         file.close()
         raise
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError, UnicodeDecodeError) as error:
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError, MemoryError) as error:
         file.close()
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise GonioError(f"{path} is a damaged table ({text}); measure or copy it again") from None
@@ -65,6 +65,15 @@ def _unfinished(path, size: int) -> str | None:
         file.seek(start)
         done = np.count_nonzero(np.frombuffer(file.read(count * RECORD.itemsize), RECORD)["done"])
     return None if done == count else f"{done} of {count}"
+
+
+def _plain(kind: h5py.h5t.TypeID) -> bool:
+    """Whether an attribute's type is one that the library reads safely: it crashes on a damaged text type."""
+    if kind.get_class() in (h5py.h5t.INTEGER, h5py.h5t.FLOAT):
+        return True
+    if kind.get_class() != h5py.h5t.STRING or not kind.is_variable_str():
+        return kind.get_class() == h5py.h5t.STRING
+    return any(kind.equal(h5py.h5t.py_create(h5py.string_dtype(code), logical=True)) for code in ("utf-8", "ascii"))
 
 
 class _Reader:
@@ -158,8 +167,14 @@ class _Reader:
         return None if np.isnan(node.fillvalue) else np.broadcast_to(node.fillvalue, node.shape)
 
     def attribute(self, name: str, node=None):
-        """A Python value; netCDF writers wrap a single number in an array."""
-        value = (self.file if node is None else node).attrs.get(name)
+        """A Python value, or None; netCDF writers wrap a single number in an array."""
+        attributes = (self.file if node is None else node).attrs
+        if name not in attributes:
+            return None
+        found = attributes.get_id(name)
+        if found.shape not in ((), (1,)) or not _plain(found.get_type()):
+            self.fail(f"attribute {name} is neither a text nor a number; copy the file again")
+        value = attributes[name]
         return value.item() if isinstance(value, np.generic | np.ndarray) and value.size == 1 else value
 
     def text(self, name: str, node=None) -> str | None:
