@@ -33,9 +33,9 @@ def check(
     title = name or title
     limits = _limits(MODEL_TOLERANCES if kind == "model" else TABLE_TOLERANCES, tolerances)
     if kind == "model":
-        from gonio.check_energy import model_energy
-        from gonio.check_other import model_positivity, model_symmetry
-        from gonio.check_reciprocity import model_reciprocity
+        from gonio.checks.energy import model_energy
+        from gonio.checks.positivity import model_positivity, model_symmetry
+        from gonio.checks.reciprocity import model_reciprocity
 
         found = [
             model_reciprocity(thing, limits["reciprocity"]),
@@ -44,7 +44,7 @@ def check(
             model_symmetry(thing, limits["symmetry"]),
         ]
     else:
-        from gonio.check_tables import check_table
+        from gonio.checks.tables import check_table
 
         found = check_table(thing, limits, feature_width)
     return Certificate(title, kind, found, strict)

@@ -58,7 +58,7 @@ class AbstractMicrofacet(AbstractBRDF):
         return jnp.where(above, value, 0.0)
 
     def lobe_map(self, wi, u1, u2):
-        """Polar coordinates (s, ψ) of the facet's slope in units of the widths, out to the slope that meets the horizon.
+        """Polar coordinates (s, ψ) of the facet's slope in units of the widths, out to the horizon's slope.
 
         With the slope (α_x s cosψ, α_y s sinψ), its length ρs, and t = (α_x wi.x cosψ + α_y wi.y sinψ)/wi.z, a facet
         reflects above the horizon when ρ²s² − 2ts − 1 < 0, so for s < (t + √(t² + ρ²))/ρ²: the range is explicit, and

@@ -3,8 +3,8 @@
 import numpy as np
 
 from gonio.certificate import UNDECIDED, Property
-from gonio.check_energy import energy_property
-from gonio.check_grid_energy import Albedos, grid_albedos, no_albedo
+from gonio.checks.energy import energy_property
+from gonio.checks.grid_energy import Albedos, grid_albedos, no_albedo
 from gonio.data.table import Table
 
 MIRROR_REACH = 1e-3
@@ -22,18 +22,18 @@ def table_albedos(table: Table, feature_width: float = 0.0) -> Albedos:
     """Directional albedos of a table of any layout, or why there are none."""
     near = reach(table, feature_width)
     if table.interpolant is not None:
-        from gonio.check_warped_energy import warped_albedos
+        from gonio.checks.warped_energy import warped_albedos
 
         return warped_albedos(table)
     if table.layout.name in ("spherical", "isotropic"):
         return grid_albedos(table, near)
     if table.layout.name == "half_difference":
-        from gonio.check_half_energy import half_difference_albedos
+        from gonio.checks.half_energy import half_difference_albedos
 
         return half_difference_albedos(table, near)
     if table.layout.name == "in_plane":
         return no_albedo("readings in one plane do not cover the hemisphere")
-    from gonio.check_warped_energy import scattered_albedos
+    from gonio.checks.warped_energy import scattered_albedos
 
     return scattered_albedos(table, near)
 

@@ -9,9 +9,9 @@ not measured the error of interpolating it.
 import numpy as np
 
 from gonio.certificate import NOT_APPLICABLE, UNDECIDED, Property, verdict_of
-from gonio.check_partners import Pairs, folded, mirrored_nodes, one_light_azimuth, paired, reciprocal_nodes
-from gonio.check_reciprocity import relative_difference, where_of
-from gonio.check_scattered import interpolated_pairs, scattered_pairs, warped_pairs
+from gonio.checks.partners import Pairs, folded, mirrored_nodes, one_light_azimuth, paired, reciprocal_nodes
+from gonio.checks.reciprocity import relative_difference, where_of
+from gonio.checks.scattered import interpolated_pairs, scattered_pairs, warped_pairs
 from gonio.data.table import Table
 
 THETA_MAX = np.radians(70.0)

@@ -1,7 +1,7 @@
 import liars
 import pytest
 
-from gonio.check_other import model_positivity, model_symmetry
+from gonio.checks.positivity import model_positivity, model_symmetry
 from gonio.models.building import build
 
 

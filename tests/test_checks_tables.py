@@ -2,10 +2,10 @@ import helpers
 import numpy as np
 import pytest
 
-from gonio.check_table_energy import table_energy
-from gonio.check_table_reciprocity import table_reciprocity, table_symmetry
-from gonio.check_tables import check_table, table_positivity
 from gonio.checking import TABLE_TOLERANCES
+from gonio.checks.table_energy import table_energy
+from gonio.checks.table_reciprocity import table_reciprocity, table_symmetry
+from gonio.checks.tables import check_table, table_positivity
 from gonio.data import layout as layouts
 from gonio.data.grid_values import grid_values
 from gonio.data.table import whole_table_of_values

@@ -3,10 +3,10 @@
 import numpy as np
 
 from gonio.certificate import UNDECIDED, Property, verdict_of
-from gonio.check_partners import angles_of
-from gonio.check_reciprocity import where_of
-from gonio.check_table_energy import table_energy
-from gonio.check_table_reciprocity import table_reciprocity, table_symmetry
+from gonio.checks.partners import angles_of
+from gonio.checks.reciprocity import where_of
+from gonio.checks.table_energy import table_energy
+from gonio.checks.table_reciprocity import table_reciprocity, table_symmetry
 from gonio.data.flags import Flag
 from gonio.data.table import Table
 

@@ -1,7 +1,7 @@
 """Directional albedos of tables on a grid of polar angles and azimuths (spherical, isotropic), with their bounds.
 
 ∫ f cosθ dω by product rules exact for what is linear between the nodes. The bound is the sum of what the grid may have
-missed between its nodes (`gonio.check_resolution`), of the cap and the rim beyond its outermost nodes, of the cells
+missed between its nodes (`gonio.checks.resolution`), of the cap and the rim beyond its outermost nodes, of the cells
 without a reading, and of the noise.
 """
 
@@ -9,7 +9,7 @@ import dataclasses
 
 import numpy as np
 
-from gonio.check_resolution import excess, hat_weights, log_values, periodic_weights, surprise
+from gonio.checks.resolution import excess, hat_weights, log_values, periodic_weights, surprise
 from gonio.data.flags import Flag
 from gonio.data.table import Table
 

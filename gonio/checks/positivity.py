@@ -3,8 +3,8 @@
 import numpy as np
 
 from gonio.certificate import UNDECIDED, Property, verdict_of
-from gonio.check_probes import climb, mirrored, pair, pair_angles, precision, values
-from gonio.check_reciprocity import STARTS, difference_property, spoken, where_of
+from gonio.checks.probes import climb, mirrored, pair, pair_angles, precision, values
+from gonio.checks.reciprocity import STARTS, difference_property, spoken, where_of
 from gonio.models.base import AbstractBRDF
 
 

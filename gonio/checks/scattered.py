@@ -3,9 +3,9 @@
 import equinox as eqx
 import numpy as np
 
-from gonio.check_partners import Pairs, angles_of, gathered
-from gonio.check_probes import directions, low_discrepancy, values
-from gonio.check_reciprocity import relative_difference
+from gonio.checks.partners import Pairs, angles_of, gathered
+from gonio.checks.probes import directions, low_discrepancy, values
+from gonio.checks.reciprocity import relative_difference
 from gonio.data.table import Table
 
 NEAR = np.radians(2.0)

@@ -8,7 +8,7 @@ that cell is split too. What is left of the errors is the bound.
 
 import numpy as np
 
-from gonio.check_probes import directions, low_discrepancy, precision, sampled_angles, values
+from gonio.checks.probes import directions, low_discrepancy, precision, sampled_angles, values
 from gonio.models.base import AbstractBRDF
 
 # Kronrod's 15 nodes on [-1, 1] with their weights, and those of the 7-point Gauss rule inside [QUADPACK, qk15].

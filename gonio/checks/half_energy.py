@@ -6,8 +6,8 @@ in the other angles only, in which it is smooth.
 
 import numpy as np
 
-from gonio.check_grid_energy import FLOOR, Albedos, no_albedo
-from gonio.check_resolution import excess, hat_weights, log_values, surprise
+from gonio.checks.grid_energy import FLOOR, Albedos, no_albedo
+from gonio.checks.resolution import excess, hat_weights, log_values, surprise
 from gonio.data.flags import Flag
 from gonio.data.table import Table
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from gonio.check_grid_energy import Albedos, no_albedo
-from gonio.check_partners import angles_of, gathered
-from gonio.check_probes import directions, low_discrepancy, values
-from gonio.check_resolution import LARGEST
-from gonio.check_scattered import half_the_incidences, isotropic_light
+from gonio.checks.grid_energy import Albedos, no_albedo
+from gonio.checks.partners import angles_of, gathered
+from gonio.checks.probes import directions, low_discrepancy, values
+from gonio.checks.resolution import LARGEST
+from gonio.checks.scattered import half_the_incidences, isotropic_light
 from gonio.data.table import Table
 
 INCIDENCES = np.radians(np.arange(0.0, 80.1, 10.0))

@@ -2,8 +2,8 @@ import liars
 import numpy as np
 import pytest
 
-from gonio.check_probes import mirrored, pair, pair_angles, swapped, values
-from gonio.check_reciprocity import model_reciprocity, relative_difference, worst_difference
+from gonio.checks.probes import mirrored, pair, pair_angles, swapped, values
+from gonio.checks.reciprocity import model_reciprocity, relative_difference, worst_difference
 from gonio.models.base import AbstractBRDF
 from gonio.models.building import build
 

@@ -2,8 +2,8 @@ import liars
 import numpy as np
 import pytest
 
-from gonio.check_cubature import cubature_albedo
-from gonio.check_energy import energy_property, model_energy
+from gonio.checks.cubature import cubature_albedo
+from gonio.checks.energy import energy_property, model_energy
 from gonio.models.building import build
 
 LIARS = {

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from gonio.certificate import UNDECIDED, Property, verdict_of
-from gonio.check_probes import climb, pair, pair_angles, precision, swapped, values
+from gonio.checks.probes import climb, pair, pair_angles, precision, swapped, values
 from gonio.models.base import AbstractBRDF
 
 STARTS = 8

@@ -3,9 +3,9 @@
 import numpy as np
 
 from gonio.certificate import UNDECIDED, Property, verdict_of
-from gonio.check_cubature import cubature_albedo
-from gonio.check_probes import Rotated, pair_angles, precision
-from gonio.check_reciprocity import worst_difference
+from gonio.checks.cubature import cubature_albedo
+from gonio.checks.probes import Rotated, pair_angles, precision
+from gonio.checks.reciprocity import worst_difference
 from gonio.models.base import AbstractBRDF, Scaled, Sum, terms
 from gonio.models.catalog import MODELS
 from gonio.models.quadrature import directional_albedo, is_isotropic
