@@ -64,11 +64,11 @@ def irradiance(cos_theta: np.ndarray, half_angle: float) -> np.ndarray:
     """Irradiance from a disc source at these cosines (n,), relative to normal incidence: cosθ, if it is wholly up."""
     from gonio.models.solid_angle import projected_cap
 
-    cosine = np.asarray(cos_theta, np.float64)
-    at = np.flatnonzero(_crosses(cosine, half_angle))
-    if not at.size:
+    cosine = np.maximum(np.asarray(cos_theta, np.float64), 0.0)
+    at = np.flatnonzero(_crosses(cos_theta, half_angle))
+    if not at.size or half_angle == 0:
         return cosine
-    part = projected_cap(half_angle, np.arccos(np.clip(cosine[at], -1.0, 1.0)))
+    part = projected_cap(half_angle, np.arccos(np.clip(np.asarray(cos_theta)[at], -1.0, 1.0)))
     out = cosine.copy()
     out[at] = np.asarray(part) / (math.pi * math.sin(half_angle) ** 2)
     return out

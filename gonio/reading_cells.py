@@ -117,7 +117,7 @@ class Reader:
         share = np.ones(stop - start)
         if not self.errors.aligned:
             wi, wo = (Direction(*w) for w in true_directions(self.errors, layout.angles(start, stop)))
-            share = np.maximum(aperture.irradiance(wi.z, source), 0.0) / reckoned
+            share = aperture.irradiance(wi.z, source) / reckoned
         at = np.flatnonzero(usable)
         wi, wo = (Direction(*(np.asarray(c)[at] for c in w)) for w in (wi, wo))
         values, worst = self._values(wi, wo, reckoned[at], start + at)
