@@ -22,6 +22,7 @@ def state(
     """The result of one joint ending, or of one ending for each channel."""
     brdf = build(_filled(terms, endings))
     f = np.concatenate([e.model_f for e in endings], axis=1)
+    endings, notes = _widened(endings, readings, options)
     estimates, names = [], []
     for c, e in enumerate(endings):
         of_channel = channels.names[c] if len(endings) > 1 else None
@@ -53,8 +54,26 @@ def state(
         starts=sum(e.starts for e in endings), starts_agreed=sum(e.agreed for e in endings),
         bic=_bic(endings, cost, readings.count, size, options), undetermined=undetermined,
         active_bounds=[p.label for p in estimates if p.status.startswith("at ")], seconds=seconds,
-        theta_max=options.theta_max, notes=sorted({n for e in endings for n in e.notes}), table=options.table,
+        theta_max=options.theta_max, notes=notes + sorted({n for e in endings for n in e.notes}), table=options.table,
     )  # fmt: skip
+
+
+def _widened(endings, readings: Readings, options):
+    """Where residuals exceed the known noise, uncertainties grow by Birge's ratio √χ²ᵣ [Birge 1932], and it is said."""
+    if options.loss != "sigma":
+        return endings, []
+    freedom = readings.count - sum(e.structure.size for e in endings)
+    chi2 = 2.0 * sum(float(e.total.cost) for e in endings) / max(freedom, 1)
+    if chi2 <= 1.0 + 5.0 * np.sqrt(2.0 / max(freedom, 1)):
+        return endings, []
+    grown = [
+        dataclasses.replace(e, covariance=dataclasses.replace(e.covariance, matrix=e.covariance.matrix * chi2))
+        for e in endings
+    ]
+    return grown, [
+        f"the residuals exceed the known noise (reduced χ² {chi2:.3g}): the model leaves something out; the standard "
+        f"uncertainties are widened by {np.sqrt(chi2):.3g} and still hold for noise only"
+    ]
 
 
 def _reason(endings) -> str:

@@ -160,6 +160,15 @@ def test_stored_uncertainty_weighs():
     assert fit(table, "lambert").loss == "cbrt"
 
 
+def test_residuals_beyond_the_noise_are_said():
+    """A model that leaves something out: χ² tells, and the uncertainties grow by its root."""
+    table = table_of("lambert(rho=.2)+0.5*ggx(alpha=0.2)", noise=0.01)
+    table.u_f = np.abs(0.01 * np.nan_to_num(table.f)) + 1e-9
+    right, wrong = (fit(table, m, starts=0) for m in ("lambert + ggx", "lambert + beckmann"))
+    assert right.metrics["reduced_chi2"] == pytest.approx(1, abs=0.1) and not right.notes
+    assert wrong.metrics["reduced_chi2"] > 10 and "leaves something out" in wrong.notes[0]
+
+
 def test_models_are_ranked_by_bic():
     table = table_of("lambert(rho=.2)+0.5*ggx(alpha=0.2)", noise=0.02)
     result = fit(table, ["lambert", "lambert + ggx", "lambert + ggx + ggx"], starts=2)

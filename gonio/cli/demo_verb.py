@@ -14,11 +14,11 @@ class Sample(NamedTuple):
 
 
 SAMPLES = (
-    Sample("satin_plastic_blue", ("lambert", "lambert + ggx(eta=1.5)")),
-    Sample("copper", ("ggx", "beckmann")),
+    Sample("paper", ("lambert", "eon + ggx(eta=1.5)")),
+    Sample("titanium_blasted", ("ggx(smith=separable)", "beckmann(smith=separable)")),
     Sample("two_lobe_paint", ("lambert + ggx(eta=1.5)", "lambert + ggx(eta=1.5) + ggx(eta=1.5)")),
 )
-INSTRUMENT = "--source-half-angle 0.25 --detector-half-angle 0.5 --photons 1e7 --ambient 0.02 --dark 100 --noise 0.002"
+INSTRUMENT = "--source-half-angle 0.1 --detector-half-angle 0.25 --photons 1e7 --ambient 0.02 --dark 100 --noise 0.002"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
