@@ -147,7 +147,7 @@ def test_stored_uncertainty_weighs():
     """Weighted mean by 1/u², with its standard uncertainty; unknown and exact cells weigh as the median one."""
     table = table_of("lambert(rho=0.5)")
     u = np.where(np.arange(table.f.size).reshape(table.f.shape) % 2, 0.01, 0.001)
-    f = np.where(u < 0.005, 0.1, 0.2)
+    f = np.where(u < 0.005, 0.1, 0.105)
     table.f, table.u_f = np.where(table.flag == Flag.VALID, f, np.nan), u
     valid = (table.flag == Flag.VALID).ravel()
     w, y = 1 / u.ravel()[valid] ** 2, f.ravel()[valid]
