@@ -24,6 +24,7 @@ CANDIDATES = (
     "lambert + ggx(f0=0.04) + ggx(f0=0.04)",
 )
 WEIGHTS = ("solid-angle",)
+WIDENS = 0.05  # aperture half-angle over alpha, from which on the averaging shows beyond 0.1 %
 
 
 def fit(
@@ -83,6 +84,7 @@ def fit(
             refused.append({"model": text, "refused": str(error)})
             continue
         result.seconds["read"] = read_seconds
+        result.notes.extend(_aperture_notes(table, result))
         results.append(result)
         say(f"{text}: {_line(result)}")
     if not results:
@@ -113,6 +115,20 @@ def _loss(loss: str | None, readings: Readings, relative_noise: float | None) ->
             "The loss 'sigma' needs standard uncertainties above 0, and this table has none; choose cbrt, log or log1p."
         )
     return loss, sigma
+
+
+def _aperture_notes(table: Table, r: FitResult) -> list[str]:
+    """A word on lobes that the apertures widen: the model is compared at the centres of what was averaged."""
+    solid_angle = max(table.source_solid_angle or 0.0, table.receiver_solid_angle or 0.0)
+    half_angle = np.sqrt(solid_angle / np.pi)
+    widths = [p for p in r.parameters if ".alpha" in p.name and half_angle > WIDENS * p.value]
+    if not widths:
+        return []
+    names = ", ".join(p.label for p in widths)
+    return [
+        f"a reading is an average over apertures of half-angle up to {np.degrees(half_angle):.2g}°, and the model is "
+        f"compared at their centres: {names} may come out too wide"
+    ]
 
 
 def _line(r: FitResult) -> str:

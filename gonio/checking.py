@@ -29,7 +29,7 @@ def check(
     come), so a grid that never looks into the mirror direction may still be judged. Raises GonioError for a subject
     that cannot be read, and for a tolerance that is unknown or negative.
     """
-    kind, title, thing = _subject(subject)
+    kind, title, thing, channels = _subject(subject)
     title = name or title
     limits = _limits(MODEL_TOLERANCES if kind == "model" else TABLE_TOLERANCES, tolerances)
     if kind == "model":
@@ -47,6 +47,9 @@ def check(
         from gonio.checks.tables import check_table
 
         found = check_table(thing, limits, feature_width)
+    for p in found:
+        if channels and "channel" in p.where:
+            p.where["channel"] = channels[p.where["channel"]]
     return Certificate(title, kind, found, strict)
 
 
@@ -60,11 +63,12 @@ def _limits(defaults: dict[str, float], given: dict[str, float] | None) -> dict[
     return {**defaults, **given}
 
 
-def _subject(subject: Any) -> tuple[str, str, Any]:
+def _subject(subject: Any) -> tuple[str, str, Any, tuple[str, ...]]:
+    """(kind, title, what is judged, names of its channels) of whatever was given."""
     if isinstance(subject, Table):
-        return "table", subject.name or "table", subject
+        return "table", subject.name or "table", subject, subject.channels.names
     if isinstance(subject, AbstractBRDF):
-        return "model", _title(subject), subject
+        return "model", _title(subject), subject, ()
     if isinstance(subject, str | os.PathLike):
         from gonio.data.material import load_material
 
@@ -75,8 +79,9 @@ def _subject(subject: Any) -> tuple[str, str, Any]:
         from gonio.data.reading import read
 
         # The readings themselves are judged, not what lies between them.
-        return "table", subject.name, read(subject.meta["file"])
-    return "model", subject.name, subject.brdf
+        table = read(subject.meta["file"])
+        return "table", subject.name, table, table.channels.names
+    return "model", subject.name, subject.brdf, subject.channels.names
 
 
 def _title(brdf: AbstractBRDF) -> str:

@@ -66,6 +66,8 @@ HEADINGS = ("property", "verdict", "residual", "bound", "tolerance", "worst at")
 
 
 def _print(certificate) -> None:
+    from gonio.cli.text import columns, say
+
     title = f"{certificate.subject} ({certificate.kind}): {certificate.overall.upper()}"
     counted = "all properties" if certificate.strict else "reciprocity and energy"
     rows = [
@@ -75,9 +77,7 @@ def _print(certificate) -> None:
     if sys.stdout.isatty():
         _rich(title, rows)
     else:
-        widths = [max(len(r[k]) for r in [HEADINGS, *rows]) for k in range(len(HEADINGS))]
-        lines = ["  ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)).rstrip() for r in [HEADINGS, *rows]]
-        sys.stdout.write("\n".join([title, "", *lines, ""]) + "\n")
+        say(f"{title}\n\n{columns(rows, HEADINGS)}\n")
     for p in certificate.properties:
         sys.stdout.write(f"{p.name}: {p.detail}\n")
     sys.stdout.write(f"The overall verdict is the worst of {counted}.\n")

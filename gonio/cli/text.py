@@ -2,11 +2,12 @@
 
 import math
 import sys
+from collections.abc import Sequence
 
 
-def columns(rows: list[list[str]], header: list[str] | None = None) -> str:
+def columns(rows: Sequence[Sequence[str]], header: Sequence[str] | None = None) -> str:
     """Rows as aligned columns, two spaces apart; the last column is left ragged."""
-    every = ([header] if header else []) + rows
+    every = [*([header] if header else []), *rows]
     if not every:
         return ""
     widths = [max(len(r[i]) for r in every if i < len(r)) for i in range(max(map(len, every)))]
