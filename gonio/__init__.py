@@ -24,7 +24,7 @@ _VERBS = {
     "report": ("gonio.reporting", "report"),
 }
 
-__all__ = ["__version__", "check", "fit", "material", "measure", "open", "report"]  # noqa: F822, RUF022
+__all__ = ["__version__", "check", "fit", "material", "measure", "open", "report"]
 
 
 def __getattr__(name: str) -> Any:
