@@ -11,7 +11,9 @@ depend only on their own direction, so that with equal discs the reading of a re
 
 import functools
 import math
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import equinox as eqx
 import jax
@@ -21,10 +23,16 @@ import numpy as np
 from gonio.models.base import AbstractBRDF
 from gonio.models.geometry import Direction, normalize
 
-LANES = 8192
+LANES = 2048
 """Lanes of the kernel: all calls have this shape, so that one compiled program serves every step."""
-LADDER = (2, 3, 5, 8, 12, 18, 27, 40, 60, 90, 135)
-"""Nodes along each axis of a disc, step by step."""
+LADDERS = (
+    (0.4, ((2, 2), (3, 3), (5, 5), (8, 8), (12, 12), (18, 18), (27, 27), (40, 40), (60, 60), (90, 90), (135, 135))),
+    (0.15, ((2, 2), (3, 3), (4, 6), (6, 10), (9, 16), (13, 24), (20, 36), (29, 54), (43, 80), (64, 120), (96, 180))),
+    (-1.0, ((2, 2), (3, 3), (4, 8), (6, 14), (8, 24), (11, 40), (16, 64), (20, 86), (30, 120), (45, 180))),
+)
+"""Nodes in ψ and along the chords, step by step, for cells whose lower cosine is above the first number: a lobe seen
+at grazing is narrower in azimuth, by the cosine, than in polar angle."""
+NODES_MAX = 180
 PAIRS_MAX = 3_000_000
 """Pairs of rays of one cell at which the climb ends: 40² × 40²."""
 PEAK_MISSED = 2.0
@@ -47,16 +55,19 @@ def average(
     """
     wi, wo = (np.stack([np.asarray(c, np.float64) for c in w]) for w in (wi, wo))
     half = (source_half_angle, detector_half_angle)
-    cut = _crosses(wi[2], half[0]) | _crosses(wo[2], half[1])
+    lower = np.minimum(wi[2], wo[2])
+    kinds = np.sum([lower <= bound for bound, _ in LADDERS[:-1]], axis=0)
+    kinds[_crosses(wi[2], half[0]) | _crosses(wo[2], half[1])] = len(LADDERS)
     values = error = None
-    for crossing in (False, True):
-        cells = np.flatnonzero(cut == crossing)
-        if cells.size or values is None:
-            allowed = functools.partial(_allowed, tolerance, cells)
-            got = _climb(brdf, wi[:, cells], wo[:, cells], half, allowed, crossing)
-            if values is None:
-                values, error = (np.zeros((wi.shape[1], got[0].shape[1])) for _ in range(2))
-            values[cells], error[cells] = got
+    for kind in np.unique(kinds) if kinds.size else [0]:
+        cells = np.flatnonzero(kinds == kind)
+        crossing = bool(kind == len(LADDERS))
+        ladder = LADDERS[-1 if crossing else kind][1]
+        allowed = functools.partial(_allowed, tolerance, cells)
+        got = _climb(brdf, wi[:, cells], wo[:, cells], half, ladder, allowed, crossing)
+        if values is None:
+            values, error = (np.zeros((wi.shape[1], got[0].shape[1])) for _ in range(2))
+        values[cells], error[cells] = got
     return values, error
 
 
@@ -82,15 +93,16 @@ def _crosses(cosine, half_angle):
     return cosine < math.sin(half_angle)
 
 
-def _climb(brdf, wi, wo, half, tolerance, crossing):
-    ladder = [n for n in LADDER if n ** (2 * sum(s > 0 for s in half)) <= PAIRS_MAX]
+def _climb(brdf, wi, wo, half, ladder, tolerance, crossing):
+    discs = sum(s > 0 for s in half)
+    ladder = [rule for rule in ladder if math.prod(rule) ** discs <= PAIRS_MAX]
     values, _ = _step(brdf, wi, wo, half, ladder[0], crossing)
     error = np.full(values.shape, np.inf)
     climbing = np.arange(wi.shape[1])
-    for n in ladder[1:]:
+    for rule in ladder[1:]:
         if not climbing.size:
             break
-        finer, missed = _step(brdf, wi[:, climbing], wo[:, climbing], half, n, crossing)
+        finer, missed = _step(brdf, wi[:, climbing], wo[:, climbing], half, rule, crossing)
         difference = np.abs(finer - values[climbing])
         # A peak that no ray has met is an error as large as itself, until one meets it.
         difference = np.where(missed > PEAK_MISSED, np.maximum(difference, np.abs(finer)), difference)
@@ -100,27 +112,38 @@ def _climb(brdf, wi, wo, half, tolerance, crossing):
     return values, error
 
 
-def _step(brdf, wi, wo, half, n, crossing):
+def _step(brdf, wi, wo, half, rule, crossing):
     """One rule on all cells: (values, f at the mirror configuration over the largest f met)."""
-    nodes = [_nodes(n if s > 0 else 1) for s in half]
+    nodes = [_nodes(*(rule if s > 0 else (1, 1))) for s in half]
     # Arrays all, or each number would be compiled in.
     radii = [jnp.asarray(s, jnp.result_type(float)) for s in half]
-    split = _lanes_per_cell(int(nodes[0][-1]) ** 2)
+    split = _lanes_per_cell(math.prod(rule) if half[0] > 0 else 1)
     per_call = LANES // split
-    parts = []
-    for at in range(0, wi.shape[1], per_call) if wi.shape[1] else [0]:
+    with_node = np.tile(np.arange(split), per_call)
+
+    def call(at):
         lanes = [_lanes(w[:, at : at + per_call], split, per_call) for w in (wi, wo)]
-        with_node = np.tile(np.arange(split), per_call)
-        parts.append(_kernel(brdf, *lanes, with_node, np.asarray(split), *nodes, *radii, crossing))
+        total, *rest = _kernel(brdf, *lanes, with_node, np.asarray(split), *nodes, *radii, crossing)
+        return [np.asarray(a).reshape(per_call, split, -1) for a in (total.T, *rest)]
+
     out = []
-    for part in parts:
-        total, weight_i, weight_o, met, probe = (np.asarray(a).reshape(per_call, split, -1) for a in part)
+    for total, weight_i, weight_o, met, probe in _on_all_cores(call, range(0, max(wi.shape[1], 1), per_call)):
         weight = weight_i.sum(axis=1) * weight_o[:, 0]
         lit = weight > 0
         value = np.where(lit, total.sum(axis=1) / np.where(lit, weight, 1.0), 0.0)
         met = np.maximum(met.max(axis=1), 1e-300)
         out.append((value, np.where(lit, probe[:, 0] / met, 0.0)))
     return tuple(np.concatenate(a)[: wi.shape[1]] for a in zip(*out, strict=True))
+
+
+def _on_all_cores(call, starts):
+    # The kernel is a loop of small steps, which the compiler leaves to one core. Compiled once, before the others.
+    first, *others = starts
+    done = [call(first)]
+    if others:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            done += pool.map(call, others)
+    return done
 
 
 def _lanes_per_cell(nodes):
@@ -137,37 +160,38 @@ def _lanes(w, split, per_call):
 
 
 @functools.cache
-def _nodes(n: int):
-    """A rule of n × n nodes: columns over ψ, columns over v (both padded), and n.
+def _nodes(n: int, m: int):
+    """A rule of n × m nodes: columns over ψ, columns over v (both padded), n and m.
 
     ψ: Gauss-Legendre in [0, 1] and its weights, for a disc that is cut; cos ψ, sin ψ and weights of Gauss's rule of
-    the second Chebyshev kind for a whole one, which with v is exact to degree 2n − 1 in (x, y). v: Gauss-Legendre.
+    the second Chebyshev kind for a whole one, which with v is exact to degree 2 min(n, m) − 1 in (x, y). v:
+    Gauss-Legendre.
     """
     g, w_g = np.polynomial.legendre.leggauss(n)
     psi = np.pi * np.arange(1, n + 1) / (n + 1)
     along = np.stack([0.5 * (1 + g), 0.5 * w_g, np.cos(psi), np.sin(psi), np.sin(psi) ** 2 / (n + 1)], axis=1)
     if n == 1:
         along[0, 2] = 0.0
-    pad = ((0, LADDER[-1] - n), (0, 0))
-    return np.pad(along, pad), np.pad(np.stack([g, w_g], axis=1), pad), np.asarray(n)
+    across = np.stack(np.polynomial.legendre.leggauss(m), axis=1)
+    return *(np.pad(a, ((0, NODES_MAX - len(a)), (0, 0))) for a in (along, across)), np.asarray(n), np.asarray(m)
 
 
 @eqx.filter_jit
 def _kernel(brdf, wi, wo, first, stride, source, detector, s_i, s_o, crossing):
     """Sums over the source's nodes first, first + stride, ... of each lane, and all of the detector's."""
-    value = jax.vmap(lambda i, o: jnp.atleast_1d(brdf.f(i, o)))
+    value = jax.vmap(lambda i, o: jnp.atleast_1d(brdf.f(i, o)), out_axes=1)
     frame_i, frame_o = _frame(wi, s_i, crossing), _frame(wo, s_o, crossing)
-    probe = jnp.max(jnp.abs(value(*_towards_mirror(wi, wo, s_i, s_o))), axis=1)
-    (along_i, across_i, n_i), (along_o, across_o, n_o) = source, detector
+    probe = jnp.max(jnp.abs(value(*_towards_mirror(wi, wo, s_i, s_o))), axis=0)
+    (along_i, across_i, n_i, m_i), (along_o, across_o, n_o, m_o) = source, detector
     zero = jnp.zeros_like(wi.x)
     shape = jax.eval_shape(value, wi, wo).shape
 
     def over_source(j, state):
         total, weights_i, _, met = state
         at = first + j * stride
-        inside = at < n_i * n_i
+        inside = at < n_i * m_i
         at = jnp.where(inside, at, 0)
-        ray_i, weight_i = _ray(frame_i, _column(frame_i, along_i[at // n_i].T, crossing), across_i[at % n_i].T)
+        ray_i, weight_i = _ray(frame_i, _column(frame_i, along_i[at // m_i].T, crossing), across_i[at % m_i].T)
         weight_i = jnp.where(inside, weight_i, 0.0)
 
         def over_column(k, state):
@@ -176,17 +200,17 @@ def _kernel(brdf, wi, wo, first, stride, source, detector, s_i, s_o, crossing):
             def over_row(m, state):
                 total, weights_o, met = state
                 ray_o, weight_o = _ray(frame_o, column, across_o[m])
-                f = jnp.where((weight_i * weight_o > 0)[:, None], value(ray_i, ray_o), 0.0)
-                total = total + (weight_i * weight_o)[:, None] * f
-                return total, weights_o + weight_o, jnp.maximum(met, jnp.max(jnp.abs(f), axis=1))
+                f = jnp.where((weight_i * weight_o > 0)[None], value(ray_i, ray_o), 0.0)
+                total = total + (weight_i * weight_o)[None] * f
+                return total, weights_o + weight_o, jnp.maximum(met, jnp.max(jnp.abs(f), axis=0))
 
-            return jax.lax.fori_loop(0, n_o, over_row, state)
+            return jax.lax.fori_loop(0, m_o, over_row, state)
 
         total, weights_o, met = jax.lax.fori_loop(0, n_o, over_column, (total, zero, met))
         return total, weights_i + weight_i, weights_o, met
 
     start = (jnp.zeros(shape), zero, zero, zero)
-    steps = (n_i * n_i + stride - 1) // stride
+    steps = (n_i * m_i + stride - 1) // stride
     return *jax.lax.fori_loop(0, steps, over_source, start), probe
 
 

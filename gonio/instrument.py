@@ -81,8 +81,9 @@ class Instrument:
     """The detector blocks the source where the arms are closer than this angle, radians."""
     systematic: Systematic | None = None
     """The systematic errors themselves, instead of drawing them."""
-    tolerance: float = 1e-4
-    """Error allowed to the average over the apertures, relative to the reading."""
+    tolerance: float = 1e-3
+    """Error allowed to the average over the apertures, relative to the reading, as two rules differ: what the finer of
+    them is wrong by is commonly a hundredth of that."""
 
     def __post_init__(self):
         limits = {
@@ -118,7 +119,7 @@ class Instrument:
             if counted:
                 raise GonioError(f"{', '.join(counted)} is in counts; give photons too, which says what a count is")
         if not self.tolerance > 0:
-            raise GonioError("the instrument's tolerance is 0; give the relative error that is allowed, such as 1e-4")
+            raise GonioError("the instrument's tolerance is 0; give the relative error that is allowed, such as 1e-3")
 
     @property
     def has_apertures(self) -> bool:

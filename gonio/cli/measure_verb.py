@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"the systematic errors themselves: {', '.join(SYSTEMATIC)} in degrees, gain as a factor",
     )
     tool.add_argument(
-        "--tolerance", type=float, metavar="REL", help="error allowed to aperture averages (default 1e-4)"
+        "--tolerance", type=float, metavar="REL", help="error allowed to aperture averages (default 1e-3)"
     )
     parser.add_argument("--seed", type=int, default=0, help="of the noise and the systematic errors (default 0)")
     parser.add_argument("--float32", action="store_true", help="store single precision")
