@@ -77,7 +77,7 @@ class FitResult:
         kept = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in ("brdf", "channels")}
         kept["parameters"] = [dataclasses.asdict(p) for p in self.parameters]
         kept["channels"] = list(self.channels.names)
-        return plain(kept)
+        return unboxed(kept)
 
     def to_material_dict(self, name: str, description: str = "") -> dict[str, Any]:
         """The fitted model as a material file's content, which `gonio measure` can scan again."""
@@ -94,14 +94,14 @@ class FitResult:
         return held
 
 
-def plain(value: Any) -> Any:
-    """NumPy out of nested containers: lists, dicts, numbers and strings only."""
+def unboxed(value: Any) -> Any:
+    """NumPy out of nested containers: lists, dicts, numbers (NaN too, which TOML knows) and strings only."""
     if isinstance(value, dict):
-        return {str(k): plain(v) for k, v in value.items()}
+        return {str(k): unboxed(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
+        return [unboxed(v) for v in value]
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        return unboxed(value.tolist())
     return value.item() if isinstance(value, np.generic) else value
 
 

@@ -2,10 +2,9 @@
 
 import dataclasses
 import json
-import math
 from typing import Any
 
-import numpy as np
+from gonio.data.plain import plain
 
 PASS, FAIL, UNDECIDED, NOT_APPLICABLE = "pass", "fail", "undecided", "not applicable"
 EXIT_STATUS = {PASS: 0, FAIL: 1, UNDECIDED: 3}
@@ -94,20 +93,3 @@ class Certificate:
     def to_json(self) -> str:
         """`to_dict` as JSON text, with a newline at its end."""
         return json.dumps(self.to_dict(), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def plain(value: Any) -> Any:
-    """`value` made of what JSON can hold: arrays become lists, numbers that are not finite None."""
-    if isinstance(value, dict):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, int | np.integer):
-        return int(value)
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value

@@ -3,6 +3,7 @@
 import argparse
 import os
 import shlex
+import sys
 from typing import NamedTuple
 
 
@@ -11,11 +12,12 @@ class Sample(NamedTuple):
 
     material: str
     models: tuple[str, ...]
+    per_channel: bool = False
 
 
 SAMPLES = (
     Sample("paper", ("lambert", "eon + ggx(eta=1.5)")),
-    Sample("titanium_blasted", ("ggx(smith=separable)", "beckmann(smith=separable)")),
+    Sample("titanium_blasted", tuple(f"1 * {n}(eta=?, k=?, smith=separable)" for n in ("ggx", "beckmann")), True),
     Sample("two_lobe_paint", ("lambert + ggx(eta=1.5)", "lambert + ggx(eta=1.5) + ggx(eta=1.5)")),
 )
 INSTRUMENT = "--source-half-angle 0.1 --detector-half-angle 0.25 --photons 1e7 --ambient 0.02 --dark 100 --noise 0.002"
@@ -40,19 +42,20 @@ def run(args: argparse.Namespace) -> int:
         raise GonioError(f"{folder} is a file; name a folder for the demonstration, with -o") from None
     began = time.perf_counter()
     page = os.path.join(folder, "report.html")
-    files = []
+    tables, fits = [], []
     for s in SAMPLES:
         table, fitted = (os.path.join(folder, f"{s.material}.{end}") for end in ("h5", "fit.toml"))
-        files += [table, "--fit", fitted]
+        tables.append(table)
+        fits += ["--fit", fitted]
         say(f"\n── {s.material} ──")
         scan = "--scan isotropic --step 5 --seed 1"
         _do(f"measure {s.material} {scan} {INSTRUMENT} -o {shlex.quote(table)} --force")
-        models = " ".join(f"-m {shlex.quote(m)}" for m in s.models)
+        models = " ".join(f"-m {shlex.quote(m)}" for m in s.models) + " --per-channel" * s.per_channel
         _do(f"fit {shlex.quote(table)} {models} -o {shlex.quote(fitted)} --force")
         _do(f"check {shlex.quote(table)}")
         _do(f"check {shlex.quote(fitted)}")
     say("\n── the report ──")
-    _do(f"report {shlex.join(files)} -o {shlex.quote(page)} --force")
+    _do(f"report {shlex.join(tables + fits)} -o {shlex.quote(page)} --force")
     say(f"\nDone in {time.perf_counter() - began:.0f} s. Open this page in a browser: {os.path.abspath(page)}")
     return 0
 
@@ -64,5 +67,10 @@ def _do(command: str) -> None:
     from gonio.models.errors import GonioError
 
     say(f"$ gonio {command}")
-    if main(shlex.split(command)) == 2:
+    before, sys.argv = sys.argv, ["gonio", *shlex.split(command)]
+    try:
+        status = main()
+    finally:
+        sys.argv = before
+    if status == 2:
         raise GonioError("the demonstration stopped at the command above")

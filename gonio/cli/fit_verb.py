@@ -68,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
         raise GonioError(f"--theta-max is {args.theta_max:g}; expected degrees above 0 and up to 90.")
     import tomli_w
 
+    from gonio.data.plain import plain
     from gonio.data.reading import read
     from gonio.fitting.fitting import fit
 
@@ -91,11 +92,13 @@ def run(args: argparse.Namespace) -> int:
     with new_file(output, args.force) as path:
         path.write_text(text, encoding="utf-8")
     if args.json == "-":
-        say(json.dumps(result.to_dict(), indent=2, ensure_ascii=False))
+        say(json.dumps(plain(result.to_dict()), indent=2, ensure_ascii=False, allow_nan=False))
         return result.exit_status
     if args.json:
         with new_file(args.json, args.force) as path:
-            path.write_text(json.dumps(result.to_dict(), indent=2, ensure_ascii=False), encoding="utf-8")
+            path.write_text(
+                json.dumps(plain(result.to_dict()), indent=2, ensure_ascii=False, allow_nan=False), encoding="utf-8"
+            )
     for line in summary(result):
         say(line)
     say(f"written: {output}")

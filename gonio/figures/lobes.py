@@ -1,0 +1,154 @@
+"""f in the plane of incidence: against the signed outgoing angle, and as a polar diagram; linear and logarithmic.
+
+The specular side is on the right (theta_o > 0, delta_phi = 180°), the light comes from the left, in every picture.
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Wedge
+from matplotlib.ticker import FixedLocator, FuncFormatter
+
+from gonio.figures.style import FAINT, INK, RULE, legend_above, panel, styled, svg
+from gonio.figures.ticks import decades_between, log_axis, sr_label
+
+DECADES = 6
+"""A logarithmic picture shows this many decades below its largest value."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Curve:
+    """One line (a model) or one set of points (readings) of a panel: theta_o signed degrees and f, 1/sr, shape (n,)."""
+
+    theta_o: np.ndarray
+    f: np.ndarray
+    label: str
+    colour: str
+    dash: object = "-"
+    marker: str | None = None
+    """Drawn as points, never joined, where a marker is given."""
+    theta_i: float | None = None
+    """Degrees; polar diagrams draw the incoming ray."""
+
+
+def in_plane(curves: list[Curve], label: str, log: bool, y_label: str = "f / sr⁻¹") -> str:
+    """f against the signed outgoing angle; `label` is the alternative text."""
+    with styled():
+        fig, ax = panel()
+        for c in curves:
+            _draw(ax, c.theta_o, c.f, c)
+        if log:
+            log_axis(ax, *value_range(curves))
+        else:
+            _linear_axis(ax, curves)
+        angle_axis(ax)
+        ax.set_ylabel(y_label)
+        legend_above(ax)
+        return svg(fig, label)
+
+
+def _linear_axis(ax: Axes, curves: list[Curve]) -> None:
+    values = np.concatenate([c.f[np.isfinite(c.f)] for c in curves]) if curves else np.zeros(0)
+    low, high = (min(values.min(), 0.0), max(values.max(), 0.0)) if values.size else (0.0, 1.0)
+    span = (high - low) or 1.0
+    ax.set_ylim(low - (0.04 * span if low < 0 else 0.0), high + 0.04 * span)
+    ax.grid(axis="y")
+    if low < 0:
+        ax.axhline(0.0, color="#8a8a8a", lw=0.7)
+
+
+def angle_axis(ax: Axes) -> None:
+    """The signed outgoing angle, −90° to 90°, named."""
+    ax.set_xlim(-90, 90)
+    ax.xaxis.set_major_locator(FixedLocator(range(-90, 91, 30)))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.0f}°".replace("-", "−")))
+    ax.set_xlabel("θₒ  (light’s side  ←   → mirror’s side)")
+
+
+def value_range(curves: list[Curve]) -> tuple[float, float]:
+    """The smallest and largest positive value to be shown on a logarithmic scale, `DECADES` apart at most."""
+    values = np.concatenate([c.f for c in curves]) if curves else np.zeros(0)
+    values = values[np.isfinite(values) & (values > 0)]
+    if not values.size:
+        return 0.1, 1.0
+    high = float(values.max())
+    low = max(float(values.min()), high * 10.0**-DECADES)
+    if high / low < 2:
+        low, high = low / 1.5, high * 1.5
+    return low, high
+
+
+def _draw(ax: Axes, x: np.ndarray, y: np.ndarray, c: Curve) -> None:
+    if c.marker:
+        ax.plot(x, y, c.marker, ms=3.1, mfc="none", mec=c.colour, mew=0.8, label=c.label, ls="none")
+    else:
+        ax.plot(x, y, color=c.colour, ls=c.dash, label=c.label)
+
+
+def polar(curves: list[Curve], label: str, log: bool) -> str:
+    """The lobes as they leave the surface: radius is f, or its logarithm above the smallest ring."""
+    with styled():
+        fig, ax = panel()
+        low, high = value_range(curves)
+        rings = _log_rings(low, high) if log else _linear_rings(curves)
+        floor, top = math.log10(rings[0]) if log else 0.0, rings[-1]
+        span = (math.log10(top) - floor) if log else top
+        _half_disc(ax, rings, [(math.log10(r) - floor) / span if log else r / span for r in rings])
+        for c in curves:
+            radius = _radius(c.f, floor, span, log)
+            t = np.radians(c.theta_o)
+            _draw(ax, radius * np.sin(t), radius * np.cos(t), c)
+            if c.theta_i is not None:
+                _incoming(ax, c.theta_i, c.colour)
+        legend_above(ax)
+        return svg(fig, label)
+
+
+def _radius(f: np.ndarray, floor: float, span: float, log: bool) -> np.ndarray:
+    if not log:
+        return np.where(f > 0, f, np.nan if (f < 0).any() else 0.0) / span
+    shown = np.isfinite(f) & (f > 0)
+    level = (np.log10(np.where(shown, f, 1.0)) - floor) / span
+    return np.where(shown & (level >= 0), level, np.nan)
+
+
+def _linear_rings(curves: list[Curve]) -> list[float]:
+    top = max((float(np.nanmax(c.f, initial=0.0)) for c in curves), default=1.0) or 1.0
+    exponent = 10.0 ** math.floor(math.log10(top / 2))
+    step = next(s * exponent for s in (0.5, 1, 2, 5, 10, 20) if top / (s * exponent) <= 4.0)
+    return [step * k for k in range(1, math.ceil(top / step - 1e-9) + 1)]
+
+
+def _log_rings(low: float, high: float) -> list[float]:
+    ticks = decades_between(low, high)
+    return ticks if len(ticks) > 1 else [low, math.sqrt(low * high), high]
+
+
+def _half_disc(ax: Axes, rings: list[float], radii: list[float]) -> None:
+    ax.set_aspect("equal")
+    ax.axis("off")
+    ax.set(xlim=(-1.17, 1.17), ylim=(-0.14, 1.16))
+    for degrees in range(-90, 91, 30):
+        t = math.radians(degrees)
+        ax.plot([0, math.sin(t)], [0, math.cos(t)], color=RULE, lw=0.6, zorder=0)
+        ax.text(
+            1.045 * math.sin(t), 1.035 * math.cos(t), f"{degrees}°".replace("-", "−"), color=INK, fontsize=9,
+            ha="center" if degrees == 0 else "left" if degrees > 0 else "right",
+            va="bottom" if abs(degrees) < 90 else "center",
+        )  # fmt: skip
+    for value, radius in zip(rings, radii, strict=True):
+        ax.add_patch(Wedge((0, 0), radius, 0, 180, fill=False, ec=RULE, lw=0.6, zorder=0))
+        if radius > 0:
+            ax.text(radius, -0.025, sr_label(value), color=FAINT, fontsize=8, ha="center", va="top")
+    ax.text(0, -0.025, "0" if radii[0] > 0 else sr_label(rings[0]), color=FAINT, fontsize=8, ha="center", va="top")
+    ax.text(-1.0, -0.025, "f / sr⁻¹", color=INK, fontsize=9, ha="left", va="top")
+    ax.plot([-1.02, 1.02], [0, 0], color="#8a8a8a", lw=1.0, zorder=1)
+
+
+def _incoming(ax: Axes, theta_i: float, colour: str) -> None:
+    t = math.radians(-theta_i)
+    tip, tail = (0.86 * math.sin(t), 0.86 * math.cos(t)), (math.sin(t), math.cos(t))
+    arrow = {"arrowstyle": "-|>", "color": colour, "lw": 1.0, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
+    ax.annotate("", xy=tip, xytext=tail, arrowprops=arrow)

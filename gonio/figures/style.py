@@ -1,0 +1,138 @@
+"""How every panel looks: colours that colour-blind readers tell apart, one size of text, SVG without loose ends.
+
+A panel is about 350 px wide, so that its text stays readable on a telephone; pages set several side by side.
+"""
+
+import contextlib
+import html
+import io
+import re
+import threading
+import zlib
+from collections.abc import Iterator
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.colors import to_hex, to_rgb
+from matplotlib.figure import Figure
+
+# Okabe & Ito 2008, without its yellow (too pale for a line on white); the order keeps neighbours far apart.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4D4D4D")
+DASHES = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.5, 1.2, 1.5)), (0, (9, 2)))
+MARKERS = ("o", "s", "^", "D", "v")
+INK, FAINT, RULE = "#222222", "#6b6b6b", "#dcdcdc"
+WIDTH, HEIGHT = 4.9, 3.55  # inches of 72 units each: 353 by 256
+
+_RC = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "gonio",
+    "text.parse_math": False,  # names come from strangers' files: a dollar sign is a dollar sign
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.5,
+    "axes.titlesize": 10,
+    "axes.labelsize": 9.5,
+    "axes.edgecolor": "#8a8a8a",
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "axes.unicode_minus": True,
+    "axes.formatter.use_mathtext": False,
+    "xtick.color": "#555555",
+    "ytick.color": "#555555",
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 9,
+    "ytick.labelsize": 9,
+    "grid.color": RULE,
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 9,
+    "legend.frameon": False,
+    "lines.linewidth": 1.5,
+    "lines.solid_capstyle": "round",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.15,
+    "figure.dpi": 72,
+    "savefig.dpi": 144,
+}
+_LOCK = threading.RLock()  # matplotlib's settings belong to the whole process
+
+
+@contextlib.contextmanager
+def styled() -> Iterator[None]:
+    """Matplotlib's settings for our panels, for as long as the block lasts; one thread at a time."""
+    with _LOCK, matplotlib.rc_context(_RC):
+        yield
+
+
+def panel(width: float = WIDTH, height: float = HEIGHT) -> tuple[Figure, Axes]:
+    """A figure of one axes, inches; only inside `styled`."""
+    fig = Figure(figsize=(width, height), layout="constrained")
+    fig.get_layout_engine().set(w_pad=0.03, h_pad=0.03)
+    return fig, fig.add_subplot()
+
+
+def mix(colour: str, other: str, share: float) -> str:
+    """`colour` with a share of `other` in it, as a hex string."""
+    a, b = np.array(to_rgb(colour)), np.array(to_rgb(other))
+    return to_hex((1 - share) * a + share * b)
+
+
+def shades(colour: str, count: int) -> list[str]:
+    """`count` shades of one colour, from light to dark."""
+    steps = np.linspace(0.45, -0.45, count) if count > 1 else [0.0]
+    return [mix(colour, "white" if s > 0 else "black", abs(s)) for s in steps]
+
+
+def colour_of(number: int) -> tuple[str, object]:
+    """(colour, dash pattern) of the subject or model of this number: no two of the first 35 are alike."""
+    return PALETTE[number % len(PALETTE)], DASHES[number // len(PALETTE) % len(DASHES)]
+
+
+def legend_above(ax: Axes, columns: int | None = None, **kwargs) -> None:
+    """A legend in rows above the axes, where it cannot hide a curve."""
+    handles, labels = ax.get_legend_handles_labels()
+    if handles:
+        ax.legend(
+            handles, labels, loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncols=columns or min(len(labels), 4),
+            handlelength=1.9, handletextpad=0.5, columnspacing=1.3, borderaxespad=0.2, **kwargs,
+        )  # fmt: skip
+
+
+def svg(fig: Figure, label: str) -> str:
+    """The figure as an inline SVG element with `label` as its alternative text.
+
+    Text stays text; ids that nothing refers to are dropped, the others are made unique on a page.
+    """
+    buffer = io.StringIO()
+    FigureCanvasSVG(fig).print_svg(buffer, metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.S)
+    return _tidy(text, label)
+
+
+def _tidy(text: str, label: str) -> str:
+    # Only inside of tags: what stands between them is labels, some from strangers' files.
+    prefix = f"g{zlib.crc32(text.encode()):x}_"
+    used = set(re.findall(r'(?:url\(#|href="#)([^)"]+)', text))
+    names = {name: f"{prefix}{k}" for k, name in enumerate(sorted(used))}
+
+    def tag(match: re.Match) -> str:
+        t = match[0]
+        t = re.sub(r'\sid="([^"]*)"', lambda m: f' id="{names[m[1]]}"' if m[1] in names else "", t)
+        t = re.sub(r'(url\(#|href="#)([^)"]+)', lambda m: m[1] + names.get(m[2], m[2]), t)
+        t = t.replace("xlink:href=", "href=")
+        if "base64," not in t:
+            t = re.sub(r"(\d+\.\d\d)\d+", r"\1", t)
+        return re.sub(r"\s+", " ", t)
+
+    text = re.sub(r"<[^>]*>", tag, text)
+    text = re.sub(r">\s+<", "><", text)
+    viewbox = re.search(r'viewBox="[^"]*"', text)[0]
+    opening = f'<svg {viewbox} role="img" aria-label="{html.escape(label, quote=True)}" class="panel">'
+    return re.sub(r"<svg[^>]*>", lambda m: opening, text, count=1)

@@ -1,0 +1,146 @@
+"""What a report shows of one subject, as numbers: slices, maps, albedo, residuals. The figures draw nothing else."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from gonio.certificate import Certificate
+from gonio.data.flags import Flag
+from gonio.data.material import Material
+from gonio.data.table import Channels, Table
+from gonio.figures.hemisphere import disc_points
+from gonio.fitting.result import FitResult
+from gonio.models.base import AbstractBRDF
+from gonio.models.evaluate import evaluate
+from gonio.models.geometry import Direction
+
+INCIDENCES = (0.0, 30.0, 60.0, 80.0)
+MAP_INCIDENCES = (30.0, 60.0)
+OFF_PLANE = 2.5  # degrees within which a scattered sample counts as in the plane
+NEAR_INCIDENCE = 1.0
+MOST_POINTS = 400
+RESIDUALS = 1 << 16
+
+
+@dataclasses.dataclass
+class Subject:
+    """A table or a model in a report: its channel that is drawn, its fit, its certificate, and its place in colour."""
+
+    name: str
+    channels: Channels
+    brdf: AbstractBRDF | None = None
+    table: Table | None = None
+    material: Material | None = None
+    fit: FitResult | None = None
+    fit_material: Material | None = None
+    certificate: Certificate | None = None
+    number: int = 0
+
+    @property
+    def shown(self) -> int:
+        """The channel that the pictures show: the middle one."""
+        return len(self.channels) // 2
+
+    @property
+    def fitted(self) -> AbstractBRDF | None:
+        """The model fitted to the table, if one was given."""
+        if self.fit is not None:
+            return self.fit.brdf
+        return None if self.fit_material is None else self.fit_material.brdf
+
+
+def plane_angles(theta_i: float) -> np.ndarray:
+    """Signed outgoing angles, degrees, of a model's curve: every degree, and closer around the mirror direction."""
+    near = np.concatenate([-np.geomspace(8, 0.01, 30), [0.0], np.geomspace(0.01, 8, 30)])
+    every = np.concatenate([np.linspace(-89.5, 89.5, 180), np.clip(theta_i + near, -89.5, 89.5)])
+    return np.sort(every)
+
+
+def directions(theta: np.ndarray, phi: np.ndarray) -> Direction:
+    """Unit vectors of angles in radians, as NumPy arrays."""
+    return Direction(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) * np.ones_like(phi))
+
+
+def model_views(brdf: AbstractBRDF, incidences: list[float], map_incidences: list[float]) -> tuple[list, list]:
+    """(curves, maps) of a model: f, 1/sr, of shape (n, channels) in the plane and on the discs of `disc_points`.
+
+    One evaluation for everything, of one size for every subject: one compiled program a kind of model.
+    """
+    _, disc_theta, disc_phi = disc_points()
+    parts, sizes = [], []
+    for theta_i in incidences:
+        signed = np.radians(plane_angles(theta_i))
+        parts.append((np.full_like(signed, np.radians(theta_i)), np.abs(signed), np.where(signed >= 0, np.pi, 0.0)))
+        sizes.append(signed.size)
+    for theta_i in map_incidences:
+        parts.append((np.full_like(disc_theta, np.radians(theta_i)), disc_theta, disc_phi))
+        sizes.append(disc_theta.size)
+    t_i, t_o, phi = (np.concatenate(c) for c in zip(*parts, strict=True))
+    f = np.asarray(evaluate(brdf, directions(t_i, np.zeros_like(t_i)), directions(t_o, phi)))
+    pieces = np.split(f.reshape(t_i.size, -1), np.cumsum(sizes)[:-1])
+    return pieces[: len(incidences)], pieces[len(incidences) :]
+
+
+def table_incidences(table: Table, wanted: tuple[float, ...]) -> list[float]:
+    """The measured angles of incidence, degrees, nearest to those wanted; the wanted ones where all are measured."""
+    if table.layout.name == "half_difference":
+        return list(wanted)
+    there = np.unique(np.degrees(table.layout.axes["theta_i"]))
+    there = there[there < 89.0]
+    if not there.size or there.size > 500:
+        return list(wanted)
+    return sorted({float(there[np.argmin(np.abs(there - w))]) for w in wanted})
+
+
+def readings_near(table: Table, incidences: list[float]) -> list[dict[str, Any]]:
+    """For each incidence, degrees, the valid readings near it: theta_o, delta_phi (degrees), f (n, channels)."""
+    found: list[list] = [[] for _ in incidences]
+    exact = table.layout.name != "half_difference"
+    for start, stop in table.blocks():
+        theta_i, phi_i, theta_o, phi_o = (np.degrees(a) for a in table.layout.angles(start, stop))
+        block = table.read_values(start, stop)
+        valid = (block["flag"] == Flag.VALID).any(axis=1)
+        for k, wanted in enumerate(incidences):
+            at = np.flatnonzero(valid & (np.abs(theta_i - wanted) <= (1e-3 if exact else NEAR_INCIDENCE)))
+            f = np.where(block["flag"][at] == Flag.VALID, block["f"][at], np.nan)
+            found[k].append((theta_o[at], (phi_o[at] - phi_i[at]) % 360.0, f))
+    return [
+        dict(zip(("theta_o", "delta_phi", "f"), map(np.concatenate, zip(*f, strict=True)), strict=True)) for f in found
+    ]
+
+
+def in_plane_points(near: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """(signed theta_o, f) of the readings in the plane of incidence, or near it; at most `MOST_POINTS`."""
+    theta_o, phi = near["theta_o"], np.radians(near["delta_phi"])
+    off = np.degrees(np.arcsin(np.clip(np.sin(np.radians(theta_o)) * np.abs(np.sin(phi)), 0, 1)))
+    at = np.flatnonzero(off <= 1e-3)
+    if at.size < 8:
+        at = np.flatnonzero(off <= OFF_PLANE)
+    at = at[np.linspace(0, at.size - 1, min(at.size, MOST_POINTS)).astype(int)] if at.size else at
+    signed = np.where(np.cos(phi[at]) <= 0, theta_o[at], -theta_o[at])
+    order = np.argsort(signed, kind="stable")
+    return signed[order], near["f"][at][order]
+
+
+def residuals(table: Table, brdf: AbstractBRDF) -> dict[str, np.ndarray]:
+    """Residuals at readings, all channels: (model − reading)/reading, the same over u(f), and θh, θd in degrees."""
+    block = table.samples(limit=RESIDUALS)
+    n = block.f.shape[0]
+    if not n:
+        return {name: np.empty(0) for name in ("relative", "in_u", "theta_h", "theta_d")}
+    index = np.resize(np.arange(n), RESIDUALS)  # repeated to one size, so that one compiled program serves
+    wi, wo = (Direction(*(np.asarray(c)[index] for c in w)) for w in (block.wi, block.wo))
+    model = np.asarray(evaluate(brdf, wi, wo)).reshape(RESIDUALS, -1)[:n]
+    valid = (block.flag == Flag.VALID) & np.isfinite(block.f) & (block.f != 0)
+    h, d = ([a + s * b for a, b in zip(block.wi, block.wo, strict=True)] for s in (1, -1))
+    theta_h = np.degrees(np.arctan2(np.hypot(h[0], h[1]), h[2]))
+    theta_d = np.degrees(np.arctan2(*(np.sqrt(sum(c * c for c in v)) for v in (d, h))))
+    difference = np.broadcast_to(model, block.f.shape) - np.where(valid, block.f, 0.0)
+    known = valid & np.isfinite(block.u_f) & (np.nan_to_num(block.u_f) > 0)
+    return {
+        "relative": (difference / np.where(valid, np.abs(block.f), 1.0))[valid],
+        "in_u": (difference / np.where(known, block.u_f, 1.0))[known],
+        "theta_h": np.broadcast_to(theta_h[:, None], block.f.shape)[valid],
+        "theta_d": np.broadcast_to(theta_d[:, None], block.f.shape)[valid],
+    }
