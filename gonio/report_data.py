@@ -90,7 +90,7 @@ def table_incidences(table: Table, wanted: tuple[float, ...]) -> list[float]:
     there = there[there < 89.0]
     if not there.size or there.size > 500:
         return list(wanted)
-    return sorted({float(there[np.argmin(np.abs(there - w))]) for w in wanted})
+    return sorted({round(float(there[np.argmin(np.abs(there - w))]), 9) for w in wanted})
 
 
 def readings_near(table: Table, incidences: list[float]) -> list[dict[str, Any]]:
