@@ -44,9 +44,7 @@ def test_resolves_a_horizon_at_grazing():
         u1 = (np.arange(256) + 0.5) / 256
         cos_psi, _, jacobian = many(jnp.asarray(1 / eps), jnp.asarray(u1))
         exact = 4 * np.sqrt(1 + eps**2) * special.ellipe(1 / (1 + eps**2))
-        assert np.mean(np.sqrt(eps**2 + np.asarray(cos_psi) ** 2) * jacobian) == pytest.approx(
-            exact, rel=1e-12
-        )
+        assert np.mean(np.sqrt(eps**2 + np.asarray(cos_psi) ** 2) * jacobian) == pytest.approx(exact, rel=1e-12)
 
 
 def test_gradients_are_finite_at_every_incidence():

@@ -50,9 +50,7 @@ def test_the_overall_verdict_is_about_reciprocity_and_energy_unless_strict():
 
 
 def test_its_json_holds_everything_and_no_nan():
-    p = Property(
-        "energy", "undecided", math.inf, np.float64(2.0), 0.01, series={"albedo": np.array([[1.0, np.nan]])}
-    )
+    p = Property("energy", "undecided", math.inf, np.float64(2.0), 0.01, series={"albedo": np.array([[1.0, np.nan]])})
     written = json.loads(Certificate("a", "table", [p]).to_json())
     assert written["properties"][0]["residual"] is None
     assert written["properties"][0]["series"]["albedo"] == [[1.0, None]]

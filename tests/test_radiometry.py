@@ -21,9 +21,7 @@ def test_every_quantity_has_a_symbol_and_a_unit():
 @given(positive)
 def test_diffuse_emitter(radiance):
     exitance = radiometry.diffuse_exitance(radiance)
-    assert exitance == pytest.approx(
-        radiometry.irradiance(radiance, solid_angle.PROJECTED_HEMISPHERE), rel=1e-15
-    )
+    assert exitance == pytest.approx(radiometry.irradiance(radiance, solid_angle.PROJECTED_HEMISPHERE), rel=1e-15)
     assert exitance == pytest.approx(np.pi * radiance, rel=1e-15)
     assert radiometry.diffuse_radiance(exitance) == pytest.approx(radiance, rel=1e-15)
 
@@ -40,9 +38,7 @@ def test_cap_of_sky_by_quadrature():
 def test_sphere_is_the_cap_that_it_covers(radius, ratio):
     distance = radius * ratio
     sphere = radiometry.irradiance_of_sphere(2.0, radius, distance)
-    assert sphere == pytest.approx(
-        float(radiometry.irradiance_of_cap(2.0, np.arcsin(radius / distance))), rel=1e-12
-    )
+    assert sphere == pytest.approx(float(radiometry.irradiance_of_cap(2.0, np.arcsin(radius / distance))), rel=1e-12)
 
 
 def test_far_sphere_is_a_point_source():

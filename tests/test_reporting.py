@@ -92,7 +92,8 @@ def test_every_section_has_its_pictures_and_values(page, fitted):
     assert [c["theta_i_deg"] for c in first["in_plane"]] == [0, 30, 60, 80]
     points = first["readings_in_plane"][1]
     truth = fitted[0].f[3, :, [0, 6], 0]
-    assert {float(f"{v:.6g}") for v in truth.ravel()} == {row[0] for row in points["f_per_sr"]}
+    assert {float(f"{v:.6g}") for v in truth.ravel()} <= {row[0] for row in points["f_per_sr"]}
+    assert len(points["f_per_sr"]) == truth.size + 10  # along the normal every azimuth is in the plane
     assert values["subject-2"]["facts"]["negative readings"] == "1"
 
 
@@ -153,11 +154,10 @@ def test_a_browser_shows_it_without_complaint(page, tmp_path):
     })</script>"""
     path.write_text(page.replace("</body>", probe + "</body>"), encoding="utf-8")
     for width in (1200, 500):
-        done = subprocess.run(
-            [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", f"--window-size={width},900",
-             "--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={tmp_path / str(width)}", "--dump-dom", path.as_uri()],
-            capture_output=True, text=True, timeout=120,
-        )  # fmt: skip
+        options = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--dump-dom"]
+        options += [f"--window-size={width},900", "--host-resolver-rules=MAP * ~NOTFOUND"]
+        options += [f"--user-data-dir={tmp_path / str(width)}", path.as_uri()]
+        done = subprocess.run([CHROMIUM, *options], capture_output=True, text=True, timeout=120)
         assert done.returncode == 0 and "CONSOLE" not in done.stderr
         there, laid_out, fits, requests = re.search(r"<title>(.*?)</title>", done.stdout)[1].split(",")
         assert int(there) == int(laid_out) >= 21 and fits == "true" and requests == "0"
