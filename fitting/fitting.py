@@ -24,7 +24,7 @@ CANDIDATES = (
     "lambert + ggx(f0=0.04) + ggx(f0=0.04)",
 )
 WEIGHTS = ("solid-angle",)
-WIDENS = 0.05  # aperture half-angle over alpha, from which on the averaging shows beyond 0.1 %
+WIDENS = 0.02  # aperture half-angle over alpha, from which on the averaging shows in a fit
 
 
 def fit(

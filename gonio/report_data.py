@@ -123,9 +123,9 @@ def in_plane_points(near: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     return signed[order], near["f"][at][order]
 
 
-def residuals(table: Table, brdf: AbstractBRDF) -> dict[str, np.ndarray]:
+def residuals(table: Table, brdf: AbstractBRDF, theta_max: float | None) -> dict[str, np.ndarray]:
     """Residuals at readings, all channels: (model − reading)/reading, the same over u(f), and θh, θd in degrees."""
-    block = table.samples(limit=RESIDUALS)
+    block = table.samples(limit=RESIDUALS, theta_max=theta_max)
     n = block.f.shape[0]
     if not n:
         return {name: np.empty(0) for name in ("relative", "in_u", "theta_h", "theta_d")}

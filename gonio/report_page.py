@@ -250,19 +250,24 @@ def _by_channel(values: list, size: int) -> np.ndarray:
 def _residuals(s: Subject, colour: str) -> list[dict]:
     if s.table is None or s.fitted is None:
         return []
-    r = data.residuals(s.table, s.fitted)
+    theta_max = (_fit_facts(s) or {}).get("theta_max")
+    r = data.residuals(s.table, s.fitted, theta_max)
+    cut = "" if theta_max is None else f", polar angles up to {np.degrees(theta_max):.4g}° as in the fit"
     if not r["relative"].size:
         return []
     figures = [
         {
             "svg": residual_map(r["theta_h"], r["theta_d"], r["relative"], f"Residuals of the fit to {s.name}"),
-            "caption": "Fit residuals over half and difference angle, all channels: red where the model is too bright.",
+            "caption": f"Fit residuals by half and difference angle, all channels{cut}: red where the model is brighter.",
         }
     ]
     in_u = r["in_u"].size > 0.5 * r["relative"].size
     values, unit = (r["in_u"], "u_f") if in_u else (100 * r["relative"], "%")
-    caption = "Residuals in standard uncertainties of the readings." if in_u else "Relative residuals, all channels."
+    caption = "Residuals in standard uncertainties of the readings" if in_u else "Relative residuals, all channels"
     figures.append(
-        {"svg": residual_histogram(values, unit, colour, f"Histogram of residuals of {s.name}"), "caption": caption}
+        {
+            "svg": residual_histogram(values, unit, colour, f"Histogram of residuals of {s.name}"),
+            "caption": caption + cut + ".",
+        }
     )
     return figures
