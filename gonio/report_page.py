@@ -258,7 +258,7 @@ def _residuals(s: Subject, colour: str) -> list[dict]:
     figures = [
         {
             "svg": residual_map(r["theta_h"], r["theta_d"], r["relative"], f"Residuals of the fit to {s.name}"),
-            "caption": f"Fit residuals by half and difference angle, all channels{cut}: red where the model is brighter.",
+            "caption": f"Fit residuals by half and difference angle, all channels{cut}: red: model brighter.",
         }
     ]
     in_u = r["in_u"].size > 0.5 * r["relative"].size
