@@ -53,7 +53,8 @@ def load_material(what: str | os.PathLike) -> Material:
     """
     text = os.fspath(what)
     if text in reference_materials():
-        return read_material(REFERENCE_FOLDER / f"{text}.toml")
+        # Where this gonio is installed is nobody's provenance: a reference material is known by its name.
+        return dataclasses.replace(read_material(REFERENCE_FOLDER / f"{text}.toml"), meta={"reference": text})
     if isinstance(what, os.PathLike) or _is_there(text):
         return _from_file(Path(text))
     if "(" in text:

@@ -151,9 +151,17 @@ def _provenance(s: Subject) -> list[tuple[str, str]]:
         return [("source", source)] if source else []
     rows = []
     for key, value in s.table.provenance.items():
-        text = value if isinstance(value, str) else json.dumps(plain(value), ensure_ascii=False)
+        text = _spoken(plain(value))
         rows.append((str(key), text if len(text) <= 2000 else text[:2000] + " …"))
     return rows
+
+
+def _spoken(value: Any) -> str:
+    if isinstance(value, dict):
+        return "; ".join(f"{k.replace('_', ' ')} {_spoken(v)}" for k, v in value.items())
+    if isinstance(value, list):
+        return ", ".join(_spoken(v) for v in value)
+    return f"{value:.7g}" if isinstance(value, float) else str(value)
 
 
 def _lobes(s: Subject, colour: str, channel: str, incidences, curves, by_incidence) -> list[dict]:
