@@ -11,9 +11,8 @@ from gonio.data.table import Channels
 from gonio.models.base import AbstractBRDF
 from gonio.models.building import build, spell
 from gonio.models.catalog import MODELS
-from gonio.models.errors import GonioError
+from gonio.models.errors import GonioError, nearest
 from gonio.models.evaluate import channel_count
-from gonio.models.spelling import nearest
 
 FORMAT = 1
 LARGEST = 4 << 20  # bytes: ten thousand wavelengths at full precision are a quarter of it

@@ -2,14 +2,14 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gonio.data.flags import Flag
 from gonio.data.layout import Layout
-from gonio.models.errors import GonioError
+from gonio.models.errors import GonioError, nearest
 
 if TYPE_CHECKING:
     from gonio.models.geometry import Direction
@@ -103,6 +103,18 @@ class Table:
             values = getattr(self, what)
             if values is not None and tuple(values.shape) != shape:
                 raise GonioError(f"{what} has shape {tuple(values.shape)}, but layout and channels make {shape}")
+
+    def only(self, names: Sequence[str]) -> "Table":
+        """The same table with these channels alone, in this order. Raises GonioError for a channel it does not have."""
+        for name in names:
+            if name not in self.channels.names:
+                raise GonioError(f"there is no channel {name!r}; {nearest(name, self.channels.names)}")
+        at = [self.channels.names.index(name) for name in names]
+        wavelengths = self.channels.wavelengths_nm
+        kept = Channels(tuple(names), None if wavelengths is None else tuple(wavelengths[k] for k in at))
+        parts = {what: getattr(self, what) for what in ("f", "flag", "u_f")}
+        parts = {what: None if values is None else np.asarray(values)[..., at] for what, values in parts.items()}
+        return dataclasses.replace(self, **parts, channels=kept, interpolant=None)
 
     def blocks(self, max_cells: int = 1 << 20) -> Iterator[tuple[int, int]]:
         """Ranges (start, stop) of cells in C order: whole rows of the first axis if they fit `max_cells`."""

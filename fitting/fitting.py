@@ -13,8 +13,8 @@ from gonio.fitting.one_model import Options, fit_one
 from gonio.fitting.result import FitResult
 from gonio.fitting.samples import Readings, readings_of, sigma_of
 from gonio.fitting.structure import with_defaults
-from gonio.models.errors import GonioError
-from gonio.models.spelling import nearest, parse
+from gonio.models.errors import GonioError, nearest
+from gonio.models.spelling import parse
 
 CANDIDATES = (
     "lambert",

@@ -10,12 +10,11 @@ too; to evaluate a model every parameter must have a value. The text is parsed h
 """
 
 import dataclasses
-import difflib
 import re
 
 from gonio.models.base import SCALE
 from gonio.models.catalog import MODELS
-from gonio.models.errors import GonioError
+from gonio.models.errors import GonioError, nearest
 from gonio.models.parameters import ParameterInfo, parameters_of
 
 LONGEST = 200_000  # characters: a thousand wavelengths at full precision are a tenth of it
@@ -50,12 +49,6 @@ class Term:
 
     scale: Value | None
     call: Call
-
-
-def nearest(word: str, known) -> str:
-    """`; did you mean 'x'?` for the known name nearest to a wrong one, or the list of what is known."""
-    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
-    return f"did you mean '{close[0]}'?" if close else f"known are {', '.join(known)}."
 
 
 class _Parser:

@@ -100,3 +100,12 @@ def test_shapes_and_channels_that_disagree_are_refused():
         Channels(())
     assert Channels.of_wavelengths([632.8]).names == ("632.8 nm",)
     assert [len(Channels.of_count(n)) for n in (1, 2, 3, 7)] == [1, 2, 3, 7]
+
+
+def test_channels_alone():
+    f = np.arange(12.0).reshape(2, 2, 3)
+    whole = whole_table_of_values(layout.in_plane([0.1, 0.2], [-0.3, 0.3]), f, Channels.of_wavelengths([450, 550, 650]))
+    part = whole.only(["650 nm", "450 nm"])
+    assert part.channels.wavelengths_nm == (650.0, 450.0) and np.array_equal(part.f, whole.f[..., [2, 0]])
+    with pytest.raises(GonioError, match="'550 nm'"):
+        whole.only(["555 nm"])

@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--theta-max", type=float, metavar="DEG", help="leave out readings beyond this polar angle, on either side"
     )
     parser.add_argument("--weight", metavar="HOW", help="solid-angle: weigh cells by the solid angle they stand for")
+    parser.add_argument("--channel", action="append", metavar="NAME", help="only this channel, such as R or '633 nm'")
     parser.add_argument("--per-channel", action="store_true", help="fit each channel by itself")
     parser.add_argument("--samples", type=int, metavar="N", help="use at most N cells, drawn by the seed")
     parser.add_argument(
@@ -73,6 +74,8 @@ def run(args: argparse.Namespace) -> int:
     from gonio.fitting.fitting import fit
 
     table = read(args.file, **({"nodes": args.merl_nodes} if args.merl_nodes else {}))
+    if args.channel:
+        table = table.only(args.channel)
     if not table.name:
         table.name = Path(args.file).stem
     result = fit(

@@ -11,8 +11,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from gonio.cli.text import columns, say
     from gonio.data.material import load_material, material_text, reference_materials
-    from gonio.models.errors import GonioError
-    from gonio.models.spelling import nearest
+    from gonio.models.errors import GonioError, nearest
 
     known = reference_materials()
     if args.name and args.name not in known:

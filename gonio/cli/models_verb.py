@@ -13,8 +13,7 @@ def run(args: argparse.Namespace) -> int:
     from gonio.cli.text import columns, say
     from gonio.models.building import example
     from gonio.models.catalog import MODELS
-    from gonio.models.errors import GonioError
-    from gonio.models.spelling import nearest
+    from gonio.models.errors import GonioError, nearest
 
     if args.name and args.name not in MODELS:
         raise GonioError(f"Unknown model '{args.name}'; {nearest(args.name, MODELS)}")

@@ -25,7 +25,7 @@ def main() -> None:
             done = timed(gonio() + command, folder)
             assert done.status == 0, done.output
         here = pathlib.Path(__file__).with_name("scipy_fit.py")
-        print(f"{'':34} {'wall s':>8} {'cpu s':>8} {'peak MB':>8} {'starts':>8} {'worst relative error':>22}")
+        print(f"{'':40} {'wall s':>8} {'cpu s':>8} {'peak MB':>8} {'starts':>8} {'worst relative error':>22}")
         for samples in (20_000, 0):
             name = f"{samples:,} samples" if samples else "full table"
             few = ["--samples", str(samples)] if samples else []
@@ -56,7 +56,7 @@ def main() -> None:
 
 def line(name: str, runs: list, starts: str, error: float) -> None:
     wall, cpu, peak = (statistics.median(getattr(r, what) for r in runs) for what in ("wall", "cpu", "peak_mb"))
-    print(f"{name:34} {wall:8.2f} {cpu:8.2f} {peak:8.0f} {starts:>8} {error:22.1e}")
+    print(f"{name:40} {wall:8.2f} {cpu:8.2f} {peak:8.0f} {starts:>8} {error:22.1e}")
 
 
 def gonio_error(path: pathlib.Path) -> tuple[float, str]:
