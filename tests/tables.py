@@ -1,0 +1,37 @@
+"""Tables of random values on every layout, and what it means that two are the same."""
+
+import numpy as np
+
+from gonio.data import layout
+from gonio.data.flags import Flag
+from gonio.data.table import Channels, Table
+
+LAYOUTS = {
+    "spherical": layout.spherical([0.1, 0.5], [0, 1, 2], [0.2, 0.4], [0.0, 3.0]),
+    "isotropic": layout.isotropic([0.1, 0.5], [0.2, 0.4, 1.2], [0.0, 1.5, 3.0]),
+    "half_difference": layout.merl(counts=(4, 5, 6)),
+    "anisotropic half_difference": layout.half_difference([0, 0.3], [0.1, 0.5], [0, 1], [0, 2, 4]),
+    "in_plane": layout.in_plane([0.1, 0.5], [-0.4, 0.0, 0.2]),
+    "scattered": layout.scattered([0.1, 0.5, 0.2], [0, 1, 2], [0.3, 0.3, 0.3], [3, 2, 1]),
+}
+PROVENANCE = {"material": "lambert(rho=0.5)", "seed": 7, "größe": [1.5, None, "µ"]}
+
+
+def random_table(grid, dtype=np.float64, u_f="stored", seed=0):
+    rng = np.random.default_rng(seed)
+    shape = (*grid.shape, 3)
+    flag = rng.integers(0, len(Flag), shape).astype(np.uint8)
+    f = np.where(flag == 0, rng.standard_normal(shape), np.nan).astype(dtype)
+    values = {"stored": rng.random(shape).astype(dtype), "exact": np.zeros(shape, dtype), "unknown": None}[u_f]
+    channels = Channels(("a", "b", "µ"), (450.0, 550.5, 632.8))
+    return Table(grid, f, flag, channels, values, PROVENANCE, 1e-3, None, "a name")
+
+
+def assert_same(a: Table, b: Table):
+    assert a.layout == b.layout and a.channels == b.channels and a.provenance == b.provenance and a.name == b.name
+    assert (a.source_solid_angle, a.receiver_solid_angle) == (b.source_solid_angle, b.receiver_solid_angle)
+    np.testing.assert_array_equal(a.f[...], b.f[...])
+    np.testing.assert_array_equal(a.flag[...], b.flag[...])
+    assert (a.u_f is None) == (b.u_f is None)
+    if a.u_f is not None:
+        np.testing.assert_array_equal(a.u_f[...], b.u_f[...])
