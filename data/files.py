@@ -56,7 +56,9 @@ def output_errors(path: str | os.PathLike) -> Iterator[None]:
         elif not folder.is_dir():
             message = f"the folder {folder} of {path} does not exist; make it first"
         else:
-            message = f"{path} cannot be written ({error.strerror or error}); choose a folder you may write to"
+            # HDF5 puts a paragraph of its insides where others say why.
+            why = os.strerror(error.errno) if error.errno else "refused"
+            message = f"{path} cannot be written ({why}); choose a folder you may write to"
         raise GonioError(message) from None
 
 

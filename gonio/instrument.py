@@ -43,6 +43,9 @@ class Systematic:
         return not (self.tilt_x or self.tilt_y or self.theta_i or self.theta_o or self.phi)
 
 
+ANGLES = ("source_half_angle", "detector_half_angle", "misalignment", "shadow")  # in radians; people hear degrees
+
+
 @dataclasses.dataclass(frozen=True)
 class Instrument:
     """A gonioreflectometer; the default is ideal: point apertures, no noise, no error.
@@ -105,7 +108,7 @@ class Instrument:
             if value is None:
                 continue
             if not (isinstance(value, int | float | np.number) and 0 <= value <= high):
-                raise GonioError(f"the instrument's {name} is {value!r}; give a number from 0 to {high:g}")
+                raise GonioError(f"the instrument's {name} is {_said(name, value)}; give from 0 to {_said(name, high)}")
             object.__setattr__(self, name, float(value))
         if self.photons == math.inf:
             object.__setattr__(self, "photons", None)
@@ -148,7 +151,7 @@ class Instrument:
             value = getattr(self, field.name)
             if field.name == "systematic" or value == field.default:
                 continue
-            angle = field.name in ("source_half_angle", "detector_half_angle", "misalignment", "shadow")
+            angle = field.name in ANGLES
             given[f"{field.name}_deg" if angle else field.name] = math.degrees(value) if angle else value
         if self.systematic is not None:
             given["systematic"] = systematic_to_dict(self.systematic)
@@ -157,6 +160,12 @@ class Instrument:
     def solid_angles(self) -> tuple[float, float]:
         """Solid angles of source and detector, sr; 0 for points."""
         return _cap(self.source_half_angle), _cap(self.detector_half_angle)
+
+
+def _said(name: str, value) -> str:
+    if not isinstance(value, int | float | np.number):
+        return repr(value)
+    return f"{math.degrees(value):.6g}°" if name in ANGLES else f"{value:g}"
 
 
 def systematic_to_dict(errors: Systematic) -> dict:

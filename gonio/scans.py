@@ -177,7 +177,11 @@ def _count(whole: float, step: float) -> int:
 
 
 def _bounded_step(step, whole):
-    if not whole / 1e6 <= step <= whole:
+    if not step > 0:
+        raise GonioError(f"a step of {math.degrees(step):g}° came; give one above 0°")
+    if step < whole / 1e6:
+        raise GonioError(f"a step of {math.degrees(step):g}° makes more cells than can be measured; give a larger one")
+    if step > whole:
         raise GonioError(f"a step of {math.degrees(step):g}° does not fit {math.degrees(whole):g}°; give a smaller one")
 
 

@@ -58,10 +58,11 @@ def run(args: argparse.Namespace) -> int:
     import sys
 
     from gonio.cli.text import say, tell
-    from gonio.data.files import refuse_existing
+    from gonio.data.files import refuse_existing, refuse_input
 
     # Before anything is read or computed.
     refuse_existing(args.output, args.force)
+    refuse_input(args.output, *(given for given in (args.material, args.scan) if given))
     from gonio.data.material import load_material
     from gonio.measuring import measure
 
