@@ -23,6 +23,8 @@ def sniff(path: str | os.PathLike) -> str:
         return "RGL"
     if merl.header_counts(start, size) or merl.looks_like_merl(start):
         return "MERL"
+    if b"\0" in start and os.fspath(path).lower().endswith(".binary"):
+        return "MERL"  # whose reader says what its header claims
     if b"\0" in start:
         _unknown(path, "binary")
     names = CsvText(path, limit=1 << 16).names

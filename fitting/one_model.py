@@ -231,6 +231,9 @@ def _closed(s, fixed, d, p, whole: Problem, readings: Readings, weight, counts, 
         pinned = low | high
     matrix, scatter = total.matrix, np.asarray(done.scatter)
     known = options.loss == "sigma"
+    if not known and s.size and readings.count <= s.size and not exact:
+        notes.append("there are no more readings than free numbers: nothing is left to judge their uncertainty by")
+        scatter = np.full_like(scatter, np.nan)
     spread = covariance(matrix, scatter, known, ~pinned & ~silent, p, readings.count)
     used = weight[weight > 0]
     return Ending(

@@ -220,6 +220,16 @@ def test_what_cannot_be_fitted_is_one_sentence(seven, model, options, words):
     assert any(w in str(error.value) for w in words[-1].split("|")) and words[0] in str(error.value)
 
 
+def test_as_many_numbers_as_readings_leave_no_uncertainty():
+    angles = np.radians([[10, 20, 30], [0, 0, 0], [20, 10, 20], [0, 0, 0]])
+    table = whole_table_of_values(
+        layouts.scattered(*angles), np.array([[0.1], [0.1], [0.12]]), channels=Channels.grey()
+    )
+    result = fit(table, "lambert + ggx", starts=1)
+    assert any("no more readings than free numbers" in n for n in result.notes) or result.exact
+    assert result.exact or all(p.status != "determined" for p in free(result).values())
+
+
 def test_too_few_readings_are_refused_by_name():
     layout = layouts.scattered(*(np.array([0.1, 0.2]),) * 4)
     table = whole_table_of_values(layout, np.full((2, 1), 0.3), channels=Channels.grey())
