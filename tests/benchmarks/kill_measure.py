@@ -14,7 +14,7 @@ import numpy as np
 from process import gonio, timed
 
 COMMAND = shlex.split(
-    "measure two_lobe_paint --scan isotropic --step 2 --phi-step 2 --seed 3 --source-half-angle 0.25"
+    "measure two_lobe_paint --scan isotropic --step 1 --phi-step 3 --seed 3 --source-half-angle 0.25"
     " --detector-half-angle 0.5 --photons 1e6 --noise 0.002 -o"
 )
 KILLS = 10
@@ -30,7 +30,7 @@ def main() -> None:
         for kill in range(KILLS):
             child = subprocess.Popen([*gonio(), *COMMAND, "killed.h5"], cwd=folder, stderr=subprocess.DEVNULL)
             # Each life is long enough to get somewhere, and ends at a moment that nothing in the program chose.
-            time.sleep(1.5 + rng.uniform(0.0, 0.2) * whole.wall)
+            time.sleep(1.3 + rng.uniform(0.0, 0.12) * whole.wall)
             attempts += 1
             if child.poll() is not None:
                 print(f"kill {kill + 1}: it had finished already")
