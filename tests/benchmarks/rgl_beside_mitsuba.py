@@ -18,9 +18,8 @@ from gonio.models.geometry import Direction
 def main(folder: str, oracle: str) -> None:
     jax.config.update("jax_enable_x64", True)
     witness = np.load(oracle)
-    print(
-        f"{'file':24} {'values':>7} {'worst, bright':>14} {'within 1e-4':>12} {'median':>9}   single precision: within 1e-4 of ours"
-    )
+    head = ("file", "values", "worst, bright", "within 1e-4", "median", "single precision within 1e-4 of double")
+    print("{:24} {:>7} {:>14} {:>12} {:>9}   {}".format(*head))
     for path in sorted(pathlib.Path(folder).glob("*.bsdf")):
         entry = f"measured_{path.stem}"
         if f"{entry}/wi" not in witness:
