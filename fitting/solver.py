@@ -87,8 +87,8 @@ class _State(eqx.Module):
 class StreamedLevenbergMarquardt(optx.AbstractMinimiser):
     """Damped Newton descent with a trust region on (cost, `Normal`), scaled as in MINPACK [Moré 1978].
 
-    A trial step whose cost is not finite is a rejected step. Stops when stationary, exact, or when the step cannot
-    lower the cost by more than its rounding.
+    A trial step whose cost is not finite is a rejected step. Stops when stationary, exact, or when a step that could
+    only change the cost by its rounding brings the gradient no further down.
     """
 
     rtol: float = 0.0
@@ -121,7 +121,13 @@ class StreamedLevenbergMarquardt(optx.AbstractMinimiser):
         step_size, accept, _, search = self.search.step(
             state.first, y, state.trial, old, optx.FunctionInfo.Eval(cost), state.search
         )
-        accept = accept & finite
+        # Below its own rounding the cost says nothing, while the gradient still does: there a step counts by that.
+        rounding = _EPS * (4.0 * state.cost + jnp.sqrt(2.0 * jnp.maximum(state.cost, 0.0) * args.size2))
+        by_gradient = (cost <= state.cost + rounding) & (normal.stationarity < 0.9 * state.normal.stationarity)
+        by_gradient = by_gradient & ~accept & ~state.first
+        step_size = jnp.where(by_gradient, 10.0 * state.search.step_size, step_size)
+        search = eqx.tree_at(lambda s: s.step_size, search, step_size)
+        accept = (accept | by_gradient) & finite
         pick = lambda new, before: jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, before)  # noqa: E731
         y, cost, normal = pick((state.trial, cost, normal), (y, state.cost, state.normal))
         lengths = jnp.sqrt(jnp.maximum(jnp.diagonal(normal.hessian), 0.0))
@@ -132,7 +138,7 @@ class StreamedLevenbergMarquardt(optx.AbstractMinimiser):
         move, result = self.descent.step(step_size, descent)
         move = jnp.where(jnp.isfinite(move), move, 0.0)
         promised = -(jnp.dot(info.grad, move) + 0.5 * jnp.dot(move, info.hessian.mv(move)))
-        spent = promised <= 4.0 * _EPS * cost
+        spent = (promised <= rounding) & ~accept
         stationary = normal.stationarity <= STATIONARY
         refused = (state.first & ~finite) | (result != optx.RESULTS.successful)
         finished = stationary | normal.exact | spent | refused
