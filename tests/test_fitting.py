@@ -53,7 +53,7 @@ def test_single_precision_tables_converge(seven):
     single = table_of(SEVEN)
     single.f = single.f.astype(np.float32)
     result = fit(single, "lambert + ggx(eta=1.5)", starts=4)
-    assert result.converged and not result.exact and result.stationarity < 1e-8 and not result.notes
+    assert result.converged and not result.exact and result.stationarity < 1e-6 and not result.notes
     np.testing.assert_allclose(values(result), TRUTH, rtol=1e-7)
 
 
