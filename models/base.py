@@ -1,7 +1,8 @@
 """What every BRDF is, and the two ways to make one of others: the sum and the scaling."""
 
 import abc
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,6 +22,20 @@ class AbstractBRDF(eqx.Module):
     Methods take scalar directions (components of shape ``()``); axes are added with `jax.vmap` (see
     `gonio.models.evaluate`). Parameters may carry one channel axis; geometry never does.
     """
+
+    lobe: ClassVar[bool] = False
+    """Whether the model is a lobe without an albedo of its own, which a fit gives a free scale."""
+
+    breaks: ClassVar[Mapping[str, str]] = {}
+    """The laws (energy, reciprocity, positivity) that the published formula breaks, and where: one sentence each."""
+
+    loses: ClassVar[str] = ""
+    """Where the published formula loses energy without a reason: one sentence, or nothing."""
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether f depends on the azimuths only by their difference."""
+        return getattr(self, "alpha_x", None) is None and getattr(self, "n_x", None) is None
 
     @abc.abstractmethod
     def f(self, wi: Direction, wo: Direction) -> Channels:
@@ -80,6 +95,10 @@ class Scaled(AbstractBRDF):
     def lobe_map(self, wi, u1, u2):
         return self.base.lobe_map(wi, u1, u2)
 
+    @property
+    def isotropic(self):
+        return self.base.isotropic
+
 
 class Sum(AbstractBRDF):
     """The sum of several BRDFs. Its sampler draws from each with equal probability; integrals go term by term."""
@@ -103,6 +122,10 @@ class Sum(AbstractBRDF):
 
     def lobe_map(self, wi, u1, u2):
         raise TypeError("a sum has no lobe map of its own: integrate each of terms(brdf) with its own")
+
+    @property
+    def isotropic(self):
+        return all(part.isotropic for part in self.parts)
 
 
 def terms(brdf: AbstractBRDF) -> tuple[AbstractBRDF, ...]:

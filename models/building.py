@@ -41,7 +41,7 @@ def as_array(number: float | tuple[float, ...]) -> jnp.ndarray:
 def example(name: str) -> str:
     """A complete spelling of one model, at its starting values."""
     known = parameters_of(MODELS[name])
-    wanted = ["alpha"] if "alpha" in known else list(known)
+    wanted = needed(Call(name, {}, {}))
     return f"'{name}({', '.join(f'{n}={known[n].start:g}' for n in wanted)})'"
 
 

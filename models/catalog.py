@@ -20,7 +20,7 @@ MODELS = {
 
 def is_lobe(model_class: type) -> bool:
     """Whether a model is a lobe without an albedo of its own, which a fit gives a free scale."""
-    return model_class in (Phong, GGX, Beckmann)
+    return model_class.lobe
 
 
 def name_of(model_class: type) -> str:

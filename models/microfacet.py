@@ -25,6 +25,8 @@ class AbstractMicrofacet(AbstractBRDF):
     means F = 1; and `smith`, how the two maskings combine.
     """
 
+    lobe = True
+
     @abc.abstractmethod
     def density(self, m: Direction) -> Scalar:
         """Density of the facet normals, 1/sr."""

@@ -22,6 +22,8 @@ class Phong(AbstractBRDF):
     has the albedo cosθ_i elsewhere, and a wide one loses in addition what falls below the horizon.
     """
 
+    lobe = True
+
     n: Float[Array, "*channel"] = parameter(EXPONENT)
 
     def f(self, wi, wo):

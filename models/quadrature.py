@@ -139,7 +139,7 @@ def hemispherical_albedo(brdf: AbstractBRDF, tolerance: float = 1e-8) -> Estimat
         x, w = np.polynomial.legendre.leggauss(order)
         theta = (x + 1) * np.pi / 4
         weight = w * np.pi / 4 * 2 * np.cos(theta) * np.sin(theta)
-        azimuths = [0.0] if is_isotropic(brdf) else np.arange(order) * np.pi / order
+        azimuths = [0.0] if brdf.isotropic else np.arange(order) * np.pi / order
         albedo = directional_albedo(brdf, theta[:, None], np.asarray(azimuths)[None, :], tolerance / 4)
         evaluations += albedo.evaluations
         value, inner = (np.tensordot(weight, a.mean(axis=1), axes=(0, 0)) for a in albedo[:2])
@@ -151,9 +151,3 @@ def hemispherical_albedo(brdf: AbstractBRDF, tolerance: float = 1e-8) -> Estimat
             earlier = change
         previous = value
     return Estimate(value, bound, evaluations)
-
-
-def is_isotropic(brdf: AbstractBRDF) -> bool:
-    """Whether f depends on the azimuths only by their difference: no term has widths along x and y."""
-    bases = (getattr(t, "base", t) for t in terms(brdf))
-    return all(getattr(b, "isotropic", getattr(b, "alpha_x", None) is None) for b in bases)

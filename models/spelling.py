@@ -227,15 +227,24 @@ def require_one_fresnel(call: Call) -> None:
         raise GonioError(f"{call.name} has both f0 and eta; give f0 (Schlick) or eta (exact), not both.")
     if "k" in given and "eta" not in given:
         raise GonioError(f"{call.name} has k without eta; give both for a conductor.")
-    if "alpha" in given and ("alpha_x" in given or "alpha_y" in given):
-        raise GonioError(f"{call.name} has alpha and alpha_x or alpha_y; give alpha, or both of the others.")
-    if ("alpha_x" in given) != ("alpha_y" in given):
-        raise GonioError(f"{call.name} has one of alpha_x and alpha_y; give both, or alpha.")
+    for name in ("alpha", "n"):
+        along = (f"{name}_x" in given, f"{name}_y" in given)
+        if name in given and any(along):
+            raise GonioError(f"{call.name} has {name} and {name}_x or {name}_y; give {name}, or both of the others.")
+        if along[0] != along[1]:
+            raise GonioError(f"{call.name} has one of {name}_x and {name}_y; give both, or {name}.")
 
 
 def needed(call: Call) -> tuple[str, ...]:
-    """The shape parameters that a model cannot do without, in its order (a Fresnel parameter can be left out)."""
-    known = parameters_of(MODELS[call.name])
-    if "alpha" in known:
-        return ("alpha_x", "alpha_y") if "alpha_x" in call.values else ("alpha",)
-    return tuple(known)
+    """The parameters that a model cannot do without, in its order: those without a default, and its width.
+
+    A model with widths along x and y has `alpha` (or `n`) or both of the others.
+    """
+    fields = {f.name: f for f in dataclasses.fields(MODELS[call.name]) if "parameter" in f.metadata}
+    for name in ("alpha", "n"):
+        if f"{name}_x" in fields:
+            widths = (f"{name}_x", f"{name}_y") if f"{name}_x" in call.values else (name,)
+            break
+    else:
+        widths = ()
+    return tuple(n for n, f in fields.items() if n in widths or f.default is dataclasses.MISSING)

@@ -8,7 +8,7 @@ from gonio.checks.probes import Rotated, pair_angles, precision
 from gonio.checks.reciprocity import worst_difference
 from gonio.models.base import AbstractBRDF, Scaled, Sum, terms
 from gonio.models.catalog import MODELS
-from gonio.models.quadrature import directional_albedo, is_isotropic
+from gonio.models.quadrature import directional_albedo
 
 GRAZING = 89.9
 """The last incidence, degrees."""
@@ -118,7 +118,7 @@ def _own(brdf) -> bool:
 def _turning_residual(brdf) -> float | None:
     # None where the model is one of ours and says that it is isotropic.
     if _own(brdf):
-        return None if is_isotropic(brdf) else np.inf
+        return None if brdf.isotropic else np.inf
     found = worst_difference(brdf, Rotated(0.7), pair_angles(brdf)[::3], refine=False)
     return max(found["residual"] - max(found["bound"], found["rounding"]), 0.0)
 
