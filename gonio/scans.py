@@ -100,7 +100,7 @@ def isotropy_remark(grid: Layout, brdf: AbstractBRDF) -> str | None:
 def is_isotropic(brdf: AbstractBRDF) -> bool:
     """Whether f stays the same when both directions are turned about the normal: seen in 64 pairs, unless spelled."""
     parts = [t.base if isinstance(t, Scaled) else t for t in terms(brdf)]
-    if all(type(p) in MODELS.values() and getattr(p, "alpha_x", None) is None for p in parts):
+    if all(type(p) in MODELS.values() and p.isotropic for p in parts):
         return True
     rng = np.random.default_rng(0)
     z = rng.uniform(0.1, 0.98, (2, 64))

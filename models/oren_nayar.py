@@ -6,6 +6,7 @@ from jaxtyping import Array, Float
 from gonio.models.azimuth_map import polar_parts
 from gonio.models.base import AbstractBRDF, Channels
 from gonio.models.geometry import Direction
+from gonio.models.horizon import above
 from gonio.models.lambert import ALBEDO
 from gonio.models.parameters import ParameterInfo, parameter
 
@@ -39,15 +40,7 @@ def fujii_g(w: Direction) -> Scalar:
     return sin_t * (theta - sin_t * mu) + 2.0 / 3.0 * sin_t * inner
 
 
-def _above(wi: Direction, wo: Direction) -> tuple[Array, Direction, Direction]:
-    # Below the horizon the formula is evaluated at the normal instead, so that no gradient there is NaN.
-    above = (wi.z > 0) & (wo.z > 0)
-    up = (0.0, 0.0, 1.0)
-    moved = [Direction(*(jnp.where(above, c, e) for c, e in zip(w, up, strict=True))) for w in (wi, wo)]
-    return above, *moved
-
-
-def _rough_diffuser_map(wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
+def rough_diffuser_map(wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
     # Azimuth from that of wi, so the change of sign of s falls on u1 = ¼ and ¾; θ split at θ_i,
     # where t changes.
     sin_i, cos_a, sin_a = polar_parts(wi)
@@ -72,11 +65,11 @@ class FujiiOrenNayar(AbstractBRDF):
     r: Channels = parameter(ROUGHNESS)
 
     def f(self, wi, wo):
-        above, wi, wo = _above(wi, wo)
-        return jnp.where(above, self.rho / jnp.pi * _fujii_shape(wi, wo, self.r), 0.0)
+        both, wi, wo = above(wi, wo)
+        return jnp.where(both, self.rho / jnp.pi * _fujii_shape(wi, wo, self.r), 0.0)
 
     def lobe_map(self, wi, u1, u2):
-        return _rough_diffuser_map(wi, u1, u2)
+        return rough_diffuser_map(wi, u1, u2)
 
 
 class EON(AbstractBRDF):
@@ -90,14 +83,14 @@ class EON(AbstractBRDF):
     r: Channels = parameter(ROUGHNESS)
 
     def f(self, wi, wo):
-        above, wi, wo = _above(wi, wo)
+        both, wi, wo = above(wi, wo)
         rho, r = self.rho, self.r
         a = 1.0 / (1.0 + C1 * r)
         # 1 − Ê = rA(c1 − G/π) and 1 − ⟨Ê⟩ = rA(c1 − c2): with rA cancelled, r = 0 is no special case.
         missing = (C1 - fujii_g(wi) / jnp.pi) * (C1 - fujii_g(wo) / jnp.pi) / (C1 - C2)
         average = a * (1.0 + C2 * r)
         rho_ms = rho**2 * average / (1.0 - rho * (r * a * (C1 - C2)))
-        return jnp.where(above, (rho * _fujii_shape(wi, wo, r) + rho_ms * (r * a) * missing) / jnp.pi, 0.0)
+        return jnp.where(both, (rho * _fujii_shape(wi, wo, r) + rho_ms * (r * a) * missing) / jnp.pi, 0.0)
 
     def lobe_map(self, wi, u1, u2):
-        return _rough_diffuser_map(wi, u1, u2)
+        return rough_diffuser_map(wi, u1, u2)
