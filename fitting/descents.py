@@ -57,14 +57,16 @@ def ordered_lobes(s: Structure, fixed: tuple[dict, ...], p: np.ndarray) -> np.nd
 
     def kind(t: int) -> tuple:
         held = tuple((n, tuple(np.ravel(v))) for n, v in fixed[t].items())
-        return s.calls[t], held, tuple((g.name, g.per_channel) for g in s.groups if g.term == t)
+        return s.frames[t], held, tuple((g.name, g.per_channel) for g in s.groups if g.term == t)
 
     def width(t: int) -> float:
         return next((float(p[g.first]) for g in s.groups if g.term == t and g.name.startswith("alpha")), 0.0)
 
     p = p.copy()
     before = p.copy()
-    for same in {kind(t): [u for u in range(len(s.calls)) if kind(u) == kind(t)] for t in range(len(s.calls))}.values():
+    for same in {
+        kind(t): [u for u in range(len(s.frames)) if kind(u) == kind(t)] for t in range(len(s.frames))
+    }.values():
         for place, taken in zip(same, sorted(same, key=width), strict=True):
             ours, theirs = ([g for g in s.groups if g.term == t] for t in (place, taken))
             for g, h in zip(ours, theirs, strict=True):

@@ -14,9 +14,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from gonio.fitting.losses import transform, uses_cosine
-from gonio.fitting.structure import FACTOR, Structure
-from gonio.models.catalog import MODELS
+from gonio.fitting.structure import Structure
+from gonio.models.building import assemble
 from gonio.models.geometry import Direction
+from gonio.models.paths import FACTOR
 
 BLOCK = 2048
 
@@ -60,7 +61,7 @@ def _sample_rows(s: Structure, p, fixed, wi: Direction, wo: Direction):
     parameter that has a value for each.
     """
     total, rows = jnp.zeros(s.channels), [None] * len(s.groups)
-    for index, (name, options) in enumerate(s.calls):
+    for index, of in enumerate(s.frames):
         mine = [(k, g) for k, g in enumerate(s.groups) if g.term == index]
         values = _term_values(s, index, p, fixed, linear_one=True)
         actual = _term_values(s, index, p, fixed, linear_one=False)
@@ -70,8 +71,8 @@ def _sample_rows(s: Structure, p, fixed, wi: Direction, wo: Direction):
         amount = actual[proportional[0].name] if proportional else jnp.ones(())
         moving = [(k, g) for k, g in mine if not g.linear]
 
-        def lobe(shapes, values=values, name=name, options=options):
-            return MODELS[name](**{**values, **shapes}, **dict(options)).f(wi, wo)
+        def lobe(shapes, values=values, of=of):
+            return assemble(of, {**values, **shapes}).f(wi, wo)
 
         shapes = {g.name: values[g.name] for _, g in moving}
         base = lobe(shapes)

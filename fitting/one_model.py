@@ -19,6 +19,7 @@ from gonio.fitting.statement import state
 from gonio.fitting.structure import Structure, domains_of, labels, structure_of
 from gonio.fitting.uncertainty import Covariance, covariance
 from gonio.models.errors import GonioError
+from gonio.models.paths import changed, last, numbers
 from gonio.models.spelling import Term, Value
 
 COARSE = 4000
@@ -88,23 +89,19 @@ def fit_one(
 
 
 def _require_lists(asked: str, terms: tuple[Term, ...], channels: int) -> None:
-    for t in terms:
-        for name, value in [*t.call.values.items(), ("scale", t.scale)]:
-            if value is not None and isinstance(value.number, tuple) and len(value.number) != channels:
-                raise GonioError(
-                    f"'{asked}' gives {t.call.name}'s {name} {len(value.number)} values, but the table has {channels} "
-                    f"channel{'s' * (channels != 1)}; give one value each, or a single one."
-                )
+    for n in (n for t in terms for n in numbers(t)):
+        if isinstance(n.value.number, tuple) and len(n.value.number) != channels:
+            raise GonioError(
+                f"'{asked}' gives {n.call.name}'s {last(n.path)} {len(n.value.number)} values, but the table has "
+                f"{channels} channel{'s' * (channels != 1)}; give one value each, or a single one."
+            )
 
 
 def _of_channel(terms: tuple[Term, ...], c: int) -> tuple[Term, ...]:
-    def one(v: Value | None) -> Value | None:
-        return dataclasses.replace(v, number=v.number[c]) if v and isinstance(v.number, tuple) else v
+    def one(_: str, v: Value) -> Value:
+        return dataclasses.replace(v, number=v.number[c]) if isinstance(v.number, tuple) else v
 
-    return tuple(
-        Term(one(t.scale), dataclasses.replace(t.call, values={n: one(v) for n, v in t.call.values.items()}))
-        for t in terms
-    )
+    return tuple(changed(t, one) for t in terms)
 
 
 def _require_enough(asked: str, s: Structure, readings: Readings, names: tuple[str, ...]) -> None:

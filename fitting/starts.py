@@ -15,6 +15,7 @@ from gonio.fitting.losses import transform, uses_cosine
 from gonio.fitting.samples import Readings
 from gonio.fitting.structure import Structure, count
 from gonio.models.geometry import Direction
+from gonio.models.paths import last
 
 WIDTHS = (0.02, 0.06, 0.15, 0.35, 0.7)
 NARROWEST = 0.01  # of the widths drawn at random: a narrower lobe is found from there, a hidden one from nowhere
@@ -23,7 +24,7 @@ GUESS_SAMPLES = 2048
 
 
 def _is_width(name: str) -> bool:
-    return name.startswith("alpha")
+    return last(name).startswith("alpha")
 
 
 def guesses(s: Structure, said: np.ndarray) -> list[np.ndarray]:
@@ -42,7 +43,7 @@ def guesses(s: Structure, said: np.ndarray) -> list[np.ndarray]:
             block = slice(g.first, g.first + count(s, g))
             if g in widths:
                 # Widths along x and y begin apart: at equal ones the two directions of brushing look alike.
-                p[block] = choice[terms.index(g.term)] * {"alpha_x": 0.8, "alpha_y": 1.25}.get(g.name, 1.0)
+                p[block] = choice[terms.index(g.term)] * {"alpha_x": 0.8, "alpha_y": 1.25}.get(last(g.name), 1.0)
             elif not g.linear:
                 p[block] = np.where(np.isnan(p[block]), g.info.start, p[block])
         found.append(np.where(np.isnan(p), p, np.clip(p, *_inside(s))))

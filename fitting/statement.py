@@ -8,11 +8,10 @@ from gonio.data.table import Channels
 from gonio.fitting.metrics import metrics
 from gonio.fitting.result import FitResult, ParameterEstimate
 from gonio.fitting.samples import Readings
-from gonio.fitting.structure import FACTOR, domains_of, labels, term_labels
+from gonio.fitting.structure import domains_of, label, labels
 from gonio.fitting.uncertainty import NORMAL_95, covers_domain, in_words
 from gonio.models.building import build, spell
-from gonio.models.catalog import MODELS
-from gonio.models.parameters import parameters_of
+from gonio.models.paths import FACTOR, changed, last, numbers
 from gonio.models.spelling import Term, Value
 
 
@@ -123,19 +122,18 @@ def _estimates(e, channels: Channels, of_channel: str | None) -> list[ParameterE
 
 def _held(terms: tuple[Term, ...], e, channels: Channels) -> list[ParameterEstimate]:
     found = []
-    for label, held, term in zip(term_labels(e.structure), e.fixed, terms, strict=True):
-        known = parameters_of(MODELS[term.call.name])
-        for name in held:
-            number = term.scale.number if name == FACTOR else term.call.values[name].number
-            info = known.get(name)
-            values = np.atleast_1d(np.asarray(number, float))
+    for index, term in enumerate(terms):
+        for n in numbers(term):
+            if n.path not in e.fixed[index]:
+                continue
+            values = np.atleast_1d(np.asarray(n.value.number, float))
+            name, info = label(e.structure, index, n.path), n.info
             for c, value in enumerate(values):
                 channel = channels.names[c] if values.size > 1 else None
-                low, high = (info.low, info.high) if info else (0.0, np.inf)
                 nothing = (float(value), float(value))
-                unit = info.unit if info else "1"
+                high = np.inf if last(n.path) == FACTOR else info.high
                 found.append(
-                    ParameterEstimate(f"{label}.{name}", channel, float(value), 0.0, nothing, "fixed", unit, low, high)
+                    ParameterEstimate(name, channel, float(value), 0.0, nothing, "fixed", info.unit, info.low, high)
                 )
     return found
 
@@ -151,18 +149,9 @@ def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
 
 def _filled(terms: tuple[Term, ...], endings) -> tuple[Term, ...]:
     """The terms with every free number in its place: one for all channels, or a list."""
-    filled = []
-    for index, term in enumerate(terms):
-        values, scale = dict(term.call.values), term.scale
-        for g in endings[0].structure.groups:
-            if g.term != index:
-                continue
-            parts = [e.p[g.first : g.first + (e.structure.channels if g.per_channel else 1)] for e in endings]
-            numbers = np.concatenate(parts)
-            value = Value(tuple(numbers.tolist()) if numbers.size > 1 else float(numbers[0]))
-            if g.name == FACTOR:
-                scale = value
-            else:
-                values[g.name] = value
-        filled.append(Term(scale, dataclasses.replace(term.call, values=values)))
-    return tuple(filled)
+    found: dict[tuple[int, str], Value] = {}
+    for g in endings[0].structure.groups:
+        parts = [e.p[g.first : g.first + (e.structure.channels if g.per_channel else 1)] for e in endings]
+        n = np.concatenate(parts)
+        found[g.term, g.name] = Value(tuple(n.tolist()) if n.size > 1 else float(n[0]))
+    return tuple(changed(t, lambda path, v, i=i: found.get((i, path), v)) for i, t in enumerate(terms))

@@ -5,12 +5,11 @@ import dataclasses
 import numpy as np
 
 from gonio.fitting.domains import Domains, domain_kind
-from gonio.models.base import SCALE
+from gonio.models.building import Frame, frame
 from gonio.models.catalog import MODELS, is_lobe
 from gonio.models.parameters import ParameterInfo, parameters_of
+from gonio.models.paths import Number, last, numbers
 from gonio.models.spelling import Call, Term, Value, needed
-
-FACTOR = "scale"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,7 +28,7 @@ class Group:
 class Structure:
     """A model with its free numbers taken out; hashable, so that one compiled program serves all tables."""
 
-    calls: tuple[tuple[str, tuple[tuple[str, str], ...]], ...]
+    frames: tuple[Frame, ...]
     groups: tuple[Group, ...]
     channels: int
     size: int
@@ -50,15 +49,18 @@ def with_defaults(terms: tuple[Term, ...]) -> tuple[Term, ...]:
         if scale is None and is_lobe(MODELS[t.call.name]):
             scale = Value(None, free=True)
         order = [n for n in parameters_of(MODELS[t.call.name]) if n in values]
-        said.append(Term(scale, Call(t.call.name, {n: values[n] for n in order}, t.call.options)))
+        inside = {field: with_defaults(parts) for field, parts in t.call.models.items()}
+        said.append(Term(scale, Call(t.call.name, {n: values[n] for n in order}, t.call.options, inside)))
     return tuple(said)
 
 
-def _domain(name: str, info: ParameterInfo, call: Call) -> ParameterInfo:
+def _domain(n: Number) -> ParameterInfo:
     # A dielectric seen from outside has an index of at least 1; below, 1/eta gives nearly the same data.
-    if name == "eta" and "k" not in call.values:
-        return dataclasses.replace(info, low=1.0)
-    return info
+    info = n.info
+    if last(n.path) == "eta" and "k" not in n.call.values:
+        info = dataclasses.replace(info, low=max(info.low, 1.0))
+    # What stands inside another model is not what f is proportional to.
+    return dataclasses.replace(info, linear=False) if "." in n.path else info
 
 
 def structure_of(terms: tuple[Term, ...], channels: int) -> tuple[Structure, tuple[dict, ...], np.ndarray]:
@@ -68,12 +70,9 @@ def structure_of(terms: tuple[Term, ...], channels: int) -> tuple[Structure, tup
     """
     groups, fixed, start, size = [], [], [], 0
     for index, term in enumerate(terms):
-        known = parameters_of(MODELS[term.call.name])
         held: dict[str, np.ndarray] = {}
-        everything = [(n, v, _domain(n, known[n], term.call)) for n, v in term.call.values.items()]
-        if term.scale is not None:
-            everything.append((FACTOR, term.scale, SCALE))
-        for name, value, info in everything:
+        for n in numbers(term):
+            name, value, info = n.path, n.value, _domain(n)
             if not value.free:
                 held[name] = np.asarray(value.number, float)
                 continue
@@ -85,9 +84,8 @@ def structure_of(terms: tuple[Term, ...], channels: int) -> tuple[Structure, tup
             start.append(np.broadcast_to(np.asarray(number, float), (count,)))
             size += count
         fixed.append(held)
-    calls = tuple((t.call.name, tuple(sorted(t.call.options.items()))) for t in terms)
     flat = np.concatenate(start) if start else np.empty(0)
-    return Structure(calls, tuple(groups), channels, size), tuple(fixed), flat
+    return Structure(tuple(frame(t) for t in terms), tuple(groups), channels, size), tuple(fixed), flat
 
 
 def domains_of(s: Structure) -> Domains:
@@ -104,13 +102,24 @@ def count(s: Structure, g: Group) -> int:
     return s.channels if g.per_channel else 1
 
 
-def term_labels(s: Structure) -> list[str]:
-    """A name for each term: the model's, numbered where a model comes more than once."""
-    names = [name for name, _ in s.calls]
+def _numbered(frames: tuple[Frame, ...]) -> list[str]:
+    # A name for each model of a sum: its own, numbered where a model comes more than once.
+    names = [f.name for f in frames]
     return [n if names.count(n) == 1 else f"{n}{names[: i + 1].count(n)}" for i, n in enumerate(names)]
+
+
+def label(s: Structure, term: int, path: str) -> str:
+    """A number's name for people: 'ggx.alpha', or 'coat.base.lambert.rho' inside another model."""
+    frames, said, parts = s.frames, [_numbered(s.frames)[term]], path.split(".")
+    inside = frames[term]
+    while len(parts) > 1:
+        field, index, *parts = parts
+        frames = dict(inside.inside)[field]
+        inside = frames[int(index)]
+        said += [field, _numbered(frames)[int(index)]]
+    return ".".join([*said, *parts])
 
 
 def labels(s: Structure) -> list[tuple[str, int | None]]:
     """(name such as 'ggx.alpha', channel or None) of each free number, in their order."""
-    of_term = term_labels(s)
-    return [(f"{of_term[g.term]}.{g.name}", c if g.per_channel else None) for g in s.groups for c in range(count(s, g))]
+    return [(label(s, g.term, g.name), c if g.per_channel else None) for g in s.groups for c in range(count(s, g))]

@@ -62,6 +62,10 @@ class AbstractBRDF(eqx.Module):
         wo = self.sample(wi, u1, u2)
         return wo, 1.0 / self.pdf(wi, wo)
 
+    def summands(self) -> "tuple[AbstractBRDF, ...]":
+        """The BRDFs that add up to this one and have a lobe map each; itself, for most."""
+        return (self,)
+
     def __add__(self, other: "AbstractBRDF") -> "AbstractBRDF":
         if not isinstance(other, AbstractBRDF):
             return NotImplemented
@@ -95,6 +99,9 @@ class Scaled(AbstractBRDF):
     def lobe_map(self, wi, u1, u2):
         return self.base.lobe_map(wi, u1, u2)
 
+    def summands(self):
+        return tuple(Scaled(self.scale, part) for part in self.base.summands())
+
     @property
     def isotropic(self):
         return self.base.isotropic
@@ -121,7 +128,10 @@ class Sum(AbstractBRDF):
         return sum(part.pdf(wi, wo) for part in self.parts) / len(self.parts)
 
     def lobe_map(self, wi, u1, u2):
-        raise TypeError("a sum has no lobe map of its own: integrate each of terms(brdf) with its own")
+        raise TypeError("a sum has no lobe map of its own: integrate each of summands() with its own")
+
+    def summands(self):
+        return tuple(s for part in self.parts for s in part.summands())
 
     @property
     def isotropic(self):

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.models.base import AbstractBRDF, terms
+from gonio.models.base import AbstractBRDF
 from gonio.models.geometry import Direction
 
 ORDERS = (4, 8, 16, 32, 64, 128)  # nodes of each panel along each side: 8·order² evaluations
@@ -80,7 +80,7 @@ def directional_albedo(brdf: AbstractBRDF, theta_i, phi_i=0.0, tolerance: float 
     double until every bound meets it or the last order is reached: the bound says which.
     """
     theta, phi = np.broadcast_arrays(np.asarray(theta_i, float), np.asarray(phi_i, float))
-    parts = terms(brdf)
+    parts = brdf.summands()
     values, bounds, evaluations = [], [], 0
     for start in range(0, theta.size, INCIDENCES_A_CALL):
         t, p = (a.ravel()[start : start + INCIDENCES_A_CALL] for a in (theta, phi))

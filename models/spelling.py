@@ -3,14 +3,17 @@
     sum    := term ("+" term)*
     term   := [value "*"] (name ["(" [arguments] ")"] | "(" sum ")")
     argument := parameter "=" value | parameter "~" number-or-list | parameter "=" "?" | option "=" string
+                | model "=" sum
     value  := number | "[" number ("," number)* "]" | "?"
 
 A list means channels. `name=?` is free in a fit, `name~v` free from that start, and an omitted shape parameter is free
-too; to evaluate a model every parameter must have a value. The text is parsed here, never evaluated as code.
+too; to evaluate a model every parameter must have a value. Some models stand over others, which are spelled inside:
+``coat(base=lambert(rho=0.5), alpha=0.1, eta=1.5)``. The text is parsed here, never evaluated as code.
 """
 
 import dataclasses
 import re
+from collections.abc import Iterator
 
 from gonio.models.base import SCALE
 from gonio.models.catalog import MODELS
@@ -36,11 +39,12 @@ class Value:
 
 @dataclasses.dataclass(frozen=True)
 class Call:
-    """One model by its name, with what was said of its parameters and its options (such as `smith`)."""
+    """One model by its name, with what was said of its parameters, its options (such as `smith`), and models inside."""
 
     name: str
     values: dict[str, Value]
     options: dict[str, str]
+    models: "dict[str, tuple[Term, ...]]" = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,7 +117,7 @@ class _Parser:
             inner = self.sum(depth + 1)
             self.expect(")")
             return inner if scale is None else [Term(self.product(scale, t.scale), t.call) for t in inner]
-        return [Term(scale, self.call())]
+        return [Term(scale, self.call(depth))]
 
     def product(self, a: Value, b: Value | None) -> Value:
         if b is None:
@@ -129,7 +133,7 @@ class _Parser:
             raise self.error(f"scales of {len(left)} and {len(right)} channels multiply each other")
         return Value(tuple(x * y for x, y in zip(left, right, strict=True)), a.free or b.free)
 
-    def call(self) -> Call:
+    def call(self, depth: int) -> Call:
         kind, name = self.take()
         if kind != "name":
             raise self.error(f"a model's name expected where {name!r} came")
@@ -138,17 +142,21 @@ class _Parser:
         known, options = parameters_of(MODELS[name]), options_of(MODELS[name])
         values: dict[str, Value] = {}
         chosen: dict[str, str] = {}
+        inside: dict[str, tuple[Term, ...]] = {}
         if not self.accept("("):  # a bare name: nothing is said of its parameters
-            return Call(name, values, chosen)
+            return self.whole(Call(name, values, chosen, inside))
         while not self.accept(")"):
             kind, key = self.take()
             if kind != "name":
                 raise self.error(f"a parameter's name expected where {key!r} came")
-            if key in values or key in chosen:
+            if key in values or key in chosen or key in inside:
                 raise self.error(f"{key} is given twice")
             if key in options:
                 self.expect("=")
                 chosen[key] = self.option(name, key, options[key])
+            elif key in submodels_of(MODELS[name]):
+                self.expect("=")
+                inside[key] = tuple(self.sum(depth + 1))
             elif key in known:
                 free = self.accept("~")
                 if not free:
@@ -158,11 +166,22 @@ class _Parser:
             else:
                 raise GonioError(
                     f"{name} has no parameter '{key}'; "
-                    + (nearest(key, [*known, *options]) if known or options else "it has none.")
+                    + (
+                        nearest(key, [*known, *options, *submodels_of(MODELS[name])])
+                        if known or options
+                        else "it has none."
+                    )
                 )
             if self.peek() != ("sign", ")"):
                 self.expect(",")
-        return Call(name, values, chosen)
+        return self.whole(Call(name, values, chosen, inside))
+
+    def whole(self, call: Call) -> Call:
+        for name in submodels_of(MODELS[call.name]):
+            if name not in call.models:
+                raise self.error(f"{call.name} stands over another model; say which, as in {name}=lambert(rho=0.5)")
+        require_one_fresnel(call)
+        return call
 
     def option(self, model: str, key: str, choices: tuple[str, ...]) -> str:
         kind, text = self.take()
@@ -202,17 +221,27 @@ def options_of(model_class: type) -> dict[str, tuple[str, ...]]:
     return {f.name: f.metadata["choices"] for f in fields if "choices" in f.metadata}
 
 
+def submodels_of(model_class: type) -> tuple[str, ...]:
+    """The names of the models that a model class stands over."""
+    return tuple(f.name for f in dataclasses.fields(model_class) if "model" in f.metadata)
+
+
+def _said(terms: list[Term] | tuple[Term, ...]) -> Iterator[Value]:
+    for t in terms:
+        yield from t.call.values.values()
+        if t.scale is not None:
+            yield t.scale
+        for inside in t.call.models.values():
+            yield from _said(inside)
+
+
 def parse(text: str) -> tuple[Term, ...]:
     """The terms of a spelled model; GonioError, in one sentence, for anything that is not one."""
     parser = _Parser(text)
     found = parser.sum()
     if parser.peek()[0] != "end":
         raise parser.error(f"nothing more was expected where {parser.peek()[1]!r} came")
-    for term in found:
-        require_one_fresnel(term.call)
-    lists = {
-        len(v.number) for t in found for v in (*t.call.values.values(), t.scale) if v and isinstance(v.number, tuple)
-    }
+    lists = {len(v.number) for v in _said(found) if isinstance(v.number, tuple)}
     if len(lists) > 1:
         raise parser.error(
             f"its lists have {' and '.join(map(str, sorted(lists)))} values; all lists are one value a channel"

@@ -6,8 +6,7 @@ from gonio.certificate import UNDECIDED, Property, verdict_of
 from gonio.checks.cubature import cubature_albedo
 from gonio.checks.probes import Rotated, pair_angles, precision
 from gonio.checks.reciprocity import worst_difference
-from gonio.models.base import AbstractBRDF, Scaled, Sum, terms
-from gonio.models.catalog import MODELS
+from gonio.models.base import AbstractBRDF, Sum
 from gonio.models.quadrature import directional_albedo
 
 GRAZING = 89.9
@@ -107,12 +106,10 @@ def _by_channel(a: np.ndarray) -> list:
     return np.max(a, axis=1).T.tolist()
 
 
-def _base(term):
-    return term.base if isinstance(term, Scaled) else term
-
-
 def _own(brdf) -> bool:
-    return all(type(_base(t)) in MODELS.values() for t in terms(brdf))
+    # Whether all of it, what stands inside it too, is a model of ours, whose map is known to be right.
+    inside = [v for v in vars(brdf).values() if isinstance(v, AbstractBRDF)] + list(getattr(brdf, "parts", ()))
+    return type(brdf).__module__.startswith("gonio.models.") and all(_own(b) for b in inside)
 
 
 def _turning_residual(brdf) -> float | None:
@@ -124,8 +121,8 @@ def _turning_residual(brdf) -> float | None:
 
 
 def _albedo(brdf, theta, phi, accuracy) -> tuple[np.ndarray, np.ndarray]:
-    ours = [t for t in terms(brdf) if _own(t)]
-    foreign = [t for t in terms(brdf) if not _own(t)]
+    ours = [t for t in brdf.summands() if _own(t)]
+    foreign = [t for t in brdf.summands() if not _own(t)]
     total, bound = np.zeros((theta.size, 1)), np.zeros((theta.size, 1))
     if ours:
         together = ours[0] if len(ours) == 1 else Sum(tuple(ours))
