@@ -1,0 +1,1 @@
+"""Where methods fail: second opinions on every model, and what they show."""
