@@ -1,0 +1,59 @@
+"""What the half-vector lobes share: h and the half angle, log cosθ_h, cosines that may be divided by, and densities."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from gonio.models.geometry import NORMAL, Direction
+
+Scalar = Float[Array, ""]
+
+
+class HalfAngles(NamedTuple):
+    """The unit half vector h; cosθ_d = wi·h = |wi + wo|/2; and sin²θ_h."""
+
+    h: Direction
+    cos_d: Scalar
+    sin2_h: Scalar
+
+
+def half_angles(wi: Direction, wo: Direction) -> HalfAngles:
+    """h, cosθ_d and sin²θ_h of two unit directions; the normal where they are opposite, where cosθ_d is 0.
+
+    wi + wo is scaled before it is squared: two grazing directions that nearly cancel underflow otherwise. cosθ_d is
+    half its length; as wi·h, which is a difference there, it would lose its digits.
+    """
+    x, y, z = (a + b for a, b in zip(wi, wo, strict=True))
+    largest = jax.lax.stop_gradient(jnp.maximum(jnp.maximum(jnp.abs(x), jnp.abs(y)), jnp.abs(z)))
+    null = largest <= 0
+    unit = jnp.where(null, 1.0, largest)
+    x, y, z = (jnp.where(null, e, c / unit) for c, e in zip((x, y, z), NORMAL, strict=True))
+    length = jnp.sqrt(x * x + y * y + z * z)
+    h = Direction(x / length, y / length, z / length)
+    return HalfAngles(h, jnp.where(null, 0.0, jnp.minimum(0.5 * unit * length, 1.0)), h.x**2 + h.y**2)
+
+
+def log_cosine(h: Direction, sin2_h: Scalar) -> Scalar:
+    """log h.z of a unit vector with h.z > 0: by log1p near the normal, where the cosine has no digits of its own."""
+    near = sin2_h < 0.5
+    return jnp.where(near, 0.5 * jnp.log1p(-jnp.where(near, sin2_h, 0.0)), jnp.log(jnp.where(near, 1.0, positive(h.z))))
+
+
+def positive(cosine: Scalar) -> Scalar:
+    """A cosine to divide by: at least the fourth root of the least number (1e-77; 3e-10 in single precision).
+
+    1/(cosθi cosθo) and its derivative then stay below the largest number; no direction that can be told from the
+    horizon is changed.
+    """
+    return jnp.maximum(cosine, jnp.finfo(jnp.result_type(cosine)).tiny ** 0.25)
+
+
+def mirrored_pdf(projected_density, wi: Direction, wo: Direction) -> Scalar:
+    """Density, 1/sr, of wi mirrored in facets drawn with `projected_density(m)` (1/sr of m, 0 for m.z ≤ 0)."""
+    h, cos_d, _ = half_angles(wi, wo)
+    up = jnp.where(h.z < 0, -1.0, 1.0)
+    facing = cos_d > 0
+    value = projected_density(Direction(*(up * c for c in h))) / (4.0 * jnp.where(facing, cos_d, 1.0))
+    return jnp.where(facing, value, 0.0)
