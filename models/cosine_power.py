@@ -13,7 +13,7 @@ S_MAX = 8.6  # exp(−S_MAX²/2) = 9e-17: the lobe beyond is below rounding
 
 def exponent_at(h: Direction, sin2_h: Scalar, n_x: Scalar, n_y: Scalar) -> Scalar:
     """(n_x h.x² + n_y h.y²)/sin²θ_h: the exponent at the azimuth of h, their mean at the normal."""
-    tilted = sin2_h > 0
+    tilted = sin2_h > jnp.finfo(jnp.result_type(sin2_h)).tiny ** 0.5  # its square, in the gradient, is not 0
     share = jnp.where(tilted, h.x**2 / jnp.where(tilted, sin2_h, 1.0), 0.5)
     return n_y + (n_x - n_y) * share
 
