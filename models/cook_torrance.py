@@ -1,0 +1,73 @@
+"""The model of Cook and Torrance, with the factor that it means and with the one that it has."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from gonio.models import microfacet as mf
+from gonio.models import slopes
+from gonio.models.base import AbstractBRDF
+from gonio.models.fresnel import fresnel
+from gonio.models.geometry import reflect
+from gonio.models.half_vector import half_angles, mirrored_pdf
+from gonio.models.horizon import above
+from gonio.models.parameters import parameter
+from gonio.models.v_cavity import linear_law, v_cavity_map, v_cavity_visibility
+
+LAST_SLOPE = 6.5  # exp(-6.5²) = 4e-19: beyond it lies nothing that a double could add
+
+
+class AbstractCookTorrance(AbstractBRDF):
+    """A constant that the final class gives, times F D G/(cosθi cosθo): Beckmann's D, the G of V-cavities."""
+
+    lobe = True
+    factor: ClassVar[float]
+
+    def f(self, wi, wo):
+        both, wi, wo = above(wi, wo)
+        half = half_angles(wi, wo)
+        density = slopes.beckmann_d(half.h, self.alpha, self.alpha)
+        reflected = fresnel(half.cos_d, self.f0, self.eta, self.k)
+        return jnp.where(both, self.factor * reflected * density * v_cavity_visibility(wi, wo, half), 0.0)
+
+    def sample(self, wi, u1, u2):
+        alpha = jnp.mean(self.alpha)
+        return reflect(wi, slopes.beckmann_normal(alpha, alpha, u1, u2))
+
+    def pdf(self, wi, wo):
+        alpha = jnp.mean(self.alpha)
+        return mirrored_pdf(lambda m: slopes.beckmann_d(m, alpha, alpha) * m.z, wi, wo)
+
+    def lobe_map(self, wi, u1, u2):
+        """Polar coordinates of the facet's slope, cut at the kinks of G."""
+        return v_cavity_map(wi, u1, u2, jnp.mean(self.alpha), LAST_SLOPE, linear_law)
+
+
+class CookTorrance(AbstractCookTorrance):
+    """f = F D G/(4 cosθi cosθo) with Beckmann's D and the G of V-cavities [Cook & Torrance 1982; 1/4 of Walter 2007].
+
+    D is normalised, ∫ D cosθ dω = 1. `f0`, or `eta` (and `k`), or none (F = 1).
+    """
+
+    factor = 0.25
+
+    alpha: Float[Array, "*channel"] = parameter(mf.ALPHA)
+    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
+    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
+    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+
+
+class CookTorrance1982(AbstractCookTorrance):
+    """f = F D′ G/(π cosθi cosθo), D′ = πD of `cook_torrance`: as printed, four times too much [Cook & Torrance 1982].
+
+    Published fits made with the printed formula (Ngan 2005, Löw 2012) need it. `f0`, or `eta` (and `k`), or none.
+    """
+
+    breaks: ClassVar = {"energy": "It reflects four times what its facets receive: about 4 for F = 1, α = 0.3."}
+    factor = 1.0
+
+    alpha: Float[Array, "*channel"] = parameter(mf.ALPHA)
+    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
+    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
+    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
