@@ -80,7 +80,7 @@ def std_lambda(params, v):
     if a == mp.inf:
         return mpf(0)
     q = 1 + a**2 / (gamma - 1)
-    norm = mp.gamma(gamma - mpf(1) / 2) / (mp.gamma(gamma) * mp.sqrt(mp.pi * (gamma - 1)))
+    norm = mp.gammaprod([gamma - mpf(1) / 2], [gamma]) * mp.sqrt((gamma - 1) / mp.pi)
     moment = norm * (gamma - 1) / (2 * gamma - 3) * q ** (mpf(3) / 2 - gamma)
     tail = mp.betainc(gamma - 1, mpf(1) / 2, 0, 1 / q, regularized=True) / 2
     return moment / a - tail
