@@ -1,6 +1,6 @@
 """Every model once more, as its paper prints it, in mpmath numbers of any precision: an independent second opinion."""
 
-from gonio.stress.textbook import diffuse, half_vector, microfacet, mirror, physical_optics, volumetric
+from gonio.stress.textbook import diffuse, half_vector, layered, microfacet, mirror, physical_optics, volumetric
 
 # name(params, options, wi, wo) -> 1/sr without the cosine; one channel, directions as tuples of three numbers
 TEXTBOOK = {
@@ -28,8 +28,8 @@ TEXTBOOK = {
     "abc_smooth": mirror.abc_smooth,
     "harvey_shack": mirror.harvey_shack,
     "abg": mirror.abg,
-    "ggx": microfacet.ggx_single,
-    "beckmann": microfacet.beckmann_single,
+    "ggx": layered.ggx,
+    "beckmann": layered.beckmann,
     "std": microfacet.std,
     "gtr": microfacet.gtr,
     "retro": microfacet.retro,
@@ -39,4 +39,7 @@ TEXTBOOK = {
     "sgd": microfacet.sgd,
     "charlie": microfacet.charlie,
     "he_torrance": physical_optics.he_torrance,
+    "coat": layered.coat,  # takes one more argument, base(wi, wo)
+    "kelemen": layered.kelemen,
+    "principled": layered.principled,
 }
