@@ -176,22 +176,30 @@ def test_diffuse_base_of_ashikhmin_and_shirley_is_what_their_whole_model_adds(pe
         assert float(ours) == pytest.approx(base[j], rel=1e-12, abs=1e-16)
 
 
+ALUMINIUM = {"eta": "0.88", "k": "6.27"}
 SCATMECH = {
     "Facet_gaussslope_s0.3_n1.5": ("beckmann", {"smith": "none"}, {"alpha": "0.3", "eta": "1.5"}),
+    "ShadowedFacet_gauss0.3_TorranceSparrow_Al": ("cook_torrance", {}, {"alpha": "0.3"} | ALUMINIUM),
+    "ShadowedFacet_gauss0.3_Smith_Al": ("beckmann", {"smith": "none"}, {"alpha": "0.3"} | ALUMINIUM),
 }
 
 
 @pytest.mark.parametrize("entry", SCATMECH)
 def test_agrees_with_scatmech(entry):
+    """Its Smith is 1967's with the factor 1 − ½ erfc, for an rms slope of 0.3 (α = 0.3 √2): the one He et al. use."""
     name, options, params = SCATMECH[entry]
     with np.load(shared("oracle", "scatmech_double.npz")) as stored:
         angles = [stored[key] for key in ("theta_i", "theta_s", "phi_s")]
         theirs = stored[entry][:, 0, 0]
-    for j, (theta_i, theta_s, phi_s) in enumerate(zip(*angles, strict=True)):
+    for j, (theta_i, theta_s, phi_s) in list(enumerate(zip(*angles, strict=True)))[::4]:
         wi = mp.sin(mpf(theta_i)), mpf(0), mp.cos(mpf(theta_i))
         sine = mp.sin(mpf(theta_s))
         wo = -sine * mp.cos(mpf(phi_s)), sine * mp.sin(mpf(phi_s)), mp.cos(mpf(theta_s))
-        assert float(f(name, wi, wo, options, **params)) == pytest.approx(theirs[j], rel=1e-10, abs=1e-300)
+        ours = f(name, wi, wo, options, **params)
+        if "Smith" in entry:
+            for angle in (theta_i, theta_s):
+                ours *= physical_optics._shadowing("errata", mpf("0.3") * mp.sqrt(2), mpf(angle))
+        assert float(ours) == pytest.approx(theirs[j], rel=1e-12, abs=1e-30), j
 
 
 WI = (mpf(3) / 5, mpf(0), mpf(4) / 5)
@@ -202,7 +210,7 @@ def test_chandrasekhar_satisfies_his_equation():
     """(w/2) ∫ H dμ = 1 − √(1 − w), and his table's H(1) at w = 1."""
     w = mpf("0.8")
     with mp.workdps(10):
-        moment = mp.quad(lambda mu: volumetric.chandrasekhar_h(w, mu), [0, 1]) * w / 2
+        moment = mp.quad(lambda mu: volumetric.chandrasekhar_h(w, mu), [0, 1], maxdegree=4) * w / 2
     assert abs(moment - (1 - mp.sqrt(1 - w))) < 1e-9
     assert abs(volumetric.chandrasekhar_h(mpf(1), mpf(1)) - mpf("2.907810529078605715057")) < mpf(10) ** -20
     assert volumetric.chandrasekhar_h(mpf(1), mpf(10) ** -200) == pytest.approx(1, abs=1e-190)
