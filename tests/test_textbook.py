@@ -16,7 +16,7 @@ import pytest
 from helpers import shared
 from mpmath import mp, mpf
 
-from gonio.stress.textbook import TEXTBOOK, layered, physical_optics, volumetric
+from gonio.atlas.textbook import TEXTBOOK, layered, physical_optics, volumetric
 
 RGB = mpf("0.645"), mpf("0.526"), mpf("0.444")  # the peer's wavelengths, µm
 

@@ -2,9 +2,9 @@
 
 from mpmath import mp
 
-from gonio.stress.textbook.frame import above_horizon, half_vector, phi, theta, theta_d
-from gonio.stress.textbook.fresnel import fresnel
-from gonio.stress.textbook.microfacet import scaled_tan2, widths
+from gonio.atlas.textbook.frame import above_horizon, half_vector, phi, theta, theta_d
+from gonio.atlas.textbook.fresnel import fresnel
+from gonio.atlas.textbook.microfacet import scaled_tan2, widths
 
 
 @above_horizon

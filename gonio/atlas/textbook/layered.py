@@ -9,9 +9,9 @@ import numpy as np
 from mpmath import mp, mpf
 from scipy.special import erfcx
 
-from gonio.stress.textbook import albedo as integral
-from gonio.stress.textbook import fresnel, microfacet
-from gonio.stress.textbook.frame import above_horizon, half_vector, theta_d
+from gonio.atlas.textbook import albedo as integral
+from gonio.atlas.textbook import fresnel, microfacet
+from gonio.atlas.textbook.frame import above_horizon, half_vector, theta_d
 
 
 def _ggx_lambda(alpha, mu):

@@ -2,7 +2,7 @@
 
 from mpmath import mp, mpf
 
-from gonio.stress.textbook.frame import above_horizon, delta_phi, theta, theta_d
+from gonio.atlas.textbook.frame import above_horizon, delta_phi, theta, theta_d
 
 
 @above_horizon

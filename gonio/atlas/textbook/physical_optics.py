@@ -4,8 +4,8 @@ import math
 
 from mpmath import mp, mpf
 
-from gonio.stress.textbook.frame import above_horizon, projected_distance2, theta, theta_d
-from gonio.stress.textbook.fresnel import fresnel
+from gonio.atlas.textbook.frame import above_horizon, projected_distance2, theta, theta_d
+from gonio.atlas.textbook.fresnel import fresnel
 
 WIDE = 20  # standard deviations of m beyond which the sum over m is sampled, not added term by term
 

@@ -4,7 +4,7 @@ import functools
 
 from mpmath import mp, mpf
 
-from gonio.stress.textbook.frame import above_horizon, angle, delta_phi, theta
+from gonio.atlas.textbook.frame import above_horizon, angle, delta_phi, theta
 
 H_STEP = mpf(3) / 25  # the trapezoidal rule's error is about exp(-pi²/step), 1e-35
 H_REACH = 80  # exp(-80) is what the rule leaves out

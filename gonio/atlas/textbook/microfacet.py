@@ -2,8 +2,8 @@
 
 from mpmath import mp, mpf
 
-from gonio.stress.textbook.frame import above_horizon, half_vector, mirror, phi, theta, theta_d
-from gonio.stress.textbook.fresnel import fresnel, schlick1994
+from gonio.atlas.textbook.frame import above_horizon, half_vector, mirror, phi, theta, theta_d
+from gonio.atlas.textbook.fresnel import fresnel, schlick1994
 
 
 def widths(params):

@@ -2,8 +2,8 @@
 
 from mpmath import mp, mpf
 
-from gonio.stress.textbook.frame import above_horizon, angle, mirror, projected_distance2
-from gonio.stress.textbook.fresnel import fresnel
+from gonio.atlas.textbook.frame import above_horizon, angle, mirror, projected_distance2
+from gonio.atlas.textbook.fresnel import fresnel
 
 
 @above_horizon

@@ -1,6 +1,6 @@
 """Every model once more, as its paper prints it, in mpmath numbers of any precision: an independent second opinion."""
 
-from gonio.stress.textbook import diffuse, half_vector, layered, microfacet, mirror, physical_optics, volumetric
+from gonio.atlas.textbook import diffuse, half_vector, layered, microfacet, mirror, physical_optics, volumetric
 
 # name(params, options, wi, wo) -> 1/sr without the cosine; one channel, directions as tuples of three numbers
 TEXTBOOK = {

@@ -1,0 +1,188 @@
+"""Importance maps: χ² of what is drawn against the density that is claimed, and the density against ∫ = 1.
+
+Directions are counted in polar cells about the lobe's middle, whose rings hold equal shares of what was drawn. The
+density is integrated over the same cells by Gauss–Legendre rules that know nothing of the map.
+"""
+
+import itertools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy import stats
+
+from gonio.atlas.cell import RIGHT, SAYS_SO, SILENT, Cell
+from gonio.atlas.precision import PRECISIONS, cast
+from gonio.checks.cubature import W_G, W_K, X
+from gonio.models.building import build
+from gonio.models.geometry import Direction
+
+INCIDENCES = {"0°": 0.0, "45°": np.radians(45), "80°": np.radians(80), "89°": np.radians(89)}
+AZIMUTH = 0.3
+RINGS, SECTORS = 16, 12
+LEAST = 25.0
+"""Least expected count of a cell; cells with less are counted together."""
+ROUNDS, MOST, FINE = 14, 400, 1e-8
+"""Rounds of quartering, cells quartered in each, and the error of a cell that needs none."""
+LEVEL = 0.01
+"""Family-wise level of all tests of a run [Šidák 1967]."""
+WHOLE = 1e-3
+"""How far ∫ of the density may be from 1."""
+
+
+def sidak(tests: int) -> float:
+    """The level of each of so many independent tests that all together err with `LEVEL`."""
+    return -np.expm1(np.log1p(-LEVEL) / max(tests, 1))
+
+
+@eqx.filter_jit
+def _drawn(brdf, wi, u1, u2):
+    return jax.vmap(brdf.sample, in_axes=(None, 0, 0))(wi, u1, u2)
+
+
+@eqx.filter_jit
+def _density(brdf, wi, wo):
+    return jax.vmap(brdf.pdf, in_axes=(None, 0))(wi, wo)
+
+
+def _incidence(theta: float, dtype) -> Direction:
+    c = np.sin(theta) * np.cos(AZIMUTH), np.sin(theta) * np.sin(AZIMUTH), np.cos(theta)
+    return Direction(*(jnp.asarray(x, dtype) for x in c))
+
+
+def _frames(wi: np.ndarray) -> list[np.ndarray]:
+    # Orthonormal frames (rows x, y, z) about the mirror direction, back to the light, and the normal.
+    frames = []
+    for middle in (wi * [-1, -1, 1], wi, np.array([0.0, 0.0, 1.0])):
+        across = np.cross(middle, [0.0, 1.0, 0.0] if abs(middle[1]) < 0.9 else [1.0, 0.0, 0.0])
+        across /= np.linalg.norm(across)
+        frames.append(np.stack([across, np.cross(middle, across), middle]))
+    return frames
+
+
+def _polar(frame: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    x, y, z = frame @ w.T
+    return np.arctan2(np.hypot(x, y), z), np.arctan2(y, x) % (2 * np.pi)
+
+
+def count_and_expect(brdf, theta: float, number: int, dtype=np.float64, seed: int = 0):
+    """(counts, expected shares, ∫ density, share drawn that is not finite) of so many draws from one incidence."""
+    rng = np.random.default_rng(seed)
+    wi = _incidence(theta, dtype)
+    u = rng.random((2, number)).astype(dtype)
+    u = np.minimum(u, np.nextafter(dtype(1), dtype(0)))
+    w = np.stack([np.asarray(c, float) for c in _drawn(brdf, wi, *(jnp.asarray(c) for c in u))], -1)
+    good = np.isfinite(w).all(axis=1)
+    w = w[good] / np.linalg.norm(w[good], axis=1, keepdims=True)
+    frames = _frames(np.array([float(c) for c in wi]))
+    frame = min(frames, key=lambda f: np.median(_polar(f, w[:20000])[0]))
+    beta, psi = _polar(frame, w)
+    edges = np.quantile(beta, np.linspace(0, 1, RINGS + 1))
+    edges[0], edges[-1] = 0.0, np.pi
+    edges = np.maximum.accumulate(edges)
+    sectors = np.linspace(0, 2 * np.pi, SECTORS + 1)
+    counts = np.histogram2d(beta, psi, bins=(edges + 1e-300 * np.arange(edges.size), sectors))[0]
+    shares, error = _shares(brdf, wi, frame, edges, sectors, dtype)
+    return counts, shares, error, 1.0 - good.mean()
+
+
+def _shares(brdf, wi, frame, edges, sectors, dtype):
+    # The density over each cell by Gauss–Kronrod rules, quartered where they disagree: densities have their own edges.
+    cells = np.array(
+        [
+            [low, p, cut, q, k * SECTORS + m]
+            for k in range(RINGS)
+            for low, cut in itertools.pairwise(_graded(edges[k], edges[k + 1]))
+            for m, (p, q) in enumerate(itertools.pairwise(sectors))
+        ]
+    )
+    shares, change = np.zeros(RINGS * SECTORS), 0.0
+    for step in range(ROUNDS):
+        fine, error = _rules(brdf, wi, frame, cells, dtype)
+        poor = (error > FINE) & (error >= np.sort(error)[-MOST:][0]) if step < ROUNDS - 1 else np.zeros(len(cells), bool)
+        np.add.at(shares, cells[~poor, 4].astype(int), fine[~poor])
+        change += float(error[~poor].sum())
+        if not poor.any():
+            break
+        cells = _quartered(cells[poor])
+    return shares.reshape(RINGS, SECTORS), change
+
+
+def _rules(brdf, wi, frame, cells, dtype):
+    b = cells[:, 0, None] + (cells[:, 2] - cells[:, 0])[:, None] * (X + 1) / 2
+    p = cells[:, 1, None] + (cells[:, 3] - cells[:, 1])[:, None] * (X + 1) / 2
+    bb, pp = np.broadcast_arrays(b[:, :, None], p[:, None, :])
+    local = np.stack([np.sin(bb) * np.cos(pp), np.sin(bb) * np.sin(pp), np.cos(bb)], -1).reshape(-1, 3)
+    d = _padded_density(brdf, wi, local @ frame, dtype).reshape(bb.shape) * np.sin(bb)
+    area = (cells[:, 2] - cells[:, 0]) * (cells[:, 3] - cells[:, 1]) / 4
+    fine = np.einsum("nij,i,j->n", d, W_K, W_K) * area
+    return fine, np.abs(fine - np.einsum("nij,i,j->n", d, W_G, W_G) * area)
+
+
+def _quartered(cells: np.ndarray) -> np.ndarray:
+    b, p = (cells[:, 0] + cells[:, 2]) / 2, (cells[:, 1] + cells[:, 3]) / 2
+    quarters = [
+        (b0, p0, b1, p1, cells[:, 4])
+        for b0, b1 in ((cells[:, 0], b), (b, cells[:, 2]))
+        for p0, p1 in ((cells[:, 1], p), (p, cells[:, 3]))
+    ]
+    return np.concatenate([np.stack(q, -1) for q in quarters])
+
+
+def _graded(low: float, high: float) -> np.ndarray:
+    # A ring in the tail spans decades of β: its cells grow by factors.
+    if high > 2 * max(low, 1e-9) and high - low > 0.02:
+        return np.concatenate([[low], np.geomspace(max(low * 1.3, high / 4096), high, 8)])
+    return np.array([low, high])
+
+
+PAD = 1 << 15
+
+
+def _padded_density(brdf, wi, w, dtype) -> np.ndarray:
+    out = []
+    for start in range(0, len(w), PAD):
+        part = w[start : start + PAD]
+        full = np.concatenate([part, np.broadcast_to([0.0, 0.0, 1.0], (PAD - len(part), 3))])
+        d = _density(brdf, wi, Direction(*(jnp.asarray(c, dtype) for c in full.T)))
+        out.append(np.asarray(d, float)[: len(part)])
+    return np.concatenate(out)
+
+
+def p_value(counts: np.ndarray, shares: np.ndarray) -> float:
+    """Pearson's χ² test of counts against shares, cells of few expected counts taken together."""
+    number = counts.sum()
+    expected = shares.ravel() * number
+    observed = counts.ravel()
+    order = np.argsort(expected)
+    expected, observed = expected[order], observed[order]
+    few = int(np.searchsorted(np.cumsum(expected), LEAST)) + 1
+    few = max(few, int(np.searchsorted(expected, LEAST)))
+    expected = np.concatenate([[expected[:few].sum()], expected[few:]])
+    observed = np.concatenate([[observed[:few].sum()], observed[few:]])
+    if expected[0] < 1:
+        expected, observed = expected[1:], observed[1:]
+    chi2 = float(np.sum((observed - expected) ** 2 / expected))
+    return float(stats.chi2.sf(chi2, max(expected.size - 1, 1)))
+
+
+def sampler_cells(name: str, spelling: str, precision: str, number: int, tests: int) -> list[Cell]:
+    """One cell for each incidence: the p-value of χ² against the level of `tests` tests, and ∫ of the density."""
+    dtype = PRECISIONS[precision]
+    brdf = cast(build(spelling), dtype)
+    cells = []
+    for column, theta in INCIDENCES.items():
+        counts, shares, change, lost = count_and_expect(brdf, theta, number, dtype)
+        whole, level = float(shares.sum()), sidak(tests)
+        p = p_value(counts, shares) if np.isfinite(shares).all() else 0.0
+        off = abs(whole - 1)
+        detail = f"p = {p:.3g} (level {level:.2g}) of {number:,} directions; the density adds up to {whole:.7g}"
+        if lost:
+            verdict, detail = SAYS_SO, f"{lost:.2g} of the directions drawn are not finite"
+        elif change > WHOLE:
+            verdict, detail = SAYS_SO, f"{detail}, which is known to {change:.1g} only"
+        else:
+            verdict = RIGHT if p >= level and off <= WHOLE else SILENT
+        cells.append(Cell("sampler", name, spelling, column, precision, verdict, off, WHOLE, detail))
+    return cells

@@ -1,0 +1,109 @@
+"""Values and gradients against textbook forms at forty digits: right to a few ulp and the conditioning of the inputs."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import mpmath as mp
+import numpy as np
+
+from gonio.atlas.cell import RIGHT, SAYS_SO, SILENT, Cell, worst
+from gonio.atlas.pairs import COLUMNS, pairs
+from gonio.atlas.precision import PRECISIONS, cast
+from gonio.atlas.reference import DIGITS, PERTURBED, Reference
+from gonio.models.building import build
+from gonio.models.geometry import Direction
+
+ULPS = 32
+CONDITION = 8
+
+
+@eqx.filter_jit
+def _f(brdf, wi, wo):
+    return jax.vmap(brdf.f)(wi, wo)
+
+
+@eqx.filter_jit
+def _slopes(brdf, wi, wo):
+    # ∂f/∂(every parameter, every component): a tree like the model, and six components.
+    return jax.vmap(jax.grad(lambda parts: parts[0].f(parts[1], parts[2])), in_axes=((None, 0, 0),))((brdf, wi, wo))
+
+
+def _directions(w: np.ndarray, dtype) -> Direction:
+    return Direction(*(jnp.asarray(c, dtype) for c in w.T))
+
+
+def _judged(found: float, reference, spread, floor: float, dtype) -> tuple[str, float, float]:
+    """(verdict, error, allowed), relative to the reference where that is not 0."""
+    info = np.finfo(dtype)
+    if not np.isfinite(found):
+        return (RIGHT if abs(reference) > float(info.max) else SAYS_SO), float("inf"), 0.0
+    allowed = ULPS * float(info.eps) * abs(reference) + CONDITION * spread + floor
+    error = abs(mp.mpf(float(found)) - reference)
+    size = abs(reference) if reference else mp.mpf(1)
+    return (RIGHT if error <= allowed else SILENT), float(error / size), float(allowed / size)
+
+
+def value_cells(name: str, spelling: str, precision: str, columns=tuple(COLUMNS)) -> list[Cell]:
+    """One cell for each incidence: the worst of its pairs."""
+    dtype = PRECISIONS[precision]
+    brdf, reference = cast(build(spelling), dtype), Reference(spelling, dtype)
+    rng = np.random.default_rng(0)
+    cells = []
+    for column in columns:
+        wi, wo = (w.astype(dtype) for w in pairs(column))
+        found = np.asarray(_f(brdf, _directions(wi, dtype), _directions(wo, dtype)))
+        judged = []
+        with mp.workdps(DIGITS):
+            for i, o, f in zip(wi.astype(float), wo.astype(float), found, strict=True):
+                exact = reference.value(i, o)
+                moved = [reference.value(*reference.perturbed(rng, i, o)) for _ in range(PERTURBED)]
+                spread = max(abs(m - exact) for m in moved)
+                judged.append((*_judged(f, exact, spread, float(np.finfo(dtype).tiny) * 1e3, dtype), i, o, f, exact))
+        cells.append(_cell("value", name, spelling, column, precision, judged))
+    return cells
+
+
+def gradient_cells(name: str, spelling: str, precision: str, columns=tuple(COLUMNS)) -> list[Cell]:
+    """One cell for each incidence: ∂f/∂parameter against differences, and all of the gradient finite."""
+    dtype = PRECISIONS[precision]
+    brdf, reference = cast(build(spelling), dtype), Reference(spelling, dtype)
+    rng = np.random.default_rng(0)
+    cells = []
+    for column in columns:
+        wi, wo = (w.astype(dtype) for w in pairs(column))
+        slopes = _slopes(brdf, _directions(wi, dtype), _directions(wo, dtype))
+        parameters, directions = slopes[0], np.stack([np.asarray(c) for d in slopes[1:] for c in d], -1)
+        judged = []
+        with mp.workdps(DIGITS):
+            for k, (i, o) in enumerate(zip(wi.astype(float), wo.astype(float), strict=True)):
+                if not np.isfinite(directions[k]).all():
+                    judged.append((SAYS_SO, float("inf"), 0.0, i, o, float("nan"), mp.mpf(0)))
+                scale = abs(reference.value(i, o))
+                for parameter, at in reference.params.items():
+                    found = float(np.asarray(getattr(parameters, parameter))[k])
+                    exact = reference.slope(parameter, i, o)
+                    spread = mp.mpf(0)
+                    for _ in range(PERTURBED):
+                        moved_i, moved_o, params = reference.perturbed(rng, i, o)
+                        moved = Reference.__new__(Reference)
+                        moved.__dict__ = {**reference.__dict__, "params": params}
+                        spread = max(spread, abs(moved.slope(parameter, moved_i, moved_o) - exact))
+                    # What a whole step of the parameter would change f by is the scale of its rounding.
+                    unit = scale / max(abs(at), mp.mpf("1e-3"))
+                    floor = ULPS * float(np.finfo(dtype).eps) * unit + float(np.finfo(dtype).tiny) * 1e6
+                    judged.append((*_judged(found, exact, spread, floor, dtype), i, o, found, exact))
+        cells.append(_cell("gradient", name, spelling, column, precision, judged))
+    return cells
+
+
+def _cell(method, name, spelling, column, precision, judged) -> Cell:
+    verdict = worst([j[0] for j in judged])
+    at = max((j for j in judged if j[0] == verdict), key=lambda j: j[1] / max(j[2], 1e-300))
+    wi, wo, found, exact = at[3:]
+    what = "f" if method == "value" else "slope"
+    detail = f"{what} {float(found):.9g} beside {mp.nstr(exact, 9)} at wi {_text(wi)}, wo {_text(wo)}"
+    return Cell(method, name, spelling, column, precision, verdict, at[1], at[2], detail)
+
+
+def _text(w) -> str:
+    return "(" + " ".join(f"{c:.17g}" for c in w) + ")"

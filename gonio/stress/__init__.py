@@ -1,1 +1,0 @@
-"""Where methods fail: second opinions on every model, and what they show."""
