@@ -10,6 +10,9 @@ from gonio.models.geometry import NORMAL, Direction
 
 Scalar = Float[Array, ""]
 
+UNEVEN = 16.0
+"""Difference of two squared lengths, in roundings, up to which both directions are taken as unit vectors."""
+
 
 class HalfAngles(NamedTuple):
     """The unit half vector h; cosθ_d = wi·h = |wi + wo|/2; and sin²θ_h."""
@@ -23,7 +26,9 @@ def half_angles(wi: Direction, wo: Direction) -> HalfAngles:
     """h, cosθ_d and sin²θ_h of two unit directions; the normal where they are opposite, where cosθ_d is 0.
 
     wi + wo is scaled before it is squared: two grazing directions that nearly cancel underflow otherwise. cosθ_d is
-    half its length; as wi·h, which is a difference there, it would lose its digits.
+    half its length; as wi·h, which is a difference there, it would lose its digits. Only where the two lengths differ
+    by more than rounding (single-precision directions handed over in double) is wi·h taken to the letter, as
+    renderers do: it is longer by (|wi|² − |wo|²)/(2|wi + wo|).
     """
     x, y, z = (a + b for a, b in zip(wi, wo, strict=True))
     largest = jax.lax.stop_gradient(jnp.maximum(jnp.maximum(jnp.abs(x), jnp.abs(y)), jnp.abs(z)))
@@ -32,7 +37,10 @@ def half_angles(wi: Direction, wo: Direction) -> HalfAngles:
     x, y, z = (jnp.where(null, e, c / unit) for c, e in zip((x, y, z), NORMAL, strict=True))
     length = jnp.sqrt(x * x + y * y + z * z)
     h = Direction(x / length, y / length, z / length)
-    return HalfAngles(h, jnp.where(null, 0.0, jnp.minimum(0.5 * unit * length, 1.0)), h.x**2 + h.y**2)
+    uneven = sum((a - b) * (a + b) for a, b in zip(wi, wo, strict=True))
+    literal = jnp.abs(uneven) > UNEVEN * jnp.finfo(jnp.result_type(length)).eps
+    cos_d = 0.5 * unit * length + jnp.where(literal, 0.5 * uneven / (unit * length), 0.0)
+    return HalfAngles(h, jnp.where(null, 0.0, jnp.clip(cos_d, 0.0, 1.0)), h.x**2 + h.y**2)
 
 
 def log_cosine(h: Direction, sin2_h: Scalar) -> Scalar:

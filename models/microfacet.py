@@ -6,7 +6,8 @@ import jax.numpy as jnp
 
 from gonio.models.base import AbstractBRDF, Scalar
 from gonio.models.fresnel import fresnel
-from gonio.models.geometry import Direction, dot, half_vector
+from gonio.models.geometry import Direction
+from gonio.models.half_vector import half_angles
 from gonio.models.horizon import above
 from gonio.models.parameters import ParameterInfo
 from gonio.models.slope_map import facet_direction, slope_ray
@@ -52,8 +53,7 @@ class AbstractMicrofacet(AbstractBRDF):
 
     def f(self, wi, wo):
         both, wi, wo = above(wi, wo)
-        h = half_vector(wi, wo)
-        cos_d = jnp.clip(dot(wi, h), 0.0, 1.0)
+        h, cos_d, _ = half_angles(wi, wo)
         value = fresnel(cos_d, self.f0, self.eta, self.k) * self.density(h) * self.visibility(wi, wo)
         return jnp.where(both, value, 0.0)
 
