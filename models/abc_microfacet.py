@@ -12,8 +12,9 @@ from gonio.models.geometry import Direction, reflect
 from gonio.models.half_vector import half_angles, mirrored_pdf
 from gonio.models.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.radial_laws import power_law
 from gonio.models.slopes import ggx_d
-from gonio.models.v_cavity import power_law, v_cavity_map, v_cavity_visibility
+from gonio.models.v_cavity import v_cavity_map, v_cavity_visibility
 
 B = ParameterInfo(0.0, 1e7, "1", "inverse width: S falls where 1 − cosθ_h exceeds 1/b", start=1000.0)
 C = ParameterInfo(0.01, 10.0, "1", "exponent with which S falls", start=1.0, log=True)
@@ -27,9 +28,7 @@ class ABCMicrofacet(AbstractBRDF):
     """
 
     lobe = True
-    breaks: ClassVar = {
-        "energy": "S is not normalised: of scale 1, it reflects 4.7 at normal incidence for b = 0."
-    }
+    breaks: ClassVar = {"energy": "S is not normalised: of scale 1, it reflects 4.7 at normal incidence for b = 0."}
 
     b: Float[Array, "*channel"] = parameter(B)
     c: Float[Array, "*channel"] = parameter(C)

@@ -13,7 +13,8 @@ from gonio.models.geometry import reflect
 from gonio.models.half_vector import half_angles, mirrored_pdf
 from gonio.models.horizon import above
 from gonio.models.parameters import parameter
-from gonio.models.v_cavity import linear_law, v_cavity_map, v_cavity_visibility
+from gonio.models.radial_laws import linear_law
+from gonio.models.v_cavity import v_cavity_map, v_cavity_visibility
 
 LAST_SLOPE = 6.5  # exp(-6.5²) = 4e-19: beyond it lies nothing that a double could add
 

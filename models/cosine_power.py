@@ -42,7 +42,7 @@ def power_widths(n_x: Scalar, n_y: Scalar) -> tuple[Scalar, Scalar]:
     return 1.0 / jnp.sqrt(n_x + 1.0), 1.0 / jnp.sqrt(n_y + 1.0)
 
 
-def _rate(x: Scalar) -> Scalar:
+def power_rate(x: Scalar) -> Scalar:
     """√((eˣ − 1)/x), to full precision at 0."""
     small = x < 1e-5
     safe = jnp.where(small, 1.0, x)
@@ -60,5 +60,5 @@ def power_reach(length2: Scalar, s: Scalar) -> Scalar:
 def power_slope(length2: Scalar, radius: Scalar) -> tuple[Scalar, Scalar]:
     """The slope at a radius, the inverse of `power_reach`, and its derivative."""
     x = length2 * radius * radius
-    rate = _rate(x)
+    rate = power_rate(x)
     return radius * rate, jnp.exp(x) / rate

@@ -11,9 +11,9 @@ from gonio.models.geometry import Direction, reflect
 from gonio.models.half_vector import half_angles, mirrored_pdf, positive
 from gonio.models.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.radial_laws import power_law
 from gonio.models.slope_map import facet_direction, slope_ray
 from gonio.models.slopes import ggx_d
-from gonio.models.v_cavity import power_law
 
 ALPHA = ParameterInfo(1e-5, 10.0, "1", "shift and width of the gamma law", start=0.1, log=True)
 P = ParameterInfo(0.0, 5.0, "1", "exponent of the core", start=0.7)

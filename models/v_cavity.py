@@ -55,15 +55,3 @@ def v_cavity_map(wi: Direction, u1: Scalar, u2: Scalar, alpha: Scalar, last: Sca
     s, rate = law(jnp.where(beyond, u2, 2.0 * u2 - jnp.where(inner, 0.0, 1.0)), low, high)
     wo, jacobian = facet_direction(wi, ray, s, rate * jnp.where(beyond, 1.0, 2.0), alpha, alpha)
     return wo, jacobian * (4.0 * span / (2 * jnp.pi))
-
-
-def linear_law(v: Scalar, low: Scalar, high: Scalar) -> tuple[Scalar, Scalar]:
-    """Equal steps, for a lobe that falls as a Gaussian."""
-    return low + v * (high - low), high - low
-
-
-def power_law(v: Scalar, low: Scalar, high: Scalar) -> tuple[Scalar, Scalar]:
-    """Equal steps of the inverse hyperbolic sine, for a lobe whose tails fall as a power."""
-    start, stop = jnp.arcsinh(low), jnp.arcsinh(high)
-    x = start + v * (stop - start)
-    return jnp.sinh(x), jnp.cosh(x) * (stop - start)
