@@ -7,16 +7,18 @@ from jaxtyping import Array, Float
 from gonio.models import microfacet as mf
 from gonio.models import slopes
 from gonio.models.geometry import dot, half_vector, reflect, scale
+from gonio.models.multiple_bounces import ENERGY, AbstractCompensated
 from gonio.models.parameters import parameter
 
 LAST_SLOPE = 6.5  # exp(-6.5²) = 4e-19: beyond it lies nothing that a double could add
 
 
-class Beckmann(mf.AbstractMicrofacet):
+class Beckmann(AbstractCompensated):
     """Microfacets with Gaussian slopes [Beckmann & Spizzichino 1963; Walter 2007, eq. 25], Smith's masking.
 
     `smith`: "correlated" (the default), "separable" (both with the exact erf form), or "walter" (separable, with the
-    rational fit that renderers use). `alpha`, or `alpha_x` with `alpha_y`.
+    rational fit that renderers use). `alpha`, or `alpha_x` with `alpha_y`. `energy`: "single" (the default), or what
+    bounces more than once given back by "kulla_conty" or "turquin" (see `gonio.models.multiple_bounces`).
     """
 
     alpha: Float[Array, "*channel"] | None = parameter(mf.ALPHA, default=None)
@@ -28,6 +30,7 @@ class Beckmann(mf.AbstractMicrofacet):
     smith: str = eqx.field(
         static=True, default="correlated", metadata={"choices": ("correlated", "separable", "walter")}
     )
+    energy: str = eqx.field(static=True, default="single", metadata=ENERGY)
 
     def density(self, m):
         return slopes.beckmann_d(m, *self.widths)

@@ -6,14 +6,17 @@ from jaxtyping import Array, Float
 
 from gonio.models import microfacet as mf
 from gonio.models.geometry import half_vector, reflect
+from gonio.models.multiple_bounces import ENERGY, AbstractCompensated
 from gonio.models.parameters import parameter
 from gonio.models.slopes import ggx_d, ggx_masked_cosine, ggx_shadow_root, ggx_visible_normal
 
 
-class GGX(mf.AbstractMicrofacet):
+class GGX(AbstractCompensated):
     """Microfacets with GGX slopes [Walter 2007, eq. 33] and Smith's masking [Heitz 2014, eq. 43 and 99].
 
     `smith`: "correlated" (height-correlated, the default) or "separable". `alpha`, or `alpha_x` with `alpha_y`.
+    `energy`: "single" (the default), or what bounces more than once given back by "kulla_conty" or "turquin" (see
+    `gonio.models.multiple_bounces`).
     """
 
     alpha: Float[Array, "*channel"] | None = parameter(mf.ALPHA, default=None)
@@ -23,6 +26,7 @@ class GGX(mf.AbstractMicrofacet):
     eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
     k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
     smith: str = eqx.field(static=True, default="correlated", metadata={"choices": ("correlated", "separable")})
+    energy: str = eqx.field(static=True, default="single", metadata=ENERGY)
 
     def density(self, m):
         return ggx_d(m, *self.widths)

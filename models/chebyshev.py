@@ -1,0 +1,31 @@
+"""Chebyshev series: of many variables once, then of one variable many times."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+Scalar = Float[Array, "..."]
+
+UNROLL = 4  # steps of a series in one loop body: fewer passes over the directions against a longer compilation
+
+
+def chebyshev_basis(x: Scalar, n: int) -> Scalar:
+    """T₀(x) ... T₍ₙ₋₁₎(x) for x in [−1, 1], by their recurrence."""
+
+    def step(pair, _):
+        last, this = pair
+        return (this, 2.0 * x * this - last), last
+
+    return jax.lax.scan(step, (jnp.ones_like(x), x), None, length=n)[1]
+
+
+def clenshaw(series: Scalar, x: Scalar) -> Scalar:
+    """Σ series[k] Tₖ(x); the trailing axes of `series` and the shape of x broadcast."""
+
+    def step(pair, c):
+        above, this = pair
+        return (this, 2.0 * x * this - above + c), None
+
+    zero = jnp.zeros(jnp.broadcast_shapes(series.shape[1:], x.shape), series.dtype)
+    (above, this), _ = jax.lax.scan(step, (zero, zero), series[:0:-1], unroll=UNROLL)
+    return x * this - above + series[0]

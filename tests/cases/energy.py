@@ -1,0 +1,9 @@
+"""Models whose light is all accounted for, and models of layers."""
+
+CASES = {
+    "ggx kulla-conty narrow": "ggx(alpha=0.001, f0=0.04, energy=kulla_conty)",
+    "ggx kulla-conty glass": "ggx(alpha=1, eta=1.5, smith=separable, energy=kulla_conty)",
+    "ggx turquin": "ggx(alpha=0.4, eta=0.2, k=[3.9, 2.5, 2.2], energy=turquin)",
+    "beckmann kulla-conty": "beckmann(alpha=[0.0001, 0.3, 1], f0=[0, 0.5, 1], energy=kulla_conty)",
+    "beckmann turquin": "beckmann(alpha=0.0001, smith=separable, energy=turquin)",
+}
