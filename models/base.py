@@ -33,6 +33,11 @@ class AbstractBRDF(eqx.Module):
     """Where the published formula loses energy without a reason: one sentence, or nothing."""
 
     @property
+    def accuracy(self) -> float:
+        """Absolute error of f, 1/sr, that a model claims for its tables; 0 where f is right to rounding."""
+        return 0.0
+
+    @property
     def isotropic(self) -> bool:
         """Whether f depends on the azimuths only by their difference."""
         return getattr(self, "alpha_x", None) is None and getattr(self, "n_x", None) is None

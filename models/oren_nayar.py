@@ -21,10 +21,13 @@ ROUGHNESS = ParameterInfo(0.0, 1.0, "1", "share of roughness: 0 is Lambert", sta
 
 
 def _fujii_shape(wi: Direction, wo: Direction, r: Scalar) -> Scalar:
-    # π f/ρ = A (1 + r s/t) [Portsmouth, Kutz & Hill 2024], for directions above the horizon.
+    # π f/ρ = A (1 + r s/t) [Portsmouth, Kutz & Hill 2024], for directions above the horizon. Where s < 0, t is 1 and
+    # 1 + s = (|wi + wo|² in the plane + wi.z² + wo.z²)/2 of unit vectors, which does not cancel at grazing.
     s = wi.x * wo.x + wi.y * wo.y
-    t = jnp.where(s > 0, jnp.maximum(wi.z, wo.z), 1.0)
-    return (1.0 + r * (s / t)) / (1.0 + C1 * r)
+    forward = s > 0
+    t = jnp.where(forward, jnp.maximum(wi.z, wo.z), 1.0)
+    left = 0.5 * ((wi.x + wo.x) ** 2 + (wi.y + wo.y) ** 2 + (wi.z + wo.z) ** 2) - wi.z * wo.z
+    return jnp.where(forward, 1.0 + r * (s / t), (1.0 - r) + r * left) / (1.0 + C1 * r)
 
 
 def fujii_g(w: Direction) -> Scalar:

@@ -27,10 +27,8 @@ class Phong(AbstractBRDF):
     n: Float[Array, "*channel"] = parameter(EXPONENT)
 
     def f(self, wi, wo):
-        # log cosβ from |mirror − wo|², which keeps its digits where n is large and β small.
-        d2 = (wi.x + wo.x) ** 2 + (wi.y + wo.y) ** 2 + (wi.z - wo.z) ** 2
-        inside = (wi.z > 0) & (wo.z > 0) & (d2 < 2.0)
-        log_cos = jnp.log1p(-0.5 * jnp.where(inside, d2, 0.0))
+        ahead, log_cos = _log_cosine(wi, wo)
+        inside = (wi.z > 0) & (wo.z > 0) & ahead
         return jnp.where(inside, (self.n + 2.0) / (2 * jnp.pi) * jnp.exp(self.n * log_cos), 0.0)
 
     @property
@@ -45,9 +43,7 @@ class Phong(AbstractBRDF):
 
     def pdf(self, wi, wo):
         """(n+1)/(2π) cosⁿβ, over the half sphere about the mirror direction."""
-        d2 = (wi.x + wo.x) ** 2 + (wi.y + wo.y) ** 2 + (wi.z - wo.z) ** 2
-        inside = d2 < 2.0
-        log_cos = jnp.log1p(-0.5 * jnp.where(inside, d2, 0.0))
+        inside, log_cos = _log_cosine(wi, wo)
         return jnp.where(inside, (self.mean_n + 1.0) / (2 * jnp.pi) * jnp.exp(self.mean_n * log_cos), 0.0)
 
     def lobe_map(self, wi, u1, u2):
@@ -63,6 +59,16 @@ class Phong(AbstractBRDF):
         s = s_max * u2
         log_cos = -0.5 * s * s / n_1
         return _about_mirror(wi, log_cos, cos_p, sin_p), jnp.exp(log_cos) * s / n_1 * s_max * azimuth_rate
+
+
+def _log_cosine(wi: Direction, wo: Direction) -> tuple[Array, Scalar]:
+    # Whether wo is within 90° of the mirror direction, and log cosβ: near it from |mirror − wo|², which keeps its digits
+    # where n is large and β small; far from it from the cosine itself, which keeps its own.
+    d2 = (wi.x + wo.x) ** 2 + (wi.y + wo.y) ** 2 + (wi.z - wo.z) ** 2
+    cosine = wi.z * wo.z - wi.x * wo.x - wi.y * wo.y
+    near, ahead = d2 < 1.0, cosine > 0
+    far = jnp.log(jnp.where(near | ~ahead, 1.0, cosine))
+    return ahead, jnp.where(near, jnp.log1p(-0.5 * jnp.where(near, d2, 0.0)), far)
 
 
 def _about_mirror(wi: Direction, log_cos: Scalar, cos_p: Scalar, sin_p: Scalar) -> Direction:

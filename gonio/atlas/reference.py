@@ -7,7 +7,7 @@ from gonio.atlas.textbook import TEXTBOOK
 from gonio.models.spelling import Term, parse
 
 DIGITS = 40
-PERTURBED = 2
+PERTURBED = 4
 STEP = mp.mpf(10) ** -14
 
 

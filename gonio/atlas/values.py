@@ -12,9 +12,13 @@ from gonio.atlas.precision import PRECISIONS, cast
 from gonio.atlas.reference import DIGITS, PERTURBED, Reference
 from gonio.models.building import build
 from gonio.models.geometry import Direction
+from gonio.models.parameters import parameters_of
 
 ULPS = 32
-CONDITION = 8
+CONDITION = 16
+NEGLIGIBLE = 1e-6
+SLOPE_ACCURACY = 1e3
+"""How much less a claim of a table's accuracy says of its slope."""
 
 
 @eqx.filter_jit
@@ -58,7 +62,7 @@ def value_cells(name: str, spelling: str, precision: str, columns=tuple(COLUMNS)
                 exact = reference.value(i, o)
                 moved = [reference.value(*reference.perturbed(rng, i, o)) for _ in range(PERTURBED)]
                 spread = max(abs(m - exact) for m in moved)
-                judged.append((*_judged(f, exact, spread, float(np.finfo(dtype).tiny) * 1e3, dtype), i, o, f, exact))
+                judged.append((*_judged(f, exact, spread, float(np.finfo(dtype).tiny) * 1e3 + brdf.accuracy, dtype), i, o, f, exact))
         cells.append(_cell("value", name, spelling, column, precision, judged))
     return cells
 
@@ -74,11 +78,14 @@ def gradient_cells(name: str, spelling: str, precision: str, columns=tuple(COLUM
         slopes = _slopes(brdf, _directions(wi, dtype), _directions(wo, dtype))
         parameters, directions = slopes[0], np.stack([np.asarray(c) for d in slopes[1:] for c in d], -1)
         judged = []
+        least = _least(parameters, dtype)
         with mp.workdps(DIGITS):
             for k, (i, o) in enumerate(zip(wi.astype(float), wo.astype(float), strict=True)):
-                if not np.isfinite(directions[k]).all():
-                    judged.append((SAYS_SO, float("inf"), 0.0, i, o, float("nan"), mp.mpf(0)))
                 scale = abs(reference.value(i, o))
+                # Near the horizon f changes within its cosine: that slope may be beyond the largest number.
+                steep = scale / min(i[2], o[2]) > float(np.finfo(dtype).max) * 1e-6
+                if not np.isfinite(directions[k]).all() and not steep:
+                    judged.append((SAYS_SO, float("inf"), 0.0, i, o, float("nan"), mp.mpf(0)))
                 for parameter, at in reference.params.items():
                     found = float(np.asarray(getattr(parameters, parameter))[k])
                     exact = reference.slope(parameter, i, o)
@@ -91,9 +98,20 @@ def gradient_cells(name: str, spelling: str, precision: str, columns=tuple(COLUM
                     # What a whole step of the parameter would change f by is the scale of its rounding.
                     unit = scale / max(abs(at), mp.mpf("1e-3"))
                     floor = ULPS * float(np.finfo(dtype).eps) * unit + float(np.finfo(dtype).tiny) * 1e6
+                    floor += brdf.accuracy * SLOPE_ACCURACY + least[parameter]
                     judged.append((*_judged(found, exact, spread, floor, dtype), i, o, found, exact))
         cells.append(_cell("gradient", name, spelling, column, precision, judged))
     return cells
+
+
+def _least(parameters, dtype) -> dict[str, float]:
+    # Slopes that a fit cannot feel: the rounding of a millionth of the largest slope at the same incidence.
+    found = {}
+    for name in parameters_of(type(parameters)):
+        slopes = getattr(parameters, name)
+        largest = 0.0 if slopes is None else float(np.max(np.abs(np.nan_to_num(np.asarray(slopes)))))
+        found[name] = NEGLIGIBLE * float(np.finfo(dtype).eps) * largest
+    return found
 
 
 def _cell(method, name, spelling, column, precision, judged) -> Cell:
