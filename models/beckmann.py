@@ -1,6 +1,7 @@
 """The Beckmann microfacet model."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -28,7 +29,7 @@ class Beckmann(AbstractCompensated):
     eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
     k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
     smith: str = eqx.field(
-        static=True, default="correlated", metadata={"choices": ("correlated", "separable", "walter")}
+        static=True, default="correlated", metadata={"choices": ("correlated", "separable", "walter", "none")}
     )
     energy: str = eqx.field(static=True, default="single", metadata=ENERGY)
 
@@ -38,7 +39,11 @@ class Beckmann(AbstractCompensated):
     def visibility(self, wi, wo):
         if self.smith == "correlated":
             m_i, m_o = (slopes.beckmann_shadow_excess(w, *self.widths) for w in (wi, wo))
-            return 0.25 / (wi.z * wo.z + wo.z * m_i + wi.z * m_o)
+            # Both parts of the quotient in units of the larger cosine: its square, in the gradient, does not underflow.
+            unit = jax.lax.stop_gradient(jnp.maximum(wi.z, wo.z))
+            return (0.25 / unit) / ((wi.z * wo.z + wo.z * m_i + wi.z * m_o) / unit)
+        if self.smith == "none":
+            return 0.25 * (1.0 / positive(wi.z)) * (1.0 / positive(wo.z))
         one = slopes.walter_masked_cosine if self.smith == "walter" else slopes.beckmann_masked_cosine
         return 0.25 / (one(wi, *self.widths) * one(wo, *self.widths))
 
