@@ -1,0 +1,48 @@
+"""Microfacets that send light back where it came from."""
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from gonio.models import microfacet as mf
+from gonio.models.base import AbstractBRDF
+from gonio.models.geometry import Direction
+from gonio.models.ggx import GGX
+from gonio.models.parameters import parameter
+
+
+class Retro(AbstractBRDF):
+    """f(wi, wo) = f_GGX(mirror of wi, wo): the microfacet lobe about the back vector [Belcour et al. 2014, §4].
+
+    The half vector is taken between `wo` and the mirror image of `wi` in the normal, so the lobe points back to the
+    light, with GGX's slopes, masking and energy; F is at that half vector. `smith` as in `ggx`.
+    """
+
+    lobe = True
+
+    alpha: Float[Array, "*channel"] | None = parameter(mf.ALPHA, default=None)
+    alpha_x: Float[Array, "*channel"] | None = parameter(mf.ALPHA_X, default=None)
+    alpha_y: Float[Array, "*channel"] | None = parameter(mf.ALPHA_Y, default=None)
+    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
+    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
+    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    smith: str = eqx.field(static=True, default="correlated", metadata={"choices": ("correlated", "separable")})
+
+    @property
+    def _surface(self) -> GGX:
+        return GGX(self.alpha, self.alpha_x, self.alpha_y, self.f0, self.eta, self.k, self.smith)
+
+    def f(self, wi, wo):
+        return self._surface.f(_mirrored(wi), wo)
+
+    def sample(self, wi, u1, u2):
+        return self._surface.sample(_mirrored(wi), u1, u2)
+
+    def pdf(self, wi, wo):
+        return self._surface.pdf(_mirrored(wi), wo)
+
+    def lobe_map(self, wi, u1, u2):
+        return self._surface.lobe_map(_mirrored(wi), u1, u2)
+
+
+def _mirrored(w: Direction) -> Direction:
+    return Direction(-w.x, -w.y, w.z)
