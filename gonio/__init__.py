@@ -22,9 +22,10 @@ _VERBS = {
     "fit": ("gonio.fitting.fitting", "fit"),
     "check": ("gonio.checking", "check"),
     "report": ("gonio.reporting", "report"),
+    "stress": ("gonio.stressing", "stress"),
 }
 
-__all__ = ["__version__", "check", "fit", "material", "measure", "open", "report"]
+__all__ = ["__version__", "check", "fit", "material", "measure", "open", "report", "stress"]
 
 
 def __getattr__(name: str) -> Any:

@@ -40,9 +40,7 @@ class Hard:
 
 
 HARD = {
-    "angles up to 45°": Hard(
-        "lambert(rho=0.2) + 0.5 * ggx(alpha=0.3, f0=0.04)", "lambert + ggx(f0=?)", theta_max=45.0
-    ),
+    "angles up to 45°": Hard("lambert(rho=0.2) + 0.5 * ggx(alpha=0.3, f0=0.04)", "lambert + ggx(f0=?)", theta_max=45.0),
     "angles up to 85°": Hard("lambert(rho=0.2) + 0.5 * ggx(alpha=0.3, f0=0.04)", "lambert + ggx(f0=?)"),
     "two equal lobes": Hard("0.3 * ggx(alpha=0.2) + 0.3 * ggx(alpha=0.2)", "ggx + ggx"),
     "two lobes": Hard("0.3 * ggx(alpha=0.08) + 0.3 * ggx(alpha=0.5)", "ggx + ggx"),
@@ -69,7 +67,9 @@ def asked_of(name: str) -> str:
     return f"{name}({inside})" if inside else name
 
 
-def readings(truth: str, count: int, noise: float, theta_max: float = 85.0, spikes: float = 0.0, seed: int = 0) -> Table:
+def readings(
+    truth: str, count: int, noise: float, theta_max: float = 85.0, spikes: float = 0.0, seed: int = 0
+) -> Table:
     """Scattered readings of a spelled model: towards the mirror, back to the light, and everywhere."""
     rng = np.random.default_rng(seed)
     top = np.radians(theta_max)

@@ -1,8 +1,8 @@
 """Hemisphere integrals: the claimed bound against the error, seen by rings about the lobe's middle.
 
-The reference is ∫ f cosθ dω in polar coordinates about the mirror direction, the light or the normal, by rings that grow
-by factors and end exactly at the horizon: nothing of the model's own map, and no trust in how wide it says it is. It is
-done with two rules, whose difference is what the reference itself is known to.
+The reference is ∫ f cosθ dω in polar coordinates about the mirror direction, the light or the normal, by rings that
+grow by factors and end exactly at the horizon: nothing of the model's own map, and no trust in how wide it says it is.
+It is done with two rules, whose difference is what the reference itself is known to.
 """
 
 import jax.numpy as jnp
@@ -33,7 +33,7 @@ def ring_albedo(brdf: AbstractBRDF, theta_i: float, order: int, about: str) -> f
     cuts = np.geomspace(LEAST, np.pi, 2 * int(np.log2(np.pi / LEAST)) + 1)
     cuts = np.concatenate([[0.0], cuts, [horizon, theta_i, 2 * theta_i] if horizon > 0 else [theta_i, 2 * theta_i]])
     # Where the rings first touch the horizon, and from the light and the mirror, cells shrink from both sides.
-    ends = [horizon, 2 * theta_i, np.pi - horizon] if tilt > 0 else [up]
+    ends = [horizon, 2 * theta_i, np.pi - horizon, up] if tilt > 0 else [up]
     near = np.array([a + d * k for a in ends for d in np.geomspace(1e-6, 0.3, 14) for k in (-1, 1)])
     cuts = np.unique(np.clip(np.concatenate([cuts, ends, near]), 0.0, up + tilt if tilt > 0 else up))
     width = np.diff(cuts)
@@ -84,7 +84,10 @@ def reference_albedo(brdf: AbstractBRDF, theta_i: float) -> tuple[float, float]:
         found.append((high, abs(high - low) + 1e-13 * abs(high)))
         if found[-1][1] < 1e-9 * max(abs(high), 1e-3):
             break
-    return min(found, key=lambda a: a[1])
+    value, known = min(found, key=lambda a: a[1])
+    # Two rules may agree by accident: no closer than another middle's, where there was need of one.
+    others = [abs(v - value) for v, k in found if (v, k) != (value, known)]
+    return value, max([known, *sorted(others)[:1]])
 
 
 def integral_cells(name: str, spelling: str, precision: str = "float64") -> list[Cell]:

@@ -31,7 +31,11 @@ def pairs(column: str) -> tuple[np.ndarray, np.ndarray]:
     for step in NEAR:
         wo.append(_direction(np.clip(theta - step, 0, np.pi / 2), phi + np.pi))
         wo.append(_direction(theta, phi + np.pi + step))
-    wo += [_direction(np.clip(theta - 0.02, 0, 1.57), phi + 0.01), _direction(0.8, phi + np.pi / 2), _direction(1.2, 2.0)]
+    wo += [
+        _direction(np.clip(theta - 0.02, 0, 1.57), phi + 0.01),
+        _direction(0.8, phi + np.pi / 2),
+        _direction(1.2, 2.0),
+    ]
     wo += [_direction(np.radians(t), phi + p) for t in (89.9, 89.9999) for p in (np.pi, 2.0)]
     wo += [_direction(np.arccos(1e-12), phi + p) for p in (np.pi, 0.0)]
     wo = np.stack(wo)

@@ -100,7 +100,9 @@ def _shares(brdf, wi, frame, edges, sectors, dtype):
     shares, change = np.zeros(RINGS * SECTORS), 0.0
     for step in range(ROUNDS):
         fine, error = _rules(brdf, wi, frame, cells, dtype)
-        poor = (error > FINE) & (error >= np.sort(error)[-MOST:][0]) if step < ROUNDS - 1 else np.zeros(len(cells), bool)
+        poor = (
+            (error > FINE) & (error >= np.sort(error)[-MOST:][0]) if step < ROUNDS - 1 else np.zeros(len(cells), bool)
+        )
         np.add.at(shares, cells[~poor, 4].astype(int), fine[~poor])
         change += float(error[~poor].sum())
         if not poor.any():

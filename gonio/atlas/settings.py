@@ -20,7 +20,7 @@ def settings_of(name: str) -> list[str]:
     known = parameters_of(MODELS[name])
     wanted = list(needed(Call(name, {}, {})))
     base = {n: f"{known[n].start:g}" for n in wanted}
-    inside = {m: "lambert(rho=0.8)" for m in submodels_of(MODELS[name])}
+    inside = dict.fromkeys(submodels_of(MODELS[name]), "lambert(rho=0.8)")
     lead = next((n for n in LEADERS if n in wanted), wanted[0] if wanted else None)
     found = [{**base, lead: f"{v:.6g}"} for v in _grid(known[lead])] if lead else [base]
     found += [

@@ -1,4 +1,4 @@
-"""Values and gradients against textbook forms at forty digits: right to a few ulp and the conditioning of the inputs."""
+"""Values and gradients against textbook forms at forty digits: right to rounding and the conditioning of the inputs."""
 
 import equinox as eqx
 import jax
@@ -62,7 +62,15 @@ def value_cells(name: str, spelling: str, precision: str, columns=tuple(COLUMNS)
                 exact = reference.value(i, o)
                 moved = [reference.value(*reference.perturbed(rng, i, o)) for _ in range(PERTURBED)]
                 spread = max(abs(m - exact) for m in moved)
-                judged.append((*_judged(f, exact, spread, float(np.finfo(dtype).tiny) * 1e3 + brdf.accuracy, dtype), i, o, f, exact))
+                judged.append(
+                    (
+                        *_judged(f, exact, spread, float(np.finfo(dtype).tiny) * 1e3 + brdf.accuracy, dtype),
+                        i,
+                        o,
+                        f,
+                        exact,
+                    )
+                )
         cells.append(_cell("value", name, spelling, column, precision, judged))
     return cells
 

@@ -1,0 +1,45 @@
+"""``gonio stress``: where each method fails, and that it says so."""
+
+import argparse
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("models", nargs="*", metavar="NAME", help="models to look at (default: all)")
+    parser.add_argument("-o", "--output", metavar="FOLDER", help="where to put the page, the pictures and stress.csv")
+    parser.add_argument(
+        "--quick", action="store_true", help="six models that stand for all, few settings: about a minute"
+    )
+    parser.add_argument("--cell", metavar="KEY", help="do one cell of a model again, by the key in stress.csv")
+    parser.add_argument("--processes", type=int, metavar="N", help="how many at once (default: one for each processor)")
+    parser.add_argument("--force", action="store_true", help="replace an atlas in the folder")
+
+
+def run(args: argparse.Namespace) -> int:
+    from gonio.atlas.cell import SILENT
+    from gonio.atlas.reasons import reason_of
+    from gonio.cli.text import columns, say, tell
+    from gonio.models.errors import GonioError
+    from gonio.stressing import again, recipe, stress, summary
+
+    if args.processes is not None and args.processes < 1:
+        raise GonioError(f"--processes is {args.processes}; give 1 or more")
+    if args.cell:
+        if len(args.models) != 1:
+            raise GonioError("--cell does one cell of one model again; name that model")
+        found = again(args.models[0], args.cell, args.quick)
+        for c in found:
+            say(f"{c.verdict}: {c.detail}\nerror {c.error:.3g}, allowed {c.allowed:.3g}")
+        return int(any(c.verdict == SILENT for c in found))
+    done = stress(
+        args.models, quick=args.quick, output=args.output, processes=args.processes, force=args.force, say=tell
+    )
+    say(columns(summary(done), ["method", "cells", "right", "says so", "silently wrong"]))
+    for c in done.silent:
+        say(f"\nsilently wrong: {c.method} of {c.row} at {c.column}, {c.precision}")
+        say(f"  {c.detail}\n  error {c.error:.3g}, allowed {c.allowed:.3g}; again: {recipe(c)}")
+        if reason_of(c):
+            say(f"  reason: {reason_of(c)}")
+    if args.output:
+        say(f"\nwritten: {args.output}/index.html and stress.csv")
+    say(done.last_line())
+    return done.exit_status
