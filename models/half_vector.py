@@ -44,8 +44,11 @@ def half_angles(wi: Direction, wo: Direction) -> HalfAngles:
 
 
 def log_cosine(h: Direction, sin2_h: Scalar) -> Scalar:
-    """log h.z of a unit vector with h.z > 0: by log1p near the normal, where the cosine has no digits of its own."""
-    near = sin2_h < 0.5
+    """log h.z of a unit vector with h.z > 0: by log1p near the normal, where the cosine has no digits of its own.
+
+    Not beyond −0.25: XLA's log1p is off by 3e-14 from −0.41 to −0.3 on the CPU.
+    """
+    near = sin2_h < 0.25
     return jnp.where(near, 0.5 * jnp.log1p(-jnp.where(near, sin2_h, 0.0)), jnp.log(jnp.where(near, 1.0, positive(h.z))))
 
 
