@@ -5,6 +5,7 @@ each cosine. What is tabulated is what is missing of 1, over a bound of it: 1 �
 """
 
 import functools
+import math
 import pathlib
 from typing import NamedTuple
 
@@ -20,7 +21,7 @@ Series = Float[Array, "..."]  # the coefficients on the first axis, channels on 
 TABLES = pathlib.Path(__file__).parent / "tables" / "albedos.npz"
 LOG_ALPHA_LEAST = -9.210340371976182  # ln 1e-4
 ALPHA_LEAST = 1e-4
-LOG_G = (-1.9535750985457905, 1.3540251005511051)  # of √(η² − 1) for η = 1.01 and 4
+LOG_G = tuple(0.5 * math.log((eta - 1.0) * (eta + 1.0)) for eta in (1.01, 4.0))  # of √(η² − 1), the coat's indices
 QUANTUM = 1e-11  # the file holds multiples of it
 NODES = 64  # of the average over the cosines: the integrand is a polynomial of degree 55 times a smooth function
 

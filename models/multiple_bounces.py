@@ -1,7 +1,5 @@
 """The light that bounces between the facets more than once: what a single bounce is missing, given back."""
 
-from typing import ClassVar
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -40,8 +38,6 @@ class MultipleBounces(AbstractBRDF):
 
     F_ms = F_avg² E_avg/(1 − F_avg(1 − E_avg)): what is left of the light that meets the facets twice or more.
     """
-
-    lobe: ClassVar[bool] = True
 
     alpha: Float[Array, "*channel"] = parameter(mf.ALPHA)
     f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
