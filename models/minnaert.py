@@ -42,10 +42,11 @@ class Minnaert(AbstractBRDF):
         return jnp.where(up, (k + 1.0) / (2 * jnp.pi) * jnp.power(jnp.where(up, wo.z, 1.0), k), 0.0)
 
     def lobe_map(self, wi, u1, u2):
-        """μᵏ⁺¹ = u2³, k the least of the channels: f μ Jacobian is a polynomial where they agree."""
+        """μᵏ⁺¹ = u2³, or u2⁶ for k > 2, k the least of the channels: f μ Jacobian is a polynomial where they agree."""
         k_1 = jnp.min(self.k) + 1.0
-        log_mu = 3.0 * jnp.log(u2) / k_1
-        return _polar(u1, log_mu), 2 * jnp.pi * jnp.exp(log_mu) * 3.0 / (k_1 * u2)
+        power = 3.0 * jnp.ceil(k_1 / 3.0) / k_1
+        log_mu = power * jnp.log(u2)
+        return _polar(u1, log_mu), 2 * jnp.pi * power * jnp.exp(log_mu) / u2
 
 
 def _polar(u1, log_mu) -> Direction:
