@@ -9,7 +9,7 @@ from gonio.models import microfacet as mf
 from gonio.models.base import AbstractBRDF, Scalar
 from gonio.models.fresnel import fresnel
 from gonio.models.geometry import Direction, reflect
-from gonio.models.half_vector import half_angles, mirrored_pdf
+from gonio.models.half_vector import half_angles, mirrored_pdf, positive
 from gonio.models.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.radial_laws import power_law
@@ -41,7 +41,7 @@ class ABCMicrofacet(AbstractBRDF):
         half = half_angles(wi, wo)
         fall = half.sin2_h / (1.0 + half.h.z)  # 1 − cosθ_h
         s = jnp.exp(-self.c * jnp.log1p(self.b * fall))
-        value = fresnel(half.cos_d, self.f0, self.eta, self.k) * s * v_cavity_visibility(wi, wo, half)
+        value = fresnel(positive(half.cos_d), self.f0, self.eta, self.k) * s * v_cavity_visibility(wi, wo, half)
         return jnp.where(both, value, 0.0)
 
     @property

@@ -55,11 +55,11 @@ class AshikhminShirley(AbstractBRDF):
     def f(self, wi, wo):
         both, wi, wo = above(wi, wo)
         h, cos_d, sin2_h = half_angles(wi, wo)
+        cos_d, higher = positive(cos_d), positive(jnp.maximum(wi.z, wo.z))
         n_x, n_y = self.exponents
         power = jnp.exp(exponent_at(h, sin2_h, n_x, n_y) * log_cosine(h, sin2_h))
         scale = jnp.sqrt((n_x + 1.0) * (n_y + 1.0)) / (8 * jnp.pi)
-        higher = positive(jnp.maximum(wi.z, wo.z))
-        value = scale * power * fresnel(cos_d, self.f0, self.eta, self.k) * (1.0 / positive(cos_d)) * (1.0 / higher)
+        value = scale * power * fresnel(cos_d, self.f0, self.eta, self.k) * (1.0 / cos_d) * (1.0 / higher)
         return jnp.where(both, value, 0.0)
 
     def sample(self, wi, u1, u2):

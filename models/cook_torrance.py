@@ -10,7 +10,7 @@ from gonio.models import slopes
 from gonio.models.base import AbstractBRDF
 from gonio.models.fresnel import fresnel
 from gonio.models.geometry import reflect
-from gonio.models.half_vector import half_angles, mirrored_pdf
+from gonio.models.half_vector import half_angles, mirrored_pdf, positive
 from gonio.models.horizon import above
 from gonio.models.parameters import parameter
 from gonio.models.radial_laws import linear_law
@@ -29,7 +29,7 @@ class AbstractCookTorrance(AbstractBRDF):
         both, wi, wo = above(wi, wo)
         half = half_angles(wi, wo)
         density = slopes.beckmann_d(half.h, self.alpha, self.alpha)
-        reflected = fresnel(half.cos_d, self.f0, self.eta, self.k)
+        reflected = fresnel(positive(half.cos_d), self.f0, self.eta, self.k)
         return jnp.where(both, self.factor * reflected * density * v_cavity_visibility(wi, wo, half), 0.0)
 
     def sample(self, wi, u1, u2):

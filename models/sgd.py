@@ -25,7 +25,7 @@ C = ParameterInfo(1e-12, 1e120, "1", "rate of masking beyond theta_0", start=1e-
 K = ParameterInfo(0.1, 1000.0, "1", "exponent of masking beyond theta_0", start=15.0, log=True)
 THETA_0 = ParameterInfo(-1.0, 1.5707963267948966, "rad", "polar angle at which masking begins", start=0.0)
 
-DEEPEST = 50.0  # G₁ is held at 1 − lam e⁵⁰: far below any masking, and finite
+DEEPEST = 20.0  # G₁ is held at 1 − lam e²⁰: published fits reach e¹⁷, and single precision holds the square
 
 
 class SGD(AbstractBRDF):
