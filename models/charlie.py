@@ -8,7 +8,9 @@ from jaxtyping import Array, Float
 
 from gonio.models.azimuth_map import polar_parts
 from gonio.models.base import AbstractBRDF, Scalar
-from gonio.models.geometry import Direction, add, dot
+from gonio.models.cosine_floor import floored
+from gonio.models.geometry import Direction
+from gonio.models.half_vector import half_angles
 from gonio.models.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
 
@@ -38,19 +40,19 @@ class Charlie(AbstractBRDF):
 
     def f(self, wi, wo):
         both, wi, wo = above(wi, wo)
-        v = add(wi, wo)
-        # sin²θh of the half vector by components: |v|² is at least the sum of the squares of two positive cosines.
-        length2 = dot(v, v)
-        across2 = v.x * v.x + v.y * v.y
-        slanted = across2 > 0
-        log_sin2 = jnp.log(jnp.where(slanted, across2, 1.0)) - jnp.log(length2)
+        h, _, across2 = half_angles(wi, wo)
+        # ln sin²θh: narrow ones ask it near 1, and at the normal it has no end.
+        up2 = h.z * h.z
+        low, slanted = up2 < 0.25, across2 > 1e-30
+        log_low = jnp.log1p(-jnp.where(low, up2, 0.0))
+        log_sin2 = jnp.where(low, log_low, jnp.log(jnp.where(slanted, across2, 1.0)))
         power = 1.0 / self.alpha
         density = (2.0 + power) / (2 * jnp.pi) * jnp.where(slanted, jnp.exp(0.5 * power * log_sin2), 0.0)
         if self.visibility == "ashikhmin":
             return jnp.where(both, density * 0.25 / (wi.z + wo.z - wi.z * wo.z), 0.0)
         masked = 1.0 + self._mask(wi.z) + self._mask(wo.z)
         # Divided one by one: the product of three could leave the range of single precision.
-        return jnp.where(both, 0.25 * density / masked / wi.z / wo.z, 0.0)
+        return jnp.where(both, 0.25 * density / masked / floored(wi.z) / floored(wo.z), 0.0)
 
     def _mask(self, cos_t: Scalar) -> Scalar:
         """Λ(θ) of eq. 3, exp(L(cosθ)), mirrored in cosθ = ½ above it; finite at grazing."""
