@@ -62,9 +62,9 @@ class Phong(AbstractBRDF):
 
 
 def _log_cosine(wi: Direction, wo: Direction) -> tuple[Array, Scalar]:
-    # Whether wo is within 90° of the mirror direction, and log cosβ: near it from |mirror − wo|², which keeps its digits
-    # where n is large and β small; far from it from the cosine itself, which keeps its own (XLA's log1p is off by 3e-14
-    # from −0.41 to −0.3 on the CPU).
+    # Whether wo is within 90° of the mirror direction, and log cosβ: near it from |mirror − wo|², which keeps its
+    # digits where n is large and β small; far from it from the cosine itself, which keeps its own (XLA's log1p is off
+    # by 3e-14 from −0.41 to −0.3 on the CPU).
     d2 = (wi.x + wo.x) ** 2 + (wi.y + wo.y) ** 2 + (wi.z - wo.z) ** 2
     cosine = wi.z * wo.z - wi.x * wo.x - wi.y * wo.y
     near, ahead = d2 < 0.5, cosine > 0

@@ -251,10 +251,10 @@ def parse(text: str) -> tuple[Term, ...]:
 
 def require_one_fresnel(call: Call) -> None:
     """GonioError where a microfacet's parameters contradict each other."""
-    given = call.values
+    given, known = call.values, parameters_of(MODELS[call.name])
     if "f0" in given and "eta" in given:
         raise GonioError(f"{call.name} has both f0 and eta; give f0 (Schlick) or eta (exact), not both.")
-    if "k" in given and "eta" not in given:
+    if "k" in given and "eta" in known and "eta" not in given:
         raise GonioError(f"{call.name} has k without eta; give both for a conductor.")
     for name in ("alpha", "n"):
         along = (f"{name}_x" in given, f"{name}_y" in given)

@@ -3,14 +3,12 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from gonio.models.azimuth_map import polar_parts
 from gonio.models.base import AbstractBRDF
-from gonio.models.geometry import Direction
+from gonio.models.volume_map import volume_map
 
 Scalar = Float[Array, "..."]
 
 MISSING = 0.5908629074132604  # 1 − E_avg = (4 ln 2 − 1)/3
-MU_MIN = 1e-30  # the map's least cosine of incidence: a safe operand, also in float32
 
 
 def lost(mu: Scalar) -> Scalar:
@@ -33,12 +31,4 @@ class WhiteStandard(AbstractBRDF):
         return jnp.where(above, value / jnp.pi, 0.0)
 
     def lobe_map(self, wi, u1, u2):
-        """Equal steps of azimuth; μo + μi grows exponentially, with a slow start for R's μ ln μ at μo = 0."""
-        mu_i = jnp.maximum(wi.z, MU_MIN)
-        _, cos_a, sin_a = polar_parts(wi)
-        span = jnp.log1p(1.0 / mu_i)
-        mu = jnp.minimum(mu_i * jnp.expm1(span * u2**3), 1.0)
-        sin_t = jnp.sqrt((1.0 - mu) * (1.0 + mu))
-        cos_p, sin_p = jnp.cos(2 * jnp.pi * u1), jnp.sin(2 * jnp.pi * u1)
-        wo = Direction(sin_t * (cos_a * cos_p - sin_a * sin_p), sin_t * (sin_a * cos_p + cos_a * sin_p), mu)
-        return wo, 2 * jnp.pi * (mu + mu_i) * span * 3.0 * u2**2
+        return volume_map(wi, u1, u2)
