@@ -8,18 +8,24 @@ from jaxtyping import Array, Float
 from gonio.models import microfacet as mf
 from gonio.models import slopes
 from gonio.models.geometry import dot, half_vector, reflect, scale
+from gonio.models.half_vector import positive
 from gonio.models.multiple_bounces import ENERGY, AbstractCompensated
 from gonio.models.parameters import parameter
 
+UNSHADOWED = (
+    'with smith="none" every facet is seen in full, and near grazing more of them than the surface has area: for '
+    "α = 0.3 and F = 1 the albedo is 1.10 at 80° and 2.95 at 88°"
+)
 LAST_SLOPE = 6.5  # exp(-6.5²) = 4e-19: beyond it lies nothing that a double could add
 
 
 class Beckmann(AbstractCompensated):
     """Microfacets with Gaussian slopes [Beckmann & Spizzichino 1963; Walter 2007, eq. 25], Smith's masking.
 
-    `smith`: "correlated" (the default), "separable" (both with the exact erf form), or "walter" (separable, with the
-    rational fit that renderers use). `alpha`, or `alpha_x` with `alpha_y`. `energy`: "single" (the default), or what
-    bounces more than once given back by "kulla_conty" or "turquin" (see `gonio.models.multiple_bounces`).
+    `smith`: "correlated" (the default), "separable" (both with the exact erf form), "walter" (separable, with the
+    rational fit that renderers use), or "none" (G = 1: no facet hides or shadows another). `alpha`, or `alpha_x` with
+    `alpha_y`. `energy`: "single" (the default), or what bounces more than once given back by "kulla_conty" or
+    "turquin" (see `gonio.models.multiple_bounces`).
     """
 
     alpha: Float[Array, "*channel"] | None = parameter(mf.ALPHA, default=None)
@@ -32,6 +38,10 @@ class Beckmann(AbstractCompensated):
         static=True, default="correlated", metadata={"choices": ("correlated", "separable", "walter", "none")}
     )
     energy: str = eqx.field(static=True, default="single", metadata=ENERGY)
+
+    @property
+    def breaks(self):
+        return super().breaks | ({"energy": UNSHADOWED} if self.smith == "none" else {})
 
     def density(self, m):
         return slopes.beckmann_d(m, *self.widths)
