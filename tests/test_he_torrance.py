@@ -124,7 +124,7 @@ def test_the_rough_limit_is_beckmanns():
 def test_normal_and_retro_are_limits():
     wi = from_spherical(jnp.asarray([0.0, 1e-7, 0.7, 0.7]), jnp.zeros(4))
     wo = from_spherical(jnp.asarray([0.0, 0.0, 0.7, 0.7 + 1e-8]), jnp.zeros(4))
-    for form in FORMS.values():
+    for form in ("1991", "westin"):
         f = np.asarray(evaluate(model(0.1, 2.0, 0.5, form), wi, wo))
         np.testing.assert_allclose(f[::2], f[1::2], rtol=1e-6)
         assert np.all(f > 0)
