@@ -6,8 +6,9 @@ from jaxtyping import Array, Float
 
 from gonio.models import microfacet as mf
 from gonio.models.base import Scalar
+from gonio.models.cosine_floor import positive
 from gonio.models.geometry import Direction, reflect
-from gonio.models.half_vector import mirrored_pdf, positive
+from gonio.models.half_vector import mirrored_pdf
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.radial_laws import horizon_law
 from gonio.models.slopes import ggx_masked_cosine, ggx_shadow_root

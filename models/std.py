@@ -9,9 +9,10 @@ from jaxtyping import Array, Float
 
 from gonio.models import microfacet as mf
 from gonio.models.base import Scalar
+from gonio.models.cosine_floor import positive
 from gonio.models.cosine_power import power_rate
 from gonio.models.geometry import Direction, reflect
-from gonio.models.half_vector import log_cosine, mirrored_pdf, positive
+from gonio.models.half_vector import log_cosine, mirrored_pdf
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.radial_laws import horizon_law
 
