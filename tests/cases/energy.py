@@ -9,4 +9,7 @@ CASES = {
     "coat lambert": "coat(base=lambert(rho=[0.1, 0.9]), alpha=0.1, eta=1.5)",
     "coat metal": "coat(base=lambert(rho=0.2) + ggx(alpha=0.3, f0=0.9), alpha=0.01, eta=1.33)",
     "coat rough": "coat(base=eon(rho=1, r=1), alpha=1, eta=[1.01, 4])",
+    "kelemen plastic": "kelemen(rho=[0.1, 0.5, 1], alpha=0.2, f0=0.04)",
+    "kelemen narrow": "kelemen(rho=1, alpha=0.0001, f0=1)",
+    "kelemen rough": "kelemen(rho=1, alpha=1, f0=0)",
 }
