@@ -7,8 +7,8 @@ from jaxtyping import Array, Float
 
 from gonio.models import microfacet as mf
 from gonio.models import slopes
+from gonio.models.cosine_floor import positive
 from gonio.models.geometry import dot, half_vector, reflect, scale
-from gonio.models.half_vector import positive
 from gonio.models.multiple_bounces import ENERGY, AbstractCompensated
 from gonio.models.parameters import parameter
 
@@ -49,9 +49,10 @@ class Beckmann(AbstractCompensated):
     def visibility(self, wi, wo):
         if self.smith == "correlated":
             m_i, m_o = (slopes.beckmann_shadow_excess(w, *self.widths) for w in (wi, wo))
+            z_i, z_o = positive(wi.z), positive(wo.z)
             # Both parts of the quotient in units of the larger cosine: its square, in the gradient, does not underflow.
-            unit = jax.lax.stop_gradient(jnp.maximum(wi.z, wo.z))
-            return (0.25 / unit) / ((wi.z * wo.z + wo.z * m_i + wi.z * m_o) / unit)
+            unit = jax.lax.stop_gradient(jnp.maximum(z_i, z_o))
+            return (0.25 / unit) / ((z_i * z_o + z_o * m_i + z_i * m_o) / unit)
         if self.smith == "none":
             return 0.25 * (1.0 / positive(wi.z)) * (1.0 / positive(wo.z))
         one = slopes.walter_masked_cosine if self.smith == "walter" else slopes.beckmann_masked_cosine

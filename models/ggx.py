@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from gonio.models import microfacet as mf
+from gonio.models.cosine_floor import positive
 from gonio.models.geometry import half_vector, reflect
 from gonio.models.multiple_bounces import ENERGY, AbstractCompensated
 from gonio.models.parameters import parameter
@@ -35,7 +36,7 @@ class GGX(AbstractCompensated):
         if self.smith == "separable":
             return 0.25 / (ggx_masked_cosine(wi, *self.widths) * ggx_masked_cosine(wo, *self.widths))
         s_i, s_o = ggx_shadow_root(wi, *self.widths), ggx_shadow_root(wo, *self.widths)
-        return 0.5 / (wo.z * s_i + wi.z * s_o)
+        return 0.5 / (positive(wo.z) * s_i + positive(wi.z) * s_o)
 
     def slope_radius(self, u2, horizon):
         # The tails fall as a power: the inverse hyperbolic sine gives core and tail their share.
