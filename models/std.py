@@ -55,7 +55,7 @@ def student_shadowing(w: Direction, alpha_x: Scalar, alpha_y: Scalar, gamma: Sca
 
 
 def student_d(h: Direction, alpha_x: Scalar, alpha_y: Scalar, gamma: Scalar) -> Scalar:
-    """Density of normals, 1/sr [Ribardière et al. 2017, eq. 12]; 0 for h.z ≤ 0.
+    """Density of normals, 1/sr [Ribardière et al. 2017]; 0 for h.z ≤ 0.
 
     1/(πα_xα_y h.z⁴ (1 + t/c)^γ), t = tan² in units of the widths: h.z² (1 + t/c) is 1 + h.x²(1/(cα_x²) − 1) + ...,
     whose logarithm keeps its digits at the peak and at the horizon.
@@ -70,8 +70,9 @@ def student_d(h: Direction, alpha_x: Scalar, alpha_y: Scalar, gamma: Scalar) -> 
 
 
 class STD(mf.AbstractMicrofacet):
-    """Microfacets with Student's t-distribution of slopes [Ribardière et al. 2017, eq. 12] and its own Smith masking.
+    """f = F D G/(4 cosθi cosθo), D ∝ cos⁻⁴θ_h (1 + tan²θ_h/((γ−1)α²))^(−γ): Student's slopes [Ribardière et al. 2017].
 
+    D is normalised, ∫ D cosθ dω = 1, and G is Smith's masking of these slopes, by quadrature where the paper fits it.
     `smith`: "correlated" (height-correlated, the default) or "separable". `alpha`, or `alpha_x` with `alpha_y`; `f0`,
     or `eta` (and `k`), or none (F = 1). gamma = 2 is `ggx`; the larger gamma, the nearer to `beckmann`.
     """
