@@ -12,4 +12,8 @@ CASES = {
     "kelemen plastic": "kelemen(rho=[0.1, 0.5, 1], alpha=0.2, f0=0.04)",
     "kelemen narrow": "kelemen(rho=1, alpha=0.0001, f0=1)",
     "kelemen rough": "kelemen(rho=1, alpha=1, f0=0)",
+    "principled": "principled(base_color=[0.8, 0.4, 0.1], roughness=0.4, clearcoat=1, sheen=1)",
+    "principled white": "principled(base_color=1, roughness=1, subsurface=0.5, specular=0)",
+    "principled metal": "principled(base_color=[0.9, 0.5, 0], roughness=0.2, metallic=1, anisotropic=1)",
+    "principled mitsuba": 'principled(base_color=0.5, roughness=0, clearcoat=1, clearcoat_gloss=0, variant="mitsuba")',
 }
