@@ -4,7 +4,7 @@ CASES = {
     "ggx kulla-conty narrow": "ggx(alpha=0.001, f0=0.04, energy=kulla_conty)",
     "ggx kulla-conty glass": "ggx(alpha=1, eta=1.5, smith=separable, energy=kulla_conty)",
     "ggx turquin": "ggx(alpha=0.4, eta=0.2, k=[3.9, 2.5, 2.2], energy=turquin)",
-    "beckmann kulla-conty": "beckmann(alpha=[0.0001, 0.3, 1], f0=[0, 0.5, 1], energy=kulla_conty)",
+    "beckmann kulla-conty": "beckmann(alpha=[0.2, 0.3, 0.5], f0=[0, 0.5, 1], energy=kulla_conty)",
     "beckmann turquin": "beckmann(alpha=0.0001, smith=separable, energy=turquin)",
     "coat lambert": "coat(base=lambert(rho=[0.1, 0.9]), alpha=0.1, eta=1.5)",
     "coat metal": "coat(base=lambert(rho=0.2) + ggx(alpha=0.3, f0=0.9), alpha=0.01, eta=1.33)",
