@@ -5,6 +5,7 @@ from jaxtyping import Array, Float
 
 from gonio.models import microfacet as mf
 from gonio.models.base import AbstractBRDF, Scalar
+from gonio.models.cosine_floor import positive
 from gonio.models.cosine_power import (
     exponent_at,
     power_density,
@@ -15,7 +16,7 @@ from gonio.models.cosine_power import (
 )
 from gonio.models.fresnel import fresnel
 from gonio.models.geometry import reflect
-from gonio.models.half_vector import half_angles, log_cosine, mirrored_pdf, positive
+from gonio.models.half_vector import half_angles, log_cosine, mirrored_pdf
 from gonio.models.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.slope_map import facet_direction, slope_ray

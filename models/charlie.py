@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from gonio.models.azimuth_map import polar_parts
 from gonio.models.base import AbstractBRDF, Scalar
-from gonio.models.cosine_floor import floored
+from gonio.models.cosine_floor import positive
 from gonio.models.geometry import Direction
 from gonio.models.half_vector import half_angles
 from gonio.models.horizon import above
@@ -52,7 +52,7 @@ class Charlie(AbstractBRDF):
             return jnp.where(both, density * 0.25 / (wi.z + wo.z - wi.z * wo.z), 0.0)
         masked = 1.0 + self._mask(wi.z) + self._mask(wo.z)
         # Divided one by one: the product of three could leave the range of single precision.
-        return jnp.where(both, 0.25 * density / masked / floored(wi.z) / floored(wo.z), 0.0)
+        return jnp.where(both, 0.25 * density / masked / positive(wi.z) / positive(wo.z), 0.0)
 
     def _mask(self, cos_t: Scalar) -> Scalar:
         """Λ(θ) of eq. 3, exp(L(cosθ)), mirrored in cosθ = ½ above it; finite at grazing."""

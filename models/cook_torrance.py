@@ -8,9 +8,10 @@ from jaxtyping import Array, Float
 from gonio.models import microfacet as mf
 from gonio.models import slopes
 from gonio.models.base import AbstractBRDF
+from gonio.models.cosine_floor import positive
 from gonio.models.fresnel import fresnel
 from gonio.models.geometry import reflect
-from gonio.models.half_vector import half_angles, mirrored_pdf, positive
+from gonio.models.half_vector import half_angles, mirrored_pdf
 from gonio.models.horizon import above
 from gonio.models.parameters import parameter
 from gonio.models.radial_laws import linear_law

@@ -23,8 +23,11 @@ def fresnel_dielectric(cos_d: Scalar, eta: Scalar) -> Scalar:
     transmits = g2 > 0
     g = jnp.sqrt(jnp.where(transmits, g2, 1.0))
     eta2 = eta * eta
-    r_s = -excess / (cos_d + g) ** 2
-    r_p = excess * ((eta2 + 1.0) * cos_d * cos_d - 1.0) / (eta2 * cos_d + g) ** 2
+    ratio_s, ratio_p = 1.0 / (cos_d + g), 1.0 / (eta2 * cos_d + g)
+    # Towards grazing the same as 1 less a small number, whose slope by the index is then no difference of equal terms.
+    small_s, small_p = 2.0 * cos_d * ratio_s, 2.0 * eta2 * cos_d * ratio_p
+    r_s = jnp.where(small_s < 0.5, small_s - 1.0, -excess * ratio_s**2)
+    r_p = jnp.where(small_p < 0.5, small_p - 1.0, excess * ((eta2 + 1.0) * cos_d * cos_d - 1.0) * ratio_p**2)
     # At g = 0 the interface reflects all, unless there is none (η = 1 at grazing).
     return jnp.where(transmits, 0.5 * (r_s * r_s + r_p * r_p), jnp.where(excess == 0, 0.0, 1.0))
 

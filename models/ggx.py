@@ -1,6 +1,7 @@
 """The GGX (Trowbridge-Reitz) microfacet model."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -36,7 +37,10 @@ class GGX(AbstractCompensated):
         if self.smith == "separable":
             return 0.25 / (ggx_masked_cosine(wi, *self.widths) * ggx_masked_cosine(wo, *self.widths))
         s_i, s_o = ggx_shadow_root(wi, *self.widths), ggx_shadow_root(wo, *self.widths)
-        return 0.5 / (positive(wo.z) * s_i + positive(wi.z) * s_o)
+        z_i, z_o = positive(wi.z), positive(wo.z)
+        # Both parts of the quotient in units of the larger cosine: its square, in the gradient, does not underflow.
+        unit = jax.lax.stop_gradient(jnp.maximum(z_i, z_o))
+        return (0.5 / unit) / ((z_o * s_i + z_i * s_o) / unit)
 
     def slope_radius(self, u2, horizon):
         # The tails fall as a power: the inverse hyperbolic sine gives core and tail their share.

@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -75,7 +76,9 @@ class GTR(mf.AbstractMicrofacet):
         if self.smith == "separable":
             return 0.25 / (ggx_masked_cosine(wi, *self.widths) * ggx_masked_cosine(wo, *self.widths))
         s_i, s_o = ggx_shadow_root(wi, *self.widths), ggx_shadow_root(wo, *self.widths)
-        return 0.5 / (wo.z * s_i + wi.z * s_o)
+        # Both parts of the quotient in units of the larger cosine: its square, in the gradient, does not underflow.
+        unit = jax.lax.stop_gradient(jnp.maximum(wi.z, wo.z))
+        return (0.5 / unit) / ((wo.z * s_i + wi.z * s_o) / unit)
 
     def slope_radius(self, u2, horizon):
         # A share of 4e-18 of the facets is steeper, where the tails are short enough for that.

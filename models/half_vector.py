@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from gonio.models.cosine_floor import positive
 from gonio.models.geometry import NORMAL, Direction
 
 Scalar = Float[Array, ""]
@@ -50,15 +51,6 @@ def log_cosine(h: Direction, sin2_h: Scalar) -> Scalar:
     """
     near = sin2_h < 0.25
     return jnp.where(near, 0.5 * jnp.log1p(-jnp.where(near, sin2_h, 0.0)), jnp.log(jnp.where(near, 1.0, positive(h.z))))
-
-
-def positive(cosine: Scalar) -> Scalar:
-    """A cosine to divide by: at least the fourth root of the least number (1e-77; 3e-10 in single precision).
-
-    1/(cosθi cosθo) and its derivative then stay below the largest number; no direction that can be told from the
-    horizon is changed.
-    """
-    return jnp.maximum(cosine, jnp.finfo(jnp.result_type(cosine)).tiny ** 0.25)
 
 
 def mirrored_pdf(projected_density, wi: Direction, wo: Direction) -> Scalar:

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from gonio.models.base import AbstractBRDF, Channels
-from gonio.models.cosine_floor import floored
+from gonio.models.cosine_floor import positive
 from gonio.models.geometry import Direction
 from gonio.models.horizon import above
 from gonio.models.lambert import ALBEDO
@@ -28,7 +28,7 @@ class Minnaert(AbstractBRDF):
 
     def f(self, wi, wo):
         both, wi, wo = above(wi, wo)
-        limb_i, limb_o = (jnp.power(floored(w.z), self.k - 1.0) for w in (wi, wo))
+        limb_i, limb_o = (jnp.power(positive(w.z), self.k - 1.0) for w in (wi, wo))
         value = self.rho * (self.k + 1.0) / (2 * jnp.pi) * (limb_i * limb_o)
         return jnp.where(both, value, 0.0)
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from gonio.models.back_map import back_direction, back_ray
 from gonio.models.base import AbstractBRDF, Channels
-from gonio.models.cosine_floor import floored
+from gonio.models.cosine_floor import positive
 from gonio.models.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.phase_angle import PhaseChords, phase_chords
@@ -36,7 +36,7 @@ class RossLi(AbstractBRDF):
     def f(self, wi, wo):
         both, wi, wo = above(wi, wo)
         chords = phase_chords(wi, wo)
-        mu_i, mu_o = floored(wi.z), floored(wo.z)
+        mu_i, mu_o = positive(wi.z), positive(wo.z)
         volumetric, geometric = ross_thick(mu_i, mu_o, chords), li_sparse(mu_i, mu_o, chords)
         return jnp.where(both, (self.f_iso + self.f_vol * volumetric + self.f_geo * geometric) / jnp.pi, 0.0)
 

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from gonio.models.back_map import hot_spot_map
 from gonio.models.base import AbstractBRDF, Channels
-from gonio.models.cosine_floor import floored
+from gonio.models.cosine_floor import positive
 from gonio.models.geometry import Direction, norm
 from gonio.models.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
@@ -39,7 +39,7 @@ class RPV(AbstractBRDF):
     def f(self, wi, wo):
         both, wi, wo = above(wi, wo)
         power = self.k - 1.0
-        mu_i, mu_o = floored(wi.z), floored(wo.z)
+        mu_i, mu_o = positive(wi.z), positive(wo.z)
         bowl = (jnp.power(mu_i, power) * jnp.power(mu_o, power)) * jnp.power(mu_i + mu_o, power)
         spot = 1.0 + (1.0 - self.rho_c) * _closeness(wi, mu_i, wo, mu_o)
         return jnp.where(both, self.rho0 / jnp.pi * bowl * _asymmetric(wi, wo, self.theta) * spot, 0.0)

@@ -7,8 +7,9 @@ from jaxtyping import Array, Float
 
 from gonio.models.azimuth_map import polar_parts
 from gonio.models.base import AbstractBRDF, Channels, Scalar
+from gonio.models.cosine_floor import positive
 from gonio.models.geometry import Direction, reflect
-from gonio.models.half_vector import half_angles, mirrored_pdf, positive
+from gonio.models.half_vector import half_angles, mirrored_pdf
 from gonio.models.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.radial_laws import power_law

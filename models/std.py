@@ -3,6 +3,7 @@
 import functools
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -94,7 +95,9 @@ class STD(mf.AbstractMicrofacet):
         (m_i, l_i), (m_o, l_o) = (student_shadowing(w, *self.widths, self.gamma) for w in (wi, wo))
         if self.smith == "separable":
             return 0.25 / (l_i * l_o)
-        return 0.25 / (wi.z * wo.z + wo.z * m_i + wi.z * m_o)
+        # Both parts of the quotient in units of the larger cosine: its square, in the gradient, does not underflow.
+        unit = jax.lax.stop_gradient(jnp.maximum(wi.z, wo.z))
+        return (0.25 / unit) / ((wi.z * wo.z + wo.z * m_i + wi.z * m_o) / unit)
 
     def slope_radius(self, u2, horizon):
         c = jnp.min(self.gamma) - 1.0

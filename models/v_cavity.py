@@ -10,8 +10,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from gonio.models.azimuth_map import grazing_tangent
+from gonio.models.cosine_floor import positive
 from gonio.models.geometry import Direction
-from gonio.models.half_vector import HalfAngles, positive
+from gonio.models.half_vector import HalfAngles
 from gonio.models.slope_map import facet_direction, slope_ray
 
 Scalar = Float[Array, ""]

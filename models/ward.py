@@ -9,8 +9,9 @@ from jaxtyping import Array, Float
 from gonio.models import microfacet as mf
 from gonio.models import slopes
 from gonio.models.base import AbstractBRDF, Scalar
+from gonio.models.cosine_floor import positive
 from gonio.models.geometry import Direction, reflect
-from gonio.models.half_vector import half_angles, mirrored_pdf, positive
+from gonio.models.half_vector import half_angles, mirrored_pdf
 from gonio.models.horizon import above
 from gonio.models.parameters import parameter
 from gonio.models.slope_map import facet_direction, slope_ray

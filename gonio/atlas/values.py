@@ -9,7 +9,7 @@ import numpy as np
 from gonio.atlas.cell import RIGHT, SAYS_SO, SILENT, Cell, worst
 from gonio.atlas.pairs import COLUMNS, pairs
 from gonio.atlas.precision import PRECISIONS, cast
-from gonio.atlas.reference import DIGITS, PERTURBED, Reference
+from gonio.atlas.reference import DIGITS, Reference
 from gonio.models.building import build
 from gonio.models.geometry import Direction
 from gonio.models.parameters import parameters_of
@@ -17,6 +17,7 @@ from gonio.models.parameters import parameters_of
 ULPS = 32
 CONDITION = 16
 NEGLIGIBLE = 1e-6
+TABLED_SLOPE = 1e-6  # what the wide steps of such a reference are good for
 SLOPE_ACCURACY = 1e3
 """How much less a claim of a table's accuracy says of its slope."""
 
@@ -47,20 +48,20 @@ def _judged(found: float, reference, spread, floor: float, dtype) -> tuple[str, 
     return (RIGHT if error <= allowed else SILENT), float(error / size), float(allowed / size)
 
 
-def value_cells(name: str, spelling: str, precision: str, columns=tuple(COLUMNS)) -> list[Cell]:
+def value_cells(name: str, spelling: str, precision: str, columns: tuple[str, ...] | None = None) -> list[Cell]:
     """One cell for each incidence: the worst of its pairs."""
     dtype = PRECISIONS[precision]
     brdf, reference = cast(build(spelling), dtype), Reference(spelling, dtype)
     rng = np.random.default_rng(0)
     cells = []
-    for column in columns:
+    for column in columns or reference.columns(tuple(COLUMNS)):
         wi, wo = (w.astype(dtype) for w in pairs(column))
         found = np.asarray(_f(brdf, _directions(wi, dtype), _directions(wo, dtype)))
         judged = []
         with mp.workdps(DIGITS):
             for i, o, f in zip(wi.astype(float), wo.astype(float), found, strict=True):
                 exact = reference.value(i, o)
-                moved = [reference.value(*reference.perturbed(rng, i, o)) for _ in range(PERTURBED)]
+                moved = [reference.value(*reference.perturbed(rng, i, o)) for _ in range(reference.draws)]
                 spread = max(abs(m - exact) for m in moved)
                 judged.append(
                     (
@@ -75,13 +76,13 @@ def value_cells(name: str, spelling: str, precision: str, columns=tuple(COLUMNS)
     return cells
 
 
-def gradient_cells(name: str, spelling: str, precision: str, columns=tuple(COLUMNS)) -> list[Cell]:
+def gradient_cells(name: str, spelling: str, precision: str, columns: tuple[str, ...] | None = None) -> list[Cell]:
     """One cell for each incidence: ∂f/∂parameter against differences, and all of the gradient finite."""
     dtype = PRECISIONS[precision]
     brdf, reference = cast(build(spelling), dtype), Reference(spelling, dtype)
     rng = np.random.default_rng(0)
     cells = []
-    for column in columns:
+    for column in columns or reference.columns(tuple(COLUMNS)):
         wi, wo = (w.astype(dtype) for w in pairs(column))
         slopes = _slopes(brdf, _directions(wi, dtype), _directions(wo, dtype))
         parameters, directions = slopes[0], np.stack([np.asarray(c) for d in slopes[1:] for c in d], -1)
@@ -98,7 +99,7 @@ def gradient_cells(name: str, spelling: str, precision: str, columns=tuple(COLUM
                     found = float(np.asarray(getattr(parameters, parameter))[k])
                     exact = reference.slope(parameter, i, o)
                     spread = mp.mpf(0)
-                    for _ in range(PERTURBED):
+                    for _ in range(reference.draws):
                         moved_i, moved_o, params = reference.perturbed(rng, i, o)
                         moved = Reference.__new__(Reference)
                         moved.__dict__ = {**reference.__dict__, "params": params}
@@ -106,6 +107,7 @@ def gradient_cells(name: str, spelling: str, precision: str, columns=tuple(COLUM
                     # What a whole step of the parameter would change f by is the scale of its rounding.
                     unit = scale / max(abs(at), mp.mpf("1e-3"))
                     floor = ULPS * float(np.finfo(dtype).eps) * unit + float(np.finfo(dtype).tiny) * 1e6
+                    floor += TABLED_SLOPE * float(abs(exact)) * reference.tabled
                     floor += brdf.accuracy * SLOPE_ACCURACY + least[parameter]
                     judged.append((*_judged(found, exact, spread, floor, dtype), i, o, found, exact))
         cells.append(_cell("gradient", name, spelling, column, precision, judged))
