@@ -15,6 +15,7 @@ from gonio.models.errors import GonioError, nearest
 from gonio.models.evaluate import channel_count
 
 FORMAT = 1
+PUBLISHED = ".fit"  # files of published fits; FILE.fit:NAME is one of them
 LARGEST = 4 << 20  # bytes: ten thousand wavelengths at full precision are a quarter of it
 MOST_CHANNELS = 10_000
 REFERENCE_FOLDER = Path(__file__).parent / "materials"
@@ -45,7 +46,7 @@ def reference_materials() -> list[str]:
 
 
 def load_material(what: str | os.PathLike) -> Material:
-    """The material that a reference name, a .toml file, a readable table file or a spelling means.
+    """The material that a reference name, a .toml file, a readable table file, FILE.fit:NAME or a spelling means.
 
     A reference name goes before a file of the same name (write ./name for the file); a file before a spelling. Raises
     GonioError, in one sentence, for what is none of them, naming the nearest.
@@ -56,6 +57,9 @@ def load_material(what: str | os.PathLike) -> Material:
         return dataclasses.replace(read_material(REFERENCE_FOLDER / f"{text}.toml"), meta={"reference": text})
     if isinstance(what, os.PathLike) or _is_there(text):
         return _from_file(Path(text))
+    file, sign, entry = text.rpartition(":")
+    if sign and file.endswith(PUBLISHED):
+        return _published(file, entry)
     if "(" in text:
         brdf = build(text)
         return Material(text, brdf, text, _channels_of(brdf), "spelled on the spot")
@@ -65,6 +69,18 @@ def load_material(what: str | os.PathLike) -> Material:
         raise GonioError(f"'{text}' is a model, not a material; give its parameters, as in '{text}(...)'")
     known = [*reference_materials(), *MODELS]
     raise GonioError(f"Unknown material '{text[:80]}'; {nearest(text[:80], known)}")
+
+
+def _published(file: str, entry: str) -> Material:
+    from gonio.data.published import published_spelling
+
+    spelling = published_spelling(file, entry)
+    try:
+        brdf = build(spelling)
+    except GonioError as error:
+        raise GonioError(f"{file}, {entry}: {error}") from None
+    source = f"published fit of {entry} in {Path(file).name}"
+    return Material(entry, brdf, spelling, _channels_of(brdf), source, source, {"file": file, "entry": entry})
 
 
 def _is_there(text: str) -> bool:
