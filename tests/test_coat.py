@@ -24,23 +24,26 @@ THETA = np.radians([0.0, 45.0, 80.0, 89.9])
 
 
 def mitsuba(kind):
-    """(name, description, wi, wo, f cosθo) of each entry of one type, for directions above the horizon."""
+    """(name, description, wi, wo, f cosθo, which pairs are above the horizon) of each entry of one type."""
     said = json.loads(helpers.shared("oracle", "mitsuba.json").read_text())
     d = np.load(helpers.shared("oracle", "mitsuba.npz"))
     for name, v in said.items():
         if v["type"] == kind and f"{name}/wi" in d:
             wi, wo, f_cos = (d[f"{name}/{k}"].astype(float) for k in ("wi", "wo", "f_cos"))
             above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
-            yield name, v, Direction(*wi[above].T), Direction(*wo[above].T), f_cos[above]
+            yield name, v, Direction(*wi.T), Direction(*wo.T), f_cos, above
 
 
 def test_albedo_of_the_coat_alone():
     """The table against the integral of GGX by its own lobe map, which shares no node with it."""
-    series = jax.jit(albedo_table.coat_series)
+
+    @jax.jit
+    def tabulated(alpha, eta, mu):
+        series = albedo_table.coat_series(alpha, eta)
+        return jax.vmap(lambda m: albedo_table.tabulated("coat", series, m, alpha))(mu)
+
     for alpha, eta in ((1e-4, 1.01), (1e-4, 4.0), (0.02, 1.2), (0.3, 1.5), (1.0, 2.7)):
-        a = jnp.asarray(alpha)
-        table = series(a, jnp.asarray(eta))
-        found = [float(albedo_table.tabulated("coat", table, jnp.asarray(c), a)) for c in np.cos(THETA)]
+        found = np.asarray(tabulated(alpha, eta, np.cos(THETA)))
         albedo = directional_albedo(GGX(alpha=alpha, eta=eta), THETA)
         assert np.all(np.abs(found - albedo.value) < 6e-8 + albedo.bound), (alpha, eta)
 
@@ -48,13 +51,13 @@ def test_albedo_of_the_coat_alone():
 @pytest.mark.parametrize("base", [WhiteStandard(), Phong(n=200.0)], ids=["white", "phong"])
 def test_conserves_what_its_base_conserves(base):
     for alpha, eta in ((1e-4, 1.01), (0.1, 1.5), (1.0, 3.0)):
-        albedo = directional_albedo(Coat(base, alpha=alpha, eta=eta), THETA)
-        assert np.all(albedo.value + albedo.bound < 1) and albedo.bound.max() < 1e-7
+        albedo = directional_albedo(Coat(base, alpha=alpha, eta=eta), THETA, tolerance=1e-7)
+        assert np.all(albedo.value + albedo.bound < 1) and albedo.bound.max() < 1e-6
 
 
 def test_what_leaves_through_a_smooth_coat():
     """White Lambertian under η = 1.5: F + T(μ) (1 − F_avg)/η² for a smooth coat, the étendue that leaves."""
-    albedo = directional_albedo(Coat(Lambert(rho=1.0), alpha=1e-4, eta=1.5), [0.0]).value[0]
+    albedo = directional_albedo(Coat(Lambert(rho=1.0), alpha=1e-4, eta=1.5), [0.0], tolerance=1e-7).value[0]
     leaving = (1 - float(fresnel_average(None, jnp.asarray(1.5), None))) / 1.5**2
     assert albedo == pytest.approx(0.04 + 0.96 * leaving, abs=1e-6)
     assert albedo == pytest.approx(0.43, abs=0.005)  # the number in the sentence of what it loses
@@ -83,7 +86,7 @@ def test_mitsuba_smooth_plastic_on_file():
     2.480208 is by Mitsuba's polynomial, F_int = 0.59681; the integral gives 0.59635. Our least width, 1e-4, is not
     smooth: T differs by some 1e-7/μ², so that cosines below 0.1 are left out.
     """
-    for _, v, wi, wo, expected in mitsuba("plastic"):
+    for _, v, wi, wo, expected, _ in mitsuba("plastic"):
         rho = np.asarray(v["diffuse_reflectance"]["value"])
         keep = (wi.z > 0.1) & (wo.z > 0.1)
         f = evaluate(UnderCoat(Lambert(rho=rho), jnp.asarray(1e-4), jnp.asarray(v["int_ior"])), wi, wo)
@@ -96,12 +99,12 @@ def test_mitsuba_smooth_plastic_on_file():
 def test_mitsuba_rough_dielectrics_on_file():
     """The reflected part of rough dielectrics, float32: separable Smith, Beckmann's G by the rational fit."""
     seen = 0
-    for name, v, wi, wo, expected in mitsuba("roughdielectric"):
+    for name, v, wi, wo, expected, above in mitsuba("roughdielectric"):
         ggx = v["distribution"] == "ggx"
         widths = {"alpha": v["alpha"]} if "alpha" in v else {"alpha_x": v["alpha_u"], "alpha_y": v["alpha_v"]}
         model = (GGX if ggx else Beckmann)(**widths, eta=v["int_ior"], smith="separable" if ggx else "walter")
         found = np.asarray(evaluate(model, wi, wo)) * wo.z
-        kept = expected[:, 0] > (0 if ggx else 1e-19)
+        kept = above & (expected[:, 0] > (0 if ggx else 1e-19))
         np.testing.assert_allclose(found[kept], expected[kept, 0], rtol=1e-4, err_msg=name)
         seen += 1
     assert seen >= 4

@@ -25,11 +25,13 @@ def spelled(said, **more):
 def test_mitsuba_on_file():
     """Its variant to 5e-6, but for 6e-4 at the clearcoat's peak, where its float32 1 + (α² − 1)cos² cancels."""
     seen = 0
-    for name, said, wi, wo, expected in mitsuba("principled"):
+    for name, said, wi, wo, expected, above in mitsuba("principled"):
         if "spec_trans" in said:
             continue
         found = np.asarray(evaluate(spelled(said, variant="mitsuba"), wi, wo)) * wo.z[:, None]
-        np.testing.assert_allclose(found, expected, rtol=6e-4 if "clearcoat" in said else 5e-6, err_msg=name)
+        np.testing.assert_allclose(
+            found[above], expected[above], rtol=6e-4 if "clearcoat" in said else 5e-6, err_msg=name
+        )
         seen += 1
     assert seen >= 3
 
