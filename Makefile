@@ -12,7 +12,7 @@ demo: $(VENV)/.installed
 	$(BIN)/gonio demo
 
 test: $(VENV)/.installed-tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 lint: $(VENV)/.installed-tests
 	$(BIN)/ruff check .

@@ -33,7 +33,7 @@ class RGLMaterial(AbstractBRDF):
     conditional: Float[Array, "phi theta h w"]
     marginal: Float[Array, "phi theta h"]
     spectra: Float[Array, "phi theta r r channel"]
-    isotropic: bool = eqx.field(static=True)
+    same_all_round: bool = eqx.field(static=True)
     reduction: int = eqx.field(static=True)
     jacobian: bool = eqx.field(static=True)
 
@@ -45,7 +45,11 @@ class RGLMaterial(AbstractBRDF):
         self.vndf, self.conditional = jnp.asarray(vndf, dtype), jnp.asarray(conditional, dtype)
         self.marginal = jnp.asarray(marginal, dtype)
         self.spectra = jnp.asarray(np.moveaxis(data.spectra, 2, -1), dtype)
-        self.isotropic, self.reduction, self.jacobian = data.isotropic, data.reduction, data.jacobian
+        self.same_all_round, self.reduction, self.jacobian = data.isotropic, data.reduction, data.jacobian
+
+    @property
+    def isotropic(self) -> bool:
+        return self.same_all_round
 
     def f(self, wi, wo):
         above = (wi.z > HORIZON) & (wo.z > HORIZON)
@@ -53,7 +57,7 @@ class RGLMaterial(AbstractBRDF):
         m = half_vector(wi, wo)
         theta_i, phi_i = _spherical(wi)
         theta_m, phi_m = _spherical(m)
-        if self.isotropic:
+        if self.same_all_round:
             phi_m = phi_m - phi_i
         u_x = jnp.sqrt(theta_m * (2 / jnp.pi))
         u_y = jnp.mod((phi_m + jnp.pi) / (2 * jnp.pi), 1.0)
@@ -73,7 +77,7 @@ class RGLMaterial(AbstractBRDF):
         incidence and for the mirror direction. There the samples that meet in one direction differ, and this
         is the choice that Mitsuba makes (the azimuth of a vector at the pole is 0).
         """
-        reduction = 2 if self.isotropic else self.reduction
+        reduction = 2 if self.same_all_round else self.reduction
         if reduction < 2:
             return wi, wo
         flip_y = jnp.where(wi.y >= 0, -1.0, 1.0)

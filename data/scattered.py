@@ -37,7 +37,11 @@ class Scattered(AbstractBRDF):
     values: Float[Array, "chunks chunk channel"]
     valid: Float[Array, "chunks chunk channel"]
     """1 where there is a value, else 0."""
-    isotropic: bool = eqx.field(static=True)
+    same_all_round: bool = eqx.field(static=True)
+
+    @property
+    def isotropic(self) -> bool:
+        return self.same_all_round
 
     def f(self, wi, wo):
         forward, backward = self._turned(wi, wo), self._turned(wo, wi)
@@ -55,7 +59,7 @@ class Scattered(AbstractBRDF):
         return jnp.where((wi.z > HORIZON) & (wo.z > HORIZON), value, 0.0)
 
     def _turned(self, wi, wo):
-        if not self.isotropic:
+        if not self.same_all_round:
             return jnp.stack([*wi, *wo])
         sin_i = jnp.sqrt(wi.x**2 + wi.y**2)
         at_pole = sin_i == 0

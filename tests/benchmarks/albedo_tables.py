@@ -1,4 +1,6 @@
-"""Makes albedos.npz, the Chebyshev coefficients that gonio.models.albedo_table reads: python models/tables/make.py.
+"""Makes models/tables/albedos.npz, the Chebyshev coefficients that gonio.models.albedo_table reads, in 80 s.
+
+    python tests/benchmarks/albedo_tables.py
 
 Every number is an integral over the slopes of the facets, in polar coordinates (s, ψ) of the slope in units of α:
 with i·m/m_z = μ(1 + ts), t = α tanθ cosψ, the facet mirrors light above the horizon for s < s_h, below it from there
@@ -227,4 +229,4 @@ if __name__ == "__main__":
     for name, c in made.items():
         last = [QUANTUM * np.abs(np.take(c, range(-4, 0), axis)).max() for axis in range(c.ndim)]
         print(f"{name}: {c.shape}, last coefficients {', '.join(f'{x:.1e}' for x in last)}")
-    np.savez_compressed(pathlib.Path(__file__).parent / "albedos.npz", **made)
+    np.savez_compressed(pathlib.Path(__file__).parents[2] / "models" / "tables" / "albedos.npz", **made)
