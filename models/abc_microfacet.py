@@ -1,5 +1,6 @@
 """Löw's microfacet lobe: the ABC law of smooth-surface scatter, put on the half vector."""
 
+import dataclasses
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -19,6 +20,7 @@ from gonio.models.v_cavity import v_cavity_map, v_cavity_visibility
 
 B = ParameterInfo(0.0, 1e7, "1", "inverse width: S falls where 1 − cosθ_h exceeds 1/b", start=1000.0)
 C = ParameterInfo(0.01, 10.0, "1", "exponent with which S falls", start=1.0, log=True)
+ETA = dataclasses.replace(mf.ETA, high=200.0)  # published fits of metals go to 100
 
 
 class ABCMicrofacet(AbstractBRDF):
@@ -34,7 +36,7 @@ class ABCMicrofacet(AbstractBRDF):
     b: Float[Array, "*channel"] = parameter(B)
     c: Float[Array, "*channel"] = parameter(C)
     f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
-    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
+    eta: Float[Array, "*channel"] | None = parameter(ETA, default=None)
     k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
 
     def f(self, wi, wo):

@@ -1,4 +1,6 @@
-"""Directional albedos that have no closed form, from Chebyshev series of our own integrals (tests/benchmarks/albedo_tables.py).
+"""Directional albedos that have no closed form, from Chebyshev series of our own integrals.
+
+The script that makes them is tests/benchmarks/albedo_tables.py.
 
 A series is first contracted to the one width at hand (`*_series`, which costs nothing per direction), then summed for
 each cosine. What is tabulated is what is missing of 1, over a bound of it: 1 − E keeps its digits where it is 1e-8.

@@ -34,7 +34,7 @@ class AbstractBRDF(eqx.Module):
 
     @property
     def accuracy(self) -> float:
-        """Absolute error of f, 1/sr, that a model claims for its tables; 0 where f is right to rounding."""
+        """What a model claims for its tables: an error of f of at most accuracy · (1/sr + f); 0: right to rounding."""
         return 0.0
 
     @property

@@ -130,6 +130,10 @@ class Coat(AbstractBRDF):
     alpha: Float[Array, "*channel"] = parameter(ALPHA)
     eta: Float[Array, "*channel"] = parameter(ETA)
 
+    @property
+    def accuracy(self):
+        return 1e-7
+
     def summands(self):
         under = tuple(UnderCoat(part, self.alpha, self.eta) for part in self.base.summands())
         return (GGX(alpha=self.alpha, eta=self.eta), *under)

@@ -1,5 +1,6 @@
 """The model of Cook and Torrance, with the factor that it means and with the one that it has."""
 
+import dataclasses
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -17,6 +18,7 @@ from gonio.models.parameters import parameter
 from gonio.models.radial_laws import linear_law
 from gonio.models.v_cavity import v_cavity_map, v_cavity_visibility
 
+ALPHA = dataclasses.replace(mf.ALPHA, high=3.0)  # published fits go to 2.1
 LAST_SLOPE = 6.5  # exp(-6.5²) = 4e-19: beyond it lies nothing that a double could add
 
 
@@ -54,7 +56,7 @@ class CookTorrance(AbstractCookTorrance):
 
     factor = 0.25
 
-    alpha: Float[Array, "*channel"] = parameter(mf.ALPHA)
+    alpha: Float[Array, "*channel"] = parameter(ALPHA)
     f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
     eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
     k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
@@ -69,7 +71,7 @@ class CookTorrance1982(AbstractCookTorrance):
     breaks: ClassVar = {"energy": "It reflects four times what its facets receive: about 4 for F = 1, α = 0.3."}
     factor = 1.0
 
-    alpha: Float[Array, "*channel"] = parameter(mf.ALPHA)
+    alpha: Float[Array, "*channel"] = parameter(ALPHA)
     f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
     eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
     k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)

@@ -94,6 +94,10 @@ class Kelemen(AbstractBRDF):
     def summands(self):
         return KelemenLobe(self.alpha, self.f0), KelemenMatte(self.rho, self.alpha, self.f0)
 
+    @property
+    def accuracy(self):
+        return 4e-7
+
     def f(self, wi, wo):
         return Sum(self.summands()).f(wi, wo)
 

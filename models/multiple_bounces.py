@@ -17,6 +17,7 @@ from gonio.models.parameters import parameter
 
 Scalar = Float[Array, ""]
 ENERGY = {"choices": ("single", "kulla_conty", "turquin")}
+ACCURACY = 2e-8
 TURQUIN = (
     "the factor on the lobe depends on the direction of the light alone, so light and detector cannot change places"
 )
@@ -80,6 +81,10 @@ class AbstractCompensated(mf.AbstractMicrofacet):
     def table(self) -> str:
         """The name of the albedo table of this distribution and masking."""
         return f"{type(self).__name__.lower()}_{self.smith}"
+
+    @property
+    def accuracy(self):
+        return 0.0 if self.energy == "single" else ACCURACY
 
     @property
     def breaks(self):

@@ -22,6 +22,7 @@ from gonio.models.parameters import ParameterInfo, parameters_of
 
 LONGEST = 200_000  # characters: a thousand wavelengths at full precision are a tenth of it
 DEEPEST = 20
+SPELLED_SCALE = dataclasses.replace(SCALE, high=1e12)  # published fits have factors of 1e9; ours look up to 1e6
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)"
@@ -110,7 +111,7 @@ class _Parser:
         scale = None
         if self.peek()[0] == "number" or self.peek()[1] in ("[", "?", "~"):
             free = self.accept("~")
-            scale = self.value(SCALE, "a scale")
+            scale = self.value(SPELLED_SCALE, "a scale")
             scale = dataclasses.replace(scale, free=free or scale.free)
             self.expect("*")
         if self.accept("("):

@@ -30,15 +30,15 @@ class Reference:
         return mp.mpf(float(self.dtype.type(number)))
 
     def _inside(self, parts: tuple[Term, ...]):
-        # A model inside another, as the textbook form of the outer one takes it: (function, parameters, options).
+        # A model inside another, as the textbook form of the outer one takes it: a function of two directions.
         (term,) = parts
         params = {n: self._held(v.number) for n, v in term.call.values.items()}
-        return TEXTBOOK[term.call.name], params, term.call.options
+        return lambda wi, wo: TEXTBOOK[term.call.name](params, term.call.options, wi, wo)
 
     def value(self, wi, wo, params=None):
         """f, 1/sr, as an mpf; wi and wo of three floats or mpfs."""
-        said = {**(self.params if params is None else params), **self.inside}
-        return self.form(said, self.call.options, tuple(map(mp.mpf, wi)), tuple(map(mp.mpf, wo)))
+        said = self.params if params is None else params
+        return self.form(said, self.call.options, tuple(map(mp.mpf, wi)), tuple(map(mp.mpf, wo)), **self.inside)
 
     def slope(self, name: str, wi, wo):
         """∂f/∂parameter by central differences at forty digits; one-sided on the edge of a domain."""

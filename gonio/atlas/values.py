@@ -65,7 +65,13 @@ def value_cells(name: str, spelling: str, precision: str, columns: tuple[str, ..
                 spread = max(abs(m - exact) for m in moved)
                 judged.append(
                     (
-                        *_judged(f, exact, spread, float(np.finfo(dtype).tiny) * 1e3 + brdf.accuracy, dtype),
+                        *_judged(
+                            f,
+                            exact,
+                            spread,
+                            float(np.finfo(dtype).tiny) * 1e3 + brdf.accuracy * (1 + float(abs(exact))),
+                            dtype,
+                        ),
                         i,
                         o,
                         f,
@@ -108,7 +114,7 @@ def gradient_cells(name: str, spelling: str, precision: str, columns: tuple[str,
                     unit = scale / max(abs(at), mp.mpf("1e-3"))
                     floor = ULPS * float(np.finfo(dtype).eps) * unit + float(np.finfo(dtype).tiny) * 1e6
                     floor += TABLED_SLOPE * float(abs(exact)) * reference.tabled
-                    floor += brdf.accuracy * SLOPE_ACCURACY + least[parameter]
+                    floor += brdf.accuracy * (1 + float(scale)) * SLOPE_ACCURACY + least[parameter]
                     judged.append((*_judged(found, exact, spread, floor, dtype), i, o, found, exact))
         cells.append(_cell("gradient", name, spelling, column, precision, judged))
     return cells

@@ -4,7 +4,9 @@ import argparse
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", metavar="FILE", help="a table (HDF5, MERL, RGL, NIST or plain CSV) or a material file")
+    parser.add_argument(
+        "file", metavar="FILE", help="a table (HDF5, MERL, RGL, NIST or plain CSV), a material file, or published fits"
+    )
     parser.add_argument("--json", action="store_true", help="machine-readable")
 
 
@@ -14,7 +16,8 @@ def run(args: argparse.Namespace) -> int:
 
     from gonio.cli.text import columns, say
 
-    facts = _material(args.file) if Path(args.file).suffix.lower() == ".toml" else _table(args.file)
+    kind = Path(args.file.partition(".fit:")[0]).suffix.lower() if ".fit:" not in args.file else ".toml"
+    facts = {".toml": _material, ".fit": _published}.get(kind, _table)(args.file)
     if args.json:
         say(json.dumps(facts, indent=2, ensure_ascii=False))
         return 0
@@ -23,11 +26,18 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _published(path: str) -> dict:
+    from gonio.data.published import published_names
+
+    names = published_names(path)
+    return {"kind": "published fits", "file": path, "materials": len(names), "names": ", ".join(names)}
+
+
 def _material(path: str) -> dict:
     from gonio.data.material import load_material
     from gonio.models.building import spell
 
-    m = load_material(path if "/" in path else f"./{path}")
+    m = load_material(path if "/" in path or ".fit:" in path else f"./{path}")
     facts = {"kind": "material", "name": m.name, "description": m.description, "model": m.spelling or spell(m.brdf)}
     facts |= {"channels": list(m.channels.names), "source": m.source}
     fit = m.meta.get("fit")

@@ -7,6 +7,12 @@ import inspect
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="?", help="show one model whole")
     parser.add_argument("--json", action="store_true", help="machine-readable")
+    parser.add_argument(
+        "--picture",
+        metavar="FILE",
+        help="write a small picture of the model's lobe, at its usual values (png, svg, pdf)",
+    )
+    parser.add_argument("--force", action="store_true", help="replace an existing picture")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -17,6 +23,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.name and args.name not in MODELS:
         raise GonioError(f"Unknown model '{args.name}'; {nearest(args.name, MODELS)}")
+    if args.picture and not args.name:
+        raise GonioError("--picture shows one model; name it, as in 'gonio models ggx --picture ggx.png'")
     names = [args.name] if args.name else list(MODELS)
     if args.json:
         import json
@@ -34,7 +42,17 @@ def run(args: argparse.Namespace) -> int:
         if rows:
             say(columns(rows))
         if args.name:
+            for law, how in facts["breaks"].items():
+                say(f"    breaks {law}: {how}")
+            if facts["loses"]:
+                say(f"    loses: {facts['loses']}")
             say(f"    example: {example(name)}")
+        if args.picture:
+            from gonio.figures.lobe_picture import lobe_picture
+            from gonio.models.building import build
+
+            said = example(name).strip("'")
+            say(f"    written: {lobe_picture(build(said), said, args.picture, args.force)}")
     if not args.name:
         say("\nSums and factors: 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)'; a list means channels.")
         say("No Fresnel parameter means F = 1, f0 Schlick's, eta (with k) the exact one.")
@@ -43,11 +61,16 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _facts(name: str) -> dict:
+    from gonio.models.building import build, example
     from gonio.models.catalog import MODELS
     from gonio.models.parameters import parameters_of
     from gonio.models.spelling import options_of
 
+    # What a model breaks may depend on its options: those of its example speak for it.
+    usual = build(example(name).strip("'"))
     return {
+        "breaks": dict(usual.breaks),
+        "loses": usual.loses,
         "doc": inspect.getdoc(MODELS[name]) or "",
         "parameters": {
             p: {"domain": f"[{i.low:g}, {i.high:g}]", "low": i.low, "high": i.high, "unit": i.unit, "doc": i.doc}

@@ -91,19 +91,24 @@ def polar(curves: list[Curve], label: str, log: bool) -> str:
     """The lobes as they leave the surface: radius is f, or its logarithm above the smallest ring."""
     with styled():
         fig, ax = panel()
-        low, high = value_range(curves)
-        rings = _log_rings(low, high) if log else _linear_rings(curves)
-        floor, top = math.log10(rings[0]) if log else 0.0, rings[-1]
-        span = (math.log10(top) - floor) if log else top
-        _half_disc(ax, rings, [(math.log10(r) - floor) / span if log else r / span for r in rings])
-        for c in curves:
-            radius = _radius(c.f, floor, span, log)
-            t = np.radians(c.theta_o)
-            _draw(ax, radius * np.sin(t), radius * np.cos(t), c)
-            if c.theta_i is not None:
-                _incoming(ax, c.theta_i, c.colour)
-        legend_above(ax)
+        draw_polar(ax, curves, log)
         return svg(fig, label)
+
+
+def draw_polar(ax: Axes, curves: list[Curve], log: bool) -> None:
+    """A polar diagram on axes of its own; only inside `styled`."""
+    low, high = value_range(curves)
+    rings = _log_rings(low, high) if log else _linear_rings(curves)
+    floor, top = math.log10(rings[0]) if log else 0.0, rings[-1]
+    span = (math.log10(top) - floor) if log else top
+    _half_disc(ax, rings, [(math.log10(r) - floor) / span if log else r / span for r in rings])
+    for c in curves:
+        radius = _radius(c.f, floor, span, log)
+        t = np.radians(c.theta_o)
+        _draw(ax, radius * np.sin(t), radius * np.cos(t), c)
+        if c.theta_i is not None:
+            _incoming(ax, c.theta_i, c.colour)
+    legend_above(ax)
 
 
 def _radius(f: np.ndarray, floor: float, span: float, log: bool) -> np.ndarray:

@@ -1,0 +1,155 @@
+"""Evaluations a second of every model on the 1,458,000 pairs of MERL, beside the limit of the machine and Mitsuba.
+
+    python evaluate_models.py [../shared/bench/eval_limit.cpp]
+
+Two forms of ours: on the grid (the trigonometry of each axis as input, as `gonio measure` does it) and on pairs (six
+arrays of components, as any client would hand over, and as Mitsuba gets them). Each is the median of repeated calls
+that are timed to the end. Mitsuba's LLVM variant needs an LLVM library (Debian: libllvm19, DRJIT_LIBLLVM_PATH).
+"""
+
+import glob
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+jax.config.update("jax_enable_x64", True)
+
+from gonio.atlas.precision import cast  # noqa: E402
+from gonio.data import layout  # noqa: E402
+from gonio.data.grid_values import _kernel  # noqa: E402
+from gonio.models.building import build, example  # noqa: E402
+from gonio.models.catalog import MODELS  # noqa: E402
+from gonio.models.evaluate import _values  # noqa: E402
+from gonio.models.geometry import Direction  # noqa: E402
+
+LIMIT = "lambert(rho=0.5) + 1 * ggx(alpha=0.2, f0=0.04)"
+REPEATS = 9
+GOLD = {"eta": [0.18299, 0.42108, 1.3734], "k": [3.4242, 2.3459, 1.77045]}
+PEERS = {
+    "lambert(rho=[0.8, 0.5, 0.1])": {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.8, 0.5, 0.1]}},
+    **{
+        f"{d}(alpha=0.2, eta={GOLD['eta']}, k={GOLD['k']}, smith={s})": {
+            "type": "roughconductor", "distribution": d, "alpha": 0.2,
+            **{n: {"type": "rgb", "value": v} for n, v in GOLD.items()},
+        }
+        for d, s in (("ggx", "separable"), ("beckmann", "walter"))
+    },
+    "ggx(alpha=0.2, eta=1.5, smith=separable)": {
+        "type": "roughdielectric", "distribution": "ggx", "alpha": 0.2, "int_ior": 1.5
+    },
+    "coat(base=lambert(rho=[0.6, 0.3, 0.1]), alpha=0.01, eta=1.5)": {
+        "type": "roughplastic", "distribution": "ggx", "alpha": 0.01, "int_ior": 1.5, "nonlinear": False,
+        "diffuse_reflectance": {"type": "rgb", "value": [0.6, 0.3, 0.1]},
+    },
+    "principled(base_color=[0.8, 0.4, 0.1], roughness=0.5, variant=mitsuba)": {
+        "type": "principled", "base_color": {"type": "rgb", "value": [0.8, 0.4, 0.1]}, "roughness": 0.5
+    },
+}  # fmt: skip
+
+
+def median_seconds(call):
+    """(seconds of the first call, median seconds of the others)."""
+    began = time.perf_counter()
+    call()
+    first = time.perf_counter() - began
+    times = []
+    for _ in range(REPEATS):
+        began = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - began)
+        if sum(times) > 8:
+            break
+    return first, statistics.median(times)
+
+
+def trigonometry(dtype):
+    axes = layout.merl().axes.values()
+    return [(jnp.asarray(np.cos(a), dtype), jnp.asarray(np.sin(a), dtype)) for a in axes]
+
+
+def pairs(dtype):
+    wi, wo = layout.merl().directions()
+    return [Direction(*(jnp.asarray(c, dtype) for c in w)) for w in (wi, wo)]
+
+
+def limit(source):
+    """Milliseconds of the C++ loops by precision; nothing where there is no compiler or source."""
+    if not (source and os.path.exists(source) and shutil.which("g++")):
+        return {}
+    with tempfile.TemporaryDirectory() as folder:
+        program = os.path.join(folder, "limit")
+        subprocess.run(["g++", "-O3", "-march=native", "-ffast-math", "-fopenmp", source, "-o", program], check=True)
+        said = subprocess.run([program], check=True, capture_output=True, text=True).stdout
+    return {line.split()[0]: float(line.split("median ")[1].split()[0]) for line in said.splitlines()}
+
+
+def mitsuba_seconds(scene, wi, wo):
+    import drjit as dr
+    import mitsuba as mi
+
+    bsdf = mi.load_dict(scene)
+    si = dr.zeros(mi.SurfaceInteraction3f)
+    si.wi = mi.Vector3f(*(mi.Float(np.asarray(c, np.float32)) for c in wi))
+    out = mi.Vector3f(*(mi.Float(np.asarray(c, np.float32)) for c in wo))
+    dr.eval(si.wi, out)
+    dr.sync_thread()
+
+    def call():
+        value = bsdf.eval(mi.BSDFContext(), si, out)
+        dr.eval(value)
+        dr.sync_thread()
+
+    return median_seconds(call)
+
+
+def ours(spelling, dtype, inputs, on_grid):
+    brdf = cast(build(spelling), dtype)
+    if on_grid:
+        return median_seconds(lambda: jax.block_until_ready(_kernel(brdf, "half_difference", inputs)))
+    return median_seconds(lambda: jax.block_until_ready(_values(brdf, *inputs)))
+
+
+def main() -> None:
+    count = layout.merl().size
+    known = limit(sys.argv[1] if len(sys.argv) > 1 else None)
+    grids = {d: trigonometry(d) for d in (jnp.float32, jnp.float64)}
+    flat = {d: pairs(d) for d in (jnp.float32, jnp.float64)}
+    print(f"{count:,} pairs; million evaluations a second, float32 / float64; first call (tracing and compilation), s")
+    for spelled in [LIMIT, *(example(n).strip("'") for n in MODELS)]:
+        said, first = [], []
+        for inputs, on_grid in ((grids, True), (flat, False)):
+            done = [ours(spelled, d, inputs[d], on_grid) for d in (jnp.float32, jnp.float64)]
+            said.append(" / ".join(f"{count / s[1] / 1e6:7.1f}" for s in done))
+            first.append(done[1][0])
+        note = ""
+        if spelled == LIMIT and known:
+            rate = {d: count / (ms * 1e-3) / 1e6 for d, ms in known.items()}
+            note = f"   limit (C++): {rate['float32']:.0f} / {rate['float64']:.0f}"
+        print(f"{spelled[:72]:72}  grid {said[0]}  pairs {said[1]}  first {first[0]:.1f}{note}", flush=True)
+    library = os.environ.get("DRJIT_LIBLLVM_PATH") or next(iter(sorted(glob.glob("/usr/lib/*/libLLVM.so.19*"))), None)
+    if library:
+        os.environ["DRJIT_LIBLLVM_PATH"] = library
+        import mitsuba as mi
+
+        mi.set_variant("llvm_ad_rgb")
+        print("\nbeside Mitsuba's LLVM variant, float32, pairs: million evaluations a second, ours / theirs")
+        for spelled, scene in PEERS.items():
+            mine = ours(spelled, jnp.float32, flat[jnp.float32], False)
+            theirs = mitsuba_seconds(scene, *flat[jnp.float32])
+            rates = [count / s[1] / 1e6 for s in (mine, theirs)]
+            print(
+                f"{spelled[:72]:72}  {rates[0]:7.1f} / {rates[1]:7.1f}  ratio {rates[0] / rates[1]:.2f}"
+                f"  first call {mine[0]:.2f} / {theirs[0]:.2f} s", flush=True,
+            )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
