@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from cases import CASES
 
+from gonio.atlas.run import QUICK
 from gonio.models.building import build
 from gonio.models.catalog import MODELS
 from gonio.models.geometry import Direction
@@ -20,6 +21,7 @@ def quick_compilation():
     jax.config.update("jax_disable_most_optimizations", False)
 
 
+MOST = 5
 BY_MODEL = {name: [k for k in CASES if k.split()[0] == name] for name in MODELS}
 
 
@@ -82,7 +84,8 @@ def test_values_and_gradients_are_numbers_and_reciprocal(name):
     wi, wo = edges()
     elsewhere = tuple(directions(w) for w in scattered(len(wi) // 2))
     up = (wi[:, 2] > 0) & (wo[:, 2] > 0)
-    for case in BY_MODEL[name]:
+    cases = BY_MODEL[name]
+    for case in cases if len(cases) <= MOST else [*cases[: MOST - 2], *cases[-2:]]:
         brdf = model(case)
         (_, f), slopes = with_slopes(brdf, directions(wi), directions(wo))
         assert np.isfinite(f).all(), case
@@ -99,6 +102,8 @@ def test_values_and_gradients_are_numbers_and_reciprocal(name):
             (_, there), _ = with_slopes(brdf, *elsewhere)
             (_, back), _ = with_slopes(brdf, *reversed(elsewhere))
             np.testing.assert_allclose(there, back, rtol=2e-11, atol=1e-290, err_msg=case)
+    if name not in QUICK:  # the atlas looks at single precision in all of them
+        return
     single = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), model(BY_MODEL[name][0]))
     near = up & (wi[:, 2] > 1e-4) & (wo[:, 2] > 1e-4)
     (_, f), slopes = with_slopes(single, directions(wi[near], np.float32), directions(wo[near], np.float32))
@@ -131,7 +136,7 @@ MIXTURES = ("principled", "kelemen", "coat")
 def test_densities_and_jacobians_are_those_of_the_maps(name):
     """pdf(sample(u)) |∂sample/∂u| = 1, and the lobe map's Jacobian is its own area, by automatic differentiation."""
     u = np.random.default_rng(2).uniform(0.02, 0.98, (64, 2))
-    for case in BY_MODEL[name][:2]:
+    for case in BY_MODEL[name][:1]:
         brdf = model(case)
         for part in brdf.summands() if name in MIXTURES else (brdf,):
             for theta in (0.0, 1.5):
