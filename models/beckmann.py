@@ -1,13 +1,12 @@
 """The Beckmann microfacet model."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from gonio.models import microfacet as mf
 from gonio.models import slopes
-from gonio.models.cosine_floor import positive
+from gonio.models.cosine_floor import lift, positive
 from gonio.models.geometry import dot, half_vector, reflect, scale
 from gonio.models.multiple_bounces import ENERGY, AbstractCompensated
 from gonio.models.parameters import parameter
@@ -50,9 +49,8 @@ class Beckmann(AbstractCompensated):
         if self.smith == "correlated":
             m_i, m_o = (slopes.beckmann_shadow_excess(w, *self.widths) for w in (wi, wo))
             z_i, z_o = positive(wi.z), positive(wo.z)
-            # Both parts of the quotient in units of the larger cosine: its square, in the gradient, does not underflow.
-            unit = jax.lax.stop_gradient(jnp.maximum(z_i, z_o))
-            return (0.25 / unit) / ((z_i * z_o + z_o * m_i + z_i * m_o) / unit)
+            up = lift(jnp.result_type(z_i))  # the square of the denominator, in the gradient, does not underflow then
+            return (0.25 * up) / ((z_i * z_o + z_o * m_i + z_i * m_o) * up)
         if self.smith == "none":
             return 0.25 * (1.0 / positive(wi.z)) * (1.0 / positive(wo.z))
         one = slopes.walter_masked_cosine if self.smith == "walter" else slopes.beckmann_masked_cosine

@@ -1,4 +1,4 @@
-"""Cosines to divide by."""
+"""Cosines to divide by, and numbers that are too small to be squared."""
 
 import jax
 import jax.numpy as jnp
@@ -15,3 +15,11 @@ def positive(cosine: Scalar) -> Scalar:
     """
     tiny = float(jnp.finfo(jnp.result_type(cosine)).tiny)
     return jnp.where(cosine >= tiny**0.2, cosine, jax.lax.stop_gradient(jnp.maximum(cosine, tiny)))
+
+
+def lift(dtype) -> float:
+    """A power of two by which what is as small as a grazing cosine may be multiplied, and then squared.
+
+    2³⁰ in single precision: squares, and their inverses in gradients, of 1e-16 to 2 are then numbers; 2²⁰⁰ in double.
+    """
+    return 2.0**30 if jnp.finfo(dtype).bits == 32 else 2.0**200

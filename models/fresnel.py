@@ -38,26 +38,19 @@ def fresnel_conductor(cos_d: Scalar, eta: Scalar, k: Scalar) -> Scalar:
     With a + ib = √((η + ik)² − sin²) [Born & Wolf, §14.4.1]. The smaller of a² and b² comes from the product
     ab = ηk, so neither cancels for good metals or for weak absorbers.
     """
+    # Roots and quotients of what may be 0 have a number added that is below rounding: selections would cost more
+    least = float(jnp.finfo(jnp.result_type(cos_d, eta)).tiny) ** 0.5
     sin2_d = (1.0 - cos_d) * (1.0 + cos_d)
     real = (eta - k) * (eta + k) - sin2_d
     product = eta * k
-    large = 0.5 * (jnp.hypot(real, 2.0 * product) + jnp.abs(real))
-    has_size = large > 0
-    large_safe = jnp.where(has_size, large, 1.0)
-    small = jnp.where(has_size, product * product / large_safe, 0.0)
+    large = 0.5 * (jnp.sqrt(real * real + 4.0 * (product * product) + least) + jnp.abs(real))
+    small = product * product / large
     a2, b2 = jnp.where(real > 0, large, small), jnp.where(real > 0, small, large)
-    positive = a2 > 0
-    a = jnp.where(positive, jnp.sqrt(jnp.where(positive, a2, 1.0)), 0.0)
     c2, modulus2 = cos_d * cos_d, a2 + b2
-    cross = 2.0 * a * cos_d
-    total_s = modulus2 + c2 + cross
-    empty = total_s <= 0
-    r_s = jnp.where(empty, 0.0, (modulus2 + c2 - cross) / jnp.where(empty, 1.0, total_s))
+    cross = 2.0 * jnp.sqrt(a2 + least) * cos_d
+    r_s = (modulus2 + c2 - cross) / (modulus2 + c2 + cross + least)
     p_sum, p_cross = modulus2 * c2 + sin2_d * sin2_d, cross * sin2_d
-    total_p = p_sum + p_cross
-    still = total_p <= 0
-    ratio_p = jnp.where(still, 1.0, (p_sum - p_cross) / jnp.where(still, 1.0, total_p))
-    return 0.5 * r_s * (1.0 + ratio_p)
+    return 0.5 * r_s * (1.0 + (p_sum - p_cross + least) / (p_sum + p_cross + least))
 
 
 def fresnel(cos_d: Scalar, f0, eta, k) -> Scalar:

@@ -1,12 +1,11 @@
 """The GGX (Trowbridge-Reitz) microfacet model."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from gonio.models import microfacet as mf
-from gonio.models.cosine_floor import positive
+from gonio.models.cosine_floor import lift, positive
 from gonio.models.geometry import half_vector, reflect
 from gonio.models.multiple_bounces import ENERGY, AbstractCompensated
 from gonio.models.parameters import parameter
@@ -38,9 +37,8 @@ class GGX(AbstractCompensated):
             return 0.25 / (ggx_masked_cosine(wi, *self.widths) * ggx_masked_cosine(wo, *self.widths))
         s_i, s_o = ggx_shadow_root(wi, *self.widths), ggx_shadow_root(wo, *self.widths)
         z_i, z_o = positive(wi.z), positive(wo.z)
-        # Both parts of the quotient in units of the larger cosine: its square, in the gradient, does not underflow.
-        unit = jax.lax.stop_gradient(jnp.maximum(z_i, z_o))
-        return (0.5 / unit) / ((z_o * s_i + z_i * s_o) / unit)
+        up = lift(jnp.result_type(z_i))  # the square of the denominator, in the gradient, does not underflow then
+        return (0.5 * up) / ((z_o * s_i + z_i * s_o) * up)
 
     def slope_radius(self, u2, horizon):
         # The tails fall as a power: the inverse hyperbolic sine gives core and tail their share.

@@ -2,12 +2,11 @@
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from gonio.models.cosine_floor import positive
-from gonio.models.geometry import NORMAL, Direction
+from gonio.models.cosine_floor import lift, positive
+from gonio.models.geometry import Direction
 
 Scalar = Float[Array, ""]
 
@@ -26,22 +25,22 @@ class HalfAngles(NamedTuple):
 def half_angles(wi: Direction, wo: Direction) -> HalfAngles:
     """h, cosθ_d and sin²θ_h of two unit directions; the normal where they are opposite, where cosθ_d is 0.
 
-    wi + wo is scaled before it is squared: two grazing directions that nearly cancel underflow otherwise. cosθ_d is
-    half its length; as wi·h, which is a difference there, it would lose its digits. Only where the two lengths differ
-    by more than rounding (single-precision directions handed over in double) is wi·h taken to the letter, as
-    renderers do: it is longer by (|wi|² − |wo|²)/(2|wi + wo|).
+    wi + wo is lifted by a power of two before it is squared: two grazing directions that nearly cancel underflow
+    otherwise. cosθ_d is half its length; as wi·h, which is a difference there, it would lose its digits. Only where the
+    two lengths differ by more than rounding (single-precision directions handed over in double) is wi·h taken to the
+    letter, as renderers do: it is longer by (|wi|² − |wo|²)/(2|wi + wo|).
     """
-    x, y, z = (a + b for a, b in zip(wi, wo, strict=True))
-    largest = jax.lax.stop_gradient(jnp.maximum(jnp.maximum(jnp.abs(x), jnp.abs(y)), jnp.abs(z)))
-    null = largest <= 0
-    unit = jnp.where(null, 1.0, largest)
-    x, y, z = (jnp.where(null, e, c / unit) for c, e in zip((x, y, z), NORMAL, strict=True))
-    length = jnp.sqrt(x * x + y * y + z * z)
-    h = Direction(x / length, y / length, z / length)
-    uneven = sum((a - b) * (a + b) for a, b in zip(wi, wo, strict=True))
-    literal = jnp.abs(uneven) > UNEVEN * jnp.finfo(jnp.result_type(length)).eps
-    cos_d = 0.5 * unit * length + jnp.where(literal, 0.5 * uneven / (unit * length), 0.0)
-    return HalfAngles(h, jnp.where(null, 0.0, jnp.clip(cos_d, 0.0, 1.0)), h.x**2 + h.y**2)
+    dtype = jnp.result_type(wi.x, wo.x)
+    up = lift(dtype)
+    x, y, z = ((a + b) * up for a, b in zip(wi, wo, strict=True))
+    length2 = x * x + y * y + z * z
+    null = length2 <= 0
+    inverse = 1.0 / jnp.sqrt(jnp.where(null, 1.0, length2))
+    h = Direction(x * inverse, y * inverse, jnp.where(null, 1.0, z * inverse))
+    uneven = (wi.x - wo.x) * (wi.x + wo.x) + (wi.y - wo.y) * (wi.y + wo.y) + (wi.z - wo.z) * (wi.z + wo.z)
+    uneven = jnp.where(jnp.abs(uneven) > UNEVEN * float(jnp.finfo(dtype).eps), uneven, 0.0)
+    cos_d = inverse * (length2 * (0.5 / up) + uneven * (0.5 * up))
+    return HalfAngles(h, jnp.clip(cos_d, 0.0, 1.0), h.x**2 + h.y**2)
 
 
 def log_cosine(h: Direction, sin2_h: Scalar) -> Scalar:

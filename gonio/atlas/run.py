@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Iterator
 
-from gonio.atlas.cell import Cell
+from gonio.atlas.cell import SAYS_SO, Cell
 from gonio.atlas.precision import PRECISIONS
 
 QUICK = ("lambert", "eon", "ggx", "beckmann", "phong", "ward")
@@ -75,7 +75,11 @@ def _start() -> None:
 
 def _do(task) -> tuple[tuple[str, str], list[Cell]]:
     job, quick, tests = task
-    return job, do(job, quick, tests)
+    try:
+        return job, do(job, quick, tests)
+    except Exception as error:  # one method that raises is a finding, and no reason to lose the others
+        said = f"raised {type(error).__name__}: {error}"
+        return job, [Cell(job[1], job[0], "every setting", "every regime", "", SAYS_SO, float("inf"), 0.0, said)]
 
 
 def atlas(models: tuple[str, ...], quick: bool, processes: int | None = None) -> Iterator[tuple[tuple[str, str], list]]:

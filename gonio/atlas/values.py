@@ -99,8 +99,9 @@ def gradient_cells(name: str, spelling: str, precision: str, columns: tuple[str,
                 scale = abs(reference.value(i, o))
                 # Near the horizon f changes within its cosine: that slope may be beyond the largest number.
                 steep = scale / min(i[2], o[2]) > float(np.finfo(dtype).max) * 1e-6
-                if not np.isfinite(directions[k]).all() and not steep:
-                    judged.append((SAYS_SO, float("inf"), 0.0, i, o, float("nan"), mp.mpf(0)))
+                lost = not np.isfinite(directions[k]).all() and not steep
+                found = (SAYS_SO, float("inf"), 0.0) if lost else (RIGHT, 0.0, 0.0)
+                judged.append((*found, i, o, float("nan") if lost else 0.0, mp.mpf(0)))
                 for parameter, at in reference.params.items():
                     found = float(np.asarray(getattr(parameters, parameter))[k])
                     exact = reference.slope(parameter, i, o)
