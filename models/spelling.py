@@ -187,7 +187,7 @@ class _Parser:
     def option(self, model: str, key: str, choices: tuple[str, ...]) -> str:
         kind, text = self.take()
         text = text.strip("\"'")
-        if kind not in ("string", "name") or text not in choices:
+        if kind not in ("string", "name", "number") or text not in choices:
             raise GonioError(f"{model}'s {key} is '{text}'; {nearest(text, choices)}")
         return text
 
