@@ -27,8 +27,12 @@ def exprel(x: Scalar) -> Scalar:
 
 
 def log_exprel(x: Scalar) -> Scalar:
-    """log((eˣ − 1)/x) for any x."""
-    return jnp.maximum(x, 0.0) + jnp.log(exprel(-jnp.abs(x)))
+    """log((eˣ − 1)/x) for any x, by x/2 + x²/24 − x⁴/2880 near 0."""
+    near = jnp.abs(x) < 0.02
+    size = jnp.abs(jnp.where(near, 1.0, x))
+    far = jnp.maximum(jnp.where(near, 1.0, x), 0.0) + jnp.log(-jnp.expm1(-size) / size)
+    x = jnp.where(near, x, 0.0)
+    return jnp.where(near, x * (0.5 + x * (1.0 / 24.0 - x * x / 2880.0)), far)
 
 
 def gtr_d(h: Direction, alpha: Scalar, gamma: Scalar) -> Scalar:

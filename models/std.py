@@ -67,7 +67,8 @@ def student_d(h: Direction, alpha_x: Scalar, alpha_y: Scalar, gamma: Scalar) -> 
     h = Direction(h.x, h.y, jnp.where(up, positive(h.z), 1.0))
     power = (2.0 * gamma - 4.0) * log_cosine(h, jnp.where(up, h.x**2 + h.y**2, 0.0))
     falls = jnp.log1p(jnp.where(up, excess, 0.0))
-    return jnp.where(up, jnp.exp(power - gamma * falls) / (jnp.pi * alpha_x * alpha_y), 0.0)
+    half = jnp.exp(0.5 * (power - gamma * falls))  # its square may be too small a number before it is divided
+    return jnp.where(up, half / (jnp.pi * alpha_x * alpha_y) * half, 0.0)
 
 
 class STD(mf.AbstractMicrofacet):

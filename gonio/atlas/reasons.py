@@ -2,7 +2,17 @@
 
 from gonio.atlas.cell import Cell
 
-KNOWN: tuple[tuple[str, str, str, str], ...] = ()
+EDGE = "on the very edge of the lobe, where the bracket is the rounding of its own terms and f a power of it near 0"
+
+KNOWN: tuple[tuple[str, str, str, str], ...] = (
+    ("gradient", "lafortune", "n=0", EDGE),
+    ("value", "lafortune", "n=0", EDGE),
+    ("value", "phong", "n=0)", "at 90° from the mirror direction, where f jumps to 0 and the cosine is rounding"),
+    ("gradient", "phong", "n=0", "at 90° from the mirror direction, where f jumps to 0 and the cosine is rounding"),
+    ("gradient", "abg", "g=0", "at the mirror direction itself, where |β − β₀|^g jumps from 0 to 1 at g = 0"),
+    ("value", "abg", "b=1e-12", "|β − β₀| is the rounding of the directions there, and b far below it"),
+    ("gradient", "abg", "b=1e-12", "|β − β₀| is the rounding of the directions there, and b far below it"),
+)
 
 
 def reason_of(cell: Cell) -> str:

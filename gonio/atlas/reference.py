@@ -4,6 +4,8 @@ import mpmath as mp
 import numpy as np
 
 from gonio.atlas.textbook import TEXTBOOK
+from gonio.models.catalog import MODELS
+from gonio.models.parameters import parameters_of
 from gonio.models.spelling import Term, parse
 
 DIGITS = 40
@@ -19,6 +21,7 @@ class Reference:
         self.dtype = np.dtype(dtype)
         self.call = term.call
         self.form = TEXTBOOK[term.call.name]
+        self.domains = parameters_of(MODELS[term.call.name])
         self.params = {n: self._held(v.number) for n, v in term.call.values.items()}
         # A form that integrates albedos anew for every width gets as few of them as will do, and wide steps.
         self.tabled = self.call.name in ("coat", "kelemen") or self.call.options.get("energy", "single") != "single"
@@ -40,12 +43,28 @@ class Reference:
         said = self.params if params is None else params
         return self.form(said, self.call.options, tuple(map(mp.mpf, wi)), tuple(map(mp.mpf, wo)), **self.inside)
 
-    def slope(self, name: str, wi, wo):
-        """∂f/∂parameter by central differences at forty digits; one-sided on the edge of a domain."""
-        at = self.params[name]
+    def slope(self, name: str, wi, wo, params=None):
+        """∂f/∂parameter by differences at forty digits, central inside of the domain and towards it on its edge.
+
+        None where it is infinite: where the quotient grows as the step shrinks.
+        """
+        params = self.params if params is None else params
+        at, info = params[name], self.domains[name]
         step = (TABLED_STEP if self.tabled else STEP) * (abs(at) if at else 1)
-        up, down = ({**self.params, name: at + s} for s in (step, -step))
-        return (self.value(wi, wo, up) - self.value(wi, wo, down)) / (2 * step)
+
+        def quotient(step):
+            up, down = min(at + step, mp.mpf(info.high)), max(at - step, mp.mpf(info.low))
+            if up <= down:
+                up, down = at + step, at - step
+            ends = [self.value(wi, wo, {**params, name: v}) for v in (up, down)]
+            return (ends[0] - ends[1]) / (up - down)
+
+        first = quotient(step)
+        if at in (info.low, info.high) and not self.tabled:
+            second = quotient(step / 10000)
+            if abs(second) > 10 * abs(first):
+                return None
+        return first
 
     def perturbed(self, rng: np.random.Generator, wi, wo):
         """(wi, wo, params) with every number moved by at most one unit in its last place."""

@@ -14,7 +14,14 @@ QUICK = ("lambert", "eon", "ggx", "beckmann", "phong", "ward")
 QUICK_SETTINGS = 4
 SAMPLES = 1_000_000
 QUICK_SAMPLES = 200_000
-SAMPLED_SETTINGS = 4
+MOST = {
+    ("gradient", "float32"): 4,
+    ("sampler", "float64"): 3,
+    ("sampler", "float32"): 1,
+    ("integral", "float64"): 5,
+}
+"""How many settings, spread over those there are, the dearer methods look at; the others look at all."""
+
 HARD = "hard fits"
 
 
@@ -28,22 +35,16 @@ def tests_of(models: tuple[str, ...], quick: bool) -> int:
     """How many χ² tests a run makes, for the level of each."""
     from gonio.atlas.samplers import INCIDENCES
 
-    return sum(len(sampled(m, quick)) for m in models) * len(INCIDENCES) * len(PRECISIONS)
+    return sum(len(chosen(m, "sampler", p, quick)) for m in models for p in PRECISIONS) * len(INCIDENCES)
 
 
-def chosen(name: str, quick: bool) -> list[str]:
-    """The settings of a model that a run looks at."""
+def chosen(name: str, method: str, precision: str, quick: bool) -> list[str]:
+    """The settings of a model that a method looks at, spread over those there are."""
     from gonio.atlas.settings import settings_of
 
     found = settings_of(name)
-    return found[:: max(1, len(found) // QUICK_SETTINGS)][:QUICK_SETTINGS] if quick else found
-
-
-def sampled(name: str, quick: bool) -> list[str]:
-    """The settings whose samplers are tested: a few over the range."""
-    found = chosen(name, quick)
-    most = 2 if quick else SAMPLED_SETTINGS
-    return found[:: max(1, -(-len(found) // most))][:most]
+    most = min(MOST.get((method, precision), len(found)), QUICK_SETTINGS if quick else len(found))
+    return [found[k] for k in sorted({round(i * (len(found) - 1) / max(most - 1, 1)) for i in range(most)})]
 
 
 def do(job: tuple[str, str], quick: bool, tests: int) -> list[Cell]:
@@ -53,16 +54,17 @@ def do(job: tuple[str, str], quick: bool, tests: int) -> list[Cell]:
         from gonio.atlas.values import gradient_cells, value_cells
 
         cells = value_cells if method == "value" else gradient_cells
-        return [c for s in chosen(name, quick) for p in PRECISIONS for c in cells(name, s, p)]
+        return [c for p in PRECISIONS for s in chosen(name, method, p, quick) for c in cells(name, s, p)]
     if method == "sampler":
         from gonio.atlas.samplers import sampler_cells
 
         number = QUICK_SAMPLES if quick else SAMPLES
-        return [c for s in sampled(name, quick) for p in PRECISIONS for c in sampler_cells(name, s, p, number, tests)]
+        every = [(s, p) for p in PRECISIONS for s in chosen(name, method, p, quick)]
+        return [c for s, p in every for c in sampler_cells(name, s, p, number, tests)]
     if method == "integral":
         from gonio.atlas.integrals import integral_cells
 
-        return [c for s in chosen(name, quick) for c in integral_cells(name, s)]
+        return [c for s in chosen(name, method, "float64", quick) for c in integral_cells(name, s)]
     from gonio.atlas.fits import fit_cells, hard_cells
 
     return hard_cells() if name == HARD else fit_cells(name)

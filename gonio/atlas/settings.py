@@ -8,7 +8,7 @@ from gonio.models.errors import GonioError
 from gonio.models.parameters import ParameterInfo, parameters_of
 from gonio.models.spelling import Call, needed, options_of, submodels_of
 
-LEADING = 6
+LEADING = 5
 """Values of the leading parameter."""
 
 LEADERS = ("alpha", "n", "sigma", "k", "w", "roughness", "r", "b", "l", "h")

@@ -2,7 +2,7 @@
 
 from mpmath import mp, mpf
 
-from gonio.atlas.textbook.frame import above_horizon, angle, mirror, projected_distance2
+from gonio.atlas.textbook.frame import above_horizon, angle, mirror, projected_distance2, unit
 from gonio.atlas.textbook.fresnel import fresnel
 
 
@@ -46,7 +46,9 @@ def lafortune(params, options, wi, wo):
 @above_horizon
 def abc_smooth(params, options, wi, wo):
     """F S, S = (1 + b |Dp|²)^(−c), cos θd = √(1 − |ip − op|²/4) [Löw et al. 2012, eq. 10 to 14]."""
-    apart2 = (wi[0] - wo[0]) ** 2 + (wi[1] - wo[1]) ** 2
+    # Of unit vectors: beyond the unit circle, where rounding puts some, the root would not exist.
+    i, o = unit(wi), unit(wo)
+    apart2 = (i[0] - o[0]) ** 2 + (i[1] - o[1]) ** 2
     cos_d = mp.sqrt(max(mpf(0), 1 - apart2 / 4))
     return fresnel(cos_d, params) * (1 + params["b"] * projected_distance2(wi, wo)) ** (-params["c"])
 
