@@ -61,7 +61,7 @@ class Reference:
 
         first = quotient(step)
         if at in (info.low, info.high) and not self.tabled:
-            second = quotient(step / 10000)
+            second = quotient(step / 10**12)
             if abs(second) > 10 * abs(first):
                 return None
         return first

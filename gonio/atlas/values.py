@@ -15,7 +15,7 @@ from gonio.models.geometry import Direction
 from gonio.models.parameters import parameters_of
 
 ULPS = 32
-SLOPE_ULPS = 128
+SLOPE_ULPS, SLOPE_CONDITION = 128, 8  # slopes are sums of more terms, each as ill-conditioned as f
 CONDITION = 16
 NEGLIGIBLE = 1e-6
 TABLED_SLOPE = 1e-6  # what the wide steps of such a reference are good for
@@ -111,7 +111,7 @@ def gradient_cells(name: str, spelling: str, precision: str, columns: tuple[str,
                         continue
                     moved = [reference.perturbed(rng, i, o) for _ in range(reference.draws)]
                     slopes_near = [reference.slope(parameter, a, b, params) for a, b, params in moved]
-                    spread = max(abs((exact if s is None else s) - exact) for s in slopes_near)
+                    spread = SLOPE_CONDITION * max(abs((exact if s is None else s) - exact) for s in slopes_near)
                     # What a whole step of the parameter would change f by is the scale of its rounding.
                     unit = scale / max(abs(at), mp.mpf("1e-3"))
                     floor = SLOPE_ULPS * float(np.finfo(dtype).eps) * unit + float(np.finfo(dtype).tiny) * 1e6
