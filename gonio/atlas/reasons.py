@@ -4,7 +4,11 @@ from gonio.atlas.cell import Cell
 
 EDGE = "on the very edge of the lobe, where the bracket is the rounding of its own terms and f a power of it near 0"
 
+INFINITE = "the slope by w is infinite at w = 1, and a number stands for it"
+
 KNOWN: tuple[tuple[str, str, str, str], ...] = (
+    ("gradient", "chandrasekhar", "w=1", INFINITE),
+    ("gradient", "hapke", "w=1", INFINITE),
     ("gradient", "lafortune", "n=0", EDGE),
     ("value", "lafortune", "n=0", EDGE),
     ("value", "phong", "n=0)", "at 90° from the mirror direction, where f jumps to 0 and the cosine is rounding"),
