@@ -88,6 +88,10 @@ class STD(mf.AbstractMicrofacet):
     k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
     smith: str = eqx.field(static=True, default="correlated", metadata={"choices": ("correlated", "separable")})
 
+    @property
+    def accuracy(self):
+        return 2e-13  # of the masking, by quadrature
+
     def density(self, m):
         return student_d(m, *self.widths, self.gamma)
 

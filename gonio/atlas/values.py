@@ -59,26 +59,16 @@ def value_cells(name: str, spelling: str, precision: str, columns: tuple[str, ..
         wi, wo = (w.astype(dtype) for w in pairs(column))
         found = np.asarray(_f(brdf, _directions(wi, dtype), _directions(wo, dtype)))
         judged = []
+        # What no product of single numbers can carry, and what is nothing beside the largest value there, is 0.
+        info = np.finfo(dtype)
+        floor = float(info.tiny) * 1e11 + float(info.eps) ** 3 * float(np.max(np.abs(np.nan_to_num(found))))
         with mp.workdps(DIGITS):
             for i, o, f in zip(wi.astype(float), wo.astype(float), found, strict=True):
                 exact = reference.value(i, o)
                 moved = [reference.value(*reference.perturbed(rng, i, o)) for _ in range(reference.draws)]
                 spread = max(abs(m - exact) for m in moved)
-                judged.append(
-                    (
-                        *_judged(
-                            f,
-                            exact,
-                            spread,
-                            float(np.finfo(dtype).tiny) * 1e3 + brdf.accuracy * (1 + float(abs(exact))),
-                            dtype,
-                        ),
-                        i,
-                        o,
-                        f,
-                        exact,
-                    )
-                )
+                allowed = floor + brdf.accuracy * (1 + float(abs(exact)))
+                judged.append((*_judged(f, exact, spread, allowed, dtype), i, o, f, exact))
         cells.append(_cell("value", name, spelling, column, precision, judged))
     return cells
 

@@ -26,6 +26,14 @@ LIARS = {
     "ggx(alpha=0.5, f0=0.5, energy=turquin)": "reciprocity",
     "principled(base_color=1, roughness=1)": "energy",
     "gtr(alpha=0.01, gamma=1)": "energy",
+    "abc_smooth(b=0, c=1)": "energy",
+    "harvey_shack(b0=1, l=2, s=-0.5)": "energy",
+    "abg(a=1, b=0.5, g=1)": "energy",
+    "rpv(rho0=1, k=0.5, theta=0, rho_c=1)": "energy",
+    "ross_li(f_iso=0.9, f_vol=0.9, f_geo=0)": "energy",
+    "lafortune(c_x=-1, c_y=-1, c_z=1, n=1)": "energy",
+    "sgd(alpha=0.1, p=0.7, kappa=5, f0=0.04, f1=0, lam=3, c=0.0001, k=15, theta_0=0)": "energy",
+    "he_torrance(sigma=0.2, tau=3, wavelength=0.55)": "energy",
 }
 LOSERS = ("ward(alpha=0.1)", "ashikhmin_shirley(n=10)", "blinn_phong(n=10)", "ggx(alpha=1)", "beckmann(alpha=1)")
 HONEST = (
@@ -49,11 +57,8 @@ def main() -> None:
     every = [("liar", s, law) for s, law in LIARS.items()] + [("loser", s, None) for s in LOSERS]
     every += [("honest", s, None) for s in HONEST]
     known = {s.partition("(")[0] for _, s, _ in every}
-    for name in MODELS:
-        if name not in known:
-            said = example(name).strip("'")
-            law = next(iter(build(said).breaks), None)
-            every.append(("liar" if law in ("energy", "reciprocity") else "honest", said, law))
+    rest = [example(n).strip("'") for n in MODELS if n not in known]
+    every += [("honest", s, None) for s in rest if not build(s).breaks]
     for kind, spelling, law in every:
         found = judged(spelling)
         e, r = found["energy"], found["reciprocity"]
