@@ -14,7 +14,7 @@ def atlas_figure(grid: dict[str, dict[str, str]], columns: list[str], label: str
     from matplotlib.figure import Figure
 
     models = list(grid)
-    width, height = LEFT + max(0.24 * len(columns), 3.2), TOP + ROW * len(models) + 0.1
+    width, height = LEFT + max(0.24 * len(columns), 3.2) + 0.8, TOP + ROW * len(models) + 0.1
     with styled():
         fig = Figure(figsize=(width, height))
         ax = fig.add_axes((LEFT / width, 0.1 / height, 0.24 * len(columns) / width, ROW * len(models) / height))
