@@ -3,8 +3,25 @@
 import numpy as np
 
 from gonio.data.layout import Layout
-from gonio.models.errors import GonioError
+from gonio.models.errors import GonioError, nearest
 from gonio.models.geometry import Direction
+
+WEIGHTS = ("solid-angle", "cosine", "projected-solid-angle")
+
+
+def measure_of(weight: str, layout: Layout, wi: Direction, wo: Direction) -> np.ndarray:
+    """Weights (n,) of the squared residuals at these directions, up to a factor.
+
+    `solid-angle`: dωi dωo of the cells; `cosine`: cosθi cosθo; `projected-solid-angle`: their product, so that what
+    counts is reflected power. GonioError for another name, and where scattered samples have no cells.
+    """
+    if weight not in WEIGHTS:
+        raise GonioError(f"Unknown weight '{weight}'; {nearest(weight, WEIGHTS)}")
+    cosines = np.asarray(wi.z) * np.asarray(wo.z)
+    if weight == "cosine":
+        return cosines
+    cells = pair_measure(layout, wi, wo)
+    return cells * cosines if weight == "projected-solid-angle" else cells
 
 
 def _spacing(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:

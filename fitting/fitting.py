@@ -7,10 +7,12 @@ from collections.abc import Callable
 import numpy as np
 
 from gonio.data.table import Table
-from gonio.fitting.cell_measure import pair_measure
+from gonio.fitting.cell_measure import measure_of
+from gonio.fitting.counting import counted
 from gonio.fitting.losses import LOSSES
 from gonio.fitting.one_model import Options, fit_one
 from gonio.fitting.result import FitResult
+from gonio.fitting.robust import require_kind
 from gonio.fitting.samples import Readings, readings_of, sigma_of
 from gonio.fitting.structure import with_defaults
 from gonio.models.errors import GonioError, nearest
@@ -23,7 +25,6 @@ CANDIDATES = (
     "lambert + ggx(f0=0.04)",
     "lambert + ggx(f0=0.04) + ggx(f0=0.04)",
 )
-WEIGHTS = ("solid-angle",)
 WIDENS = 0.02  # aperture half-angle over alpha, from which on the averaging shows in a fit
 
 
@@ -35,6 +36,9 @@ def fit(
     theta_max: float | None = None,
     weight: str | None = None,
     relative_noise: float | None = None,
+    robust: str | bool | None = None,
+    bootstrap: int = 0,
+    bootstrap_kind: str = "residuals",
     per_channel: bool = False,
     samples: int | None = None,
     starts: int = 8,
@@ -49,8 +53,11 @@ def fit(
 
     `loss`: sigma, linear, cbrt, log or log1p; without one, sigma where the table has standard uncertainties, else cbrt.
     `relative_noise`: σ is this share of the model's own f, reweighted until it settles. `theta_max`: radians; readings
-    beyond it, on either side, are left out. `weight`: "solid-angle" or none. `samples`: at most so many cells, drawn by
-    `seed`. `starts`: random starts beside those from the data. `say` hears a line for each model tried.
+    beyond it, on either side, are left out. `weight`: solid-angle, cosine, projected-solid-angle or none. `samples`: at
+    most so many cells, drawn by `seed`. `starts`: random starts beside those from the data. `robust`: tukey (or True),
+    student or soft-l1: readings far off count less. `bootstrap`: so many refits to readings drawn again in blocks of
+    neighbouring directions, for intervals that assume nothing of the noise; `bootstrap_kind`: residuals or pairs. `say`
+    hears a line for each model tried.
 
     Raises GonioError for an unknown model, loss or weight, and for a table with too few readings for the model.
     """
@@ -69,11 +76,13 @@ def fit(
         )
     loss, sigma = _loss(loss, readings, relative_noise)
     if weight is not None:
-        if weight not in WEIGHTS:
-            raise GonioError(f"Unknown weight '{weight}'; {nearest(weight, WEIGHTS)}")
-        readings = dataclasses.replace(readings, measure=pair_measure(table.layout, readings.wi, readings.wo))
+        readings = dataclasses.replace(readings, measure=measure_of(weight, table.layout, readings.wi, readings.wo))
     read_seconds = time.perf_counter() - began
-    options = Options(loss, sigma, relative_noise, starts, seed, theta_max, weight, table.name)
+    robust = require_kind("tukey" if robust is True else robust) if robust else None
+    options = Options(
+        loss, sigma, relative_noise, starts, seed, theta_max, weight, table.name, robust, bootstrap, bootstrap_kind,
+        counted(table, readings), table.layout,
+    )  # fmt: skip
     results, refused = [], []
     for text, terms in zip(asked, parsed, strict=True):
         try:

@@ -6,12 +6,14 @@ import time
 import jax.numpy as jnp
 import numpy as np
 
+from gonio.data.layout import Layout
 from gonio.data.table import Channels
 from gonio.fitting.descents import Descent, agreeing, descend, distinct, ordered_lobes
 from gonio.fitting.domains import Domains
 from gonio.fitting.equations import Closing, Sums, closing
 from gonio.fitting.losses import floor_of, uses_cosine
 from gonio.fitting.result import FitResult
+from gonio.fitting.robust import SetAside, robustly
 from gonio.fitting.samples import Readings, blocked, coarse_cells, weights_of
 from gonio.fitting.solver import Problem, at_bounds, stationarity
 from gonio.fitting.starts import LinearSolver, guesses, random_shapes
@@ -39,6 +41,16 @@ class Options:
     theta_max: float | None
     weight: str | None
     table: str
+    robust: str | None = None
+    bootstrap: int = 0
+    bootstrap_kind: str = "residuals"
+    counts: dict = dataclasses.field(default_factory=dict)
+    layout: Layout | None = None
+
+    @property
+    def likelihood(self) -> bool:
+        """Whether the cost is the noise's own likelihood: weights by known noise, and by nothing else."""
+        return self.loss == "sigma" and self.weight is None and self.robust is None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,6 +71,9 @@ class Ending:
     starts: int
     agreed: int
     notes: list[str]
+    problem: Problem
+    weight: np.ndarray  # (n, C), of the residuals
+    aside: SetAside | None = None  # what a robust fit counts less
 
     @property
     def exact(self) -> bool:
@@ -136,6 +151,7 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
         return Problem(s, loss, fixed, d, data, jnp.asarray(size2))
 
     whole = problem(readings, weight)
+    aside = None
     if not s.size:
         last, agreed, number = None, 1, 1
         p = said
@@ -158,10 +174,13 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
         if options.relative_noise is not None:
             last, whole, weight = _reweighted(problem, d, readings, last, options, notes)
             p = last.p
+        if options.robust is not None:
+            last, whole, weight, aside = robustly(problem, d, readings, weight, cells, ends, last, options, notes)
+            p = last.p
         p = ordered_lobes(s, fixed, _snapped(d, p))
     if last is not None and not last.said_successful:
         notes.append("the solver stopped at its step limit")
-    return _closed(s, fixed, d, p, whole, readings, weight, (number, agreed), options, notes)
+    return _closed(s, fixed, d, p, whole, readings, weight, (number, agreed), options, notes, aside)
 
 
 def _starts(s, fixed, d, said, readings, loss, weight, floor, options: Options) -> list[np.ndarray]:
@@ -215,7 +234,9 @@ def _snapped(d: Domains, p: np.ndarray) -> np.ndarray:
     return np.where(low, d.low, np.where(high, d.high, p))
 
 
-def _closed(s, fixed, d, p, whole: Problem, readings: Readings, weight, counts, options: Options, notes) -> Ending:
+def _closed(
+    s, fixed, d, p, whole: Problem, readings: Readings, weight, counts, options: Options, notes, aside=None
+) -> Ending:
     done = _close(whole, p)
     n, channels = readings.f.shape
     f = np.asarray(done.f).reshape(-1, channels)[:n]
@@ -227,13 +248,16 @@ def _closed(s, fixed, d, p, whole: Problem, readings: Readings, weight, counts, 
         low, high = at_bounds(d, p, np)
         pinned = low | high
     matrix, scatter = total.matrix, np.asarray(done.scatter)
-    known = options.loss == "sigma"
+    known = options.likelihood
     if not known and s.size and readings.count <= s.size and not exact:
         notes.append("there are no more readings than free numbers: nothing is left to judge their uncertainty by")
         scatter = np.full_like(scatter, np.nan)
     spread = covariance(matrix, scatter, known, ~pinned & ~silent, p, readings.count)
+    if aside is not None:
+        spread = dataclasses.replace(spread, matrix=spread.matrix * aside.widening**2)
     used = weight[weight > 0]
     return Ending(
         s, fixed, d, p, f, total, spread, pinned, float(whole.size2),
         float(np.sum(np.log(used))) if known else 0.0, float(measure), *counts, notes,
+        whole, weight, aside,
     )  # fmt: skip
