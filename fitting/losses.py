@@ -12,6 +12,8 @@ Each residual is w·(T(f c) − T(y c)), where c is cosθi or 1 and w the weight
 import jax.numpy as jnp
 import numpy as np
 
+from gonio.fitting.cube_root import inverse_cube_root
+
 LOSSES = ("sigma", "linear", "cbrt", "log", "log1p")
 
 
@@ -24,8 +26,8 @@ def transform(loss: str, v, floor, xp=jnp):
     """(T(v), T'(v)) of a loss; shapes of v."""
     if loss == "cbrt":
         s = v * v + floor * floor
-        root = xp.cbrt(s)
-        return v / root, (s - (2.0 / 3.0) * v * v) / (s * root)
+        inverse = 1.0 / np.cbrt(s) if xp is np else inverse_cube_root(s)
+        return v * inverse, (1.0 - (2.0 / 3.0) * (v * v / s)) * inverse
     if loss in ("log", "log1p"):
         size = xp.abs(v)
         return xp.sign(v) * xp.log1p(size), 1.0 / (1.0 + size)
