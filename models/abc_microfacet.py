@@ -52,6 +52,10 @@ class ABCMicrofacet(AbstractBRDF):
         """The slope at which S begins to fall, at most 1: 1 − cosθ_h is half of its square."""
         return jnp.sqrt(2.0 / jnp.maximum(jnp.mean(self.b) * jnp.maximum(jnp.mean(self.c), 1.0), 2.0))
 
+    @property
+    def facet_widths(self):
+        return self.width, self.width
+
     def sample(self, wi, u1, u2):
         """wi mirrored in a facet of GGX slopes of the same width, which S of c = 2 has."""
         r = self.width * jnp.sqrt(u2 / (1.0 - u2))

@@ -53,6 +53,10 @@ class AshikhminShirley(AbstractBRDF):
         """The exponents by which directions are drawn: their mean where channels differ."""
         return tuple(jnp.mean(n) for n in self.exponents)
 
+    @property
+    def facet_widths(self):
+        return power_widths(*self.mean_exponents)
+
     def f(self, wi, wo):
         both, wi, wo = above(wi, wo)
         h, cos_d, sin2_h = half_angles(wi, wo)

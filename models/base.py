@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from gonio.models.cosine_map import cosine_pdf, cosine_sample
 from gonio.models.geometry import Direction
-from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.parameters import ParameterInfo, known_equal, parameter
 
 Scalar = Float[Array, ""]
 Channels = Float[Array, "*channel"]
@@ -39,8 +39,21 @@ class AbstractBRDF(eqx.Module):
 
     @property
     def isotropic(self) -> bool:
-        """Whether f depends on the azimuths only by their difference."""
-        return getattr(self, "alpha_x", None) is None and getattr(self, "n_x", None) is None
+        """Whether f is known to depend on the azimuths only by their difference; False where JAX traces the widths.
+
+        To take an isotropic surface for another costs evaluations; the converse would be an error.
+        """
+        return all(
+            known_equal(getattr(self, f"{name}_x", None), getattr(self, f"{name}_y", None)) for name in ("alpha", "n")
+        )
+
+    @property
+    def facet_widths(self) -> tuple[Scalar, Scalar] | None:
+        """The widths along x and y of the slopes of facets that make a lobe about the mirror direction, or None.
+
+        By these a coat maps the lobe of its base (see `gonio.models.coat_map`).
+        """
+        return None
 
     @abc.abstractmethod
     def f(self, wi: Direction, wo: Direction) -> Channels:
@@ -49,7 +62,8 @@ class AbstractBRDF(eqx.Module):
     def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         """The outgoing direction that an importance sampler draws from (u1, u2) uniform in [0, 1)².
 
-        It may fall below the horizon (f is 0 there). The default is the cosine-weighted hemisphere.
+        It may fall below the horizon (f is 0 there). The default is the cosine-weighted hemisphere; what has no
+        sampler at all raises NotImplementedError.
         """
         return cosine_sample(u1, u2)
 
@@ -108,8 +122,24 @@ class Scaled(AbstractBRDF):
         return tuple(Scaled(self.scale, part) for part in self.base.summands())
 
     @property
+    def accuracy(self):
+        return float(jnp.max(jnp.maximum(self.scale, 1.0))) * self.base.accuracy if self.base.accuracy else 0.0
+
+    @property
+    def breaks(self):
+        return self.base.breaks
+
+    @property
+    def loses(self):
+        return self.base.loses
+
+    @property
     def isotropic(self):
         return self.base.isotropic
+
+    @property
+    def facet_widths(self):
+        return self.base.facet_widths
 
 
 class Sum(AbstractBRDF):
@@ -139,8 +169,36 @@ class Sum(AbstractBRDF):
         return tuple(s for part in self.parts for s in part.summands())
 
     @property
+    def accuracy(self):
+        return sum(part.accuracy for part in self.parts)
+
+    @property
+    def breaks(self):
+        return {law: how for part in reversed(self.parts) for law, how in part.breaks.items()}
+
+    @property
     def isotropic(self):
         return all(part.isotropic for part in self.parts)
+
+
+class AbstractComposite(AbstractBRDF):
+    """A model of several terms, `summands`, which have a lobe map each: it is drawn and integrated term by term."""
+
+    @abc.abstractmethod
+    def summands(self):
+        """The terms that add up to the model."""
+
+    def f(self, wi, wo):
+        return Sum(self.summands()).f(wi, wo)
+
+    def sample(self, wi, u1, u2):
+        return Sum(self.summands()).sample(wi, u1, u2)
+
+    def pdf(self, wi, wo):
+        return Sum(self.summands()).pdf(wi, wo)
+
+    def lobe_map(self, wi, u1, u2):
+        return Sum(self.summands()).lobe_map(wi, u1, u2)
 
 
 def terms(brdf: AbstractBRDF) -> tuple[AbstractBRDF, ...]:

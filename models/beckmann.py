@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 from gonio.models import microfacet as mf
 from gonio.models import slopes
 from gonio.models.cosine_floor import lift, positive
+from gonio.models.gaussian_facets import LAST_SLOPE
 from gonio.models.geometry import dot, half_vector, reflect, scale
 from gonio.models.multiple_bounces import ENERGY, AbstractCompensated
 from gonio.models.parameters import parameter
@@ -15,7 +16,6 @@ UNSHADOWED = (
     'with smith="none" every facet is seen in full, and near grazing more of them than the surface has area: for '
     "α = 0.3 and F = 1 the albedo is 1.10 at 80° and 2.95 at 88°"
 )
-LAST_SLOPE = 6.5  # exp(-6.5²) = 4e-19: beyond it lies nothing that a double could add
 
 
 class Beckmann(AbstractCompensated):

@@ -25,6 +25,10 @@ class AbstractBlinnPhong(AbstractBRDF):
     def factor(self) -> Channels:
         """What multiplies the power, 1/sr."""
 
+    @property
+    def facet_widths(self):
+        return power_widths(jnp.mean(self.n), jnp.mean(self.n))
+
     def f(self, wi, wo):
         both, wi, wo = above(wi, wo)
         h, _, sin2_h = half_angles(wi, wo)

@@ -7,24 +7,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from gonio.models import albedo_table as tables
-from gonio.models import microfacet as mf
-from gonio.models.base import AbstractBRDF, Scalar, Scaled, Sum
+from gonio.models.base import AbstractBRDF, AbstractComposite, Scalar, Scaled
+from gonio.models.coat_map import coated_map, refracted
 from gonio.models.geometry import Direction
 from gonio.models.ggx import GGX
 from gonio.models.horizon import above
-from gonio.models.oren_nayar import rough_diffuser_map
 from gonio.models.parameters import ParameterInfo, parameter
-from gonio.models.phong import Phong
-from gonio.models.slope_map import facet_direction, slope_ray
 
 ALPHA = ParameterInfo(1e-4, 1.0, "1", "width of the coat's slope distribution", start=0.1, log=True)
 ETA = ParameterInfo(1.01, 4.0, "1", "refractive index of the coat", start=1.5, log=True)
-
-
-def refracted(w: Direction, eta: Scalar) -> Direction:
-    """The direction inside a medium of index η > 1 of a direction outside, both from the surface upwards."""
-    x, y = w.x / eta, w.y / eta
-    return Direction(x, y, jnp.sqrt((eta - 1.0) * (eta + 1.0) + w.z * w.z) / eta)
 
 
 class UnderCoat(AbstractBRDF):
@@ -73,39 +64,16 @@ class UnderCoat(AbstractBRDF):
         return self.base.pdf(refracted(wi, eta), inside) * rate
 
     def lobe_map(self, wi, u1, u2):
-        """That of the base, over the directions outside: a facet's lobe is as much wider as refraction makes it."""
-        base = self.base.base if isinstance(self.base, Scaled) else self.base
-        widths = _facet_widths(base)
-        if widths is not None:
-            inner = refracted(wi, self.index)
-            wider = self.index * inner.z / jnp.maximum(wi.z, 0.2)
-            widths = [jnp.minimum(a * wider, 1.0) for a in widths]
-            ray = slope_ray(wi, u1, *widths)
-            span = jnp.arcsinh(ray.horizon)
-            return facet_direction(wi, ray, jnp.sinh(span * u2), jnp.cosh(span * u2) * span, *widths)
-        if base.lobe:
-            inside, area = self.base.lobe_map(refracted(wi, self.index), u1, u2)
-            out2 = 1.0 - self.index**2 * (inside.x**2 + inside.y**2)
-            leaves = (inside.z > 0) & (out2 > 0)
-            z = jnp.sqrt(jnp.where(leaves, out2, 1.0))
-            rate = self.index**2 * inside.z / z
-            out = Direction(self.index * inside.x, self.index * inside.y, z)
-            return out, jnp.where(leaves, area * rate, 0.0)
-        return rough_diffuser_map(wi, u1, u2)
+        """That of the base, over the directions outside; coats over one another refract as one."""
+        base, eta = self.base, self.index
+        while isinstance(base, Scaled | UnderCoat):
+            eta = eta * base.index if isinstance(base, UnderCoat) else eta
+            base = base.base
+        return coated_map(base, eta, wi, u1, u2)
 
     @property
     def isotropic(self):
         return self.base.isotropic
-
-
-def _facet_widths(base: AbstractBRDF) -> tuple[Scalar, Scalar] | None:
-    # The widths of the slopes, outside, that a lobe about the mirror direction takes; None for other models.
-    if isinstance(base, mf.AbstractMicrofacet):
-        return base.mean_widths
-    if isinstance(base, Phong):
-        alpha = jnp.sqrt(1.0 / (base.mean_n + 2.0))
-        return alpha, alpha
-    return None
 
 
 def _trapped_below(eta: Scalar) -> Scalar:
@@ -113,7 +81,7 @@ def _trapped_below(eta: Scalar) -> Scalar:
     return jnp.sqrt((eta - 1.0) * (eta + 1.0)) / eta
 
 
-class Coat(AbstractBRDF):
+class Coat(AbstractComposite):
     """f = f_coat + T(μi) T(μo) f_base(i′, o′)/η²: a dielectric GGX interface over a base [Weidlich & Wilkie 2007].
 
     i′ and o′ are refracted by Snell's law at the mean surface; T(μ) = 1 − E(μ) with E the albedo of the coat alone, by
@@ -132,7 +100,11 @@ class Coat(AbstractBRDF):
 
     @property
     def accuracy(self):
-        return 1e-7
+        return 1e-7 + self.base.accuracy
+
+    @property
+    def breaks(self):
+        return self.base.breaks
 
     def summands(self):
         under = tuple(UnderCoat(part, self.alpha, self.eta) for part in self.base.summands())
@@ -140,15 +112,6 @@ class Coat(AbstractBRDF):
 
     def f(self, wi, wo):
         return GGX(alpha=self.alpha, eta=self.eta).f(wi, wo) + UnderCoat(self.base, self.alpha, self.eta).f(wi, wo)
-
-    def sample(self, wi, u1, u2):
-        return Sum(self.summands()).sample(wi, u1, u2)
-
-    def pdf(self, wi, wo):
-        return Sum(self.summands()).pdf(wi, wo)
-
-    def lobe_map(self, wi, u1, u2):
-        return Sum(self.summands()).lobe_map(wi, u1, u2)
 
     @property
     def isotropic(self):

@@ -8,21 +8,19 @@ from jaxtyping import Array, Float
 
 from gonio.models import microfacet as mf
 from gonio.models import slopes
-from gonio.models.base import AbstractBRDF
 from gonio.models.cosine_floor import positive
 from gonio.models.fresnel import fresnel
-from gonio.models.geometry import reflect
-from gonio.models.half_vector import half_angles, mirrored_pdf
+from gonio.models.gaussian_facets import LAST_SLOPE, AbstractGaussianFacets
+from gonio.models.half_vector import half_angles
 from gonio.models.horizon import above
 from gonio.models.parameters import parameter
 from gonio.models.radial_laws import linear_law
 from gonio.models.v_cavity import v_cavity_map, v_cavity_visibility
 
 ALPHA = dataclasses.replace(mf.ALPHA, high=3.0)  # published fits go to 2.1
-LAST_SLOPE = 6.5  # exp(-6.5²) = 4e-19: beyond it lies nothing that a double could add
 
 
-class AbstractCookTorrance(AbstractBRDF):
+class AbstractCookTorrance(AbstractGaussianFacets):
     """A constant that the final class gives, times F D G/(cosθi cosθo): Beckmann's D, the G of V-cavities."""
 
     lobe = True
@@ -35,13 +33,10 @@ class AbstractCookTorrance(AbstractBRDF):
         reflected = fresnel(positive(half.cos_d), self.f0, self.eta, self.k)
         return jnp.where(both, self.factor * reflected * density * v_cavity_visibility(wi, wo, half), 0.0)
 
-    def sample(self, wi, u1, u2):
+    @property
+    def mean_widths(self):
         alpha = jnp.mean(self.alpha)
-        return reflect(wi, slopes.beckmann_normal(alpha, alpha, u1, u2))
-
-    def pdf(self, wi, wo):
-        alpha = jnp.mean(self.alpha)
-        return mirrored_pdf(lambda m: slopes.beckmann_d(m, alpha, alpha) * m.z, wi, wo)
+        return alpha, alpha
 
     def lobe_map(self, wi, u1, u2):
         """Polar coordinates of the facet's slope, cut at the kinks of G."""

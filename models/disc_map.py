@@ -105,14 +105,16 @@ class AbstractDiscLobe(AbstractBRDF):
     def core(self, wi: Direction) -> tuple[Scalar, Scalar]:
         """(w, c): the width of the core in direction cosines, above 0, and half of the tail's exponent."""
 
-    def _drawn_core(self, wi: Direction) -> tuple[Scalar, Scalar]:
-        # Of the channels' widths the least: beyond a core the map resolves everything, inside it nothing.
+    def drawn_core(self, wi: Direction) -> tuple[Scalar, Scalar]:
+        """`core` without channels: the least width, as beyond a core the map resolves everything, inside it nothing."""
         width, fall = self.core(wi)
         return jnp.clip(jnp.min(width), 1e-8, 10.0), jnp.mean(fall)
 
     def lobe_map(self, wi, u1, u2):
-        """Polar coordinates of the unit disc about the mirror direction, out to the rim."""
-        width, _ = self._drawn_core(wi)
+        return self.disc_map(wi, u1, u2, self.drawn_core(wi)[0])
+
+    def disc_map(self, wi: Direction, u1: Scalar, u2: Scalar, width: Scalar) -> tuple[Direction, Scalar]:
+        """Polar coordinates of the unit disc about the mirror direction, out to the rim, for a core of this width."""
         ray = disc_ray(wi, u1)
         x_max = jnp.arcsinh(jnp.minimum(ray.rim / width, self.reach))
         x = x_max * u2 * (2.0 - u2)
@@ -121,7 +123,7 @@ class AbstractDiscLobe(AbstractBRDF):
         return wo, disc_jacobian(wo, rho, width * jnp.cosh(x) * (2.0 * x_max * (1.0 - u2)), ray)
 
     def sample(self, wi, u1, u2):
-        width, fall = self._drawn_core(wi)
+        width, fall = self.drawn_core(wi)
         ray = uniform_ray(wi, u1)
         log_max = jnp.log1p((ray.rim / width) ** 2)
         y = (1.0 - fall) * log_max
@@ -133,7 +135,7 @@ class AbstractDiscLobe(AbstractBRDF):
         return disc_direction(wi, ray, jnp.minimum(rho, ray.rim))
 
     def pdf(self, wi, wo):
-        width, fall = self._drawn_core(wi)
+        width, fall = self.drawn_core(wi)
         log_max = jnp.log1p((rim_towards(wi, wo) / width) ** 2)
         whole = jnp.maximum(log_max * _exp_ratio((1.0 - fall) * log_max), 1e-30)
         shape = jnp.exp(-fall * jnp.log1p(projected_distance2(wi, wo) / width**2))

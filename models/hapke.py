@@ -6,8 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from gonio.models.back_map import hot_spot_map
-from gonio.models.base import AbstractBRDF, Channels
+from gonio.models.back_map import AbstractHotSpot
+from gonio.models.base import Channels
 from gonio.models.chandrasekhar_h import absorption_root, h_isotropic
 from gonio.models.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
@@ -20,7 +20,7 @@ SURGE = ParameterInfo(0.0, 1.0, "1", "height of the opposition surge", start=0.5
 SURGE_WIDTH = ParameterInfo(1e-4, 10.0, "1", "width of the opposition surge, in tan(g/2)", start=0.1, log=True)
 
 
-class Hapke(AbstractBRDF):
+class Hapke(AbstractHotSpot):
     """f = w/(4π (μi + μo)) ((1 + B(g)) P(g) + H(μi) H(μo) − 1): a regolith [Hapke 1981; 1986 for B].
 
     g is the phase angle, B = b0/(1 + tan(g/2)/h), and P the two-term Henyey-Greenstein function (1+c)/2 · (1−b²)/(1 −
@@ -62,7 +62,7 @@ class Hapke(AbstractBRDF):
         grazing = jnp.log1p(mu) - jnp.log(mu)
         return 1.0 / (1.0 - self.w * mu * (r0 + (0.5 - r0 * mu) * grazing))
 
-    def lobe_map(self, wi, u1, u2):
+    def hot_spot(self, wi):
         peak = 1.0 - jnp.max(self.b)
         near = jnp.minimum(jnp.min(self.h), jnp.minimum(peak, wi.z))
-        return hot_spot_map(wi, u1, u2, jnp.maximum(near, 1e-8), jnp.clip(wi.z, 1e-8, peak))
+        return jnp.maximum(near, 1e-8), jnp.clip(wi.z, 1e-8, peak)

@@ -7,20 +7,20 @@ from jaxtyping import Array, Float
 from gonio.models import albedo_table as tables
 from gonio.models import microfacet as mf
 from gonio.models import slopes
-from gonio.models.base import AbstractBRDF, Sum
+from gonio.models.base import AbstractBRDF, AbstractComposite
 from gonio.models.fresnel import fresnel_schlick1994
-from gonio.models.geometry import Direction, reflect
-from gonio.models.half_vector import half_angles, mirrored_pdf
+from gonio.models.gaussian_facets import LAST_SLOPE, AbstractGaussianFacets
+from gonio.models.geometry import Direction
+from gonio.models.half_vector import half_angles
 from gonio.models.horizon import above
 from gonio.models.multiple_bounces import cosine_layer_map
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.slope_map import facet_direction, slope_ray
 
 RHO = ParameterInfo(0.0, 1.0, "1", "albedo of the matte part", start=0.5, per_channel=True)
-LAST_SLOPE = 6.5  # exp(-6.5²) = 4e-19: beyond it lies nothing that a double could add
 
 
-class KelemenLobe(AbstractBRDF):
+class KelemenLobe(AbstractGaussianFacets):
     """f = F D/|i + o|² with Beckmann's D and Schlick's F [Kelemen & Szirmay-Kalos 2001]."""
 
     alpha: Float[Array, "*channel"]
@@ -38,20 +38,17 @@ class KelemenLobe(AbstractBRDF):
             both, 0.25 * fresnel_schlick1994(cos_d, self.f0) * density / jnp.maximum(cos_d, floor) ** 2, 0.0
         )
 
-    def sample(self, wi, u1, u2):
+    @property
+    def mean_widths(self):
         alpha = jnp.mean(self.alpha)
-        return reflect(wi, slopes.beckmann_normal(alpha, alpha, u1, u2))
-
-    def pdf(self, wi, wo):
-        alpha = jnp.mean(self.alpha)
-        return mirrored_pdf(lambda m: slopes.beckmann_d(m, alpha, alpha) * m.z, wi, wo)
+        return alpha, alpha
 
     def lobe_map(self, wi, u1, u2):
         """Polar coordinates of the facet's slope, out to the horizon's or to the last slope that matters."""
-        alpha = jnp.mean(self.alpha)
-        ray = slope_ray(wi, u1, alpha, alpha)
+        widths = self.mean_widths
+        ray = slope_ray(wi, u1, *widths)
         last = jnp.minimum(ray.horizon, LAST_SLOPE)
-        return facet_direction(wi, ray, last * u2, last, alpha, alpha)
+        return facet_direction(wi, ray, last * u2, last, *widths)
 
 
 class KelemenMatte(AbstractBRDF):
@@ -80,7 +77,7 @@ class KelemenMatte(AbstractBRDF):
         return cosine_layer_map(tables.KINDS["kelemen_white"].cosines, jnp.mean(self.alpha), wi, u1, u2)
 
 
-class Kelemen(AbstractBRDF):
+class Kelemen(AbstractComposite):
     """f = F D/|i + o|² + ρ (1 − E(μi))(1 − E(μo))/(π(1 − E_avg)) [Kelemen & Szirmay-Kalos 2001], |i + o| = 2 cosθ_d.
 
     Beckmann's D, Schlick's F; E is the albedo of the first term: what it does not reflect falls on the matte part, so
@@ -97,15 +94,3 @@ class Kelemen(AbstractBRDF):
     @property
     def accuracy(self):
         return 4e-7
-
-    def f(self, wi, wo):
-        return Sum(self.summands()).f(wi, wo)
-
-    def sample(self, wi, u1, u2):
-        return Sum(self.summands()).sample(wi, u1, u2)
-
-    def pdf(self, wi, wo):
-        return Sum(self.summands()).pdf(wi, wo)
-
-    def lobe_map(self, wi, u1, u2):
-        return Sum(self.summands()).lobe_map(wi, u1, u2)

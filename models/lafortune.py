@@ -3,14 +3,12 @@
 from typing import ClassVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from gonio.models.base import AbstractBRDF
 from gonio.models.geometry import Direction, normalize
-from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.parameters import ParameterInfo, known_equal, parameter
 from gonio.models.phong import Phong
 
 C_X = ParameterInfo(-2.0, 2.0, "1", "weight of wi.x wo.x: negative mirrors, positive sends back", start=-0.6)
@@ -37,10 +35,8 @@ class Lafortune(AbstractBRDF):
     norm: str = eqx.field(static=True, default="lafortune", metadata={"choices": ("lafortune", "ngan")})
 
     @property
-    def isotropic(self) -> bool:
-        """Whether c_x = c_y: a question to the values, so no where JAX traces them."""
-        traced = any(isinstance(c, jax.core.Tracer) for c in (self.c_x, self.c_y))
-        return not traced and bool(np.all(np.asarray(self.c_x) == np.asarray(self.c_y)))
+    def isotropic(self):
+        return known_equal(self.c_x, self.c_y)
 
     def f(self, wi, wo):
         sizes = [jnp.where(c < 0, -c, c) for c in (self.c_x, self.c_y, self.c_z)]

@@ -4,13 +4,14 @@ import abc
 
 import jax.numpy as jnp
 
-from gonio.models.base import AbstractBRDF, Scalar
+from gonio.models.base import Scalar
 from gonio.models.fresnel import fresnel
 from gonio.models.geometry import Direction
 from gonio.models.half_vector import half_angles
 from gonio.models.horizon import above
 from gonio.models.parameters import ParameterInfo
 from gonio.models.slope_map import facet_direction, slope_ray
+from gonio.models.widths import AbstractWidths
 
 ALPHA = ParameterInfo(1e-4, 1.0, "1", "width of the slope distribution", start=0.3, log=True)
 ALPHA_X = ParameterInfo(1e-4, 1.0, "1", "width of the slope distribution along x", start=0.2, log=True)
@@ -20,7 +21,7 @@ ETA = ParameterInfo(0.01, 20.0, "1", "refractive index, relative to the outside 
 K = ParameterInfo(0.0, 50.0, "1", "extinction coefficient (exact Fresnel, with eta)", start=3.0)
 
 
-class AbstractMicrofacet(AbstractBRDF):
+class AbstractMicrofacet(AbstractWidths):
     """The microfacet formula over a slope distribution that the final class names.
 
     A final class has the fields `alpha` or `alpha_x` and `alpha_y`; `f0` or `eta` (and `k`) or none of them, which
@@ -40,16 +41,6 @@ class AbstractMicrofacet(AbstractBRDF):
     @abc.abstractmethod
     def slope_radius(self, u2: Scalar, horizon: Scalar) -> tuple[Scalar, Scalar]:
         """A slope, in units of the width, in [0, horizon] from u2 in [0, 1], and its derivative by u2."""
-
-    @property
-    def widths(self) -> tuple[Scalar, Scalar]:
-        """(alpha_x, alpha_y); twice alpha where the surface is isotropic."""
-        return (self.alpha, self.alpha) if self.alpha_x is None else (self.alpha_x, self.alpha_y)
-
-    @property
-    def mean_widths(self) -> tuple[Scalar, Scalar]:
-        """The widths by which directions are drawn: their mean where channels differ, as geometry has no channels."""
-        return tuple(jnp.mean(w) for w in self.widths)
 
     def f(self, wi, wo):
         both, wi, wo = above(wi, wo)

@@ -36,6 +36,11 @@ class Phong(AbstractBRDF):
         """The exponent by which directions are drawn: the mean where channels differ."""
         return jnp.mean(self.n)
 
+    @property
+    def facet_widths(self):
+        alpha = jnp.sqrt(1.0 / (self.mean_n + 2.0))
+        return alpha, alpha
+
     def sample(self, wi, u1, u2):
         """cosβ = (1 − u2)^(1/(n+1)) about the mirror direction, azimuth 2πu1 [Lafortune & Willems 1994]."""
         log_cos = jnp.log1p(-u2) / (self.mean_n + 1.0)

@@ -3,17 +3,16 @@
 from typing import ClassVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from gonio.models.base import AbstractBRDF, Sum
+from gonio.models.base import AbstractBRDF, AbstractComposite
 from gonio.models.fresnel import fresnel_dielectric
 from gonio.models.geometry import Direction, reflect
 from gonio.models.half_vector import half_angles, mirrored_pdf
 from gonio.models.horizon import above
 from gonio.models.oren_nayar import rough_diffuser_map
-from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.parameters import ParameterInfo, known_equal, parameter
 from gonio.models.slope_map import facet_direction, slope_ray
 from gonio.models.slopes import ggx_d, ggx_masked_cosine, ggx_visible_normal
 
@@ -88,8 +87,12 @@ class PrincipledTerm(AbstractBRDF):
     def isotropic(self):
         return self.whole.isotropic
 
+    @property
+    def facet_widths(self):
+        return None if self.term == "diffuse" else self._widths
 
-class Principled(AbstractBRDF):
+
+class Principled(AbstractComposite):
     """f = (1 − metallic)(diffuse + sheen) + F D G/(4 cosθi cosθo) + clearcoat/4 · F D₁ G/(4 ...) [Burley 2012].
 
     As Burley's code defines it (wdas/brdf, disney.brdf), but for `base_color`, which is linear here: there it is raised
@@ -183,15 +186,6 @@ class Principled(AbstractBRDF):
         both, wi, wo = above(wi, wo)
         return jnp.where(both, self._diffuse(wi, wo) + self._specular(wi, wo) + self._clearcoat(wi, wo), 0.0)
 
-    def sample(self, wi, u1, u2):
-        return Sum(self.summands()).sample(wi, u1, u2)
-
-    def pdf(self, wi, wo):
-        return Sum(self.summands()).pdf(wi, wo)
-
-    def lobe_map(self, wi, u1, u2):
-        return Sum(self.summands()).lobe_map(wi, u1, u2)
-
     @property
     def isotropic(self):
-        return not isinstance(self.anisotropic, jax.core.Tracer) and bool(jnp.all(self.anisotropic == 0))
+        return known_equal(self.anisotropic, 0.0)

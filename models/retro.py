@@ -28,21 +28,23 @@ class Retro(AbstractBRDF):
     smith: str = eqx.field(static=True, default="correlated", metadata={"choices": ("correlated", "separable")})
 
     @property
-    def _surface(self) -> GGX:
+    def surface(self) -> GGX:
+        """The facets that would mirror light from the mirror image of `wi` in the normal."""
         return GGX(self.alpha, self.alpha_x, self.alpha_y, self.f0, self.eta, self.k, self.smith)
 
     def f(self, wi, wo):
-        return self._surface.f(_mirrored(wi), wo)
+        return self.surface.f(mirrored(wi), wo)
 
     def sample(self, wi, u1, u2):
-        return self._surface.sample(_mirrored(wi), u1, u2)
+        return self.surface.sample(mirrored(wi), u1, u2)
 
     def pdf(self, wi, wo):
-        return self._surface.pdf(_mirrored(wi), wo)
+        return self.surface.pdf(mirrored(wi), wo)
 
     def lobe_map(self, wi, u1, u2):
-        return self._surface.lobe_map(_mirrored(wi), u1, u2)
+        return self.surface.lobe_map(mirrored(wi), u1, u2)
 
 
-def _mirrored(w: Direction) -> Direction:
+def mirrored(w: Direction) -> Direction:
+    """The mirror image of a direction in the normal."""
     return Direction(-w.x, -w.y, w.z)

@@ -5,8 +5,8 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from gonio.models.back_map import hot_spot_map
-from gonio.models.base import AbstractBRDF, Channels
+from gonio.models.back_map import AbstractHotSpot
+from gonio.models.base import Channels
 from gonio.models.cosine_floor import positive
 from gonio.models.geometry import Direction, norm
 from gonio.models.horizon import above
@@ -19,7 +19,7 @@ ASYMMETRY = ParameterInfo(-0.95, 0.95, "1", "asymmetry: below 0 scatters backwar
 HOT_SPOT = ParameterInfo(0.0, 1.0, "1", "hot spot: 1 has none, 0 the highest", start=0.5, per_channel=True)
 
 
-class RPV(AbstractBRDF):
+class RPV(AbstractHotSpot):
     """f = ρ0/π (μi μo (μi + μo))^(k−1) F(g) (1 + (1−ρc)/(1+G)): land surfaces [Rahman, Pinty & Verstraete 1993].
 
     F = (1−Θ²)/(1 + 2Θ cos g + Θ²)^1.5, g the phase angle; G² = tan²θi + tan²θo − 2 tanθi tanθo cosφ. The bidirectional
@@ -44,11 +44,10 @@ class RPV(AbstractBRDF):
         spot = 1.0 + (1.0 - self.rho_c) * _closeness(wi, mu_i, wo, mu_o)
         return jnp.where(both, self.rho0 / jnp.pi * bowl * _asymmetric(wi, wo, self.theta) * spot, 0.0)
 
-    def lobe_map(self, wi, u1, u2):
-        """About wi: at grazing the hot spot is as wide as μ² there."""
+    def hot_spot(self, wi):
+        """At grazing it is as wide as μ²."""
         peak = 1.0 - jnp.max(jnp.abs(self.theta))
-        near, far = (jnp.clip(scale, 1e-8, peak) for scale in (wi.z**2, wi.z))
-        return hot_spot_map(wi, u1, u2, near, far)
+        return jnp.clip(wi.z**2, 1e-8, peak), jnp.clip(wi.z, 1e-8, peak)
 
 
 def _asymmetric(wi: Direction, wo: Direction, theta):

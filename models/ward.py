@@ -7,19 +7,18 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from gonio.models import microfacet as mf
-from gonio.models import slopes
-from gonio.models.base import AbstractBRDF, Scalar
+from gonio.models.base import Scalar
 from gonio.models.cosine_floor import positive
-from gonio.models.geometry import Direction, reflect
-from gonio.models.half_vector import half_angles, mirrored_pdf
+from gonio.models.gaussian_facets import LAST_SLOPE, AbstractGaussianFacets
+from gonio.models.geometry import Direction
+from gonio.models.half_vector import half_angles
 from gonio.models.horizon import above
 from gonio.models.parameters import parameter
 from gonio.models.slope_map import facet_direction, slope_ray
+from gonio.models.widths import AbstractWidths
 
-LAST_SLOPE = 6.5  # exp(-6.5²) = 4e-19: beyond it lies nothing that a double could add
 
-
-class AbstractWard(AbstractBRDF):
+class AbstractWard(AbstractWidths, AbstractGaussianFacets):
     """exp(−tan²θ_h (cos²φ_h/α_x² + sin²φ_h/α_y²))/(4πα_xα_y), times a factor that the final class gives."""
 
     lobe = True
@@ -27,16 +26,6 @@ class AbstractWard(AbstractBRDF):
     @abc.abstractmethod
     def factor(self, wi: Direction, wo: Direction, cos_h: Scalar) -> Scalar:
         """What multiplies the Gaussian: 1 at normal incidence and exitance."""
-
-    @property
-    def widths(self) -> tuple[Scalar, Scalar]:
-        """(alpha_x, alpha_y); twice alpha where the surface is isotropic."""
-        return (self.alpha, self.alpha) if self.alpha_x is None else (self.alpha_x, self.alpha_y)
-
-    @property
-    def mean_widths(self) -> tuple[Scalar, Scalar]:
-        """The widths by which directions are drawn: their mean where channels differ."""
-        return tuple(jnp.mean(w) for w in self.widths)
 
     def f(self, wi, wo):
         both, wi, wo = above(wi, wo)
@@ -49,13 +38,6 @@ class AbstractWard(AbstractBRDF):
         wi, wo = (Direction(w.x, w.y, jnp.where(live, w.z, 1.0)) for w in (wi, wo))
         value = jnp.exp(-tan2) / (4 * jnp.pi * alpha_x * alpha_y) * self.factor(wi, wo, cos_h)
         return jnp.where(live, value, 0.0)
-
-    def sample(self, wi, u1, u2):
-        """wi mirrored in a facet with Gaussian slopes [Ward 1992]."""
-        return reflect(wi, slopes.beckmann_normal(*self.mean_widths, u1, u2))
-
-    def pdf(self, wi, wo):
-        return mirrored_pdf(lambda m: slopes.beckmann_d(m, *self.mean_widths) * m.z, wi, wo)
 
     def lobe_map(self, wi, u1, u2):
         """Polar coordinates of the facet's slope; s = last · u2(2 − u2), as √cosθo is not smooth at the horizon."""

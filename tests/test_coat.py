@@ -10,11 +10,13 @@ import pytest
 
 from gonio.models import albedo_table
 from gonio.models.beckmann import Beckmann
+from gonio.models.building import build
 from gonio.models.coat import Coat, UnderCoat, refracted
 from gonio.models.evaluate import evaluate
 from gonio.models.fresnel_average import fresnel_average
 from gonio.models.geometry import Direction
 from gonio.models.ggx import GGX
+from gonio.models.kelemen import KelemenLobe
 from gonio.models.lambert import Lambert
 from gonio.models.phong import Phong
 from gonio.models.quadrature import directional_albedo
@@ -53,6 +55,27 @@ def test_conserves_what_its_base_conserves(base):
     for alpha, eta in ((1e-4, 1.01), (0.1, 1.5), (1.0, 3.0)):
         albedo = directional_albedo(Coat(base, alpha=alpha, eta=eta), THETA, tolerance=1e-7)
         assert np.all(albedo.value + albedo.bound < 1) and albedo.bound.max() < 1e-6
+
+
+NARROW = {
+    "kelemen": KelemenLobe(jnp.asarray(0.001), jnp.asarray(1.0)),
+    "metal": build("principled(base_color=1, metallic=1, roughness=0.03)").summands()[1],
+    "retro": build("retro(alpha=0.001)"),
+    "polished": build(f"harvey_shack(b0={1e8 / np.pi}, l=0.0001, s=-4)"),
+    "below another coat": UnderCoat(GGX(alpha=0.001), jnp.asarray(0.0001), jnp.asarray(1.01)),
+}
+"""Lobes too narrow to be met by chance, which reflect everything."""
+
+
+@pytest.mark.parametrize("name", NARROW)
+def test_a_narrow_lobe_below_is_not_stepped_over(name):
+    """A mirror below sends T² back through the coat, whatever law makes it narrow."""
+    theta = np.radians([0.0, 45.0])
+    passed = 1 - directional_albedo(GGX(alpha=0.1, eta=1.5), theta, tolerance=1e-4).value
+    below = UnderCoat(NARROW[name], jnp.asarray(0.1), jnp.asarray(1.5))
+    albedo = directional_albedo(below, theta, tolerance=1e-4)
+    np.testing.assert_allclose(albedo.value, passed**2, atol=2e-3)
+    assert albedo.bound.max() < 1e-3
 
 
 def test_what_leaves_through_a_smooth_coat():
