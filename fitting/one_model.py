@@ -19,7 +19,7 @@ from gonio.fitting.solver import Problem, at_bounds, stationarity
 from gonio.fitting.starts import LinearSolver, guesses, random_shapes
 from gonio.fitting.statement import state
 from gonio.fitting.structure import Structure, domains_of, labels, structure_of
-from gonio.fitting.uncertainty import Covariance, covariance
+from gonio.fitting.uncertainty import Covariance, beyond_bound, covariance
 from gonio.models.errors import GonioError
 from gonio.models.paths import changed, last, numbers
 from gonio.models.spelling import Term, Value
@@ -73,6 +73,7 @@ class Ending:
     notes: list[str]
     problem: Problem
     weight: np.ndarray  # (n, C), of the residuals
+    reach: np.ndarray  # (P,) how far inside its bound a pinned number may lie, with 95 % confidence
     aside: SetAside | None = None  # what a robust fit counts less
 
     @property
@@ -252,12 +253,19 @@ def _closed(
     if not known and s.size and readings.count <= s.size and not exact:
         notes.append("there are no more readings than free numbers: nothing is left to judge their uncertainty by")
         scatter = np.full_like(scatter, np.nan)
-    spread = covariance(matrix, scatter, known, ~pinned & ~silent, p, readings.count)
+    spread = covariance(matrix, scatter, known, ~pinned & ~silent, d, p, readings.count)
     if aside is not None:
-        spread = dataclasses.replace(spread, matrix=spread.matrix * aside.widening**2)
+        spread = spread.scaled(aside.widening**2, d, p)
     used = weight[weight > 0]
+    reach = np.full(p.size, np.nan)
+    for k in np.flatnonzero(pinned & ~silent):
+        free = ~pinned & ~silent
+        others = np.flatnonzero(free)
+        free[k] = True
+        around = covariance(matrix, scatter, known, free, d, p, readings.count).matrix
+        reach[k] = beyond_bound(matrix, np.asarray(total.gradient), around, k, others)
     return Ending(
         s, fixed, d, p, f, total, spread, pinned, float(whole.size2),
         float(np.sum(np.log(used))) if known else 0.0, float(measure), *counts, notes,
-        whole, weight, aside,
+        whole, weight, reach, aside,
     )  # fmt: skip

@@ -5,11 +5,13 @@ import dataclasses
 import numpy as np
 
 from gonio.data.table import Channels
+from gonio.fitting.combinations import in_words
 from gonio.fitting.metrics import metrics
 from gonio.fitting.result import FitResult, ParameterEstimate
 from gonio.fitting.samples import Readings
-from gonio.fitting.structure import domains_of, label, labels
-from gonio.fitting.uncertainty import NORMAL_95, covers_domain, in_words
+from gonio.fitting.separating import advice
+from gonio.fitting.structure import count, domains_of, label, labels
+from gonio.fitting.uncertainty import NORMAL_95
 from gonio.models.building import build, spell
 from gonio.models.paths import FACTOR, changed, last, numbers
 from gonio.models.spelling import Term, Value
@@ -34,9 +36,14 @@ def state(
         deviations = np.sqrt(np.diagonal(matrix))
         correlation = matrix / np.outer(deviations, deviations)
     undetermined, at, size = [], 0, len(names)
-    for e in endings:
+    for c, e in enumerate(endings):
         mine = names[at : at + e.structure.size]
-        undetermined += [in_words(value, change, mine) for value, change in e.covariance.combinations]
+        seen = readings.channel(c) if len(endings) > 1 else readings
+        linear = np.array([g.linear for g in e.structure.groups for _ in range(count(e.structure, g))], bool)
+        undetermined += [
+            f"{in_words(variance, change, e.p, mine, linear)}; {advice(e, k, seen)}"
+            for k, (variance, change) in enumerate(e.covariance.combinations)
+        ]
         silent = np.flatnonzero(e.covariance.undetermined & (np.diagonal(np.asarray(e.total.matrix)) <= 0))
         undetermined += [f"{mine[k]} does not change the residuals at all" for k in silent]
         at += e.structure.size
@@ -59,14 +66,14 @@ def state(
 
 def _widened(endings, readings: Readings, options):
     """Where residuals exceed the known noise, uncertainties grow by Birge's ratio √χ²ᵣ [Birge 1932], and it is said."""
-    if options.loss != "sigma":
+    if not options.likelihood:
         return endings, []
     freedom = readings.count - sum(e.structure.size for e in endings)
     chi2 = 2.0 * sum(float(e.total.cost) for e in endings) / max(freedom, 1)
     if chi2 <= 1.0 + 5.0 * np.sqrt(2.0 / max(freedom, 1)):
         return endings, []
     grown = [
-        dataclasses.replace(e, covariance=dataclasses.replace(e.covariance, matrix=e.covariance.matrix * chi2))
+        dataclasses.replace(e, covariance=e.covariance.scaled(chi2, e.domains, e.p), reach=e.reach * np.sqrt(chi2))
         for e in endings
     ]
     return grown, [
@@ -108,13 +115,15 @@ def _estimates(e, channels: Channels, of_channel: str | None) -> list[ParameterE
         if e.pinned[k]:
             status = "at lower bound" if value - low <= high - value else "at upper bound"
         else:
-            lost = e.covariance.undetermined[k] or not np.isfinite(u) or covers_domain(d, k, value, u)
+            lost = e.covariance.undetermined[k] or not np.isfinite(u)
             status = "undetermined" if lost else "determined"
         interval = (
             (max(low, value - NORMAL_95 * u), min(high, value + NORMAL_95 * u)) if np.isfinite(u) else (low, high)
         )
         if e.pinned[k]:
-            interval = (value, value)
+            inside = e.reach[k] if np.isfinite(e.reach[k]) else high - low
+            lower = status == "at lower bound"
+            interval = (value, min(high, value + inside)) if lower else (max(low, value - inside), value)
         channel = of_channel or (None if c is None else channels.names[c])
         found.append(ParameterEstimate(name, channel, value, u, interval, status, infos[k].unit, low, high))
     return found

@@ -1,6 +1,7 @@
 """What the data say of each free number: covariance, intervals, what they leave open."""
 
 import dataclasses
+from statistics import NormalDist
 
 import numpy as np
 
@@ -8,14 +9,17 @@ from gonio.fitting.domains import LINEAR, LOG, Domains
 
 NORMAL_95 = 1.959963984540054
 LOST = 1e-13  # eigenvalue of the scaled normal matrix below which double precision sees a combination as free
-WEAK = 1e-5  # below which a combination is named: its uncertainty is 300 times that of its members known apart
+FACTOR_OPEN = 2.0  # a number is open where its 95 % interval spans its domain, or a factor of e to this power
+LED = 0.9  # share of a number's variance that comes from an open combination, from which on it is open with it
 
 
 @dataclasses.dataclass(frozen=True)
 class Covariance:
-    """Covariance (P, P) of the free numbers: NaN rows for what is pinned or undetermined.
+    """Covariance (P, P) of the free numbers: NaN rows for what is pinned, or what double precision cannot see.
 
-    `combinations` are (eigenvalue, vector (P,) of relative changes that leave the residuals as they are).
+    `undetermined` (P,): numbers that the data leave open. `combinations` are (variance, change (P,)): a change of the
+    numbers that is as large as what counts as open, and its variance in units of that change's square: at least 1, and
+    infinite where double precision sees no effect of it at all.
     """
 
     matrix: np.ndarray
@@ -33,9 +37,21 @@ class Covariance:
         with np.errstate(invalid="ignore"):
             return self.matrix / np.outer(self.standard, self.standard)
 
+    def scaled(self, variance: float, d: Domains, p: np.ndarray) -> "Covariance":
+        """The same with all variances multiplied, and judged again."""
+        lost = [(v, change) for v, change in self.combinations if not np.isfinite(v)]
+        unseen = self.undetermined & np.isnan(np.diagonal(self.matrix))
+        return judged(self.matrix * variance, unseen, lost, d, p)
+
 
 def covariance(
-    matrix: np.ndarray, scatter: np.ndarray, known_noise: bool, open_numbers: np.ndarray, p: np.ndarray, residuals: int
+    matrix: np.ndarray,
+    scatter: np.ndarray,
+    known_noise: bool,
+    open_numbers: np.ndarray,
+    d: Domains,
+    p: np.ndarray,
+    residuals: int,
 ) -> Covariance:
     """Covariance of the numbers that are `open_numbers` (not pinned to a bound, not silent).
 
@@ -44,10 +60,10 @@ def covariance(
     """
     size = p.size
     full = np.full((size, size), np.nan)
-    undetermined = ~np.asarray(open_numbers, bool) & (np.diagonal(matrix) <= 0)
+    silent = ~np.asarray(open_numbers, bool) & (np.diagonal(matrix) <= 0)
     at = np.flatnonzero(open_numbers)
     if not at.size:
-        return Covariance(full, undetermined, [])
+        return Covariance(full, silent, [])
     lengths = np.sqrt(np.diagonal(matrix)[at])
     scaled = matrix[np.ix_(at, at)] / np.outer(lengths, lengths)
     values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
@@ -58,35 +74,82 @@ def covariance(
         count = int(at.size)
         inverse = inverse @ scatter[np.ix_(at, at)] @ inverse * (residuals / max(residuals - count, 1))
     touched = (np.abs(vectors[:, lost]) > 0.1).any(axis=1) if lost.any() else np.zeros(at.size, bool)
-    undetermined[at[touched]] = True
     inverse[touched, :] = inverse[:, touched] = np.nan
     full[np.ix_(at, at)] = inverse
     named = []
-    for k in np.flatnonzero(values < WEAK):
+    reach = open_from(d, p)
+    for vector in _sparse(vectors[:, lost]).T:
         change = np.zeros(size)
-        change[at] = vectors[:, k] / lengths / np.where(p[at] != 0, np.abs(p[at]), 1.0)
-        named.append((float(max(values[k], 0.0)), change))
+        change[at] = vector / lengths
+        named.append((np.inf, change / np.max(np.abs(change) / reach)))
+    unseen = silent.copy()
+    unseen[at[touched]] = True
+    return judged(full, unseen, named, d, p)
+
+
+def judged(full: np.ndarray, unseen: np.ndarray, lost: list, d: Domains, p: np.ndarray) -> Covariance:
+    """The covariance with what it leaves open: each number by itself, and the combinations that they are open along."""
+    undetermined, named = unseen.copy(), list(lost)
+    at = np.flatnonzero(np.isfinite(np.diagonal(full)))
+    reach = open_from(d, p)[at]
+    part = full[np.ix_(at, at)] / np.outer(reach, reach)
+    if at.size and np.isfinite(part).all() and (np.diagonal(part) > 1).any():
+        undetermined[at[np.diagonal(part) > 1]] = True
+        values, vectors = np.linalg.eigh((part + part.T) / 2)
+        for k in np.flatnonzero(values > 1)[::-1]:
+            change = np.zeros(p.size)
+            change[at] = vectors[:, k] * reach
+            named.append((float(values[k]), change))
+            led = values[k] * vectors[:, k] ** 2 > LED * np.diagonal(part)
+            vague = np.sqrt(np.diagonal(part)) * reach > 0.5 * np.abs(p[at])
+            undetermined[at[led & vague]] = True
     return Covariance(full, undetermined, named)
 
 
-def covers_domain(d: Domains, k: int, value: float, u: float) -> bool:
-    """Whether the 95 % interval of number k is as long as its domain, in the coordinate of the domain's map."""
-    low, high = float(d.low[k]), float(d.high[k])
-    if d.kind[k] == LINEAR:
-        return 2 * NORMAL_95 * u >= high - low
-    shift = 0.0 if d.kind[k] == LOG else 1.0
-    return 2 * NORMAL_95 * u / (value + shift) >= np.log((high + shift) / (low + shift))
+def _sparse(vectors: np.ndarray) -> np.ndarray:
+    """Another basis (P, L) of the space that the columns span, in reduced echelon form: few numbers in each."""
+    rows = vectors.T.copy()
+    for r in range(rows.shape[0]):
+        i, j = np.unravel_index(np.argmax(np.abs(rows[r:])), rows[r:].shape)
+        rows[[r, r + i]] = rows[[r + i, r]]
+        rows[r] /= rows[r, j]
+        for other in range(rows.shape[0]):
+            if other != r:
+                rows[other] -= rows[other, j] * rows[r]
+    return np.where(np.abs(rows) < 1e-6, 0.0, rows).T
 
 
-def in_words(eigenvalue: float, change: np.ndarray, names: list[str]) -> str:
-    """A combination of free numbers that the data leave (nearly) open, as a sentence."""
-    size = np.abs(change) / np.max(np.abs(change))
-    order = [k for k in np.argsort(-size, kind="stable") if size[k] > 0.05]
-    if len(order) == 1:
-        return f"{names[order[0]]} is not determined by these readings"
-    lead = change[order[0]]
-    others = ", ".join(f"{names[k]} by {change[k] / lead:+.3g} %" for k in order[1:5])
-    more = f" and {len(order) - 5} more" if len(order) > 5 else ""
-    how = "changes nothing" if eigenvalue < LOST * len(names) else "changes almost nothing"
-    start = f"raising {names[order[0]]} by 1 % together with {others}{more}"
-    return f"{start} {how} in the residuals: only their combination is determined"
+def open_from(d: Domains, p: np.ndarray) -> np.ndarray:
+    """Standard uncertainties (P,) from which on numbers count as open.
+
+    The 95 % interval then spans the domain, or more than ±100 % of the number (a factor of e² where a fit steps in its
+    logarithm); below 0.5, more than 1.
+    """
+    low, high, kind = (np.asarray(a) for a in (d.low, d.high, d.kind))
+    shift = np.where(kind == LOG, 0.0, 1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        width = np.where(kind == LINEAR, 0.0, np.log((high + shift) / (np.where(kind == LOG, low, 0.0) + shift)))
+    curved = np.minimum(width, FACTOR_OPEN) * np.where(kind == LOG, np.maximum(np.abs(p), low), np.abs(p) + shift)
+    straight = np.minimum(high - low, np.maximum(FACTOR_OPEN * np.abs(p), 1.0))
+    return np.where(kind == LINEAR, straight, curved) / (2 * NORMAL_95)
+
+
+def beyond_bound(matrix: np.ndarray, gradient: np.ndarray, spread: np.ndarray, at: int, others: np.ndarray) -> float:
+    """How far a number that sits on its bound may lie inside of it, with 95 % confidence.
+
+    Without the bound the quadratic cost has its minimum a distance m beyond it, with a standard uncertainty u: the
+    limit is the 95 % point of that normal law cut off at the bound. `spread` is the covariance (P, P) with the number
+    `at` let free beside the `others` (indices).
+    """
+    free = np.append(others, at)
+    u = float(np.sqrt(spread[at, at]))
+    if not (np.isfinite(u) and u > 0):
+        return float("nan")
+    lengths = np.sqrt(np.maximum(np.diagonal(matrix)[free], 1e-300))
+    scaled = matrix[np.ix_(free, free)] / np.outer(lengths, lengths)
+    step = -np.linalg.lstsq(scaled, gradient[free] / lengths, rcond=1e-12)[0] / lengths
+    beyond = abs(float(step[-1])) / u
+    if beyond > 30:
+        return 3.0 * u / beyond  # the normal tail is an exponential there: ln 20 · u²/m
+    normal = NormalDist()
+    return -u * (beyond + normal.inv_cdf(0.05 * normal.cdf(-beyond)))
