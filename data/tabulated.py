@@ -70,6 +70,10 @@ class Tabulated(AbstractBRDF):
     layout: str = eqx.field(static=True)
     names: tuple[str, ...] = eqx.field(static=True)
 
+    @property
+    def isotropic(self) -> bool:
+        return self.layout != "spherical" and "phi_h" not in self.names
+
     def f(self, wi, wo):
         coordinates = _coordinates(self.layout, self.names, wi, wo)
         brackets = [axis.bracket(x) for axis, x in zip(self.axes, coordinates, strict=True)]

@@ -4,6 +4,7 @@ from gonio.models.abc_microfacet import ABCMicrofacet
 from gonio.models.abc_smooth import ABCSmooth
 from gonio.models.ashikhmin_shirley import AshikhminShirley
 from gonio.models.ashikhmin_shirley_diffuse import AshikhminShirleyDiffuse
+from gonio.models.base import AbstractBRDF
 from gonio.models.beckmann import Beckmann
 from gonio.models.blinn_phong import BlinnPhong, BlinnPhongPopular
 from gonio.models.burley_diffuse import BurleyDiffuse
@@ -74,9 +75,10 @@ MODELS = {
 }
 
 
-def is_lobe(model_class: type) -> bool:
-    """Whether a model is a lobe without an albedo of its own, which a fit gives a free scale."""
-    return model_class.lobe
+def is_ours(brdf: AbstractBRDF) -> bool:
+    """Whether all of a model, what stands inside it too, is of this package: its map and its word are to be trusted."""
+    inside = [v for v in vars(brdf).values() if isinstance(v, AbstractBRDF)] + list(getattr(brdf, "parts", ()))
+    return type(brdf).__module__.startswith("gonio.models.") and all(is_ours(b) for b in inside)
 
 
 def name_of(model_class: type) -> str:

@@ -198,6 +198,7 @@ def test_an_anisotropic_sample_is_turned_or_a_remark_made():
     brushed = "ggx(alpha_x=0.1, alpha_y=0.3)"
     assert scans.default_name(build(brushed)) == "spherical"
     assert scans.default_name(build(PAINT)) == "isotropic"
+    assert scans.default_name(build("ward(alpha_x=0.0001, alpha_y=0.0002)")) == "spherical", "too narrow for any pair"
     with pytest.warns(UserWarning, match="never turns the sample"):
         one_way = measure(brushed, scan=SMALL)
     assert not scans.is_isotropic(named_table(measure(brushed, scan=turned())))

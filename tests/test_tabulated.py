@@ -82,6 +82,7 @@ def test_it_is_exact_at_its_nodes_and_says_how_it_works(name):
     np.testing.assert_allclose(values, block.f, atol=1e-9)
     assert ("mirror image" in interpolation(table)) == (name == "half a circle")
     assert ("sqrt(theta_h)" in interpolation(table)) == (name == "merl")
+    assert as_material(table).isotropic == (name not in ("spherical", "anisotropic half_difference"))
 
 
 def test_the_estimated_error_is_that_of_a_smooth_material():

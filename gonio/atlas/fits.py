@@ -9,7 +9,7 @@ from gonio.data import layout
 from gonio.data.table import Table, whole_table_of_values
 from gonio.fitting.fitting import fit
 from gonio.models.building import build
-from gonio.models.catalog import MODELS, is_lobe
+from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError
 from gonio.models.evaluate import evaluate
 from gonio.models.parameters import parameters_of
@@ -57,7 +57,7 @@ def truth_of(name: str) -> str:
     known = parameters_of(MODELS[name])
     said = [f"{m}=lambert(rho=0.6)" for m in submodels_of(MODELS[name])]
     said += [f"{n}={known[n].start:g}" for n in needed(Call(name, {}, {}))]
-    scale = f"{FREE_SCALE} * " if is_lobe(MODELS[name]) else ""
+    scale = f"{FREE_SCALE} * " if MODELS[name].lobe else ""
     return f"{scale}{name}({', '.join(said)})"
 
 

@@ -7,6 +7,7 @@ from gonio.checks.cubature import cubature_albedo
 from gonio.checks.probes import Rotated, pair_angles, precision
 from gonio.checks.reciprocity import worst_difference
 from gonio.models.base import AbstractBRDF, Sum
+from gonio.models.catalog import is_ours
 from gonio.models.quadrature import directional_albedo
 
 GRAZING = 89.9
@@ -30,7 +31,7 @@ def incidences() -> np.ndarray:
 
 def model_energy(brdf: AbstractBRDF, tolerance: float) -> Property:
     """How far the directional albedo exceeds 1 at the worst incidence; losses in the facts."""
-    turning, own = _turning_residual(brdf), _own(brdf)
+    turning, own = _turning_residual(brdf), is_ours(brdf)
     isotropic = turning is None or turning <= ISOTROPIC
     theta = incidences()
     # Our anisotropic models are mirror symmetric along x and y: a quarter of the azimuths stands for all.
@@ -106,23 +107,17 @@ def _by_channel(a: np.ndarray) -> list:
     return np.max(a, axis=1).T.tolist()
 
 
-def _own(brdf) -> bool:
-    # Whether all of it, what stands inside it too, is a model of ours, whose map is known to be right.
-    inside = [v for v in vars(brdf).values() if isinstance(v, AbstractBRDF)] + list(getattr(brdf, "parts", ()))
-    return type(brdf).__module__.startswith("gonio.models.") and all(_own(b) for b in inside)
-
-
 def _turning_residual(brdf) -> float | None:
     # None where the model is one of ours and says that it is isotropic.
-    if _own(brdf):
+    if is_ours(brdf):
         return None if brdf.isotropic else np.inf
     found = worst_difference(brdf, Rotated(0.7), pair_angles(brdf)[::3], refine=False)
     return max(found["residual"] - max(found["bound"], found["rounding"]), 0.0)
 
 
 def _albedo(brdf, theta, phi, accuracy) -> tuple[np.ndarray, np.ndarray]:
-    ours = [t for t in brdf.summands() if _own(t)]
-    foreign = [t for t in brdf.summands() if not _own(t)]
+    ours = [t for t in brdf.summands() if is_ours(t)]
+    foreign = [t for t in brdf.summands() if not is_ours(t)]
     total, bound = np.zeros((theta.size, 1)), np.zeros((theta.size, 1))
     if ours:
         together = ours[0] if len(ours) == 1 else Sum(tuple(ours))

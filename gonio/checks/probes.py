@@ -124,7 +124,7 @@ def sampled_angles(brdf: AbstractBRDF, theta_i: np.ndarray, phi_i: np.ndarray) -
     wi = Direction(*(jnp.asarray(c, jnp.result_type(float)) for c in directions(theta_i, phi_i)))
     try:
         wo = _draw(brdf, wi, *(jnp.asarray(c, wi.x.dtype) for c in u.T))
-    except (NotImplementedError, TypeError):
+    except NotImplementedError:  # how a model says that it has no sampler; any other failure is an error of its own
         return np.full(theta_i.shape, np.pi), np.zeros(theta_i.shape)
     x, y, z = (np.asarray(c, float) for c in wo)
     theta = np.where(np.isfinite(z), np.arctan2(np.hypot(x, y), z), np.pi)
