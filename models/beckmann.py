@@ -8,7 +8,8 @@ from gonio.models import microfacet as mf
 from gonio.models import slopes
 from gonio.models.cosine_floor import lift, positive
 from gonio.models.gaussian_facets import LAST_SLOPE
-from gonio.models.geometry import dot, half_vector, reflect, scale
+from gonio.models.geometry import reflect
+from gonio.models.half_vector import mirrored_pdf
 from gonio.models.multiple_bounces import ENERGY, AbstractCompensated
 from gonio.models.parameters import parameter
 
@@ -64,7 +65,4 @@ class Beckmann(AbstractCompensated):
         return reflect(wi, slopes.beckmann_normal(*self.mean_widths, u1, u2))
 
     def pdf(self, wi, wo):
-        h = half_vector(wi, wo)
-        m = scale(jnp.where(h.z < 0, -1.0, 1.0), h)
-        facing = jnp.abs(dot(wi, m))
-        return slopes.beckmann_d(m, *self.mean_widths) * m.z / (4.0 * jnp.where(facing > 0, facing, 1.0))
+        return mirrored_pdf(lambda m: slopes.beckmann_d(m, *self.mean_widths) * m.z, wi, wo)
