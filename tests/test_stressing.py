@@ -83,9 +83,9 @@ def test_samplers_draw_from_their_densities(spelling):
 def test_rings_know_the_closed_forms():
     mu = np.cos(1.2)
     value, known = integrals.reference_albedo(GGX(alpha=jnp.asarray(1.0)), 1.2)
-    assert value == pytest.approx(1 - mu * np.log(1 + 1 / mu), abs=1e-12) and known < 1e-9
+    assert value == pytest.approx(1 - mu * np.log(1 + 1 / mu), abs=1e-10) and known < 5e-9
     value, known = integrals.reference_albedo(Phong(n=jnp.asarray(0.0)), 1.5)
-    assert value == pytest.approx((1 + np.cos(1.5)) / 2, abs=1e-9) and known < 1e-8
+    assert value == pytest.approx((1 + np.cos(1.5)) / 2, abs=1e-9) and known < 5e-9
 
 
 def test_a_bound_that_does_not_hold_is_silent(monkeypatch):

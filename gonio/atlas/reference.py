@@ -66,15 +66,16 @@ class Reference:
             return None if abs(second) > 10 * abs(first) else second
         return first
 
-    def perturbed(self, rng: np.random.Generator, wi, wo):
-        """(wi, wo, params) with every number moved by at most one unit in its last place."""
-        eps = mp.mpf(float(np.finfo(self.dtype).eps))
+    def perturbed(self, wi, wo):
+        """Some (wi, wo, params) with every number moved by at most one unit in its last place, always the same."""
+        eps, rng = mp.mpf(float(np.finfo(self.dtype).eps)), np.random.default_rng(0)
 
         def moved(x):
             return mp.mpf(x) * (1 + eps * int(rng.integers(-1, 2)))
 
-        params = self.params if self.tabled else {n: moved(v) for n, v in self.params.items()}
-        return [moved(c) for c in wi], [moved(c) for c in wo], params
+        for _ in range(self.draws):
+            params = self.params if self.tabled else {n: moved(v) for n, v in self.params.items()}
+            yield [moved(c) for c in wi], [moved(c) for c in wo], params
 
     def columns(self, every: tuple[str, ...]) -> tuple[str, ...]:
         """The incidences to look at: a few where each evaluation is dear."""
