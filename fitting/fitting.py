@@ -8,6 +8,7 @@ import numpy as np
 
 from gonio.data.table import Table
 from gonio.fitting.cell_measure import measure_of
+from gonio.fitting.choosing import chosen_model
 from gonio.fitting.counting import counted
 from gonio.fitting.losses import LOSSES
 from gonio.fitting.one_model import Options, fit_one
@@ -18,13 +19,6 @@ from gonio.fitting.structure import with_defaults
 from gonio.models.errors import GonioError, nearest
 from gonio.models.spelling import parse
 
-CANDIDATES = (
-    "lambert",
-    "eon",
-    "lambert + ggx",
-    "lambert + ggx(f0=0.04)",
-    "lambert + ggx(f0=0.04) + ggx(f0=0.04)",
-)
 WIDENS = 0.02  # aperture half-angle over alpha, from which on the averaging shows in a fit
 
 
@@ -45,7 +39,10 @@ def fit(
     seed: int = 0,
     say: Callable[[str], None] = lambda line: None,
 ) -> FitResult:
-    """Fit a spelled model to a table; of several, or of the usual candidates (None), the one of the lowest BIC.
+    """Fit a spelled model to a table; of several, the one of the lowest BIC; of none (None), what the data ask for.
+
+    That one grows from Lambert: BIC and held-out directions must both ask for a larger model, or the smaller stays
+    (`gonio.fitting.selection`); `alternatives` of the result says what was tried.
 
     What is free: an omitted shape parameter, or ``name=?``; ``name~v`` from that start; every lobe's scale unless it is
     written (``1 * ggx(...)``); an omitted Fresnel parameter means F = 1. Over channels, albedos and scales are free in
@@ -65,7 +62,7 @@ def fit(
         from gonio.data.reading import read
 
         table = read(table)
-    asked = [model] if isinstance(model, str) else list(model or CANDIDATES)
+    asked = [model] if isinstance(model, str) else list(model or [])
     parsed = [with_defaults(parse(m)) for m in asked]
     began = time.perf_counter()
     readings = readings_of(table, samples, theta_max, seed)
@@ -83,6 +80,11 @@ def fit(
         loss, sigma, relative_noise, starts, seed, theta_max, weight, table.name, robust, bootstrap, bootstrap_kind,
         counted(table, readings), table.layout,
     )  # fmt: skip
+    choice = None
+    if not asked:
+        began = time.perf_counter()
+        text, terms, choice = chosen_model(table.layout, readings, loss, sigma, seed, say)
+        asked, parsed, select_seconds = [text], [terms], time.perf_counter() - began
     results, refused = [], []
     for text, terms in zip(asked, parsed, strict=True):
         try:
@@ -96,6 +98,9 @@ def fit(
         result.notes.extend(_aperture_notes(table, result))
         results.append(result)
         say(f"{text}: {_line(result)}")
+    if choice is not None:
+        results[0].seconds["select"] = select_seconds
+        return dataclasses.replace(results[0], alternatives=choice.rows())
     if not results:
         raise GonioError(refused[0]["refused"])
     ranked = sorted(results, key=lambda r: (not r.converged, r.bic))

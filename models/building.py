@@ -105,7 +105,7 @@ def spell_terms(spelled: tuple[Term, ...]) -> str:
 
     def said(v: Value, sign: str = "=") -> str:
         if v.number is None:
-            return f"{sign}?"
+            return sign + ("?" if v.each is None else "each" if v.each else "shared")
         return f"{'~' if v.free else sign}{_number_text(as_array(v.number))}"
 
     texts = []

@@ -4,10 +4,11 @@
     term   := [value "*"] (name ["(" [arguments] ")"] | "(" sum ")")
     argument := parameter "=" value | parameter "~" number-or-list | parameter "=" "?" | option "=" string
                 | model "=" sum
-    value  := number | "[" number ("," number)* "]" | "?"
+    value  := number | "[" number ("," number)* "]" | "?" | "shared" | "each"
 
 A list means channels. `name=?` is free in a fit, `name~v` free from that start, and an omitted shape parameter is free
-too; to evaluate a model every parameter must have a value. Some models stand over others, which are spelled inside:
+too; `name=shared` is one free number for all channels, `name=each` one for each. To evaluate a model every parameter
+must have a value. Some models stand over others, which are spelled inside:
 ``coat(base=lambert(rho=0.5), alpha=0.1, eta=1.5)``. The text is parsed here, never evaluated as code.
 """
 
@@ -22,6 +23,7 @@ from gonio.models.parameters import ParameterInfo, parameters_of
 
 LONGEST = 200_000  # characters: a thousand wavelengths at full precision are a tenth of it
 DEEPEST = 20
+EXTENTS = ("shared", "each")  # free numbers: one for all channels, or one for each
 SPELLED_SCALE = dataclasses.replace(SCALE, high=1e12)  # published fits have factors of 1e9; ours look up to 1e6
 
 _TOKEN = re.compile(
@@ -32,10 +34,14 @@ _TOKEN = re.compile(
 
 @dataclasses.dataclass(frozen=True)
 class Value:
-    """What is said of a parameter: a number or one for each channel (None: not said), and whether a fit may move it."""
+    """What is said of a parameter: a number or one for each channel (None: not said), and whether a fit may move it.
+
+    `each`: a free number for each channel (True), one for all (False), or what is usual for the parameter (None).
+    """
 
     number: float | tuple[float, ...] | None = None
     free: bool = False
+    each: bool | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,7 +115,7 @@ class _Parser:
 
     def term(self, depth: int) -> list[Term]:
         scale = None
-        if self.peek()[0] == "number" or self.peek()[1] in ("[", "?", "~"):
+        if self.peek()[0] == "number" or self.peek()[1] in ("[", "?", "~", *EXTENTS):
             free = self.accept("~")
             scale = self.value(SPELLED_SCALE, "a scale")
             scale = dataclasses.replace(scale, free=free or scale.free)
@@ -207,6 +213,8 @@ class _Parser:
     def value(self, info: ParameterInfo, what: str) -> Value:
         if self.accept("?"):
             return Value(None, free=True)
+        if self.peek()[1] in EXTENTS:
+            return Value(None, free=True, each=self.take()[1] == "each")
         if not self.accept("["):
             return Value(self.number(info, what))
         numbers = [self.number(info, what)]
