@@ -6,7 +6,7 @@ import numpy as np
 
 from gonio.fitting.domains import Domains, domain_kind
 from gonio.models.building import Frame, frame
-from gonio.models.catalog import MODELS, is_lobe
+from gonio.models.catalog import MODELS
 from gonio.models.parameters import ParameterInfo, parameters_of
 from gonio.models.paths import Number, last, numbers
 from gonio.models.spelling import Call, Term, Value, needed
@@ -46,7 +46,7 @@ def with_defaults(terms: tuple[Term, ...]) -> tuple[Term, ...]:
         for name in needed(t.call):
             values.setdefault(name, Value(None, free=True))
         scale = t.scale
-        if scale is None and is_lobe(MODELS[t.call.name]):
+        if scale is None and MODELS[t.call.name].lobe:
             scale = Value(None, free=True)
         order = [n for n in parameters_of(MODELS[t.call.name]) if n in values]
         inside = {field: with_defaults(parts) for field, parts in t.call.models.items()}
