@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gonio.data.files import input_size, new_file
+from gonio.data.published import SUFFIX, published_spelling
 from gonio.data.table import Channels
 from gonio.models.base import AbstractBRDF
 from gonio.models.building import build, spell
@@ -15,7 +16,6 @@ from gonio.models.errors import GonioError, nearest
 from gonio.models.evaluate import channel_count
 
 FORMAT = 1
-PUBLISHED = ".fit"  # files of published fits; FILE.fit:NAME is one of them
 LARGEST = 4 << 20  # bytes: ten thousand wavelengths at full precision are a quarter of it
 MOST_CHANNELS = 10_000
 REFERENCE_FOLDER = Path(__file__).parent / "materials"
@@ -58,7 +58,7 @@ def load_material(what: str | os.PathLike) -> Material:
     if isinstance(what, os.PathLike) or _is_there(text):
         return _from_file(Path(text))
     file, sign, entry = text.rpartition(":")
-    if sign and file.endswith(PUBLISHED):
+    if sign and file.endswith(SUFFIX):
         return _published(file, entry)
     if "(" in text:
         brdf = build(text)
@@ -72,8 +72,6 @@ def load_material(what: str | os.PathLike) -> Material:
 
 
 def _published(file: str, entry: str) -> Material:
-    from gonio.data.published import published_spelling
-
     spelling = published_spelling(file, entry)
     try:
         brdf = build(spelling)

@@ -2,7 +2,7 @@
 
 import os
 
-from gonio.data import csv_table, merl, nist, tensor_file
+from gonio.data import csv_table, merl, nist, published, tensor_file
 from gonio.data.csv_text import CsvText
 from gonio.data.files import input_size
 from gonio.data.table import Table
@@ -14,6 +14,7 @@ KINDS = ("HDF5", "MERL", "RGL", "NIST", "CSV")
 
 def sniff(path: str | os.PathLike) -> str:
     """Which of `KINDS` a file is. Raises GonioError, in one sentence, where it is none of them or cannot be read."""
+    _refuse_published(path)
     size = input_size(path)
     with open(path, "rb") as file:
         start = file.read(4096)
@@ -56,6 +57,16 @@ def read(path: str | os.PathLike, **options) -> Table:
 
         return read_rgl(path)
     return {"MERL": merl.read_merl, "NIST": nist.read_nist, "CSV": csv_table.read_csv}[kind](path, **options)
+
+
+def _refuse_published(path) -> None:
+    # Published fits are models: a table can be measured of one of them.
+    file, sign, _ = os.fspath(path).partition(published.SUFFIX + ":")
+    if sign and not os.path.exists(path):
+        raise GonioError(f"{path} is a model, not a table; measure it first: gonio measure '{path}' -o T.h5")
+    if not sign and file.endswith(published.SUFFIX):
+        first = published.published_names(path)[0]
+        raise GonioError(f"{path} holds published fits; name one of them, as in '{path}:{first}' (see gonio info)")
 
 
 def _number(text: str) -> bool:

@@ -7,7 +7,14 @@ class GonioError(ValueError):
     """Bad input, in one sentence: what came, what was expected, and what to do."""
 
 
+MOST_NAMED = 50  # of a longer list a sentence says the beginning
+
+
 def nearest(word: str, known) -> str:
-    """`; did you mean 'x'?` for the known name nearest to a wrong one, or the list of what is known."""
-    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
-    return f"did you mean '{close[0]}'?" if close else f"known are {', '.join(known)}."
+    """`did you mean 'x'?` for the known name nearest to a wrong one, or the list of what is known."""
+    known = list(known)
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean '{close[0]}'?"
+    more = f", and {len(known) - MOST_NAMED} more" if len(known) > MOST_NAMED else ""
+    return f"known are {', '.join(known[:MOST_NAMED])}{more}."

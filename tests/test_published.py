@@ -6,6 +6,7 @@ import pytest
 
 from gonio.data.material import load_material
 from gonio.data.published import published_names, published_spelling
+from gonio.data.reading import read
 from gonio.models.building import build
 from gonio.models.errors import GonioError
 from gonio.models.evaluate import evaluate
@@ -62,6 +63,20 @@ def test_bad_files_are_refused_in_one_sentence(tmp_path, line, said):
 def test_names_that_are_not_there(file):
     with pytest.raises(GonioError, match="nickel"):
         load_material(f"{file}:nikel")
+
+
+def test_a_file_of_them_is_no_material_and_a_fit_no_table(file):
+    with pytest.raises(GonioError, match=r"name one of them, as in '.*ward.fit:nickel'"):
+        load_material(file)
+    with pytest.raises(GonioError, match="is a model, not a table; measure it first"):
+        read(f"{file}:nickel")
+
+
+def test_a_long_list_of_names_is_cut(tmp_path):
+    path = tmp_path / "many.fit"
+    path.write_text("\n".join(f"m{k} = Lambertian(albedo = 0.5)" for k in range(80)))
+    with pytest.raises(GonioError, match="m49, and 30 more"):
+        load_material(f"{path}:zzz")
 
 
 def test_every_published_fit_is_read_and_finite():

@@ -25,6 +25,7 @@ def run(args: argparse.Namespace) -> int:
         raise GonioError(f"Unknown model '{args.name}'; {nearest(args.name, MODELS)}")
     if args.picture and not args.name:
         raise GonioError("--picture shows one model; name it, as in 'gonio models ggx --picture ggx.png'")
+    written = _picture(args.name, args.picture, args.force) if args.picture else None
     names = [args.name] if args.name else list(MODELS)
     if args.json:
         import json
@@ -47,17 +48,22 @@ def run(args: argparse.Namespace) -> int:
             if facts["loses"]:
                 say(f"    loses: {facts['loses']}")
             say(f"    example: {example(name)}")
-        if args.picture:
-            from gonio.figures.lobe_picture import lobe_picture
-            from gonio.models.building import build
-
-            said = example(name).strip("'")
-            say(f"    written: {lobe_picture(build(said), said, args.picture, args.force)}")
+        if written:
+            say(f"    written: {written}")
     if not args.name:
         say("\nSums and factors: 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)'; a list means channels.")
         say("No Fresnel parameter means F = 1, f0 Schlick's, eta (with k) the exact one.")
         say("'gonio models NAME' shows one whole.")
     return 0
+
+
+def _picture(name: str, path: str, force: bool):
+    # Before anything is said, so that a refusal stands alone.
+    from gonio.figures.lobe_picture import lobe_picture
+    from gonio.models.building import build, example
+
+    said = example(name).strip("'")
+    return lobe_picture(build(said), said, path, force)
 
 
 def _facts(name: str) -> dict:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from gonio.data.files import new_file
+from gonio.data.files import new_file, refuse_existing
 from gonio.figures.lobes import Curve, draw_polar
 from gonio.figures.style import HEIGHT, WIDTH, colour_of, shades, styled
 from gonio.models.base import AbstractBRDF
@@ -22,6 +22,7 @@ def lobe_picture(brdf: AbstractBRDF, title: str, output: str | os.PathLike, forc
     path = Path(output)
     if path.suffix.lower() not in KINDS:
         raise GonioError(f"{path} is no picture that can be written; end its name in {', '.join(KINDS)}")
+    refuse_existing(path, force)
     views, _ = model_views(brdf, INCIDENCES, [])
     colour, _ = colour_of(0)
     tones = shades(colour, len(INCIDENCES))
