@@ -1,14 +1,15 @@
 """A model on the cells of a layout: a compiled kernel that gets the trigonometry of each axis as an input."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from gonio.data.layout import HORIZON, Layout
 from gonio.models.base import AbstractBRDF
+from gonio.models.compiling import wide_jit
 from gonio.models.evaluate import evaluate
 from gonio.models.geometry import Direction, pair_from_half_difference_trig, rotate_z
+from gonio.models.horizon import is_above
 
 BLOCK_CELLS = 1 << 19
 """Cells of one call of the kernel: enough to hide the cost of the call, few enough to need little memory."""
@@ -43,7 +44,8 @@ def grid_values(brdf: AbstractBRDF, layout: Layout, start_row: int = 0, stop_row
 def _grid_block(brdf, layout, start, rows):
     dtype = jnp.result_type(float)
     angles = [_padded(a, start, rows) if k == 0 else a for k, a in enumerate(layout.axes.values())]
-    return _kernel(brdf, layout.name, [(np.cos(a).astype(dtype), np.sin(a).astype(dtype)) for a in angles])
+    values = _kernel(brdf, layout.name, [(np.cos(a).astype(dtype), np.sin(a).astype(dtype)) for a in angles])
+    return np.asarray(values).reshape(rows, *layout.shape[1:], -1)
 
 
 def _scattered_block(brdf, layout, start, rows):
@@ -58,12 +60,12 @@ def _padded(axis, start, rows):
     return np.pad(part, (0, rows - part.size), mode="edge")
 
 
-@eqx.filter_jit
+@wide_jit
 def _kernel(brdf, name, trig):
     def cell(*trig):
         wi, wo = _pair(name, trig)
-        above = (wi.z > HORIZON) & (wo.z > HORIZON)
-        return jnp.where(above, jnp.atleast_1d(brdf.f(wi, wo)), 0.0)
+        above = is_above(wi, wo, HORIZON)
+        return jnp.where(above, brdf.f(wi, wo), 0.0)
 
     for k in reversed(range(len(trig))):
         cell = jax.vmap(cell, in_axes=[0 if j == k else None for j in range(len(trig))])

@@ -6,10 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from gonio.models.base import AbstractBRDF
+from gonio.models.compiling import wide_jit
 from gonio.models.geometry import Direction
 
 
-@eqx.filter_jit
+@wide_jit
 def _values(brdf, wi, wo):
     return jax.vmap(brdf.f)(wi, wo)
 

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 
 from gonio.models.base import AbstractBRDF, Channels
+from gonio.models.horizon import is_above
 from gonio.models.parameters import ParameterInfo, parameter
 
 ALBEDO = ParameterInfo(0.0, 1.0, "1", "albedo", start=0.5, per_channel=True, linear=True)
@@ -14,5 +15,4 @@ class Lambert(AbstractBRDF):
     rho: Channels = parameter(ALBEDO)
 
     def f(self, wi, wo):
-        above = (wi.z > 0) & (wo.z > 0)
-        return jnp.where(above, self.rho / jnp.pi, 0.0)
+        return self.rho / jnp.pi * jnp.where(is_above(wi, wo), 1.0, jnp.zeros_like(wi.z))

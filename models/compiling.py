@@ -1,0 +1,34 @@
+"""Compilation of what runs over many directions: as wide vectors as the machine has."""
+
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+WIDE = {"xla_cpu_prefer_vector_width": 512}
+"""XLA uses half of an AVX-512 processor's vectors unless it is told to; narrower processors take their own width."""
+
+
+@functools.cache
+def options() -> dict:
+    """`WIDE`, or nothing where this release of XLA refuses it: it is there for speed only."""
+    try:
+        jax.jit(lambda x: x, compiler_options=WIDE).lower(jnp.zeros(())).compile()
+    except jax.errors.JaxRuntimeError:
+        return {}
+    return WIDE
+
+
+def wide_jit(function):
+    """`eqx.filter_jit` for kernels over many directions; positional arguments only."""
+
+    @functools.cache
+    def compiled():
+        return eqx.filter_jit(function, compiler_options=options())
+
+    @functools.wraps(function)
+    def call(*args):
+        return compiled()(*args)
+
+    return call
