@@ -1,5 +1,6 @@
 """Fresnel reflectance of a smooth interface, for unpolarised light."""
 
+import jax
 import jax.numpy as jnp
 
 from gonio.models.geometry import Scalar
@@ -38,19 +39,18 @@ def fresnel_conductor(cos_d: Scalar, eta: Scalar, k: Scalar) -> Scalar:
     With a + ib = √((η + ik)² − sin²) [Born & Wolf, §14.4.1]. The smaller of a² and b² comes from the product
     ab = ηk, so neither cancels for good metals or for weak absorbers.
     """
-    # Roots and quotients of what may be 0 have a number added that is below rounding: selections would cost more
+    # What may be 0 and is a divisor has a number added that is below rounding: a selection would cost more
     least = float(jnp.finfo(jnp.result_type(cos_d, eta)).tiny) ** 0.5
     sin2_d = (1.0 - cos_d) * (1.0 + cos_d)
     real = (eta - k) * (eta + k) - sin2_d
     product = eta * k
-    large = 0.5 * (jnp.sqrt(real * real + 4.0 * (product * product) + least) + jnp.abs(real))
-    small = product * product / large
-    a2, b2 = jnp.where(real > 0, large, small), jnp.where(real > 0, small, large)
-    c2, modulus2 = cos_d * cos_d, a2 + b2
-    cross = 2.0 * jnp.sqrt(a2 + least) * cos_d
-    r_s = (modulus2 + c2 - cross) / (modulus2 + c2 + cross + least)
-    p_sum, p_cross = modulus2 * c2 + sin2_d * sin2_d, cross * sin2_d
-    return 0.5 * r_s * (1.0 + (p_sum - p_cross + least) / (p_sum + p_cross + least))
+    modulus2 = jnp.sqrt(real * real + 4.0 * (product * product) + least)
+    large = 0.5 * (modulus2 + jnp.abs(real))
+    a = jnp.where(real > 0, large, product) * jax.lax.rsqrt(large)
+    c2, cross = cos_d * cos_d, 2.0 * a * cos_d
+    # r_s (1 + r_p/r_s)/2 over one denominator
+    total_s, sum_p = modulus2 + c2, modulus2 * c2 + sin2_d * sin2_d
+    return (total_s - cross) * sum_p / ((total_s + cross) * (sum_p + cross * sin2_d) + least)
 
 
 def fresnel(cos_d: Scalar, f0, eta, k) -> Scalar:

@@ -2,13 +2,11 @@
 
 import abc
 
-import jax.numpy as jnp
-
 from gonio.models.base import Scalar
 from gonio.models.fresnel import fresnel
 from gonio.models.geometry import Direction
 from gonio.models.half_vector import half_angles
-from gonio.models.horizon import above
+from gonio.models.horizon import raised
 from gonio.models.parameters import ParameterInfo
 from gonio.models.slope_map import facet_direction, slope_ray
 from gonio.models.widths import AbstractWidths
@@ -43,10 +41,9 @@ class AbstractMicrofacet(AbstractWidths):
         """A slope, in units of the width, in [0, horizon] from u2 in [0, 1], and its derivative by u2."""
 
     def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+        shown, wi, wo = raised(wi, wo)
         h, cos_d, _ = half_angles(wi, wo)
-        value = fresnel(cos_d, self.f0, self.eta, self.k) * self.density(h) * self.visibility(wi, wo)
-        return jnp.where(both, value, 0.0)
+        return fresnel(cos_d, self.f0, self.eta, self.k) * (self.density(h) * (self.visibility(wi, wo) * shown))
 
     def lobe_map(self, wi, u1, u2):
         """Polar coordinates of the facet's slope, out to the horizon's (see `gonio.models.slope_map`)."""

@@ -28,9 +28,8 @@ def ggx_d(m: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
 
     In components: the textbook's cos²(α² − 1) + 1 loses all digits in float32 near m = z for small alpha.
     """
-    s = (m.x / alpha_x) ** 2 + (m.y / alpha_y) ** 2 + m.z**2
-    up = m.z > 0
-    return jnp.where(up, 1.0 / (jnp.pi * alpha_x * alpha_y * jnp.where(up, s, 1.0) ** 2), 0.0)
+    s = (m.x * (1.0 / alpha_x)) ** 2 + (m.y * (1.0 / alpha_y)) ** 2 + m.z**2
+    return jnp.where(m.z > 0, 1.0 / (jnp.pi * alpha_x * alpha_y * s**2), 0.0)
 
 
 def ggx_shadow_root(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
