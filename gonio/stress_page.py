@@ -51,17 +51,17 @@ def page(done: Atlas, drawn: dict[str, str]) -> str:
                 "about": ABOUT[method],
                 "picture": picture,
                 "counts": done.counts(method),
-                "says_so": [_row(c) for c in spoken[:MOST]],
+                "says_so": [_row(c, done.quick) for c in spoken[:MOST]],
                 "more": max(0, len(spoken) - MOST),
             }
         )
     made = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     return template.render(
-        sections=sections, silent=[_row(c) for c in done.silent], last=done.last_line(), made=made,
+        sections=sections, silent=[_row(c, done.quick) for c in done.silent], last=done.last_line(), made=made,
         version=__version__, quick=done.quick, seconds=round(done.seconds), counts=done.counts(),
     )  # fmt: skip
 
 
-def _row(c) -> dict[str, str]:
+def _row(c, quick: bool) -> dict[str, str]:
     where = f"{c.column}, {c.precision}"
-    return {"setting": c.row, "where": where, "detail": c.detail, "recipe": recipe(c), "reason": reason_of(c)}
+    return {"setting": c.row, "where": where, "detail": c.detail, "recipe": recipe(c, quick), "reason": reason_of(c)}

@@ -6,12 +6,12 @@ import io
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from gonio.atlas.cell import METHODS, RIGHT, SAYS_SO, SILENT, VERDICTS, Cell, worst
 from gonio.atlas.reasons import reason_of
-from gonio.atlas.run import HARD, QUICK, atlas, do, tests_of
+from gonio.atlas.run import HARD, QUICK, atlas, do
 from gonio.data.files import new_file
 from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError, nearest
@@ -97,14 +97,20 @@ def stress(
     return done
 
 
+QUICK_KEYS = ", made with --quick as well"
+
+
 def again(name: str, key: str, quick: bool = False) -> list[Cell]:
     """One cell of a model, or of the hard fits, by the key that the CSV gives it, done anew."""
     method = key.split("/")[0]
     if method not in METHODS:
         raise GonioError(f"'{key}' is no cell; a key begins with one of {', '.join(METHODS)}, as the CSV gives it.")
-    found = [c for c in do((name, method), quick, tests_of((name,) if name in MODELS else (), quick)) if c.key == key]
+    if name not in MODELS and not (name == HARD and method == "fit"):
+        raise GonioError(f"Unknown model '{name}'; {nearest(name, MODELS)}")
+    found = [c for c in do((name, method), quick, key) if c.key == key]
     if not found:
-        raise GonioError(f"{name} has no cell '{key}'; copy a key from the CSV of 'gonio stress {name} -o FOLDER'.")
+        said = "gonio stress -o FOLDER" if name == HARD else f"gonio stress {name} -o FOLDER"
+        raise GonioError(f"{name} has no cell '{key}'; copy a key from the CSV of '{said}'{QUICK_KEYS * quick}")
     return found
 
 
@@ -125,7 +131,7 @@ def write(done: Atlas, output: str | os.PathLike, force: bool = False) -> Path:
     folder = Path(output)
     drawn = pictures(done)
     parts = {f"{method}.svg": text for method, text in drawn.items()}
-    parts["stress.csv"] = table(done.cells)
+    parts["stress.csv"] = table(done)
     parts["index.html"] = page(done, drawn)
     for name, text in parts.items():
         with new_file(folder / name, force) as path:
@@ -133,21 +139,21 @@ def write(done: Atlas, output: str | os.PathLike, force: bool = False) -> Path:
     return folder / "index.html"
 
 
-def table(cells: Iterable[Cell]) -> str:
+def table(done: Atlas) -> str:
     """The cells as CSV, a header first."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(FIELDS)
-    for c in cells:
+    for c in done.cells:
         said = (c.method, c.model, c.row, c.column, c.precision, c.verdict, f"{c.error:.3g}", f"{c.allowed:.3g}")
-        writer.writerow([*said, c.detail, recipe(c), reason_of(c) if c.verdict == SILENT else ""])
+        writer.writerow([*said, c.detail, recipe(c, done.quick), reason_of(c) if c.verdict == SILENT else ""])
     return text.getvalue()
 
 
-def recipe(c: Cell) -> str:
+def recipe(c: Cell, quick: bool) -> str:
     """The command that does a cell again."""
-    name = "'hard fits'" if c.model == HARD else c.model
-    return f"gonio stress {name} --cell '{c.key}'"
+    name = f"'{HARD}'" if c.model == HARD else c.model
+    return f"gonio stress {name}{' --quick' * quick} --cell '{c.key}'"
 
 
 def grid_of(done: Atlas, method: str) -> tuple[dict[str, dict[str, str]], list[str]]:

@@ -76,7 +76,7 @@ def test_a_density_that_is_not_the_samplers_is_seen():
 )
 def test_samplers_draw_from_their_densities(spelling):
     """χ² at the 1 % level over all of them [Šidák 1967], and ∫ of the density, at four incidences."""
-    cells = samplers.sampler_cells(spelling, spelling, "float64", 200_000, 16)
+    cells = samplers.sampler_cells(spelling, spelling, "float64", 200_000)
     assert {c.verdict for c in cells} == {RIGHT}, [c.detail for c in cells]
 
 

@@ -1,17 +1,21 @@
 """The whole atlas: which cells there are, done model by model in several processes, as they are ready."""
 
+import concurrent.futures as futures
 import multiprocessing
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 
-from gonio.atlas.cell import SAYS_SO, Cell
+from gonio.atlas.cell import SAYS_SO, SILENT, Cell
 from gonio.atlas.precision import PRECISIONS
+from gonio.models.errors import GonioError
 
 QUICK = ("lambert", "eon", "ggx", "beckmann", "phong", "ward")
 """Six models that stand for the others: diffuse, rough diffuse, power tails, Gaussian tails, mirror lobe, unbounded."""
 
-QUICK_SETTINGS = 4
+QUICK_SETTINGS = 3
 SAMPLES = 1_000_000
 QUICK_SAMPLES = 200_000
 MOST = {
@@ -25,17 +29,10 @@ MOST = {
 HARD = "hard fits"
 
 
-def jobs(models: tuple[str, ...], quick: bool) -> list[tuple[str, str]]:
+def jobs(models: tuple[str, ...]) -> list[tuple[str, str]]:
     """(model, method) of what there is to do, the longest first."""
-    found = [(m, method) for method in ("gradient", "value", "fit", "sampler", "integral") for m in models]
-    return [*found, (HARD, "fit")] if len(models) > 1 else found
-
-
-def tests_of(models: tuple[str, ...], quick: bool) -> int:
-    """How many χ² tests a run makes, for the level of each."""
-    from gonio.atlas.samplers import INCIDENCES
-
-    return sum(len(chosen(m, "sampler", p, quick)) for m in models for p in PRECISIONS) * len(INCIDENCES)
+    found = [(m, method) for method in ("gradient", "value", "fit", "integral", "sampler") for m in models]
+    return [(HARD, "fit"), *found] if len(models) > 1 else found
 
 
 def chosen(name: str, method: str, precision: str, quick: bool) -> list[str]:
@@ -47,50 +44,81 @@ def chosen(name: str, method: str, precision: str, quick: bool) -> list[str]:
     return [found[k] for k in sorted({round(i * (len(found) - 1) / max(most - 1, 1)) for i in range(most)})]
 
 
-def do(job: tuple[str, str], quick: bool, tests: int) -> list[Cell]:
-    """All cells of one method of one model."""
+def do(job: tuple[str, str], quick: bool, key: str = "") -> list[Cell]:
+    """All cells of one method of one model; of the one setting that a cell's key names, where a key is given."""
     name, method = job
-    if method == "value" or method == "gradient":
-        from gonio.atlas.values import gradient_cells, value_cells
+    if method == "fit":
+        from gonio.atlas.fits import fit_cells, hard_cells
 
-        cells = value_cells if method == "value" else gradient_cells
-        return [c for p in PRECISIONS for s in chosen(name, method, p, quick) for c in cells(name, s, p)]
-    if method == "sampler":
-        from gonio.atlas.samplers import sampler_cells
+        return _guarded(job, "every number", "", lambda: hard_cells(quick) if name == HARD else fit_cells(name, quick))
+    kinds = _kinds(quick)[method]
+    found = []
+    for precision, cells in kinds.items():
+        for setting in chosen(name, method, precision, quick):
+            if key.startswith(f"{method}/{setting}/") or not key:
+                found += _guarded(job, setting, precision, lambda c=cells, s=setting, p=precision: c(name, s, p))
+    return found
 
-        number = QUICK_SAMPLES if quick else SAMPLES
-        every = [(s, p) for p in PRECISIONS for s in chosen(name, method, p, quick)]
-        return [c for s, p in every for c in sampler_cells(name, s, p, number, tests)]
-    if method == "integral":
-        from gonio.atlas.integrals import integral_cells
 
-        return [c for s in chosen(name, method, "float64", quick) for c in integral_cells(name, s)]
-    from gonio.atlas.fits import fit_cells, hard_cells
+def _kinds(quick: bool) -> dict[str, dict]:
+    from gonio.atlas.integrals import integral_cells
+    from gonio.atlas.samplers import sampler_cells
+    from gonio.atlas.values import gradient_cells, value_cells
 
-    return hard_cells() if name == HARD else fit_cells(name)
+    def drawn(name, setting, precision):
+        return sampler_cells(name, setting, precision, QUICK_SAMPLES if quick else SAMPLES)
+
+    every = {"value": value_cells, "gradient": gradient_cells, "sampler": drawn}
+    return {m: dict.fromkeys(PRECISIONS, c) for m, c in every.items()} | {"integral": {"float64": integral_cells}}
+
+
+def _guarded(job: tuple[str, str], setting: str, precision: str, cells) -> list[Cell]:
+    # A setting that is refused by name says so; any other exception is a failure that nobody was told of.
+    try:
+        return cells()
+    except GonioError as error:
+        verdict, said = SAYS_SO, f"refused: {error}"
+    except MemoryError:
+        raise
+    except Exception as error:
+        verdict, said = SILENT, f"crashed with {type(error).__name__}: {error}"
+    return [Cell(job[1], job[0], setting, "every regime", precision, verdict, float("inf"), 0.0, said)]
 
 
 def _start() -> None:
-    # Each process keeps to one core, and shares the compiled programs on disk with the others.
-    os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
+    # Each process keeps to one core, leaves Ctrl-C to its parent, and ends when its parent has, however that ended.
+    os.environ["XLA_FLAGS"] = (
+        os.environ.get("XLA_FLAGS", "") + " --xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+    )
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
-def _do(task) -> tuple[tuple[str, str], list[Cell]]:
-    job, quick, tests = task
-    try:
-        return job, do(job, quick, tests)
-    except Exception as error:  # one method that raises is a finding, and no reason to lose the others
-        said = f"raised {type(error).__name__}: {error}"
-        return job, [Cell(job[1], job[0], "every setting", "every regime", "", SAYS_SO, float("inf"), 0.0, said)]
+def _end_with_parent() -> None:
+    multiprocessing.parent_process().join()
+    os._exit(1)
 
 
 def atlas(models: tuple[str, ...], quick: bool, processes: int | None = None) -> Iterator[tuple[tuple[str, str], list]]:
-    """(job, its cells) as they are done; in this process where there is one model or one processor."""
-    todo, tests = jobs(models, quick), tests_of(models, quick)
-    tasks = [(job, quick, tests) for job in todo]
+    """(job, its cells) as they are done; in this process where there is one processor.
+
+    Raises GonioError where a process was killed: what it did cannot be known.
+    """
     count = processes or min(len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1, 8)
     if count == 1:
-        yield from map(_do, tasks)
+        yield from ((job, do(job, quick)) for job in jobs(models))
         return
-    with multiprocessing.get_context("spawn").Pool(count, _start) as pool:
-        yield from pool.imap_unordered(_do, tasks)
+    context = multiprocessing.get_context("spawn")
+    pool = futures.ProcessPoolExecutor(count, context, _start)
+    try:
+        asked = {pool.submit(do, job, quick): job for job in jobs(models)}
+        for done in futures.as_completed(asked):
+            yield asked[done], done.result()
+    except futures.process.BrokenProcessPool:
+        raise GonioError(
+            "A process of the atlas was killed (for memory, perhaps); nothing was written: try --processes 1"
+        ) from None
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in multiprocessing.active_children():
+            process.terminate()

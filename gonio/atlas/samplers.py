@@ -26,15 +26,15 @@ LEAST = 25.0
 """Least expected count of a cell; cells with less are counted together."""
 ENOUGH = 1e-6
 """Error of ∫ of the density at which no cell is halved further."""
-LEVEL = 0.01
-"""Family-wise level of all tests of a run [Šidák 1967]."""
+LEVEL, TESTS = 0.01, 1000
+"""Family-wise level of all tests of the whole atlas [Šidák 1967], and no fewer than it makes: a part has the same."""
 WHOLE = {"float64": 1e-5, "float32": 1e-3}
 """How far ∫ of the density may be from 1: in single precision opposite directions have no half vector to the digit."""
 
 
-def sidak(tests: int) -> float:
+def sidak(tests: int = TESTS) -> float:
     """The level of each of so many independent tests that all together err with `LEVEL`."""
-    return -np.expm1(np.log1p(-LEVEL) / max(tests, 1))
+    return -np.expm1(np.log1p(-LEVEL) / tests)
 
 
 @eqx.filter_jit
@@ -131,8 +131,8 @@ def p_value(counts: np.ndarray, shares: np.ndarray) -> float:
     return float(stats.chi2.sf(chi2, max(expected.size - 1, 1)))
 
 
-def sampler_cells(name: str, spelling: str, precision: str, number: int, tests: int) -> list[Cell]:
-    """One cell for each incidence: the p-value of χ² against the level of `tests` tests, and ∫ of the density."""
+def sampler_cells(name: str, spelling: str, precision: str, number: int) -> list[Cell]:
+    """One cell for each incidence: the p-value of χ² against the level of one test, and ∫ of the density."""
     dtype = PRECISIONS[precision]
     brdf = cast(build(spelling), dtype)
     cells = []
@@ -140,7 +140,7 @@ def sampler_cells(name: str, spelling: str, precision: str, number: int, tests: 
         # Other random numbers for each test, always the same: a recipe that repeats it.
         seed = zlib.crc32(f"{spelling} {column} {precision}".encode())
         counts, shares, change, lost = count_and_expect(brdf, theta, number, dtype, seed)
-        whole, level, most = float(shares.sum()), sidak(tests), WHOLE[precision]
+        whole, level, most = float(shares.sum()), sidak(), WHOLE[precision]
         p = p_value(counts, shares) if np.isfinite(shares).all() else 0.0
         off = abs(whole - 1)
         detail = f"p = {p:.3g} (level {level:.2g}) of {number:,} directions; the density adds up to {whole:.7g}"

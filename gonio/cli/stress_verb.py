@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     say(columns(summary(done), ["method", "cells", "right", "says so", "silently wrong"]))
     for c in done.silent:
         say(f"\nsilently wrong: {c.method} of {c.row} at {c.column}, {c.precision}")
-        say(f"  {c.detail}\n  error {c.error:.3g}, allowed {c.allowed:.3g}; again: {recipe(c)}")
+        say(f"  {c.detail}\n  error {c.error:.3g}, allowed {c.allowed:.3g}; again: {recipe(c, done.quick)}")
         if reason_of(c):
             say(f"  reason: {reason_of(c)}")
     if args.output:
