@@ -1,11 +1,12 @@
 """Many starts on few samples, then the best on all: who agrees with whom."""
 
 import dataclasses
+from collections.abc import Sequence
 
-import jax.numpy as jnp
 import numpy as np
 
 from gonio.fitting.domains import Domains, to_unconstrained
+from gonio.fitting.equations import LANES, Sums
 from gonio.fitting.solver import Problem, minimise
 from gonio.fitting.structure import Structure, count
 
@@ -22,6 +23,7 @@ class Descent:
     exact: bool
     steps: int
     said_successful: bool
+    total: Sums
 
     @property
     def stationary(self) -> bool:
@@ -29,10 +31,28 @@ class Descent:
         return self.exact or self.stationarity <= 1e-6
 
 
-def descend(problem: Problem, domains: Domains, start: np.ndarray) -> Descent:
-    """One descent from the parameters `start`, shape (P,)."""
-    p, cost, normal, steps, said = minimise(problem, jnp.asarray(to_unconstrained(domains, start)))
-    return Descent(np.asarray(p), float(cost), float(normal.stationarity), bool(normal.exact), int(steps), bool(said))
+def descend_all(
+    problem: Problem, domains: Domains, starts: Sequence[np.ndarray], near: bool = False, rough: float = 1.0
+) -> list[Descent]:
+    """One descent from the parameters (P,) of each start, side by side; `near` and `rough` as `minimise` takes them."""
+    found = []
+    for first in range(0, len(starts), LANES):
+        x = np.stack([to_unconstrained(domains, p) for p in starts[first : first + LANES]])
+        ends = minimise(problem, x, near, rough)
+        for k in range(len(x)):
+            total = Sums(*(a[k] for a in ends.total))
+            found.append(
+                Descent(
+                    ends.p[k], float(total.cost), float(ends.stationarity[k]), bool(ends.exact[k]), int(ends.steps[k]),
+                    bool(ends.successful[k]), total,
+                )
+            )  # fmt: skip
+    return found
+
+
+def descend(problem: Problem, domains: Domains, start: np.ndarray, near: bool = True) -> Descent:
+    """One descent from the parameters `start`, shape (P,), by default near a minimum."""
+    return descend_all(problem, domains, [start], near)[0]
 
 
 def agreeing(ends: list[Descent], best: Descent, size2: float) -> int:

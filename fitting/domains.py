@@ -32,18 +32,18 @@ def _u(kind, p, xp=np):
     return xp.where(kind == LOG, xp.log(xp.maximum(p, tiny)), xp.where(kind == LOG1P, xp.log1p(p), p))
 
 
-def to_parameters(d: Domains, x: Float[Array, " p"]):
-    """(p, dp/dx, d²p/dx²) at unconstrained coordinates x, each of shape (P,)."""
-    u_low, u_high = _u(d.kind, d.low, jnp), _u(d.kind, d.high, jnp)
+def to_parameters(d: Domains, x: Float[Array, "*s p"], xp=jnp):
+    """(p, dp/dx, d²p/dx²) at unconstrained coordinates x, each of shape (..., P)."""
+    u_low, u_high = _u(d.kind, d.low, xp), _u(d.kind, d.high, xp)
     width = u_high - u_low
-    sine, cosine = jnp.sin(x), jnp.cos(x)
+    sine, cosine = xp.sin(x), xp.cos(x)
     u = u_low + width * sine * sine
-    grown = jnp.exp(jnp.where(d.kind == LINEAR, 0.0, u))
-    p = jnp.where(d.kind == LINEAR, u, jnp.where(d.kind == LOG, grown, jnp.expm1(jnp.where(d.kind == LINEAR, 0.0, u))))
+    grown = xp.exp(xp.where(d.kind == LINEAR, 0.0, u))
+    p = xp.where(d.kind == LINEAR, u, xp.where(d.kind == LOG, grown, xp.expm1(xp.where(d.kind == LINEAR, 0.0, u))))
     first, second = 2.0 * width * sine * cosine, 2.0 * width * (cosine * cosine - sine * sine)
     slope = grown * first
-    curvature = grown * (second + jnp.where(d.kind == LINEAR, 0.0, first * first))
-    return jnp.clip(p, d.low, d.high), slope, curvature
+    curvature = grown * (second + xp.where(d.kind == LINEAR, 0.0, first * first))
+    return xp.clip(p, d.low, d.high), slope, curvature
 
 
 def to_unconstrained(d: Domains, p: np.ndarray) -> np.ndarray:

@@ -3,20 +3,19 @@
 import dataclasses
 import time
 
-import jax.numpy as jnp
 import numpy as np
 
 from gonio.data.layout import Layout
 from gonio.data.table import Channels
-from gonio.fitting.descents import Descent, agreeing, descend, distinct, ordered_lobes
+from gonio.fitting.descents import Descent, descend, ordered_lobes
 from gonio.fitting.domains import Domains
-from gonio.fitting.equations import Closing, Sums, closing
+from gonio.fitting.equations import Closing, Sums, closing, values
+from gonio.fitting.levels import search
 from gonio.fitting.losses import floor_of, uses_cosine
 from gonio.fitting.result import FitResult
 from gonio.fitting.robust import SetAside, robustly
-from gonio.fitting.samples import Readings, blocked, coarse_cells, weights_of
+from gonio.fitting.samples import Readings, blocked, weights_of
 from gonio.fitting.solver import Problem, at_bounds, stationarity
-from gonio.fitting.starts import LinearSolver, guesses, random_shapes
 from gonio.fitting.statement import state
 from gonio.fitting.structure import Structure, domains_of, labels, structure_of
 from gonio.fitting.uncertainty import Covariance, beyond_bound, covariance
@@ -24,8 +23,6 @@ from gonio.models.errors import GonioError
 from gonio.models.paths import changed, last, numbers
 from gonio.models.spelling import Term, Value
 
-COARSE = 4000
-DATA_STARTS = 3
 REWEIGHTINGS = 30
 
 
@@ -147,9 +144,9 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
     floor = floor_of(loss, compared[readings.valid])
     notes: list[str] = []
 
-    def problem(part: Readings, w: np.ndarray, beside: int = 0) -> Problem:
-        data, size2 = blocked(part, loss, w, floor, beside)
-        return Problem(s, loss, fixed, d, data, jnp.asarray(size2))
+    def problem(part: Readings, w: np.ndarray) -> Problem:
+        data, size2 = blocked(part, loss, w, floor)
+        return Problem(s, loss, fixed, d, data, np.asarray(size2))
 
     whole = problem(readings, weight)
     aside = None
@@ -157,41 +154,20 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
         last, agreed, number = None, 1, 1
         p = said
     else:
-        cells = coarse_cells(readings, COARSE, options.seed)
-        all_cells = cells.size == readings.f.shape[0]
-        coarse = whole if all_cells else problem(readings.part(cells), weight[cells], readings.f.shape[0])
-        ends = [descend(coarse, d, p0) for p0 in _starts(s, fixed, d, said, readings, loss, weight, floor, options)]
-        finite = [e for e in ends if np.isfinite(e.cost)]
-        if not finite:
-            raise GonioError(
-                f"No start of '{asked}' has a finite cost on these readings; give other starts as name~value."
-            )
-        best = min(finite, key=lambda e: e.cost)
-        number, agreed = len(ends), agreeing(ends, best, float(coarse.size2))
-        if not all_cells:
-            polished = [descend(whole, d, e.p) for e in distinct(ends, float(coarse.size2))]
-            best = min((e for e in polished if np.isfinite(e.cost)), key=lambda e: e.cost, default=best)
-        last, p = best, best.p
+        found = search(asked, problem, whole, said, readings, weight, options.starts, options.seed)
+        last, p, number, agreed = found.best, found.best.p, len(found.ends), found.agreed
         if options.relative_noise is not None:
             last, whole, weight = _reweighted(problem, d, readings, last, options, notes)
             p = last.p
         if options.robust is not None:
-            last, whole, weight, aside = robustly(problem, d, readings, weight, cells, ends, last, options, notes)
+            last, whole, weight, aside = robustly(
+                problem, d, readings, weight, found.cells, found.ends, last, options, notes
+            )
             p = last.p
         p = ordered_lobes(s, fixed, _snapped(d, p))
     if last is not None and not last.said_successful:
         notes.append("the solver stopped at its step limit")
     return _closed(s, fixed, d, p, whole, readings, weight, (number, agreed), options, notes, aside)
-
-
-def _starts(s, fixed, d, said, readings, loss, weight, floor, options: Options) -> list[np.ndarray]:
-    solve = LinearSolver(s, fixed, readings, loss, weight, floor, options.seed)
-    guessed = sorted((solve(p) for p in guesses(s, said)), key=lambda found: found[1])
-    from_data = [p for p, _ in guessed[:DATA_STARTS]]
-    drawn = [solve(p)[0] for p in random_shapes(s, d, said, options.starts, options.seed)]
-    if not any(not g.linear for g in s.groups):
-        return from_data[:1]  # the model is linear in all its free numbers: every start is the same
-    return from_data + drawn
 
 
 def _relative_sigma(readings: Readings, f: np.ndarray, share: float) -> np.ndarray:
@@ -220,35 +196,31 @@ def _reweighted(problem, d: Domains, readings: Readings, last: Descent, options:
     return last, s_problem, weight
 
 
-def _model_values(p_problem: Problem, p: np.ndarray, readings: Readings) -> np.ndarray:
-    done = _close(p_problem, p)
-    n, channels = readings.f.shape
-    return np.asarray(done.f).reshape(-1, channels)[:n]
+def _model_values(problem: Problem, p: np.ndarray, readings: Readings) -> np.ndarray:
+    return values(problem.structure, p, problem.fixed, problem.data)[: readings.f.shape[0]]
 
 
-def _close(problem: Problem, p: np.ndarray) -> Closing:
-    return closing(problem.structure, problem.loss, jnp.asarray(p), problem.fixed, problem.data)
+def _closing(problem: Problem, p: np.ndarray) -> Closing:
+    return closing(problem.structure, problem.loss, p, problem.fixed, problem.data)
 
 
 def _snapped(d: Domains, p: np.ndarray) -> np.ndarray:
-    low, high = at_bounds(d, p, np)
+    low, high = at_bounds(d, p)
     return np.where(low, d.low, np.where(high, d.high, p))
 
 
 def _closed(
     s, fixed, d, p, whole: Problem, readings: Readings, weight, counts, options: Options, notes, aside=None
 ) -> Ending:
-    done = _close(whole, p)
-    n, channels = readings.f.shape
-    f = np.asarray(done.f).reshape(-1, channels)[:n]
-    total = Sums(*(np.asarray(a) for a in done.total))
-    measure, pinned, silent = stationarity(d, p, total, np)
+    done = _closing(whole, p)
+    f, total = done.f[: readings.f.shape[0]], done.total
+    measure, pinned, silent = stationarity(d, p, total)
     exact = 2.0 * float(total.cost) <= (1e3 * np.finfo(float).eps) ** 2 * float(whole.size2)
     if exact:
         # The gradient of a rounding residual points anywhere: a bound is active where the number lies on it.
-        low, high = at_bounds(d, p, np)
+        low, high = at_bounds(d, p)
         pinned = low | high
-    matrix, scatter = total.matrix, np.asarray(done.scatter)
+    matrix, scatter = total.matrix, done.scatter
     known = options.likelihood
     if not known and s.size and readings.count <= s.size and not exact:
         notes.append("there are no more readings than free numbers: nothing is left to judge their uncertainty by")
@@ -263,7 +235,7 @@ def _closed(
         others = np.flatnonzero(free)
         free[k] = True
         around = covariance(matrix, scatter, known, free, d, p, readings.count).matrix
-        reach[k] = beyond_bound(matrix, np.asarray(total.gradient), around, k, others)
+        reach[k] = beyond_bound(matrix, total.gradient, around, k, others)
     return Ending(
         s, fixed, d, p, f, total, spread, pinned, float(whole.size2),
         float(np.sum(np.log(used))) if known else 0.0, float(measure), *counts, notes,

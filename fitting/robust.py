@@ -9,12 +9,11 @@ import dataclasses
 import itertools
 from collections.abc import Callable
 
-import jax.numpy as jnp
 import numpy as np
 
 from gonio.fitting.descents import Descent, descend
 from gonio.fitting.domains import Domains
-from gonio.fitting.equations import closing
+from gonio.fitting.equations import values
 from gonio.fitting.leftover import reweighed, weighted_residuals
 from gonio.fitting.samples import Readings
 from gonio.fitting.solver import Problem
@@ -110,7 +109,7 @@ def robustly(
     few = whole
     if coarse.size < n:
         part = readings.part(coarse)
-        few = _Rounds(problem(part, weight[coarse], n), d, part, weight[coarse], least)
+        few = _Rounds(problem(part, weight[coarse]), d, part, weight[coarse], least)
     softened = [few.run("soft-l1", c.p, 8)[0] for c in _apart([last, *ends])]
     left = [few.residuals(end.p) for end in softened]
     common = min((few.scales(*pair) for pair in left), key=lambda s: float(np.median(s[few.used])))
@@ -137,8 +136,7 @@ class _Rounds:
     def residuals(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(weighted residuals, model) at p, (n, C) each, with the weights of least squares."""
         q = self.base
-        f = np.asarray(closing(q.structure, q.loss, jnp.asarray(p), q.fixed, q.data).f)
-        f = f.reshape(-1, f.shape[-1])[: self.used.shape[0]]
+        f = values(q.structure, p, q.fixed, q.data)[: self.used.shape[0]]
         return weighted_residuals(self.readings, q.loss, float(q.data.floor), self.weight, f), f
 
     def scales(self, residual: np.ndarray, f: np.ndarray) -> np.ndarray:

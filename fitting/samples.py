@@ -1,19 +1,20 @@
 """From a table to the samples of a fit: which cells, weighted how, in blocks of one size."""
 
 import dataclasses
+import math
 
-import jax.numpy as jnp
 import numpy as np
 
 from gonio.data.flags import Flag
 from gonio.data.table import Block, Table
-from gonio.fitting.equations import BLOCK, Samples
+from gonio.fitting.equations import PAGE, Samples, block_of
 from gonio.fitting.losses import floor_of, transform, uses_cosine
 from gonio.models.errors import GonioError
 from gonio.models.geometry import Direction
 
-BLOCK_COUNTS = (1, 2, 8, 32, 128, 512, 2048, 8192)  # padded to one of these: one compiled program each
-SHARED_BLOCKS = 128  # up to here padding few samples to the size of all costs less than compiling once more
+ALIGNED = 64  # bytes: what XLA asks of memory that it may use without a copy
+BANDS = (-20, 12)  # exponents of tan²θh from 1e-6 to 4e3
+RARE = 2  # bands of fewer cells than this many times those wanted are taken whole
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,54 +80,63 @@ def weights_of(readings: Readings, loss: str, sigma: np.ndarray | None) -> np.nd
     return weight
 
 
-def blocked(
-    readings: Readings, loss: str, weight: np.ndarray, floor: float | None = None, beside: int = 0
-) -> tuple[Samples, float]:
-    """(samples in blocks, ‖weighted targets‖²) of the readings for a loss.
-
-    `beside`: a number of cells whose padded size these may share, so that both compile as one program.
-    """
-    n = readings.f.shape[0]
-    used = -(-n // BLOCK)
-    held, other = (next((b for b in BLOCK_COUNTS if b * BLOCK >= size), -(-size // BLOCK)) for size in (n, beside))
-    if other <= SHARED_BLOCKS:
-        held = max(held, other)
+def blocked(readings: Readings, loss: str, weight: np.ndarray, floor: float | None = None) -> tuple[Samples, float]:
+    """(samples in blocks, ‖weighted targets‖²) of the readings for a loss."""
+    n, channels = readings.f.shape
+    block = block_of(channels)
+    used = -(-n // block)
+    held = max(1, -(-used // PAGE)) * PAGE
     compared = readings.f * np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else readings.f
     floor = floor_of(loss, compared[readings.valid]) if floor is None else floor
     target = transform(loss, compared, floor, np)[0]
-    size2 = float(np.sum((weight * target) ** 2))
+    size2 = float(np.einsum("nc,nc,nc,nc->", weight, weight, target, target))
 
-    def laid(a: np.ndarray, fill: float) -> jnp.ndarray:
-        padded = np.full((held * BLOCK, *a.shape[1:]), fill)
-        padded[:n] = a
-        return jnp.asarray(padded.reshape(held, BLOCK, *a.shape[1:]))
-
+    shape = (held, block)
     up = (0.0, 0.0, 1.0)
     wi, wo = (
-        Direction(*(laid(np.asarray(c), e) for c, e in zip(w, up, strict=True))) for w in (readings.wi, readings.wo)
+        Direction(*(in_blocks(np.asarray(c), shape, e) for c, e in zip(w, up, strict=True)))
+        for w in (readings.wi, readings.wo)
     )
-    samples = Samples(wi, wo, laid(target, 0.0), laid(weight, 0.0), jnp.asarray(used), jnp.asarray(float(floor)))
-    return samples, size2
+    target, weight = (in_blocks(a, (*shape, channels)) for a in (target, weight))
+    return Samples(wi, wo, target, weight, np.asarray(used), np.asarray(float(floor))), size2
+
+
+def in_blocks(a: np.ndarray, shape: tuple[int, ...], fill: float = 0.0) -> np.ndarray:
+    """Values (n, ...) laid out in blocks (B, block, ...), padded with `fill`, where XLA reads them without a copy."""
+    raw = np.empty(8 * math.prod(shape) + ALIGNED, np.uint8)
+    start = -raw.ctypes.data % ALIGNED
+    whole = raw[start : start + 8 * math.prod(shape)].view(np.float64).reshape(shape)
+    flat = whole.reshape(-1, *shape[2:])
+    flat[: a.shape[0]] = a
+    flat[a.shape[0] :] = fill
+    return whole
 
 
 def coarse_cells(readings: Readings, limit: int, seed: int) -> np.ndarray:
-    """At most `limit` cells for the first descents: half of them even over cells, half even over the half angle.
+    """At most `limit` cells for the first descents, sorted: half of them even over cells, half over the half angle.
 
-    A narrow lobe fills few cells of a uniform grid: drawn by cell alone, a start would not see it.
+    A narrow lobe fills few cells of a uniform grid: drawn by cell alone, a start would not see it. The half angle is
+    cut where its tangent doubles.
     """
     n = readings.f.shape[0]
     if n <= limit:
         return np.arange(n)
     rng = np.random.default_rng(seed)
-    even = rng.choice(n, limit // 2, replace=False)
     h = [np.asarray(a) + np.asarray(b) for a, b in zip(readings.wi, readings.wo, strict=True)]
-    theta_h = np.arctan2(np.hypot(h[0], h[1]), h[2])
-    edges = np.geomspace(1e-3, np.pi / 2, 33)
-    band = np.searchsorted(edges, theta_h)
-    order = rng.permutation(n)
-    by_band = order[np.argsort(band[order], kind="stable")]
-    counts = np.bincount(band, minlength=edges.size + 1)
-    share = -(-(limit - limit // 2) // max(1, np.count_nonzero(counts)))
-    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    picked = [by_band[s : s + min(c, share)] for s, c in zip(starts, counts, strict=True)]
-    return np.unique(np.concatenate([even, *picked]))[: 2 * limit]
+    tan2 = (h[0] * h[0] + h[1] * h[1]) / np.maximum(h[2] * h[2], np.finfo(float).tiny)
+    band = np.clip(np.frexp(tan2)[1], *BANDS).astype(np.int8)
+    counts = np.bincount(band - np.int8(BANDS[0]))
+    # All cells of rare bands and a draw of the others are enough to choose from.
+    rare = np.zeros(BANDS[1] - BANDS[0] + 1, bool)
+    rare[: counts.size] = counts < RARE * limit
+    drawn = np.unique(rng.integers(n, size=min(n, 8 * limit)))
+    among = np.union1d(drawn, np.flatnonzero(rare[band - np.int8(BANDS[0])])) if rare.any() else drawn
+    among = rng.permutation(among)
+    even = rng.permutation(drawn)[: limit // 2]
+    among = among[np.argsort(band[among], kind="stable")]
+    counts = np.bincount(band[among] - np.int8(BANDS[0]))
+    rank = np.arange(among.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    # First of each band, second of each, ...: bands with few cells give all they have.
+    by_band = among[np.argsort(rank, kind="stable")][:limit]
+    by_band = by_band[~np.isin(by_band, even)]
+    return np.sort(np.concatenate([even, by_band[: limit - even.size]]))

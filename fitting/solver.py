@@ -1,24 +1,29 @@
-"""Levenberg–Marquardt on streamed normal equations, made of Optimistix's own parts.
+"""Levenberg–Marquardt on streamed normal equations, several descents at once, made of Optimistix's own parts.
 
 Optimistix's `LevenbergMarquardt` wants the residual vector and its Jacobian; for a full table these are gigabytes. Here
-its damped Newton descent and its trust region work on `FunctionInfo.EvalGradHessian`, which streaming supplies.
+its damped Newton descent and its trust region work on `FunctionInfo.EvalGradHessian`, which streaming supplies. A step
+is a program of its own that knows nothing of the model: it is compiled once for all models of up to 8 free numbers.
 """
 
-from typing import Any
+import functools
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from gonio.fitting.domains import Domains, to_parameters
-from gonio.fitting.equations import Samples, Sums, sums
+from gonio.fitting.equations import LANES, Samples, Sums, sums
 from gonio.fitting.structure import Structure
 
 MAX_STEPS = 200
 STATIONARY = 1e-9  # the aim; DESIGN's test asks for 1e-6
+NEARLY, LITTLE = 1e-7, 1e-13  # or this near, where the next step promises no more than this share of the cost
+UNDAMPED = 1e8  # the first step's size from near a minimum; 1 is MINPACK's from afar
 _EPS = 2.220446049250313e-16
 
 
@@ -33,133 +38,170 @@ class Problem(eqx.Module):
     size2: Float[Array, ""]  # ‖data‖², of the weighted targets
 
 
-class Normal(eqx.Module):
-    """Gradient and Hessian in unconstrained coordinates, and how far from stationary."""
+class Normal(NamedTuple):
+    """Cost, gradient and Hessian in unconstrained coordinates, and how far from stationary; any leading axis."""
 
+    cost: Float[Array, ""]
     gradient: Float[Array, " p"]
     hessian: Float[Array, "p p"]
     stationarity: Float[Array, ""]
     exact: Bool[Array, ""]
 
 
-def at_bounds(d: Domains, p: Float[Array, " p"], xp=jnp) -> tuple[Array, Array]:
+class Ends(NamedTuple):
+    """Where S descents ended: parameters, the sums there, and what was seen of them; a leading axis of S."""
+
+    p: np.ndarray
+    total: Sums
+    stationarity: np.ndarray
+    exact: np.ndarray
+    steps: np.ndarray
+    successful: np.ndarray
+
+
+def at_bounds(d: Domains, p: Float[Array, "*s p"], xp=np) -> tuple[Array, Array]:
     """Which parameters lie on their lower, and which on their upper bound (to 1e-9 of the domain's size there)."""
     span = xp.minimum(d.high - d.low, 1.0)
     return p - d.low <= 1e-9 * span, d.high - p <= 1e-9 * span
 
 
-def stationarity(d: Domains, p, total: Sums, xp=jnp) -> tuple[Float[Array, ""], Array, Array]:
+def stationarity(d: Domains, p, total: Sums, xp=np) -> tuple[Float[Array, "*s"], Array, Array]:
     """(max_j |J_jᵀr|/(‖J_j‖‖r‖), pinned, silent): pinned sit on a bound that the cost pushes against, and silent
-    parameters do not move the residuals at all; neither counts in the maximum.
+    parameters do not move the residuals at all; neither counts in the maximum. Any leading axes.
     """
     low, high = at_bounds(d, p, xp)
     pinned = (low & (total.gradient >= 0)) | (high & (total.gradient <= 0))
-    length2 = xp.diagonal(total.matrix)
+    length2 = xp.diagonal(total.matrix, axis1=-2, axis2=-1)
     silent = length2 <= 0
-    scale = xp.sqrt(xp.where(silent, 1.0, length2) * 2.0 * xp.maximum(total.cost, 1e-300))
+    scale = xp.sqrt(xp.where(silent, 1.0, length2) * 2.0 * xp.maximum(xp.asarray(total.cost)[..., None], 1e-300))
     share = xp.where(pinned | silent, 0.0, xp.abs(total.gradient) / scale)
-    return xp.max(share, initial=0.0), pinned, silent
+    return xp.max(share, axis=-1, initial=0.0), pinned, silent
 
 
-def cost_and_normal(x: Float[Array, " p"], problem: Problem) -> tuple[Float[Array, ""], Normal]:
-    """The cost ½Σr² at unconstrained coordinates, with what Optimistix needs to step from there."""
-    p, slope, curvature = to_parameters(problem.domains, x)
-    total = sums(problem.structure, problem.loss, p, problem.fixed, problem.data)
-    # The map's curvature is exact and free; negative curvature would spoil positive definiteness and is left out.
-    bend = jnp.maximum(total.gradient * curvature, 0.0)
-    hessian = total.matrix * slope[:, None] * slope[None, :] + jnp.diag(bend)
-    measure, _, _ = stationarity(problem.domains, p, total)
-    exact = 2.0 * total.cost <= (30.0 * _EPS) ** 2 * problem.size2
-    return total.cost, Normal(total.gradient * slope, hessian, measure, exact)
+def normal_at(problem: Problem, x: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, Sums, Normal]:
+    """(parameters, sums, normal equations) at unconstrained coordinates x (S, P), of the active ones."""
+    d = problem.domains
+    p, slope, curvature = to_parameters(d, x, np)
+    total, _ = sums(problem.structure, problem.loss, p, problem.fixed, problem.data, active)
+    with np.errstate(all="ignore"):  # what is not finite is a rejected step
+        # The map's curvature is exact and free; negative curvature would spoil positive definiteness and is left out.
+        bend = np.maximum(total.gradient * curvature, 0.0)
+        hessian = total.matrix * slope[:, :, None] * slope[:, None, :]
+        at = np.arange(x.shape[1])
+        hessian[:, at, at] += bend
+        measure, _, _ = stationarity(d, p, total)
+        exact = 2.0 * total.cost <= (30.0 * _EPS) ** 2 * float(problem.size2)
+        return p, total, Normal(total.cost, total.gradient * slope, hessian, measure, exact)
 
 
-class _State(eqx.Module):
+class _Lane(NamedTuple):
+    """One descent between two evaluations: where it is, what it knows there, and where it wants to look next."""
+
     first: Bool[Array, ""]
+    accepted: Bool[Array, ""]
+    y: Float[Array, " p"]
     trial: Float[Array, " p"]
-    cost: Float[Array, ""]
     normal: Normal
     scale: Float[Array, " p"]
     search: Any
     finished: Bool[Array, ""]
-    result: optx.RESULTS
+    refused: Bool[Array, ""]
 
 
-class StreamedLevenbergMarquardt(optx.AbstractMinimiser):
-    """Damped Newton descent with a trust region on (cost, `Normal`), scaled as in MINPACK [Moré 1978].
+_DESCENT = optx.DampedNewtonDescent(linear_solver=lx.Cholesky())
+_SEARCH = optx.ClassicalTrustRegion(high_cutoff=0.75, low_cutoff=1e-4, high_constant=10.0, low_constant=0.2)
 
-    A trial step whose cost is not finite is a rejected step. Stops when stationary, exact, or when a step that could
-    only change the cost by its rounding brings the gradient no further down.
+
+def _info(normal: Normal, scale):
+    matrix = normal.hessian / (scale[:, None] * scale[None, :])
+    # What no residual depends on has an empty row: a unit there keeps Cholesky happy and the parameter still.
+    matrix = matrix + jnp.diag(jnp.where(jnp.diagonal(matrix) > 0, 0.0, 1.0))
+    operator = lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag)
+    return optx.FunctionInfo.EvalGradHessian(normal.cost, normal.gradient / scale, operator)
+
+
+def _step(lane: _Lane, seen: Normal, size2, rough) -> _Lane:
+    """One damped Newton step, scaled as in MINPACK [Moré 1978], after the trial point has been `seen`.
+
+    A trial whose cost is not finite is a rejected step. Ends when stationary, exact, or when a step that could only
+    change the cost by its rounding brings the gradient no further down; `rough`: relaxes what is stationary.
     """
-
-    rtol: float = 0.0
-    atol: float = 0.0
-    norm: Any = optx.max_norm
-    descent: optx.DampedNewtonDescent = optx.DampedNewtonDescent(linear_solver=lx.Cholesky())
-    search: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(
-        high_cutoff=0.75, low_cutoff=1e-4, high_constant=10.0, low_constant=0.2
+    y, before = lane.y, lane.normal
+    finite = jnp.isfinite(seen.cost) & jnp.all(jnp.isfinite(seen.gradient)) & jnp.all(jnp.isfinite(seen.hessian))
+    cost = jnp.where(finite, seen.cost, jnp.inf)
+    step_size, accept, _, search = _SEARCH.step(
+        lane.first, y, lane.trial, _info(before, jnp.ones_like(y)), optx.FunctionInfo.Eval(cost), lane.search
     )
+    # Below its own rounding the cost says nothing, while the gradient still does: there a step counts by that.
+    rounding = _EPS * (4.0 * before.cost + jnp.sqrt(2.0 * jnp.maximum(before.cost, 0.0) * size2))
+    by_gradient = (cost <= before.cost + rounding) & (seen.stationarity < 0.9 * before.stationarity)
+    by_gradient = by_gradient & ~accept & ~lane.first
+    step_size = jnp.where(by_gradient, 10.0 * lane.search.step_size, step_size)
+    search = eqx.tree_at(lambda s: s.step_size, search, step_size)
+    accept = (accept | by_gradient) & finite
+    y, normal = jax.tree.map(lambda a, b: jnp.where(accept, a, b), (lane.trial, seen), (y, before))
+    lengths = jnp.sqrt(jnp.maximum(jnp.diagonal(normal.hessian), 0.0))
+    scale = jnp.maximum(lane.scale, lengths)
+    safe = jnp.where(scale > 0, scale, 1.0)
+    info = _info(normal, safe)
+    descent = _DESCENT.query(y, info, _DESCENT.init(y, info))
+    move, result = _DESCENT.step(step_size, descent)
+    move = jnp.where(jnp.isfinite(move), move, 0.0)
+    promised = -(jnp.dot(info.grad, move) + 0.5 * jnp.dot(move, info.hessian.mv(move)))
+    spent = (promised <= rounding) & ~accept
+    near = (normal.stationarity <= rough * NEARLY) & (promised <= rough * LITTLE * normal.cost)
+    refused = (lane.first & ~finite) | (result != optx.RESULTS.successful)
+    finished = (normal.stationarity <= STATIONARY) | near | normal.exact | spent | refused
+    no = jnp.zeros_like(lane.first)
+    return _Lane(no, accept, y, y + move / safe, normal, scale, search, finished, refused)
 
-    def _info(self, cost, normal: Normal, scale):
-        matrix = normal.hessian / (scale[:, None] * scale[None, :])
-        # What no residual depends on has an empty row: a unit there keeps Cholesky happy and the parameter still.
-        matrix = matrix + jnp.diag(jnp.where(jnp.diagonal(matrix) > 0, 0.0, 1.0))
-        operator = lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag)
-        return optx.FunctionInfo.EvalGradHessian(cost, normal.gradient / scale, operator)
 
-    def init(self, fn, y, args, options, f_struct, aux_struct, tags):
-        normal = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), aux_struct)
-        cost, one = jnp.zeros(f_struct.shape, f_struct.dtype), jnp.ones_like(y)
-        search = self.search.init(y, self._info(cost, normal, one))
-        no = jnp.array(False)
-        return _State(jnp.array(True), y, cost, normal, jnp.zeros_like(y), search, no, optx.RESULTS.successful)
+@jax.jit
+def _advance(lanes: _Lane, seen: Normal, active, size2, rough) -> _Lane:
+    stepped = jax.vmap(_step, (0, 0, None, None))(lanes, seen, size2, rough)
+    return jax.tree.map(lambda a, b: jnp.where(active.reshape(-1, *[1] * (a.ndim - 1)), a, b), stepped, lanes)
 
-    def step(self, fn, y, args, options, state, tags):
-        cost, normal = fn(state.trial, args)
-        finite = jnp.isfinite(cost) & jnp.all(jnp.isfinite(normal.gradient)) & jnp.all(jnp.isfinite(normal.hessian))
-        cost = jnp.where(finite, cost, jnp.inf)
-        old = self._info(state.cost, state.normal, jnp.ones_like(y))
-        step_size, accept, _, search = self.search.step(
-            state.first, y, state.trial, old, optx.FunctionInfo.Eval(cost), state.search
-        )
-        # Below its own rounding the cost says nothing, while the gradient still does: there a step counts by that.
-        rounding = _EPS * (4.0 * state.cost + jnp.sqrt(2.0 * jnp.maximum(state.cost, 0.0) * args.size2))
-        by_gradient = (cost <= state.cost + rounding) & (normal.stationarity < 0.9 * state.normal.stationarity)
-        by_gradient = by_gradient & ~accept & ~state.first
-        step_size = jnp.where(by_gradient, 10.0 * state.search.step_size, step_size)
-        search = eqx.tree_at(lambda s: s.step_size, search, step_size)
-        accept = (accept | by_gradient) & finite
-        pick = lambda new, before: jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, before)  # noqa: E731
-        y, cost, normal = pick((state.trial, cost, normal), (y, state.cost, state.normal))
-        lengths = jnp.sqrt(jnp.maximum(jnp.diagonal(normal.hessian), 0.0))
-        scale = jnp.maximum(state.scale, lengths)
-        safe = jnp.where(scale > 0, scale, 1.0)
-        info = self._info(cost, normal, safe)
-        descent = self.descent.query(y, info, self.descent.init(y, info))
-        move, result = self.descent.step(step_size, descent)
-        move = jnp.where(jnp.isfinite(move), move, 0.0)
-        promised = -(jnp.dot(info.grad, move) + 0.5 * jnp.dot(move, info.hessian.mv(move)))
-        spent = (promised <= rounding) & ~accept
-        stationary = normal.stationarity <= STATIONARY
-        refused = (state.first & ~finite) | (result != optx.RESULTS.successful)
-        finished = stationary | normal.exact | spent | refused
-        state = _State(
-            jnp.array(False), y + move / safe, cost, normal, scale, search, finished,
-            optx.RESULTS.where(refused, optx.RESULTS.nonlinear_divergence, optx.RESULTS.successful),
+
+@functools.lru_cache(maxsize=16)
+def _fresh(size: int, step_size: float) -> _Lane:
+    zeros, no = np.zeros((LANES, size)), np.zeros(LANES, bool)
+    normal = Normal(np.zeros(LANES), zeros, np.zeros((LANES, size, size)), np.zeros(LANES), no)
+    one = jax.tree.map(lambda a: jnp.asarray(a[0]), normal)
+    search = _SEARCH.init(jnp.zeros(size), _info(one, jnp.ones(size)))
+    search = jax.tree.map(lambda a: np.full((LANES, *np.shape(a)), step_size), search)
+    return _Lane(~no, no, zeros, zeros, normal, zeros, search, no, no)
+
+
+def _padded(a: np.ndarray, size: int, axes: int) -> np.ndarray:
+    wide = np.zeros((LANES, *[size] * axes), a.dtype)
+    wide[tuple(slice(n) for n in a.shape)] = a
+    return wide
+
+
+def minimise(problem: Problem, x: np.ndarray, near: bool = False, rough: float = 1.0) -> Ends:
+    """The ends of the descents from unconstrained coordinates x (S, P), at most `LANES` of them.
+
+    `near`: they begin near minima, and need no damping at first. `rough`: how much less stationary may do.
+    """
+    number, free = x.shape
+    size = max(8, 1 << (free - 1).bit_length())
+    lanes = _fresh(size, UNDAMPED if near else 1.0)._replace(trial=_padded(x, size, 1), y=_padded(x, size, 1))
+    active, steps = np.arange(LANES) < number, np.zeros(number, int)
+    kept = None
+    size2, rough = np.asarray(float(problem.size2)), np.asarray(float(rough))
+    for _ in range(MAX_STEPS):
+        p, total, seen = normal_at(problem, np.asarray(lanes.trial)[:number, :free], active[:number])
+        wide = Normal(*(_padded(a, size, a.ndim - 1) for a in seen))
+        lanes = _advance(lanes, wide, active, size2, rough)
+        accepted = np.asarray(lanes.accepted)[:number] & active[:number]
+        now = (p, *total, seen.stationarity, seen.exact)
+        kept = now if kept is None else tuple(
+            np.where(accepted.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(now, kept, strict=True)
         )  # fmt: skip
-        return y, state, normal
-
-    def terminate(self, fn, y, args, options, state, tags):
-        return state.finished, state.result
-
-    def postprocess(self, fn, y, aux, args, options, state, tags, result):
-        return y, aux, {"cost": state.cost}
-
-
-@eqx.filter_jit
-def minimise(problem: Problem, x: Float[Array, " p"]):
-    """(parameters, cost, `Normal`, steps, whether Optimistix calls it successful) of one descent from x."""
-    found = optx.minimise(
-        cost_and_normal, StreamedLevenbergMarquardt(), x, problem, has_aux=True, max_steps=MAX_STEPS, throw=False
-    )
-    p, _, _ = to_parameters(problem.domains, found.value)
-    return p, found.stats["cost"], found.aux, found.stats["num_steps"], found.result == optx.RESULTS.successful
+        steps += active[:number]
+        active = active & ~np.asarray(lanes.finished)
+        if not active.any():
+            break
+    successful = np.asarray(lanes.finished & ~lanes.refused)[:number]
+    p, cost, gradient, matrix, measure, exact = kept
+    return Ends(p, Sums(cost, gradient, matrix), measure, exact, steps, successful)

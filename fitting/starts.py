@@ -6,15 +6,13 @@ least squares, so that no descent begins with a lobe of the wrong strength.
 
 import itertools
 
-import jax.numpy as jnp
 import numpy as np
 
 from gonio.fitting.domains import LINEAR, LOG, Domains
-from gonio.fitting.equations import lobes_at
+from gonio.fitting.equations import Samples, linear_rows
 from gonio.fitting.losses import transform, uses_cosine
 from gonio.fitting.samples import Readings
 from gonio.fitting.structure import Structure, count
-from gonio.models.geometry import Direction
 from gonio.models.paths import last
 
 WIDTHS = (0.02, 0.06, 0.15, 0.35, 0.7)
@@ -82,50 +80,53 @@ def random_shapes(s: Structure, d: Domains, said: np.ndarray, number: int, seed:
 
 
 class LinearSolver:
-    """Non-negative least squares for the linear numbers of a model, at given shapes, on a few samples."""
+    """Non-negative least squares for the linear numbers of a model, at given shapes, on the samples of first descents.
 
-    def __init__(self, s: Structure, fixed, readings: Readings, loss: str, weight: np.ndarray, floor: float, seed: int):
-        n = readings.f.shape[0]
-        cells = (
-            np.arange(n) if n <= GUESS_SAMPLES else np.random.default_rng(seed).choice(n, GUESS_SAMPLES, replace=False)
-        )
-        part = readings.part(np.resize(cells, GUESS_SAMPLES))  # repeated if few, so that one program serves
-        self.s, self.fixed = s, fixed
-        self.wi, self.wo = (Direction(*(jnp.asarray(c, float) for c in w)) for w in (part.wi, part.wo))
-        self.f = part.f
+    In the measure of the loss, made linear at the readings.
+    """
+
+    def __init__(self, s: Structure, fixed, part: Readings, data: Samples, loss: str, weight: np.ndarray):
+        self.s, self.fixed, self.data = s, fixed, data
         cosine = np.asarray(part.wi.z)[:, None] if uses_cosine(loss) else 1.0
-        slope = transform(loss, part.f * cosine, floor, np)[1]
-        self.weight = weight[np.resize(cells, GUESS_SAMPLES)] * slope * cosine
+        self.f, self.weight = part.f, weight * transform(loss, part.f * cosine, float(data.floor), np)[1] * cosine
 
     def __call__(self, p: np.ndarray) -> tuple[np.ndarray, float]:
-        """(p with its unsaid linear numbers solved, weighted sum of squares)."""
-        s, p = self.s, p.copy()
-        unsaid = [k for k, g in enumerate(s.groups) if g.linear and np.isnan(p[g.first])]
+        """(p with its unsaid linear numbers solved, weighted sum of squares: not finite where the model is not)."""
+        s, n = self.s, self.f.shape[0]
+        linear = [g for g in s.groups if g.linear]
+        unsaid = [k for k, g in enumerate(linear) if np.isnan(p[g.first])]
         p = np.where(np.isnan(p), 1.0, p)
-        f, rows = (np.asarray(a) for a in lobes_at(s, jnp.asarray(p), self.fixed, self.wi, self.wo))
-        total = 0.0
-        for c in range(s.channels):
-            w, basis = self.weight[:, c], rows[:, unsaid, c]
-            rest = self.f[:, c] - (f[:, c] - basis.sum(1))
-            amount = _non_negative(basis * w[:, None], rest * w) if unsaid else np.empty(0)
-            total += float(np.sum((w * (basis @ amount - rest)) ** 2))
-            for k, a in zip(unsaid, amount, strict=True):
-                g = s.groups[k]
-                if g.per_channel or s.channels == 1:
-                    p[g.first + (c if g.per_channel else 0)] = np.clip(a, g.info.low, g.info.high)
-        return p, total
+        f, rows = linear_rows(s, p, self.fixed, self.data)
+        f, basis = f[:n], rows[:n, unsaid]
+        rest = (self.f - f + basis.sum(1)) * self.weight
+        basis = basis * self.weight[:, None, :]
+        if not (np.isfinite(rest).all() and np.isfinite(basis).all()):
+            return p, np.inf
+        amount = _non_negative(np.einsum("nkc,nlc->ckl", basis, basis), np.einsum("nkc,nc->ck", basis, rest))
+        left = rest - np.einsum("nkc,ck->nc", basis, amount)
+        size = np.sqrt(np.einsum("nkc,nkc->ck", basis, basis))
+        reach = np.where(size > 0, np.linalg.norm(rest, axis=0)[:, None] / np.where(size > 0, size, 1.0), 0.0)
+        # Not at the bound itself: there a start would see no slope.
+        amount = np.maximum(amount, 1e-3 * reach)
+        for k, of in enumerate(unsaid):
+            g = linear[of]
+            found = amount[:, k] if g.per_channel or s.channels == 1 else amount[:, k].mean()
+            p[g.first : g.first + count(s, g)] = np.clip(found, g.info.low, g.info.high)
+        return p, float(np.sum(left**2))
 
 
-def _non_negative(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Least squares with x ≥ 0: the most negative column is dropped until none is; at least 1e-3 of the largest."""
-    kept = list(range(a.shape[1]))
-    x = np.zeros(a.shape[1])
-    while kept:
-        part = np.linalg.lstsq(a[:, kept], b, rcond=None)[0]
-        if part.min() >= 0:
-            x[kept] = part
+def _non_negative(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Least squares with x ≥ 0 of many normal equations (C, K, K) and (C, K): the most negative is dropped in turn."""
+    size = vector.shape[1]
+    length2 = np.diagonal(matrix, axis1=1, axis2=2)
+    kept, x = length2 > 0, np.zeros_like(vector)
+    for _ in range(size):
+        held = np.where(kept[:, :, None] & kept[:, None, :], matrix, 0.0)
+        # A unit where nothing is asked; else a little more than nothing, for lobes that are the same.
+        held[:, range(size), range(size)] += np.where(kept, 1e-12 * length2, 1.0)
+        x = np.linalg.solve(held, np.where(kept, vector, 0.0)[..., None])[..., 0]
+        negative = x.min(axis=1) < 0
+        if not negative.any():
             break
-        kept.pop(int(np.argmin(part)))
-    size = np.linalg.norm(a, axis=0)
-    reach = np.where(size > 0, np.linalg.norm(b) / np.where(size > 0, size, 1.0), 0.0)
-    return np.maximum(x, 1e-3 * reach)
+        kept[negative, x.argmin(axis=1)[negative]] = False
+    return np.maximum(x, 0.0)
