@@ -1,12 +1,18 @@
 """What a fit returns: the model, every number with its uncertainty and status, and how far to believe it."""
 
 import dataclasses
+import functools
 from typing import Any
 
 import numpy as np
 
 from gonio.data.table import Channels
+from gonio.fitting.colour_difference import sphere_difference
+from gonio.fitting.residual_summary import Evidence, ResidualSummary, summarise
 from gonio.models.base import AbstractBRDF
+
+CORRELATED = 0.95  # from which on a correlation is said in words
+MOST_CORRELATED = 5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,7 +40,9 @@ class FitResult:
     """A fitted model. `converged` means stationary by the projected gradient, or exact; `reason` says why.
 
     `covariance` and `correlation` are over `free_names`; `cost` is ½Σr² of the named loss; `bic` compares models on the
-    same readings and loss; `seconds` are wall time by stage.
+    same readings and loss; `seconds` are wall time by stage. `counts`: readings by what became of them. `floor`: of the
+    loss, one for each channel fitted by itself. `robust`: how outliers were weighed. `bootstrap`: what refits to drawn
+    readings gave.
     """
 
     spelling: str
@@ -66,6 +74,36 @@ class FitResult:
     notes: list[str] = dataclasses.field(default_factory=list)
     alternatives: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     table: str = ""
+    counts: dict[str, int] = dataclasses.field(default_factory=dict)
+    floor: list[float] = dataclasses.field(default_factory=list)
+    robust: str | None = None
+    bootstrap: dict[str, Any] | None = None
+    evidence: Evidence | None = dataclasses.field(default=None, repr=False, compare=False)
+
+    @functools.cached_property
+    def residuals(self) -> ResidualSummary | None:
+        """Noise or structure, maps over angles, and readings that stand out; worked out when first asked for."""
+        return None if self.evidence is None else summarise(self.evidence)
+
+    @functools.cached_property
+    def colour_difference(self) -> dict[str, Any] | None:
+        """CIEDE2000 between lit spheres of model and readings; None for channels without colour."""
+        if self.evidence is None:
+            return None
+        e = self.evidence
+        return sphere_difference(self.channels, e.readings, e.model_f, e.layout, e.seed)
+
+    @property
+    def correlated(self) -> list[dict[str, Any]]:
+        """Pairs of numbers whose correlation is at least 0.95 in size, the strongest first."""
+        size = np.nan_to_num(np.triu(np.abs(self.correlation), 1))
+        order = np.argsort(-size, axis=None)[:MOST_CORRELATED]
+        pairs = [np.unravel_index(k, size.shape) for k in order]
+        return [
+            {"a": self.free_names[i], "b": self.free_names[j], "correlation": float(self.correlation[i, j])}
+            for i, j in pairs
+            if size[i, j] >= CORRELATED
+        ]
 
     @property
     def exit_status(self) -> int:
@@ -74,7 +112,11 @@ class FitResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the model itself, as what JSON and TOML can hold."""
-        kept = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in ("brdf", "channels")}
+        left = ("brdf", "channels", "evidence")
+        kept = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in left}
+        kept["correlated"] = self.correlated
+        kept["colour_difference"] = self.colour_difference
+        kept["residuals"] = None if self.residuals is None else self.residuals.to_dict()
         kept["parameters"] = [dataclasses.asdict(p) for p in self.parameters]
         kept["channels"] = list(self.channels.names)
         return unboxed(kept)

@@ -7,6 +7,7 @@ import numpy as np
 from gonio.data.table import Channels
 from gonio.fitting.combinations import in_words
 from gonio.fitting.metrics import metrics
+from gonio.fitting.residual_summary import Evidence
 from gonio.fitting.result import FitResult, ParameterEstimate
 from gonio.fitting.samples import Readings
 from gonio.fitting.separating import advice
@@ -61,6 +62,20 @@ def state(
         bic=_bic(endings, cost, readings.count, size, options), undetermined=undetermined,
         active_bounds=[p.label for p in estimates if p.status.startswith("at ")], seconds=seconds,
         theta_max=options.theta_max, notes=notes + sorted({n for e in endings for n in e.notes}), table=options.table,
+        counts=options.counts, floor=[float(e.problem.data.floor) for e in endings], robust=options.robust,
+        evidence=_evidence(endings, readings, options, f, cost, size),
+    )  # fmt: skip
+
+
+def _evidence(endings, readings: Readings, options, f: np.ndarray, cost: float, size: int) -> Evidence:
+    aside = endings[0].aside
+    if aside is not None:
+        aside = dataclasses.replace(aside, kept=np.concatenate([e.aside.kept for e in endings], axis=1))
+    return Evidence(
+        readings, f, np.concatenate([e.weight for e in endings], axis=1), options.loss,
+        np.array([float(e.problem.data.floor) for e in endings]), options.likelihood,
+        all(e.exact for e in endings), size, 2.0 * cost if options.likelihood else None, aside, options.layout,
+        options.seed,
     )  # fmt: skip
 
 
