@@ -27,14 +27,16 @@ def domain_kind(low: float, log: bool) -> int:
     return LINEAR if not log else LOG if low > 0 else LOG1P
 
 
-def _u(kind, p, xp=np):
+def mapped(kind, p, xp=np):
+    """p in the coordinate in which its domain is even: itself, its logarithm, or that of 1 + p."""
     tiny = np.finfo(float).tiny
-    return xp.where(kind == LOG, xp.log(xp.maximum(p, tiny)), xp.where(kind == LOG1P, xp.log1p(p), p))
+    grown = xp.log1p(xp.where(kind == LOG1P, p, 0.0))  # linear ones may be −1 and below
+    return xp.where(kind == LOG, xp.log(xp.maximum(p, tiny)), xp.where(kind == LOG1P, grown, p))
 
 
 def to_parameters(d: Domains, x: Float[Array, "*s p"], xp=jnp):
     """(p, dp/dx, d²p/dx²) at unconstrained coordinates x, each of shape (..., P)."""
-    u_low, u_high = _u(d.kind, d.low, xp), _u(d.kind, d.high, xp)
+    u_low, u_high = mapped(d.kind, d.low, xp), mapped(d.kind, d.high, xp)
     width = u_high - u_low
     sine, cosine = xp.sin(x), xp.cos(x)
     u = u_low + width * sine * sine
@@ -48,7 +50,7 @@ def to_parameters(d: Domains, x: Float[Array, "*s p"], xp=jnp):
 
 def to_unconstrained(d: Domains, p: np.ndarray) -> np.ndarray:
     """x of parameters p, shape (P,), kept a little off the bounds, where a start would see no slope."""
-    u_low, u_high = (_u(np.asarray(d.kind), np.asarray(b)) for b in (d.low, d.high))
-    share = (_u(np.asarray(d.kind), np.asarray(p, float)) - u_low) / (u_high - u_low)
+    u_low, u_high = (mapped(np.asarray(d.kind), np.asarray(b)) for b in (d.low, d.high))
+    share = (mapped(np.asarray(d.kind), np.asarray(p, float)) - u_low) / (u_high - u_low)
     # A scale's domain is wide (10⁶): the margin is small enough not to move a start of 1e-3 of a usual value.
     return np.arcsin(np.sqrt(np.clip(share, 1e-12, 1.0 - 1e-6)))

@@ -8,7 +8,7 @@ import itertools
 
 import numpy as np
 
-from gonio.fitting.domains import LINEAR, LOG, Domains
+from gonio.fitting.domains import LINEAR, LOG, Domains, mapped
 from gonio.fitting.equations import Samples, linear_rows
 from gonio.fitting.losses import transform, uses_cosine
 from gonio.fitting.samples import Readings
@@ -60,10 +60,7 @@ def random_shapes(s: Structure, d: Domains, said: np.ndarray, number: int, seed:
         [max(g.info.low, NARROWEST) if _is_width(g.name) else g.info.low for g in s.groups for _ in range(count(s, g))]
     )
     high = d.high
-    u_low, u_high = (
-        np.where(d.kind == LINEAR, b, np.where(d.kind == LOG, np.log(np.maximum(b, 1e-300)), np.log1p(b)))
-        for b in (low, high)
-    )
+    u_low, u_high = (mapped(d.kind, b) for b in (low, high))
     linear = np.array([g.linear for g in s.groups for _ in range(count(s, g))], dtype=bool)
     found = []
     for _ in range(number):
