@@ -6,8 +6,6 @@ from jaxtyping import Array, Float
 
 Scalar = Float[Array, "..."]
 
-UNROLL = 4  # steps of a series in one loop body: fewer passes over the directions against a longer compilation
-
 
 def chebyshev_basis(x: Scalar, n: int) -> Scalar:
     """T₀(x) ... T₍ₙ₋₁₎(x) for x in [−1, 1], by their recurrence."""
@@ -20,12 +18,15 @@ def chebyshev_basis(x: Scalar, n: int) -> Scalar:
 
 
 def clenshaw(series: Scalar, x: Scalar) -> Scalar:
-    """Σ series[k] Tₖ(x); the trailing axes of `series` and the shape of x broadcast."""
+    """Σ series[k] Tₖ(x); the trailing axes of `series` and the shape of x broadcast.
+
+    In one loop over the directions: a loop over the terms would read and write them all at every step.
+    """
 
     def step(pair, c):
         above, this = pair
         return (this, 2.0 * x * this - above + c), None
 
     zero = jnp.zeros(jnp.broadcast_shapes(series.shape[1:], x.shape), series.dtype)
-    (above, this), _ = jax.lax.scan(step, (zero, zero), series[:0:-1], unroll=UNROLL)
+    (above, this), _ = jax.lax.scan(step, (zero, zero), series[:0:-1], unroll=True)
     return x * this - above + series[0]

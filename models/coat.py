@@ -11,7 +11,7 @@ from gonio.models.base import AbstractBRDF, AbstractComposite, Scalar, Scaled
 from gonio.models.coat_map import coated_map, refracted
 from gonio.models.geometry import Direction
 from gonio.models.ggx import GGX
-from gonio.models.horizon import above
+from gonio.models.horizon import raised
 from gonio.models.parameters import ParameterInfo, parameter
 
 ALPHA = ParameterInfo(1e-4, 1.0, "1", "width of the coat's slope distribution", start=0.1, log=True)
@@ -31,12 +31,12 @@ class UnderCoat(AbstractBRDF):
         return jnp.mean(self.eta)
 
     def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+        shown, wi, wo = raised(wi, wo)
         series = tables.coat_series(self.alpha, self.eta)
         alpha = jnp.broadcast_to(self.alpha, series.shape[1:])
         passed = [1.0 - jnp.minimum(tables.tabulated("coat", series, w.z, alpha), 1.0) for w in (wi, wo)]
         base = self.base.f(*(refracted(w, self.index) for w in (wi, wo)))
-        return jnp.where(both, passed[0] * passed[1] * base / self.index**2, 0.0)
+        return base * (passed[0] * passed[1] * (shown / self.index**2))
 
     def sample(self, wi, u1, u2):
         """The base's sample, refracted outwards; what is trapped or below goes below the horizon, linearly in z."""

@@ -6,8 +6,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-WIDE = {"xla_cpu_prefer_vector_width": 512}
-"""XLA uses half of an AVX-512 processor's vectors unless it is told to; narrower processors take their own width."""
+WIDE = {"xla_cpu_prefer_vector_width": 512, "xla_backend_optimization_level": 2}
+"""XLA uses half of an AVX-512 processor's vectors unless it is told to; narrower processors take their own width. Level
+3 makes of a selection that channels share a branch around the loop over them, which is then no vector code any more."""
 
 
 @functools.cache

@@ -10,7 +10,7 @@ from gonio.models.base import AbstractBRDF, AbstractComposite
 from gonio.models.fresnel import fresnel_dielectric
 from gonio.models.geometry import Direction, reflect
 from gonio.models.half_vector import half_angles, mirrored_pdf
-from gonio.models.horizon import above
+from gonio.models.horizon import raised
 from gonio.models.oren_nayar import rough_diffuser_map
 from gonio.models.parameters import ParameterInfo, known_equal, parameter
 from gonio.models.slope_map import facet_direction, slope_ray
@@ -50,8 +50,8 @@ class PrincipledTerm(AbstractBRDF):
     term: str = eqx.field(static=True)
 
     def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
-        return jnp.where(both, getattr(self.whole, f"_{self.term}")(wi, wo), 0.0)
+        shown, wi, wo = raised(wi, wo)
+        return shown * getattr(self.whole, f"_{self.term}")(wi, wo)
 
     @property
     def _widths(self) -> tuple[Scalar, Scalar]:
@@ -183,8 +183,8 @@ class Principled(AbstractComposite):
         return tuple(PrincipledTerm(self, term) for term in ("diffuse", "specular", "clearcoat"))
 
     def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
-        return jnp.where(both, self._diffuse(wi, wo) + self._specular(wi, wo) + self._clearcoat(wi, wo), 0.0)
+        shown, wi, wo = raised(wi, wo)
+        return shown * (self._diffuse(wi, wo) + self._specular(wi, wo) + self._clearcoat(wi, wo))
 
     @property
     def isotropic(self):
