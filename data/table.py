@@ -167,13 +167,15 @@ class Table:
                 flag = self._flat("flag", start, stop)
                 parts["flag"].append(flag[at])
                 parts["f"].append(self._flat("f", start, stop)[at])
-                parts["u_f"].append(self._uncertainty(start, stop, flag.shape)[at])
+                if self.u_f is not None:
+                    parts["u_f"].append(self._flat("u_f", start, stop)[at])
         empty = {"flag": np.uint8, "f": self.f.dtype, "u_f": np.float64}
         whole = {
             what: np.concatenate(p) if p else np.empty((0, len(self.channels)), empty[what])
             for what, p in parts.items()
         }
-        return Block(wi, wo, whole["f"], whole["u_f"], whole["flag"])
+        u_f = np.broadcast_to(np.nan, whole["f"].shape) if self.u_f is None else whole["u_f"]
+        return Block(wi, wo, whole["f"], u_f, whole["flag"])
 
     def _usable(self, start, stop, theta_max):
         usable = (self._flat("flag", start, stop) == Flag.VALID).any(axis=1)

@@ -217,8 +217,11 @@ def sums(
 def values(s: Structure, p: np.ndarray, fixed, data: Samples) -> np.ndarray:
     """The model's f at every sample, (N, C) with the padding of the last page."""
     program, p = _values_program(s), np.asarray(p, float)
-    found = [program(p, fixed, page.wi, page.wo, page.blocks)[0] for page in _pages(data)]
-    return np.concatenate([np.asarray(f).reshape(-1, s.channels) for f in found])
+    blocks, block, channels = data.weight.shape
+    found = np.zeros((blocks, block, channels))
+    for k, page in enumerate(_pages(data)):
+        found[k * PAGE : (k + 1) * PAGE] = program(p, fixed, page.wi, page.wo, page.blocks)[0]
+    return found.reshape(-1, channels)
 
 
 def linear_rows(s: Structure, p: np.ndarray, fixed, data: Samples) -> tuple[np.ndarray, np.ndarray]:

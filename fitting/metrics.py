@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.fitting.samples import Readings
+from gonio.fitting.samples import CHUNK, Readings
 
 
 def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
@@ -11,25 +11,31 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
     `relative_rms` = √(Σ(m−y)²/Σy²); `relative_rms_cosine` the same of f cosθi cosθo; `median_relative` the median of
     |m−y|/|y|; `log_rms` of log(1+f) [Ngan 2005 and others]; `cbrt_rms` of (f cosθi)^⅓; `bias` the mean of m−y, 1/sr.
     """
-    valid, y, m = readings.valid, readings.f, model_f
-    cos_i, cos_o = (np.asarray(w.z)[:, None] for w in (readings.wi, readings.wo))
-    difference = np.where(valid, m - y, 0.0)
-    count = max(1, int(valid.sum()))
+    sums, relative = np.zeros(7), []
+    for first in range(0, readings.f.shape[0], CHUNK):
+        some = slice(first, first + CHUNK)
+        valid, y, m = readings.valid[some], readings.f[some], model_f[some]
+        cos_i, cos_o = (np.repeat(np.asarray(w.z)[some, None], y.shape[1], axis=1) for w in (readings.wi, readings.wo))
+        if not valid.all():
+            y, m = np.where(valid, y, 0.0), np.where(valid, m, 0.0)
+        both, off = cos_i * cos_o, m - y
+        logs = np.sign(m) * np.log1p(np.abs(m)) - np.sign(y) * np.log1p(np.abs(y))
+        roots = np.cbrt(m * cos_i) - np.cbrt(y * cos_i)
+        squares = [np.sum(a * a) for a in (off, y, off * both, y * both, logs, roots)]
+        sums += [*squares, off.sum()]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.abs(off / y)
+        relative.append(share[y != 0])
+    count, relative = max(1, readings.count), np.concatenate(relative)
 
-    def rms(a: np.ndarray) -> float:
-        return float(np.sqrt(np.sum(np.where(valid, a, 0.0) ** 2) / count))
+    def ratio(above: float, below: float) -> float:
+        return float(np.sqrt(above / below)) if below > 0 else float("nan")
 
-    def ratio(weight: np.ndarray | float) -> float:
-        below = float(np.sum(np.where(valid, y * weight, 0.0) ** 2))
-        return float(np.sqrt(np.sum((difference * weight) ** 2) / below)) if below > 0 else float("nan")
-
-    seen = valid & (y != 0)
-    signed_log = lambda v: np.sign(v) * np.log1p(np.abs(v))  # noqa: E731
     return {
-        "relative_rms": ratio(1.0),
-        "relative_rms_cosine": ratio(cos_i * cos_o),
-        "median_relative": float(np.median(np.abs((m - y)[seen] / y[seen]))) if seen.any() else float("nan"),
-        "log_rms": rms(signed_log(m) - signed_log(y)),
-        "cbrt_rms": rms(np.cbrt(m * cos_i) - np.cbrt(y * cos_i)),
-        "bias": float(np.sum(difference) / count),
+        "relative_rms": ratio(sums[0], sums[1]),
+        "relative_rms_cosine": ratio(sums[2], sums[3]),
+        "median_relative": float(np.median(relative, overwrite_input=True)) if relative.size else float("nan"),
+        "log_rms": float(np.sqrt(sums[4] / count)),
+        "cbrt_rms": float(np.sqrt(sums[5] / count)),
+        "bias": float(sums[6] / count),
     }

@@ -10,10 +10,11 @@ from gonio.data.table import Block, Table
 from gonio.fitting.equations import PAGE, Samples, block_of
 from gonio.fitting.losses import floor_of, transform, uses_cosine
 from gonio.models.errors import GonioError
-from gonio.models.geometry import Direction
+from gonio.models.geometry import NORMAL, Direction
 
 ALIGNED = 64  # bytes: what XLA asks of memory that it may use without a copy
 BANDS = (-20, 12)  # exponents of tan²θh from 1e-6 to 4e3
+CHUNK = 1 << 15  # samples whose intermediate values stay in a cache
 RARE = 2  # bands of fewer cells than this many times those wanted are taken whole
 
 
@@ -48,10 +49,17 @@ class Readings:
 def readings_of(table: Table, limit: int | None = None, theta_max: float | None = None, seed: int = 0) -> Readings:
     """The valid readings of a table with both directions above the horizon (and below `theta_max`, radians)."""
     block: Block = table.samples(limit=limit, theta_max=theta_max, seed=seed)
-    f = np.asarray(block.f, float)
+    n, channels = block.f.shape
+    shape = _held(n, channels)
+    # Laid out at once where a fit on all readings wants them: the largest arrays then exist once.
+    wi, wo = (
+        Direction(*(in_blocks(np.asarray(c, float), shape, e).reshape(-1)[:n] for c, e in zip(w, NORMAL, strict=True)))
+        for w in (block.wi, block.wo)
+    )
+    valid = (np.asarray(block.flag) == Flag.VALID) & np.isfinite(block.f)
     # Reading f where it is masked would carry a NaN into sums: the value there is never looked at again.
-    valid = (np.asarray(block.flag) == Flag.VALID) & np.isfinite(f)
-    return Readings(block.wi, block.wo, np.where(valid, f, 0.0), np.asarray(block.u_f, float), valid)
+    f = np.where(valid, block.f, 0.0).astype(float, copy=False)
+    return Readings(wi, wo, f, np.asarray(block.u_f, float), valid)
 
 
 def sigma_of(readings: Readings) -> np.ndarray | None:
@@ -80,32 +88,48 @@ def weights_of(readings: Readings, loss: str, sigma: np.ndarray | None) -> np.nd
     return weight
 
 
+def _held(n: int, channels: int) -> tuple[int, int]:
+    """(blocks, a multiple of those of a page, samples of a block) that hold n samples."""
+    block = block_of(channels)
+    return max(1, -(-n // (block * PAGE))) * PAGE, block
+
+
 def blocked(readings: Readings, loss: str, weight: np.ndarray, floor: float | None = None) -> tuple[Samples, float]:
     """(samples in blocks, ‖weighted targets‖²) of the readings for a loss."""
     n, channels = readings.f.shape
-    block = block_of(channels)
-    used = -(-n // block)
-    held = max(1, -(-used // PAGE)) * PAGE
-    compared = readings.f * np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else readings.f
-    floor = floor_of(loss, compared[readings.valid]) if floor is None else floor
-    target = transform(loss, compared, floor, np)[0]
-    size2 = float(np.einsum("nc,nc,nc,nc->", weight, weight, target, target))
-
-    shape = (held, block)
-    up = (0.0, 0.0, 1.0)
+    shape = _held(n, channels)
+    cosine = np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else None
+    if floor is None:
+        floor = floor_of(loss, (readings.f if cosine is None else readings.f * cosine)[readings.valid])
     wi, wo = (
-        Direction(*(in_blocks(np.asarray(c), shape, e) for c, e in zip(w, up, strict=True)))
+        Direction(*(in_blocks(np.asarray(c), shape, e) for c, e in zip(w, NORMAL, strict=True)))
         for w in (readings.wi, readings.wo)
     )
-    target, weight = (in_blocks(a, (*shape, channels)) for a in (target, weight))
-    return Samples(wi, wo, target, weight, np.asarray(used), np.asarray(float(floor))), size2
+    target, weight = in_blocks(readings.f, (*shape, channels)), in_blocks(weight, (*shape, channels))
+    flat, size2 = target.reshape(-1, channels), 0.0
+    for first in range(0, n, CHUNK):
+        some = slice(first, min(first + CHUNK, n))
+        compared = flat[some] if cosine is None else flat[some] * cosine[some]
+        flat[some] = transform(loss, compared, floor, np)[0]
+        size2 += float(np.sum((weight.reshape(-1, channels)[some] * flat[some]) ** 2))
+    used = np.asarray(-(-n // shape[1]))
+    return Samples(wi, wo, target, weight, used, np.asarray(float(floor))), size2
 
 
 def in_blocks(a: np.ndarray, shape: tuple[int, ...], fill: float = 0.0) -> np.ndarray:
-    """Values (n, ...) laid out in blocks (B, block, ...), padded with `fill`, where XLA reads them without a copy."""
-    raw = np.empty(8 * math.prod(shape) + ALIGNED, np.uint8)
+    """Values (n, ...) laid out in blocks (B, block, ...), padded with `fill`, where XLA reads them without a copy.
+
+    Directions that are laid out already (by `readings_of`) are taken as they stand.
+    """
+    number = math.prod(shape)
+    base = a.base
+    if a.ndim == 1 and isinstance(base, np.ndarray) and base.size == number * 8 + ALIGNED and base.dtype == np.uint8:
+        start = -base.ctypes.data % ALIGNED
+        if a.ctypes.data == base.ctypes.data + start and a.dtype == np.float64:
+            return base[start : start + 8 * number].view(np.float64).reshape(shape)
+    raw = np.empty(8 * number + ALIGNED, np.uint8)
     start = -raw.ctypes.data % ALIGNED
-    whole = raw[start : start + 8 * math.prod(shape)].view(np.float64).reshape(shape)
+    whole = raw[start : start + 8 * number].view(np.float64).reshape(shape)
     flat = whole.reshape(-1, *shape[2:])
     flat[: a.shape[0]] = a
     flat[a.shape[0] :] = fill
