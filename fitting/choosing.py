@@ -1,12 +1,14 @@
 """From readings without a model to the model they ask for, spelled, with the numbers where its fit begins."""
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
 
 from gonio.data.layout import Layout
+from gonio.fitting.for_scene import FAR, Allowed, Seen, allowed, cheapest
 from gonio.fitting.samples import Readings
-from gonio.fitting.selection import Choice, choose
+from gonio.fitting.selection import Choice, Tried, choose
 from gonio.fitting.sketch import numbers_of
 from gonio.fitting.structure import with_defaults
 from gonio.models.paths import changed
@@ -36,14 +38,84 @@ def chosen_model(
         loss = "cbrt"
     found = choose(readings, loss, sigma, turned(layout, readings), seed, say)
     text = found.chosen.spelled
-    return text, _started(with_defaults(parse(text)), found, readings.f.shape[1]), found
+    return text, _started(with_defaults(parse(text)), found.chosen, found.channels, readings.f.shape[1]), found
 
 
-def _started(terms: tuple[Term, ...], found: Choice, channels: int) -> tuple[Term, ...]:
-    seen = found.channels
+@dataclasses.dataclass(frozen=True)
+class SceneChoice:
+    """How a model was chosen for a scene: what was tried, with its error there, and the one that was taken."""
+
+    options: list[Allowed]
+    taken: Allowed
+    asked_for: Allowed  # what the data ask for, whatever the scene
+    met: bool
+    choice: Choice
+
+    def rows(self, tolerance: float) -> list[dict]:
+        """What was tried as plain data, cheapest first."""
+        known = {row["model"]: row for row in self.choice.rows()}
+
+        def verdict(a: Allowed) -> str:
+            if a is self.taken:
+                return "chosen: the cheapest within the tolerance" if self.met else "chosen: what the data ask for"
+            if a.error > tolerance:
+                return "beyond the tolerance"
+            return "within the tolerance, dearer" if a.tried.size <= self.choice.chosen.size else "not asked for"
+
+        extra = lambda a: {"scene_error": a.error, "cost_ns": a.cost, "verdict": verdict(a)}  # noqa: E731
+        return [{**known[a.tried.spelled], **extra(a)} for a in self.options]
+
+    def words(self, look: Seen, error: float, noise: float) -> str:
+        """What the scene had to say, in a sentence; `error` of the final fit beside the readings' noise."""
+        tolerance = look.scene.tolerance
+        if self.met:
+            said = f"the cheapest model tried that meets it; the data themselves ask for {self.asked_for.tried.spelled}"
+            if self.taken.tried.spelled == self.asked_for.tried.spelled:
+                said = "the cheapest model tried that meets it, and what the data themselves ask for"
+            elif self.asked_for.error > tolerance:
+                said += f" (error {self.asked_for.error:.2g})"
+        else:
+            least = min(a.error for a in self.options)
+            said = f"which no model tried meets (least error {least:.2g}); this is what the data ask for"
+        return f"{scene_words(look, error, noise)}: {said}"
+
+
+def scene_words(look: Seen, error: float, noise: float) -> str:
+    """The error for a scene, beside its tolerance."""
+    beside = f", beside {100 * noise:.2g} % of noise in the readings" if noise > error / 10 else ""
+    far = f", by readings {look.distance:.2g}° away from what it sees" if look.distance > FAR else ""
+    return (
+        f"for the scene '{look.scene.name}' the error of the reflected radiance is {100 * error:.2g} %{beside}{far} "
+        f"(tolerance {100 * look.scene.tolerance:g} %)"
+    )
+
+
+def chosen_for_scene(
+    layout: Layout,
+    readings: Readings,
+    loss: str,
+    sigma: np.ndarray | None,
+    look: Seen,
+    seed: int,
+    say: Callable[[str], None],
+) -> tuple[str, tuple[Term, ...], SceneChoice]:
+    """(spelling, terms with their starts, how it was chosen) of the cheapest model within a scene's tolerance."""
+    if loss == "sigma" and sigma is None:
+        loss = "cbrt"
+    found = choose(readings, loss, sigma, turned(layout, readings), seed, say, look.cells)
+    options = allowed(found, look)
+    asked_for = next(a for a in options if a.tried.parts == found.chosen.parts)
+    taken = cheapest(found, options, look.scene.tolerance)
+    best = taken or asked_for
+    text = best.tried.spelled
+    terms = _started(with_defaults(parse(text)), best.tried, found.channels, readings.f.shape[1])
+    return text, terms, SceneChoice(options, best, asked_for, taken is not None, found)
+
+
+def _started(terms: tuple[Term, ...], t: Tried, seen: int, channels: int) -> tuple[Term, ...]:
     said: dict[tuple[int, str], list[float]] = {}
     per_channel: set[tuple[int, str]] = set()
-    for u, p in zip(numbers_of(found.chosen.parts, seen), found.chosen.p, strict=True):
+    for u, p in zip(numbers_of(t.parts, seen), t.p, strict=True):
         said.setdefault((u.part, u.name), []).append(float(p))
         if u.channel is not None:
             per_channel.add((u.part, u.name))

@@ -6,10 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from gonio.data.scene import Scene, load_scene
 from gonio.data.table import Table
+from gonio.fitting.bootstrap import require
 from gonio.fitting.cell_measure import measure_of
-from gonio.fitting.choosing import chosen_model
+from gonio.fitting.choosing import chosen_for_scene, chosen_model, scene_words, turned
 from gonio.fitting.counting import counted
+from gonio.fitting.for_scene import judged, of_channels, seen
 from gonio.fitting.losses import LOSSES
 from gonio.fitting.one_model import Options, fit_one
 from gonio.fitting.result import FitResult
@@ -17,6 +20,7 @@ from gonio.fitting.robust import require_kind
 from gonio.fitting.samples import Readings, readings_of, sigma_of
 from gonio.fitting.structure import with_defaults
 from gonio.models.errors import GonioError, nearest
+from gonio.models.evaluate import evaluate
 from gonio.models.spelling import parse
 
 WIDENS = 0.02  # aperture half-angle over alpha, from which on the averaging shows in a fit
@@ -36,6 +40,7 @@ def fit(
     per_channel: bool = False,
     samples: int | None = None,
     starts: int = 8,
+    scene: str | Scene | None = None,
     seed: int = 0,
     say: Callable[[str], None] = lambda line: None,
 ) -> FitResult:
@@ -54,7 +59,9 @@ def fit(
     most so many cells, drawn by `seed`. `starts`: random starts beside those from the data. `robust`: tukey (or True),
     student or soft-l1: readings far off count less. `bootstrap`: so many refits to readings drawn again in blocks of
     neighbouring directions, for intervals that assume nothing of the noise; `bootstrap_kind`: residuals or pairs. `say`
-    hears a line for each model tried.
+    hears a line for each model tried. `scene`: a scene, its file or the name of a shipped one; the readings nearest to
+    what it sees are fitted, weighed by what they do to its radiance (loss linear, unless one is named), the error there
+    is among the notes, and without a model the cheapest one within its tolerance is taken.
 
     Raises GonioError for an unknown model, loss or weight, and for a table with too few readings for the model.
     """
@@ -64,6 +71,12 @@ def fit(
         table = read(table)
     asked = [model] if isinstance(model, str) else list(model or [])
     parsed = [with_defaults(parse(m)) for m in asked]
+    if scene is not None:
+        scene = load_scene(scene)
+        if weight is not None:
+            raise GonioError(f"A scene weighs readings itself and excludes the weight '{weight}'; give one of them.")
+        if names := of_channels(scene, table.channels.names):
+            table = table.only(names)
     began = time.perf_counter()
     readings = readings_of(table, samples, theta_max, seed)
     if not readings.count:
@@ -71,20 +84,32 @@ def fit(
             f"{table.name or 'The table'} has no valid reading"
             + (f" with both polar angles below {np.degrees(theta_max):g}°; raise --theta-max." if theta_max else ".")
         )
+    said_loss = loss
     loss, sigma = _loss(loss, readings, relative_noise)
     if weight is not None:
         readings = dataclasses.replace(readings, measure=measure_of(weight, table.layout, readings.wi, readings.wo))
     read_seconds = time.perf_counter() - began
+    counts, look = counted(table, readings), None
+    if scene is not None:
+        look = seen(scene, readings, turned(table.layout, readings))
+    require(bootstrap, bootstrap_kind)
     robust = require_kind("tukey" if robust is True else robust) if robust else None
-    options = Options(
-        loss, sigma, relative_noise, starts, seed, theta_max, weight, table.name, robust, bootstrap, bootstrap_kind,
-        counted(table, readings), table.layout,
-    )  # fmt: skip
     choice = None
     if not asked:
         began = time.perf_counter()
-        text, terms, choice = chosen_model(table.layout, readings, loss, sigma, seed, say)
+        of = (table.layout, readings, loss, sigma)
+        found = chosen_model(*of, seed, say) if look is None else chosen_for_scene(*of, look, seed, say)
+        text, terms, choice = found
         asked, parsed, select_seconds = [text], [terms], time.perf_counter() - began
+    if look is not None:
+        readings = dataclasses.replace(readings, measure=None).part(look.cells)
+        readings = dataclasses.replace(readings, measure=look.weight)
+        loss, sigma = ("linear", None) if said_loss is None else _loss(said_loss, readings, relative_noise)
+        weight = "scene"
+    options = Options(
+        loss, sigma, relative_noise, starts, seed, theta_max, weight, table.name, robust, bootstrap, bootstrap_kind,
+        counts, table.layout,
+    )  # fmt: skip
     results, refused = [], []
     for text, terms in zip(asked, parsed, strict=True):
         try:
@@ -96,11 +121,16 @@ def fit(
             continue
         result.seconds["read"] = read_seconds
         result.notes.extend(_aperture_notes(table, result))
+        if look is not None:
+            f = np.asarray(evaluate(result.brdf, readings.wi, readings.wo)).reshape(readings.f.shape[0], -1)
+            errors = judged(look, np.broadcast_to(f, readings.f.shape), readings)
+            result.notes.insert(0, choice.words(look, *errors) if choice else scene_words(look, *errors))
         results.append(result)
         say(f"{text}: {_line(result)}")
     if choice is not None:
         results[0].seconds["select"] = select_seconds
-        return dataclasses.replace(results[0], alternatives=choice.rows())
+        rows = choice.rows() if look is None else choice.rows(scene.tolerance)
+        return dataclasses.replace(results[0], alternatives=rows)
     if not results:
         raise GonioError(refused[0]["refused"])
     ranked = sorted(results, key=lambda r: (not r.converged, r.bic))

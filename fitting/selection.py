@@ -22,6 +22,7 @@ MOST_LOBES = 2
 MOST_CHANNELS = 4  # of many wavelengths so many, evenly spaced, choose the structure of all
 LEFT = 1.2  # χ² over its expectation, or readings worth one, from which on residuals are called structure
 SMALL = 0.01  # χ² over its expectation below which only rounding is left
+SAME_NOISE = 0.05  # mean difference of the logarithms of two noises that are not worth a second walk
 ROUNDS = 12
 NEVER = float("inf")
 
@@ -58,7 +59,12 @@ class Choice:
     unit: float  # variance of the residuals of the best fit, in units of the noise's, but at least 1
     worth: float  # readings that are worth one independent reading
     count: int
-    channels: int  # how many of the table's channels were looked at
+    scenery: Scenery  # the readings that were looked at
+
+    @property
+    def channels(self) -> int:
+        """How many of the table's channels were looked at."""
+        return self.scenery.target.shape[1]
 
     def bic(self, t: Tried) -> float:
         """Schwarz's criterion of the independent readings there are; lower is better [Schwarz 1978]."""
@@ -123,12 +129,10 @@ class _Search:
         if len(of) >= self.count:
             return None
         began = time.perf_counter()
-        starts = [carried(out_of.parts, out_of.p, parts, self.channels)] if out_of else []
-        if parts in self.known:
-            starts.append(self.known[parts])
-        if not starts:
-            starts = [np.full(len(of), np.nan)]
-        p, cost = min((fitted(parts, start, self.s) for start in starts), key=lambda end: end[1])
+        start = self.known.get(parts)
+        if start is None:
+            start = carried(out_of.parts, out_of.p, parts, self.channels) if out_of else np.full(len(of), np.nan)
+        p, cost = fitted(parts, start, self.s)
         x = to_x(of, p)
         r, rows = residuals(parts, x, self.s)
         low, high = (to_x(of, np.array([getattr(u, b) for u in of])) for b in ("low", "high"))
@@ -149,7 +153,7 @@ class _Search:
         best = min(every, key=lambda t: t.chi2)
         unit = max(1.0, best.chi2 / max(self.count - best.size, 1))
         worth = criteria.worth_of_one(best.residual, self.used, self.near)
-        return Choice(chosen, every, unit, worth, self.count, self.channels)
+        return Choice(chosen, every, unit, worth, self.count, self.s)
 
     def better(self, now: Tried, others: list[Tried | None]) -> Tried | None:
         """The best of those that BIC and held-out directions both ask for."""
@@ -214,15 +218,24 @@ class _Search:
                 yield self.changed(parts, lobes, model=model)
 
     def simpler(self, parts: tuple[Part, ...]) -> Iterator[tuple[Part, ...]]:
-        """The same without its diffuser, or with what is alike in all channels said once."""
-        if len(parts) > 1 and not parts[0].lobe:
-            yield parts[1:]
+        """The same less one thing: a term, a number that a later step made needless, or what channels have alike."""
+        lobes = [k for k, part in enumerate(parts) if part.lobe]
+        if len(parts) > 1:
+            yield from (parts[:k] + parts[k + 1 :] for k in ([0] if not parts[0].lobe else []) + lobes[-1:])
+        if lobes and parts[lobes[0]].f0 is None:
+            yield from (self.changed(parts, lobes, f0=f0) for f0 in (NO_FRESNEL, DIELECTRIC))
+        if lobes and parts[lobes[0]].spread:
+            yield self.changed(parts, lobes, spread=False)
+        if lobes and parts[lobes[0]].model == "std":
+            yield from (self.changed(parts, lobes, model=model) for model in ("ggx", "beckmann"))
+        if parts[0].model == "eon":
+            yield self.changed(parts, [0], model="lambert")
+        yield from (self.changed(parts, [k], brushed=False) for k in lobes if parts[k].brushed)
         if self.channels > 1:
             coloured = [k for k, part in enumerate(parts) if not part.grey]
             if len(coloured) > 1:
                 yield self.changed(parts, coloured, grey=True)
-            for k in coloured:
-                yield self.changed(parts, [k], grey=True)
+            yield from (self.changed(parts, [k], grey=True) for k in coloured)
 
     @staticmethod
     def changed(parts: tuple[Part, ...], at: list[int], **fields) -> tuple[Part, ...]:
@@ -236,11 +249,14 @@ def choose(
     turned: bool,
     seed: int = 0,
     say: Callable[[str], None] = lambda line: None,
+    cells: np.ndarray | None = None,
 ) -> Choice:
     """The model that readings ask for. `sigma` (n, C): the known standard uncertainties, or None; `turned`: whether the
-    readings tell of the surface's own azimuth, so that brushed surfaces can show.
+    readings tell of the surface's own azimuth, so that brushed surfaces can show. `cells`: at most CELLS of the
+    readings to look at; without, a sample of them by `seed`.
     """
-    cells = coarse_cells(readings, SAMPLE, seed)[:CELLS]
+    if cells is None:
+        cells = coarse_cells(readings, SAMPLE, seed)[:CELLS]
     channels = np.unique(np.linspace(0, readings.f.shape[1] - 1, min(readings.f.shape[1], MOST_CHANNELS)).astype(int))
     part = readings.part(cells)
     f, valid = part.f[:, channels], part.valid[:, channels]
@@ -262,10 +278,12 @@ def choose(
         s = s.weighted(_by_noise(s, reference, near))
     found = _Search(s, near, known, turned, say).walk()
     if sigma is None:
-        # The noise once more, from what the chosen model leaves.
-        known = {t.parts: t.p for t in found.tried}
-        s = s.weighted(_by_noise(s, found.chosen, near))
-        found = _Search(s, near, known, turned, lambda line: None).walk()
+        # The noise once more, from what the chosen model leaves: a reference that missed much took that for noise.
+        again = _by_noise(s, found.chosen, near)
+        used = again > 0
+        if np.mean(np.abs(np.log(again[used] / s.weight[used]))) > SAME_NOISE:
+            known = {t.parts: t.p for t in found.tried}
+            found = _Search(s.weighted(again), near, known, turned, lambda line: None).walk()
     return found
 
 

@@ -8,7 +8,6 @@ lobe, two lobes, brushed or not, with one width or one for each channel, all com
 import dataclasses
 import functools
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,7 +21,7 @@ from gonio.models.paths import FACTOR
 
 CELLS = 4096  # the kernels' one size: readings are padded to it
 NO_FRESNEL, DIELECTRIC = 1.0, 0.04  # Schlick's F₀ = 1 is F = 1
-_ARGUMENTS = {"lambert": ("rho",), "eon": ("rho", "r"), "std": ("alpha_x", "alpha_y", "f0", "gamma")}
+_ARGUMENTS = {"eon": ("rho", "r"), "std": ("alpha_x", "alpha_y", "f0", "gamma")}
 _MICROFACET = ("alpha_x", "alpha_y", "f0")
 NARROWEST = 1e-3
 STEPS = 80
@@ -99,7 +98,7 @@ def numbers_of(parts: tuple[Part, ...], channels: int) -> tuple[Number, ...]:
     return tuple(found)
 
 
-@eqx.filter_jit
+@functools.partial(jax.jit, static_argnames=("model", "names"))
 def _kernel(model: str, names: tuple[str, ...], values, wi: Direction, wo: Direction):
     def one(v, a, b):
         return assemble(Frame(model, (), ()), dict(zip(names, v, strict=True))).f(a, b)
@@ -156,6 +155,12 @@ def values(parts: tuple[Part, ...], x: np.ndarray, s: Scenery) -> tuple[np.ndarr
     f, rows = np.zeros((n, channels)), np.zeros((n, channels, len(of)))
     for k, part in enumerate(parts):
         mine = [(j, u) for j, u in enumerate(of) if u.part == k]
+        if part.model == "lambert":  # ρ/π needs no program
+            for j, u in mine:
+                at = slice(None) if u.channel is None else slice(u.channel, u.channel + 1)
+                f[:, at] += p[j] / np.pi
+                rows[:, at, j] = 1.0 / np.pi
+            continue
         names = arguments(part)
         seen: dict[tuple, tuple] = {}
         for c in range(channels):
@@ -167,7 +172,7 @@ def values(parts: tuple[Part, ...], x: np.ndarray, s: Scenery) -> tuple[np.ndarr
                 now.setdefault("f0", part.f0)
             given = tuple(float(now[name]) for name in names)
             if given not in seen:
-                out = _kernel(part.model, names, jnp.asarray(given), s.wi, s.wo)
+                out = _kernel(part.model, names, np.array(given), s.wi, s.wo)
                 seen[given] = tuple(np.asarray(a)[:n] for a in out)
             value, slopes = seen[given]
             strength = now.get(FACTOR, 1.0)

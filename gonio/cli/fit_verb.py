@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-m", "--model", action="append", metavar="MODEL",
         help="such as 'lambert + ggx(eta=1.5)': omitted shapes are free, name=v is fixed, name~v free from v; "
-        "several are ranked by BIC; without one, the usual candidates are",
+        "several are ranked by BIC; without one, a model grows until BIC and held-out directions ask for no more",
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", metavar="FIT.toml", help="the fitted material; FILE's name with .fit.toml if not given"
@@ -39,6 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--samples", type=int, metavar="N", help="use at most N cells, drawn by the seed")
     parser.add_argument(
         "--starts", type=int, default=8, metavar="N", help="random starts beside those from the data (default 8)"
+    )
+    parser.add_argument(
+        "--scene", metavar="S", help="a scene's file, or a shipped scene's name: weigh by what it sees, meet its tolerance"
     )
     parser.add_argument("--seed", type=int, default=0, help="of random starts and samples (default 0)")
     parser.add_argument("--merl-nodes", choices=("lower", "centre"), help="where a MERL file's nodes lie in their bins")
@@ -88,6 +91,7 @@ def run(args: argparse.Namespace) -> int:
         per_channel=args.per_channel,
         samples=args.samples,
         starts=args.starts,
+        scene=args.scene,
         seed=args.seed,
         say=tell if not args.model or len(args.model) > 1 else lambda line: None,
     )
@@ -111,6 +115,7 @@ def run(args: argparse.Namespace) -> int:
 def summary(r) -> list[str]:
     """What a fit says of itself, in lines."""
     from gonio.cli.text import columns, number
+    from gonio.cli.tried import tried
 
     lines = [
         f"{r.asked} on {r.table}: {r.samples} readings, loss {r.loss}" + (f", weight {r.weight}" if r.weight else "")
@@ -138,15 +143,5 @@ def summary(r) -> list[str]:
     lines += [f"undetermined: {words}" for words in r.undetermined]
     lines += [f"note: {words}" for words in r.notes]
     if r.alternatives:
-        ranked = [
-            [
-                a["model"],
-                number(a.get("bic_above_best"), 5),
-                str(a.get("free", "–")),
-                number(a.get("relative_rms"), 3),
-                a.get("refused") or ("" if a["converged"] else "not converged"),
-            ]
-            for a in r.alternatives
-        ]
-        lines.append(columns(ranked, ["tried", "BIC above best", "free", "relative rms", ""]))
+        lines.append(tried(r.alternatives))
     return lines
