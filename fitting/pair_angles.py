@@ -31,14 +31,16 @@ def pair_angles(wi: Direction, wo: Direction) -> PairAngles:
     return PairAngles(*(np.degrees(a) for a in (*polar, theta_d)))
 
 
-def neighbour_order(wi: Direction, wo: Direction) -> np.ndarray:
+def neighbour_order(wi: Direction, wo: Direction, by_incidence: bool = False) -> np.ndarray:
     """A permutation (n,) that goes through pairs of directions by short steps.
 
-    The curve of Morton [1966] through the four tangent-plane components of both directions.
+    The curve of Morton [1966] through the four tangent-plane components of both directions; or, `by_incidence`, one
+    through the incident directions and at each of them one through the others.
     """
     code = np.zeros(np.asarray(wi.x).size, np.uint64)
     for place, c in enumerate((wi.x, wi.y, wo.x, wo.y)):
         level = np.clip((np.asarray(c, float) + 1.0) * (1 << (BITS - 1)), 0, (1 << BITS) - 1).astype(np.uint64)
         for bit in range(BITS):
-            code |= ((level >> np.uint64(bit)) & np.uint64(1)) << np.uint64(4 * bit + place)
+            to = 2 * bit + place % 2 + (2 * BITS if place < 2 else 0) if by_incidence else 4 * bit + place
+            code |= ((level >> np.uint64(bit)) & np.uint64(1)) << np.uint64(to)
     return np.argsort(code, kind="stable")

@@ -7,7 +7,7 @@ import numpy as np
 from gonio.fitting.leftover import weighted_residuals
 from gonio.fitting.pair_angles import PairAngles, neighbour_order, pair_angles
 from gonio.fitting.residual_maps import ResidualMap, bins, residual_maps
-from gonio.fitting.residual_tests import SIGNIFICANT, Noisiness, judge
+from gonio.fitting.residual_tests import SIGNIFICANT, Noisiness, judge, least_like_noise
 from gonio.fitting.robust import NORMAL_MAD, SetAside, scales
 from gonio.fitting.samples import Readings
 
@@ -82,7 +82,12 @@ def summarise(e: Evidence) -> ResidualSummary:
     relative = np.divide(f - part.f, np.abs(part.f), out=np.zeros_like(part.f), where=seen)
     maps = residual_maps(angles, relative, seen)
     ordinary = used if kept is None else used & (kept >= LIGHT)
-    tests = judge(scaled, ordinary, e.chi2, e.readings.count - e.free, e.exact)
+    tests = least_like_noise(
+        [
+            judge(scaled[o], ordinary[o], e.chi2, e.readings.count - e.free, e.exact)
+            for o in (np.arange(cells.size), neighbour_order(part.wi, part.wo, by_incidence=True))
+        ]
+    )
     far = used & (np.abs(scaled) > FAR_OFF) & (not e.exact)
     cost = float(np.sum(residual[used] ** 2))
     light = np.zeros_like(used) if kept is None else used & (kept < LIGHT)

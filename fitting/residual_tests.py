@@ -51,6 +51,13 @@ def chi2_upper(chi2: float, freedom: int) -> float:
     return NormalDist().cdf(-((chi2 / freedom) ** (1 / 3) - 1.0 + v) / math.sqrt(v))
 
 
+def least_like_noise(found: list[Noisiness]) -> Noisiness:
+    """Of tests in several orders the one that noise explains least; probabilities count that it was picked."""
+    picked = min(found, key=lambda t: (t.verdict != "structure", min(t.runs_p, t.shared_p)))
+    p, shared_p = (min(1.0, len(found) * v) for v in (picked.runs_p, picked.shared_p))
+    return dataclasses.replace(picked, runs_p=p, shared_p=shared_p)
+
+
 def judge(scaled: np.ndarray, valid: np.ndarray, chi2: float | None, freedom: int, exact: bool) -> Noisiness:
     """The tests on residuals (n, C) in scales, in their order; `chi2`: Σr² where noise is known, else None."""
     reduced = math.nan if chi2 is None else chi2 / max(freedom, 1)

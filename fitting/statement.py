@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from gonio.data.table import Channels
+from gonio.fitting.bootstrap import bootstrap, told
 from gonio.fitting.combinations import in_words
 from gonio.fitting.metrics import metrics
 from gonio.fitting.residual_summary import Evidence
@@ -64,7 +65,18 @@ def state(
         theta_max=options.theta_max, notes=notes + sorted({n for e in endings for n in e.notes}), table=options.table,
         counts=options.counts, floor=[float(e.problem.data.floor) for e in endings], robust=options.robust,
         evidence=_evidence(endings, readings, options, f, cost, size),
+        bootstrap=_drawn_again(endings, readings, options, names),
     )  # fmt: skip
+
+
+def _drawn_again(endings, readings: Readings, options, names: list[str]) -> dict | None:
+    if not (options.bootstrap and names):
+        return None
+    drawn = []
+    for c, e in enumerate(endings):
+        these = readings.channel(c) if len(endings) > 1 else readings
+        drawn.append(bootstrap(e, these, options.bootstrap, options.bootstrap_kind, options.seed))
+    return told(endings, drawn, names)
 
 
 def _evidence(endings, readings: Readings, options, f: np.ndarray, cost: float, size: int) -> Evidence:
