@@ -20,12 +20,13 @@ _VERBS = {
     "open": ("gonio.data.reading", "read"),
     "measure": ("gonio.measuring", "measure"),
     "fit": ("gonio.fitting.fitting", "fit"),
+    "fit_many": ("gonio.fitting.many", "fit_many"),
     "check": ("gonio.checking", "check"),
     "report": ("gonio.reporting", "report"),
     "stress": ("gonio.stressing", "stress"),
 }
 
-__all__ = ["__version__", "check", "fit", "material", "measure", "open", "report", "stress"]
+__all__ = ["__version__", "check", "fit", "fit_many", "material", "measure", "open", "report", "stress"]
 
 
 def __getattr__(name: str) -> Any:
