@@ -34,7 +34,10 @@ def schlick_weight(cosine: Scalar) -> Scalar:
 
 
 def gtr1_d(m: Direction, alpha: Scalar) -> Scalar:
-    """(α² − 1)/(π ln α² (sin²θ + α² cos²θ)), 1/sr, for 0 < α < 1 [Burley 2012, eq. 4 with γ = 1]."""
+    """(α² − 1)/(π ln α² (sin²θ + α² cos²θ)), 1/sr, for 0 < α < 1 [Burley 2012, eq. 4 with γ = 1].
+
+    `gonio.models.gtr.gtr_d` of γ = 1, without its logarithms of each direction.
+    """
     spread = m.x**2 + m.y**2 + (alpha * m.z) ** 2
     return jnp.where(m.z > 0, (alpha * alpha - 1.0) / (2.0 * jnp.pi * jnp.log(alpha) * spread), 0.0)
 

@@ -1,7 +1,9 @@
 """What several tests share: where the witnesses outside the project are."""
 
 import pathlib
+from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 SHARED = pathlib.Path(__file__).resolve().parents[2] / "shared"
@@ -13,3 +15,14 @@ def shared(*parts: str) -> pathlib.Path:
     if not path.exists():
         pytest.skip(f"independent data {'/'.join(parts)} not beside the project")
     return path
+
+
+def witnessed(word: str) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+    """(spelling there, f, wi, wo) of each model of an independent implementation whose spelling holds a word.
+
+    wi and wo are (3, n); f has the shape (n, channels), in double precision.
+    """
+    data = np.load(shared("oracle", "models_double.npz"), allow_pickle=False)
+    for spelled, values in zip(data["model"], data["f"], strict=True):
+        if word in spelled:
+            yield str(spelled), values, data["wi"].T, data["wo"].T

@@ -9,6 +9,7 @@ from test_coat import mitsuba
 from gonio.models.building import build, spell
 from gonio.models.evaluate import evaluate
 from gonio.models.geometry import Direction
+from gonio.models.gtr import gtr_d
 from gonio.models.principled import Principled, PrincipledTerm, gtr1_d
 from gonio.models.quadrature import directional_albedo
 
@@ -83,6 +84,13 @@ def test_clearcoat_density_is_normalised():
         area = w / 2 * np.arcsinh(1 / alpha) * np.sqrt(alpha**2 + t * t) * 2 * np.pi * t
         m = Direction(t, 0 * t, np.sqrt((1 - t) * (1 + t)))
         assert np.sum(np.asarray(gtr1_d(m, jnp.asarray(alpha))) * area) == pytest.approx(1, abs=1e-10)
+
+
+def test_clearcoat_density_is_the_generalised_one_of_power_one():
+    t = np.sin(np.linspace(0.0, 1.5, 50))
+    m = Direction(t, 0 * t, np.sqrt((1 - t) * (1 + t)))
+    for alpha in (0.001, 0.1, 0.9):
+        np.testing.assert_allclose(gtr1_d(m, jnp.asarray(alpha)), gtr_d(m, jnp.asarray(alpha), 1.0), rtol=1e-13)
 
 
 def test_gains_what_it_says_and_is_spelled():
