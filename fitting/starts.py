@@ -95,8 +95,9 @@ class LinearSolver:
         p = np.where(np.isnan(p), 1.0, p)
         f, rows = linear_rows(s, p, self.fixed, self.data)
         f, basis = f[:n], rows[:n, unsaid]
-        rest = (self.f - f + basis.sum(1)) * self.weight
-        basis = basis * self.weight[:, None, :]
+        with np.errstate(invalid="ignore", over="ignore"):  # infinite values, of shapes that are no start
+            rest = (self.f - f + basis.sum(1)) * self.weight
+            basis = basis * self.weight[:, None, :]
         if not (np.isfinite(rest).all() and np.isfinite(basis).all()):
             return p, np.inf
         amount = _non_negative(np.einsum("nkc,nlc->ckl", basis, basis), np.einsum("nkc,nc->ck", basis, rest))
