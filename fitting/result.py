@@ -95,8 +95,10 @@ class FitResult:
 
     @property
     def correlated(self) -> list[dict[str, Any]]:
-        """Pairs of numbers whose correlation is at least 0.95 in size, the strongest first."""
-        size = np.nan_to_num(np.triu(np.abs(self.correlation), 1))
+        """Pairs of determined numbers whose correlation is at least 0.95 in size, the strongest first."""
+        known = {p.label for p in self.parameters if p.status == "determined"}
+        both = np.array([n in known for n in self.free_names], bool)
+        size = np.nan_to_num(np.triu(np.abs(self.correlation), 1)) * np.outer(both, both)
         order = np.argsort(-size, axis=None)[:MOST_CORRELATED]
         pairs = [np.unravel_index(k, size.shape) for k in order]
         return [

@@ -51,7 +51,7 @@ def state(
         at += e.structure.size
     measured = metrics(f, readings)
     cost = float(sum(float(e.total.cost) for e in endings))
-    if options.loss == "sigma":
+    if options.likelihood:
         measured["reduced_chi2"] = 2.0 * cost / max(readings.count - size, 1)
     return FitResult(
         spelling=spell(brdf), asked=asked, brdf=brdf, channels=channels, parameters=estimates, free_names=names,
@@ -125,7 +125,7 @@ def _reason(endings) -> str:
 
 def _bic(endings, cost: float, count: int, free: int, options) -> float:
     """Schwarz's criterion [Schwarz 1978], up to what models on the same readings share; lower is better."""
-    if options.loss == "sigma":
+    if options.likelihood:
         return 2.0 * cost - 2.0 * sum(e.log_weight for e in endings) + free * np.log(count)
     least = sum(e.size2 for e in endings) * (1e3 * np.finfo(float).eps) ** 2
     return float(count * np.log(max(2.0 * cost, least, 1e-300) / count) + free * np.log(count))

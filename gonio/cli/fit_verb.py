@@ -2,16 +2,6 @@
 
 import argparse
 
-METRIC_NAMES = {
-    "relative_rms": "relative rms",
-    "relative_rms_cosine": "with cosines",
-    "median_relative": "median |Δ|/f",
-    "log_rms": "log rms",
-    "cbrt_rms": "cube-root rms",
-    "bias": "bias (1/sr)",
-    "reduced_chi2": "reduced χ²",
-}
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="a table in any format that can be read")
@@ -33,7 +23,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--theta-max", type=float, metavar="DEG", help="leave out readings beyond this polar angle, on either side"
     )
-    parser.add_argument("--weight", metavar="HOW", help="solid-angle: weigh cells by the solid angle they stand for")
+    parser.add_argument(
+        "--weight", metavar="HOW",
+        help="solid-angle: by the solid angle of a cell; cosine: by cosθi cosθo; projected-solid-angle: by both",
+    )  # fmt: skip
+    parser.add_argument(
+        "--robust", nargs="?", const="tukey", metavar="KIND",
+        help="count outliers less: tukey (default), student or soft-l1; says how many readings, and where",
+    )  # fmt: skip
+    parser.add_argument(
+        "--bootstrap", type=int, default=0, metavar="N",
+        help="N refits to readings drawn again in blocks of neighbouring directions: intervals for any noise",
+    )  # fmt: skip
+    parser.add_argument(
+        "--bootstrap-kind", default="residuals", metavar="KIND",
+        help="residuals (default: the directions stay) or pairs (directions are drawn with their readings)",
+    )  # fmt: skip
     parser.add_argument("--channel", action="append", metavar="NAME", help="only this channel, such as R or '633 nm'")
     parser.add_argument("--per-channel", action="store_true", help="fit each channel by itself")
     parser.add_argument("--samples", type=int, metavar="N", help="use at most N cells, drawn by the seed")
@@ -41,7 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--starts", type=int, default=8, metavar="N", help="random starts beside those from the data (default 8)"
     )
     parser.add_argument(
-        "--scene", metavar="S", help="a scene's file, or a shipped scene's name: weigh by what it sees, meet its tolerance"
+        "--scene",
+        metavar="S",
+        help="a scene's file, or a shipped scene's name: weigh by what it sees, meet its tolerance",
     )
     parser.add_argument("--seed", type=int, default=0, help="of random starts and samples (default 0)")
     parser.add_argument("--merl-nodes", choices=("lower", "centre"), help="where a MERL file's nodes lie in their bins")
@@ -56,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
     import math
     from pathlib import Path
 
+    from gonio.cli.fit_summary import summary
     from gonio.cli.text import say, tell
     from gonio.data.files import new_file, refuse_existing, refuse_input
     from gonio.models.errors import GonioError
@@ -88,6 +96,9 @@ def run(args: argparse.Namespace) -> int:
         theta_max=None if args.theta_max is None else math.radians(args.theta_max),
         weight=args.weight,
         relative_noise=args.relative_noise,
+        robust=args.robust,
+        bootstrap=args.bootstrap,
+        bootstrap_kind=args.bootstrap_kind,
         per_channel=args.per_channel,
         samples=args.samples,
         starts=args.starts,
@@ -110,38 +121,3 @@ def run(args: argparse.Namespace) -> int:
         say(line)
     say(f"written: {output}")
     return result.exit_status
-
-
-def summary(r) -> list[str]:
-    """What a fit says of itself, in lines."""
-    from gonio.cli.text import columns, number
-    from gonio.cli.tried import tried
-
-    lines = [
-        f"{r.asked} on {r.table}: {r.samples} readings, loss {r.loss}" + (f", weight {r.weight}" if r.weight else "")
-    ]
-    lines.append(
-        f"{'converged' if r.converged else 'NOT converged'}: {r.reason}; {r.starts_agreed} of {r.starts} starts agree"
-    )
-    rows = [
-        [
-            p.label,
-            number(p.value, 8),
-            number(p.standard_uncertainty, 2),
-            f"[{number(p.interval95[0])}, {number(p.interval95[1])}]",
-            p.status,
-        ]
-        for p in r.parameters
-        if p.status != "fixed"
-    ]
-    if rows:
-        lines.append(columns(rows, ["number", "value", "std. unc.", "95 % interval", "status"]))
-    lines.append("; ".join(f"{METRIC_NAMES[k]} {number(v, 3)}" for k, v in r.metrics.items()))
-    if r.negative_readings:
-        lines.append(f"{r.negative_readings} negative readings, used as they are")
-    lines += [f"active bound: {name}" for name in r.active_bounds]
-    lines += [f"undetermined: {words}" for words in r.undetermined]
-    lines += [f"note: {words}" for words in r.notes]
-    if r.alternatives:
-        lines.append(tried(r.alternatives))
-    return lines
