@@ -26,15 +26,14 @@ C = ParameterInfo(1e-12, 1e120, "1", "rate of masking beyond theta_0", start=1e-
 K = ParameterInfo(0.1, 1000.0, "1", "exponent of masking beyond theta_0", start=15.0, log=True)
 THETA_0 = ParameterInfo(-1.0, 1.5707963267948966, "rad", "polar angle at which masking begins", start=0.0)
 
-DEEPEST = 20.0  # G₁ is held at 1 − lam e²⁰: published fits reach e¹⁷, and single precision holds the square
-
 
 class SGD(AbstractBRDF):
     """f = F D G₁(i) G₁(o)/(π cosθi cosθo) with the shifted gamma distribution [Bagher, Soler & Holzschuch 2012].
 
     D = kappa e^(−t)/(π cos⁴θ_h t^p), t = alpha + tan²θ_h/alpha; F = f0 + (1−f0)(1−d)⁵ − f1 d with d = cosθ_d;
     G₁ = 1 + lam(1 − exp(c(θ − theta_0)^k)) for θ > theta_0, and 1 below. All parameters may carry channels. Published
-    numbers have c up to 1e109, which single precision does not hold.
+    numbers have c up to 1e109, which single precision does not hold. G₁ grows as the exponential of a power: beyond the
+    largest number, where published fits (up to e¹⁷) never are, f is infinite or not a number.
     """
 
     lobe = True
@@ -67,13 +66,13 @@ class SGD(AbstractBRDF):
         beyond = jnp.arctan2(polar_parts(w)[0], w.z) - self.theta_0
         masked = beyond > 0
         rise = jnp.log(self.c) + self.k * jnp.log(jnp.where(masked, beyond, 1.0))
-        fall = -jnp.expm1(jnp.minimum(jnp.exp(jnp.minimum(rise, DEEPEST)), DEEPEST))
+        fall = -jnp.expm1(jnp.exp(jnp.where(masked, rise, 0.0)))
         return jnp.where(masked, 1.0 + self.lam * fall, 1.0)
 
     def f(self, wi, wo):
         both, wi, wo = above(wi, wo)
         h, cos_d, sin2_h = half_angles(wi, wo)
-        m = 1.0 - cos_d
+        m = 0.25 * sum((i - o) ** 2 for i, o in zip(wi, wo, strict=True)) / (1.0 + cos_d)  # 1 − cosθ_d to all digits
         reflected = self.f0 + (1.0 - self.f0) * (m * m) ** 2 * m - self.f1 * cos_d
         value = reflected * self.density(h, sin2_h) * (self.masking(wi) / positive(wi.z))
         return jnp.where(both, value * (self.masking(wo) / positive(wo.z)) / jnp.pi, 0.0)
