@@ -11,6 +11,8 @@ from gonio.models.spelling import Term, parse
 DIGITS = 40
 PERTURBED = 4
 STEP, TABLED_STEP = mp.mpf(10) ** -14, mp.mpf(10) ** -4
+FINER = 10**12
+"""How much smaller the step is by which a slope is seen to be infinite."""
 
 
 class Reference:
@@ -30,7 +32,8 @@ class Reference:
         self.inside = {field: self._inside(parts) for field, parts in term.call.models.items()}
 
     def _held(self, number: float):
-        return mp.mpf(float(self.dtype.type(number)))
+        with np.errstate(over="ignore"):  # numbers that single precision does not hold
+            return mp.mpf(float(self.dtype.type(number)))
 
     def _inside(self, parts: tuple[Term, ...]):
         # A model inside another, as the textbook form of the outer one takes it: a function of two directions.
@@ -50,21 +53,28 @@ class Reference:
         """
         params = self.params if params is None else params
         at, info = params[name], self.domains[name]
-        step = (TABLED_STEP if self.tabled else STEP) * (abs(at) if at else 1)
-
-        def quotient(step):
-            up, down = min(at + step, mp.mpf(info.high)), max(at - step, mp.mpf(info.low))
-            if up <= down:
-                up, down = at + step, at - step
-            ends = [self.value(wi, wo, {**params, name: v}) for v in (up, down)]
-            return (ends[0] - ends[1]) / (up - down)
-
-        first = quotient(step)
+        first = self._quotient(name, wi, wo, params, 1)
         if at in (info.low, info.high) and not self.costly:
             # One-sided quotients are good to the step only: the slope is where they go as it shrinks.
-            second = quotient(step / 10**12)
+            second = self._quotient(name, wi, wo, params, FINER)
             return None if abs(second) > 10 * abs(first) else second
         return first
+
+    def infinite(self, name: str, wi, wo) -> bool:
+        """Whether ∂f/∂parameter is infinite inside of the domain: at a cusp, quotients grow as the step shrinks."""
+        if self.costly:
+            return False
+        coarse, fine = (self._quotient(name, wi, wo, self.params, finer) for finer in (1, FINER))
+        return bool(abs(fine) > 10 * abs(coarse))
+
+    def _quotient(self, name: str, wi, wo, params, finer):
+        at, info = params[name], self.domains[name]
+        step = (TABLED_STEP if self.tabled else STEP) * (abs(at) if at else 1) / finer
+        up, down = min(at + step, mp.mpf(info.high)), max(at - step, mp.mpf(info.low))
+        if up <= down:
+            up, down = at + step, at - step
+        ends = [self.value(wi, wo, {**params, name: v}) for v in (up, down)]
+        return (ends[0] - ends[1]) / (up - down)
 
     def perturbed(self, wi, wo):
         """Some (wi, wo, params) with every number moved by at most one unit in its last place, always the same."""

@@ -62,6 +62,8 @@ def _value_spread(reference: Reference, wi, wo, exact):
 
 
 def _slope_spread(reference: Reference, parameter: str, wi, wo, exact):
+    if reference.infinite(parameter, wi, wo):
+        return mp.inf
     near = [reference.slope(parameter, *moved) for moved in reference.perturbed(wi, wo)]
     return SLOPE_CONDITION * max(abs((exact if s is None else s) - exact) for s in near)
 
@@ -107,6 +109,8 @@ def gradient_cells(name: str, spelling: str, precision: str, columns: tuple[str,
                 lost = not np.isfinite(directions[k]).all() and not steep
                 found = (SAYS_SO, float("inf"), 0.0) if lost else (RIGHT, 0.0, 0.0)
                 judged.append((*found, i, o, float("nan") if lost else 0.0, mp.mpf(0)))
+                if not mp.isfinite(scale) or scale > float(np.finfo(dtype).max):  # f is no number, and has no slope
+                    continue
                 for parameter, at in reference.params.items():
                     found = float(np.asarray(getattr(parameters, parameter))[k])
                     exact = reference.slope(parameter, i, o)
