@@ -1,6 +1,7 @@
 """Where the residuals of a fit are: maps over two angles."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -38,7 +39,7 @@ class ResidualMap:
         }
 
 
-def bins(values: np.ndarray, edges: tuple[float, ...]) -> np.ndarray:
+def bins(values: np.ndarray, edges: Sequence[float] | np.ndarray) -> np.ndarray:
     """Index of the bin of each value; those on or beyond the last edge belong to the last bin."""
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
 

@@ -10,6 +10,7 @@ from gonio.data.flags import Flag
 from gonio.data.material import Material
 from gonio.data.table import Channels, Table
 from gonio.figures.hemisphere import disc_points
+from gonio.fitting.pair_angles import PairAngles, pair_angles
 from gonio.fitting.result import FitResult
 from gonio.models.base import AbstractBRDF
 from gonio.models.evaluate import evaluate
@@ -124,23 +125,20 @@ def in_plane_points(near: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def residuals(table: Table, brdf: AbstractBRDF, theta_max: float | None) -> dict[str, np.ndarray]:
-    """Residuals at readings, all channels: (model − reading)/reading, the same over u(f), and θh, θd in degrees."""
+    """Residuals at readings, all channels: (model − reading)/|reading|, the same over u(f), and angles in degrees."""
     block = table.samples(limit=RESIDUALS, theta_max=theta_max)
     n = block.f.shape[0]
     if not n:
-        return {name: np.empty(0) for name in ("relative", "in_u", "theta_h", "theta_d")}
+        return {name: np.empty(0) for name in ("relative", "in_u", *PairAngles._fields)}
     index = np.resize(np.arange(n), RESIDUALS)  # repeated to one size, so that one compiled program serves
     wi, wo = (Direction(*(np.asarray(c)[index] for c in w)) for w in (block.wi, block.wo))
     model = np.asarray(evaluate(brdf, wi, wo)).reshape(RESIDUALS, -1)[:n]
     valid = (block.flag == Flag.VALID) & np.isfinite(block.f) & (block.f != 0)
-    h, d = ([a + s * b for a, b in zip(block.wi, block.wo, strict=True)] for s in (1, -1))
-    theta_h = np.degrees(np.arctan2(np.hypot(h[0], h[1]), h[2]))
-    theta_d = np.degrees(np.arctan2(*(np.sqrt(sum(c * c for c in v)) for v in (d, h))))
+    angles = pair_angles(block.wi, block.wo)._asdict()
     difference = np.broadcast_to(model, block.f.shape) - np.where(valid, block.f, 0.0)
     known = valid & np.isfinite(block.u_f) & (np.nan_to_num(block.u_f) > 0)
     return {
         "relative": (difference / np.where(valid, np.abs(block.f), 1.0))[valid],
         "in_u": (difference / np.where(known, block.u_f, 1.0))[known],
-        "theta_h": np.broadcast_to(theta_h[:, None], block.f.shape)[valid],
-        "theta_d": np.broadcast_to(theta_d[:, None], block.f.shape)[valid],
+        **{name: np.broadcast_to(a[:, None], block.f.shape)[valid] for name, a in angles.items()},
     }

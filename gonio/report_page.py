@@ -65,6 +65,7 @@ def _section(s: Subject) -> dict[str, Any]:
         + _albedo(s, colour)
         + _residuals(s, colour),
     }
+    section["drawn"] = {n["name"]: n for n in ((section["fit"] or {}).get("bootstrap") or {}).get("numbers", [])}
     section["sentence"] = _sentence(s, section)
     section["values"] = {
         "name": s.name,
@@ -265,9 +266,13 @@ def _residuals(s: Subject, colour: str) -> list[dict]:
         return []
     figures = [
         {
-            "svg": residual_map(r["theta_h"], r["theta_d"], r["relative"], f"Residuals of the fit to {s.name}"),
-            "caption": f"Fit residuals by half and difference angle, all channels{cut}: red: model brighter.",
+            "svg": residual_map(r[axes[0]], r[axes[1]], r["relative"], f"Residuals of the fit to {s.name}", axes),
+            "caption": f"Fit residuals by {words}, all channels{cut}: red: model brighter.",
         }
+        for axes, words in (
+            (("theta_h", "theta_d"), "half and difference angle"),
+            (("theta_i", "theta_o"), "incident and outgoing angle"),
+        )
     ]
     in_u = r["in_u"].size > 0.5 * r["relative"].size
     values, unit = (r["in_u"], "u_f") if in_u else (100 * r["relative"], "%")

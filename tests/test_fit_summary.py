@@ -49,3 +49,15 @@ def test_options_reach_the_fit(table, tmp_path, capsys, monkeypatch):
         assert main([*base, *bad]) == 2
         error = capsys.readouterr().err
         assert word in error and "Traceback" not in error
+
+
+def test_the_report_page_shows_it_too(table):
+    from gonio.reporting import report
+
+    result = fit(table, "lambert + ggx", starts=0, bootstrap=5, robust=True)
+    page = report([table], fits=[result], check=False)
+    assert "incident and outgoing angle" in page and "half and difference angle" in page
+    for sentence in result.residuals.sentences:
+        assert sentence[1:40] in page
+    assert "Bootstrap (residuals): 5 refits" in page and "95 % of refits" in page
+    assert f"CIEDE2000 {result.colour_difference['mean']:.3g}" in page and "robust tukey" in page

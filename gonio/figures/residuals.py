@@ -5,41 +5,45 @@ from matplotlib.colors import CenteredNorm
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
 from gonio.figures.style import panel, styled, svg
+from gonio.fitting.residual_maps import bins, grouped_median
 
 BINS = 30
+NAMES = {
+    "theta_h": "θh (half angle)",
+    "theta_d": "θd (difference angle)",
+    "theta_i": "θi (incidence)",
+    "theta_o": "θo (outgoing)",
+}
 
 
-def residual_map(theta_h: np.ndarray, theta_d: np.ndarray, relative: np.ndarray, label: str) -> str:
-    """Median of (model − reading)/reading over the half angle (√ scale) and the difference angle; degrees."""
-    h_edges, d_edges = np.linspace(0, np.sqrt(90), BINS + 1) ** 2, np.linspace(0, 90, BINS + 1)
-    rows = np.clip(np.searchsorted(h_edges, theta_h, side="right") - 1, 0, BINS - 1)
-    columns = np.clip(np.searchsorted(d_edges, theta_d, side="right") - 1, 0, BINS - 1)
-    medians = _medians(rows * BINS + columns, 100 * relative, BINS * BINS).reshape(BINS, BINS)
+def residual_map(
+    across: np.ndarray, up: np.ndarray, relative: np.ndarray, label: str, axes: tuple[str, str] = ("theta_h", "theta_d")
+) -> str:
+    """Median of (model − reading)/|reading| over two angles in degrees; the half angle on a square-root scale."""
+    root = axes[0] == "theta_h"
+    even = np.linspace(0, 90, BINS + 1)
+    x_edges = np.linspace(0, np.sqrt(90), BINS + 1) ** 2 if root else even
+    cell = bins(across, x_edges) * BINS + bins(up, even)
+    medians = grouped_median(cell, 100 * relative, BINS * BINS).reshape(BINS, BINS)
     finite = np.abs(medians[np.isfinite(medians)])
     limit = float(np.clip(np.percentile(finite, 95), 0.01, 100)) if finite.size else 1.0
     with styled():
         fig, ax = panel()
         mesh = ax.pcolormesh(
-            np.sqrt(h_edges), d_edges, medians.T, cmap="RdBu_r", norm=CenteredNorm(halfrange=limit), rasterized=True
-        )
+            np.sqrt(x_edges) if root else x_edges, even, medians.T, cmap="RdBu_r", norm=CenteredNorm(halfrange=limit),
+            rasterized=True,
+        )  # fmt: skip
         bar = fig.colorbar(mesh, ax=ax, pad=0.02, aspect=28, extend="both")
-        bar.set_label("median of (model − reading)/reading, %")
+        bar.set_label("median of (model − reading)/|reading|, %")
         bar.outline.set_visible(False)
-        ax.xaxis.set_major_locator(FixedLocator(np.sqrt([0, 1, 5, 15, 30, 50, 75])))
-        ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v * v:.0f}°"))
-        ax.yaxis.set_major_locator(FixedLocator(range(0, 91, 15)))
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.0f}°"))
-        ax.set(xlabel="θh (half angle)", ylabel="θd (difference angle)")
+        if root:
+            ax.xaxis.set_major_locator(FixedLocator(np.sqrt([0, 1, 5, 15, 30, 50, 75])))
+            ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v * v:.0f}°"))
+        for axis in (ax.yaxis,) if root else (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(FixedLocator(range(0, 91, 15)))
+            axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.0f}°"))
+        ax.set(xlabel=NAMES[axes[0]], ylabel=NAMES[axes[1]])
         return svg(fig, label)
-
-
-def _medians(group: np.ndarray, values: np.ndarray, groups: int) -> np.ndarray:
-    found = np.full(groups, np.nan)
-    order = np.argsort(group, kind="stable")
-    ends = np.searchsorted(group[order], np.arange(groups + 1))
-    for g in np.flatnonzero(np.diff(ends)):
-        found[g] = np.median(values[order[ends[g] : ends[g + 1]]])
-    return found
 
 
 def residual_histogram(values: np.ndarray, unit: str, colour: str, label: str) -> str:
