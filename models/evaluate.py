@@ -17,7 +17,8 @@ need them) stays in the cache, and no fresh memory is asked for at every call.""
 @wide_jit
 def _values(brdf, wi, wo):
     pairs = wi.z.shape[0]
-    if pairs <= BLOCK or channel_count(brdf) is None:
+    kind = jax.eval_shape(brdf.f, *(Direction(*(c[0] for c in w)) for w in (wi, wo)))
+    if pairs <= BLOCK or not kind.shape:
         return jax.vmap(brdf.f)(wi, wo)
 
     def start(index):
@@ -30,8 +31,7 @@ def _values(brdf, wi, wo):
     def put(index, values):
         return jax.lax.dynamic_update_slice_in_dim(values, block(index), start(index), 0)
 
-    kind = jax.eval_shape(block, 0)
-    return jax.lax.fori_loop(0, -(-pairs // BLOCK), put, jnp.zeros((pairs, *kind.shape[1:]), kind.dtype))
+    return jax.lax.fori_loop(0, -(-pairs // BLOCK), put, jnp.zeros((pairs, *kind.shape), kind.dtype))
 
 
 def flat_pair(wi: Direction, wo: Direction) -> tuple[Direction, Direction, tuple[int, ...]]:

@@ -1,10 +1,12 @@
 """Models over many directions: in blocks where there are channels."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from gonio.models import evaluate as module
-from gonio.models.geometry import from_spherical
+from gonio.models.building import build
+from gonio.models.geometry import Direction, from_spherical
 from gonio.models.lambert import Lambert
 from gonio.models.minnaert import Minnaert
 
@@ -19,3 +21,10 @@ def test_blocks_cover_every_pair_once(monkeypatch):
     assert coloured.shape == (23, 3)
     np.testing.assert_allclose(coloured, np.asarray(rho) * (1 / np.pi + np.asarray(grey)[:, None]), rtol=1e-14)
     assert len(set(np.asarray(grey).round(12))) > 10
+
+
+def test_single_precision_stays_single():
+    pair = [jnp.asarray(c, jnp.float32) for c in (0.6, 0.0, 0.8)]
+    coat = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), build("coat(base=lambert(rho=0.5), alpha=0.1, eta=1.5)"))
+    wi = Direction(*(jnp.full(3, c) for c in pair))
+    assert module._values(coat, wi, wi).dtype == jnp.float32

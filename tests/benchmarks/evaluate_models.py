@@ -1,10 +1,11 @@
 """Evaluations a second of every model on the 1,458,000 pairs of MERL, beside the limit of the machine and Mitsuba.
 
-    python evaluate_models.py [../shared/bench/eval_limit.cpp]
+    python evaluate_models.py [../shared/bench/eval_limit.cpp [MODEL ...]]
 
 Two forms of ours: on the grid (the trigonometry of each axis as input, as `gonio measure` does it) and on pairs (six
-arrays of components, as any client would hand over, and as Mitsuba gets them). Each is the median of repeated calls
-that are timed to the end. Mitsuba's LLVM variant needs an LLVM library (Debian: libllvm19, DRJIT_LIBLLVM_PATH).
+arrays of components, as any client would hand over, and as Mitsuba gets them). Each is the median CPU time of repeated
+calls, of all cores together, so that others on the machine disturb it little; ours and Mitsuba's calls alternate, and
+the limit runs on one core. Mitsuba's LLVM variant needs an LLVM library (Debian: libllvm19, DRJIT_LIBLLVM_PATH).
 """
 
 import glob
@@ -55,19 +56,21 @@ PEERS = {
 }  # fmt: skip
 
 
-def median_seconds(call):
-    """(seconds of the first call, median seconds of the others)."""
-    began = time.perf_counter()
-    call()
-    first = time.perf_counter() - began
-    times = []
-    for _ in range(REPEATS):
-        began = time.perf_counter()
+def median_seconds(*calls):
+    """For each call, which alternate: (seconds of the first time, median CPU seconds of the others)."""
+    firsts, times = [], [[] for _ in calls]
+    for call in calls:
+        began = time.process_time()
         call()
-        times.append(time.perf_counter() - began)
-        if sum(times) > 8:
+        firsts.append(time.process_time() - began)
+    for _ in range(REPEATS):
+        for call, seen in zip(calls, times, strict=True):
+            began = time.process_time()
+            call()
+            seen.append(time.process_time() - began)
+        if sum(map(sum, times)) > 8:
             break
-    return first, statistics.median(times)
+    return [(first, statistics.median(seen)) for first, seen in zip(firsts, times, strict=True)]
 
 
 def trigonometry(dtype):
@@ -86,12 +89,13 @@ def limit(source):
         return {}
     with tempfile.TemporaryDirectory() as folder:
         program = os.path.join(folder, "limit")
+        one_core = os.environ | {"OMP_NUM_THREADS": "1"}
         subprocess.run(["g++", "-O3", "-march=native", "-ffast-math", "-fopenmp", source, "-o", program], check=True)
-        said = subprocess.run([program], check=True, capture_output=True, text=True).stdout
+        said = subprocess.run([program], check=True, capture_output=True, text=True, env=one_core).stdout
     return {line.split()[0]: float(line.split("median ")[1].split()[0]) for line in said.splitlines()}
 
 
-def mitsuba_seconds(scene, wi, wo):
+def mitsuba_call(scene, wi, wo):
     import drjit as dr
     import mitsuba as mi
 
@@ -107,14 +111,14 @@ def mitsuba_seconds(scene, wi, wo):
         dr.eval(value)
         dr.sync_thread()
 
-    return median_seconds(call)
+    return call
 
 
-def ours(spelling, dtype, inputs, on_grid):
+def our_call(spelling, dtype, inputs, on_grid):
     brdf = cast(build(spelling), dtype)
     if on_grid:
-        return median_seconds(lambda: jax.block_until_ready(_kernel(brdf, "half_difference", inputs)))
-    return median_seconds(lambda: jax.block_until_ready(_values(brdf, *inputs)))
+        return lambda: jax.block_until_ready(_kernel(brdf, "half_difference", inputs))
+    return lambda: jax.block_until_ready(_values(brdf, *inputs))
 
 
 def main() -> None:
@@ -122,11 +126,11 @@ def main() -> None:
     known = limit(sys.argv[1] if len(sys.argv) > 1 else None)
     grids = {d: trigonometry(d) for d in (jnp.float32, jnp.float64)}
     flat = {d: pairs(d) for d in (jnp.float32, jnp.float64)}
-    print(f"{count:,} pairs; million evaluations a second, float32 / float64; first call (tracing and compilation), s")
-    for spelled in [LIMIT, *(example(n).strip("'") for n in MODELS)]:
+    print(f"{count:,} pairs; million evaluations a core second, float32 / float64; first call (tracing, compiling), s")
+    for spelled in [LIMIT, *(example(n).strip("'") for n in sys.argv[2:] or MODELS)]:
         said, first = [], []
         for inputs, on_grid in ((grids, True), (flat, False)):
-            done = [ours(spelled, d, inputs[d], on_grid) for d in (jnp.float32, jnp.float64)]
+            done = median_seconds(*(our_call(spelled, d, inputs[d], on_grid) for d in (jnp.float32, jnp.float64)))
             said.append(" / ".join(f"{count / s[1] / 1e6:7.1f}" for s in done))
             first.append(done[1][0])
         note = ""
@@ -140,10 +144,10 @@ def main() -> None:
         import mitsuba as mi
 
         mi.set_variant("llvm_ad_rgb")
-        print("\nbeside Mitsuba's LLVM variant, float32, pairs: million evaluations a second, ours / theirs")
+        print("\nbeside Mitsuba's LLVM variant, float32, pairs: million evaluations a core second, ours / theirs")
         for spelled, scene in PEERS.items():
-            mine = ours(spelled, jnp.float32, flat[jnp.float32], False)
-            theirs = mitsuba_seconds(scene, *flat[jnp.float32])
+            singles = flat[jnp.float32]
+            mine, theirs = median_seconds(our_call(spelled, jnp.float32, singles, False), mitsuba_call(scene, *singles))
             rates = [count / s[1] / 1e6 for s in (mine, theirs)]
             print(
                 f"{spelled[:72]:72}  {rates[0]:7.1f} / {rates[1]:7.1f}  ratio {rates[0] / rates[1]:.2f}"
