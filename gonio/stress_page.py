@@ -2,6 +2,7 @@
 
 import datetime
 import importlib.resources
+import re
 
 from gonio import __version__
 from gonio.atlas.cell import METHODS, SAYS_SO
@@ -50,6 +51,7 @@ def page(done: Atlas, drawn: dict[str, str]) -> str:
                 "method": method,
                 "about": ABOUT[method],
                 "picture": picture,
+                "width": re.search(r'viewBox="0 0 ([\d.]+)', picture)[1],  # points: letters of one size in all pictures
                 "counts": done.counts(method),
                 "says_so": [_row(c, done.quick) for c in spoken[:MOST]],
                 "more": max(0, len(spoken) - MOST),

@@ -113,7 +113,7 @@ def hard_cells(quick: bool = False) -> list[Cell]:
     """One cell for each fit that is known to be hard, of sums that have more than one answer or hardly any."""
     return [
         _cell(
-            "hard fits", h.truth, h.asked, f"{column}, {noise:.0%} noise",
+            "hard fits", h.truth, h.asked, f"{column}, {noise * 100:g} % noise",
             readings(h.truth, 2000, noise, h.theta_max, h.spikes),
         )
         for column, h in HARD.items()
