@@ -22,11 +22,12 @@ _VERBS = {
     "fit": ("gonio.fitting.fitting", "fit"),
     "fit_many": ("gonio.fitting.many", "fit_many"),
     "check": ("gonio.checking", "check"),
+    "reduce": ("gonio.fitting.reducing", "reduce_table"),
     "report": ("gonio.reporting", "report"),
     "stress": ("gonio.stressing", "stress"),
 }
 
-__all__ = ["__version__", "check", "fit", "fit_many", "material", "measure", "open", "report", "stress"]
+__all__ = ["__version__", "check", "fit", "fit_many", "material", "measure", "open", "reduce", "report", "stress"]
 
 
 def __getattr__(name: str) -> Any:

@@ -15,6 +15,7 @@ VERBS = {
     "fit": "fit a model to a table; the result is a material file",
     "check": "reciprocity, energy conservation, positivity and symmetry",
     "stress": "where each method fails, and that it says so",
+    "reduce": "the coarsest table that a scene's tolerance allows",
     "report": "tables, fits, checks and pictures in one self-contained page",
     "convert": "from one format to another, with the round-trip error",
 }
