@@ -35,7 +35,8 @@ from gonio.models.geometry import Direction
 FORMAT = 1
 LARGEST = 1 << 20  # bytes
 FOLDER = Path(__file__).parent / "scenes"
-SKY = 16  # directions of a light that fills its range, for each view
+SKY = 8  # directions of a light that fills its range, for each view
+FLATTEST = 1e-3  # radians: tilt of the facets that views of highlights begin with
 HIGHEST = 89.0  # degrees: beyond, a surface reflects nothing that a table could hold
 _KEYS = ("gonio_scene", "name", "description", "tolerance", "channels", "light", "view")
 
@@ -56,6 +57,17 @@ class Range:
         phi = self.phi[0] + (self.phi[1] - self.phi[0]) * v
         s = np.sqrt(np.maximum(0.0, 1.0 - z * z))
         return Direction(s * np.cos(phi), s * np.sin(phi), z)
+
+    @property
+    def solid_angle(self) -> float:
+        """Steradians; 0 for a single angle."""
+        return (math.cos(self.theta[0]) - math.cos(self.theta[1])) * (self.phi[1] - self.phi[0])
+
+    def holds(self, w: Direction) -> np.ndarray:
+        """Which directions lie in the range."""
+        theta = np.arctan2(np.hypot(w.x, w.y), w.z)
+        turned = (np.arctan2(w.y, w.x) - self.phi[0]) % (2 * math.pi)
+        return (theta >= self.theta[0]) & (theta <= self.theta[1]) & (turned <= self.phi[1] - self.phi[0] + 1e-12)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,30 +110,61 @@ class Scene:
     description: str = ""
 
     def pairs(self, count: int) -> Pairs:
-        """About `count` pairs of directions, evenly spread, the same in every call.
+        """About `count` pairs of directions, the same in every call.
 
         A light of small extent stands at one place for each view, one that fills its range at `SKY` places at once.
+        Half of the views are even over their ranges, half look where facets of every tilt mirror a small light, which
+        few even ones would; each counts by what it stands for.
         """
         filling, small = ([e for e in self.lights if e.fills is yes] for yes in (True, False))
-        views = max(1, count // (len(small) + SKY * len(filling)))
-        k = np.arange(views)
-        total = sum(v.weight for v in self.views)
-        which = np.searchsorted(np.cumsum([v.weight / total for v in self.views])[:-1], (k + 0.5) / views, side="right")
-        u, v, *more = _even(views, 2 + 2 * len(small), 0)
-        parts = [e.directions(u, v) for e in self.views]
-        wo = Direction(*(np.choose(which, c) for c in zip(*parts, strict=True)))
-        found = [(e.directions(more[2 * n], more[2 * n + 1]), k, e.weight) for n, e in enumerate(small)]
+        number = max(2, count // (len(small) + SKY * len(filling)))
+        u, v, *more = _even(number, 2 + 2 * len(small), 0)
+        lights = [e.directions(more[2 * n], more[2 * n + 1]) for n, e in enumerate(small)]
+        wo, share = self._views(u, v, lights)
+        seen = share > 0
+        wo, share = Direction(*(c[seen] for c in wo)), share[seen] / np.sum(share)
+        k = np.arange(share.size)
+        found = [(Direction(*(c[seen] for c in w)), k, e.weight) for w, e in zip(lights, small, strict=True)]
         for n, e in enumerate(filling):
-            a, b = _even(views * SKY, 2, 1 + n)
+            a, b = _even(k.size * SKY, 2, 1 + n)
             # Each view sees a whole sky: strata of it in u, turned from view to view.
-            sky = e.directions((np.tile(np.arange(SKY), views) + a) / SKY, b)
+            sky = e.directions((np.tile(np.arange(SKY), k.size) + a) / SKY, b)
             found.append((sky, np.repeat(k, SKY), e.weight / SKY))
         wi = Direction(*(np.concatenate(c) for c in zip(*(d for d, _, _ in found), strict=True)))
         of = np.concatenate([at for _, at, _ in found])
         amount = np.concatenate([np.full(at.size, weight) for _, at, weight in found]) * wi.z
-        # A pixel sees the surface foreshortened: how much of it lies at an angle goes with that angle's cosine.
-        share = wo.z / np.sum(wo.z)
         return Pairs(wi, Direction(*(c[of] for c in wo)), of, amount, share)
+
+    def _views(self, u: np.ndarray, v: np.ndarray, lights: list[Direction]) -> tuple[Direction, np.ndarray]:
+        """Directions of views (K,) and what each stands for: 0 where it is not one of the scene's."""
+        k, total = np.arange(u.size), sum(e.weight for e in self.views)
+        edges = np.cumsum([e.weight / total for e in self.views])[:-1]
+        mirrored = (k % 2 == 1) if lights and all(e.solid_angle > 0 for e in self.views) else np.zeros(u.size, bool)
+        which = np.searchsorted(edges, (k + 0.5) / u.size, side="right")
+        even = [e.directions(u, v) for e in self.views]
+        wo = [np.choose(which, c) for c in zip(*even, strict=True)]
+        if not mirrored.any():
+            # A pixel sees the surface foreshortened: how much of it lies at an angle goes with that angle's cosine.
+            return Direction(*wo), wo[2]
+        tilt = FLATTEST * (math.pi / 2 / FLATTEST) ** u
+        h = (np.sin(tilt) * np.cos(2 * math.pi * v), np.sin(tilt) * np.sin(2 * math.pi * v), np.cos(tilt))
+        of = (k // 2) % len(lights)
+        wi = [np.choose(of, c) for c in zip(*lights, strict=True)]
+        twice = 2 * sum(a * b for a, b in zip(wi, h, strict=True))
+        wo = Direction(*(np.where(mirrored, twice * b - a, c) for a, b, c in zip(wi, h, wo, strict=True)))
+        target = sum(e.weight / total / e.solid_angle * e.holds(wo) for e in self.views)
+        drawn = 0.5 * target + 0.5 * np.mean([_mirror_density(w, wo) for w in lights], axis=0)
+        return wo, np.where(wo.z > 0, target * wo.z / drawn, 0.0)
+
+
+def _mirror_density(wi: Direction, wo: Direction) -> np.ndarray:
+    """Density, 1/sr, of wo as wi mirrored in facets whose tilt is even in its logarithm."""
+    h = [a + b for a, b in zip(wi, wo, strict=True)]
+    length = np.sqrt(sum(c * c for c in h))
+    sine, cosine = np.hypot(h[0], h[1]) / length, h[2] / length
+    tilt = np.maximum(np.arctan2(sine, cosine), FLATTEST)
+    per_facet = 1.0 / (2 * math.pi * np.sin(tilt) * tilt * math.log(math.pi / 2 / FLATTEST))
+    return np.where(sine >= np.sin(FLATTEST), per_facet / np.maximum(2.0 * length, 1e-9), 0.0)
 
 
 def _even(count: int, dimensions: int, shift: int) -> list[np.ndarray]:

@@ -32,7 +32,7 @@ def test_what_a_scene_sees_of_a_diffuser():
 
 def test_an_error_is_that_of_the_radiance():
     scene = Scene("sun", 0.1, (HALF,), (HALF,)).pairs(500)
-    f = np.random.default_rng(0).random((500, 3))
+    f = np.random.default_rng(0).random((scene.of.size, 3))
     assert scene.error(1.07 * f, f) == pytest.approx(0.07)
     assert np.isnan(scene.error(f, 0 * f))
 
