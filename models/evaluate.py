@@ -10,15 +10,13 @@ from gonio.models.compiling import wide_jit
 from gonio.models.geometry import Direction
 
 BLOCK = 1 << 17
-"""Pairs of one pass where there are channels: what a formula puts aside for them (a loop's results, where several loops
-need them) stays in the cache, and no fresh memory is asked for at every call."""
+"""Pairs of one pass: what a formula of several loops, a quadrature or channels puts aside stays in the cache."""
 
 
 @wide_jit
 def _values(brdf, wi, wo):
     pairs = wi.z.shape[0]
-    kind = jax.eval_shape(brdf.f, *(Direction(*(c[0] for c in w)) for w in (wi, wo)))
-    if pairs <= BLOCK or not kind.shape:
+    if pairs <= BLOCK:
         return jax.vmap(brdf.f)(wi, wo)
 
     def start(index):
@@ -31,7 +29,8 @@ def _values(brdf, wi, wo):
     def put(index, values):
         return jax.lax.dynamic_update_slice_in_dim(values, block(index), start(index), 0)
 
-    return jax.lax.fori_loop(0, -(-pairs // BLOCK), put, jnp.zeros((pairs, *kind.shape), kind.dtype))
+    kind = jax.eval_shape(block, 0)
+    return jax.lax.fori_loop(0, -(-pairs // BLOCK), put, jnp.zeros((pairs, *kind.shape[1:]), kind.dtype))
 
 
 def flat_pair(wi: Direction, wo: Direction) -> tuple[Direction, Direction, tuple[int, ...]]:

@@ -1,4 +1,4 @@
-"""Models over many directions: in blocks where there are channels."""
+"""Models over many directions: in blocks."""
 
 import jax
 import jax.numpy as jnp

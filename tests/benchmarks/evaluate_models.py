@@ -84,7 +84,7 @@ def pairs(dtype):
 
 
 def limit(source):
-    """Milliseconds of the C++ loops by precision; nothing where there is no compiler or source."""
+    """Least milliseconds of the C++ loops by precision; nothing where there is no compiler or source."""
     if not (source and os.path.exists(source) and shutil.which("g++")):
         return {}
     with tempfile.TemporaryDirectory() as folder:
@@ -92,7 +92,7 @@ def limit(source):
         one_core = os.environ | {"OMP_NUM_THREADS": "1"}
         subprocess.run(["g++", "-O3", "-march=native", "-ffast-math", "-fopenmp", source, "-o", program], check=True)
         said = subprocess.run([program], check=True, capture_output=True, text=True, env=one_core).stdout
-    return {line.split()[0]: float(line.split("median ")[1].split()[0]) for line in said.splitlines()}
+    return {line.split()[0]: float(line.split("minimum ")[1].split()[0]) for line in said.splitlines()}
 
 
 def mitsuba_call(scene, wi, wo):
