@@ -4,15 +4,20 @@ import argparse
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", metavar="FILE", help="a table in any format that can be read")
+    parser.add_argument(
+        "files", nargs="+", metavar="FILE",
+        help="a table in any format that can be read; several, or folders of them, are fitted one after another, on "
+        "all processors, and a killed run goes on where it stopped",
+    )  # fmt: skip
     parser.add_argument(
         "-m", "--model", action="append", metavar="MODEL",
         help="such as 'lambert + ggx(eta=1.5)': omitted shapes are free, name=v is fixed, name~v free from v; "
         "several are ranked by BIC; without one, a model grows until BIC and held-out directions ask for no more",
     )  # fmt: skip
     parser.add_argument(
-        "-o", "--output", metavar="FIT.toml", help="the fitted material; FILE's name with .fit.toml if not given"
-    )
+        "-o", "--output", metavar="FIT.toml",
+        help="the fitted material, or the folder of those of several files; FILE's name with .fit.toml if not given",
+    )  # fmt: skip
     parser.add_argument("--loss", help="sigma, linear, cbrt, log or log1p; by default sigma where known, else cbrt")
     parser.add_argument(
         "--relative-noise",
@@ -59,53 +64,60 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    import json
+    from gonio.cli.fit_batch import is_batch, run_batch
+    from gonio.models.errors import GonioError
+
+    if args.starts < 0 or (args.samples is not None and args.samples < 1):
+        raise GonioError("--starts takes 0 or more and --samples 1 or more; give a larger number.")
+    if args.theta_max is not None and not 0 < args.theta_max <= 90:
+        raise GonioError(f"--theta-max is {args.theta_max:g}; expected degrees above 0 and up to 90.")
+
+    def table_of(file):
+        from pathlib import Path
+
+        from gonio.data.reading import read
+
+        table = read(file, **({"nodes": args.merl_nodes} if args.merl_nodes else {}))
+        if args.channel:
+            table = table.only(args.channel)
+        if not table.name:
+            table.name = Path(file).stem
+        return table
+
+    if is_batch(args.files):
+        return run_batch(args, table_of, _options(args))
+    return _run_one(args, args.files[0], table_of)
+
+
+def _options(args: argparse.Namespace) -> dict:
     import math
+
+    names = ("loss", "weight", "relative_noise", "robust", "bootstrap", "bootstrap_kind", "per_channel", "samples")
+    options = {name: getattr(args, name) for name in (*names, "starts", "scene", "seed")}
+    return {**options, "theta_max": None if args.theta_max is None else math.radians(args.theta_max)}
+
+
+def _run_one(args: argparse.Namespace, file: str, table_of) -> int:
+    import json
     from pathlib import Path
 
     from gonio.cli.fit_summary import summary
     from gonio.cli.text import say, tell
     from gonio.data.files import new_file, refuse_existing, refuse_input
-    from gonio.models.errors import GonioError
 
-    output = args.output or f"{Path(args.file).stem}.fit.toml"
+    output = args.output or f"{Path(file).stem}.fit.toml"
     refuse_existing(output, args.force)
-    refuse_input(output, args.file)
+    refuse_input(output, file)
     if args.json and args.json != "-":
         refuse_existing(args.json, args.force)
-        refuse_input(args.json, args.file)
-    if args.starts < 0 or (args.samples is not None and args.samples < 1):
-        raise GonioError("--starts takes 0 or more and --samples 1 or more; give a larger number.")
-    if args.theta_max is not None and not 0 < args.theta_max <= 90:
-        raise GonioError(f"--theta-max is {args.theta_max:g}; expected degrees above 0 and up to 90.")
+        refuse_input(args.json, file)
     import tomli_w
 
     from gonio.data.plain import plain
-    from gonio.data.reading import read
     from gonio.fitting.fitting import fit
 
-    table = read(args.file, **({"nodes": args.merl_nodes} if args.merl_nodes else {}))
-    if args.channel:
-        table = table.only(args.channel)
-    if not table.name:
-        table.name = Path(args.file).stem
-    result = fit(
-        table,
-        args.model,
-        loss=args.loss,
-        theta_max=None if args.theta_max is None else math.radians(args.theta_max),
-        weight=args.weight,
-        relative_noise=args.relative_noise,
-        robust=args.robust,
-        bootstrap=args.bootstrap,
-        bootstrap_kind=args.bootstrap_kind,
-        per_channel=args.per_channel,
-        samples=args.samples,
-        starts=args.starts,
-        scene=args.scene,
-        seed=args.seed,
-        say=tell if not args.model or len(args.model) > 1 else lambda line: None,
-    )
+    listens = tell if not args.model or len(args.model) > 1 else lambda line: None
+    result = fit(table_of(file), args.model, say=listens, **_options(args))
     text = tomli_w.dumps(result.to_material_dict(Path(output).name.removesuffix(".toml").removesuffix(".fit")))
     with new_file(output, args.force) as path:
         path.write_text(text, encoding="utf-8")
