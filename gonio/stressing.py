@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import io
 import os
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -16,6 +17,7 @@ from gonio.data.files import new_file
 from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError, nearest
 
+PAGE, TABLE = "index.html", "stress.csv"
 FIELDS = (
     "method",
     "model",
@@ -120,8 +122,13 @@ def _require_folder(output: str | os.PathLike, force: bool) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise GonioError(f"{folder} cannot be a folder ({error.strerror}); name another with -o") from None
-    if (folder / "index.html").exists() and not force:
+    # Before the work, not after it.
+    if not force and any((folder / name).exists() for name in (PAGE, TABLE, *(f"{m}.svg" for m in METHODS))):
         raise GonioError(f"{folder} holds an atlas already; name another folder, or --force to replace it")
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise GonioError(f"{folder} cannot be written to ({error.strerror}); name another with -o") from None
 
 
 def write(done: Atlas, output: str | os.PathLike, force: bool = False) -> Path:
@@ -131,12 +138,12 @@ def write(done: Atlas, output: str | os.PathLike, force: bool = False) -> Path:
     folder = Path(output)
     drawn = pictures(done)
     parts = {f"{method}.svg": text for method, text in drawn.items()}
-    parts["stress.csv"] = table(done)
-    parts["index.html"] = page(done, drawn)
+    parts[TABLE] = table(done)
+    parts[PAGE] = page(done, drawn)
     for name, text in parts.items():
         with new_file(folder / name, force) as path:
             path.write_text(text, encoding="utf-8")
-    return folder / "index.html"
+    return folder / PAGE
 
 
 def table(done: Atlas) -> str:

@@ -1,20 +1,25 @@
 """The stability atlas: that it sees what is wrong, believes what is right, and can be done again cell by cell."""
 
 import csv
+import signal
+import subprocess
+import sys
 
 import jax.numpy as jnp
+import mpmath as mp
 import numpy as np
 import pytest
 
 from gonio.__main__ import main
-from gonio.atlas import integrals, samplers
-from gonio.atlas.cell import METHODS, RIGHT, SILENT
+from gonio.atlas import cells, integrals, run, samplers
+from gonio.atlas.cell import METHODS, RIGHT, SAYS_SO, SILENT
 from gonio.atlas.fits import fit_cells, readings
 from gonio.atlas.reference import DIGITS, Reference
 from gonio.atlas.settings import settings_of
 from gonio.atlas.values import gradient_cells, value_cells
 from gonio.models.building import build
 from gonio.models.catalog import MODELS
+from gonio.models.errors import GonioError
 from gonio.models.ggx import GGX
 from gonio.models.lambert import Lambert
 from gonio.models.phong import Phong
@@ -31,9 +36,27 @@ def test_every_model_has_settings_and_a_second_opinion():
             build(spelling)
 
 
-def test_a_slope_at_forty_digits():
-    import mpmath as mp
+def test_cells_are_halved_where_the_rules_disagree():
+    """∫∫ 1/√(x² + y²) over a quarter disc's square, a point singularity, and a line's kink, to closed forms."""
+    cell, bins = np.array([[0.0, 0.0, 1.0, 1.0]]), np.zeros(1, int)
+    (point,), error = cells.integrate(lambda x, y: 1 / np.hypot(x, y), cell, bins, 1e-9)
+    assert error < 1e-9 and point == pytest.approx(2 * np.log(1 + np.sqrt(2)), abs=1e-9)
+    (kink,), error = cells.integrate(lambda x, y: abs(x - 0.3) + 0 * y, cell, bins, 1e-12)
+    assert kink == pytest.approx(0.29, abs=1e-11)
+    two, _ = cells.integrate(lambda x, y: x * y, np.array([[0, 0, 1, 1], [1, 0, 2, 1.0]]), np.array([1, 0]), 1e-12)
+    assert two == pytest.approx([0.75, 0.25])
 
+
+def test_infinite_slopes_inside_of_a_domain_are_seen():
+    """(θ − θ0)^k has a cusp at θ = θ0 for k < 1."""
+    wi, wo = (0.0, 0.0, 1.0), (0.6, 0.0, 0.8)
+    words = "alpha=0.1, p=0.7, kappa=5, f0=0.04, f1=0, lam=3, c=0.1, theta_0=0"
+    with mp.workdps(DIGITS):
+        assert Reference(f"sgd({words}, k=0.5)", np.float64).infinite("theta_0", wi, wo)
+        assert not Reference(f"sgd({words}, k=2)", np.float64).infinite("theta_0", wi, wo)
+
+
+def test_a_slope_at_forty_digits():
     reference = Reference("phong(n=3)", np.float64)
     wi, wo = (0.0, 0.6, 0.8), (0.0, 0.0, 1.0)
     with mp.workdps(DIGITS):
@@ -44,8 +67,8 @@ def test_a_slope_at_forty_digits():
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_honest_values_and_gradients_are_right(precision):
-    for cells in (value_cells, gradient_cells):
-        found = cells("phong", "phong(n=30)", precision, ("30°", "89.99°"))
+    for look in (value_cells, gradient_cells):
+        found = look("phong", "phong(n=30)", precision, ("30°", "89.99°"))
         assert [c.verdict for c in found] == [RIGHT, RIGHT], [c.detail for c in found]
 
 
@@ -76,8 +99,8 @@ def test_a_density_that_is_not_the_samplers_is_seen():
 )
 def test_samplers_draw_from_their_densities(spelling):
     """χ² at the 1 % level over all of them [Šidák 1967], and ∫ of the density, at four incidences."""
-    cells = samplers.sampler_cells(spelling, spelling, "float64", 200_000)
-    assert {c.verdict for c in cells} == {RIGHT}, [c.detail for c in cells]
+    found = samplers.sampler_cells(spelling, spelling, "float64", 200_000)
+    assert {c.verdict for c in found} == {RIGHT}, [c.detail for c in found]
 
 
 def test_rings_know_the_closed_forms():
@@ -133,8 +156,43 @@ def test_bad_words_are_refused(words, said, capsys):
     assert said in error and error.count("\n") == 1
 
 
-def test_a_finished_atlas_is_not_replaced(tmp_path, capsys):
-    (tmp_path / "index.html").write_text("kept")
+@pytest.mark.parametrize("name", ["index.html", "stress.csv", "fit.svg"])
+def test_a_finished_atlas_is_not_replaced(name, tmp_path, capsys):
+    (tmp_path / name).write_text("kept")
     assert main(["stress", "lambert", "-o", str(tmp_path)]) == 2
     assert "holds an atlas already" in capsys.readouterr().err
-    assert (tmp_path / "index.html").read_text() == "kept"
+    assert (tmp_path / name).read_text() == "kept"
+
+
+def test_refusals_say_so_and_crashes_do_not(monkeypatch):
+    def refused(self, wi, wo):
+        raise GonioError("not here")
+
+    def crashed(self, wi, wo):
+        raise TypeError("no number")
+
+    for f, verdict, said in ((refused, SAYS_SO, "refused: not here"), (crashed, SILENT, "crashed with TypeError")):
+        monkeypatch.setitem(MODELS, "lambert", type("Failing", (Lambert,), {"f": f}))
+        found = run.do(("lambert", "value"), quick=True)
+        assert {c.verdict for c in found} == {verdict} and all(said in c.detail for c in found)
+
+
+ORPHAN = """
+import multiprocessing, os, signal, time
+from gonio.atlas.run import _start
+
+if __name__ == "__main__":
+    pool = multiprocessing.get_context("spawn").Pool(1, _start)
+    print(pool.apply(os.getpid), flush=True)
+    pool.apply_async(time.sleep, (300,))
+    time.sleep(0.2)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal there")
+def test_a_killed_atlas_leaves_no_process(tmp_path):
+    (tmp_path / "orphan.py").write_text(ORPHAN)
+    # What is left of the pool holds the pipe: its output ends when the last process does, or not in time.
+    done = subprocess.run([sys.executable, str(tmp_path / "orphan.py")], capture_output=True, timeout=100)
+    assert done.returncode == -signal.SIGKILL and int(done.stdout) > 0
