@@ -25,8 +25,10 @@ UNSEEN = 2e-9
 """What slivers between a kink and the side of a cell, narrower than the first node's distance, may hide."""
 LEAST = 1e-7
 """Radius of the first ring, radians: less than the thousandth part of the narrowest lobe."""
-TURN = (1e-3, 0.03, 0.5, 0.97, 0.999)
+TURN = (1e-3, 0.03, 0.5)
 """Cuts of half a ring: lobes in the plane of incidence must not lie between the first nodes."""
+STRIP = (0.3, 3.0, 30.0)
+"""Cuts towards the horizon, in widths of the strip below the light, at whose side many laws have a kink."""
 
 
 def ring_albedo(brdf: AbstractBRDF, theta_i: float, about: str, enough: float = ENOUGH) -> tuple[float, float]:
@@ -52,7 +54,8 @@ def ring_albedo(brdf: AbstractBRDF, theta_i: float, about: str, enough: float = 
         return f * np.maximum(z, 0.0) * sin_b * end
 
     rings = _cuts(tilt, theta_i, up + tilt if tilt > 0 else up)
-    half = np.array([0.0, *TURN, 1.0])
+    ends = [v for v in 1 - np.array(STRIP) * (1 - theta_i / up) if v > max(TURN)]
+    half = np.array([0.0, *TURN, *sorted(ends), 1.0])
     turn = np.concatenate([-half[:0:-1], half])
     a0, b0 = (g.ravel() for g in np.meshgrid(rings[:-1], turn[:-1], indexing="ij"))
     a1, b1 = (g.ravel() for g in np.meshgrid(rings[1:], turn[1:], indexing="ij"))
