@@ -18,7 +18,7 @@ from gonio.fitting.samples import Readings, blocked, weights_of
 from gonio.fitting.solver import Problem, at_bounds, stationarity
 from gonio.fitting.statement import state
 from gonio.fitting.structure import Structure, domains_of, labels, structure_of
-from gonio.fitting.uncertainty import Covariance, beyond_bound, covariance
+from gonio.fitting.uncertainty import Covariance, at_their_bounds, covariance
 from gonio.models.errors import GonioError
 from gonio.models.paths import changed, last, numbers
 from gonio.models.spelling import Term, Value
@@ -72,6 +72,7 @@ class Ending:
     weight: np.ndarray  # (n, C), of the residuals
     reach: np.ndarray  # (P,) how far inside its bound a pinned number may lie, with 95 % confidence
     aside: SetAside | None = None  # what a robust fit counts less
+    profile: dict[int, tuple[float, float]] = dataclasses.field(default_factory=dict)  # 95 % intervals of vague numbers
 
     @property
     def exact(self) -> bool:
@@ -225,17 +226,12 @@ def _closed(
     if not known and s.size and readings.count <= s.size and not exact:
         notes.append("there are no more readings than free numbers: nothing is left to judge their uncertainty by")
         scatter = np.full_like(scatter, np.nan)
-    spread = covariance(matrix, scatter, known, ~pinned & ~silent, d, p, readings.count)
+    spread, pinned, reach = at_their_bounds(
+        total, lambda free: covariance(matrix, scatter, known, free, d, p, readings.count), pinned, silent
+    )
     if aside is not None:
         spread = spread.scaled(aside.widening**2, d, p)
     used = weight[weight > 0]
-    reach = np.full(p.size, np.nan)
-    for k in np.flatnonzero(pinned & ~silent):
-        free = ~pinned & ~silent
-        others = np.flatnonzero(free)
-        free[k] = True
-        around = covariance(matrix, scatter, known, free, d, p, readings.count).matrix
-        reach[k] = beyond_bound(matrix, total.gradient, around, k, others)
     return Ending(
         s, fixed, d, p, f, total, spread, pinned, float(whole.size2),
         float(np.sum(np.log(used))) if known else 0.0, float(measure), *counts, notes,

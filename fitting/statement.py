@@ -8,6 +8,7 @@ from gonio.data.table import Channels
 from gonio.fitting.bootstrap import bootstrap, told
 from gonio.fitting.combinations import in_words
 from gonio.fitting.metrics import metrics
+from gonio.fitting.profile import with_profiles
 from gonio.fitting.residual_summary import Evidence
 from gonio.fitting.result import FitResult, ParameterEstimate
 from gonio.fitting.samples import Readings
@@ -26,6 +27,7 @@ def state(
     brdf = build(_filled(terms, endings))
     f = np.concatenate([e.model_f for e in endings], axis=1)
     endings, notes = _widened(endings, readings, options)
+    endings = [with_profiles(e) for e in endings]
     estimates, names = [], []
     for c, e in enumerate(endings):
         of_channel = channels.names[c] if len(endings) > 1 else None
@@ -147,6 +149,7 @@ def _estimates(e, channels: Channels, of_channel: str | None) -> list[ParameterE
         interval = (
             (max(low, value - NORMAL_95 * u), min(high, value + NORMAL_95 * u)) if np.isfinite(u) else (low, high)
         )
+        interval = e.profile.get(k, interval)
         if e.pinned[k]:
             inside = e.reach[k] if np.isfinite(e.reach[k]) else high - low
             lower = status == "at lower bound"

@@ -1,6 +1,7 @@
 """What the data say of each free number: covariance, intervals, what they leave open."""
 
 import dataclasses
+from collections.abc import Callable
 from statistics import NormalDist
 
 import numpy as np
@@ -10,6 +11,7 @@ from gonio.fitting.domains import LINEAR, LOG, Domains
 NORMAL_95 = 1.959963984540054
 LOST = 1e-13  # eigenvalue of the scaled normal matrix below which double precision sees a combination as free
 FACTOR_OPEN = 2.0  # a number is open where its 95 % interval spans its domain, or a factor of e to this power
+PUSHED = 2.0  # standard uncertainties beyond its bound, from which on a number belongs there
 LED = 0.9  # share of a number's variance that comes from an open combination, from which on it is open with it
 
 
@@ -134,22 +136,51 @@ def open_from(d: Domains, p: np.ndarray) -> np.ndarray:
     return np.where(kind == LINEAR, straight, curved) / (2 * NORMAL_95)
 
 
-def beyond_bound(matrix: np.ndarray, gradient: np.ndarray, spread: np.ndarray, at: int, others: np.ndarray) -> float:
-    """How far a number that sits on its bound may lie inside of it, with 95 % confidence.
+def at_their_bounds(
+    total, spread_of: Callable[[np.ndarray], Covariance], pinned: np.ndarray, silent: np.ndarray
+) -> tuple[Covariance, np.ndarray, np.ndarray]:
+    """(covariance, which numbers (P,) a bound holds, how far inside of it these may lie with 95 % confidence (P,)).
 
-    Without the bound the quadratic cost has its minimum a distance m beyond it, with a standard uncertainty u: the
-    limit is the 95 % point of that normal law cut off at the bound. `spread` is the covariance (P, P) with the number
-    `at` let free beside the `others` (indices).
+    `spread_of(free)` is the covariance with those numbers free. What pushes against its bound no more than noise does,
+    and is open without it, counts as free: others that go with it would seem to be known.
+    """
+    pinned, reach = pinned.copy(), np.full(pinned.size, np.nan)
+    spread = spread_of(~pinned & ~silent)
+    for k in np.flatnonzero(pinned & ~silent):
+        free = ~pinned & ~silent
+        others = np.flatnonzero(free)
+        free[k] = True
+        around = spread_of(free)
+        if around.undetermined[k] and np.isnan(around.matrix[k, k]):
+            reach[k] = np.inf
+            continue
+        beyond, limit = beyond_bound(total.matrix, total.gradient, around.matrix, k, others)
+        if around.undetermined[k] and beyond < PUSHED:
+            pinned[k], spread = False, around
+        else:
+            reach[k] = limit
+    return spread, pinned, reach
+
+
+def beyond_bound(
+    matrix: np.ndarray, gradient: np.ndarray, spread: np.ndarray, at: int, others: np.ndarray
+) -> tuple[float, float]:
+    """Of a number on its bound: how far beyond it the cost has its minimum, in standard uncertainties u; and how far
+    inside of it the number may lie with 95 % confidence.
+
+    Without the bound the quadratic cost has its minimum a distance m beyond it: the limit is the 95 % point of that
+    normal law cut off at the bound. `spread` is the covariance (P, P) with the number `at` let free beside the `others`
+    (indices).
     """
     free = np.append(others, at)
     u = float(np.sqrt(spread[at, at]))
     if not (np.isfinite(u) and u > 0):
-        return float("nan")
+        return float("nan"), float("nan")
     lengths = np.sqrt(np.maximum(np.diagonal(matrix)[free], 1e-300))
     scaled = matrix[np.ix_(free, free)] / np.outer(lengths, lengths)
     step = -np.linalg.lstsq(scaled, gradient[free] / lengths, rcond=1e-12)[0] / lengths
     beyond = abs(float(step[-1])) / u
     if beyond > 30:
-        return 3.0 * u / beyond  # the normal tail is an exponential there: ln 20 · u²/m
+        return beyond, 3.0 * u / beyond  # the normal tail is an exponential there: ln 20 · u²/m
     normal = NormalDist()
-    return -u * (beyond + normal.inv_cdf(0.05 * normal.cdf(-beyond)))
+    return beyond, -u * (beyond + normal.inv_cdf(0.05 * normal.cdf(-beyond)))

@@ -91,7 +91,7 @@ def test_limit_at_a_bound():
     for m in (0.0, 0.5, 2.0):
         draws = rng.normal(-m, 1, 4_000_000)
         expected = np.quantile(draws[draws > 0], 0.95)
-        found = beyond_bound(np.eye(1), np.array([m]), np.eye(1), 0, np.array([], int))
-        assert found == pytest.approx(expected, rel=0.01)
-    far = beyond_bound(np.eye(1), np.array([40.0]), np.eye(1), 0, np.array([], int))
+        beyond, found = beyond_bound(np.eye(1), np.array([m]), np.eye(1), 0, np.array([], int))
+        assert beyond == pytest.approx(m) and found == pytest.approx(expected, rel=0.01)
+    _, far = beyond_bound(np.eye(1), np.array([40.0]), np.eye(1), 0, np.array([], int))
     assert far == pytest.approx(np.log(20) / 40, rel=0.01)
