@@ -61,10 +61,11 @@ class Reference:
         return first
 
     def infinite(self, name: str, wi, wo) -> bool:
-        """Whether ∂f/∂parameter is infinite inside of the domain: at a cusp, quotients grow as the step shrinks."""
-        if self.costly:
+        """Whether ∂f/∂parameter is infinite, in however small a part of f: quotients grow as the step shrinks."""
+        if self.tabled:
             return False
-        coarse, fine = (self._quotient(name, wi, wo, self.params, finer) for finer in (1, FINER))
+        most = FINER if self.costly else FINER**2
+        coarse, fine = (self._quotient(name, wi, wo, self.params, finer) for finer in (1, most))
         return bool(abs(fine) > 10 * abs(coarse))
 
     def _quotient(self, name: str, wi, wo, params, finer):
