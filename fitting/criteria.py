@@ -11,17 +11,17 @@ import numpy as np
 from gonio.models.geometry import Direction
 
 BINS = 10
-LEAVES = (8, 32, 128)
+LEAF = 8  # readings that are near enough to be compared; what farther ones share, held-out directions judge
 ROUNDING = 1e-6  # of the data: below this a difference is not noise to be modelled
 MOST_GROUPS = 24
 
 
 @dataclasses.dataclass(frozen=True)
 class Neighbourhood:
-    """Which readings lie beside each other: pairs of neighbours (m, 2), and leaves of near cells at several sizes."""
+    """Which readings lie beside each other: pairs of neighbours (m, 2), and leaves of a few near cells."""
 
     pairs: np.ndarray
-    leaves: tuple[np.ndarray, ...]  # (n,) leaf numbers, each
+    leaf: np.ndarray  # (n,) number of the leaf
     groups: np.ndarray  # (n,) number of the incident direction, or of the band of them
 
 
@@ -32,12 +32,12 @@ def neighbourhood(wi: Direction, wo: Direction) -> Neighbourhood:
     points = np.stack([np.asarray(c, float) for c in (*wi, *wo)], axis=1)
     n = points.shape[0]
     if n < 3:
-        return Neighbourhood(np.empty((0, 2), int), (np.zeros(n, int),), np.arange(n))
+        return Neighbourhood(np.empty((0, 2), int), np.zeros(n, int), np.arange(n))
     near = cKDTree(points).query(points, k=2)[1][:, 1]
     pairs = np.stack([np.arange(n), near], axis=1)
     # A cell on the pole has many cells at one place: it may be told to be its own neighbour.
     pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
-    return Neighbourhood(pairs, tuple(_leaves(points, size) for size in LEAVES if size * 4 <= n), _groups(wi))
+    return Neighbourhood(pairs, _leaves(points, LEAF), _groups(wi))
 
 
 def _leaves(points: np.ndarray, size: int) -> np.ndarray:
@@ -92,19 +92,16 @@ def noise_deviation(residual: np.ndarray, size: np.ndarray, used: np.ndarray, ne
 def worth_of_one(residual: np.ndarray, used: np.ndarray, near: Neighbourhood) -> float:
     """How many readings are worth one independent reading: the design effect of their correlation [Kish 1965].
 
-    Σ over leaves of (Σ r)² over Σ r², at the leaf size where it is largest; 1 for residuals that are noise.
+    Σ over leaves of (Σ r)² over Σ r², channels together: 1 for residuals that are noise, at most a leaf's readings.
     """
     r = np.where(used, residual, 0.0)
     total = float(np.sum(r * r))
     if total == 0:
         return 1.0
-    most = 1.0
-    for leaf in (*near.leaves, near.groups):
-        sums = np.bincount(leaf, weights=r.sum(axis=1))
-        # What independent residuals would show by chance is no correlation: three standard deviations of it are free.
-        chance = 3.0 * np.sqrt(2.0 / max(np.count_nonzero(sums), 1))
-        most = max(most, float(np.sum(sums**2)) / total / (1.0 + chance))
-    return min(most, float(np.count_nonzero(used)))
+    sums = np.bincount(near.leaf, weights=r.sum(axis=1))
+    # What independent residuals would show by chance is no correlation: three standard deviations of it are free.
+    chance = 3.0 * np.sqrt(2.0 / max(np.count_nonzero(sums), 1))
+    return max(1.0, float(np.sum(sums**2)) / total / (1.0 + chance))
 
 
 def held_out(residual: np.ndarray, rows: np.ndarray, open_numbers: np.ndarray, groups: np.ndarray) -> np.ndarray:

@@ -194,7 +194,7 @@ class _Search:
         """What one more step in any direction would make of a sketch, all out of GGX's one program."""
         lobes = [k for k, part in enumerate(parts) if part.lobe]
         family = parts[lobes[0]].model if lobes else "ggx"
-        if len(lobes) < MOST_LOBES:
+        if len(lobes) < MOST_LOBES and family != "std":
             for f0 in dict.fromkeys([parts[lobes[0]].f0] if lobes else [NO_FRESNEL, DIELECTRIC]):
                 yield (*parts, Part(family, f0))
         if not lobes:
@@ -213,9 +213,11 @@ class _Search:
         lobes = [k for k, part in enumerate(parts) if part.lobe]
         if parts[0].model == "lambert":
             yield self.changed(parts, [0], model="eon")
-        for model in ("beckmann", "std"):
-            if lobes and parts[lobes[0]].model == "ggx":
-                yield self.changed(parts, lobes, model=model)
+        if lobes and parts[lobes[0]].model == "ggx":
+            yield self.changed(parts, lobes, model="beckmann")
+            # Student's slopes cost two hundred times a GGX lobe: a second lobe is the cheaper number to add.
+            if len(lobes) == 1 and not parts[lobes[0]].spread:
+                yield self.changed(parts, lobes, model="std")
 
     def simpler(self, parts: tuple[Part, ...]) -> Iterator[tuple[Part, ...]]:
         """The same less one thing: a term, a number that a later step made needless, or what channels have alike."""

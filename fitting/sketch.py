@@ -19,7 +19,7 @@ from gonio.models.geometry import Direction
 from gonio.models.parameters import parameters_of
 from gonio.models.paths import FACTOR
 
-CELLS = 4096  # the kernels' one size: readings are padded to it
+CELLS = 4096  # the kernels' size: readings are padded to a multiple of it
 NO_FRESNEL, DIELECTRIC = 1.0, 0.04  # Schlick's F₀ = 1 is F = 1
 _ARGUMENTS = {"eon": ("rho", "r"), "std": ("alpha_x", "alpha_y", "f0", "gamma")}
 _MICROFACET = ("alpha_x", "alpha_y", "f0")
@@ -109,7 +109,7 @@ def _kernel(model: str, names: tuple[str, ...], values, wi: Direction, wo: Direc
 
 @dataclasses.dataclass(frozen=True)
 class Scenery:
-    """Readings that sketches are drawn on: directions (CELLS,) as JAX arrays, the first n of them in use.
+    """Readings that sketches are drawn on: directions as JAX arrays of a multiple of CELLS, the first n in use.
 
     `target` T(y c), `weight` (0: not used), both (n, C); the residual is weight·(T(f c) − target).
     """
@@ -125,12 +125,12 @@ class Scenery:
 
     @classmethod
     def of(cls, wi: Direction, wo: Direction, f: np.ndarray, weight: np.ndarray, loss: str, floor: float) -> "Scenery":
-        """From at most CELLS readings f (n, C), 1/sr, and their weights."""
+        """From readings f (n, C), 1/sr, and their weights."""
         n = f.shape[0]
 
         def laid(w: Direction) -> Direction:
-            up = (0.0, 0.0, 1.0)
-            filled = (np.concatenate([np.asarray(c, float), np.full(CELLS - n, e)]) for c, e in zip(w, up, strict=True))
+            up, more = (0.0, 0.0, 1.0), -n % CELLS
+            filled = (np.concatenate([np.asarray(c, float), np.full(more, e)]) for c, e in zip(w, up, strict=True))
             return Direction(*(jnp.asarray(c) for c in filled))
 
         cosine = np.asarray(wi.z, float)[:, None] if uses_cosine(loss) else np.ones((n, 1))
