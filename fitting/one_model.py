@@ -24,6 +24,7 @@ from gonio.models.paths import changed, last, numbers
 from gonio.models.spelling import Term, Value
 
 REWEIGHTINGS = 30
+EXACT = 1e3  # of the rounding of the data: residuals up to there are none
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,7 +78,7 @@ class Ending:
     @property
     def exact(self) -> bool:
         """‖r‖ ≤ 10³ eps ‖data‖: the residual is rounding."""
-        return 2.0 * float(self.total.cost) <= (1e3 * np.finfo(float).eps) ** 2 * self.size2
+        return 2.0 * float(self.total.cost) <= (EXACT * np.finfo(float).eps) ** 2 * self.size2
 
     @property
     def converged(self) -> bool:
@@ -216,7 +217,7 @@ def _closed(
     done = _closing(whole, p)
     f, total = done.f[: readings.f.shape[0]], done.total
     measure, pinned, silent = stationarity(d, p, total)
-    exact = 2.0 * float(total.cost) <= (1e3 * np.finfo(float).eps) ** 2 * float(whole.size2)
+    exact = 2.0 * float(total.cost) <= (EXACT * np.finfo(float).eps) ** 2 * float(whole.size2)
     if exact:
         # The gradient of a rounding residual points anywhere: a bound is active where the number lies on it.
         low, high = at_bounds(d, p)
@@ -229,6 +230,11 @@ def _closed(
     spread, pinned, reach = at_their_bounds(
         total, lambda free: covariance(matrix, scatter, known, free, d, p, readings.count), pinned, silent
     )
+    if exact and not known:
+        # What a fit without residual knows a number to is what it calls a residual of rounding.
+        rounding = (EXACT * np.finfo(float).eps) ** 2 * float(whole.size2) / max(readings.count, 1)
+        free = ~pinned & ~silent
+        spread = covariance(matrix, scatter, True, free, d, p, readings.count).scaled(rounding, d, p)
     if aside is not None:
         spread = spread.scaled(aside.widening**2, d, p)
     used = weight[weight > 0]

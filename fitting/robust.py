@@ -22,8 +22,9 @@ from gonio.models.errors import GonioError, nearest
 NORMAL_MAD = 1.482602218505602  # standard deviation of normal noise over its median absolute deviation
 TUKEY, HUBER_LIKE, FREEDOM = 4.685, 1.345, 4.0  # 95 % efficient for normal noise; Student's ν [Lange et al. 1989]
 CLASS = 60  # readings of one class of brightness, at least
-ROUNDS = 40
-STEADY = 1e-9  # relative change of the weights' numbers from which on they have settled
+ROUNDS = 60
+SCALED = 8  # rounds in which the scale is found
+STEADY = 1e-8  # relative change of the weights' numbers from which on they have settled
 
 
 def _tukey(t):
@@ -145,9 +146,12 @@ class _Rounds:
 
     def run(self, kind: str, p: np.ndarray, rounds: int) -> tuple[Descent, Problem, np.ndarray, bool]:
         """(descent, its problem, share of weight that each reading keeps, whether that settled)."""
-        for _ in range(rounds):
+        for done in range(rounds):
             residual, f = self.residuals(p)
-            kept = np.where(self.used, KINDS[kind](residual / self.scales(residual, f))[0], 1.0)
+            if done < SCALED:
+                # Held from there on: a scale that follows every step keeps the weights from settling.
+                s = self.scales(residual, f)
+            kept = np.where(self.used, KINDS[kind](residual / s)[0], 1.0)
             now = reweighed(self.base, self.weight * np.sqrt(kept))
             end = descend(now, self.domains, p)
             moved = np.max(np.abs(end.p - p) / np.maximum(np.abs(end.p), 1e-6), initial=0.0)

@@ -1,6 +1,7 @@
 """What the data say of each free number: covariance, intervals, what they leave open."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 from statistics import NormalDist
 
@@ -182,5 +183,4 @@ def beyond_bound(
     beyond = abs(float(step[-1])) / u
     if beyond > 30:
         return beyond, 3.0 * u / beyond  # the normal tail is an exponential there: ln 20 · u²/m
-    normal = NormalDist()
-    return beyond, -u * (beyond + normal.inv_cdf(0.05 * normal.cdf(-beyond)))
+    return beyond, -u * (beyond + NormalDist().inv_cdf(0.025 * math.erfc(beyond / math.sqrt(2.0))))
