@@ -7,6 +7,7 @@ of free numbers; how many of both are in use is data, so that it serves every ta
 """
 
 import functools
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import jax
@@ -17,16 +18,17 @@ from jaxtyping import Array, Float
 from gonio.fitting.losses import transform, uses_cosine
 from gonio.fitting.structure import Structure
 from gonio.models.building import assemble
+from gonio.models.compiling import options
 from gonio.models.geometry import Direction
 from gonio.models.paths import FACTOR
 
-PAGE = 4  # blocks of a page
+PAGE = 16  # blocks of a page
 LANES = 16
 
 
 def block_of(channels: int) -> int:
     """Samples of a block: what a core's cache holds of their residuals and derivatives."""
-    return max(128, 2048 >> max(0, (channels - 1).bit_length() - 2))
+    return max(64, 512 >> max(0, (channels - 1).bit_length() - 2))
 
 
 class Samples(NamedTuple):
@@ -56,72 +58,99 @@ class Closing(NamedTuple):
     f: Float[Array, "N C"]
 
 
-def _term_values(s: Structure, index: int, p, fixed, linear_one: bool):
+def _term_values(s: Structure, index: int, p, fixed):
     """Values of a term's parameters: held ones, and free ones out of the vector p."""
     values = dict(fixed[index])
     for g in s.groups:
         if g.term == index:
-            n = s.channels if g.per_channel else 1
-            free = p[g.first : g.first + n]
+            free = p[g.first : g.first + (s.channels if g.per_channel else 1)]
             values[g.name] = free if g.per_channel else free[0]
-            if linear_one and g.linear and g.name != FACTOR:
-                values[g.name] = jnp.ones(())
     return values
 
 
-def _sample_rows(s: Structure, p, fixed, wi: Direction, wo: Direction, slopes: bool = True):
-    """(f (C,), ∂f/∂group (groups, C)) of one sample; without `slopes` the rows of linear groups only.
+def _strengths(s: Structure, p, fixed):
+    """(strength of each term (T, C), what ∂f/∂group is a multiple of its lobe or slope by (groups, C))."""
+    strengths, factors = [], [None] * len(s.groups)
+    for index in range(len(s.frames)):
+        mine = [(k, g) for k, g in enumerate(s.groups) if g.term == index]
+        values = _term_values(s, index, p, fixed)
+        factor = values.get(FACTOR, jnp.ones(()))
+        amount = next((values[g.name] for _, g in mine if g.linear and g.name != FACTOR), jnp.ones(()))
+        strengths.append(amount * factor)
+        for k, g in mine:
+            factors[k] = amount if g.name == FACTOR else factor if g.linear else amount * factor
+    spread = [[jnp.broadcast_to(v, (s.channels,)) for v in each] for each in (strengths, factors)]
+    return tuple(jnp.stack(each) if each else jnp.zeros((0, s.channels)) for each in spread)
+
+
+def _sample_lobes(s: Structure, p, fixed, wi: Direction, wo: Direction, slopes: bool):
+    """(lobe of each term at strength 1, its slope by each shape) at one sample: (T, C) and (shapes, C), or C = 1.
 
     What f is proportional to (albedo, scale) needs no derivative; one tangent of ones serves all channels of a
-    parameter that has a value for each.
+    parameter that has a value for each. C is 1 where no shape differs between channels.
     """
-    total, rows = jnp.zeros(s.channels), [None] * len(s.groups)
+    lobes, slopes_of = [], []
     for index, of in enumerate(s.frames):
-        mine = [(k, g) for k, g in enumerate(s.groups) if g.term == index]
-        values = _term_values(s, index, p, fixed, linear_one=True)
-        actual = _term_values(s, index, p, fixed, linear_one=False)
-        factor = values.pop(FACTOR, None)
-        actual.pop(FACTOR, None)
-        proportional = [g for _, g in mine if g.linear and g.name != FACTOR]
-        amount = actual[proportional[0].name] if proportional else jnp.ones(())
-        moving = [(k, g) for k, g in mine if not g.linear]
+        mine = [g for g in s.groups if g.term == index]
+        values = _term_values(s, index, p, fixed)
+        values.pop(FACTOR, None)
+        values |= {g.name: jnp.ones(()) for g in mine if g.linear and g.name != FACTOR}
 
         def lobe(shapes, values=values, of=of):
             return assemble(of, {**values, **shapes}).f(wi, wo)
 
-        shapes = {g.name: values[g.name] for _, g in moving}
-        base = lobe(shapes)
-        strength = amount if factor is None else amount * factor
-        total = total + strength * base
-        for k, g in mine:
-            if g.name == FACTOR:
-                rows[k] = amount * base
-            elif g.linear:
-                rows[k] = base if factor is None else factor * base
-        if moving and slopes:
-            directions = {g.name: jnp.eye(len(moving))[j] for j, (_, g) in enumerate(moving)}
+        shapes = {g.name: values[g.name] for g in mine if not g.linear}
+        lobes.append(lobe(shapes))
+        if shapes and slopes:
 
             def along(tangent, shapes=shapes, lobe=lobe):
                 spread = {n: jnp.broadcast_to(tangent[n], jnp.shape(v)) for n, v in shapes.items()}
                 return jax.jvp(lobe, (shapes,), (spread,))[1]
 
-            sloping = jax.vmap(along)(directions)
-            for j, (k, _) in enumerate(moving):
-                rows[k] = strength * sloping[j]
-    stacked = [jnp.broadcast_to(r, (s.channels,)) for r in rows if r is not None]
-    return total, (jnp.stack(stacked) if stacked else jnp.zeros((0, s.channels)))
+            one_each = {name: jnp.eye(len(shapes))[k] for k, name in enumerate(shapes)}
+            slopes_of += list(jax.vmap(along)(one_each))
+    width = (max(jnp.size(a) for a in [*lobes, *slopes_of]),)
+    stacked = [[jnp.broadcast_to(a, width) for a in each] for each in (lobes, slopes_of)]
+    return tuple(jnp.stack(each) if each else jnp.zeros((0, *width)) for each in stacked)
+
+
+def _rows(s: Structure, lobes, slopes, factors):
+    """∂f/∂group (groups, C, n) from lobes (T, C or 1, n), slopes (shapes, C or 1, n) and factors (groups, C)."""
+    shapes = iter(slopes)
+    order = sorted(range(len(s.groups)), key=lambda k: (s.groups[k].term, k))
+    rows = {k: lobes[s.groups[k].term] if s.groups[k].linear else next(shapes) for k in order}
+    return [rows[k] * factors[k][:, None] for k in range(len(s.groups))]
+
+
+def _computed(always, function):
+    """The function's values, written to memory: a branch that is always taken, which XLA cannot know.
+
+    XLA would otherwise compute lobes again for every channel, and losses for every derivative that uses them.
+    """
+    shapes = jax.eval_shape(function)
+    return jax.lax.cond(always, function, lambda: jax.tree.map(lambda h: jnp.zeros(h.shape, h.dtype), shapes))
 
 
 def _block(s: Structure, loss: str, p, fixed, data: Samples, b):
-    """(residuals, their derivatives by group) of block b: shapes (n, C), (n, groups, C)."""
+    """(residuals (C, n), their derivatives (groups, C, n)) of block b."""
     wi, wo = (Direction(*(c[b] for c in w)) for w in (data.wi, data.wo))
-    target, weight = data.target[b], data.weight[b]
-    f, rows = jax.vmap(lambda a, b: _sample_rows(s, p, fixed, a, b))(wi, wo)
-    c = wi.z[:, None] if uses_cosine(loss) else jnp.ones_like(wi.z)[:, None]
-    value, slope = transform(loss, f * c, data.floor)
-    used = weight > 0
-    residual = jnp.where(used, weight * (value - target), 0.0)
-    return residual, jnp.where(used, weight * slope * c, 0.0)[:, None, :] * rows
+    always = b < data.blocks
+    strengths, factors = _strengths(s, p, fixed)
+    at_samples = jax.vmap(lambda i, o: _sample_lobes(s, p, fixed, i, o, slopes=True), out_axes=-1)
+    lobes, slopes = _computed(always, lambda: at_samples(wi, wo))
+
+    def compared():
+        f = sum(lobe * strength[:, None] for lobe, strength in zip(lobes, strengths, strict=True))
+        weight = data.weight[b].T
+        used = weight > 0
+        c = wi.z[None, :] if uses_cosine(loss) else jnp.ones_like(wi.z)[None, :]
+        value, slope = transform(loss, f * c, data.floor)
+        residual = jnp.where(used, weight * (value - data.target[b].T), 0.0)
+        return residual, jnp.where(used, weight * slope * c, 0.0)
+
+    residual, by_f = _computed(always, compared)
+    rows = _rows(s, lobes, slopes, factors)
+    return residual, jnp.stack([row * by_f for row in rows]) if rows else jnp.zeros((0, *residual.shape))
 
 
 @functools.lru_cache(maxsize=256)
@@ -133,20 +162,19 @@ def _sums_program(s: Structure, loss: str):
         def add_block(b, carry):
             cost, row, square, scatter = carry
             r, jac = _block(s, loss, p, fixed, page, b)
-            row = row + jnp.einsum("nkc,nc->kc", jac, r)
+            row = row + jnp.einsum("kcn,cn->kc", jac, r)
 
             def with_scatter():
-                weighted = jac * r[:, None, :]
-                return scatter + jnp.einsum("nkc,nlc->klc", weighted, weighted)
+                weighted = jac * r[None]
+                return scatter + jnp.einsum("kcn,lcn->klc", weighted, weighted)
 
             scatter = jax.lax.cond(scattered, with_scatter, lambda: scatter)
-            return cost + 0.5 * jnp.sum(r * r), row, square + jnp.einsum("nkc,nlc->klc", jac, jac), scatter
+            return cost + 0.5 * jnp.sum(r * r), row, square + jnp.einsum("kcn,lcn->klc", jac, jac), scatter
 
         squares = jnp.zeros((groups, groups, s.channels))
         start = (jnp.zeros(()), jnp.zeros((groups, s.channels)), squares, squares)
         return jnp.concatenate([jnp.ravel(a) for a in jax.lax.fori_loop(0, page.blocks, add_block, start)])
 
-    @jax.jit
     def program(p, active, scattered, fixed, page: Samples):
         def lane(k, out):
             return jax.lax.cond(active[k], lambda: out.at[k].set(one_lane(p[k], scattered, fixed, page)), lambda: out)
@@ -154,36 +182,38 @@ def _sums_program(s: Structure, loss: str):
         width = 1 + (groups + 2 * groups * groups) * s.channels
         return jax.lax.fori_loop(0, LANES, lane, jnp.zeros((LANES, width)))
 
-    return program
+    return jax.jit(program, compiler_options=options())
 
 
 @functools.lru_cache(maxsize=256)
-def _values_program(s: Structure):
-    """Of one page: f (PAGE, n, C) and ∂f/∂group (PAGE, n, linear groups, C)."""
+def _lobes_program(s: Structure):
+    """Of one page: lobes at strength 1 (PAGE, T, C or 1, n), strengths (T, C), and factors of rows (groups, C)."""
 
-    @jax.jit
     def program(p, fixed, wi: Direction, wo: Direction, blocks):
-        one = jax.vmap(lambda a, b: _sample_rows(s, p, fixed, a, b, slopes=False))
+        one = jax.vmap(lambda i, o: _sample_lobes(s, p, fixed, i, o, slopes=False)[0], out_axes=-1)
         held = jax.eval_shape(one, *(Direction(*(c[0] for c in w)) for w in (wi, wo)))
 
         def block(b, out):
-            found = one(*(Direction(*(c[b] for c in w)) for w in (wi, wo)))
-            return tuple(o.at[b].set(v) for o, v in zip(out, found, strict=True))
+            return out.at[b].set(one(*(Direction(*(c[b] for c in w)) for w in (wi, wo))))
 
-        return jax.lax.fori_loop(0, blocks, block, tuple(jnp.zeros((PAGE, *h.shape), h.dtype) for h in held))
+        found = jax.lax.fori_loop(0, blocks, block, jnp.zeros((PAGE, *held.shape), held.dtype))
+        return found, *_strengths(s, p, fixed)
 
-    return program
+    return jax.jit(program, compiler_options=options())
 
 
-def _pages(data: Samples):
-    """The pages in use, each as `Samples` of `PAGE` blocks, without copies."""
+def pages(data: Samples | list[Samples]) -> list[Samples]:
+    """The pages in use, each as `Samples` of `PAGE` blocks, without copies; those already made as they are."""
+    if isinstance(data, list):
+        return data
     whole = jax.tree.map(np.asarray, data)
-    used = int(whole.blocks)
+    used, found = int(whole.blocks), []
     for first in range(0, used, PAGE):
         cut = slice(first, first + PAGE)
         wi, wo = (Direction(*(c[cut] for c in w)) for w in (whole.wi, whole.wo))
         blocks = np.asarray(min(PAGE, used - first))
-        yield Samples(wi, wo, whole.target[cut], whole.weight[cut], blocks, whole.floor)
+        found.append(Samples(wi, wo, whole.target[cut], whole.weight[cut], blocks, whole.floor))
+    return found
 
 
 def _spread(s: Structure, square: np.ndarray) -> np.ndarray:
@@ -196,13 +226,19 @@ def _spread(s: Structure, square: np.ndarray) -> np.ndarray:
 
 
 def sums(
-    s: Structure, loss: str, p: np.ndarray, fixed, data: Samples, active: np.ndarray | None = None, scattered=False
+    s: Structure,
+    loss: str,
+    p: np.ndarray,
+    fixed,
+    data: Samples | list[Samples],
+    active: np.ndarray | None = None,
+    scattered: bool = False,
 ) -> tuple[Sums, np.ndarray]:
     """(sums, Jᵀ diag(r²) J (S, P, P) where `scattered`) at up to `LANES` vectors p (S, P); of the active ones, or 0."""
     program, number, groups = _sums_program(s, loss), len(p), len(s.groups)
     lanes, use = np.zeros((LANES, s.size)), np.zeros(LANES, bool)
     lanes[:number], use[:number] = p, True if active is None else active
-    found = [program(lanes, use, np.asarray(scattered), fixed, page) for page in _pages(data)]
+    found = [program(lanes, use, np.asarray(scattered), fixed, page) for page in pages(data)]
     total = np.sum([np.asarray(f) for f in found], axis=0)[:number]
     ends = np.cumsum([1, groups * s.channels, groups * groups * s.channels])
     cost, row, square, scatter = np.split(total, ends, axis=1)
@@ -214,22 +250,22 @@ def sums(
     return Sums(cost[:, 0], gradient, _spread(s, square)), _spread(s, scatter) if scattered else None
 
 
+def lobes(s: Structure, p: np.ndarray, fixed, data: Samples) -> Iterator[tuple[np.ndarray, ...]]:
+    """Page by page the lobe of each term at strength 1, (PAGE, T, C or 1, n), n samples of a block; strengths (T, C)
+    that these are multiplied by in f, and factors (groups, C) by which they are in the derivatives of linear groups.
+    """
+    program, p = _lobes_program(s), np.asarray(p, float)
+    for page in pages(data):
+        yield tuple(np.asarray(a) for a in program(p, fixed, page.wi, page.wo, page.blocks))
+
+
 def values(s: Structure, p: np.ndarray, fixed, data: Samples) -> np.ndarray:
     """The model's f at every sample, (N, C) with the padding of the last page."""
-    program, p = _values_program(s), np.asarray(p, float)
-    blocks, block, channels = data.weight.shape
-    found = np.zeros((blocks, block, channels))
-    for k, page in enumerate(_pages(data)):
-        found[k * PAGE : (k + 1) * PAGE] = program(p, fixed, page.wi, page.wo, page.blocks)[0]
-    return found.reshape(-1, channels)
-
-
-def linear_rows(s: Structure, p: np.ndarray, fixed, data: Samples) -> tuple[np.ndarray, np.ndarray]:
-    """(f (N, C), ∂f/∂group (N, linear groups, C)) at every sample, with the padding of the last page: for starts."""
-    program, p = _values_program(s), np.asarray(p, float)
-    found = [program(p, fixed, page.wi, page.wo, page.blocks) for page in _pages(data)]
-    flat = [[np.asarray(a).reshape(a.shape[0] * a.shape[1], *a.shape[2:]) for a in page] for page in found]
-    return tuple(np.concatenate(part) for part in zip(*flat, strict=True))
+    found = np.zeros(data.weight.shape)
+    for k, (page, strengths, _) in enumerate(lobes(s, p, fixed, data)):
+        for t, strength in enumerate(strengths):
+            found[k * PAGE : (k + 1) * PAGE] += np.swapaxes(page[:, t] * strength[:, None], 1, 2)
+    return found.reshape(-1, s.channels)
 
 
 def closing(s: Structure, loss: str, p: np.ndarray, fixed, data: Samples) -> Closing:
@@ -242,4 +278,8 @@ def closing(s: Structure, loss: str, p: np.ndarray, fixed, data: Samples) -> Clo
 @functools.partial(jax.jit, static_argnums=0)
 def lobes_at(s: Structure, p, fixed, wi: Direction, wo: Direction):
     """(f (n, C), ∂f/∂group (n, groups, C)) at directions of shape (n,)."""
-    return jax.vmap(lambda a, b: _sample_rows(s, p, fixed, a, b))(wi, wo)
+    strengths, factors = _strengths(s, p, fixed)
+    found = jax.vmap(lambda i, o: _sample_lobes(s, p, fixed, i, o, slopes=True), out_axes=-1)(wi, wo)
+    f = sum(lobe * strength[:, None] for lobe, strength in zip(found[0], strengths, strict=True))
+    rows = _rows(s, *found, factors)
+    return f.T, jnp.moveaxis(jnp.stack(rows), -1, 0) if rows else jnp.zeros((wi.z.size, 0, s.channels))

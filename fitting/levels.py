@@ -14,7 +14,7 @@ from gonio.fitting.starts import LinearSolver, guesses, random_shapes
 from gonio.fitting.structure import Structure
 from gonio.models.errors import GonioError
 
-COARSE = 2048
+COARSE = 1024
 ROUGH = 1e4  # of the aim, where more readings follow
 MIDDLE = 1 << 16
 WORTHWHILE = 3  # times as many readings as a level has samples, for that level to spare anything
@@ -82,8 +82,7 @@ def _starts(
     s: Structure, fixed, d: Domains, said, few: Readings, data: Samples, loss: str, weight, starts: int, seed: int
 ) -> list[np.ndarray]:
     solve = LinearSolver(s, fixed, few, data, loss, weight)
-    guessed = sorted((solve(p) for p in guesses(s, said)), key=lambda found: found[1])
-    from_data = [p for p, _ in guessed[:DATA_STARTS]]
-    if not any(not g.linear for g in s.groups):
-        return from_data[:1]  # the model is linear in all its free numbers: every start is the same
-    return from_data + [solve(p)[0] for p in random_shapes(s, d, said, starts, seed)]
+    guessed = [p for p, _ in sorted(solve(guesses(s, said)), key=lambda found: found[1])][:DATA_STARTS]
+    if all(g.linear for g in s.groups):
+        return guessed[:1]  # the model is linear in all its free numbers: every start is the same
+    return guessed + [p for p, _ in solve(random_shapes(s, d, said, starts, seed))] if starts else guessed

@@ -153,14 +153,16 @@ def coarse_cells(readings: Readings, limit: int, seed: int) -> np.ndarray:
     # All cells of rare bands and a draw of the others are enough to choose from.
     rare = np.zeros(BANDS[1] - BANDS[0] + 1, bool)
     rare[: counts.size] = counts < RARE * limit
-    drawn = np.unique(rng.integers(n, size=min(n, 8 * limit)))
-    among = np.union1d(drawn, np.flatnonzero(rare[band - np.int8(BANDS[0])])) if rare.any() else drawn
-    among = rng.permutation(among)
-    even = rng.permutation(drawn)[: limit // 2]
+    drawn = rng.choice(n, min(n, 8 * limit), replace=False)
+    considered = rare[band - np.int8(BANDS[0])] if rare.any() else np.zeros(n, bool)
+    considered[drawn] = True
+    among, even = rng.permutation(np.flatnonzero(considered)), drawn[: limit // 2]
     among = among[np.argsort(band[among], kind="stable")]
     counts = np.bincount(band[among] - np.int8(BANDS[0]))
     rank = np.arange(among.size) - np.repeat(np.cumsum(counts) - counts, counts)
     # First of each band, second of each, ...: bands with few cells give all they have.
-    by_band = among[np.argsort(rank, kind="stable")][:limit]
-    by_band = by_band[~np.isin(by_band, even)]
+    by_band = among[np.argsort(rank, kind="stable")[:limit]]
+    considered[:] = False
+    considered[even] = True
+    by_band = by_band[~considered[by_band]]
     return np.sort(np.concatenate([even, by_band[: limit - even.size]]))

@@ -17,7 +17,7 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from gonio.fitting.domains import Domains, to_parameters
-from gonio.fitting.equations import LANES, Samples, Sums, sums
+from gonio.fitting.equations import LANES, Samples, Sums, pages, sums
 from gonio.fitting.structure import Structure
 
 MAX_STEPS = 200
@@ -49,7 +49,7 @@ class Normal(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """Where S descents ended: parameters, the sums there, and what was seen of them; a leading axis of S."""
+    """Where S descents ended: parameters, the sums there or one step before, and what was seen; S leading."""
 
     p: np.ndarray
     total: Sums
@@ -78,11 +78,13 @@ def stationarity(d: Domains, p, total: Sums, xp=np) -> tuple[Float[Array, "*s"],
     return xp.max(share, axis=-1, initial=0.0), pinned, silent
 
 
-def normal_at(problem: Problem, x: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, Sums, Normal]:
-    """(parameters, sums, normal equations) at unconstrained coordinates x (S, P), of the active ones."""
+def normal_at(
+    problem: Problem, data: list[Samples], x: np.ndarray, active: np.ndarray
+) -> tuple[np.ndarray, Sums, Normal]:
+    """(parameters, sums, normal equations) at coordinates x (S, P), of the active ones; `data` in pages."""
     d = problem.domains
     p, slope, curvature = to_parameters(d, x, np)
-    total, _ = sums(problem.structure, problem.loss, p, problem.fixed, problem.data, active)
+    total, _ = sums(problem.structure, problem.loss, p, problem.fixed, data, active)
     with np.errstate(all="ignore"):  # what is not finite is a rejected step
         # The map's curvature is exact and free; negative curvature would spoil positive definiteness and is left out.
         bend = np.maximum(total.gradient * curvature, 0.0)
@@ -104,6 +106,7 @@ class _Lane(NamedTuple):
     normal: Normal
     scale: Float[Array, " p"]
     search: Any
+    near: Bool[Array, ""]
     finished: Bool[Array, ""]
     refused: Bool[Array, ""]
 
@@ -153,7 +156,7 @@ def _step(lane: _Lane, seen: Normal, size2, rough) -> _Lane:
     refused = (lane.first & ~finite) | (result != optx.RESULTS.successful)
     finished = (normal.stationarity <= STATIONARY) | near | normal.exact | spent | refused
     no = jnp.zeros_like(lane.first)
-    return _Lane(no, accept, y, y + move / safe, normal, scale, search, finished, refused)
+    return _Lane(no, accept, y, y + move / safe, normal, scale, search, near, finished, refused)
 
 
 @jax.jit
@@ -169,7 +172,7 @@ def _fresh(size: int, step_size: float) -> _Lane:
     one = jax.tree.map(lambda a: jnp.asarray(a[0]), normal)
     search = _SEARCH.init(jnp.zeros(size), _info(one, jnp.ones(size)))
     search = jax.tree.map(lambda a: np.full((LANES, *np.shape(a)), step_size), search)
-    return _Lane(~no, no, zeros, zeros, normal, zeros, search, no, no)
+    return _Lane(~no, no, zeros, zeros, normal, zeros, search, no, no, no)
 
 
 def _padded(a: np.ndarray, size: int, axes: int) -> np.ndarray:
@@ -187,10 +190,10 @@ def minimise(problem: Problem, x: np.ndarray, near: bool = False, rough: float =
     size = max(8, 1 << (free - 1).bit_length())
     lanes = _fresh(size, UNDAMPED if near else 1.0)._replace(trial=_padded(x, size, 1), y=_padded(x, size, 1))
     active, steps = np.arange(LANES) < number, np.zeros(number, int)
-    kept = None
+    kept, data = None, pages(problem.data)
     size2, rough = np.asarray(float(problem.size2)), np.asarray(float(rough))
     for _ in range(MAX_STEPS):
-        p, total, seen = normal_at(problem, np.asarray(lanes.trial)[:number, :free], active[:number])
+        p, total, seen = normal_at(problem, data, np.asarray(lanes.trial)[:number, :free], active[:number])
         wide = Normal(*(_padded(a, size, a.ndim - 1) for a in seen))
         lanes = _advance(lanes, wide, active, size2, rough)
         accepted = np.asarray(lanes.accepted)[:number] & active[:number]
@@ -204,4 +207,7 @@ def minimise(problem: Problem, x: np.ndarray, near: bool = False, rough: float =
             break
     successful = np.asarray(lanes.finished & ~lanes.refused)[:number]
     p, cost, gradient, matrix, measure, exact = kept
+    # So near, the last step is as good as taken: it promises less than evaluations could tell.
+    last = to_parameters(problem.domains, np.asarray(lanes.trial)[:number, :free], np)[0]
+    p = np.where(np.asarray(lanes.near)[:number, None] & ~exact[:, None], last, p)
     return Ends(p, Sums(cost, gradient, matrix), measure, exact, steps, successful)

@@ -5,11 +5,12 @@ least squares, so that no descent begins with a lobe of the wrong strength.
 """
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
 from gonio.fitting.domains import LINEAR, LOG, Domains, mapped
-from gonio.fitting.equations import Samples, linear_rows
+from gonio.fitting.equations import Samples, lobes
 from gonio.fitting.losses import transform, uses_cosine
 from gonio.fitting.samples import Readings
 from gonio.fitting.structure import Structure, count
@@ -85,37 +86,48 @@ class LinearSolver:
     def __init__(self, s: Structure, fixed, part: Readings, data: Samples, loss: str, weight: np.ndarray):
         self.s, self.fixed, self.data = s, fixed, data
         cosine = np.asarray(part.wi.z)[:, None] if uses_cosine(loss) else 1.0
-        self.f, self.weight = part.f, weight * transform(loss, part.f * cosine, float(data.floor), np)[1] * cosine
+        self.f = part.f.T
+        self.weight = (weight * transform(loss, part.f * cosine, float(data.floor), np)[1] * cosine).T
 
-    def __call__(self, p: np.ndarray) -> tuple[np.ndarray, float]:
-        """(p with its unsaid linear numbers solved, weighted sum of squares: not finite where the model is not)."""
-        s, n = self.s, self.f.shape[0]
-        linear = [g for g in s.groups if g.linear]
-        unsaid = [k for k, g in enumerate(linear) if np.isnan(p[g.first])]
-        p = np.where(np.isnan(p), 1.0, p)
-        f, rows = linear_rows(s, p, self.fixed, self.data)
-        f, basis = f[:n], rows[:n, unsaid]
-        with np.errstate(invalid="ignore", over="ignore"):  # infinite values, of shapes that are no start
-            rest = (self.f - f + basis.sum(1)) * self.weight
-            basis = basis * self.weight[:, None, :]
-        if not (np.isfinite(rest).all() and np.isfinite(basis).all()):
-            return p, np.inf
-        amount = _non_negative(np.einsum("nkc,nlc->ckl", basis, basis), np.einsum("nkc,nc->ck", basis, rest))
-        left = rest - np.einsum("nkc,ck->nc", basis, amount)
-        size = np.sqrt(np.einsum("nkc,nkc->ck", basis, basis))
-        reach = np.where(size > 0, np.linalg.norm(rest, axis=0)[:, None] / np.where(size > 0, size, 1.0), 0.0)
+    def __call__(self, shapes: Sequence[np.ndarray]) -> list[tuple[np.ndarray, float]]:
+        """(p with its unsaid linear numbers solved, weighted sum of squares) of each; ∞ where it is not finite."""
+        s, n = self.s, self.f.shape[1]
+        linear = [(k, g) for k, g in enumerate(s.groups) if g.linear]
+        unsaid = [k for k, g in linear if np.isnan(shapes[0][g.first])]
+        p = [np.where(np.isnan(each), 1.0, each) for each in shapes]
+        bases, rests = [], []
+        for each in p:
+            pages, strengths, factors = zip(*lobes(s, each, self.fixed, self.data), strict=True)
+            found = np.concatenate([np.moveaxis(a, 0, 2) for a in pages], axis=2)
+            found = found.reshape(*found.shape[:2], -1)[..., :n]  # (T, C or 1, n)
+            strengths, factors = strengths[0][:, :, None], factors[0][:, :, None]
+            basis = np.stack([found[s.groups[k].term] * factors[k] for k in unsaid]) if unsaid else found[:0] * self.f
+            bases.append(basis * self.weight)
+            rests.append((self.f - np.sum(found * strengths, 0) + np.sum(basis, 0)) * self.weight)
+        basis, rest = np.stack(bases), np.stack(rests)  # (S, K, C, n), (S, C, n)
+        finite = np.isfinite(rest).all((1, 2)) & np.isfinite(basis).all((1, 2, 3))
+        basis, rest = (np.where(finite.reshape(-1, *[1] * (a.ndim - 1)), a, 0.0) for a in (basis, rest))
+        amount = _non_negative(np.einsum("skcn,slcn->sckl", basis, basis), np.einsum("skcn,scn->sck", basis, rest))
+        cost = np.sum((rest - np.einsum("skcn,sck->scn", basis, amount)) ** 2, axis=(1, 2))
+        size = np.sqrt(np.einsum("skcn,skcn->sck", basis, basis))
+        reach = np.where(size > 0, np.sqrt(np.sum(rest**2, -1))[..., None] / np.where(size > 0, size, 1.0), 0.0)
         # Not at the bound itself: there a start would see no slope.
         amount = np.maximum(amount, 1e-3 * reach)
-        for k, of in enumerate(unsaid):
-            g = linear[of]
-            found = amount[:, k] if g.per_channel or s.channels == 1 else amount[:, k].mean()
-            p[g.first : g.first + count(s, g)] = np.clip(found, g.info.low, g.info.high)
-        return p, float(np.sum(left**2))
+        for k, at in enumerate(unsaid):
+            g = s.groups[at]
+            for each, found in zip(p, amount[..., k], strict=True):
+                each[g.first : g.first + count(s, g)] = np.clip(
+                    found if g.per_channel else found.mean(), g.info.low, g.info.high
+                )
+        return [(each, c if good else np.inf) for each, c, good in zip(p, cost.tolist(), finite, strict=True)]
 
 
 def _non_negative(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Least squares with x ≥ 0 of many normal equations (C, K, K) and (C, K): the most negative is dropped in turn."""
-    size = vector.shape[1]
+    """Least squares with x ≥ 0 of normal equations (..., K, K) and (..., K): the most negative is dropped in turn."""
+    size, shape = vector.shape[-1], vector.shape
+    if not size:
+        return vector
+    matrix, vector = matrix.reshape(-1, size, size), vector.reshape(-1, size)
     length2 = np.diagonal(matrix, axis1=1, axis2=2)
     kept, x = length2 > 0, np.zeros_like(vector)
     for _ in range(size):
@@ -127,4 +139,4 @@ def _non_negative(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
         if not negative.any():
             break
         kept[negative, x.argmin(axis=1)[negative]] = False
-    return np.maximum(x, 0.0)
+    return np.maximum(x, 0.0).reshape(shape)
