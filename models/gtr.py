@@ -18,6 +18,8 @@ from gonio.models.slopes import ggx_masked_cosine, ggx_shadow_root
 
 GAMMA = ParameterInfo(0.5, 5.0, "1", "exponent of the tails: 2 is GGX, 1 the tail of Berry's law", start=2.0)
 
+EVERY_SLOPE = 1e17  # in units of the width
+
 
 def exprel(x: Scalar) -> Scalar:
     """(eˣ − 1)/x for x ≤ 0, to full precision at 0."""
@@ -85,8 +87,9 @@ class GTR(mf.AbstractMicrofacet):
         return (0.5 / unit) / ((wo.z * s_i + wi.z * s_o) / unit)
 
     def slope_radius(self, u2, horizon):
-        # A share of 4e-18 of the facets is steeper, where the tails are short enough for that.
+        # A share of 4e-18 of the facets is steeper, where that slope is below 1; beyond it tails fall as those of GGX.
         last = jnp.exp(20.0 / jnp.maximum(jnp.min(self.gamma) - 1.0, 0.5))
+        last = jnp.where(last * jnp.max(self.alpha) < 1.0, last, EVERY_SLOPE)
         return horizon_law(u2, last, horizon, self.mean_widths[0])
 
     def sample(self, wi, u1, u2):
