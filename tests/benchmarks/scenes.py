@@ -1,4 +1,4 @@
-"""What three scenes let one leave out: the cheapest model and the coarsest table of a plastic, a brushed metal and soil.
+"""What scenes let one leave out: the cheapest model and the coarsest table of a plastic, a brushed metal and soil.
 
 Tables are simulated without noise, 5° grids (the brushed one coarser); scenes are those that come with gonio. Bytes are
 those of values and flags.
