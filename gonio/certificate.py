@@ -8,10 +8,10 @@ from gonio.data.plain import plain
 
 PASS, FAIL, UNDECIDED, NOT_APPLICABLE = "pass", "fail", "undecided", "not applicable"
 EXIT_STATUS = {PASS: 0, FAIL: 1, UNDECIDED: 3}
-ESSENTIAL = ("reciprocity", "energy")
-"""What the overall verdict is about; the other properties count with `strict`."""
+ESSENTIAL = ("reciprocity", "energy", "agreement")
+"""What the overall verdict is about, where it was checked; the other properties count with `strict`."""
 
-NAMES = ("reciprocity", "energy", "positivity", "symmetry")
+NAMES = ("reciprocity", "energy", "positivity", "symmetry", "agreement")
 
 
 def verdict_of(residual: float, bound: float, tolerance: float) -> str:

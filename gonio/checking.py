@@ -3,14 +3,15 @@
 import os
 from typing import Any
 
-from gonio.certificate import NAMES, Certificate
+from gonio.certificate import NAMES, Certificate, Property
+from gonio.checks.family import LEVEL
 from gonio.data.material import Material
 from gonio.data.table import Table
 from gonio.models.base import AbstractBRDF
 from gonio.models.errors import GonioError
 
-MODEL_TOLERANCES = {"reciprocity": 1e-9, "energy": 1e-6, "positivity": 1e-9, "symmetry": 1e-9}
-TABLE_TOLERANCES = {"reciprocity": 0.05, "energy": 0.01, "positivity": 0.01, "symmetry": 0.05}
+MODEL_TOLERANCES = {"reciprocity": 1e-9, "energy": 1e-6, "positivity": 1e-9, "symmetry": 1e-9, "agreement": 1e-6}
+TABLE_TOLERANCES = {"reciprocity": 0.05, "energy": 0.01, "positivity": 0.01, "symmetry": 0.05, "agreement": 0.05}
 
 
 def check(
@@ -19,16 +20,22 @@ def check(
     tolerances: dict[str, float] | None = None,
     strict: bool = False,
     feature_width: float = 0.0,
+    level: float = LEVEL,
+    against: "Material | AbstractBRDF | Table | str | os.PathLike | None" = None,
     name: str | None = None,
 ) -> Certificate:
     """Judges reciprocity, energy conservation, positivity and bilateral symmetry of a model or a table.
 
     `subject` may be a material, a model, a table, or what names one: a reference material, a spelling, a file.
-    `tolerances` replaces defaults by name. With `strict` all properties make the overall verdict, else reciprocity
-    and energy. `feature_width`, radians: for tables, no lobe is taken to be narrower than this (0: as narrow as they
-    come), so a grid that never looks into the mirror direction may still be judged. Raises GonioError for a subject
-    that cannot be read, and for a tolerance that is unknown or negative.
+    `tolerances` replaces defaults by name. With `strict` all properties make the overall verdict, else reciprocity,
+    energy and agreement. `feature_width`, radians: for tables, no lobe is taken to be narrower than this (0: as narrow
+    as they come), so a grid that never looks into the mirror direction may still be judged. `level`: for tables that
+    store uncertainties, the chance of calling an honest one significantly wrong, in (0, 0.5]. `against` is the truth,
+    where one is known: agreement with it is then judged too, as it alone shows what breaks no law. Raises GonioError
+    for a subject that cannot be read, and for a tolerance or level that is unknown or out of range.
     """
+    if not 0 < level <= 0.5:
+        raise GonioError(f"the level is {level}; give a chance above 0 and up to 0.5, such as 0.01")
     kind, title, thing, channels = _subject(subject)
     title = name or title
     limits = _limits(MODEL_TOLERANCES if kind == "model" else TABLE_TOLERANCES, tolerances)
@@ -46,11 +53,28 @@ def check(
     else:
         from gonio.checks.tables import check_table
 
-        found = check_table(thing, limits, feature_width)
+        found = check_table(thing, limits, feature_width, level)
+    if against is not None:
+        found.append(_agreement(thing, against, limits["agreement"], level))
     for p in found:
         if channels and "channel" in p.where:
             p.where["channel"] = channels[p.where["channel"]]
+        if channels and isinstance(p.facts.get("strongest_at"), dict) and "channel" in p.facts["strongest_at"]:
+            p.facts["strongest_at"]["channel"] = channels[p.facts["strongest_at"]["channel"]]
     return Certificate(title, kind, found, strict)
+
+
+def _agreement(thing: AbstractBRDF | Table, against: Any, tolerance: float, level: float) -> Property:
+    from gonio.checks.agreement import model_agreement, table_agreement
+
+    truth = _subject(against)[2]
+    if isinstance(truth, Table):
+        from gonio.data.tabulated import as_material
+
+        truth = as_material(truth)
+    if isinstance(thing, Table):
+        return table_agreement(thing, truth, tolerance, level)
+    return model_agreement(thing, truth, tolerance)
 
 
 def _limits(defaults: dict[str, float], given: dict[str, float] | None) -> dict[str, float]:

@@ -141,8 +141,8 @@ def paired(table: Table, nodes: list[tuple[int, np.ndarray]], theta_max: float) 
         cells = np.sort(np.random.default_rng(0).choice(cells.size, MOST_CELLS, replace=False))
     cells = cells[_inside(layout, cells, theta_max)]
     partner = partner_cells(layout, cells, nodes)
-    # A cell that is its own partner says nothing.
-    use = (partner >= 0) & (partner != cells)
+    # A cell that is its own partner says nothing; a pair counts once.
+    use = (partner >= 0) & (partner > cells)
     eligible = int(np.count_nonzero(partner != cells))
     cells, partner = cells[use], partner[use]
     (a, u_a), (b, u_b) = gathered(table, cells), gathered(table, partner)

@@ -51,7 +51,10 @@ def scattered_pairs(table: Table, theta_max: float, swap: bool) -> tuple[Pairs, 
     distance, near = cKDTree(here).query(features(wanted, isotropic), k=NEIGHBOURS)
     # A reading must not be held against itself.
     own = near[:, 0] == np.arange(len(near))
-    keep = (distance[:, 0] <= NEAR) & ~own
+    # Two readings that are each other's exact partners are one pair.
+    number = np.arange(len(near))
+    twice = (distance[:, 0] <= 1e-6) & (near[near[:, 0], 0] == number) & (near[:, 0] < number)
+    keep = (distance[:, 0] <= NEAR) & ~own & ~twice
     distance, near = distance[keep], near[keep]
     exact = distance[:, :1] <= 1e-6
     weight = np.where(exact, distance <= 1e-6, 1 / np.maximum(distance, 1e-9) ** 2)

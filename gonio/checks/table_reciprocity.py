@@ -1,14 +1,15 @@
 """Reciprocity and bilateral symmetry of a table: the readings that should be equal, pair by pair where there are pairs.
 
-The residual is the median of 2|a − b|/(|a| + |b|) over the pairs with both polar angles below 70°, of all channels
-together (dark channels, which are mostly noise, are named but do not decide). The bound is what may be wrong with it:
-the noise that the stored uncertainties make (the median of a normal deviate of their size), and where a partner was
-not measured the error of interpolating it.
+Where uncertainties are stored a family of tests decides at a stated level (`gonio.checks.family`). Else the residual
+is the median of 2|a − b|/(|a| + |b|) over the pairs with both polar angles below 70°, of all channels together (dark
+channels, which are mostly noise, are named but do not decide), and the bound is the error of interpolating a partner
+that was not measured.
 """
 
 import numpy as np
 
 from gonio.certificate import NOT_APPLICABLE, UNDECIDED, Property, verdict_of
+from gonio.checks.family import LEVEL, decided_by_uncertainty, judged_by_level, tested
 from gonio.checks.partners import Pairs, folded, mirrored_nodes, one_light_azimuth, paired, reciprocal_nodes
 from gonio.checks.reciprocity import relative_difference, where_of
 from gonio.checks.scattered import interpolated_pairs, scattered_pairs, warped_pairs
@@ -21,12 +22,12 @@ FEWEST = 12
 ROUNDING = 4 * float(np.finfo(np.float32).eps)
 """Tables may be stored in single precision."""
 
-MEDIAN_OF_NORMAL = 0.6745
-"""Median of |x| for a standard normal x."""
 
+def table_reciprocity(table: Table, tolerance: float, level: float = LEVEL) -> Property:
+    """Reciprocity of a table; not applicable where its layout stores one value for both directions.
 
-def table_reciprocity(table: Table, tolerance: float) -> Property:
-    """Reciprocity of a table; not applicable where its layout stores one value for both directions."""
+    `level`: chance of calling an honest table significantly wrong, where uncertainties are stored.
+    """
     layout = table.layout
     if table.interpolant is not None:
         pairs, error, how = warped_pairs(table, THETA_MAX)
@@ -43,12 +44,13 @@ def table_reciprocity(table: Table, tolerance: float) -> Property:
             how += ", taking the surface as mirror symmetric, as azimuth differences stop at 180°"
         if one_light_azimuth(layout):
             how += ", taking the surface as isotropic, as the light has one azimuth"
-        if len(pairs.a) < max(FEWEST, 0.02 * pairs.eligible) and layout.name != "in_plane":
+        if len(pairs.a) < max(FEWEST, 0.01 * pairs.eligible) and layout.name != "in_plane":
             pairs, error, how = interpolated_pairs(table, THETA_MAX)
-    return _judged("reciprocity", pairs, error, how, tolerance, "f(wi, wo) and f(wo, wi)")
+    sign = np.sign(np.round(pairs.angles[:, 0] - pairs.angles[:, 2], 9))
+    return _judged("reciprocity", pairs, sign, error, how, tolerance, level, "f(wi, wo) and f(wo, wi)")
 
 
-def table_symmetry(table: Table, tolerance: float) -> Property:
+def table_symmetry(table: Table, tolerance: float, level: float = LEVEL) -> Property:
     """f(Δφ) = f(−Δφ) of a table, where its grid has both."""
     nodes = mirrored_nodes(table.layout) if table.layout.gridded else None
     if nodes is None:
@@ -56,14 +58,17 @@ def table_symmetry(table: Table, tolerance: float) -> Property:
     pairs = paired(table, nodes, THETA_MAX)
     if len(pairs.a) < FEWEST:
         return _not_applicable("symmetry", tolerance, "Not testable: the grid has no mirrored nodes.")
-    return _judged("symmetry", pairs, 0.0, "measured pairs", tolerance, "f(Δφ) and f(−Δφ)")
+    sign = np.sign(np.round(np.sin(pairs.angles[:, 3] - pairs.angles[:, 1]), 9))
+    return _judged("symmetry", pairs, sign, 0.0, "measured pairs", tolerance, level, "f(Δφ) and f(−Δφ)")
 
 
 def _not_applicable(name, tolerance, detail):
     return Property(name, NOT_APPLICABLE, None, None, tolerance, detail=detail)
 
 
-def _judged(name: str, pairs: Pairs, error: float, how: str, tolerance: float, what: str) -> Property:
+def _judged(
+    name: str, pairs: Pairs, sign: np.ndarray, error: float, how: str, tolerance: float, level: float, what: str
+) -> Property:
     found = np.isfinite(pairs.a) & np.isfinite(pairs.b)
     counts = found.sum(axis=0)
     facts = {"pairs": int(found.any(axis=1).sum()), "cells_asked": pairs.eligible, "method": how}
@@ -73,12 +78,9 @@ def _judged(name: str, pairs: Pairs, error: float, how: str, tolerance: float, w
         )
         return Property(name, UNDECIDED, None, None, tolerance, detail=detail, facts=facts)
     difference = np.where(found, relative_difference(np.nan_to_num(pairs.a), np.nan_to_num(pairs.b)), np.nan)
-    with np.errstate(all="ignore"):
-        noise = MEDIAN_OF_NORMAL * 2 * np.hypot(pairs.u_a, pairs.u_b) / (np.abs(pairs.a) + np.abs(pairs.b))
     medians = [float(np.median(d[ok])) if ok.any() else np.nan for d, ok in zip(difference.T, found.T, strict=True)]
     residual = float(np.median(difference[found]))
-    known = noise[found & np.isfinite(noise)]
-    bound = error + (float(np.median(known)) if known.size else 0.0) + ROUNDING
+    bound = error + ROUNDING
     k, channel = np.unravel_index(np.nanargmax(difference), difference.shape)
     where = where_of(pairs.angles[k], int(channel) if found.shape[1] > 1 else None)
     facts |= {
@@ -96,11 +98,6 @@ def _judged(name: str, pairs: Pairs, error: float, how: str, tolerance: float, w
     if odd and residual <= tolerance:
         c = max(odd, key=lambda c: medians[c])
         detail += f" Channel {c} alone has {medians[c]:.2%}."
-    if "share_beyond_2_sigma" in facts:
-        detail += (
-            f" By the stored uncertainties {facts['share_beyond_2_sigma']:.1%} of the pairs differ by more than two"
-            " standard deviations (4.6% if noise were all)."
-        )
     series = {"theta_deg": [], "median": []}
     theta = np.degrees(np.maximum(pairs.angles[:, 0], pairs.angles[:, 2]))
     for low in range(0, 70, 5):
@@ -108,6 +105,12 @@ def _judged(name: str, pairs: Pairs, error: float, how: str, tolerance: float, w
         if np.isfinite(band).any():
             series["theta_deg"].append(low + 2.5)
             series["median"].append(float(np.nanmedian(band)))
+    if decided_by_uncertainty(pairs):
+        found = tested(pairs, sign, level, error)
+        facts["median"] = residual
+        p = judged_by_level(name, found, how, facts["pairs"], tolerance, level, what, facts)
+        p.series |= series
+        return p
     return Property(
         name, verdict_of(residual, bound, tolerance), residual, bound, tolerance, where, detail, facts, series
     )
@@ -119,7 +122,6 @@ def _statistic(pairs, found):
     if not use.any():
         return {}
     z2 = (pairs.a[use] - pairs.b[use]) ** 2 / variance[use]
-    # Each pair appears twice, once from either side, which changes neither mean nor share.
     return {
         "chi2_per_pair": float(np.mean(z2)),
         "share_beyond_2_sigma": float(np.mean(z2 > 4)),

@@ -3,6 +3,7 @@
 import numpy as np
 
 from gonio.certificate import UNDECIDED, Property, verdict_of
+from gonio.checks.family import LEVEL
 from gonio.checks.partners import angles_of
 from gonio.checks.reciprocity import where_of
 from gonio.checks.table_energy import table_energy
@@ -14,13 +15,18 @@ FEW_SIGMA = 3.0
 """A negative reading within this many standard uncertainties of 0 may be noise about a value that is not negative."""
 
 
-def check_table(table: Table, limits: dict[str, float], feature_width: float = 0.0) -> list[Property]:
-    """Reciprocity, energy, positivity and symmetry of a table, against the tolerances by name."""
+def check_table(
+    table: Table, limits: dict[str, float], feature_width: float = 0.0, level: float = LEVEL
+) -> list[Property]:
+    """Reciprocity, energy, positivity and symmetry of a table, against the tolerances by name.
+
+    `level` is that of each family of tests against stored uncertainties.
+    """
     return [
-        table_reciprocity(table, limits["reciprocity"]),
+        table_reciprocity(table, limits["reciprocity"], level),
         table_energy(table, limits["energy"], feature_width),
         table_positivity(table, limits["positivity"]),
-        table_symmetry(table, limits["symmetry"]),
+        table_symmetry(table, limits["symmetry"], level),
     ]
 
 

@@ -10,13 +10,19 @@ def add_arguments(parser) -> None:
         "Judges reciprocity, energy conservation, positivity and bilateral symmetry of a model or a table, each with"
         " the error of the judgement. Exit status: 0 pass, 1 fail, 3 undecided."
     )
-    parser.add_argument("subject", metavar="FILE|MATERIAL", help="a table, a material's name, or a spelling")
+    parser.add_argument("subject", metavar="FILE|MATERIAL", nargs="?", help="a table, a material's name, or a spelling")
+    parser.add_argument(
+        "--self-test",
+        action="store_true",
+        help="judge liars, mutants and honest subjects whose verdicts are known; exit status 0 only if all are right",
+    )
     parser.add_argument("--strict", action="store_true", help="positivity and symmetry count as well")
     for name, unit in (
         ("reciprocity", "relative difference"),
         ("energy", "albedo above 1"),
         ("positivity", "negative part"),
         ("symmetry", "relative difference"),
+        ("agreement", "relative difference"),
     ):
         parser.add_argument(f"--tol-{name}", type=float, metavar="T", help=f"tolerance of {name}: {unit}")
     parser.add_argument(
@@ -26,6 +32,14 @@ def add_arguments(parser) -> None:
         metavar="DEG",
         help="tables: no lobe is narrower than this, so a grid that leaves out the mirror direction may be judged",
     )
+    parser.add_argument(
+        "--level",
+        type=float,
+        default=0.01,
+        metavar="P",
+        help="tables with stored uncertainties: chance of calling an honest one significantly wrong (0.01)",
+    )
+    parser.add_argument("--against", metavar="FILE|MATERIAL", help="the truth, if known: agreement with it counts too")
     parser.add_argument("--json", metavar="FILE", help="write the certificate as JSON too; '-' prints it instead")
     parser.add_argument("--force", action="store_true", help="replace an existing FILE")
 
@@ -35,15 +49,26 @@ def run(args) -> int:
     from gonio.data.files import refuse_existing
     from gonio.models.errors import GonioError
 
+    if args.self_test == (args.subject is not None):
+        raise GonioError("give either a FILE or MATERIAL to check, or --self-test")
     if not 0 <= args.feature_width <= 90:
         raise GonioError(f"--feature-width is {args.feature_width:g}; give degrees from 0 to 90")
     if args.json and args.json != "-":
         refuse_existing(args.json, args.force)
+    if args.self_test:
+        from gonio.cli.self_test import run_self_test
+
+        return run_self_test(args.json, args.force)
+    from gonio.certificate import NAMES
     from gonio.checking import check
 
-    tolerances = {name: getattr(args, f"tol_{name}") for name in ("reciprocity", "energy", "positivity", "symmetry")}
     certificate = check(
-        args.subject, tolerances=tolerances, strict=args.strict, feature_width=math.radians(args.feature_width)
+        args.subject,
+        tolerances={name: getattr(args, f"tol_{name}") for name in NAMES},
+        strict=args.strict,
+        feature_width=math.radians(args.feature_width),
+        level=args.level,
+        against=args.against,
     )
     if args.json == "-":
         sys.stdout.write(certificate.to_json())
@@ -70,6 +95,8 @@ def _print(certificate) -> None:
 
     title = f"{certificate.subject} ({certificate.kind}): {certificate.overall.upper()}"
     counted = "all properties" if certificate.strict else "reciprocity and energy"
+    if not certificate.strict and any(p.name == "agreement" for p in certificate.properties):
+        counted = "reciprocity, energy and agreement"
     rows = [
         (p.name, p.verdict, *(_number(v) for v in (p.residual, p.bound, p.tolerance)), _place(p.where))
         for p in certificate.properties

@@ -1,0 +1,146 @@
+"""Tests of many readings at once, at a stated level of the whole family, where a reading may be a count of photons.
+
+A family of n tests has the level α if each is made at 1 − (1 − α)^(1/n) [Šidák 1967]; for normal deviates, of whatever
+correlation, the family's level is then at most α. Tails of counts are heavier than a normal deviate's, just where n
+is large: they come from the cumulant generating function of the counts [Lugannani & Rice 1980, with the lattice
+correction of Daniels 1987].
+"""
+
+import numpy as np
+from scipy.special import log_ndtr, ndtr, ndtri
+
+LIKELY = 2.5
+"""Differences of fewer standard deviations take the normal tail."""
+
+FARTHEST = 36.0
+"""Differences of more standard deviations are as improbable as these, 1e-283: no double precision holds much less."""
+
+GROUP = 32
+"""Readings, alike in their uncertainty, from which the size of a count is taken."""
+
+
+def sidak(level: float, tests: int) -> float:
+    """The level of each of some tests for a family of `level`."""
+    return float(-np.expm1(np.log1p(-level) / max(tests, 1)))
+
+
+def family_p(p: np.ndarray | float, tests: int) -> np.ndarray:
+    """The p-value of a family of tests whose smallest is p."""
+    return -np.expm1(tests * np.log1p(-np.minimum(p, 1 - 1e-16)))
+
+
+def critical(p: float) -> float:
+    """Standard normal deviate that is exceeded on either side with the probability p."""
+    return float(-ndtri(p / 2))
+
+
+def quantum(theta: np.ndarray, f: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """What one count adds to a reading, 1/sr, at each of n readings at polar angles of incidence `theta`.
+
+    Counts make u² = quantum · f + more: the least of Σu²/Σf over groups of readings at a like incidence that are alike
+    in u. It is an upper bound: other noise makes it larger, and with it the tails. 0 where all f are 0.
+    """
+    found = np.zeros(f.shape)
+    order = np.argsort(theta, kind="stable")
+    # Whole incidences together while they have enough readings.
+    edges = np.flatnonzero(np.diff(theta[order]) > 1e-6) + 1
+    starts = [0]
+    for edge in edges:
+        if edge - starts[-1] >= 4 * GROUP:
+            starts.append(int(edge))
+    for start, stop in zip(starts, [*starts[1:], f.size], strict=True):
+        at = order[start:stop]
+        alike = at[np.argsort(u[at], kind="stable")]
+        firsts = np.arange(0, alike.size, GROUP) if alike.size > GROUP else np.zeros(1, int)
+        variance, signal = (np.add.reduceat(a[alike], firsts) for a in (u**2, f))
+        lit = signal > 0
+        found[at] = np.min(variance[lit] / signal[lit]) if lit.any() else 0.0
+    return found
+
+
+def difference_p(a, b, u_a, u_b, q_a, q_b, allowed) -> np.ndarray:
+    """Two-sided p-values, (n,), of |a − b| − allowed for readings that are expected to be the same.
+
+    u are standard uncertainties of the expected readings, q the sizes of a count, all (n,).
+    """
+    x = np.maximum(np.abs(a - b) - allowed, 0.0)
+    variance = u_a**2 + u_b**2
+    z = x / np.sqrt(variance)
+    p = 2 * ndtr(-z)
+    far = np.flatnonzero(z > LIKELY)
+    if far.size:
+        x, u_a, u_b, q_a, q_b, a, b = (v[far] for v in (x, u_a, u_b, q_a, q_b, a, b))
+        mean = np.maximum((a * u_b**2 + b * u_a**2) / (u_a**2 + u_b**2), 0.0)
+        up = _tail(x, u_a, u_b, q_a, q_b, mean)
+        down = _tail(x, u_b, u_a, q_b, q_a, mean)
+        p[far] = np.clip(up + down, p[far], 1.0)
+    return p
+
+
+def _tail(x, u_up, u_down, q_up, q_down, mean):
+    # Of counts up by q_up and down by q_down; what the signal does not explain counts both ways (dark counts do).
+    sigma = np.hypot(u_up, u_down)
+    x, mean = np.minimum(x / sigma, FARTHEST), mean / sigma
+    # Counts of which there is a hundredth in all are as rare as any.
+    q_up, q_down = (np.minimum(q / sigma, 10.0) for q in (q_up, q_down))
+    v_up, v_down = (u_up / sigma) ** 2, (u_down / sigma) ** 2
+    s_up, s_down = np.minimum(v_up, q_up * mean), np.minimum(v_down, q_down * mean)
+    parts = (
+        (s_up + (v_up - s_up) / 2, q_up),
+        ((v_up - s_up) / 2, -q_up),
+        ((v_down - s_down) / 2, q_down),
+        (s_down + (v_down - s_down) / 2, -q_down),
+    )
+
+    def slopes(t):
+        ys = [(v, q * t) for v, q in parts]
+        first = t * sum(v * _first(y) for v, y in ys)
+        second = sum(v * np.exp(y) for v, y in ys)
+        return first, second
+
+    # Where counts can only fall no tilt reaches x, and the last one stands for it.
+    last = 600 / np.maximum(np.maximum(q_up, q_down), 1e-3)
+    low, high = np.zeros(x.shape), np.minimum(1e-2 * x, last)
+    for _ in range(40):
+        short = (slopes(high)[0] < x) & (high < last)
+        if not short.any():
+            break
+        high = np.where(short, np.minimum(2 * high, last), high)
+    t = high
+    for _ in range(50):
+        first, second = slopes(t)
+        low, high = np.where(first < x, t, low), np.where(first < x, high, t)
+        step = t + (x - first) / second
+        if np.all(np.abs(step - t) <= 1e-12 * t):
+            break
+        t = np.where((step > low) & (step < high), step, (low + high) / 2)
+    second = slopes(t)[1]
+    k = t**2 * sum(v * _second(q * t) for v, q in parts)
+    w = np.sqrt(np.maximum(2 * (t * x - k), 1e-12))
+    lattice = np.maximum(q_up, q_down) * t
+    u = t * np.sqrt(second) * _first(-lattice)
+    return ndtr(-w) + np.exp(-(w**2) / 2) / np.sqrt(2 * np.pi) * (1 / u - 1 / w)
+
+
+def _first(y):
+    # (exp y − 1)/y
+    small = np.abs(y) < 1e-5
+    safe = np.where(small, 1.0, y)
+    return np.where(small, 1 + y / 2, np.expm1(safe) / safe)
+
+
+def _second(y):
+    # (exp y − 1 − y)/y²
+    small = np.abs(y) < 1e-3
+    safe = np.where(small, 1.0, y)
+    return np.where(small, 0.5 + y / 6 + y**2 / 24, (np.expm1(safe) - safe) / safe**2)
+
+
+def deviates(p: np.ndarray) -> np.ndarray:
+    """Standard normal deviates of two-sided p-values, also of such as underflow no more than 1e-300."""
+    return -ndtri(np.maximum(p, 1e-300) / 2)
+
+
+def normal_p(z: np.ndarray) -> np.ndarray:
+    """Two-sided p-values of standard normal deviates."""
+    return np.minimum(2 * np.exp(log_ndtr(-np.abs(z))), 1.0)
