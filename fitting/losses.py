@@ -6,7 +6,10 @@ Each residual is w·(T(f c) − T(y c)), where c is cosθi or 1 and w the weight
 - `linear`: the same with w = 1;
 - `cbrt`: T(v) = v/(v² + ε²)^⅓, c = cosθi: the cube root [Löw et al. 2012, as BRDF-space weighting by compression],
   signed, and linear within the floor ε, which takes its pole at 0 away;
-- `log`: T(v) = sign(v) log(1 + |v|), c = cosθi [Löw et al. 2012, eq. 17]; `log1p`: the same with c = 1.
+- `log`: T(v) = sign(v) log(1 + |v|/ε), c = cosθi [Löw et al. 2012, eq. 17, where ε = 1];
+- `log1p`: the same with c = 1 and always ε = 1, as others publish it.
+
+The floor ε is the noise where the table knows it (see `gonio.fitting.loss_floor`): below it a reading tells nothing.
 """
 
 import jax.numpy as jnp
@@ -29,8 +32,9 @@ def transform(loss: str, v, floor, xp=jnp):
         inverse = 1.0 / np.cbrt(s) if xp is np else inverse_cube_root(s)
         return v * inverse, (1.0 - (2.0 / 3.0) * (v * v / s)) * inverse
     if loss in ("log", "log1p"):
+        unit = floor if loss == "log" else 1.0
         size = xp.abs(v)
-        return xp.sign(v) * xp.log1p(size), 1.0 / (1.0 + size)
+        return xp.sign(v) * xp.log1p(size / unit), 1.0 / (unit + size)
     return v, xp.ones_like(v)
 
 

@@ -11,7 +11,7 @@ from gonio.fitting.descents import Descent, descend, ordered_lobes
 from gonio.fitting.domains import Domains
 from gonio.fitting.equations import Closing, Sums, closing, values
 from gonio.fitting.levels import search
-from gonio.fitting.losses import floor_of, uses_cosine
+from gonio.fitting.loss_floor import loss_floor
 from gonio.fitting.result import FitResult
 from gonio.fitting.robust import SetAside, robustly
 from gonio.fitting.samples import Readings, blocked, weights_of
@@ -142,8 +142,7 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
         else _relative_sigma(readings, readings.f, options.relative_noise)
     )
     weight = weights_of(readings, loss, sigma)
-    compared = readings.f * np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else readings.f
-    floor = floor_of(loss, compared[readings.valid])
+    floor = loss_floor(readings, loss)
     notes: list[str] = []
 
     def problem(part: Readings, w: np.ndarray) -> Problem:

@@ -33,3 +33,28 @@ def test_floor_follows_the_data():
     assert floor_of("cbrt", np.zeros(4)) == 1.0 and floor_of("cbrt", np.array([0.0, 0.0, 0.0, 5.0])) == pytest.approx(
         0.05
     )
+
+
+def test_floor_is_the_noise_where_it_is_known():
+    """Readings within their noise count evenly: the slope of the loss falls by no more than half up to there."""
+    from gonio.data import layout as layouts
+    from gonio.data.table import whole_table_of_values
+    from gonio.fitting.loss_floor import loss_floor
+    from gonio.fitting.samples import readings_of
+
+    angles = np.radians([[60.0] * 50, [0.0] * 50, np.linspace(1, 80, 50), [180.0] * 50])
+    layout = layouts.scattered(*angles)
+    f = np.linspace(0.1, 1, 50)[:, None]
+    unknown, known = (whole_table_of_values(layout, f, u_f=u) for u in (None, np.full_like(f, 0.02)))
+    assert loss_floor(readings_of(known), "cbrt") == pytest.approx(0.02 * 0.5)
+    assert loss_floor(readings_of(known), "log") == pytest.approx(0.02 * 0.5)
+    assert loss_floor(readings_of(known), "log1p") == 1.0 == loss_floor(readings_of(unknown), "log")
+    assert loss_floor(readings_of(unknown), "cbrt") == pytest.approx(0.01 * np.median(f * 0.5))
+    for loss in ("cbrt", "log"):
+        slope = transform(loss, np.array([0.0, 0.01]), 0.01, np)[1]
+        assert 0.4 < slope[1] / slope[0] < 0.6
+
+
+def test_log_with_a_floor_is_relative_far_above_it():
+    value, _ = transform("log", np.array([1.0, 2.0]), 1e-9, np)
+    assert value[1] - value[0] == pytest.approx(np.log(2), rel=1e-8)

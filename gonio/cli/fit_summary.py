@@ -17,7 +17,7 @@ METRIC_NAMES = {
 def summary(r) -> list[str]:
     """What a fit says of itself, in lines."""
     how = [
-        f"loss {r.loss}",
+        f"loss {r.loss}" + (f" (floor {number(max(r.floor), 3)})" if r.loss in ("cbrt", "log") and r.floor else ""),
         *([f"weight {r.weight}"] if r.weight else []),
         *([f"robust {r.robust}"] if r.robust else []),
     ]
