@@ -25,6 +25,7 @@ LOG_ALPHA_LEAST = -9.210340371976182  # ln 1e-4
 ALPHA_LEAST = 1e-4
 LOG_G = tuple(0.5 * math.log((eta - 1.0) * (eta + 1.0)) for eta in (1.01, 4.0))  # of √(η² − 1), the coat's indices
 QUANTUM = 1e-11  # the file holds multiples of it
+SLACK = 1e-6
 NODES = 64  # of the average over the cosines: the integrand is a polynomial of degree 55 times a smooth function
 
 
@@ -80,9 +81,14 @@ KINDS = {
 }
 
 
+def _within(x: Scalar) -> Scalar:
+    # A hair beyond the domain: at the bound itself a clip would halve the slope.
+    return jnp.clip(x, -1.0 - SLACK, 1.0 + SLACK)
+
+
 def _width_coordinate(kind: Kind, alpha: Scalar) -> Scalar:
     share = jnp.log(alpha) / LOG_ALPHA_LEAST if kind.log_alpha else (1.0 - alpha) / (1.0 - ALPHA_LEAST)
-    return jnp.clip(1.0 - 2.0 * share, -1.0, 1.0)
+    return _within(1.0 - 2.0 * share)
 
 
 def width_series(name: str, alpha: Scalar) -> Series:
@@ -121,7 +127,7 @@ def coat_series(alpha: Scalar, eta: Scalar) -> Series:
     alpha, eta = jnp.broadcast_arrays(alpha, eta)
     low, high = LOG_G
     log_g = 0.5 * jnp.log(jnp.maximum((eta - 1.0) * (eta + 1.0), 1e-6))
-    coordinate = jnp.clip(2.0 * (log_g - low) / (high - low) - 1.0, -1.0, 1.0)
+    coordinate = _within(2.0 * (log_g - low) / (high - low) - 1.0)
     widths = chebyshev_basis(_width_coordinate(KINDS["coat"], alpha), table.shape[1])
     indices = chebyshev_basis(coordinate, table.shape[2])
     return jnp.einsum("mae,a...,e...->m...", table, widths, indices)
