@@ -22,12 +22,27 @@ _VERBS = {
     "fit": ("gonio.fitting.fitting", "fit"),
     "fit_many": ("gonio.fitting.many", "fit_many"),
     "check": ("gonio.checking", "check"),
+    "chart": ("gonio.charting", "chart"),
+    "repair": ("gonio.repairing", "repair"),
     "reduce": ("gonio.fitting.reducing", "reduce_table"),
     "report": ("gonio.reporting", "report"),
     "stress": ("gonio.stressing", "stress"),
 }
 
-__all__ = ["__version__", "check", "fit", "fit_many", "material", "measure", "open", "reduce", "report", "stress"]
+__all__ = [
+    "__version__",
+    "chart",
+    "check",
+    "fit",
+    "fit_many",
+    "material",
+    "measure",
+    "open",
+    "reduce",
+    "repair",
+    "report",
+    "stress",
+]
 
 
 def __getattr__(name: str) -> Any:

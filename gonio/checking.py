@@ -38,7 +38,7 @@ def check(
         raise GonioError(f"the level is {level}; give a chance above 0 and up to 0.5, such as 0.01")
     kind, title, thing, channels = _subject(subject)
     title = name or title
-    limits = _limits(MODEL_TOLERANCES if kind == "model" else TABLE_TOLERANCES, tolerances)
+    limits = limits_of(MODEL_TOLERANCES if kind == "model" else TABLE_TOLERANCES, tolerances)
     if kind == "model":
         from gonio.checks.energy import model_energy
         from gonio.checks.positivity import model_positivity, model_symmetry
@@ -77,7 +77,8 @@ def _agreement(thing: AbstractBRDF | Table, against: Any, tolerance: float, leve
     return model_agreement(thing, truth, tolerance)
 
 
-def _limits(defaults: dict[str, float], given: dict[str, float] | None) -> dict[str, float]:
+def limits_of(defaults: dict[str, float], given: dict[str, float] | None) -> dict[str, float]:
+    """Tolerances by name, with those that are given; GonioError for an unknown name or a negative number."""
     given = {k: v for k, v in (given or {}).items() if v is not None}
     for key, value in given.items():
         if key not in NAMES:

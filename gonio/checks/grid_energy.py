@@ -6,11 +6,13 @@ without a reading, and of the noise.
 """
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
 from gonio.checks.resolution import excess, hat_weights, log_values, periodic_weights, surprise
 from gonio.data.flags import Flag
+from gonio.data.layout import Layout
 from gonio.data.table import Table
 
 FLOOR = 1e-3
@@ -52,31 +54,16 @@ def grid_albedos(table: Table, reach: float) -> Albedos:
 
     `reach`, radians: how near to the mirror direction a node has to be for no lobe to hide there.
     """
-    layout = table.layout
-    isotropic = layout.name == "isotropic"
-    theta_o = layout.axes["theta_o"]
-    phi_o = layout.axes["delta_phi" if isotropic else "phi_o"]
-    fold = isotropic and phi_o[-1] <= np.pi + 1e-9
-    rows = np.flatnonzero(theta_o < np.pi / 2 - 1e-9)
-    theta_o = theta_o[rows]
-    azimuth, source = _closed(phi_o, fold)
-    if theta_o.size < 3 or theta_o[-1] < np.radians(60) or np.ptp(azimuth) == 0:
-        return no_albedo("its directions do not cover the hemisphere")
-    if np.diff(np.append(azimuth, azimuth[0] + 2 * np.pi)).max() > WIDEST_GAP or theta_o[0] > np.radians(30):
-        return no_albedo("its directions leave a gap in the hemisphere")
-    phi_i = np.zeros(1) if isotropic else layout.axes["phi_i"]
-    incidences = [
-        (t, p, i * phi_i.size + j)
-        for i, t in enumerate(layout.axes["theta_i"])
-        for j, p in enumerate(phi_i)
-        if t < np.pi / 2 - 1e-9
-    ]
-    cells = layout.size // (layout.axes["theta_i"].size * phi_i.size)
-    inner = (layout.axes["theta_o"].size, phi_o.size, len(table.channels))
+    grid = hemisphere_grid(table.layout)
+    if isinstance(grid, str):
+        return no_albedo(grid)
+    theta_o, azimuth, incidences = grid.theta_o, grid.azimuth, grid.incidences
+    cells = grid.inner[0] * grid.inner[1]
+    inner = (*grid.inner, len(table.channels))
     out = []
     for *_, k in incidences:
         block = table.read(k * cells, (k + 1) * cells)
-        f, u, flag = (a.reshape(inner)[rows][:, source] for a in (block.f, block.u_f, block.flag))
+        f, u, flag = (a.reshape(inner)[grid.rows][:, grid.source] for a in (block.f, block.u_f, block.flag))
         out.append(_one(f.astype(float), u.astype(float), flag == Flag.VALID, theta_o, azimuth))
     found = [k for k, o in enumerate(out) if o is not None]
     if not found:
@@ -86,9 +73,54 @@ def grid_albedos(table: Table, reach: float) -> Albedos:
     unseen = np.array([_distance_to_mirror(t, p, theta_o, azimuth) > reach for t, p in zip(theta, phi, strict=True)])
     above = np.where(unseen[:, None], np.inf, bound)
     method = "Integrated on the table's own grid"
-    if fold:
+    if grid.fold:
         method += ", taking the surface as mirror symmetric, as azimuth differences stop at 180°"
     return Albedos(theta, phi, value, above, bound, noise, unseen, method + ".")
+
+
+class HemisphereGrid(NamedTuple):
+    """Where the directions of one incidence lie, once around the normal, and the incidences there are."""
+
+    inner: tuple[int, int]
+    """Polar angles and azimuths of the cells of one incidence, as stored."""
+    rows: np.ndarray
+    """Those polar angles that are above the horizon, and"""
+    source: np.ndarray
+    """for each azimuth the column that it comes from."""
+    theta_o: np.ndarray
+    azimuth: np.ndarray
+    fold: bool
+    incidences: list
+    """(theta_i, phi_i, number) of each."""
+
+
+def hemisphere_grid(layout: Layout) -> HemisphereGrid | str:
+    """The directions of a spherical or isotropic layout, or why they do not cover the hemisphere."""
+    isotropic = layout.name == "isotropic"
+    theta_o = layout.axes["theta_o"]
+    phi_o = layout.axes["delta_phi" if isotropic else "phi_o"]
+    fold = isotropic and phi_o[-1] <= np.pi + 1e-9
+    inner = (theta_o.size, phi_o.size)
+    rows = np.flatnonzero(theta_o < np.pi / 2 - 1e-9)
+    theta_o = theta_o[rows]
+    azimuth, source = _closed(phi_o, fold)
+    if theta_o.size < 3 or theta_o[-1] < np.radians(60) or np.ptp(azimuth) == 0:
+        return "its directions do not cover the hemisphere"
+    if np.diff(np.append(azimuth, azimuth[0] + 2 * np.pi)).max() > WIDEST_GAP or theta_o[0] > np.radians(30):
+        return "its directions leave a gap in the hemisphere"
+    phi_i = np.zeros(1) if isotropic else layout.axes["phi_i"]
+    incidences = [
+        (t, p, i * phi_i.size + j)
+        for i, t in enumerate(layout.axes["theta_i"])
+        for j, p in enumerate(phi_i)
+        if t < np.pi / 2 - 1e-9
+    ]
+    return HemisphereGrid(inner, rows, source, theta_o, azimuth, fold, incidences)
+
+
+def weights_of(grid: HemisphereGrid) -> np.ndarray:
+    """Projected solid angle of each direction, sr, shape (theta_o, azimuth, 1): exact for what is linear between."""
+    return _weights(grid.theta_o, grid.azimuth)
 
 
 def _closed(phi: np.ndarray, fold: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -116,20 +148,20 @@ def _one(f, u, valid, theta, azimuth):
     if np.max(np.sum(weight * ~valid, axis=(0, 1))) > MOST_MISSING * np.pi:
         return None
     f = np.where(valid, f, 0.0)
-    filled = _filled(f, valid)
-    value = np.sum(weight * filled, axis=(0, 1))
+    whole = filled(f, valid)
+    value = np.sum(weight * whole, axis=(0, 1))
     u = np.where(valid & np.isfinite(u), u, 0.0)
     noise = np.sqrt(np.sum((weight * u) ** 2, axis=(0, 1)))
     floor = np.maximum(FLOOR * np.abs(value) / np.pi, 1e-300)
     # A negative reading has no logarithm: its place takes its neighbours', and the difference counts as bound.
-    shown = _filled(np.where(filled < 0, 0.0, filled), valid & (f >= 0))
+    shown = filled(np.where(whole < 0, 0.0, whole), valid & (f >= 0))
     logs = log_values(shown, floor)
     relative = u / np.maximum(shown, floor)
     surprises = [_across_the_pole(logs, theta, azimuth), surprise(logs, azimuth, 1, 2 * np.pi)]
     missed = np.sum(weight * excess(shown, floor, surprises, relative), axis=(0, 1))
-    missed += np.max([np.abs(_every_second(filled, theta, azimuth, *k) - value) for k in np.ndindex(2, 2)], axis=0)
-    guessed = np.sum(weight * (np.where(valid, 0.0, np.abs(filled)) + np.abs(shown - filled)), axis=(0, 1))
-    return value, missed + guessed + _beyond(filled, logs, theta, azimuth) + 2 * noise, noise
+    missed += np.max([np.abs(_every_second(whole, theta, azimuth, *k) - value) for k in np.ndindex(2, 2)], axis=0)
+    guessed = np.sum(weight * (np.where(valid, 0.0, np.abs(whole)) + np.abs(shown - whole)), axis=(0, 1))
+    return value, missed + guessed + _beyond(whole, logs, theta, azimuth) + 2 * noise, noise
 
 
 def _weights(theta, azimuth):
@@ -152,8 +184,8 @@ def _across_the_pole(logs, theta, azimuth):
     return surprise(longer, np.append(-theta[first], theta), 0)[1:]
 
 
-def _filled(f, valid):
-    # A cell without a reading takes the nearest reading of its ring, or else of its azimuth.
+def filled(f: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """f, (theta_o, azimuth, channels), where a cell without a reading takes the nearest of its ring, or azimuth."""
     if valid.all():
         return f
     out, have = f.copy(), valid.copy()

@@ -24,10 +24,8 @@ MOST_VALUES = 60_000_000
 def half_difference_albedos(table: Table, reach: float) -> Albedos:
     """Albedos at polar angles of incidence 0, 5, ... 85° (and azimuths 0, 45, 90, 135° where there is a phi_h)."""
     axes = table.layout.axes
-    if table.layout.size * len(table.channels) > MOST_VALUES:
-        return no_albedo("it is too large to be integrated in memory")
-    if axes["theta_h"].size < 4 or axes["theta_h"][-1] < np.radians(60) or axes["theta_d"].size < 4:
-        return no_albedo("its half vectors do not cover the hemisphere")
+    if why := why_not(table):
+        return no_albedo(why)
     valid = np.asarray(table.flag[...]) == Flag.VALID
     f = np.where(valid, np.asarray(table.f[...], dtype=float), 0.0)
     u = np.zeros(1) if table.u_f is None else np.nan_to_num(np.where(valid, np.asarray(table.u_f[...], float), 0.0))
@@ -37,10 +35,7 @@ def half_difference_albedos(table: Table, reach: float) -> Albedos:
         return no_albedo("too many of its cells have no reading")
     floor = np.maximum(FLOOR * np.abs(typical[0]) / np.pi, 1e-300)
     off = excess(f, floor, _surprises(f, valid, floor, table), _relative(u, f, floor)) * valid
-    last = min(axes["theta_d"][-1], np.radians(85.0))
-    theta = np.arange(0, np.degrees(last) + 1e-9, 5.0) * np.pi / 180
-    azimuths = np.radians([0.0, 45.0, 90.0, 135.0]) if "phi_h" in axes else np.zeros(1)
-    found = [(t, p, _one(axes, period, f, off, u, valid, t, p)) for t in theta for p in azimuths]
+    found = [(t, p, _one(axes, period, f, off, u, valid, t, p)) for t, p in incidences(axes)]
     found = [(t, p, o) for t, p, o in found if o is not None]
     if not found:
         return no_albedo("too many of its cells have no reading")
@@ -51,6 +46,24 @@ def half_difference_albedos(table: Table, reach: float) -> Albedos:
     method = "Integrated over half vectors at the table's own theta_h, interpolated in the other angles."
     angles = (np.array([o[k] for o in found]) for k in (0, 1))
     return Albedos(*angles, value, above, bound, noise, unseen, method)
+
+
+def why_not(table: Table) -> str:
+    """Why a table has no albedo; nothing if it has."""
+    axes = table.layout.axes
+    if table.layout.size * len(table.channels) > MOST_VALUES:
+        return "it is too large to be integrated in memory"
+    if axes["theta_h"].size < 4 or axes["theta_h"][-1] < np.radians(60) or axes["theta_d"].size < 4:
+        return "its half vectors do not cover the hemisphere"
+    return ""
+
+
+def incidences(axes: dict) -> list[tuple[float, float]]:
+    """(theta_i, phi_i), radians, at which albedos are integrated."""
+    last = min(axes["theta_d"][-1], np.radians(85.0))
+    theta = np.arange(0, np.degrees(last) + 1e-9, 5.0) * np.pi / 180
+    azimuths = np.radians([0.0, 45.0, 90.0, 135.0]) if "phi_h" in axes else np.zeros(1)
+    return [(t, p) for t in theta for p in azimuths]
 
 
 def _relative(u, f, floor):
@@ -81,7 +94,8 @@ def _coarser(axes, period, f, u, valid, theta_i, phi_i, value):
     return np.max(changes, axis=0)
 
 
-def _one(axes, period, f, off, u, valid, theta_i, phi_i):
+def corners(axes: dict, period: float | None, theta_i: float, phi_i: float) -> tuple[np.ndarray, list]:
+    """f cosθo dωo of each half vector, (theta_h, azimuths), and the cells to read f from: (indices, shares)."""
     theta_h = axes["theta_h"]
     phi_h = (np.arange(AZIMUTHS) + 0.5) * 2 * np.pi / AZIMUTHS
     sin_h, cos_h = np.sin(theta_h)[:, None], np.cos(theta_h)[:, None]
@@ -97,12 +111,21 @@ def _one(axes, period, f, off, u, valid, theta_i, phi_i):
     if "phi_h" in axes:
         places.append(_bracket(axes["phi_h"], np.broadcast_to(phi_h, theta_d.shape), 2 * np.pi))
     w_h = hat_weights(theta_h, 0.0, np.pi / 2, np.sin)[:, None] * (2 * np.pi / AZIMUTHS)
-    weight = np.where(up, w_h * 4 * d_z * cos_o, 0.0)[..., None]
-    row = np.arange(theta_h.size)[:, None]
-    total, error, variance, have = 0.0, 0.0, 0.0, 0.0
+    weight = np.where(up, w_h * 4 * d_z * cos_o, 0.0)
+    row = np.broadcast_to(np.arange(theta_h.size)[:, None], weight.shape)
+    found = []
     for corner in np.ndindex(*[2] * len(places)):
         at = (row, *(p[0][k] for p, k in zip(places, corner, strict=True)))
-        w = np.prod([p[1][k] for p, k in zip(places, corner, strict=True)], axis=0)[..., None] * valid[at]
+        found.append((at, np.prod([p[1][k] for p, k in zip(places, corner, strict=True)], axis=0)))
+    return weight, found
+
+
+def _one(axes, period, f, off, u, valid, theta_i, phi_i):
+    weight, cells = corners(axes, period, theta_i, phi_i)
+    weight = weight[..., None]
+    total, error, variance, have = 0.0, 0.0, 0.0, 0.0
+    for at, share in cells:
+        w = share[..., None] * valid[at]
         have = have + w
         total = total + w * f[at]
         error = error + w * off[at] if off is not None else error

@@ -40,6 +40,12 @@ def add_arguments(parser) -> None:
         help="tables with stored uncertainties: chance of calling an honest one significantly wrong (0.01)",
     )
     parser.add_argument("--against", metavar="FILE|MATERIAL", help="the truth, if known: agreement with it counts too")
+    parser.add_argument(
+        "--repair",
+        metavar="OUT.h5",
+        help="write the nearest table that is reciprocal and conserves energy; the exit status is then that table's",
+    )
+    parser.add_argument("--nonnegative", action="store_true", help="no reading of the repaired table is negative")
     parser.add_argument("--json", metavar="FILE", help="write the certificate as JSON too; '-' prints it instead")
     parser.add_argument("--force", action="store_true", help="replace an existing FILE")
 
@@ -51,6 +57,14 @@ def run(args) -> int:
 
     if args.self_test == (args.subject is not None):
         raise GonioError("give either a FILE or MATERIAL to check, or --self-test")
+    if args.repair:
+        if args.self_test or args.against or args.strict:
+            raise GonioError("--repair goes with tolerances and --json only; check what it wrote by a second command")
+        from gonio.cli.repairing import run_repair
+
+        return run_repair(args)
+    if args.nonnegative:
+        raise GonioError("--nonnegative says how to repair; give --repair OUT.h5 too")
     if not 0 <= args.feature_width <= 90:
         raise GonioError(f"--feature-width is {args.feature_width:g}; give degrees from 0 to 90")
     if args.json and args.json != "-":
@@ -75,7 +89,7 @@ def run(args) -> int:
         return certificate.exit_status
     if args.json:
         _write(args.json, certificate, args.force)
-    _print(certificate)
+    print_certificate(certificate)
     return certificate.exit_status
 
 
@@ -90,7 +104,8 @@ COLOURS = {"pass": "green", "fail": "red", "undecided": "yellow", "not applicabl
 HEADINGS = ("property", "verdict", "residual", "bound", "tolerance", "worst at")
 
 
-def _print(certificate) -> None:
+def print_certificate(certificate) -> None:
+    """The certificate as a table, and a sentence for each property."""
     from gonio.cli.text import columns, say
 
     title = f"{certificate.subject} ({certificate.kind}): {certificate.overall.upper()}"
