@@ -118,7 +118,8 @@ def held_out(residual: np.ndarray, rows: np.ndarray, open_numbers: np.ndarray, g
     found = np.empty(count)
     for g in range(count):
         at = groups == g
-        r, j = residual[at].ravel(), rows[at].reshape(-1, rows.shape[2])
+        r = residual[at].ravel()
+        j = rows[at].reshape(r.size, rows.shape[2])
         left = whole - j.T @ j
         # A trace of damping: a number that only this group tells of has no value without it.
         move = np.linalg.solve(left + 1e-9 * np.eye(left.shape[0]), j.T @ r) if left.size else np.empty(0)

@@ -242,5 +242,5 @@ def descend(parts: tuple[Part, ...], x: np.ndarray, s: Scenery) -> tuple[np.ndar
 
 def _sums(parts, x, s):
     r, rows = residuals(parts, x, s)
-    flat = rows.reshape(r.size, -1)
+    flat = rows.reshape(r.size, rows.shape[2])
     return float(np.sum(r * r)), flat.T @ flat, flat.T @ r.ravel()

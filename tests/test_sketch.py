@@ -78,6 +78,13 @@ def test_held_out_readings_are_those_of_a_fit_without_them():
             assert guess[g] == pytest.approx(truth, rel=tolerance)
 
 
+def test_a_model_with_every_number_on_a_bound_predicts_what_it_is():
+    r = np.random.default_rng(0).standard_normal((6, 2))
+    groups = np.array([0, 0, 1, 1, 2, 2])
+    held = criteria.held_out(r, np.ones((6, 2, 1)), np.zeros(1, bool), groups)
+    np.testing.assert_allclose(held, [np.sum(r[groups == g] ** 2) for g in range(3)])
+
+
 def test_noise_is_seen_beside_what_a_model_misses():
     """Rice's differences find 1 % noise under a smooth misfit twenty times as large; readings then count for less."""
     near, rng = criteria.neighbourhood(WI, WO), np.random.default_rng(3)
