@@ -14,6 +14,7 @@ VERBS = {
     "info": "what a file holds, in any format that can be read",
     "fit": "fit a model to a table; the result is a material file",
     "check": "reciprocity, energy conservation, positivity and symmetry",
+    "chart": "speed against accuracy, measured here and now",
     "stress": "where each method fails, and that it says so",
     "reduce": "the coarsest table that a scene's tolerance allows",
     "report": "tables, fits, checks and pictures in one self-contained page",

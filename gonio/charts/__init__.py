@@ -1,0 +1,1 @@
+"""Speed against accuracy, measured here and now: one module a chart."""

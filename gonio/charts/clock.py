@@ -1,0 +1,70 @@
+"""Time of calls, seen through the noise of a shared machine: warm, in turns, and the median of processor seconds."""
+
+import contextlib
+import statistics
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import jax
+
+SHORTEST = 2e-3
+"""Seconds that one sample of a clock lasts at least: shorter calls are repeated within it."""
+LONG = 2.0
+"""A first call of so many seconds is no matter of compiling alone: it is not repeated within a sample."""
+
+
+class Timing(NamedTuple):
+    """Seconds of a call: the median of warm ones, what the first took beyond it; and what the last one gave."""
+
+    median: float
+    first_call: float
+    result: object
+
+
+def clock() -> Callable[[], float]:
+    """Processor seconds of all threads; on an accelerator, whose work no processor counts, seconds of the wall."""
+    return time.process_time if jax.default_backend() == "cpu" else time.perf_counter
+
+
+def unit() -> str:
+    """What `clock` counts, in words."""
+    return "processor time of all threads" if jax.default_backend() == "cpu" else "wall time"
+
+
+def in_turns(calls: Sequence[Callable[[], object]], rounds: int = 7, seconds: float = 1.0) -> list[Timing]:
+    """The timing of each call; they take turns, so that all see the same machine.
+
+    Ends after `rounds`, or with the first round after which more than `seconds` a call were spent.
+    """
+    now = clock()
+    results: list = [None] * len(calls)
+
+    def timed(k: int, times: int) -> float:
+        began = now()
+        for _ in range(times):
+            results[k] = jax.block_until_ready(calls[k]())
+        return (now() - began) / times
+
+    firsts = [timed(k, 1) for k in range(len(calls))]
+    # How often within a sample: from a second call where the first was short, or may have been compiling.
+    again = [timed(k, 1) if first < LONG else first for k, first in enumerate(firsts)]
+    times = [max(1, min(1000, round(SHORTEST / max(a, 1e-7)))) for a in again]
+    seen, began = [], time.perf_counter()
+    for _ in range(rounds):
+        seen.append([timed(k, n) for k, n in enumerate(times)])
+        if time.perf_counter() - began > seconds * len(calls):
+            break
+    medians = [statistics.median(mine) for mine in zip(*seen, strict=True)]
+    return [Timing(m, max(f - m, 0.0), r) for m, f, r in zip(medians, firsts, results, strict=True)]
+
+
+@contextlib.contextmanager
+def precision(name: str) -> Iterator[None]:
+    """JAX in float64 or float32 for as long as the block lasts; then again as the caller had it."""
+    before = jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", name == "float64")
+    try:
+        yield
+    finally:
+        jax.config.update("jax_enable_x64", before)

@@ -1,0 +1,119 @@
+"""Tables: layouts, resolutions and interpolations, their error against the model that was measured, and their bytes."""
+
+from collections.abc import Iterator
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from gonio.charts.clock import in_turns, precision
+from gonio.charts.light import Light, light_of
+from gonio.charts.points import Axis, Chart, Point, Settings
+from gonio.data import layout
+from gonio.data.grid_values import grid_values
+from gonio.data.layout import Layout
+from gonio.data.table import whole_table_of_values
+from gonio.data.tabulated import as_material
+from gonio.models.base import AbstractBRDF
+from gonio.models.building import build
+from gonio.models.evaluate import evaluate
+
+DIFFUSE = "lambert(rho=0.2)"
+WIDTHS, QUICK = (0.5, 0.2, 0.05, 0.01), (0.3, 0.05)
+STORED_BYTES = 4
+"""Of one value in single precision."""
+
+
+def _isotropic(step: float) -> Layout:
+    polar = np.radians(np.arange(0, 90 + step / 2, step))
+    return layout.isotropic(polar, polar, np.radians(np.arange(0, 180 + step / 2, step)))
+
+
+def _merl(step: float) -> Layout:
+    n = round(90 / step)
+    return layout.merl(counts=(n, n, 2 * n))
+
+
+def _even_half(step: float) -> Layout:
+    n = round(90 / step)
+    h, d, p = np.arange(n) / n, np.arange(n) / n, np.arange(2 * n) / (2 * n)
+    return layout.half_difference(h * np.pi / 2, d * np.pi / 2, p * np.pi)
+
+
+class _NearestAxis(eqx.Module):
+    axis: eqx.Module
+
+    def bracket(self, x):
+        nodes, (_, upper) = self.axis.bracket(x)
+        whole = jnp.round(upper)
+        return nodes, (1.0 - whole, whole)
+
+
+class _Exponential(AbstractBRDF):
+    # Interpolation of log(f + floor): lobes are near to parabolas there.
+    logs: AbstractBRDF
+    floor: jnp.ndarray
+
+    def f(self, wi, wo):
+        up = (wi.z > 0) & (wo.z > 0)
+        return jnp.where(up, jnp.exp(self.logs.f(wi, wo)) - self.floor, 0.0)
+
+
+def _linear(grid: Layout, f: np.ndarray) -> AbstractBRDF:
+    return as_material(whole_table_of_values(grid, f))
+
+
+def _nearest(grid: Layout, f: np.ndarray) -> AbstractBRDF:
+    table = _linear(grid, f)
+    return eqx.tree_at(lambda t: t.axes, table, tuple(_NearestAxis(a) for a in table.axes))
+
+
+def _logarithmic(grid: Layout, f: np.ndarray) -> AbstractBRDF:
+    floor = 1e-6 * float(np.nanmax(f))
+    return _Exponential(_linear(grid, np.log(np.maximum(f, 0.0) + floor)), jnp.asarray(floor))
+
+
+LAYOUTS = {"isotropic": _isotropic, "half/difference, MERL": _merl, "half/difference, even": _even_half}
+QUICK_LAYOUTS = 2
+INTERPOLATIONS = {"nearest": _nearest, "linear": _linear, "linear in log f": _logarithmic}
+STEPS, QUICK_STEPS = (15.0, 10.0, 5.0, 2.0, 1.0), (15.0, 5.0, 2.0)
+
+
+def points(settings: Settings) -> Iterator[Point]:
+    """One point for each width, layout, step and interpolation."""
+    with precision("float64"):
+        for alpha in QUICK if settings.quick else WIDTHS:
+            brdf = build(f"{DIFFUSE} + 0.5 * ggx(alpha={alpha:g})")
+            light = light_of(brdf)
+            for step in QUICK_STEPS if settings.quick else STEPS:
+                yield from _of_step(f"α = {alpha:g}", brdf, light, step, settings)
+
+
+def _of_step(panel: str, brdf: AbstractBRDF, light: Light, step: float, settings: Settings) -> Iterator[Point]:
+    made = []
+    for where, lay_out in list(LAYOUTS.items())[: QUICK_LAYOUTS if settings.quick else None]:
+        grid = lay_out(step)
+        f = grid_values(brdf, grid)
+        made += [(f"{where}, {how}", grid, make(grid, f)) for how, make in INTERPOLATIONS.items()]
+    calls = [lambda b=b: evaluate(b, light.wi, light.wo) for *_, b in made]
+    timings = in_turns(calls, *((3, 0.1) if settings.quick else (7, 0.5)))
+    for (method, grid, interpolant), timing in zip(made, timings, strict=True):
+        values = {
+            "ns": timing.median / light.f.size * 1e9,
+            "error": light.misplaced(interpolant),
+            "bytes": float(grid.size * STORED_BYTES),
+            "first_call_s": timing.first_call,
+        }
+        yield Point(panel, method, f"{step:g}°", values)
+
+
+ERROR = Axis("error", "share of the reflected light misplaced")
+CHART = Chart(
+    "tables",
+    "Tables of Lambert + GGX",
+    "The error is ∫∫ |f' − f| cosθo dωo over ∫∫ f cosθo dωo under uniform light, both directions within 80° of the "
+    "normal. Bytes of one channel in single precision, cells below the horizon counted. Labels: step in angle (for "
+    "MERL's spacing, that of theta_d). Interpolation in log f adds 1e-6 of the peak before taking the logarithm.",
+    ((Axis("bytes", "bytes of a channel"), ERROR), (Axis("ns", "time of one look-up, ns"), ERROR)),
+    points,
+)
