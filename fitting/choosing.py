@@ -6,9 +6,10 @@ from collections.abc import Callable
 import numpy as np
 
 from gonio.data.layout import Layout
+from gonio.fitting.choice import Choice, Tried
 from gonio.fitting.for_scene import FAR, Allowed, Seen, allowed, cheapest
 from gonio.fitting.samples import Readings
-from gonio.fitting.selection import Choice, Tried, choose
+from gonio.fitting.selection import choose
 from gonio.fitting.sketch import numbers_of
 from gonio.fitting.structure import with_defaults
 from gonio.models.paths import changed

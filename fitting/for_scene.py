@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 
 from gonio.data.scene import Pairs, Scene
+from gonio.fitting.choice import Choice, Tried
 from gonio.fitting.criteria import neighbourhood, noise_deviation
 from gonio.fitting.growing import fitted
 from gonio.fitting.losses import transform
 from gonio.fitting.samples import Readings
-from gonio.fitting.selection import Choice, Tried
 from gonio.fitting.sketch import Scenery, numbers_of, to_x, values
 from gonio.models.errors import GonioError
 from gonio.models.geometry import Direction
