@@ -40,7 +40,7 @@ def chart_figure(chart: Chart, points: Sequence[Point], caption: str, tolerance:
     drawn = [(axes, panel) for axes in chart.frames for panel in panels]
     most = max(sum(p.panel == panel for p in points) for panel in panels)
     width, height = LARGE if most > MANY else (WIDTH, HEIGHT)
-    columns = min(COLUMNS, len(panels)) if len(panels) > 1 or len(chart.frames) == 1 else len(chart.frames)
+    columns = len(chart.frames) if len(panels) == 1 else 2 if len(panels) == 4 else min(COLUMNS, len(panels))
     rows = math.ceil(len(drawn) / columns)
     words = textwrap.wrap(f"{chart.about} {caption}", round(columns * width * 15.5))
     foot = 0.16 * len(words) + 0.15
@@ -166,7 +166,8 @@ def _labels(fig: Figure, ax: Axes, cost: Axis, error: Axis, points, looks, toler
     ringed = None if tolerance is None else cheapest(points, cost.key, error.key, tolerance)
     unit = fig.dpi / 72
     radii = np.array([RING / 2 + 1 if p is ringed else 0.6 * MARK for p in order]) * unit
-    corners = places(at, sizes, inside, radii)
+    ends = _bound_ends(ax, cost, error, points, 3 * unit)
+    corners = places(at, sizes, inside, radii, ends)
     missing = 0
     for text, corner, point, size in zip(texts, corners, at, sizes, strict=True):
         if corner is None:
@@ -181,6 +182,14 @@ def _labels(fig: Figure, ax: Axes, cost: Axis, error: Axis, points, looks, toler
     if missing:
         said = f"{missing} labels found no room; the CSV has them"
         ax.text(0.99, 1.01, said, transform=ax.transAxes, ha="right", va="bottom", fontsize=7.5, color=FAINT)
+
+
+def _bound_ends(ax: Axes, cost: Axis, error: Axis, points, half: float) -> list[tuple[float, float, float, float]]:
+    # Boxes around the bars and arrows where the claimed bounds end.
+    ends = [(p.value(cost.key), min(p.value("bound"), CEILING)) for p in points if "bound" in p.values]
+    if error.key != "error" or not ends:
+        return []
+    return [(x - half, y - half, x + half, y + half) for x, y in ax.transData.transform(ends)]
 
 
 def _move(ax: Axes, text, corner) -> None:

@@ -12,15 +12,20 @@ SLACK = 1.0
 
 
 def places(
-    points: np.ndarray, sizes: np.ndarray, inside: tuple[float, float, float, float], radii: np.ndarray
+    points: np.ndarray,
+    sizes: np.ndarray,
+    inside: tuple[float, float, float, float],
+    radii: np.ndarray,
+    others: Sequence[tuple[float, float, float, float]] = (),
 ) -> list[tuple[float, float] | None]:
     """The lower left corner of each label; None for one that found no room.
 
     `points` (n, 2) and `sizes` (n, 2: width, height) in one unit, such as pixels; `inside`: left, lower, right, upper
     edge of where labels may stand; `radii` (n,) of the points' marks. Labels are placed in the order they come in.
+    `others`: boxes (left, lower, right, upper) that no label may cover either.
     """
     marks = [(x - r, y - r, x + r, y + r) for (x, y), r in zip(points, radii, strict=True)]
-    taken: list[tuple[float, float, float, float]] = []
+    taken = list(others)
     found: list[tuple[float, float] | None] = []
     for (x, y), (w, h), r in zip(points, sizes, radii, strict=True):
         free = (b for b in _candidates(x, y, w, h, r) if _within(b, inside) and not _any_overlap(b, [*taken, *marks]))
