@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 
+import jax
 import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
@@ -17,6 +18,7 @@ from gonio.atlas.fits import fit_cells, readings
 from gonio.atlas.reference import DIGITS, Reference
 from gonio.atlas.settings import settings_of
 from gonio.atlas.values import gradient_cells, value_cells
+from gonio.models import albedo_table
 from gonio.models.building import build
 from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError
@@ -109,6 +111,19 @@ def test_rings_know_the_closed_forms():
     assert value == pytest.approx(1 - mu * np.log(1 + 1 / mu), abs=1e-10) and known < 5e-9
     value, known = integrals.reference_albedo(Phong(n=jnp.asarray(0.0)), 1.5)
     assert value == pytest.approx((1 + np.cos(1.5)) / 2, abs=1e-9) and known < 5e-9
+
+
+def test_tables_have_their_whole_slope_on_a_bound():
+    """Slopes by width and index on their bounds, beside those a little inside."""
+
+    def albedo(alpha, eta):
+        return albedo_table.tabulated("coat", albedo_table.coat_series(alpha, eta), jnp.asarray(0.3), alpha)
+
+    alpha = np.array([[1.0, 1.0 - 1e-6], [1e-4, 1e-4 + 1e-10], [0.1, 0.1], [0.1, 0.1]])
+    eta = np.array([[1.5, 1.5], [1.5, 1.5], [1.01, 1.01 + 1e-8], [4.0, 4.0 - 1e-6]])
+    by_alpha, by_eta = jax.jit(jax.vmap(jax.grad(albedo, (0, 1))))(alpha.ravel(), eta.ravel())
+    slopes = np.concatenate([np.asarray(by_alpha).reshape(4, 2)[:2], np.asarray(by_eta).reshape(4, 2)[2:]])
+    assert slopes[:, 0] == pytest.approx(slopes[:, 1], rel=1e-3) and np.all(slopes != 0)
 
 
 def test_steep_facets_count_where_tails_are_short():

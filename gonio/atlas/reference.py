@@ -70,10 +70,16 @@ class Reference:
 
     def _quotient(self, name: str, wi, wo, params, finer):
         at, info = params[name], self.domains[name]
-        step = (TABLED_STEP if self.tabled else STEP) * (abs(at) if at else 1) / finer
+        size = abs(at - 1) if name == "eta" else abs(at)  # what an index does, it does by its distance from 1
+        step = (TABLED_STEP if self.tabled else STEP) * (size if size else 1) / finer
         up, down = min(at + step, mp.mpf(info.high)), max(at - step, mp.mpf(info.low))
         if up <= down:
             up, down = at + step, at - step
+        if self.tabled and at in (up, down):
+            # Wide steps towards one side: by three points, good to the square of the step.
+            far = up + down - at
+            at_0, at_1, at_2 = (self.value(wi, wo, {**params, name: v}) for v in (at, far, 2 * far - at))
+            return (4 * at_1 - 3 * at_0 - at_2) / (2 * (far - at))
         ends = [self.value(wi, wo, {**params, name: v}) for v in (up, down)]
         return (ends[0] - ends[1]) / (up - down)
 
