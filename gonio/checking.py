@@ -10,8 +10,26 @@ from gonio.data.table import Table
 from gonio.models.base import AbstractBRDF
 from gonio.models.errors import GonioError
 
-MODEL_TOLERANCES = {"reciprocity": 1e-9, "energy": 1e-6, "positivity": 1e-9, "symmetry": 1e-9, "agreement": 1e-6}
-TABLE_TOLERANCES = {"reciprocity": 0.05, "energy": 0.01, "positivity": 0.01, "symmetry": 0.05, "agreement": 0.05}
+MODEL_TOLERANCES = {
+    "reciprocity": 1e-9,
+    "energy": 1e-6,
+    "positivity": 1e-9,
+    "symmetry": 1e-9,
+    "isotropy": 1e-6,
+    "pole": 1e-3,
+    "horizon": 1e-3,
+    "agreement": 1e-6,
+}
+TABLE_TOLERANCES = {
+    "reciprocity": 0.05,
+    "energy": 0.01,
+    "positivity": 0.01,
+    "symmetry": 0.05,
+    "isotropy": 0.05,
+    "pole": 0.05,
+    "horizon": 0.5,
+    "agreement": 0.05,
+}
 
 
 def check(
@@ -24,7 +42,7 @@ def check(
     against: "Material | AbstractBRDF | Table | str | os.PathLike | None" = None,
     name: str | None = None,
 ) -> Certificate:
-    """Judges reciprocity, energy conservation, positivity and bilateral symmetry of a model or a table.
+    """Judges reciprocity, energy conservation, positivity, symmetries and edges of a model or a table.
 
     `subject` may be a material, a model, a table, or what names one: a reference material, a spelling, a file.
     `tolerances` replaces defaults by name. With `strict` all properties make the overall verdict, else reciprocity,
@@ -40,7 +58,9 @@ def check(
     title = name or title
     limits = limits_of(MODEL_TOLERANCES if kind == "model" else TABLE_TOLERANCES, tolerances)
     if kind == "model":
+        from gonio.checks.edges import model_horizon, model_pole
         from gonio.checks.energy import model_energy
+        from gonio.checks.isotropy import model_isotropy
         from gonio.checks.positivity import model_positivity, model_symmetry
         from gonio.checks.reciprocity import model_reciprocity
 
@@ -49,6 +69,9 @@ def check(
             model_energy(thing, limits["energy"]),
             model_positivity(thing, limits["positivity"]),
             model_symmetry(thing, limits["symmetry"]),
+            model_isotropy(thing, limits["isotropy"]),
+            model_pole(thing, limits["pole"]),
+            model_horizon(thing, limits["horizon"]),
         ]
     else:
         from gonio.checks.tables import check_table

@@ -17,7 +17,8 @@ def test_what_names_a_model_is_checked_as_one():
     for subject in (spelling, load_material(spelling), build(spelling)):
         certificate = check(subject)
         assert certificate.kind == "model" and certificate.overall == "pass"
-        assert [p.name for p in certificate.properties] == ["reciprocity", "energy", "positivity", "symmetry"]
+        names = ["reciprocity", "energy", "positivity", "symmetry", "isotropy", "pole", "horizon"]
+        assert [p.name for p in certificate.properties] == names
 
 
 def test_strict_counts_what_is_otherwise_reported_only():

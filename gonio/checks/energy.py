@@ -4,6 +4,7 @@ import numpy as np
 
 from gonio.certificate import UNDECIDED, Property, verdict_of
 from gonio.checks.cubature import cubature_albedo
+from gonio.checks.hemispherical import hemispherical
 from gonio.checks.probes import Rotated, pair_angles, precision
 from gonio.checks.reciprocity import worst_difference
 from gonio.models.base import AbstractBRDF, Sum
@@ -47,8 +48,22 @@ def model_energy(brdf: AbstractBRDF, tolerance: float) -> Property:
         "albedo": _by_channel(value.reshape(shape)),
         "bound": _by_channel(bound.reshape(shape)),
     }
+    under_uniform = hemispherical(t, value, bound) if np.isfinite(value).all() else None
     t, p, value, bound = _refined(brdf, t, p, value, bound, accuracy, isotropic)
-    return energy_property(t, p, value, bound, tolerance, _method(brdf, own, isotropic), series)
+    found = energy_property(t, p, value, bound, tolerance, _method(brdf, own, isotropic), series)
+    return with_hemispherical(found, under_uniform)
+
+
+def with_hemispherical(found: Property, under_uniform: tuple[np.ndarray, np.ndarray] | None) -> Property:
+    """The same property, saying the albedo under uniform light too, where its error has a bound."""
+    if under_uniform is None:
+        return found
+    value, bound = under_uniform
+    found.facts |= {"hemispherical_albedo": value.tolist(), "hemispherical_bound": bound.tolist()}
+    if np.isfinite(bound).all():
+        said = ", ".join(f"{v:.4g} (±{b:.1g})" for v, b in zip(value, bound, strict=True))
+        found.detail += f" Under uniform light it reflects {said}."
+    return found
 
 
 def energy_property(theta, phi, value, bound, tolerance, about: str, series: dict, lower=None) -> Property:

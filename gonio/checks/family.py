@@ -106,7 +106,7 @@ def tested(pairs: Pairs, sign: np.ndarray, level: float, error: float = 0.0) -> 
     def place(i):
         return where_of(pairs.angles[row[i]], int(channel[i]) if several else None)
 
-    open_ = [(float(np.median(over)), float(np.median(limit * sigma / mean)), {})]
+    open_ = [_at_large((a - b) / sigma, float(np.median(sigma / mean)), critical(level))]
     if r is not None:
         w = int(np.argmax(np.abs(regions["estimate"]) + regions["half"]))
         open_ = [(float(abs(regions["estimate"][w])), float(regions["half"][w]), regions["where"][w])]
@@ -131,6 +131,13 @@ def tested(pairs: Pairs, sign: np.ndarray, level: float, error: float = 0.0) -> 
         channels=_by_channel(p, channel, regions, pairs.a.shape[1]),
         p_map=_p_map(pairs, p, row),
     )
+
+
+def _at_large(z, noise, limit):
+    # Without signs: the root mean square violation that the mean of z² leaves, and its upper limit (normal in n).
+    more = max(float(np.mean(z**2)) - 1, 0.0)
+    highest = more + limit * np.sqrt(2 * (1 + 2 * more) / z.size)
+    return noise * np.sqrt(more), noise * (np.sqrt(highest) - np.sqrt(more)), {}
 
 
 def _band(pairs, row):
@@ -232,7 +239,7 @@ def judged_by_level(
             f" {found.detectable:.2g} at the median."
         )
     if verdict == "pass":
-        detail += f" No region differs by more than {found.estimate + found.uncertain:.2%}."
+        detail += f" No region of it differs by more than {found.estimate + found.uncertain:.2%}."
         if significant:
             detail += " That is significant, and within the tolerance."
     elif verdict == "undecided":
@@ -251,6 +258,8 @@ def _p(p: float) -> str:
 
 
 def _spoken(where: dict) -> str:
+    if not where:
+        return "the whole of it"
     if "theta_from" not in where:
         return spoken(where)
     channel = f", channel {where['channel']}" if "channel" in where else ""

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gonio.checks.resolution import excess, hat_weights, log_values, periodic_weights, surprise
+from gonio.checks.resolution import LARGEST, RESOLVED, excess, hat_weights, log_values, periodic_weights, surprise
 from gonio.data.flags import Flag
 from gonio.data.layout import Layout
 from gonio.data.table import Table
@@ -41,6 +41,8 @@ class Albedos:
     method: str
     why_not: str = ""
     """Where nothing could be integrated: why."""
+    step_needed: np.ndarray | None = None
+    """(n,): about the step, radians, at which a lobe such as the readings suggest would be resolved; NaN: unknown."""
 
 
 def no_albedo(why: str) -> Albedos:
@@ -69,13 +71,14 @@ def grid_albedos(table: Table, reach: float) -> Albedos:
     if not found:
         return no_albedo("too many of its cells have no reading")
     value, bound, noise = (np.stack([out[k][j] for k in found]) for j in range(3))
+    needed = np.array([out[k][3] for k in found])
     theta, phi = (np.array([incidences[k][j] for k in found]) for j in (0, 1))
     unseen = np.array([_distance_to_mirror(t, p, theta_o, azimuth) > reach for t, p in zip(theta, phi, strict=True)])
     above = np.where(unseen[:, None], np.inf, bound)
     method = "Integrated on the table's own grid"
     if grid.fold:
         method += ", taking the surface as mirror symmetric, as azimuth differences stop at 180°"
-    return Albedos(theta, phi, value, above, bound, noise, unseen, method + ".")
+    return Albedos(theta, phi, value, above, bound, noise, unseen, method + ".", step_needed=needed)
 
 
 class HemisphereGrid(NamedTuple):
@@ -161,7 +164,21 @@ def _one(f, u, valid, theta, azimuth):
     missed = np.sum(weight * excess(shown, floor, surprises, relative), axis=(0, 1))
     missed += np.max([np.abs(_every_second(whole, theta, azimuth, *k) - value) for k in np.ndindex(2, 2)], axis=0)
     guessed = np.sum(weight * (np.where(valid, 0.0, np.abs(whole)) + np.abs(shown - whole)), axis=(0, 1))
-    return value, missed + guessed + _beyond(whole, logs, theta, azimuth) + 2 * noise, noise
+    bound = missed + guessed + _beyond(whole, logs, theta, azimuth) + 2 * noise
+    return value, bound, noise, _step_needed(shown, surprises, theta)
+
+
+def _step_needed(f, surprises, theta):
+    # Two limits on the width of the lobe, as if it were a Gaussian: nodes a step h apart surprise by h²/2w² along each
+    # axis; and of a lobe that is no brighter than all light together, f cosθ 2π w² ≤ 1. Resolved where h ≤ w; half of
+    # that, as what lies between the nodes is commonly narrower.
+    total = np.minimum(sum(surprises), LARGEST)
+    flux = f * np.cos(theta)[:, None, None]
+    k = np.unravel_index(np.argmax(flux * np.expm1(total)), f.shape)
+    step = np.median(np.diff(theta))
+    by_slope = step * np.sqrt(RESOLVED / max(total[k], 1e-12))
+    by_height = np.sqrt(1 / (2 * np.pi * max(flux.max(), 1e-12)))
+    return min(by_slope, by_height) / 2
 
 
 def _weights(theta, azimuth):

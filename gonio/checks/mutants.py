@@ -62,6 +62,11 @@ def _mirrored(w):
     return Direction(-w.x, -w.y, w.z)
 
 
+def _cos2(w):
+    # Of twice the azimuth, which at the normal is nowhere.
+    return (w.x**2 - w.y**2) / jnp.maximum(w.x**2 + w.y**2, 1e-300)
+
+
 MISTAKES = {
     "cosine kept": lambda base, wi, wo: base.f(wi, wo) * wo.z,
     "cosine divided twice": lambda base, wi, wo: base.f(wi, wo) / jnp.maximum(wi.z, 1e-150),
@@ -70,6 +75,8 @@ MISTAKES = {
     "dark level": lambda base, wi, wo: jnp.where((wi.z > 0) & (wo.z > 0), base.f(wi, wo) - 0.01, 0.0),
     "lobe thrown back": lambda base, wi, wo: base.f(wi, _mirrored(wo)),
     "lobe clipped": lambda base, wi, wo: jnp.minimum(base.f(wi, wo), 0.5),
+    "grain": lambda base, wi, wo: base.f(wi, wo) * (1 + 0.3 * wi.x**2 * wo.x**2),
+    "azimuth at the normal": lambda base, wi, wo: base.f(wi, wo) * (1 + 0.3 * _cos2(wi) * _cos2(wo)),
     "light's plane only": lambda base, wi, wo: base.f(wi, wo) * (1 + 0.3 * wi.x * wi.x),
 }
 
@@ -99,6 +106,8 @@ def mutants() -> list[Mutant]:
         Mutant("lopsided in azimuth", wrong("lopsided"), paint, "symmetry"),
         Mutant("a dark level subtracted that was not there", wrong("dark level", build("ggx(alpha=0.1)")),
                build("ggx(alpha=0.1)"), "positivity"),
+        Mutant("a grain in a surface said to be isotropic", wrong("grain"), paint, "isotropy"),
+        Mutant("the azimuth of the normal asked", wrong("azimuth at the normal"), paint, "pole"),
         Mutant("α taken for α²", Textbook(0.3, 1.0, "width"), lobe, TRUTH),
         Mutant("a factor 1/4 too many", 0.25 * lobe, lobe, TRUTH),
         Mutant("the lobe thrown back to the light", wrong("lobe thrown back"), paint, TRUTH),

@@ -110,6 +110,15 @@ def partner_cells(layout: Layout, cells: np.ndarray, nodes: list[tuple[int, np.n
     return np.where(there, np.ravel_multi_index([np.maximum(m, 0) for m in moved], layout.shape), -1)
 
 
+def paired_cells(layout: Layout, cells: np.ndarray, turns: dict[str, float]) -> np.ndarray:
+    """The cells whose azimuths, by axis, are further on by so many radians; −1 where the grid has none."""
+    same = [(k, np.arange(n)) for k, n in enumerate(layout.shape)]
+    for k, (name, nodes) in enumerate(layout.axes.items()):
+        if name in turns:
+            same[k] = (k, find(nodes, nodes + turns[name], 2 * np.pi))
+    return partner_cells(layout, cells, same)
+
+
 def _in_plane_partner(layout, i, o):
     theta_i, signed = layout.axes["theta_i"][i], layout.axes["theta_o"][o]
     light = find(layout.axes["theta_i"], np.abs(signed))

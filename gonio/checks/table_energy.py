@@ -3,8 +3,11 @@
 import numpy as np
 
 from gonio.certificate import UNDECIDED, Property
-from gonio.checks.energy import energy_property
+from gonio.checks.energy import energy_property, with_hemispherical
+from gonio.checks.family import LEVEL
 from gonio.checks.grid_energy import Albedos, grid_albedos, no_albedo
+from gonio.checks.hemispherical import hemispherical
+from gonio.checks.levels import critical, sidak
 from gonio.data.table import Table
 
 MIRROR_REACH = 1e-3
@@ -38,16 +41,24 @@ def table_albedos(table: Table, feature_width: float = 0.0) -> Albedos:
     return scattered_albedos(table, near)
 
 
-def table_energy(table: Table, tolerance: float, feature_width: float = 0.0) -> Property:
-    """How far the albedo at the incidences of a table exceeds 1, as far as its resolution lets anyone say."""
+def table_energy(table: Table, tolerance: float, feature_width: float = 0.0, level: float = LEVEL) -> Property:
+    """How far the albedo at the incidences of a table exceeds 1, as far as its resolution lets anyone say.
+
+    `level`: chance that the readings' stored noise alone exceeds its share of the bounds at any incidence.
+    """
     found = table_albedos(table, feature_width)
     if found.why_not:
         detail = f"The albedo of this table cannot be integrated: {found.why_not}."
         return Property("energy", UNDECIDED, None, None, tolerance, detail=detail, facts={"incidences": 0})
+    # Two standard uncertainties are in the bounds already.
+    more = (max(critical(sidak(level, found.noise.size)), 2.0) - 2.0) * found.noise
+    found.above, found.below = found.above + more, found.below + more
     p = energy_property(
         found.theta_i, found.phi_i, found.value, found.above, tolerance, found.method, {}, lower=found.below
     )
     p.series = _series(found)
+    if np.isfinite(found.value).all():
+        with_hemispherical(p, hemispherical(found.theta_i, found.value, np.maximum(found.above, found.below)))
     with np.errstate(invalid="ignore"):
         passing = np.all(found.value + found.above <= 1 + tolerance, axis=1)
     refused = found.theta_i[~passing]
@@ -62,8 +73,29 @@ def table_energy(table: Table, tolerance: float, feature_width: float = 0.0) -> 
             " too, or state the width of the narrowest feature."
         )
     elif p.verdict == UNDECIDED:
-        p.detail += " The grid does not resolve the lobe well enough: a finer one, or half/difference angles, would."
+        p.detail += _finer(table, found, passing)
+        p.facts["step_needed_deg"] = _needed(found, passing)
     return p
+
+
+def _needed(found, passing):
+    needed = found.step_needed
+    if needed is None or not np.isfinite(needed[~passing]).any():
+        return None
+    return float(np.degrees(np.nanmin(needed[~passing])))
+
+
+def _finer(table, found, passing):
+    needed = _needed(found, passing)
+    if needed is None:
+        return " The grid does not resolve the lobe well enough: a finer one, or half/difference angles, would."
+    own = np.degrees(np.median(np.diff(table.layout.axes["theta_o"])))
+    if needed >= own:
+        return " Its noise, its rim or its missing cells leave that open, rather than its resolution."
+    return (
+        f" The grid does not resolve the lobe: by its height and slopes a step of about {needed:.2g}°"
+        f" (here {own:.2g}°) is needed, or half/difference angles."
+    )
 
 
 def _series(found):

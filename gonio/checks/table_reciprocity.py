@@ -36,7 +36,7 @@ def table_reciprocity(table: Table, tolerance: float, level: float = LEVEL) -> P
     else:
         nodes = [] if layout.name == "in_plane" else reciprocal_nodes(layout)
         if nodes is None:
-            return _not_applicable(
+            return not_applicable(
                 "reciprocity", tolerance, "Not testable: the layout stores one value for phi_d and phi_d + 180°."
             )
         pairs, error, how = paired(table, nodes, THETA_MAX), 0.0, "measured pairs"
@@ -47,28 +47,33 @@ def table_reciprocity(table: Table, tolerance: float, level: float = LEVEL) -> P
         if len(pairs.a) < max(FEWEST, 0.01 * pairs.eligible) and layout.name != "in_plane":
             pairs, error, how = interpolated_pairs(table, THETA_MAX)
     sign = np.sign(np.round(pairs.angles[:, 0] - pairs.angles[:, 2], 9))
-    return _judged("reciprocity", pairs, sign, error, how, tolerance, level, "f(wi, wo) and f(wo, wi)")
+    return judged("reciprocity", pairs, sign, error, how, tolerance, level, "f(wi, wo) and f(wo, wi)")
 
 
 def table_symmetry(table: Table, tolerance: float, level: float = LEVEL) -> Property:
     """f(Δφ) = f(−Δφ) of a table, where its grid has both."""
     nodes = mirrored_nodes(table.layout) if table.layout.gridded else None
     if nodes is None:
-        return _not_applicable("symmetry", tolerance, "Not testable: no readings on both sides of a plane.")
+        return not_applicable("symmetry", tolerance, "Not testable: no readings on both sides of a plane.")
     pairs = paired(table, nodes, THETA_MAX)
     if len(pairs.a) < FEWEST:
-        return _not_applicable("symmetry", tolerance, "Not testable: the grid has no mirrored nodes.")
+        return not_applicable("symmetry", tolerance, "Not testable: the grid has no mirrored nodes.")
     sign = np.sign(np.round(np.sin(pairs.angles[:, 3] - pairs.angles[:, 1]), 9))
-    return _judged("symmetry", pairs, sign, 0.0, "measured pairs", tolerance, level, "f(Δφ) and f(−Δφ)")
+    return judged("symmetry", pairs, sign, 0.0, "measured pairs", tolerance, level, "f(Δφ) and f(−Δφ)")
 
 
-def _not_applicable(name, tolerance, detail):
+def not_applicable(name: str, tolerance: float, detail: str) -> Property:
+    """The property that a table's layout cannot show."""
     return Property(name, NOT_APPLICABLE, None, None, tolerance, detail=detail)
 
 
-def _judged(
+def judged(
     name: str, pairs: Pairs, sign: np.ndarray, error: float, how: str, tolerance: float, level: float, what: str
 ) -> Property:
+    """The property that readings a and b are the same: by their uncertainties at `level`, else by their median.
+
+    `sign` (n,) says which way a violation goes in each pair (0: unknown), `error` what is known of the partners' own.
+    """
     found = np.isfinite(pairs.a) & np.isfinite(pairs.b)
     counts = found.sum(axis=0)
     facts = {"pairs": int(found.any(axis=1).sum()), "cells_asked": pairs.eligible, "method": how}

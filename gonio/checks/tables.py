@@ -3,7 +3,9 @@
 import numpy as np
 
 from gonio.certificate import UNDECIDED, Property, verdict_of
+from gonio.checks.edges import table_horizon
 from gonio.checks.family import LEVEL
+from gonio.checks.isotropy import table_isotropy, table_pole
 from gonio.checks.partners import angles_of
 from gonio.checks.reciprocity import where_of
 from gonio.checks.table_energy import table_energy
@@ -18,15 +20,18 @@ FEW_SIGMA = 3.0
 def check_table(
     table: Table, limits: dict[str, float], feature_width: float = 0.0, level: float = LEVEL
 ) -> list[Property]:
-    """Reciprocity, energy, positivity and symmetry of a table, against the tolerances by name.
+    """All properties of a table, against the tolerances by name.
 
     `level` is that of each family of tests against stored uncertainties.
     """
     return [
         table_reciprocity(table, limits["reciprocity"], level),
-        table_energy(table, limits["energy"], feature_width),
+        table_energy(table, limits["energy"], feature_width, level),
         table_positivity(table, limits["positivity"]),
         table_symmetry(table, limits["symmetry"], level),
+        table_isotropy(table, limits["isotropy"], level),
+        table_pole(table, limits["pole"], level),
+        table_horizon(table, limits["horizon"]),
     ]
 
 

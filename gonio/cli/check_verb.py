@@ -7,7 +7,7 @@ import sys
 def add_arguments(parser) -> None:
     """The arguments of the verb."""
     parser.description = (
-        "Judges reciprocity, energy conservation, positivity and bilateral symmetry of a model or a table, each with"
+        "Judges reciprocity, energy conservation, positivity, symmetries and edges of a model or a table, each with"
         " the error of the judgement. Exit status: 0 pass, 1 fail, 3 undecided."
     )
     parser.add_argument("subject", metavar="FILE|MATERIAL", nargs="?", help="a table, a material's name, or a spelling")
@@ -16,12 +16,15 @@ def add_arguments(parser) -> None:
         action="store_true",
         help="judge liars, mutants and honest subjects whose verdicts are known; exit status 0 only if all are right",
     )
-    parser.add_argument("--strict", action="store_true", help="positivity and symmetry count as well")
+    parser.add_argument("--strict", action="store_true", help="all properties but isotropy count")
     for name, unit in (
         ("reciprocity", "relative difference"),
         ("energy", "albedo above 1"),
         ("positivity", "negative part"),
         ("symmetry", "relative difference"),
+        ("isotropy", "relative difference"),
+        ("pole", "relative difference"),
+        ("horizon", "share of the flux, or e-folds"),
         ("agreement", "relative difference"),
     ):
         parser.add_argument(f"--tol-{name}", type=float, metavar="T", help=f"tolerance of {name}: {unit}")
@@ -109,7 +112,7 @@ def print_certificate(certificate) -> None:
     from gonio.cli.text import columns, say
 
     title = f"{certificate.subject} ({certificate.kind}): {certificate.overall.upper()}"
-    counted = "all properties" if certificate.strict else "reciprocity and energy"
+    counted = "all properties but isotropy" if certificate.strict else "reciprocity and energy"
     if not certificate.strict and any(p.name == "agreement" for p in certificate.properties):
         counted = "reciprocity, energy and agreement"
     rows = [
