@@ -10,12 +10,13 @@ import numpy as np
 
 from gonio.fitting.descents import descend
 from gonio.fitting.domains import LINEAR, LOG, Domains
-from gonio.fitting.uncertainty import FACTOR_OPEN, NORMAL_95, Covariance, open_from
+from gonio.fitting.uncertainty import FACTOR_OPEN, NORMAL_95, WIDE_OPEN, Covariance, open_from
 
 VAGUE = 0.15  # of the standard uncertainty that counts as open, from which on the profile is followed
 CLOSE = 0.03  # relative error of an interval's end
 TRIALS = 10
 HELD = 1e-9  # of a number: the width of the domain that holds it
+FAR, FAR_OPEN = 3.0, 4.0  # standard deviations, within which no number that is known spans a factor of e to this power
 MOST = 6  # numbers that are followed
 
 
@@ -33,19 +34,30 @@ def with_profiles(e):
         if not all(np.isfinite(ends)):
             continue
         found[k] = ends
-        if is_open(e.domains, k, ends, float(e.p[k])):
-            covariance = _opened(covariance, k, ends, reach)
+        value = float(e.p[k])
+        far = ends
+        if not (opened := is_open(e.domains, k, ends, value)):
+            # Noise may seem to decide where a bent valley hardly does: three standard deviations see its far side.
+            far = (float(_end(e, k, -1.0, FAR)), float(_end(e, k, 1.0, FAR)))
+            opened = all(np.isfinite(far)) and is_open(e.domains, k, far, value, FAR_OPEN)
+        if opened:
+            covariance = _opened(covariance, k, far, reach)
     return dataclasses.replace(e, profile=found, covariance=covariance)
 
 
-def is_open(d: Domains, k: int, ends: tuple[float, float], value: float) -> bool:
-    """Whether an interval of number k is as long as what counts as open (see `open_from`)."""
+def is_open(d: Domains, k: int, ends: tuple[float, float], value: float, factor: float = FACTOR_OPEN) -> bool:
+    """Whether an interval of number k spans its domain, or a factor of e to `factor` (see `open_from`)."""
     low, high = float(d.low[k]), float(d.high[k])
     if d.kind[k] == LINEAR:
-        return ends[1] - ends[0] >= 0.999 * min(high - low, max(FACTOR_OPEN * abs(value), 1.0))
+        apart = ends[1] - ends[0]
+        if apart >= 0.999 * (high - low):
+            return True
+        if factor == FACTOR_OPEN:
+            return apart >= 0.999 * max(WIDE_OPEN * abs(value), 1.0)
+        return apart >= 1.0 and ends[0] * np.exp(factor) <= ends[1]
     shift = 0.0 if d.kind[k] == LOG else 1.0
     width = np.log((high + shift) / (low + shift))
-    return np.log((ends[1] + shift) / (ends[0] + shift)) >= 0.999 * min(width, FACTOR_OPEN)
+    return np.log((ends[1] + shift) / (ends[0] + shift)) >= 0.999 * min(width, factor)
 
 
 def _opened(c: Covariance, k: int, ends: tuple[float, float], reach: np.ndarray) -> Covariance:
@@ -67,16 +79,16 @@ def _parallel(a: np.ndarray, b: np.ndarray) -> bool:
     return abs(float(a @ b)) > 0.9 * float(np.linalg.norm(a) * np.linalg.norm(b))
 
 
-def _end(e, k: int, sign: float) -> float:
-    """Where the profile of number k has risen by what 95 % allows, below (−1) or above (1) its value; its bound where
-    it never does; NaN where a fit fails.
+def _end(e, k: int, sign: float, deviations: float = NORMAL_95) -> float:
+    """Where the profile of number k has risen by what so many standard deviations allow, below (−1) or above (1) its
+    value; its bound where it never does; NaN where a fit fails.
     """
     value, bound = float(e.p[k]), float(e.domains.low[k] if sign < 0 else e.domains.high[k])
     variance = float(e.covariance.matrix[k, k])
     column = np.nan_to_num(e.covariance.matrix[:, k]) / variance
-    allowed = 0.5 * NORMAL_95**2 * _unit(e, k)
+    allowed = 0.5 * deviations**2 * _unit(e, k)
     base = float(e.total.cost)
-    away = min(NORMAL_95 * np.sqrt(variance), abs(bound - value))
+    away = min(deviations * np.sqrt(variance), abs(bound - value))
     within, beyond = (0.0, 0.0), None
     start = e.p
     for _ in range(TRIALS):

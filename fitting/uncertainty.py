@@ -13,6 +13,7 @@ NORMAL_95 = 1.959963984540054
 LOST = 1e-13  # eigenvalue of the scaled normal matrix below which double precision sees a combination as free
 FACTOR_OPEN = 2.0  # a number is open where its 95 % interval spans its domain, or a factor of e to this power
 PUSHED = 2.0  # standard uncertainties beyond its bound, from which on a number belongs there
+WIDE_OPEN = 2.0 * math.tanh(FACTOR_OPEN / 2)  # length of the interval [p(1 − t), p(1 + t)] over p, with that ratio
 LED = 0.9  # share of a number's variance that comes from an open combination, from which on it is open with it
 
 
@@ -125,15 +126,15 @@ def _sparse(vectors: np.ndarray) -> np.ndarray:
 def open_from(d: Domains, p: np.ndarray) -> np.ndarray:
     """Standard uncertainties (P,) from which on numbers count as open.
 
-    The 95 % interval then spans the domain, or more than ±100 % of the number (a factor of e² where a fit steps in its
-    logarithm); below 0.5, more than 1.
+    The 95 % interval then spans the domain, or a factor of e² (±76 % of the number); where a fit does not step in its
+    logarithm also no less than 1, so that a small albedo is known to be small.
     """
     low, high, kind = (np.asarray(a) for a in (d.low, d.high, d.kind))
     shift = np.where(kind == LOG, 0.0, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         width = np.where(kind == LINEAR, 0.0, np.log((high + shift) / (np.where(kind == LOG, low, 0.0) + shift)))
     curved = np.minimum(width, FACTOR_OPEN) * np.where(kind == LOG, np.maximum(np.abs(p), low), np.abs(p) + shift)
-    straight = np.minimum(high - low, np.maximum(FACTOR_OPEN * np.abs(p), 1.0))
+    straight = np.minimum(high - low, np.maximum(WIDE_OPEN * np.abs(p), 1.0))
     return np.where(kind == LINEAR, straight, curved) / (2 * NORMAL_95)
 
 

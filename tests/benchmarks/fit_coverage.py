@@ -35,12 +35,13 @@ MATERIALS = {
     "brushed": ("lambert(rho=.1) + 0.7*ggx(alpha_x=.12, alpha_y=.35)", "lambert + ggx(alpha_x=?, alpha_y=?)", TURNED),
 }
 SMALL = layouts.isotropic(*(np.radians(np.arange(a, b, s)) for a, b, s in ((0, 36, 5), (0, 36, 5), (0, 360, 30))))
+NORMAL = layouts.isotropic(*(np.radians(np.arange(a, b, s)) for a, b, s in ((0, 21, 5), (0, 21, 5), (0, 360, 15))))
 PLANE = layouts.in_plane(np.radians(np.arange(0, 61, 15)), np.radians(np.arange(-80, 81, 5)))
 OPEN = {
     "F₀ and scale, ≤ 35°": (
         "lambert(rho=.2) + 0.6*ggx(alpha=.3, f0=.1)", "lambert + ggx(f0=?)", SMALL, {"ggx.f0", "ggx.scale"}
     ),
-    "η and k, ≤ 35°": ("1*ggx(alpha=.3, eta=1.2, k=3)", "1 * ggx(eta=?, k=?)", SMALL, {"ggx.eta"}),
+    "η and k, ≤ 20°": ("1*ggx(alpha=.3, eta=1.2, k=3)", "1 * ggx(eta=?, k=?)", NORMAL, {"ggx.eta"}),
     "twin lobes": (
         "lambert(rho=.1) + .3*ggx(alpha=.2) + .3*ggx(alpha=.2)", "lambert + ggx(alpha=.2) + ggx(alpha=.2)", ISOTROPIC,
         {"ggx1.scale", "ggx2.scale"},
@@ -59,9 +60,7 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     z = 2.576 * np.sqrt(0.95 * 0.05 / draws)
-    print(
-        f"{draws} measurements of each material; 99 % of right shares lie in {0.95 - z:.3f}–{0.95 + z:.3f}"
-    )
+    print(f"{draws} measurements of each material; 99 % of right shares lie in {0.95 - z:.3f}–{0.95 + z:.3f}")
     print(f"{'':10} {'number':18} {'determined':>10} {'covered':>8} {'bootstrap':>9} {'rms z':>6} {'mean z':>7}")
     shares = []
     names = sys.argv[2:] or list(MATERIALS)
@@ -73,15 +72,16 @@ def main() -> None:
     print(f"worst and best share: {min(shares):.3f} and {max(shares):.3f}", flush=True)
     if len(sys.argv) > 2:
         return
-    print(f"\n{'left open':24} {'named':>6} {'of':>5}   said the last time")
+    print(f"\n{'left open':24} {'named':>6} {'of':>5} {'not converged':>13}   said the last time")
     for name, (truth, asked, layout, left) in OPEN.items():
-        named, said = 0, ""
+        named, stuck, said = 0, 0, ""
         for draw in range(draws // 5):
             result = gonio.fit(measured(truth, layout, draw), asked, starts=2)
             held = {p.name for p in result.parameters if p.status == "undetermined"}
             named += left <= held and any(n in words for words in result.undetermined for n in left)
+            stuck += not result.converged
             said = result.undetermined[0] if result.undetermined else ""
-        print(f"{name:24} {named:6} {draws // 5:5}   {said}")
+        print(f"{name:24} {named:6} {draws // 5:5} {stuck:13}   {said}")
 
 
 def coverage(name: str, truth: str, asked: str, layout, draws: int) -> list[float]:
