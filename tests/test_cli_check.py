@@ -38,9 +38,31 @@ def test_a_file_is_checked_as_the_table_it_holds(tmp_path, capsys):
     assert main(["check", str(tmp_path / "t.h5"), "--feature-width", "6"]) == 0
 
 
+def test_stored_uncertainties_are_tested_at_the_level_and_the_place_is_said(tmp_path, capsys):
+    d = np.radians
+    layout = layouts.isotropic(d(np.arange(0, 81, 10)), d(np.arange(0, 81, 10)), d(np.arange(0, 360, 30)))
+    f = grid_values(build("lambert(rho=0.5)"), layout)
+    wrong = f * (1 + 0.1 * np.cos(layout.angles()[0].reshape(layout.shape)))[..., None]
+    write_table(tmp_path / "t.h5", whole_table_of_values(layout, wrong, u_f=0.01 * f))
+    assert main(["check", str(tmp_path / "t.h5"), "--level", "0.001", "--feature-width", "21"]) == 0
+    printed = capsys.readouterr().out
+    assert "level 0.001" in printed and "That is significant, and within the tolerance" in printed
+    assert "θ 60–70°" in printed
+    status = main(["check", str(tmp_path / "t.h5"), "--against", "lambert(rho=0.5)", "--tol-agreement", "0.01"])
+    assert status == 1 and "agreement" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     "arguments",
-    [["nonsense"], ["lambert(rho=0.5)", "--tol-energy", "-1"], ["lambert(rho=0.5)", "--feature-width", "100"]],
+    [
+        ["nonsense"],
+        ["lambert(rho=0.5)", "--tol-energy", "-1"],
+        ["lambert(rho=0.5)", "--feature-width", "100"],
+        ["lambert(rho=0.5)", "--level", "0"],
+        ["lambert(rho=0.5)", "--against", "nonsense"],
+        ["lambert(rho=0.5)", "--self-test"],
+        [],
+    ],
 )
 def test_bad_input_is_one_line_and_status_2(arguments, capsys):
     assert main(["check", *arguments]) == 2

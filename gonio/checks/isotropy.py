@@ -7,7 +7,7 @@ from gonio.checks.family import LEVEL
 from gonio.checks.partners import Pairs, angles_of, gathered, paired_cells
 from gonio.checks.probes import Rotated
 from gonio.checks.reciprocity import difference_property
-from gonio.checks.table_reciprocity import FEWEST, judged, not_applicable
+from gonio.checks.table_reciprocity import FEWEST, THETA_MAX, judged, not_applicable
 from gonio.data.table import Table
 from gonio.models.base import AbstractBRDF
 
@@ -76,7 +76,8 @@ def table_pole(table: Table, tolerance: float, level: float = LEVEL) -> Property
 
 
 def _judged_cells(name, table, cells, partner, use, tolerance, level, what) -> Property:
-    use = use & (partner >= 0) & (partner != cells)
+    wi_z, wo_z = (w.z for w in table.layout.directions_at(cells))
+    use = use & (partner >= 0) & (partner != cells) & (np.minimum(wi_z, wo_z) > np.cos(THETA_MAX))
     cells, partner = cells[use], partner[use]
     if cells.size < FEWEST:
         return not_applicable(name, tolerance, "Not testable: too few readings of the grid can be compared.")

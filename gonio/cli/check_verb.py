@@ -149,5 +149,8 @@ def _place(where) -> str:
     if not where:
         return "-"
     signs = {"theta_i": "θi", "phi_i": "φi", "theta_o": "θo", "phi_o": "φo"}
+    if "theta_from" in where:
+        band = f"θ {where['theta_from']:g}–{where['theta_to']:g}°"
+        return band + (f" channel {where['channel']}" if "channel" in where else "")
     said = " ".join(f"{signs[k]} {v:.4g}°" for k, v in where.items() if k in signs)
     return said + (f" channel {where['channel']}" if "channel" in where else "")
