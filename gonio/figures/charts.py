@@ -23,6 +23,7 @@ LARGE = (7.6, 6.4)  # of one with very many points
 MANY = 45
 COLUMNS = 3
 MARK, RING = 5.0, 11.0  # points across
+MARKS = (*MARKERS, "P", "X")
 CEILING = 10.0
 """Errors beyond are drawn on the upper edge: they are as wrong as can be."""
 LETTERS = 8.0
@@ -35,26 +36,29 @@ def chart_figure(chart: Chart, points: Sequence[Point], caption: str, tolerance:
     write its figure, inside of `gonio.figures.style.styled`.
     """
     panels = list(dict.fromkeys(p.panel for p in points))
-    methods = list(dict.fromkeys(p.method for p in points))
-    looks = {m: _look(k) for k, m in enumerate(methods)}
-    drawn = [(axes, panel) for axes in chart.frames for panel in panels]
+    looks = _looks(list(dict.fromkeys(p.method for p in points)))
+    # Several frames of one panel stand side by side, panels below each other.
+    drawn = [(axes, panel) for panel in panels for axes in chart.frames]
     most = max(sum(p.panel == panel for p in points) for panel in panels)
     width, height = LARGE if most > MANY else (WIDTH, HEIGHT)
-    columns = len(chart.frames) if len(panels) == 1 else 2 if len(panels) == 4 else min(COLUMNS, len(panels))
+    columns = len(chart.frames) if len(chart.frames) > 1 else 2 if len(panels) == 4 else min(COLUMNS, len(panels))
     rows = math.ceil(len(drawn) / columns)
     words = textwrap.wrap(f"{chart.about} {caption}", round(columns * width * 15.5))
     foot = 0.16 * len(words) + 0.15
-    size = (columns * width, rows * height + foot + 0.75)
-    fig = Figure(figsize=size, layout="constrained")
+    fig = Figure(figsize=(columns * width, rows * height + foot), layout="constrained")
     FigureCanvasAgg(fig)
-    fig.get_layout_engine().set(rect=(0, foot / size[1], 1, 1 - (foot + 0.75) / size[1]), w_pad=0.08, h_pad=0.08)
     every = np.ravel(fig.subplots(rows, columns, squeeze=False))
     for ax in every[len(drawn) :]:
         ax.set_visible(False)
     for ax, ((cost, error), panel) in zip(every, drawn, strict=False):
         _frame(ax, cost, error, [p for p in points if p.panel == panel], looks, tolerance, panel)
-    _legend(fig, chart, methods, looks, size, tolerance, any("bound" in p.values for p in points))
-    fig.text(0.012, 0.08 / size[1], "\n".join(words), fontsize=8, color=FAINT, va="bottom")
+    head = _legend(fig, _handles(looks, tolerance, any("bound" in p.values for p in points))) + 0.35
+    tall = rows * height + foot + head
+    fig.set_size_inches(columns * width, tall)
+    fig.legends[0].set_bbox_to_anchor((0.006, 1 - 0.3 / tall), transform=fig.transFigure)
+    fig.text(0.012, 1 - 0.1 / tall, chart.title, fontsize=12, weight="bold", va="top", color=INK)
+    fig.text(0.012, 0.08 / tall, "\n".join(words), fontsize=8, color=FAINT, va="bottom")
+    fig.get_layout_engine().set(rect=(0, foot / tall, 1, 1 - (foot + head) / tall), w_pad=0.08, h_pad=0.08)
     fig.draw_without_rendering()
     fig.set_layout_engine("none")
     for ax, ((cost, error), panel) in zip(every, drawn, strict=False):
@@ -62,25 +66,42 @@ def chart_figure(chart: Chart, points: Sequence[Point], caption: str, tolerance:
     return fig
 
 
-def _look(number: int) -> tuple[str, str]:
-    # Colour and mark: no two of the first 35 are alike.
-    return PALETTE[number % len(PALETTE)], MARKERS[(number + number // len(PALETTE)) % len(MARKERS)]
+def _looks(methods: Sequence[str]) -> dict[str, tuple[str, str]]:
+    # "layout, interpolation": a colour for what comes first, a mark for what comes last; else both go with the method.
+    parts = {m: m.rpartition(", ") for m in methods}
+    families = list(dict.fromkeys(first or m for m, (first, _, _) in parts.items()))
+    variants = list(dict.fromkeys(last for first, _, last in parts.values() if first))
+    looks = {}
+    for m, (first, _, last) in parts.items():
+        family = families.index(first or m)
+        mark = variants.index(last) if first else family
+        looks[m] = PALETTE[family % len(PALETTE)], MARKS[mark % len(MARKS)]
+    return looks
 
 
-def _legend(fig: Figure, chart: Chart, methods, looks, size, tolerance, bounds: bool) -> None:
-    fig.text(0.012, 1 - 0.1 / size[1], chart.title, fontsize=12, weight="bold", va="top", color=INK)
-    handles = [Line2D([], [], ls="", marker=looks[m][1], color=looks[m][0], ms=MARK + 1, label=m) for m in methods]
+def _handles(looks, tolerance, bounds: bool) -> list[Line2D]:
+    handles = [Line2D([], [], ls="", marker=mark, color=c, ms=MARK + 1, label=m) for m, (c, mark) in looks.items()]
     handles.append(Line2D([], [], color=INK, lw=1.0, ls=(0, (4, 2)), label="Pareto front"))
     if bounds:
         handles.append(Line2D([], [], color=FAINT, lw=0.8, marker="_", ms=6, label="claimed bound"))
     if tolerance is not None:
         ring = {"marker": "o", "ms": RING, "mfc": "none", "color": INK, "ls": ""}
         handles.append(Line2D([], [], **ring, label=f"cheapest within {sr_label(tolerance)}"))
-    room = max(2, int(size[0] / 2.1))
-    fig.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(0.006, 1 - 0.28 / size[1]), ncols=min(room, len(handles)),
-        handletextpad=0.4, columnspacing=1.2, fontsize=8.5,
-    )  # fmt: skip
+    return handles
+
+
+def _legend(fig: Figure, handles: list[Line2D]) -> float:
+    """Puts a legend of as many columns as fit; its height in inches."""
+    for columns in range(min(8, len(handles)), 0, -1):
+        legend = fig.legend(
+            handles=handles, loc="upper left", ncols=columns, handletextpad=0.4, columnspacing=1.2, fontsize=8.5
+        )
+        legend.set_in_layout(False)
+        box = legend.get_window_extent(fig.canvas.get_renderer())
+        if columns == 1 or box.width < 0.98 * fig.bbox.width:
+            break
+        legend.remove()
+    return box.height / fig.dpi
 
 
 def _height(point: Point, error: Axis, floor: float) -> float:
