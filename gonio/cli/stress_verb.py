@@ -4,10 +4,10 @@ import argparse
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("models", nargs="*", metavar="NAME", help="models to look at (default: all)")
+    parser.add_argument("models", nargs="*", metavar="NAME", help="default: all, a quarter of an hour on two cores")
     parser.add_argument("-o", "--output", metavar="FOLDER", help="where to put the page, the pictures and stress.csv")
     parser.add_argument(
-        "--quick", action="store_true", help="six models that stand for all, few settings: about a minute"
+        "--quick", action="store_true", help="six models that stand for all, few settings: about a minute on two cores"
     )
     parser.add_argument("--cell", metavar="KEY", help="do one cell of a model again, by the key in stress.csv")
     parser.add_argument("--processes", type=int, metavar="N", help="how many at once (default: one for each processor)")
