@@ -16,7 +16,8 @@ VAGUE = 0.15  # of the standard uncertainty that counts as open, from which on t
 CLOSE = 0.03  # relative error of an interval's end
 TRIALS = 10
 HELD = 1e-9  # of a number: the width of the domain that holds it
-FAR, FAR_OPEN = 3.0, 4.0  # standard deviations, within which no number that is known spans a factor of e to this power
+FAR = 3.0  # standard deviations, and the factor of e to this power that is open there: for a parabola, the same thing
+FAR_OPEN = FACTOR_OPEN * FAR / NORMAL_95
 MOST = 6  # numbers that are followed
 
 
@@ -69,7 +70,7 @@ def _opened(c: Covariance, k: int, ends: tuple[float, float], reach: np.ndarray)
     # Others that go with it are as open as it is.
     with np.errstate(invalid="ignore", divide="ignore"):
         alike = np.abs(c.correlation[:, k]) > 0.95
-    vague = np.sqrt(np.nan_to_num(np.diagonal(c.matrix))) > 0.5 * reach
+    vague = np.sqrt(np.nan_to_num(np.diagonal(c.matrix))) > VAGUE * reach
     undetermined |= alike & vague
     same = [v for v, other in c.combinations if _parallel(change / reach, other / reach)]
     return Covariance(c.matrix, undetermined, c.combinations if same else [*c.combinations, (variance, change)])
