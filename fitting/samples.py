@@ -148,7 +148,7 @@ def coarse_cells(readings: Readings, limit: int, seed: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
     h = [np.asarray(a) + np.asarray(b) for a, b in zip(readings.wi, readings.wo, strict=True)]
     tan2 = (h[0] * h[0] + h[1] * h[1]) / np.maximum(h[2] * h[2], np.finfo(float).tiny)
-    band = np.clip(np.frexp(tan2)[1], *BANDS).astype(np.int8)
+    band = np.clip(np.frexp(np.maximum(tan2, np.finfo(float).tiny))[1], *BANDS).astype(np.int8)
     counts = np.bincount(band - np.int8(BANDS[0]))
     # All cells of rare bands and a draw of the others are enough to choose from.
     rare = np.zeros(BANDS[1] - BANDS[0] + 1, bool)

@@ -18,11 +18,12 @@ from jaxtyping import Array, Bool, Float
 
 from gonio.fitting.domains import Domains, to_parameters
 from gonio.fitting.equations import LANES, Samples, Sums, pages, sums
-from gonio.fitting.structure import Structure
+from gonio.fitting.structure import Structure, count
 
 MAX_STEPS = 200
 STATIONARY = 1e-9  # the aim; DESIGN's test asks for 1e-6
 NEARLY, LITTLE = 1e-7, 1e-13  # or this near, where the next step promises no more than this share of the cost
+WORTH = 1e-3  # of the cost: what a projection must promise
 UNDAMPED = 1e8  # the first step's size from near a minimum; 1 is MINPACK's from afar
 _EPS = 2.220446049250313e-16
 
@@ -100,6 +101,7 @@ class _Lane(NamedTuple):
     """One descent between two evaluations: where it is, what it knows there, and where it wants to look next."""
 
     first: Bool[Array, ""]
+    projected: Bool[Array, ""]  # whether the trial is a refused one whose linear numbers were solved for
     accepted: Bool[Array, ""]
     y: Float[Array, " p"]
     trial: Float[Array, " p"]
@@ -112,7 +114,7 @@ class _Lane(NamedTuple):
 
 
 _DESCENT = optx.DampedNewtonDescent(linear_solver=lx.Cholesky())
-_SEARCH = optx.ClassicalTrustRegion(high_cutoff=0.75, low_cutoff=1e-4, high_constant=10.0, low_constant=0.2)
+_SEARCH = optx.ClassicalTrustRegion(high_cutoff=0.75, low_cutoff=1e-4, high_constant=4.0, low_constant=0.35)
 
 
 def _info(normal: Normal, scale):
@@ -123,7 +125,7 @@ def _info(normal: Normal, scale):
     return optx.FunctionInfo.EvalGradHessian(normal.cost, normal.gradient / scale, operator)
 
 
-def _step(lane: _Lane, seen: Normal, size2, rough) -> _Lane:
+def _step(lane: _Lane, seen: Normal, linear, size2, rough) -> _Lane:
     """One damped Newton step, scaled as in MINPACK [Moré 1978], after the trial point has been `seen`.
 
     A trial whose cost is not finite is a rejected step. Ends when stationary, exact, or when a step that could only
@@ -135,6 +137,10 @@ def _step(lane: _Lane, seen: Normal, size2, rough) -> _Lane:
     step_size, accept, _, search = _SEARCH.step(
         lane.first, y, lane.trial, _info(before, jnp.ones_like(y)), optx.FunctionInfo.Eval(cost), lane.search
     )
+    # A projected trial is no step of the quadratic model: it counts by its cost, and leaves the step's size as it is.
+    better = cost < (1.0 - 0.5 * WORTH) * before.cost
+    accept = jnp.where(lane.projected, better, accept)
+    step_size = jnp.where(lane.projected & better, lane.search.step_size, step_size)
     # Below its own rounding the cost says nothing, while the gradient still does: there a step counts by that.
     rounding = _EPS * (4.0 * before.cost + jnp.sqrt(2.0 * jnp.maximum(before.cost, 0.0) * size2))
     by_gradient = (cost <= before.cost + rounding) & (seen.stationarity < 0.9 * before.stationarity)
@@ -142,6 +148,10 @@ def _step(lane: _Lane, seen: Normal, size2, rough) -> _Lane:
     step_size = jnp.where(by_gradient, 10.0 * lane.search.step_size, step_size)
     search = eqx.tree_at(lambda s: s.step_size, search, step_size)
     accept = (accept | by_gradient) & finite
+    projection, gain = _projection(seen, linear)
+    project = ~accept & finite & ~lane.first & ~lane.projected & (seen.cost - gain < (1.0 - WORTH) * before.cost)
+    step_size = jnp.where(project, lane.search.step_size, step_size)
+    search = eqx.tree_at(lambda s: s.step_size, search, step_size)
     y, normal = jax.tree.map(lambda a, b: jnp.where(accept, a, b), (lane.trial, seen), (y, before))
     lengths = jnp.sqrt(jnp.maximum(jnp.diagonal(normal.hessian), 0.0))
     scale = jnp.maximum(lane.scale, lengths)
@@ -154,14 +164,29 @@ def _step(lane: _Lane, seen: Normal, size2, rough) -> _Lane:
     spent = (promised <= rounding) & ~accept
     near = (normal.stationarity <= rough * NEARLY) & (promised <= rough * LITTLE * normal.cost)
     refused = (lane.first & ~finite) | (result != optx.RESULTS.successful)
-    finished = (normal.stationarity <= STATIONARY) | near | normal.exact | spent | refused
+    near &= ~project
+    finished = (normal.stationarity <= STATIONARY) | near | normal.exact | (spent & ~project) | refused
+    trial = jnp.where(project, lane.trial + projection, y + move / safe)
     no = jnp.zeros_like(lane.first)
-    return _Lane(no, accept, y, y + move / safe, normal, scale, search, near, finished, refused)
+    return _Lane(no, project, accept, y, trial, normal, scale, search, near, finished, refused)
+
+
+def _projection(seen: Normal, linear):
+    """(Newton step in the linear numbers alone, what that takes off the cost) [Golub & Pereyra 1973].
+
+    A trial in a curved valley is often refused for albedos and scales that do not fit its shapes.
+    """
+    both = linear[:, None] & linear[None, :]
+    diagonal = jnp.where(linear & (jnp.diagonal(seen.hessian) > 0), 1e-12 * jnp.diagonal(seen.hessian), 1.0)
+    gradient = jnp.where(linear, seen.gradient, 0.0)
+    move = -jnp.linalg.solve(jnp.where(both, seen.hessian, 0.0) + jnp.diag(diagonal), gradient)
+    move = jnp.where(jnp.isfinite(move), move, 0.0)
+    return move, -0.5 * jnp.dot(move, gradient)
 
 
 @jax.jit
-def _advance(lanes: _Lane, seen: Normal, active, size2, rough) -> _Lane:
-    stepped = jax.vmap(_step, (0, 0, None, None))(lanes, seen, size2, rough)
+def _advance(lanes: _Lane, seen: Normal, active, linear, size2, rough) -> _Lane:
+    stepped = jax.vmap(_step, (0, 0, None, None, None))(lanes, seen, linear, size2, rough)
     return jax.tree.map(lambda a, b: jnp.where(active.reshape(-1, *[1] * (a.ndim - 1)), a, b), stepped, lanes)
 
 
@@ -172,7 +197,7 @@ def _fresh(size: int, step_size: float) -> _Lane:
     one = jax.tree.map(lambda a: jnp.asarray(a[0]), normal)
     search = _SEARCH.init(jnp.zeros(size), _info(one, jnp.ones(size)))
     search = jax.tree.map(lambda a: np.full((LANES, *np.shape(a)), step_size), search)
-    return _Lane(~no, no, zeros, zeros, normal, zeros, search, no, no, no)
+    return _Lane(~no, no, no, zeros, zeros, normal, zeros, search, no, no, no)
 
 
 def _padded(a: np.ndarray, size: int, axes: int) -> np.ndarray:
@@ -191,11 +216,14 @@ def minimise(problem: Problem, x: np.ndarray, near: bool = False, rough: float =
     lanes = _fresh(size, UNDAMPED if near else 1.0)._replace(trial=_padded(x, size, 1), y=_padded(x, size, 1))
     active, steps = np.arange(LANES) < number, np.zeros(number, int)
     kept, data = None, pages(problem.data)
+    linear = np.zeros(size, bool)
+    for g in problem.structure.groups:
+        linear[g.first : g.first + count(problem.structure, g)] = g.linear
     size2, rough = np.asarray(float(problem.size2)), np.asarray(float(rough))
     for _ in range(MAX_STEPS):
         p, total, seen = normal_at(problem, data, np.asarray(lanes.trial)[:number, :free], active[:number])
         wide = Normal(*(_padded(a, size, a.ndim - 1) for a in seen))
-        lanes = _advance(lanes, wide, active, size2, rough)
+        lanes = _advance(lanes, wide, active, linear, size2, rough)
         accepted = np.asarray(lanes.accepted)[:number] & active[:number]
         now = (p, *total, seen.stationarity, seen.exact)
         kept = now if kept is None else tuple(

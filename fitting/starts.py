@@ -102,8 +102,9 @@ class LinearSolver:
             found = found.reshape(*found.shape[:2], -1)[..., :n]  # (T, C or 1, n)
             strengths, factors = strengths[0][:, :, None], factors[0][:, :, None]
             basis = np.stack([found[s.groups[k].term] * factors[k] for k in unsaid]) if unsaid else found[:0] * self.f
-            bases.append(basis * self.weight)
-            rests.append((self.f - np.sum(found * strengths, 0) + np.sum(basis, 0)) * self.weight)
+            with np.errstate(invalid="ignore", over="ignore"):
+                bases.append(basis * self.weight)
+                rests.append((self.f - np.sum(found * strengths, 0) + np.sum(basis, 0)) * self.weight)
         basis, rest = np.stack(bases), np.stack(rests)  # (S, K, C, n), (S, C, n)
         finite = np.isfinite(rest).all((1, 2)) & np.isfinite(basis).all((1, 2, 3))
         basis, rest = (np.where(finite.reshape(-1, *[1] * (a.ndim - 1)), a, 0.0) for a in (basis, rest))
