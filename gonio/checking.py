@@ -56,6 +56,7 @@ def check(
         raise GonioError(f"the level is {level}; give a chance above 0 and up to 0.5, such as 0.01")
     kind, title, thing, channels = _subject(subject)
     title = name or title
+    truth = None if against is None else _subject(against)[2]
     limits = limits_of(MODEL_TOLERANCES if kind == "model" else TABLE_TOLERANCES, tolerances)
     if kind == "model":
         from gonio.checks.edges import model_horizon, model_pole
@@ -77,8 +78,8 @@ def check(
         from gonio.checks.tables import check_table
 
         found = check_table(thing, limits, feature_width, level)
-    if against is not None:
-        found.append(_agreement(thing, against, limits["agreement"], level))
+    if truth is not None:
+        found.append(_agreement(thing, truth, limits["agreement"], level))
     for p in found:
         if channels and "channel" in p.where:
             p.where["channel"] = channels[p.where["channel"]]
@@ -87,10 +88,9 @@ def check(
     return Certificate(title, kind, found, strict)
 
 
-def _agreement(thing: AbstractBRDF | Table, against: Any, tolerance: float, level: float) -> Property:
+def _agreement(thing: AbstractBRDF | Table, truth: AbstractBRDF | Table, tolerance: float, level: float) -> Property:
     from gonio.checks.agreement import model_agreement, table_agreement
 
-    truth = _subject(against)[2]
     if isinstance(truth, Table):
         from gonio.data.tabulated import as_material
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, skellam
 
-from gonio.checks.levels import difference_p, family_p, quantum, sidak
+from gonio.checks.levels import decimal_step, difference_p, family_p, quantum, sidak
 from gonio.checks.table_reciprocity import table_reciprocity
 from gonio.data.layout import isotropic
 from gonio.data.table import whole_table_of_values
@@ -106,3 +106,15 @@ def test_a_channel_that_is_wrong_is_named():
     found = table_reciprocity(whole_table_of_values(LAYOUT, f, u_f=u), 0.05)
     good, bad = found.facts["p_value_by_channel"]
     assert good > 0.01 and bad < 1e-9 and found.where["channel"] == 1
+
+
+def test_readings_that_were_rounded_are_not_called_wrong_for_it():
+    one = table(0.0, 1e-5)
+    assert not table_reciprocity(one, 0.05).facts["significant"]
+    one.f = np.round(one.f, 4)
+    assert decimal_step(one.f.ravel()) == pytest.approx(1e-4)
+    assert not table_reciprocity(one, 0.05).facts["significant"]
+    wrong = table(0.05, 1e-5)
+    wrong.f = np.round(wrong.f, 4)
+    assert table_reciprocity(wrong, 0.05).facts["significant"]
+    assert decimal_step(np.random.default_rng(0).random(100)) == 0 and decimal_step(np.full(100, 0.2)) == 0

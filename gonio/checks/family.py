@@ -11,7 +11,7 @@ import dataclasses
 import numpy as np
 
 from gonio.certificate import Property, verdict_of
-from gonio.checks.levels import critical, deviates, difference_p, family_p, normal_p, quantum, sidak
+from gonio.checks.levels import critical, decimal_step, deviates, difference_p, family_p, normal_p, quantum, sidak
 from gonio.checks.partners import Pairs
 from gonio.checks.reciprocity import spoken, where_of
 
@@ -87,13 +87,15 @@ def tested(pairs: Pairs, sign: np.ndarray, level: float, error: float = 0.0) -> 
     q_a, q_b = (q[ok] for q in _quanta(pairs))
     mean = np.maximum((np.abs(a) + np.abs(b)) / 2, 1e-300)
     sigma = np.hypot(u_a, u_b)
-    p = difference_p(a, b, u_a, u_b, q_a, q_b, (error + ROUNDING) * mean)
+    # Two rounded readings differ by up to a whole step more.
+    step = decimal_step(np.concatenate([a, b]))
+    p = difference_p(a, b, u_a, u_b, q_a, q_b, (error + ROUNDING) * mean + step)
     several = pairs.a.shape[1] > 1
     tests = p.size
 
     threshold = sidak(level / 2, tests)
     z, limit = deviates(p), critical(threshold)
-    over = np.maximum(np.abs(a - b) - error * mean, 0) / mean
+    over = np.maximum(np.abs(a - b) - error * mean - step, 0) / mean
     least = np.where(p < threshold, over * (1 - limit / np.maximum(z, limit)), 0.0)
     regions = _regions(pairs, sign, row, channel, (a - b) / sigma, mean / sigma, level / 2, error)
     k, r = int(np.argmin(p)), int(np.argmin(regions["p"])) if regions["p"].size else None

@@ -15,6 +15,9 @@ LIKELY = 2.5
 FARTHEST = 36.0
 """Differences of more standard deviations are as improbable as these, 1e-283: no double precision holds much less."""
 
+MANY = 20
+"""Different values below which nothing is said of their rounding."""
+
 GROUP = 32
 """Readings, alike in their uncertainty, from which the size of a count is taken."""
 
@@ -56,6 +59,22 @@ def quantum(theta: np.ndarray, f: np.ndarray, u: np.ndarray) -> np.ndarray:
         lit = signal > 0
         found[at] = np.min(variance[lit] / signal[lit]) if lit.any() else 0.0
     return found
+
+
+def decimal_step(values: np.ndarray) -> float:
+    """The decimal to which readings, (n,), were rounded when they were written down (0.001, say), or 0: none is seen.
+
+    Few different values are taken for round numbers, not for rounded ones.
+    """
+    some = np.unique(values[np.isfinite(values)])
+    if some.size < MANY:
+        return 0.0
+    some = some[:: max(1, some.size // 2000)]
+    for digits in range(10):
+        scaled = some * 10.0**digits
+        if np.all(np.abs(scaled - np.round(scaled)) <= 1e-11 * np.abs(scaled) + 1e-12):
+            return 10.0**-digits
+    return 0.0
 
 
 def difference_p(a, b, u_a, u_b, q_a, q_b, allowed) -> np.ndarray:
