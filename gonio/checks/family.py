@@ -97,7 +97,7 @@ def tested(pairs: Pairs, sign: np.ndarray, level: float, error: float = 0.0) -> 
     z, limit = deviates(p), critical(threshold)
     over = np.maximum(np.abs(a - b) - error * mean - step, 0) / mean
     least = np.where(p < threshold, over * (1 - limit / np.maximum(z, limit)), 0.0)
-    regions = _regions(pairs, sign, row, channel, (a - b) / sigma, mean / sigma, level / 2, error)
+    regions = _regions(pairs, sign, row, channel, (a - b) / sigma, mean / sigma, level / 2, error, step / sigma)
     k, r = int(np.argmin(p)), int(np.argmin(regions["p"])) if regions["p"].size else None
     p_pairs = float(family_p(p[k], tests))
     p_regions = float(family_p(regions["p"][r], regions["p"].size)) if r is not None else 1.0
@@ -146,7 +146,7 @@ def _band(pairs, row):
     return (np.degrees(np.maximum(pairs.angles[:, 0], pairs.angles[:, 2]))[row] / BAND + 1e-9).astype(int)
 
 
-def _regions(pairs, sign, row, channel, z, brightness, level, error):
+def _regions(pairs, sign, row, channel, z, brightness, level, error, step):
     # Mean of the signed standardised differences, and what it makes of the mean standardised value: all weights come
     # from the uncertainties, none from readings, so that no noise is in them.
     signed = sign[row] != 0
@@ -155,8 +155,10 @@ def _regions(pairs, sign, row, channel, z, brightness, level, error):
     count = np.bincount(group, minlength=names.size)
     enough = count >= 12
     total = np.bincount(group, sign[row][signed] * z[signed], minlength=names.size)
-    bright = np.bincount(group, brightness[signed], minlength=names.size)
-    deviate, bright, count, names = (v[enough] for v in (total / np.sqrt(np.maximum(count, 1)), bright, count, names))
+    bright, rounded = (np.bincount(group, v[signed], minlength=names.size) for v in (brightness, step))
+    deviate = total / np.sqrt(np.maximum(count, 1))
+    deviate, bright, rounded, count, names = (v[enough] for v in (deviate, bright, rounded, count, names))
+    error = error + rounded / bright
     estimate, one = deviate * np.sqrt(count) / bright, np.sqrt(count) / bright
     estimate = np.sign(estimate) * np.maximum(np.abs(estimate) - error, 0)
     p = normal_p(estimate / one)
