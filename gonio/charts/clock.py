@@ -35,7 +35,8 @@ def unit() -> str:
 def in_turns(calls: Sequence[Callable[[], object]], rounds: int = 7, seconds: float = 1.0) -> list[Timing]:
     """The timing of each call; they take turns, so that all see the same machine.
 
-    Ends after `rounds`, or with the first round after which more than `seconds` a call were spent.
+    Ends after `rounds`, or with the first round after which more than `seconds` a call were spent: three rounds at
+    least, unless they take three times as much.
     """
     now = clock()
     results: list = [None] * len(calls)
@@ -50,10 +51,11 @@ def in_turns(calls: Sequence[Callable[[], object]], rounds: int = 7, seconds: fl
     # How often within a sample: from a second call where the first was short, or may have been compiling.
     again = [timed(k, 1) if first < LONG else first for k, first in enumerate(firsts)]
     times = [max(1, min(1000, round(SHORTEST / max(a, 1e-7)))) for a in again]
-    seen, began = [], time.perf_counter()
+    seen, began, enough = [], now(), seconds * len(calls)
     for _ in range(rounds):
         seen.append([timed(k, n) for k, n in enumerate(times)])
-        if time.perf_counter() - began > seconds * len(calls):
+        # A median of fewer than three is none, unless they are dear.
+        if now() - began > (enough if len(seen) >= 3 else 3 * enough):
             break
     medians = [statistics.median(mine) for mine in zip(*seen, strict=True)]
     return [Timing(m, max(f - m, 0.0), r) for m, f, r in zip(medians, firsts, results, strict=True)]

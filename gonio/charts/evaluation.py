@@ -48,13 +48,16 @@ def points(settings: Settings) -> Iterator[Point]:
     """One point for each model, precision and number of pairs."""
     spelled = {name: example(name).strip("'") for name in (QUICK if settings.quick else MODELS)}
     batches = QUICK_BATCHES if settings.quick else BATCHES
-    many = {name: pairs(count, 1) for name, count in batches.items()}
     with precision("float64"):
         built = {name: build(spelling) for name, spelling in spelled.items()}
         truths = {name: exact(spelling) for name, spelling in spelled.items()}
     for kind in ("float64", "float32"):
         with precision(kind):
             mine = {name: cast(brdf, kind) for name, brdf in built.items()}
+            many = {
+                name: [Direction(*(c.astype(kind) for c in w)) for w in pairs(count, 1)]
+                for name, count in batches.items()
+            }
             asked = [(name, batch) for name in mine for batch in batches]
             calls = [functools.partial(evaluate, mine[name], *many[batch]) for name, batch in asked]
             timings = in_turns(calls, 9, 0.1 if settings.quick else 0.5)
@@ -74,7 +77,7 @@ def _error(brdf, some: tuple[Direction, Direction], truth: np.ndarray) -> float:
 CHART = Chart(
     "evaluation",
     "Evaluation of models",
-    "One call of gonio.models.evaluate on NumPy arrays. The largest error of f, relative to f or to "
+    "One call of gonio.models.evaluate on NumPy arrays of the precision. The largest error of f, relative to f or to "
     f"{DARK:g}/sr, at up to {PAIRS} pairs, one half near mirror reflection, against the textbook's form at forty "
     "digits; what the rounding of directions and parameters to the precision makes of it is part of it.",
     ((Axis("ns", "time of one evaluation, ns"), Axis("error", "largest relative error of f")),),
