@@ -218,4 +218,5 @@ def choose(
 def _by_noise(s: Scenery, t: Tried, near: criteria.Neighbourhood) -> np.ndarray:
     used = s.weight > 0
     bare = residuals(t.parts, to_x(numbers_of(t.parts, s.target.shape[1]), t.p), s.weighted(used.astype(float)))[0]
-    return np.where(used, 1.0 / criteria.noise_deviation(bare, np.abs(s.target), used, near), 0.0)
+    # By the model's own size: weights from noisy readings would favour those that came out low.
+    return np.where(used, 1.0 / criteria.noise_deviation(bare, np.abs(s.target + bare), used, near), 0.0)
