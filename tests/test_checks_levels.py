@@ -118,3 +118,12 @@ def test_readings_that_were_rounded_are_not_called_wrong_for_it():
     wrong.f = np.round(wrong.f, 4)
     assert table_reciprocity(wrong, 0.05).facts["significant"]
     assert decimal_step(np.random.default_rng(0).random(100)) == 0 and decimal_step(np.full(100, 0.2)) == 0
+
+
+@pytest.mark.parametrize(("stated", "said"), [(0.01, ""), (0.004, "too small"), (0.03, "too large")])
+def test_uncertainties_that_do_not_fit_the_scatter_are_doubted(stated, said):
+    one = table(0.0, 0.01)
+    one.u_f = one.u_f * (stated / 0.01)
+    found = table_reciprocity(one, 0.05)
+    assert found.facts["scatter_in_uncertainties"] == pytest.approx(0.01 / stated, rel=0.15)
+    assert said in found.detail and ("stated too" in found.detail) == bool(said)

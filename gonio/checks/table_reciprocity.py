@@ -19,6 +19,9 @@ THETA_MAX = np.radians(70.0)
 FEWEST = 12
 """Pairs below which a median says nothing."""
 
+SCATTER = (0.8, 1.25)
+"""Scatter of the pairs, in their stated uncertainties, outside of which these are doubted."""
+
 ROUNDING = 4 * float(np.finfo(np.float32).eps)
 """Tables may be stored in single precision."""
 
@@ -115,6 +118,7 @@ def judged(
         facts["median"] = residual
         p = judged_by_level(name, found, how, facts["pairs"], tolerance, level, what, facts)
         p.series |= series
+        p.detail += _remark_on_scatter(facts["scatter_in_uncertainties"])
         return p
     return Property(
         name, verdict_of(residual, bound, tolerance), residual, bound, tolerance, where, detail, facts, series
@@ -132,4 +136,16 @@ def _statistic(pairs, found):
         "share_beyond_2_sigma": float(np.mean(z2 > 4)),
         "share_beyond_3_sigma": float(np.mean(z2 > 9)),
         "pairs_with_uncertainty": int(use.sum()),
+        # Half of the squares of a normal deviate are below 0.4549: few wrong pairs do not change it.
+        "scatter_in_uncertainties": float(np.sqrt(np.median(z2) / 0.4549)),
     }
+
+
+def _remark_on_scatter(scatter: float) -> str:
+    if SCATTER[0] <= scatter <= SCATTER[1]:
+        return ""
+    stated = "small" if scatter > 1 else "large"
+    return (
+        f" The pairs scatter {scatter:.2g} times as much as their uncertainties say: these may be stated too {stated},"
+        " and p-values are only as good as they are."
+    )
