@@ -162,16 +162,19 @@ class _Folder:
         return Measured(CHARTS[name], points, self.recipe["machine"], made, held["seconds"], quick, pace)
 
     def write(self, done: Measured, tolerance: float | None) -> None:
-        """The picture and the CSV of a chart, and last that it is there."""
+        """The points of a chart, then its picture."""
         from gonio.figures.charts import written
 
         name = done.chart.name
-        drawn = written(done.chart, done.points, done.caption(), tolerance)
         self.charts[name] = to_dict(done) | {"recipe": self.recipe}
         index = json.dumps({"gonio_charts": 1, "charts": self.charts}, indent=1)
-        parts = {f"{name}.{kind}": data for kind, data in drawn.items()}
-        parts |= {f"{name}.csv": table([done]).encode(), INDEX: index.encode()}
-        for file, data in parts.items():
+        # What took minutes goes before what takes seconds: a picture can be drawn again from the points.
+        self._put({f"{name}.csv": table([done]).encode(), INDEX: index.encode()})
+        drawn = written(done.chart, done.points, done.caption(), tolerance)
+        self._put({f"{name}.{kind}": data for kind, data in drawn.items()})
+
+    def _put(self, files: dict[str, bytes]) -> None:
+        for file, data in files.items():
             with new_file(self.folder / file, force=True) as path:
                 path.write_bytes(data)
 

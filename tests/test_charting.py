@@ -195,6 +195,24 @@ def test_a_killed_run_goes_on(tmp_path, monkeypatch):
     assert made == ["fits", "tables"] and table([first]).replace("fits,", "tables,") == table([second])
 
 
+def test_a_run_killed_while_it_drew_draws_again(tmp_path, monkeypatch):
+    from gonio.figures import charts as figures
+
+    made, whole = [], figures.written
+
+    def killed(*args):
+        raise KeyboardInterrupt
+
+    again = dataclasses.replace(fake(POINTS), points=lambda settings: made.append(1) or iter(POINTS))
+    monkeypatch.setitem(CHARTS, "fits", again)
+    monkeypatch.setattr(figures, "written", killed)
+    with pytest.raises(KeyboardInterrupt):
+        chart("fits", output=tmp_path)
+    monkeypatch.setattr(figures, "written", whole)
+    chart("fits", output=tmp_path)
+    assert made == [1] and (tmp_path / "fits.svg").exists()
+
+
 def test_a_bound_that_does_not_hold_is_told(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(CHARTS, "fits", fake([point(1.0, 1e-2, bound=1e-3), point(2.0, 1e-3, bound=1e-2)]))
     assert main(["chart", "fits", "-o", str(tmp_path)]) == 1
