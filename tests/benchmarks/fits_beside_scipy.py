@@ -187,13 +187,12 @@ def together(samples: int) -> dict:
 
 
 def alone(who: str, samples: int) -> dict:
-    table, readings = _table(samples)
+    from gonio.data.reading import read
+
     if who == "gonio":
-        del readings
-        _ours(table)
+        _ours(_table(samples)[0] if samples else read("t.binary"))
     else:
-        del table
-        SciPy(readings).fit(_starts()[0], False)
+        SciPy(_table(samples)[1]).fit(_starts()[0], False)
     return {"peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024}
 
 
