@@ -8,11 +8,12 @@ import dataclasses
 
 import numpy as np
 
-from gonio.fitting.descents import descend
+from gonio.fitting.descents import descend_all
 from gonio.fitting.domains import LINEAR, LOG, Domains
 from gonio.fitting.uncertainty import FACTOR_OPEN, NORMAL_95, WIDE_OPEN, Covariance, open_from
 
 VAGUE = 0.15  # of the standard uncertainty that counts as open, from which on the profile is followed
+ALONG = 0.95  # correlation of numbers that go together
 CLOSE = 0.03  # relative error of an interval's end
 TRIALS = 10
 HELD = 1e-9  # of a number: the width of the domain that holds it
@@ -25,7 +26,10 @@ def with_profiles(e):
     """The ending with profile intervals of its vague numbers, those that are open after all called undetermined."""
     u, reach = e.covariance.standard, open_from(e.domains, e.p)
     with np.errstate(invalid="ignore"):
-        vague = np.flatnonzero((u > VAGUE * reach) & ~e.pinned)
+        vague = (u > VAGUE * reach) & ~e.pinned
+        # What goes with a vague number is as vague in its own size, however small that is beside its domain.
+        along = (np.abs(e.covariance.correlation) > ALONG)[:, vague].any(axis=1) & (u > VAGUE * np.abs(e.p) / 2)
+    vague = np.flatnonzero(vague | (along & ~e.pinned))
     if not vague.size or e.exact or not e.converged:
         return e
     found, covariance = {}, e.covariance
@@ -42,7 +46,7 @@ def with_profiles(e):
             far = (float(_end(e, k, -1.0, FAR)), float(_end(e, k, 1.0, FAR)))
             opened = all(np.isfinite(far)) and is_open(e.domains, k, far, value, FAR_OPEN)
         if opened:
-            covariance = _opened(covariance, k, far, reach)
+            covariance = _opened(covariance, k, far, reach, e.p)
     return dataclasses.replace(e, profile=found, covariance=covariance)
 
 
@@ -61,7 +65,7 @@ def is_open(d: Domains, k: int, ends: tuple[float, float], value: float, factor:
     return np.log((ends[1] + shift) / (ends[0] + shift)) >= 0.999 * min(width, factor)
 
 
-def _opened(c: Covariance, k: int, ends: tuple[float, float], reach: np.ndarray) -> Covariance:
+def _opened(c: Covariance, k: int, ends: tuple[float, float], reach: np.ndarray, p: np.ndarray) -> Covariance:
     undetermined = c.undetermined.copy()
     undetermined[k] = True
     column = np.nan_to_num(c.matrix[:, k])
@@ -69,8 +73,8 @@ def _opened(c: Covariance, k: int, ends: tuple[float, float], reach: np.ndarray)
     variance = max(1.0, ((ends[1] - ends[0]) / (2 * NORMAL_95 * reach[k])) ** 2)
     # Others that go with it are as open as it is.
     with np.errstate(invalid="ignore", divide="ignore"):
-        alike = np.abs(c.correlation[:, k]) > 0.95
-    vague = np.sqrt(np.nan_to_num(np.diagonal(c.matrix))) > VAGUE * reach
+        alike = np.abs(c.correlation[:, k]) > ALONG
+    vague = np.sqrt(np.nan_to_num(np.diagonal(c.matrix))) > VAGUE * np.minimum(reach, np.abs(p))
     undetermined |= alike & vague
     same = [v for v, other in c.combinations if _parallel(change / reach, other / reach)]
     return Covariance(c.matrix, undetermined, c.combinations if same else [*c.combinations, (variance, change)])
@@ -96,8 +100,8 @@ def _end(e, k: int, sign: float, deviations: float = NORMAL_95) -> float:
         if away <= 0:
             return bound
         held = value + sign * away
-        guess = np.clip(start if within[0] else e.p + sign * away * column, e.domains.low, e.domains.high)
-        p, cost = _held(e, k, held, guess)
+        straight = np.clip(e.p + sign * away * column, e.domains.low, e.domains.high)
+        p, cost = _held(e, k, held, [start, straight])
         if not np.isfinite(cost):
             return float("nan")
         rise = np.sqrt(max(cost - base, 0.0) / allowed)
@@ -119,16 +123,19 @@ def _end(e, k: int, sign: float, deviations: float = NORMAL_95) -> float:
     return value + sign * away
 
 
-def _held(e, k: int, value: float, guess: np.ndarray) -> tuple[np.ndarray, float]:
-    """(numbers, cost) of the fit with number k held, by a domain that leaves it no room: nothing compiles again."""
+def _held(e, k: int, value: float, guesses: list[np.ndarray]) -> tuple[np.ndarray, float]:
+    """(numbers, cost) of the fit with number k held, the best from the guesses.
+
+    It is held by a domain that leaves it no room: nothing compiles again.
+    """
     low, high = np.array(e.domains.low, float), np.array(e.domains.high, float)
     room = HELD * max(abs(value), 1e-3 * min(high[k] - low[k], 1.0))
     low[k], high[k] = max(low[k], value - room), min(high[k], value + room)
     domains = e.domains._replace(low=low, high=high)
-    guess = guess.copy()
-    guess[k] = 0.5 * (low[k] + high[k])
-    end = descend(dataclasses.replace(e.problem, domains=domains), domains, guess)
-    return end.p, end.cost
+    starts = [np.where(np.arange(g.size) == k, 0.5 * (low[k] + high[k]), g) for g in guesses]
+    ends = descend_all(dataclasses.replace(e.problem, domains=domains), domains, starts, near=True)
+    best = min(ends, key=lambda end: end.cost if np.isfinite(end.cost) else np.inf)
+    return best.p, best.cost
 
 
 def _unit(e, k: int) -> float:

@@ -15,6 +15,7 @@ FACTOR_OPEN = 2.0  # a number is open where its 95 % interval spans its domain, 
 PUSHED = 2.0  # standard uncertainties beyond its bound, from which on a number belongs there
 WIDE_OPEN = 2.0 * math.tanh(FACTOR_OPEN / 2)  # length of the interval [p(1 − t), p(1 + t)] over p, with that ratio
 LED = 0.9  # share of a number's variance that comes from an open combination, from which on it is open with it
+VAGUE = 0.15  # where it also has at least this relative uncertainty
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,7 +106,7 @@ def judged(full: np.ndarray, unseen: np.ndarray, lost: list, d: Domains, p: np.n
             change[at] = vectors[:, k] * reach
             named.append((float(values[k]), change))
             led = values[k] * vectors[:, k] ** 2 > LED * np.diagonal(part)
-            vague = np.sqrt(np.diagonal(part)) * reach > 0.5 * np.abs(p[at])
+            vague = np.sqrt(np.diagonal(part)) * reach > VAGUE * np.abs(p[at])
             undetermined[at[led & vague]] = True
     return Covariance(full, undetermined, named)
 
