@@ -2,14 +2,16 @@
 
 import numpy as np
 
-from gonio.certificate import NOT_APPLICABLE, Property
+from gonio.certificate import NOT_APPLICABLE, Property, verdict_of
 from gonio.checks.family import LEVEL
 from gonio.checks.partners import Pairs, angles_of, gathered, paired_cells
-from gonio.checks.probes import Rotated
-from gonio.checks.reciprocity import difference_property
+from gonio.checks.probes import Rotated, pair, pair_angles, values
+from gonio.checks.reciprocity import where_of, worst_difference
 from gonio.checks.table_reciprocity import FEWEST, THETA_MAX, judged, not_applicable
 from gonio.data.table import Table
 from gonio.models.base import AbstractBRDF
+
+GRAZING = np.radians(89.9)
 
 TURN = np.pi / 2
 """A brushed surface is the same after half a turn: a quarter shows most."""
@@ -17,13 +19,22 @@ TURN = np.pi / 2
 
 def model_isotropy(brdf: AbstractBRDF, tolerance: float) -> Property:
     """The largest relative change of f when both directions are turned; not applicable to what claims no isotropy."""
-    found = difference_property(
+    angles = pair_angles(brdf)
+    # Closer to the horizon the rounding of a turned direction is as large as its cosine.
+    angles = angles[np.maximum(angles[:, 0], angles[:, 2]) <= GRAZING]
+    worst = worst_difference(brdf, Rotated(0.7), angles, refine=False)
+    residual, bound = worst["residual"], max(worst["bound"], worst["rounding"])
+    several = values(brdf, *pair(angles[:1])).shape[-1] > 1
+    found = Property(
         "isotropy",
-        brdf,
-        Rotated(0.7),
+        verdict_of(residual, bound, tolerance),
+        residual,
+        bound,
         tolerance,
-        "The largest relative change of f as both directions are turned by 40° about the normal is {residual:.2g},"
-        " searched over {pairs:,} pairs.",
+        where_of(worst["angles"], worst["channel"] if several else None),
+        f"The largest relative change of f as both directions are turned by 40° about the normal is {residual:.2g},"
+        f" among {len(angles):,} pairs up to 89.9°.",
+        {"pairs": len(angles), "pairs_without_a_value": worst["undefined"]},
     )
     if not brdf.isotropic:
         found.verdict = NOT_APPLICABLE
