@@ -157,8 +157,10 @@ def principled(params, options, wi, wo):
 
     Tints divide the colour by its luminance 0.3 R + 0.6 G + 0.1 B: the parameter `luminance`, or else the one channel's
     own value, for which both tints are 1. The masking is that of the program (a = roughness², not the notes' remapped
-    one).
+    one). variant = mitsuba: the untinted dielectric part by the exact formula, at the index of the same reflectance
+    at normal incidence; and a clearcoat without 1/(4 μi μo) [Mitsuba 3, principled].
     """
+    mitsuba = options.get("variant", "disney") == "mitsuba"
     p = {name: params.get(name, mpf(default)) for name, default in DISNEY.items()}
     color = params["base_color"]
     luminance = params.get("luminance", color)
@@ -181,13 +183,20 @@ def principled(params, options, wi, wo):
         "alpha_x": max(least, p["roughness"] ** 2 / aspect),
         "alpha_y": max(least, p["roughness"] ** 2 * aspect),
     }
-    colour0 = _mix(p["specular"] * mpf("0.08") * _mix(1, tint, p["specular_tint"]), color, p["metallic"])
+    f0 = p["specular"] * mpf("0.08")
+    plain, tinted, metal = (_mix(c, 1, schlick_d) for c in (f0, f0 * tint, color))
+    if mitsuba:
+        root = mp.sqrt(f0)
+        plain = fresnel.exact(cos_d, (1 + root) / (1 - root))
+    reflected = _mix(_mix(plain, tinted, p["specular_tint"]), metal, p["metallic"])
     g = microfacet.smith_g("separable", *(microfacet.ggx_lambda(widths, w) for w in (wi, wo)))
-    specular = _mix(colour0, 1, schlick_d) * microfacet.ggx_d(widths, h) * g / (4 * mu_i * mu_o)
+    specular = reflected * microfacet.ggx_d(widths, h) * g / (4 * mu_i * mu_o)
 
     gloss = {"alpha": _mix(mpf("0.1"), least, p["clearcoat_gloss"]), "gamma": mpf(1)}
     quarter = {"alpha": mpf(1) / 4}
     # the program's G for the coat is (1/(μ + √(a² + μ² − a²μ²)))² = G1/(2μ) for each direction
     g = microfacet.smith_g("separable", *(microfacet.ggx_lambda(quarter, w) for w in (wi, wo)))
-    coat_lobe = _mix(mpf("0.04"), 1, schlick_d) * microfacet.gtr_d(gloss, h) * g / (4 * mu_i * mu_o)
+    coat_lobe = _mix(mpf("0.04"), 1, schlick_d) * microfacet.gtr_d(gloss, h) * g
+    if not mitsuba:
+        coat_lobe /= 4 * mu_i * mu_o
     return matte + specular + p["clearcoat"] / 4 * coat_lobe
