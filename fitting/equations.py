@@ -127,8 +127,15 @@ def _computed(always, function):
 
     XLA would otherwise compute lobes again for every channel, and losses for every derivative that uses them.
     """
-    shapes = jax.eval_shape(function)
-    return jax.lax.cond(always, function, lambda: jax.tree.map(lambda h: jnp.zeros(h.shape, h.dtype), shapes))
+    # Traced once: models are long, and shapes and branch would each run through them.
+    traced, shapes = jax.make_jaxpr(function, return_shape=True)()
+    leaves, tree = jax.tree.flatten(shapes)
+    found = jax.lax.cond(
+        always,
+        lambda: jax.core.eval_jaxpr(traced.jaxpr, traced.consts),
+        lambda: [jnp.zeros(h.shape, h.dtype) for h in leaves],
+    )
+    return jax.tree.unflatten(tree, found)
 
 
 def _block(s: Structure, loss: str, p, fixed, data: Samples, b):
@@ -191,10 +198,12 @@ def _lobes_program(s: Structure):
 
     def program(p, fixed, wi: Direction, wo: Direction, blocks):
         one = jax.vmap(lambda i, o: _sample_lobes(s, p, fixed, i, o, slopes=False)[0], out_axes=-1)
-        held = jax.eval_shape(one, *(Direction(*(c[0] for c in w)) for w in (wi, wo)))
+        traced = jax.make_jaxpr(one)(*(Direction(*(c[0] for c in w)) for w in (wi, wo)))
+        held = traced.out_avals[0]
 
         def block(b, out):
-            return out.at[b].set(one(*(Direction(*(c[b] for c in w)) for w in (wi, wo))))
+            (found,) = jax.core.eval_jaxpr(traced.jaxpr, traced.consts, *(c[b] for w in (wi, wo) for c in w))
+            return out.at[b].set(found)
 
         found = jax.lax.fori_loop(0, blocks, block, jnp.zeros((PAGE, *held.shape), held.dtype))
         return found, *_strengths(s, p, fixed)
