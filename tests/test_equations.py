@@ -120,10 +120,8 @@ def test_a_model_without_a_finite_value_is_refused():
     from gonio.data import layout as layouts
     from gonio.data.table import whole_table_of_values
     from gonio.fitting.fitting import fit
-    from gonio.models.lambert import Lambert
 
     layout = layouts.in_plane(np.radians([10, 40]), np.radians([-30, 30]))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Lambert, "f", lambda self, wi, wo: self.rho / 0.0 * wi.z)
-        with pytest.raises(GonioError, match="no finite value at any start"):
-            fit(whole_table_of_values(layout, np.full(layout.shape, 0.1)), "lambert(rho=?)", loss="linear")
+    masked_beyond_all_numbers = "1 * sgd(alpha=?, p=0.5, kappa=10, f0=0.5, f1=0, lam=3, c=1e120, k=15, theta_0=0)"
+    with pytest.raises(GonioError, match="no finite value at any start"):
+        fit(whole_table_of_values(layout, np.full(layout.shape, 0.1)), masked_beyond_all_numbers, loss="linear")
