@@ -11,6 +11,7 @@ from gonio.models.spelling import Term, parse
 DIGITS = 40
 PERTURBED = 4
 STEP, TABLED_STEP = mp.mpf(10) ** -14, mp.mpf(10) ** -4
+LEAST_STEP = mp.mpf(10) ** -36
 FINER = 10**12
 """How much smaller the step is by which a slope is seen to be infinite."""
 
@@ -72,6 +73,8 @@ class Reference:
         at, info = params[name], self.domains[name]
         size = abs(at - 1) if name == "eta" else abs(at)  # what an index does, it does by its distance from 1
         step = (TABLED_STEP if self.tabled else STEP) * (size if size else 1) / finer
+        # Beside an index of nearly 1 the finest step is less than forty digits tell apart.
+        step = max(step, LEAST_STEP * abs(at))
         up, down = min(at + step, mp.mpf(info.high)), max(at - step, mp.mpf(info.low))
         if up <= down:
             up, down = at + step, at - step
