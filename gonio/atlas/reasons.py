@@ -16,6 +16,7 @@ KNOWN: tuple[tuple[str, str, str, str], ...] = (
     ("sampler", "sgd", "alpha=1e-05", "lobe 3e-7 wide across at 89°, directions in single precision 6e-8 apart"),
     ("sampler", "abg", "b=1e-12", "|β − β₀| is the rounding of the directions there, and b far below it"),
     ("gradient", "he_torrance", "sigma=20", "orders of waves that cancel leave √g = 900 roundings, 1e-13 of f"),
+    ("gradient", "kelemen", "alpha=0.0001", "a tabulated albedo's slope by alpha: its error over a width of 1e-4"),
     ("value", "abg", "b=1e-12", "|β − β₀| is the rounding of the directions there, and b far below it"),
     ("gradient", "abg", "b=1e-12", "|β − β₀| is the rounding of the directions there, and b far below it"),
 )
