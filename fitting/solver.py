@@ -162,7 +162,9 @@ def _step(lane: _Lane, seen: Normal, linear, size2, rough) -> _Lane:
     move = jnp.where(jnp.isfinite(move), move, 0.0)
     promised = -(jnp.dot(info.grad, move) + 0.5 * jnp.dot(move, info.hessian.mv(move)))
     spent = (promised <= rounding) & ~accept
-    near = (normal.stationarity <= rough * NEARLY) & (promised <= rough * LITTLE * normal.cost)
+    # Damping hides what is left to gain along a valley: nearness is judged without it.
+    left = 0.5 * jnp.dot(info.grad, jnp.linalg.solve(info.hessian.as_matrix() + 1e-12 * jnp.eye(y.size), info.grad))
+    near = (normal.stationarity <= rough * NEARLY) & (jnp.abs(left) <= rough * LITTLE * normal.cost)
     refused = (lane.first & ~finite) | (result != optx.RESULTS.successful)
     near &= ~project
     finished = (normal.stationarity <= STATIONARY) | near | normal.exact | (spent & ~project) | refused
