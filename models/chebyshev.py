@@ -17,16 +17,26 @@ def chebyshev_basis(x: Scalar, n: int) -> Scalar:
     return jax.lax.scan(step, (jnp.ones_like(x), x), None, length=n)[1]
 
 
-def clenshaw(series: Scalar, x: Scalar) -> Scalar:
-    """Σ series[k] Tₖ(x); the trailing axes of `series` and the shape of x broadcast.
-
-    In one loop over the directions: a loop over the terms would read and write them all at every step.
-    """
-
+def _summed(series: Scalar, x: Scalar, unroll: bool) -> Scalar:
     def step(pair, c):
         above, this = pair
         return (this, 2.0 * x * this - above + c), None
 
     zero = jnp.zeros(jnp.broadcast_shapes(series.shape[1:], x.shape), series.dtype)
-    (above, this), _ = jax.lax.scan(step, (zero, zero), series[:0:-1], unroll=True)
+    (above, this), _ = jax.lax.scan(step, (zero, zero), series[:0:-1], unroll=unroll)
     return x * this - above + series[0]
+
+
+@jax.custom_jvp
+def clenshaw(series: Scalar, x: Scalar) -> Scalar:
+    """Σ series[k] Tₖ(x); the trailing axes of `series` and the shape of x broadcast.
+
+    In one loop over the directions: a loop over the terms would read and write them all at every step.
+    """
+    return _summed(series, x, True)
+
+
+@clenshaw.defjvp
+def _clenshaw_jvp(primals, tangents):
+    # Term after term written out, slopes of slopes of a coat take a minute to compile.
+    return jax.jvp(lambda series, x: _summed(series, x, False), primals, tangents)
