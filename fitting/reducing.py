@@ -17,7 +17,7 @@ from gonio.models.errors import GonioError
 from gonio.models.evaluate import evaluate
 from gonio.models.geometry import Direction, rotate_z
 
-PAIRS, CHECKED = 6000, 30_000  # pairs of directions that guide the search, and others that measure its end
+FEW, PAIRS, CHECKED = 1000, 6000, 30_000  # pairs of directions that guide the search, judge it, and measure its end
 HALF_DIFFERENCE = (45, 30, 24)  # nodes of theta_h, theta_d, phi_d where a table is laid out anew
 MOST_TURNS = 8  # azimuths of the light over which an anisotropic table is averaged
 TIGHTER = (0.97, 0.85, 0.6, 0.3)  # of the tolerance: targets of the search, until the measured error is within it
@@ -53,8 +53,8 @@ def reduce_table(
             f"{len(table.channels) - len(names)} of {len(table.channels)} channels, which the scene does not see"
         )
     truth = as_material(whole)
-    pairs, check = scene.pairs(PAIRS), scene.pairs(CHECKED)
-    f, checked = (np.asarray(evaluate(truth, p.wi, p.wo)).reshape(p.of.size, -1) for p in (pairs, check))
+    few, pairs, check = (scene.pairs(n) for n in (FEW, PAIRS, CHECKED))
+    rough, f, checked = (np.asarray(evaluate(truth, p.wi, p.wo)).reshape(p.of.size, -1) for p in (few, pairs, check))
     if not (np.isfinite(f).all() and np.isfinite(checked).all()):
         raise GonioError(
             f"{table.name or 'the table'} does not answer for all directions that the scene sees (an in-plane table "
@@ -63,7 +63,7 @@ def reduce_table(
     if pairs.rms(pairs.radiances(f)) == 0:
         raise GonioError(f"{table.name or 'the table'} is dark in the scene '{scene.name}': there is no error to allow")
     for share in TIGHTER:
-        found = _search(whole, truth, pairs, f, share * tolerance, say)
+        found = _search(whole, truth, (pairs, f), (few, rough), share * tolerance, say)
         if found is None:
             break
         base, kept, grey = found
@@ -87,12 +87,12 @@ def _bytes(table: Table) -> int:
     )
 
 
-def _search(whole: Table, truth, pairs, f: np.ndarray, tolerance: float, say):
+def _search(whole: Table, truth, seen: tuple, guide: tuple, tolerance: float, say):
     best, least = None, None
     for base in bases(whole, truth):
-        for grey in (True, False) if f.shape[1] > 1 else (False,):
+        for grey in (True, False) if seen[1].shape[1] > 1 else (False,):
             one = dataclasses.replace(base, f=_greyed(base), valid=base.valid.all(-1, keepdims=True)) if grey else base
-            thinning = Thinning(one, pairs, f)
+            thinning = Thinning(one, *seen, guide=Thinning(one, *guide))
             kept = thinning.thin(tolerance)
             if kept is None:
                 continue

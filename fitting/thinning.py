@@ -32,9 +32,13 @@ class Base:
 
 
 class Thinning:
-    """One base under one scene: errors of its subgrids."""
+    """One base under one scene: errors of its subgrids.
 
-    def __init__(self, base: Base, pairs: Pairs, truth: np.ndarray):
+    `guide`: the same on few pairs of directions, which says what node is missed least; without, this one does.
+    """
+
+    def __init__(self, base: Base, pairs: Pairs, truth: np.ndarray, guide: "Thinning | None" = None):
+        self.guide = guide or self
         self.base, self.pairs, self.truth = base, pairs, truth
         self.names = tuple(base.layout.axes)
         self.at = coordinates(base.layout, pairs.wi, pairs.wo)
@@ -120,7 +124,7 @@ class Thinning:
             return np.array([np.inf])
         key = (k, *(a.tobytes() for a in kept))
         if self.asked[0] != key:
-            without = [self.error((*kept[:k], np.delete(nodes, j), *kept[k + 1 :])) for j in range(nodes.size)]
+            without = [self.guide.error((*kept[:k], np.delete(nodes, j), *kept[k + 1 :])) for j in range(nodes.size)]
             self.asked = (key, np.array(without))
         return self.asked[1]
 

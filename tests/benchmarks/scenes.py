@@ -47,7 +47,8 @@ def main() -> None:
             before, after = (t.f.nbytes + t.flag.nbytes for t in (table, small.table))
             print(
                 f"{name:8} {scene:16} tolerance {tolerance:.0%}: model {row['model']} ({row['free']} numbers of "
-                f"{asked['free']}), error {row['scene_error']:.2%}, {row['verdict']}, {fitted:.1f} CPU s"
+                f"{asked['free']}), error {row['scene_error']:.2%}, {row['verdict']}, {fitted:.1f} CPU s",
+                flush=True,
             )
             print(
                 f"{'':26}table {before} bytes to {after} ({before / after:.0f} times less), error {small.error:.2%}, "
