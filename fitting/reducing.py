@@ -19,6 +19,7 @@ from gonio.models.geometry import Direction, rotate_z
 
 FEW, PAIRS, CHECKED = 1000, 6000, 30_000  # pairs of directions that guide the search, judge it, and measure its end
 HALF_DIFFERENCE = (45, 30, 24)  # nodes of theta_h, theta_d, phi_d where a table is laid out anew
+AT_ONCE = 8192
 MOST_TURNS = 8  # azimuths of the light over which an anisotropic table is averaged
 TIGHTER = (0.97, 0.85, 0.6, 0.3)  # of the tolerance: targets of the search, until the measured error is within it
 
@@ -54,7 +55,7 @@ def reduce_table(
         )
     truth = as_material(whole)
     few, pairs, check = (scene.pairs(n) for n in (FEW, PAIRS, CHECKED))
-    rough, f, checked = (np.asarray(evaluate(truth, p.wi, p.wo)).reshape(p.of.size, -1) for p in (few, pairs, check))
+    rough, f, checked = (_values(truth, p.wi, p.wo) for p in (few, pairs, check))
     if not (np.isfinite(f).all() and np.isfinite(checked).all()):
         raise GonioError(
             f"{table.name or 'the table'} does not answer for all directions that the scene sees (an in-plane table "
@@ -68,7 +69,7 @@ def reduce_table(
             break
         base, kept, grey = found
         reduced = _built(whole, base, kept, grey)
-        again = np.asarray(evaluate(as_material(reduced), check.wi, check.wo)).reshape(check.of.size, -1)
+        again = _values(as_material(reduced), check.wi, check.wo)
         error = check.error(np.broadcast_to(again, checked.shape), checked)
         if error <= tolerance:
             counts = (table.layout.size * len(table.channels), reduced.layout.size * len(reduced.channels))
@@ -79,6 +80,16 @@ def reduce_table(
         f"no smaller table than {table.name or 'this one'} is within {100 * tolerance:g} % of it in the scene "
         f"'{scene.name}'; allow a larger tolerance, or keep the table"
     )
+
+
+def _values(material, wi: Direction, wo: Direction) -> np.ndarray:
+    """f (n, C) of any number of pairs by calls of one size: a size of its own for each would compile once more."""
+    n, parts = wi.z.size, []
+    for start in range(0, n, AT_ONCE):
+        at = np.minimum(np.arange(start, start + AT_ONCE), n - 1)
+        f = evaluate(material, *(Direction(*(np.asarray(c)[at] for c in w)) for w in (wi, wo)))
+        parts.append(np.asarray(f).reshape(AT_ONCE, -1)[: n - start])
+    return np.concatenate(parts)
 
 
 def _bytes(table: Table) -> int:
@@ -154,7 +165,7 @@ def _sampled(truth, grid: Layout, done, turns, mirrored: bool = False, swapped: 
         for mirror in (1, -1) if mirrored else (1,):
             a, b = (rotate_z(Direction(w.x, mirror * w.y, w.z), np.cos(phi), np.sin(phi)) for w in (wi, wo))
             for one, other in ((a, b), (b, a)) if swapped else ((a, b),):
-                total, number = total + np.asarray(evaluate(truth, one, other)), number + 1
+                total, number = total + _values(truth, one, other), number + 1
     f = (total / number).reshape(*grid.shape, -1)
     valid = np.broadcast_to(above.reshape(*grid.shape, 1), f.shape)
     return Base(grid, f, valid, done)

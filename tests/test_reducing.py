@@ -7,6 +7,7 @@ from test_selection import ONE, table_of
 from gonio.data import layout as layouts
 from gonio.data.scene import Range, Scene
 from gonio.data.tabulated import as_material
+from gonio.fitting import reducing
 from gonio.fitting.reducing import reduce_table
 from gonio.fitting.thinning import Base, Thinning
 from gonio.models.errors import GonioError
@@ -19,6 +20,14 @@ WHOLE_ROUND = layouts.spherical(
     THETA[::2], np.radians(np.arange(0, 360, 45.0)), THETA[::2], np.radians(np.arange(0, 360, 22.5))
 )
 SUN = Scene("sun", 0.05, (Range((0.9, 1.2), ROUND_ABOUT, 1.0),), (Range((0.0, 1.2), ROUND_ABOUT, 1.0),))
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    """Fewer directions and coarser grids to start from: the rules are the same."""
+    monkeypatch.setattr(reducing, "PAIRS", 2500)
+    monkeypatch.setattr(reducing, "CHECKED", 9000)
+    monkeypatch.setattr(reducing, "HALF_DIFFERENCE", (18, 12, 8))
 
 
 def error_of(reduced, whole, scene):
