@@ -26,29 +26,40 @@ ROUNDING = 4 * float(np.finfo(np.float32).eps)
 """Tables may be stored in single precision."""
 
 
+def reciprocal_pairs(table: Table) -> tuple[Pairs, float, str] | None:
+    """(pairs that should be equal, relative error of the partners, how they were found), below `THETA_MAX`.
+
+    None where the layout stores one value for both.
+    """
+    layout = table.layout
+    if table.interpolant is not None:
+        return warped_pairs(table, THETA_MAX)
+    if not layout.gridded:
+        return scattered_pairs(table, THETA_MAX, swap=True)
+    nodes = [] if layout.name == "in_plane" else reciprocal_nodes(layout)
+    if nodes is None:
+        return None
+    pairs, how = paired(table, nodes, THETA_MAX), "measured pairs"
+    if folded(layout):
+        how += ", taking the surface as mirror symmetric, as azimuth differences stop at 180°"
+    if one_light_azimuth(layout):
+        how += ", taking the surface as isotropic, as the light has one azimuth"
+    if len(pairs.a) < max(FEWEST, 0.01 * pairs.eligible) and layout.name != "in_plane":
+        return interpolated_pairs(table, THETA_MAX)
+    return pairs, 0.0, how
+
+
 def table_reciprocity(table: Table, tolerance: float, level: float = LEVEL) -> Property:
     """Reciprocity of a table; not applicable where its layout stores one value for both directions.
 
     `level`: chance of calling an honest table significantly wrong, where uncertainties are stored.
     """
-    layout = table.layout
-    if table.interpolant is not None:
-        pairs, error, how = warped_pairs(table, THETA_MAX)
-    elif not layout.gridded:
-        pairs, error, how = scattered_pairs(table, THETA_MAX, swap=True)
-    else:
-        nodes = [] if layout.name == "in_plane" else reciprocal_nodes(layout)
-        if nodes is None:
-            return not_applicable(
-                "reciprocity", tolerance, "Not testable: the layout stores one value for phi_d and phi_d + 180°."
-            )
-        pairs, error, how = paired(table, nodes, THETA_MAX), 0.0, "measured pairs"
-        if folded(layout):
-            how += ", taking the surface as mirror symmetric, as azimuth differences stop at 180°"
-        if one_light_azimuth(layout):
-            how += ", taking the surface as isotropic, as the light has one azimuth"
-        if len(pairs.a) < max(FEWEST, 0.01 * pairs.eligible) and layout.name != "in_plane":
-            pairs, error, how = interpolated_pairs(table, THETA_MAX)
+    found = reciprocal_pairs(table)
+    if found is None:
+        return not_applicable(
+            "reciprocity", tolerance, "Not testable: the layout stores one value for phi_d and phi_d + 180°."
+        )
+    pairs, error, how = found
     sign = np.sign(np.round(pairs.angles[:, 0] - pairs.angles[:, 2], 9))
     return judged("reciprocity", pairs, sign, error, how, tolerance, level, "f(wi, wo) and f(wo, wi)")
 
