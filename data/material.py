@@ -93,7 +93,8 @@ def _channels_of(brdf: AbstractBRDF) -> Channels:
     return Channels.grey() if count is None else Channels.of_count(count)
 
 
-def _is_material_file(path: Path) -> bool:
+def is_material_file(path: Path) -> bool:
+    """Whether a file holds a material rather than a table."""
     if path.suffix.lower() == ".toml":
         return True
     if not path.is_file():
@@ -106,7 +107,7 @@ def _is_material_file(path: Path) -> bool:
 
 
 def _from_file(path: Path) -> Material:
-    if _is_material_file(path):
+    if is_material_file(path):
         return read_material(path)
     # Tables drag in the readers of every format; a material that is a model does without them.
     from gonio.data.reading import read

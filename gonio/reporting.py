@@ -1,22 +1,21 @@
-"""`report`: tables, fits, checks and pictures in one self-contained page."""
+"""`report`: tables, fits, checks and pictures in one self-contained page, and every value of it beside the page."""
 
+import contextlib
+import json
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from gonio.certificate import Certificate
 from gonio.data.files import new_file, refuse_existing, refuse_input
-from gonio.data.material import Material, load_material
-from gonio.data.table import Channels, Table
-from gonio.fitting.result import FitResult
-from gonio.models.base import AbstractBRDF
 from gonio.models.errors import GonioError
-from gonio.models.evaluate import channel_count
-from gonio.report_data import Subject
-from gonio.report_page import page
+from gonio.reports.drawn import Drawn
+from gonio.reports.subject import Subject, fit_of, pair, subject_of, told_apart
 
 MOST_SUBJECTS = 50
+ENDINGS = (".html", ".htm")
 
 
 def report(
@@ -24,18 +23,25 @@ def report(
     output: str | os.PathLike | None = None,
     *,
     fits: Sequence[Any] = (),
-    certificates: Sequence[Certificate] | None = None,
+    certificates: Sequence[Certificate | None] | None = None,
     check: bool = True,
+    against: Any = None,
+    chart: str | os.PathLike | None = None,
+    figures: str | os.PathLike | None = None,
     title: str = "BRDF report",
     command: str | None = None,
     force: bool = False,
 ) -> Path | str:
-    """A page about tables and models: verdicts, lobes, maps, albedo, residuals, certificates, provenance.
+    """A page about tables and models: verdicts first, lobes, maps, albedo, residuals, provenance.
 
     `subjects`: tables, materials, models, or what names them (files, reference materials, spellings). `fits`: fit
-    results, or fitted materials and their files; each goes to the table that it names, else in order. `certificates`:
-    one for each subject, made here where they are not given and `check` is true. `command` is shown as the way to make
-    the page again. Returns the path of the page written to `output`, or its text where `output` is None.
+    results, or fitted materials and their files; each goes to the table that it names. `certificates`: one for each
+    subject (None: make it), made here where they are not given and `check` is true, then with agreement with `against`,
+    a stated truth, if there is one. `chart`: a folder that `gonio chart` wrote, whose charts back the settings.
+    `figures`: a folder for every figure as SVG and PNG. `command` is shown as the way to make the page again.
+
+    Beside the page (OUT.html) stands OUT.json with every value on it. Returns the path of the page written to `output`,
+    or its text where `output` is None. Nothing is written before all is made.
 
     Raises GonioError for what cannot be read, an existing output (unless `force`), and an output that is an input.
     """
@@ -46,79 +52,93 @@ def report(
         raise GonioError(
             f"A page holds at most {MOST_SUBJECTS} subjects and {len(given)} were given; make several pages."
         )
-    if output is not None:
-        refuse_existing(output, force)
-        refuse_input(output, *(g for g in [*given, *fits] if isinstance(g, str | os.PathLike)))
-    shown = [_subject(g, number) for number, g in enumerate(given)]
-    _pair(shown, [_fit(f) for f in fits])
-    for k, s in enumerate(shown):
-        if certificates is not None:
-            s.certificate = certificates[k]
-        elif check:
-            from gonio.checking import check as judge
+    if certificates is not None and len(certificates) != len(given):
+        raise GonioError(f"{len(certificates)} certificates came for {len(given)} subjects; give one each, or None.")
+    values = None if output is None else _outputs(output, [*given, *fits, against], force)
+    if figures is not None:
+        _refuse_figures(figures)
+    shown = [subject_of(g, number) for number, g in enumerate(given)]
+    pair(shown, [fit_of(f) for f in fits])
+    told_apart(shown)
+    charts = []
+    if chart is not None:
+        from gonio.reports.chart_folder import charts_of
 
-            s.certificate = judge(s.table if s.table is not None else s.material or s.brdf, name=s.name)
-    text = page(shown, title, command)
+        charts = charts_of(chart)
+    _certify(shown, certificates, check, against)
+    from gonio.reports.document import assembled
+    from gonio.reports.page import page
+
+    document, drawn, spheres = assembled(shown, title, command, charts)
+    text = page(document, drawn, spheres, charts, None if values is None else values.name)
+    if figures is not None:
+        _write_figures(Path(figures), drawn, shown, force)
     if output is None:
         return text
-    with new_file(output, force) as path:
+    with new_file(output, force) as path, new_file(values, force) as beside:
         path.write_text(text, encoding="utf-8")
+        beside.write_text(
+            json.dumps(document, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n", encoding="utf-8"
+        )
     return Path(output)
 
 
-def _subject(given: Any, number: int) -> Subject:
-    if isinstance(given, Table):
-        return Subject(given.name or "table", given.channels, table=given, number=number)
-    if isinstance(given, AbstractBRDF):
-        count = channel_count(given)
-        channels = Channels.grey() if count is None else Channels.of_count(count)
-        return Subject(type(given).__name__, channels, brdf=given, number=number)
-    if isinstance(given, str | os.PathLike):
-        given = load_material(given)
-    if not isinstance(given, Material):
-        raise GonioError(
-            f"A {type(given).__name__} cannot be reported on; give a table, a material, a model or a file."
-        )
-    if given.spelling is None and given.meta.get("file"):
-        from gonio.data.reading import read
-
-        table = read(given.meta["file"])
-        return Subject(table.name or given.name, table.channels, table=table, number=number)
-    return Subject(given.name, given.channels, brdf=given.brdf, material=given, number=number)
+def _outputs(output: str | os.PathLike, inputs: Sequence[Any], force: bool) -> Path:
+    """The file of values beside the page, both of them free to be written."""
+    path = Path(output)
+    values = path.with_suffix(".json")
+    files = [g for g in inputs if isinstance(g, str | os.PathLike)]
+    refuse_existing(path, force)
+    refuse_input(path, *files)
+    if path.suffix.lower() not in ENDINGS:
+        raise GonioError(f"{path} is no name of a page; end it in .html (its values go to {values.name} beside it)")
+    refuse_existing(values, force)
+    refuse_input(values, *files)
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise GonioError(f"the folder {folder} of {path} does not exist; make it first")
+    if not os.access(folder, os.W_OK):
+        raise GonioError(f"{path} cannot be written (Permission denied); choose a folder you may write to")
+    return values
 
 
-def _fit(given: Any) -> FitResult | Material:
-    if isinstance(given, FitResult):
-        return given
-    material = given if isinstance(given, Material) else load_material(given)
-    if "fit" not in material.meta:
-        raise GonioError(f"{material.name} is not a fitted material; give one that 'gonio fit' wrote.")
-    return material
+def _refuse_figures(folder: str | os.PathLike) -> None:
+    if Path(folder).exists() and not Path(folder).is_dir():
+        raise GonioError(f"{folder} is a file; name a folder for the figures")
+    if not Path(folder).absolute().parent.is_dir():
+        raise GonioError(f"the folder {Path(folder).absolute().parent} of {folder} does not exist; make it first")
 
 
-def _pair(shown: list[Subject], fits: list[FitResult | Material]) -> None:
-    tables = [s for s in shown if s.table is not None]
-    if len(fits) > len(tables):
-        raise GonioError(f"{len(fits)} fits came for {len(tables)} tables; give each table at most one fit.")
-    left = []
-    for fit in fits:
-        named = fit.table if isinstance(fit, FitResult) else fit.meta["fit"].get("table")
-        mine = next((s for s in tables if s.name == named and s.fitted is None), None)
-        if mine is None:
-            left.append(fit)
-        else:
-            _give(mine, fit)
-    for fit in left:
-        _give(next(s for s in tables if s.fitted is None), fit)
+def _certify(shown: Sequence[Subject], certificates, check: bool, against: Any) -> None:
+    from gonio.checking import check as judge
+
+    truth = against
+    for k, s in enumerate(shown):
+        if certificates is not None and certificates[k] is not None:
+            s.certificate = certificates[k]
+        elif check and (s.table is None or s.table.counts()["valid"]):
+            s.certificate = judge(s.table if s.table is not None else s.material or s.brdf, against=truth, name=s.name)
 
 
-def _give(subject: Subject, fit: FitResult | Material) -> None:
-    if isinstance(fit, FitResult):
-        subject.fit = fit
-    else:
-        subject.fit_material = fit
-    count = channel_count(subject.fitted)
-    if count not in (None, len(subject.channels)):
-        raise GonioError(
-            f"The fit has {count} channels and {subject.name} has {len(subject.channels)}; give the fit of that table."
-        )
+def _write_figures(folder: Path, drawn: dict[str, Drawn], shown: Sequence[Subject], force: bool) -> None:
+    names = {s.anchor: f"{s.number + 1:02d}-{_safe(s.name)}" for s in shown}
+    targets = {}
+    for d in drawn.values():
+        anchor = d.id.removesuffix(f"-{d.slug}")
+        stem = f"{names.get(anchor, anchor)}-{d.slug}"
+        targets |= {f"{stem}.svg": d.picture.svg_file, f"{stem}.png": d.picture.png}
+    for name in targets:
+        refuse_existing(folder / name, force)
+    made = {name: write() for name, write in targets.items()}
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise GonioError(f"{folder} cannot be made ({error.strerror}); name another folder for the figures") from None
+    with contextlib.ExitStack() as stack:
+        for name, data in made.items():
+            stack.enter_context(new_file(folder / name, force)).write_bytes(data)
+
+
+def _safe(name: str) -> str:
+    """A part of a file's name that every system takes."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._")[:60] or "subject"

@@ -8,7 +8,7 @@ import pytest
 from gonio.figures.albedo import AlbedoCurve, albedo_figure
 from gonio.figures.hemisphere import colour_range, disc_points, hemisphere_map, on_disc
 from gonio.figures.lobes import Curve, in_plane, polar, value_range
-from gonio.figures.residuals import residual_histogram, residual_map
+from gonio.figures.residuals import median_grid, residual_histogram, residual_map
 from gonio.figures.style import colour_of, shades
 from gonio.figures.ticks import decades_between, sr_label
 
@@ -68,9 +68,10 @@ def test_every_picture_stands_alone():
         polar([curve], evil, log=True),
         hemisphere_map(np.ones(disc_points()[1].size), (0.1, 10.0), 30.0, evil),
         albedo_figure([AlbedoCurve(theta, 0.5 + 0 * theta, np.where(theta > 60, np.inf, 0.1), evil, "#0072B2")], evil),
-        residual_map(np.array([1.0, 40.0]), np.array([2.0, 50.0]), np.array([0.1, -0.2]), evil),
+        residual_map(*median_grid(np.array([1.0, 40.0]), np.array([2.0, 50.0]), np.array([0.1, -0.2]), True), evil),
         residual_histogram(np.array([0.1, -1.0, 9.0]), "u_f", "#0072B2", evil),
     ]
+    pictures = [p.svg() for p in pictures]
     ids = [i for p in pictures for i in re.findall(r'\sid="([^"]+)"', p)]
     assert len(ids) == len(set(ids))
     for p in pictures:

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
-from gonio.figures.style import legend_above, panel, shades, styled, svg
+from gonio.figures.style import Picture, height_for, legend_above, panel, shades, styled
 
 
 @dataclasses.dataclass(frozen=True)
@@ -18,12 +18,13 @@ class AlbedoCurve:
     label: str
     colour: str
     marker: str | None = None
+    dash: object = "-"
 
 
-def albedo_figure(curves: list[AlbedoCurve], label: str) -> str:
+def albedo_figure(curves: list[AlbedoCurve], label: str) -> Picture:
     """All curves in one panel; a band is value ± bound, and 1 is drawn as the most that can be reflected."""
     with styled():
-        fig, ax = panel()
+        fig, ax = panel(height=height_for([c.label for c in curves]))
         ax.axhline(1.0, color="#8a8a8a", lw=0.8, ls=(0, (4, 2)))
         top = 1.05
         for c in curves:
@@ -32,7 +33,7 @@ def albedo_figure(curves: list[AlbedoCurve], label: str) -> str:
                 c.theta_i, np.where(held, c.albedo - c.bound, np.nan), np.where(held, c.albedo + c.bound, np.nan),
                 color=c.colour, alpha=0.16, lw=0,
             )  # fmt: skip
-            ax.plot(c.theta_i, c.albedo, color=c.colour, marker=c.marker, ms=3, label=c.label)
+            ax.plot(c.theta_i, c.albedo, color=c.colour, ls=c.dash, marker=c.marker, ms=3, label=c.label)
             finite = c.albedo[np.isfinite(c.albedo)]
             top = max(top, 1.05 * float(finite.max())) if finite.size else top
         ax.set(xlim=(0, 90), ylim=(0, min(top, 3.0)), xlabel="θᵢ", ylabel="directional albedo")
@@ -40,7 +41,7 @@ def albedo_figure(curves: list[AlbedoCurve], label: str) -> str:
         ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.0f}°"))
         ax.grid(axis="y")
         legend_above(ax)
-        return svg(fig, label)
+        return Picture(fig, label)
 
 
 def channel_colours(colour: str, names: tuple[str, ...]) -> list[str]:

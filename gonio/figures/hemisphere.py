@@ -12,7 +12,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
-from gonio.figures.style import panel, styled, svg
+from gonio.figures.style import MARK_BLACK, MARK_WHITE, Picture, panel, styled
 from gonio.figures.ticks import decades_between, sr_label
 
 SIDE = 121
@@ -50,7 +50,7 @@ def colour_range(values: np.ndarray, decades: float = 6.0) -> tuple[float, float
     return (low, high) if high / low > 1.2 else (low / 1.1, high * 1.1)
 
 
-def hemisphere_map(values: np.ndarray, scale: tuple[float, float], theta_i: float, label: str) -> str:
+def hemisphere_map(values: np.ndarray, scale: tuple[float, float], theta_i: float, label: str) -> Picture:
     """One map of pixels: `values`, 1/sr, at the points of `disc_points`; theta_i in degrees for the marks."""
     inside, _, _ = disc_points()
     image = np.full(inside.shape, np.nan)
@@ -65,7 +65,7 @@ def hemisphere_map(values: np.ndarray, scale: tuple[float, float], theta_i: floa
         fig, ax = panel(SIZE, SIZE)
         ax.imshow(rgba, extent=(-1, 1, -1, 1), interpolation="none")
         _furniture(ax, theta_i)
-        return svg(fig, label)
+        return Picture(fig, label)
 
 
 def hemisphere_dots(
@@ -75,7 +75,7 @@ def hemisphere_dots(
     scale: tuple[float, float],
     theta_i: float,
     label: str,
-) -> str:
+) -> Picture:
     """One map of readings, each a dot where it was measured; radians, 1/sr."""
     low, high = (math.log10(s) for s in scale)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -89,11 +89,11 @@ def hemisphere_dots(
         ax.scatter(x[~positive], y[~positive], color="#9a9a9a", **kind)
         ax.scatter(x[positive], y[positive], c=np.clip(level[positive], 0, 1), cmap=MAP, vmin=0, vmax=1, **kind)
         _furniture(ax, theta_i, dark=True)
-        return svg(fig, label)
+        return Picture(fig, label)
 
 
 def _furniture(ax: Axes, theta_i: float, dark: bool = False) -> None:
-    line = "#9a9a9a" if dark else "white"
+    line = "#9a9a9a" if dark else MARK_WHITE
     ax.set_aspect("equal")
     ax.axis("off")
     ax.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2))
@@ -106,14 +106,14 @@ def _furniture(ax: Axes, theta_i: float, dark: bool = False) -> None:
         ax.text(x, y, text, ha="center", va="center", fontsize=8.5)
     t = math.radians(theta_i)
     (light, _), (mirror, _) = (on_disc(np.array(t), np.array(p)) for p in (0.0, math.pi))
-    edge = {"mec": "black", "zorder": 5, "ls": "none"}
-    ax.plot(light, 0, "o", ms=6.5, mfc="white", mew=0.9, **edge)
-    ax.plot(mirror, 0, "+", ms=9, mew=2.6, mec="white", zorder=5)
-    ax.plot(mirror, 0, "+", ms=8, mew=1.0, mec="black", zorder=6)
+    edge = {"mec": MARK_BLACK, "zorder": 5, "ls": "none"}
+    ax.plot(light, 0, "o", ms=6.5, mfc=MARK_WHITE, mew=0.9, **edge)
+    ax.plot(mirror, 0, "+", ms=9, mew=2.6, mec=MARK_WHITE, zorder=5)
+    ax.plot(mirror, 0, "+", ms=8, mew=1.0, mec=MARK_BLACK, zorder=6)
     ax.set_title(f"θᵢ = {theta_i:g}°", pad=1)
 
 
-def colour_bar(scale: tuple[float, float], label: str) -> str:
+def colour_bar(scale: tuple[float, float], label: str) -> Picture:
     """The one colour bar of a row of maps: f, 1/sr, logarithmic."""
     low, high = (math.log10(s) for s in scale)
     ticks = decades_between(*scale)
@@ -130,4 +130,4 @@ def colour_bar(scale: tuple[float, float], label: str) -> str:
         ax.set_yticks([])
         ax.spines[["left", "bottom"]].set_visible(False)
         ax.set_xlabel("f / sr⁻¹")
-        return svg(fig, label)
+        return Picture(fig, label)

@@ -17,7 +17,7 @@ INCIDENCES = [0.0, 30.0, 60.0, 80.0]
 
 def lobe_picture(brdf: AbstractBRDF, title: str, output: str | os.PathLike, force: bool = False) -> Path:
     """Writes the picture; its kind by the ending. Raises GonioError for another ending, or an existing file."""
-    from gonio.report_data import model_views, plane_angles
+    from gonio.reports.views import model_views, plane_angles
 
     path = Path(output)
     if path.suffix.lower() not in KINDS:

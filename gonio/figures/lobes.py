@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Wedge
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
-from gonio.figures.style import FAINT, INK, RULE, legend_above, panel, styled, svg
+from gonio.figures.style import FAINT, INK, RULE, Picture, height_for, legend_above, panel, styled
 from gonio.figures.ticks import decades_between, log_axis, sr_label
 
 DECADES = 6
@@ -33,10 +33,10 @@ class Curve:
     """Degrees; polar diagrams draw the incoming ray."""
 
 
-def in_plane(curves: list[Curve], label: str, log: bool, y_label: str = "f / sr⁻¹") -> str:
+def in_plane(curves: list[Curve], label: str, log: bool, y_label: str = "f / sr⁻¹") -> Picture:
     """f against the signed outgoing angle; `label` is the alternative text."""
     with styled():
-        fig, ax = panel()
+        fig, ax = panel(height=height_for([c.label for c in curves]))
         for c in curves:
             _draw(ax, c.theta_o, c.f, c)
         if log:
@@ -46,7 +46,7 @@ def in_plane(curves: list[Curve], label: str, log: bool, y_label: str = "f / sr�
         angle_axis(ax)
         ax.set_ylabel(y_label)
         legend_above(ax)
-        return svg(fig, label)
+        return Picture(fig, label)
 
 
 def _linear_axis(ax: Axes, curves: list[Curve]) -> None:
@@ -87,12 +87,12 @@ def _draw(ax: Axes, x: np.ndarray, y: np.ndarray, c: Curve) -> None:
         ax.plot(x, y, color=c.colour, ls=c.dash, label=c.label)
 
 
-def polar(curves: list[Curve], label: str, log: bool) -> str:
+def polar(curves: list[Curve], label: str, log: bool) -> Picture:
     """The lobes as they leave the surface: radius is f, or its logarithm above the smallest ring."""
     with styled():
         fig, ax = panel()
         draw_polar(ax, curves, log)
-        return svg(fig, label)
+        return Picture(fig, label)
 
 
 def draw_polar(ax: Axes, curves: list[Curve], log: bool) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.colors import CenteredNorm
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
-from gonio.figures.style import panel, styled, svg
+from gonio.figures.style import INK, Picture, panel, styled
 from gonio.fitting.residual_maps import bins, grouped_median
 
 BINS = 30
@@ -16,15 +16,28 @@ NAMES = {
 }
 
 
-def residual_map(
-    across: np.ndarray, up: np.ndarray, relative: np.ndarray, label: str, axes: tuple[str, str] = ("theta_h", "theta_d")
-) -> str:
-    """Median of (model − reading)/|reading| over two angles in degrees; the half angle on a square-root scale."""
-    root = axes[0] == "theta_h"
+def median_grid(
+    across: np.ndarray, up: np.ndarray, relative: np.ndarray, root: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(edges across, edges up, medians): of (model − reading)/|reading|, %, by two angles, degrees; NaN where empty.
+
+    `root`: the first angle in even steps of its square root.
+    """
     even = np.linspace(0, 90, BINS + 1)
     x_edges = np.linspace(0, np.sqrt(90), BINS + 1) ** 2 if root else even
     cell = bins(across, x_edges) * BINS + bins(up, even)
-    medians = grouped_median(cell, 100 * relative, BINS * BINS).reshape(BINS, BINS)
+    return x_edges, even, grouped_median(cell, 100 * relative, BINS * BINS).reshape(BINS, BINS)
+
+
+def residual_map(
+    x_edges: np.ndarray,
+    even: np.ndarray,
+    medians: np.ndarray,
+    label: str,
+    axes: tuple[str, str] = ("theta_h", "theta_d"),
+) -> Picture:
+    """The medians of `median_grid` in colour; the half angle on a square-root scale."""
+    root = axes[0] == "theta_h"
     finite = np.abs(medians[np.isfinite(medians)])
     limit = float(np.clip(np.percentile(finite, 95), 0.01, 100)) if finite.size else 1.0
     with styled():
@@ -36,6 +49,7 @@ def residual_map(
         bar = fig.colorbar(mesh, ax=ax, pad=0.02, aspect=28, extend="both")
         bar.set_label("median of (model − reading)/|reading|, %")
         bar.outline.set_visible(False)
+        bar.solids.set_rasterized(True)
         if root:
             ax.xaxis.set_major_locator(FixedLocator(np.sqrt([0, 1, 5, 15, 30, 50, 75])))
             ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v * v:.0f}°"))
@@ -43,23 +57,29 @@ def residual_map(
             axis.set_major_locator(FixedLocator(range(0, 91, 15)))
             axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.0f}°"))
         ax.set(xlabel=NAMES[axes[0]], ylabel=NAMES[axes[1]])
-        return svg(fig, label)
+        return Picture(fig, label)
 
 
-def residual_histogram(values: np.ndarray, unit: str, colour: str, label: str) -> str:
+def residual_histogram(values: np.ndarray, unit: str, colour: str, label: str) -> Picture:
     """How residuals are distributed; with `unit` "u_f" beside the standard normal that noise alone would give."""
     in_sigma = unit == "u_f"
-    limit = 5.0 if in_sigma else max(float(np.percentile(np.abs(values), 98)), 1e-12)
-    edges = np.linspace(-limit, limit, 61)
-    counts = np.histogram(values, edges)[0] / max(values.size, 1) / np.diff(edges)
+    edges, counts = shares(values, in_sigma)
+    limit = edges[-1]
     with styled():
         fig, ax = panel()
         ax.stairs(counts, edges, fill=True, color=colour, alpha=0.55)
         if in_sigma:
             x = np.linspace(-5, 5, 201)
-            ax.plot(x, np.exp(-x * x / 2) / np.sqrt(2 * np.pi), color="#222222", lw=1.1, label="noise alone")
+            ax.plot(x, np.exp(-x * x / 2) / np.sqrt(2 * np.pi), color=INK, lw=1.1, label="noise alone")
             ax.legend(loc="upper right")
         ax.set(xlim=(-limit, limit), ylabel="share of readings per unit", ylim=(0, None))
         ax.set_xlabel("(model − reading) / u(f)" if in_sigma else "(model − reading)/reading, %")
         ax.grid(axis="y")
-        return svg(fig, label)
+        return Picture(fig, label)
+
+
+def shares(values: np.ndarray, in_sigma: bool) -> tuple[np.ndarray, np.ndarray]:
+    """(edges, share of the values per unit in each bin) over ±5 uncertainties, or over 98 % of the sizes."""
+    limit = 5.0 if in_sigma else max(float(np.percentile(np.abs(values), 98)), 1e-12)
+    edges = np.linspace(-limit, limit, 61)
+    return edges, np.histogram(values, edges)[0] / max(values.size, 1) / np.diff(edges)

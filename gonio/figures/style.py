@@ -4,16 +4,18 @@ A panel is about 350 px wide, so that its text stays readable on a telephone; pa
 """
 
 import contextlib
+import dataclasses
 import html
 import io
 import re
 import threading
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
@@ -23,6 +25,9 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4
 DASHES = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.5, 1.2, 1.5)), (0, (9, 2)))
 MARKERS = ("o", "s", "^", "D", "v")
 INK, FAINT, RULE = "#222222", "#6b6b6b", "#dcdcdc"
+MARK_WHITE, MARK_BLACK = "#fefefe", "#010101"
+"""Of marks on coloured maps, which look the same on a dark page."""
+
 WIDTH, HEIGHT = 4.9, 3.55  # inches of 72 units each: 353 by 256
 
 _RC = {
@@ -34,6 +39,7 @@ _RC = {
     "font.size": 9.5,
     "axes.titlesize": 10,
     "axes.labelsize": 9.5,
+    "text.color": INK,
     "axes.edgecolor": "#8a8a8a",
     "axes.labelcolor": INK,
     "axes.linewidth": 0.7,
@@ -71,9 +77,9 @@ def styled() -> Iterator[None]:
 
 def panel(width: float = WIDTH, height: float = HEIGHT) -> tuple[Figure, Axes]:
     """A figure of one axes, inches; only inside `styled`."""
-    fig = Figure(figsize=(width, height), layout="constrained")
+    fig = Figure(figsize=(width, height), layout="constrained", facecolor="none")
     fig.get_layout_engine().set(w_pad=0.03, h_pad=0.03)
-    return fig, fig.add_subplot()
+    return fig, fig.add_subplot(facecolor="none")
 
 
 def mix(colour: str, other: str, share: float) -> str:
@@ -93,14 +99,51 @@ def colour_of(number: int) -> tuple[str, object]:
     return PALETTE[number % len(PALETTE)], DASHES[number // len(PALETTE) % len(DASHES)]
 
 
+def legend_columns(labels: Sequence[str]) -> int:
+    """How many columns of a legend fit a panel."""
+    longest = max(map(len, labels), default=1)
+    return max(1, min(len(labels), 4, 62 // (longest + 6)))
+
+
+def height_for(labels: Sequence[str]) -> float:
+    """Inches of a panel with a legend of these labels above it."""
+    shown = [label for label in labels if not label.startswith("_")]
+    rows = -(-len(shown) // legend_columns(shown)) if shown else 0
+    return HEIGHT + 0.19 * max(0, rows - 2)
+
+
 def legend_above(ax: Axes, columns: int | None = None, **kwargs) -> None:
     """A legend in rows above the axes, where it cannot hide a curve."""
     handles, labels = ax.get_legend_handles_labels()
     if handles:
         ax.legend(
-            handles, labels, loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncols=columns or min(len(labels), 4),
+            handles, labels, loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncols=columns or legend_columns(labels),
             handlelength=1.9, handletextpad=0.5, columnspacing=1.3, borderaxespad=0.2, **kwargs,
         )  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Picture:
+    """A drawn figure with its alternative text, to be put on a page or into files."""
+
+    figure: Figure
+    label: str
+
+    def svg(self) -> str:
+        """An inline SVG element."""
+        with styled():
+            return svg(self.figure, self.label)
+
+    def svg_file(self) -> bytes:
+        """An SVG file of its own."""
+        return self.svg().replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1).encode()
+
+    def png(self, dpi: int = 200) -> bytes:
+        """A PNG file, on white."""
+        data = io.BytesIO()
+        with styled():
+            FigureCanvasAgg(self.figure).print_figure(data, format="png", dpi=dpi, facecolor="white")
+        return data.getvalue()
 
 
 def svg(fig: Figure, label: str) -> str:

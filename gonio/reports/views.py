@@ -1,54 +1,29 @@
 """What a report shows of one subject, as numbers: slices, maps, albedo, residuals. The figures draw nothing else."""
 
 import dataclasses
+import itertools
 from typing import Any
 
 import numpy as np
 
-from gonio.certificate import Certificate
 from gonio.data.flags import Flag
-from gonio.data.material import Material
-from gonio.data.table import Channels, Table
+from gonio.data.table import Table
+from gonio.figures.half_angles import slice_pairs
 from gonio.figures.hemisphere import disc_points
+from gonio.figures.lobe3d import mesh_angles
+from gonio.figures.spheres import sphere_pairs
 from gonio.fitting.pair_angles import PairAngles, pair_angles
-from gonio.fitting.result import FitResult
 from gonio.models.base import AbstractBRDF
 from gonio.models.evaluate import evaluate
 from gonio.models.geometry import Direction
 
 INCIDENCES = (0.0, 30.0, 60.0, 80.0)
 MAP_INCIDENCES = (30.0, 60.0)
+COMPARED = (30.0, 60.0)
 OFF_PLANE = 2.5  # degrees within which a scattered sample counts as in the plane
 NEAR_INCIDENCE = 1.0
 MOST_POINTS = 400
 RESIDUALS = 1 << 16
-
-
-@dataclasses.dataclass
-class Subject:
-    """A table or a model in a report: its channel that is drawn, its fit, its certificate, and its place in colour."""
-
-    name: str
-    channels: Channels
-    brdf: AbstractBRDF | None = None
-    table: Table | None = None
-    material: Material | None = None
-    fit: FitResult | None = None
-    fit_material: Material | None = None
-    certificate: Certificate | None = None
-    number: int = 0
-
-    @property
-    def shown(self) -> int:
-        """The channel that the pictures show: the middle one."""
-        return len(self.channels) // 2
-
-    @property
-    def fitted(self) -> AbstractBRDF | None:
-        """The model fitted to the table, if one was given."""
-        if self.fit is not None:
-            return self.fit.brdf
-        return None if self.fit_material is None else self.fit_material.brdf
 
 
 def plane_angles(theta_i: float) -> np.ndarray:
@@ -64,23 +39,79 @@ def directions(theta: np.ndarray, phi: np.ndarray) -> Direction:
 
 
 def model_views(brdf: AbstractBRDF, incidences: list[float], map_incidences: list[float]) -> tuple[list, list]:
-    """(curves, maps) of a model: f, 1/sr, of shape (n, channels) in the plane and on the discs of `disc_points`.
-
-    One evaluation for everything, of one size for every subject: one compiled program a kind of model.
-    """
-    _, disc_theta, disc_phi = disc_points()
-    parts, sizes = [], []
-    for theta_i in incidences:
-        signed = np.radians(plane_angles(theta_i))
-        parts.append((np.full_like(signed, np.radians(theta_i)), np.abs(signed), np.where(signed >= 0, np.pi, 0.0)))
-        sizes.append(signed.size)
-    for theta_i in map_incidences:
-        parts.append((np.full_like(disc_theta, np.radians(theta_i)), disc_theta, disc_phi))
-        sizes.append(disc_theta.size)
-    t_i, t_o, phi = (np.concatenate(c) for c in zip(*parts, strict=True))
-    f = np.asarray(evaluate(brdf, directions(t_i, np.zeros_like(t_i)), directions(t_o, phi)))
-    pieces = np.split(f.reshape(t_i.size, -1), np.cumsum(sizes)[:-1])
+    """(curves, maps) of a model: f, 1/sr, of shape (n, channels) in the plane and on the discs of `disc_points`."""
+    parts = [_plane(t) for t in incidences] + [_disc(t) for t in map_incidences]
+    pieces = _evaluated(brdf, parts)
     return pieces[: len(incidences)], pieces[len(incidences) :]
+
+
+@dataclasses.dataclass(frozen=True)
+class Views:
+    """What a BRDF shows wherever it is looked at: f, 1/sr, each of shape (n, channels)."""
+
+    curves: list[np.ndarray]
+    """In the plane, at `plane_angles` of each incidence."""
+    compared: list[np.ndarray]
+    """The same at `COMPARED`, where subjects stand side by side."""
+    maps: list[np.ndarray]
+    meshes: list[np.ndarray]
+    """At `mesh_angles` of each incidence."""
+    slice: np.ndarray
+    """At `slice_pairs`."""
+    spheres: list[tuple[np.ndarray, np.ndarray]]
+    """For each of `LIGHTS`: f at the pixels of a sphere, and cos theta_i there."""
+
+
+def views(brdf: AbstractBRDF, incidences: list[float], map_incidences: list[float]) -> Views:
+    """All of it by one evaluation, of one size for every subject: one compiled program a kind of model."""
+    incidences = [*incidences, *[incidences[-1]] * (len(INCIDENCES) - len(incidences))]
+    maps = [*map_incidences, *[map_incidences[-1]] * (len(MAP_INCIDENCES) - len(map_incidences))]
+    parts = [_plane(t) for t in (*incidences, *COMPARED)] + [_disc(t) for t in maps]
+    parts += [_mesh(t) for t in incidences]
+    parts.append(tuple(Direction(*w) for w in slice_pairs()))
+    _, eye, lights = sphere_pairs()
+    # Pixels in the shade are dark whatever the surface does.
+    lit = [light.z > 0 for light in lights]
+    parts += [
+        (Direction(*(np.where(k, c, e) for c, e in zip(w, eye, strict=True))), eye)
+        for w, k in zip(lights, lit, strict=True)
+    ]
+    pieces = _evaluated(brdf, parts)
+    n, c, m = len(incidences), len(COMPARED), len(maps)
+    spheres = [
+        (np.where(k[:, None], f, 0.0), np.where(k, light.z, 0.0))
+        for f, k, light in zip(pieces[-len(lights) :], lit, lights, strict=True)
+    ]
+    at = np.cumsum([0, n, c, m, n])
+    curves, compared, discs, meshes = (pieces[a:b] for a, b in itertools.pairwise(at))
+    return Views(curves, compared, discs, meshes, pieces[at[-1]], spheres)
+
+
+def _plane(theta_i):
+    signed = np.radians(plane_angles(theta_i))
+    return _spherical(theta_i, np.abs(signed), np.where(signed >= 0, np.pi, 0.0))
+
+
+def _disc(theta_i):
+    _, theta, phi = disc_points()
+    return _spherical(theta_i, theta, phi)
+
+
+def _mesh(theta_i):
+    theta, phi = (np.radians(a) for a in mesh_angles(theta_i))
+    return _spherical(theta_i, *(a.ravel() for a in np.meshgrid(theta, phi, indexing="ij")))
+
+
+def _spherical(theta_i, theta_o, phi):
+    t = np.full_like(theta_o, np.radians(theta_i))
+    return directions(t, np.zeros_like(t)), directions(theta_o, phi)
+
+
+def _evaluated(brdf, parts) -> list[np.ndarray]:
+    wi, wo = (Direction(*(np.concatenate(c) for c in zip(*w, strict=True))) for w in zip(*parts, strict=True))
+    f = np.asarray(evaluate(brdf, wi, wo))
+    sizes = [np.size(p[0].z) for p in parts]
+    return np.split(f.reshape(sum(sizes), -1), np.cumsum(sizes)[:-1])
 
 
 def table_incidences(table: Table, wanted: tuple[float, ...]) -> list[float]:

@@ -1,0 +1,76 @@
+"""The charts of speed against accuracy that back the settings: read from a folder that `gonio chart` wrote."""
+
+import base64
+import datetime
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from gonio.charting import CHARTS, INDEX
+from gonio.charts.points import Point, front, shown
+from gonio.data.plain import plain
+from gonio.models.errors import GonioError
+
+LARGEST = 64 << 20
+MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
+
+
+def charts_of(folder: str | os.PathLike) -> list[dict[str, Any]]:
+    """Each chart with its title, caption, picture (the address of an image) and the points that no other beats.
+
+    Raises GonioError, in one sentence, for what is no folder of charts, and for one that is damaged.
+    """
+    path = Path(folder) / INDEX
+    if not Path(folder).is_dir():
+        raise GonioError(f"{folder} is no folder; give one that 'gonio chart -o {folder}' wrote")
+    if not path.is_file():
+        raise GonioError(f"{folder} holds no {INDEX}; make it by 'gonio chart -o {folder}'")
+    try:
+        if path.stat().st_size > LARGEST:
+            raise ValueError
+        held = json.loads(path.read_text(encoding="utf-8"))["charts"]
+        found = [_chart(Path(folder), name, held[name]) for name in CHARTS if name in held]
+    except (ValueError, KeyError, AttributeError, TypeError, OSError):
+        raise GonioError(f"{path} is no list of charts; make it again by 'gonio chart -o {folder} --force'") from None
+    if not found:
+        raise GonioError(f"{path} lists no chart; make some by 'gonio chart -o {folder}'")
+    return found
+
+
+def _chart(folder: Path, name: str, held: dict) -> dict[str, Any]:
+    points = [Point(**{**p, "values": {k: float(v) for k, v in p["values"].items()}}) for p in held["points"]]
+    cost, error = held["frames"][0]
+    best = []
+    for panel in dict.fromkeys(p.panel for p in points):
+        for p in front([q for q in points if q.panel == panel], cost["key"], error["key"]):
+            best.append(
+                {
+                    "panel": p.panel, "method": p.method, "setting": p.setting, "cost": p.value(cost["key"]),
+                    "error": shown(p, error["key"]), "bound": p.value("bound"), "note": p.note,
+                }
+            )  # fmt: skip
+    return {
+        "name": name,
+        "title": str(held["title"]),
+        "about": str(held["about"]),
+        "caption": str(held["caption"]),
+        "made": datetime.datetime.fromisoformat(held["made"]).isoformat(timespec="seconds"),
+        "cost": str(cost["title"]),
+        "error": str(error["title"]),
+        "claims": any(p.holds is not None for p in points),
+        "picture": _picture(folder, name, points, str(held["caption"])),
+        "front": plain(best),
+    }
+
+
+def _picture(folder: Path, name: str, points: list[Point], caption: str) -> str:
+    # As an image, in which a browser runs no script and asks for no other file.
+    for kind, media in MEDIA.items():
+        path = folder / f"{name}.{kind}"
+        if path.is_file() and 0 < path.stat().st_size <= LARGEST:
+            return f"data:{media};base64,{base64.b64encode(path.read_bytes()).decode()}"
+    from gonio.figures.charts import written
+
+    data = written(CHARTS[name], points, caption)["svg"]
+    return f"data:{MEDIA['svg']};base64,{base64.b64encode(data).decode()}"

@@ -1,0 +1,29 @@
+"""A figure of a report: the picture, what it says, and the numbers it was drawn from."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from gonio.figures.style import Picture
+
+
+@dataclasses.dataclass
+class Drawn:
+    """A picture with its caption; `data` holds the numbers that it shows, as JSON can hold them."""
+
+    slug: str
+    caption: str
+    picture: Picture
+    data: dict[str, Any] = dataclasses.field(default_factory=dict)
+    kind: str = "panel"
+    """panel, small (some in a row), bar (a colour scale below them) or wide."""
+    id: str = ""
+
+
+def short(values: Any, digits: int = 6) -> Any:
+    """Nested lists of numbers at so many significant digits; None where there is no finite one."""
+    if isinstance(values, np.ndarray | list | tuple):
+        return [short(v, digits) for v in values]
+    value = float(values)
+    return float(f"{value:.{digits}g}") if np.isfinite(value) else None

@@ -1,0 +1,112 @@
+"""What a report says of a subject in words and numbers: facts, fit, provenance, and one sentence."""
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from gonio.cli.text import number
+from gonio.data.plain import plain
+from gonio.reports.subject import Subject
+
+MOST_TEXT = 2000
+NAMES_SAID = 8
+SPELLED = "spelled on the spot"  # the description of a material that a spelling made
+
+
+def facts(s: Subject) -> list[dict[str, Any]]:
+    """Rows of what a subject is: `name`, `value`, and `unit` where there is one."""
+    names = s.channels.names
+    listed = ", ".join(names[:NAMES_SAID]) + (", …" if len(names) > NAMES_SAID else "")
+    channels = {"name": "channels", "value": len(names), "note": listed}
+    if s.table is None:
+        return [{"name": "model", "value": spelling(s), "code": True}, channels]
+    counts = s.table.counts()
+    rows = [
+        {"name": "layout", "value": s.table.layout.name.replace("_", "/")},
+        {"name": "cells", "value": counts["cells"]},
+        channels,
+        {"name": "valid readings", "value": counts["valid"]},
+        {"name": "negative readings", "value": counts["negative"]},
+    ]
+    for flag in ("below_horizon", "shadowed", "saturated", "not_measured", "invalid"):
+        if counts[flag]:
+            rows.append({"name": flag.replace("_", " "), "value": counts[flag]})
+    for what, sr in (("source", s.table.source_solid_angle), ("receiver", s.table.receiver_solid_angle)):
+        value = "not stated" if sr is None else "a point" if sr == 0 else float(sr)
+        rows.append({"name": f"{what} solid angle"} | ({"value": value, "unit": "sr"} if sr else {"value": value}))
+    known = "yes" if s.table.u_f is not None else "no"
+    rows.append({"name": "uncertainties stored", "value": known})
+    return rows
+
+
+def spelling(s: Subject) -> str:
+    """How a model is written."""
+    from gonio.models.building import spell
+    from gonio.models.errors import GonioError
+
+    try:
+        return (s.material.spelling if s.material else None) or spell(s.brdf)
+    except GonioError:
+        return type(s.brdf).__name__
+
+
+def fit_facts(s: Subject) -> dict[str, Any] | None:
+    """Everything that a fit says of itself, with the spelling of the model; None where there is no fit."""
+    if s.fit is not None:
+        return {**plain(s.fit.to_dict()), "spelling": s.fit.spelling}
+    owner = s.fit_material or (s.material if s.table is None else None)
+    if owner is None or "fit" not in owner.meta:
+        return None
+    return {**plain(owner.meta["fit"]), "spelling": owner.spelling}
+
+
+def provenance(s: Subject) -> list[dict[str, str]]:
+    """Rows of where a subject comes from: its file with its fingerprint, then what it says of itself."""
+    rows = []
+    if s.file:
+        path = Path(s.file)
+        rows.append({"name": "file", "value": f"{path.name}, {path.stat().st_size:,} bytes"})
+        rows.append({"name": "SHA-256", "value": fingerprint(path), "code": True})
+    if s.table is None:
+        if s.material and s.material.source:
+            rows.append({"name": "source", "value": s.material.source})
+        return rows
+    for key, value in s.table.provenance.items():
+        text = _spoken(plain(value))
+        rows.append({"name": str(key), "value": text if len(text) <= MOST_TEXT else text[:MOST_TEXT] + " …"})
+    return rows
+
+
+def fingerprint(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _spoken(value: Any) -> str:
+    if isinstance(value, dict):
+        return "; ".join(f"{k.replace('_', ' ')} {_spoken(v)}" for k, v in value.items())
+    if isinstance(value, list):
+        return ", ".join(_spoken(v) for v in value)
+    return f"{value:.7g}" if isinstance(value, float) else str(value)
+
+
+def sentence(s: Subject, rows: list[dict], fit: dict | None) -> str:
+    """What there is to say first."""
+    said = []
+    if s.table is not None:
+        value = {r["name"]: r["value"] for r in rows}
+        channels = f"{value['channels']} channel{'s' * (value['channels'] > 1)}"
+        if not value["valid readings"]:
+            said.append(f"No valid reading in {value['cells']:,} cells and {channels}: nothing can be judged or drawn.")
+        else:
+            said.append(f"{value['valid readings']:,} valid readings in {channels}, layout {value['layout']}.")
+        if value["negative readings"]:
+            said.append(f"{value['negative readings']:,} readings are negative; they are kept as read.")
+    elif s.material is not None and s.material.description and s.material.description != SPELLED:
+        said.append(s.material.description.rstrip(".") + ".")
+    if fit:
+        verdict = "converged" if fit.get("converged") else f"did not converge ({fit.get('reason', 'no reason given')})"
+        rms = fit.get("metrics", {}).get("relative_rms")
+        said.append(f"The fit of {fit.get('asked', 'a model')} {verdict}, relative rms {number(rms, 3)}.")
+    return " ".join(said)
