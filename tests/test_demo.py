@@ -14,7 +14,8 @@ def test_the_demonstration_does_the_whole_job(tmp_path, monkeypatch, capsys):
     assert commands == ["measure", "fit", "check", "check", "report"]
     page = tmp_path / "here" / "report.html"
     assert out.rstrip().endswith(f"Open this page in a browser: {page}") and page.stat().st_size > 50_000
-    assert {p.name for p in (tmp_path / "here").iterdir()} == {"grey_card.h5", "grey_card.fit.toml", "report.html"}
+    files = {"grey_card.h5", "grey_card.fit.toml", "report.html", "report.json"}
+    assert {p.name for p in (tmp_path / "here").iterdir()} == files
 
 
 def test_a_file_in_the_way_is_said(tmp_path, monkeypatch, capsys):
