@@ -11,7 +11,6 @@ from gonio.figures.style import colour_of
 from gonio.reports import views
 from gonio.reports.drawn import Drawn, short
 from gonio.reports.judged_figures import albedo_series
-from gonio.reports.lobe_figures import sphere_colours
 from gonio.reports.seen import Seen
 from gonio.reports.subject import Subject
 
@@ -34,7 +33,7 @@ def together(subjects: list[Subject], seen: list[Seen]) -> list[Drawn]:
             name_and_view = next(iter(look.sources(s)[::-1]), None)
             if name_and_view is None:
                 continue
-            f = look.of(name_and_view[1].compared[k])
+            f = name_and_view[1].compared[k]
             colour, dash = colour_of(s.number)
             curves.append(Curve(views.plane_angles(theta_i), f, shortened(s.name), colour, dash))
             data.append({"subject": s.name, "channel": s.channel, "of": name_and_view[0], "f_per_sr": short(f)})
@@ -80,5 +79,5 @@ def sphere_of(s: Subject, seen: Seen) -> str | None:
     sources = seen.sources(s)
     if not sources:
         return None
-    pixels = sphere_pixels(sphere_colours(s, sources[0][1])[0])
+    pixels = sphere_pixels(sources[0][1].spheres[0])
     return "data:image/png;base64," + base64.b64encode(png(pixels)).decode()

@@ -53,11 +53,15 @@ def spelling(s: Subject) -> str:
 def fit_facts(s: Subject) -> dict[str, Any] | None:
     """Everything that a fit says of itself, with the spelling of the model; None where there is no fit."""
     if s.fit is not None:
-        return {**plain(s.fit.to_dict()), "spelling": s.fit.spelling}
-    owner = s.fit_material or (s.material if s.table is None else None)
-    if owner is None or "fit" not in owner.meta:
-        return None
-    return {**plain(owner.meta["fit"]), "spelling": owner.spelling}
+        said = {**plain(s.fit.to_dict()), "spelling": s.fit.spelling}
+    else:
+        owner = s.fit_material or (s.material if s.table is None else None)
+        if owner is None or "fit" not in owner.meta:
+            return None
+        said = {**plain(owner.meta["fit"]), "spelling": owner.spelling}
+    if isinstance(said.get("free_names"), list):
+        said["free_count"] = len(said["free_names"])
+    return said
 
 
 def provenance(s: Subject) -> list[dict[str, str]]:

@@ -10,7 +10,7 @@ from gonio.figures.lobe3d import lobe_figure, mesh_angles
 from gonio.figures.lobes import Curve, in_plane, polar
 from gonio.figures.spheres import LIGHTS, sphere_pixels, spheres_figure
 from gonio.figures.style import colour_of, shades
-from gonio.fitting.colour_difference import LINEAR_SRGB, colour_matrix
+from gonio.fitting.colour_difference import colour_matrix
 from gonio.reports import views
 from gonio.reports.drawn import Drawn, short
 from gonio.reports.seen import Seen
@@ -27,7 +27,7 @@ def plane_figures(s: Subject, seen: Seen) -> list[Drawn]:
     for k, theta_i in enumerate(seen.incidences):
         label = f"θᵢ {theta_i:.4g}°"
         if seen.model is not None:
-            angles, f = views.plane_angles(theta_i), seen.of(seen.model.curves[k])
+            angles, f = views.plane_angles(theta_i), seen.model.curves[k]
             curves.append(Curve(angles, f, label, tones[k], theta_i=theta_i))
             data["model"].append({"theta_i_deg": theta_i, "theta_o_deg": np.round(angles, 4), "f_per_sr": short(f)})
         if seen.near:
@@ -75,7 +75,7 @@ def map_figures(s: Subject, seen: Seen) -> list[Drawn]:
         kept = kept[np.linspace(0, kept.size - 1, min(kept.size, MOST_DOTS)).astype(int)] if kept.size else kept
         if kept.size:
             dots.append((theta_i, near["theta_o"][kept], near["delta_phi"][kept], f[kept]))
-    maps = [] if seen.model is None else [seen.of(m) for m in seen.model.maps[: len(seen.maps_at)]]
+    maps = [] if seen.model is None else seen.model.maps[: len(seen.maps_at)]
     if not dots and not maps:
         return []
     scale = colour_range(np.concatenate([*(d[3] for d in dots), *maps]))
@@ -112,8 +112,8 @@ def space_figures(s: Subject, seen: Seen) -> list[Drawn]:
     k = len(seen.incidences) // 2
     name, source = sources[0]
     theta, phi = mesh_angles(seen.incidences[k])
-    first = seen.of(source.meshes[k]).reshape(theta.size, phi.size)
-    positive = [f[np.isfinite(f) & (f > 0)] for _, v in sources for f in map(seen.of, v.meshes)]
+    first = source.meshes[k].reshape(theta.size, phi.size)
+    positive = [f[np.isfinite(f) & (f > 0)] for _, v in sources for f in v.meshes]
     high = max((float(f.max()) for f in positive if f.size), default=0.0)
     if not high > 0:
         return []
@@ -122,7 +122,7 @@ def space_figures(s: Subject, seen: Seen) -> list[Drawn]:
         sets = []
         for theta_i, f in zip(seen.incidences, view.meshes, strict=False):
             t, p = mesh_angles(theta_i)
-            values = short(seen.of(f).reshape(t.size, p.size), 4)
+            values = short(f.reshape(t.size, p.size), 4)
             sets.append(
                 {"theta_i_deg": theta_i, "theta_o_deg": short(t, 5), "delta_phi_deg": short(p, 5), "f_per_sr": values}
             )
@@ -138,7 +138,7 @@ def space_figures(s: Subject, seen: Seen) -> list[Drawn]:
 
 def slice_figures(s: Subject, seen: Seen) -> list[Drawn]:
     """f over half and difference angle at φd = 90°: of readings and of the model, on one colour scale."""
-    sources = [(name, seen.of(view.slice)) for name, view in seen.sources(s)]
+    sources = [(name, view.slice) for name, view in seen.sources(s)]
     if not sources or not any((f > 0).any() for _, f in sources):
         return []
     scale = colour_range(np.concatenate([f for _, f in sources]), DECADES)
@@ -156,7 +156,7 @@ def slice_figures(s: Subject, seen: Seen) -> list[Drawn]:
 
 def sphere_figures(s: Subject, seen: Seen) -> list[Drawn]:
     """Lit spheres of readings and of the model."""
-    rows = [(name, [sphere_pixels(p) for p in sphere_colours(s, view)]) for name, view in seen.sources(s)]
+    rows = [(name, [sphere_pixels(p) for p in view.spheres]) for name, view in seen.sources(s)]
     if not rows:
         return []
     colour = "in colour" if colour_matrix(s.channels) is not None else f"channel {s.channel} as grey"
@@ -166,18 +166,3 @@ def sphere_figures(s: Subject, seen: Seen) -> list[Drawn]:
     names = [(name if len(rows) > 1 else "", spheres) for name, spheres in rows]
     data = {"lights_deg": [{"from_the_eye": p, "raised": h} for p, h in LIGHTS], "rows": [n for n, _ in rows]}
     return [Drawn("spheres", caption, spheres_figure(names, f"Lit spheres of {s.name}"), data)]
-
-
-def sphere_colours(s: Subject, view: views.Views) -> list[np.ndarray]:
-    """Linear sRGB (pixels, 3) of the sphere under each light."""
-    to_xyz = colour_matrix(s.channels)
-    found = []
-    for f, cos_i in view.spheres:
-        radiance = np.pi * np.nan_to_num(f) * cos_i[:, None]
-        if to_xyz is None or radiance.shape[1] != to_xyz.shape[1]:
-            k = s.shown if radiance.shape[1] > 1 else 0
-            found.append(np.repeat(radiance[:, k : k + 1], 3, axis=1))
-            continue
-        white = LINEAR_SRGB.sum(axis=1) / to_xyz.sum(axis=1)  # equal reflectances are grey
-        found.append(radiance @ (np.linalg.inv(LINEAR_SRGB) @ (white[:, None] * to_xyz)).T)
-    return found

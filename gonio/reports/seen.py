@@ -2,8 +2,6 @@
 
 import dataclasses
 
-import numpy as np
-
 from gonio.models.errors import GonioError
 from gonio.reports import views
 from gonio.reports.subject import Subject
@@ -14,7 +12,6 @@ from gonio.reports.views import Views
 class Seen:
     """A subject's readings near some incidences (degrees), its model's views, and those of its interpolated table."""
 
-    channel: int
     incidences: list[float]
     maps_at: list[float]
     near: dict[float, dict]
@@ -23,10 +20,6 @@ class Seen:
     """Of a table: read by its own interpolation."""
     how: str
     """How that interpolates, or why it cannot."""
-
-    def of(self, f: np.ndarray) -> np.ndarray:
-        """The channel that is shown, of values (n, channels); a model without channels has one."""
-        return f[:, self.channel if f.shape[1] > 1 else 0]
 
     def sources(self, s: Subject) -> list[tuple[str, Views]]:
         """(name, views) of what can be looked at in any direction: the interpolated table, the model."""
@@ -40,19 +33,20 @@ def look(s: Subject) -> Seen:
     """Evaluates a subject for its figures."""
     if s.table is None:
         incidences, maps_at = list(views.INCIDENCES), list(views.MAP_INCIDENCES)
-        return Seen(s.shown, incidences, maps_at, {}, views.views(s.brdf, incidences, maps_at), None, "")
+        return Seen(incidences, maps_at, {}, views.views(s.brdf, s.channels, s.shown, incidences, maps_at), None, "")
     incidences = views.table_incidences(s.table, views.INCIDENCES)
     maps_at = views.table_incidences(s.table, views.MAP_INCIDENCES)
     every = sorted({*incidences, *maps_at})
     near = dict(zip(every, views.readings_near(s.table, every), strict=True))
-    model = None if s.fitted is None else views.views(s.fitted, incidences, maps_at)
+    model = None if s.fitted is None else views.views(s.fitted, s.channels, s.shown, incidences, maps_at)
     between, how = None, "readings in one plane do not cover the hemisphere"
     if s.table.layout.name != "in_plane":
         from gonio.data.tabulated import as_material, interpolation
 
         try:
-            between = views.views(as_material(s.table), incidences, maps_at)
+            table, shown = views.fewer_channels(s.table, s.shown)
+            between = views.views(as_material(table), table.channels, shown, incidences, maps_at)
             how = interpolation(s.table)
         except GonioError as error:
             how = str(error)
-    return Seen(s.shown, incidences, maps_at, near, model, between, how)
+    return Seen(incidences, maps_at, near, model, between, how)

@@ -15,7 +15,7 @@ def written(value: float, digits: int = 6) -> str:
     text = f"{value:.{digits - 1}e}"
     mantissa, exponent = text.split("e")
     power = int(exponent)
-    if -5 < power < 6:
+    if -5 < power < max(6, digits):
         return f"{float(text):.{max(0, digits - 1 - power)}f}".replace("-", "−") if power < digits else _whole(value)
     if "." in mantissa:
         mantissa = mantissa.rstrip("0").rstrip(".")

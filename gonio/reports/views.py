@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from gonio.data.flags import Flag
-from gonio.data.table import Table
+from gonio.data.table import Channels, Table
 from gonio.figures.half_angles import slice_pairs
 from gonio.figures.hemisphere import disc_points
 from gonio.figures.lobe3d import mesh_angles
 from gonio.figures.spheres import sphere_pairs
+from gonio.fitting.colour_difference import LINEAR_SRGB, colour_matrix
 from gonio.fitting.pair_angles import PairAngles, pair_angles
 from gonio.models.base import AbstractBRDF
 from gonio.models.evaluate import evaluate
@@ -20,6 +21,7 @@ from gonio.models.geometry import Direction
 INCIDENCES = (0.0, 30.0, 60.0, 80.0)
 MAP_INCIDENCES = (30.0, 60.0)
 COMPARED = (30.0, 60.0)
+MOST_CHANNELS = 24
 OFF_PLANE = 2.5  # degrees within which a scattered sample counts as in the plane
 NEAR_INCIDENCE = 1.0
 MOST_POINTS = 400
@@ -47,7 +49,7 @@ def model_views(brdf: AbstractBRDF, incidences: list[float], map_incidences: lis
 
 @dataclasses.dataclass(frozen=True)
 class Views:
-    """What a BRDF shows wherever it is looked at: f, 1/sr, each of shape (n, channels)."""
+    """What a BRDF shows wherever it is looked at: f, 1/sr, of one channel, each of shape (n,)."""
 
     curves: list[np.ndarray]
     """In the plane, at `plane_angles` of each incidence."""
@@ -58,12 +60,17 @@ class Views:
     """At `mesh_angles` of each incidence."""
     slice: np.ndarray
     """At `slice_pairs`."""
-    spheres: list[tuple[np.ndarray, np.ndarray]]
-    """For each of `LIGHTS`: f at the pixels of a sphere, and cos theta_i there."""
+    spheres: list[np.ndarray]
+    """For each of `LIGHTS`: linear sRGB (pixels, 3) of a sphere."""
 
 
-def views(brdf: AbstractBRDF, incidences: list[float], map_incidences: list[float]) -> Views:
-    """All of it by one evaluation, of one size for every subject: one compiled program a kind of model."""
+def views(
+    brdf: AbstractBRDF, channels: Channels, shown: int, incidences: list[float], map_incidences: list[float]
+) -> Views:
+    """All of it by one evaluation, of one size for every subject: one compiled program a kind of model.
+
+    `shown`: the number of the channel, among `channels`; the spheres need all of them.
+    """
     incidences = [*incidences, *[incidences[-1]] * (len(INCIDENCES) - len(incidences))]
     maps = [*map_incidences, *[map_incidences[-1]] * (len(MAP_INCIDENCES) - len(map_incidences))]
     parts = [_plane(t) for t in (*incidences, *COMPARED)] + [_disc(t) for t in maps]
@@ -71,20 +78,38 @@ def views(brdf: AbstractBRDF, incidences: list[float], map_incidences: list[floa
     parts.append(tuple(Direction(*w) for w in slice_pairs()))
     _, eye, lights = sphere_pairs()
     # Pixels in the shade are dark whatever the surface does.
-    lit = [light.z > 0 for light in lights]
-    parts += [
-        (Direction(*(np.where(k, c, e) for c, e in zip(w, eye, strict=True))), eye)
-        for w, k in zip(lights, lit, strict=True)
-    ]
+    for light in lights:
+        lit = light.z > 0
+        parts.append((Direction(*(np.where(lit, c, e) for c, e in zip(light, eye, strict=True))), eye))
     pieces = _evaluated(brdf, parts)
-    n, c, m = len(incidences), len(COMPARED), len(maps)
     spheres = [
-        (np.where(k[:, None], f, 0.0), np.where(k, light.z, 0.0))
-        for f, k, light in zip(pieces[-len(lights) :], lit, lights, strict=True)
+        _linear(np.where((light.z > 0)[:, None], f, 0.0) * light.z[:, None], channels, shown)
+        for f, light in zip(pieces[-len(lights) :], lights, strict=True)
     ]
-    at = np.cumsum([0, n, c, m, n])
-    curves, compared, discs, meshes = (pieces[a:b] for a, b in itertools.pairwise(at))
-    return Views(curves, compared, discs, meshes, pieces[at[-1]], spheres)
+    one = [f[:, shown if f.shape[1] > 1 else 0] for f in pieces]
+    at = np.cumsum([0, len(incidences), len(COMPARED), len(maps), len(incidences)])
+    curves, compared, discs, meshes = (one[a:b] for a, b in itertools.pairwise(at))
+    return Views(curves, compared, discs, meshes, one[at[-1]], spheres)
+
+
+def _linear(f_cos: np.ndarray, channels: Channels, shown: int) -> np.ndarray:
+    """Linear sRGB (n, 3) of f cosθi (n, channels), 1/sr; grey of the shown channel where they have no colour."""
+    radiance = np.pi * np.nan_to_num(f_cos)
+    to_xyz = colour_matrix(channels)
+    if to_xyz is None or radiance.shape[1] != to_xyz.shape[1]:
+        k = shown if radiance.shape[1] > 1 else 0
+        return np.repeat(radiance[:, k : k + 1], 3, axis=1)
+    white = LINEAR_SRGB.sum(axis=1) / to_xyz.sum(axis=1)  # equal reflectances are grey
+    return radiance @ (np.linalg.inv(LINEAR_SRGB) @ (white[:, None] * to_xyz)).T
+
+
+def fewer_channels(table: Table, shown: int) -> tuple[Table, int]:
+    """(table, number of the shown channel) with no more channels than pictures need: of spectra some are enough."""
+    count = len(table.channels)
+    if count <= MOST_CHANNELS or table.interpolant is not None:
+        return table, shown
+    kept = np.unique(np.append(np.linspace(0, count - 1, MOST_CHANNELS - 1).round().astype(int), shown))
+    return table.only([table.channels.names[k] for k in kept]), int(np.searchsorted(kept, shown))
 
 
 def _plane(theta_i):
