@@ -43,10 +43,13 @@ def projected(points: np.ndarray, turn: float, tilt: float) -> np.ndarray:
     return np.stack([right, z * math.cos(t) + away * math.sin(t), z * math.sin(t) - away * math.cos(t)], axis=-1)
 
 
-def lobe_figure(theta_i: float, f: np.ndarray, high: float, label: str) -> Picture:
-    """The lobe at one incidence, degrees, logarithmic; `f`, 1/sr, (theta_o, delta_phi) at `mesh_angles`."""
+def lobe_figure(theta_i: float, f: np.ndarray, high: float, log: bool, label: str) -> Picture:
+    """The lobe at one incidence, degrees, the radius logarithmic or not.
+
+    `f`, 1/sr, (theta_o, delta_phi) at `mesh_angles`.
+    """
     theta, phi = (np.radians(a) for a in mesh_angles(theta_i))
-    r = levels(f, high, log=True)
+    r = levels(f, high, log)
     # The light stands on the left: delta_phi = 0 is −x.
     unit = np.stack(
         [
@@ -78,6 +81,6 @@ def lobe_figure(theta_i: float, f: np.ndarray, high: float, label: str) -> Pictu
         ray = projected(np.array([[-math.sin(t), 0, math.cos(t)], [0, 0, 0]]), TURN, TILT)
         arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.1, "shrinkA": 0, "shrinkB": 0}
         ax.annotate("", xy=0.72 * ray[0, :2], xytext=ray[0, :2], arrowprops=arrow)
-        words = f"θᵢ = {theta_i:.4g}°, radius: log f, {DECADES:.0f} decades"
+        words = f"θᵢ = {theta_i:.4g}°, radius: " + (f"log f, {DECADES:.0f} decades" if log else "f")
         ax.text(-1.08, -0.44, words, color=FAINT, fontsize=9)
         return Picture(fig, label)

@@ -8,6 +8,8 @@ from gonio.figures.style import INK, Picture, panel, styled
 from gonio.fitting.residual_maps import bins, grouped_median
 
 BINS = 30
+ABOUT_NODES = np.concatenate([[0.0], np.arange(2.5, 88, 5.0), [90.0]])
+"""Edges of bins that have the usual nodes of a grid, every 5°, in their middle."""
 NAMES = {
     "theta_h": "θh (half angle)",
     "theta_d": "θd (difference angle)",
@@ -23,15 +25,16 @@ def median_grid(
 
     `root`: the first angle in even steps of its square root.
     """
-    even = np.linspace(0, 90, BINS + 1)
-    x_edges = np.linspace(0, np.sqrt(90), BINS + 1) ** 2 if root else even
-    cell = bins(across, x_edges) * BINS + bins(up, even)
-    return x_edges, even, grouped_median(cell, 100 * relative, BINS * BINS).reshape(BINS, BINS)
+    x_edges = np.linspace(0, np.sqrt(90), BINS + 1) ** 2 if root else ABOUT_NODES
+    y_edges = np.linspace(0, 90, BINS + 1) if root else ABOUT_NODES
+    rows, columns = x_edges.size - 1, y_edges.size - 1
+    cell = bins(across, x_edges) * columns + bins(up, y_edges)
+    return x_edges, y_edges, grouped_median(cell, 100 * relative, rows * columns).reshape(rows, columns)
 
 
 def residual_map(
     x_edges: np.ndarray,
-    even: np.ndarray,
+    y_edges: np.ndarray,
     medians: np.ndarray,
     label: str,
     axes: tuple[str, str] = ("theta_h", "theta_d"),
@@ -43,8 +46,8 @@ def residual_map(
     with styled():
         fig, ax = panel()
         mesh = ax.pcolormesh(
-            np.sqrt(x_edges) if root else x_edges, even, medians.T, cmap="RdBu_r", norm=CenteredNorm(halfrange=limit),
-            rasterized=True,
+            np.sqrt(x_edges) if root else x_edges, y_edges, medians.T, cmap="RdBu_r",
+            norm=CenteredNorm(halfrange=limit), rasterized=True,
         )  # fmt: skip
         bar = fig.colorbar(mesh, ax=ax, pad=0.02, aspect=28, extend="both")
         bar.set_label("median of (model − reading)/|reading|, %")

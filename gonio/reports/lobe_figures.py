@@ -18,6 +18,9 @@ from gonio.reports.subject import Subject
 
 DECADES = 6.0
 MOST_DOTS = 4000
+SHOWN = 80.0  # degrees
+PEAKED = 20.0
+"""A lobe whose peak is this many times its median is shown in logarithms."""
 
 
 def plane_figures(s: Subject, seen: Seen) -> list[Drawn]:
@@ -117,7 +120,9 @@ def space_figures(s: Subject, seen: Seen) -> list[Drawn]:
     high = max((float(f.max()) for f in positive if f.size), default=0.0)
     if not high > 0:
         return []
-    data: dict[str, Any] = {"channel": s.channel, "highest_per_sr": high, "sources": []}
+    own = first[np.isfinite(first) & (first > 0)]
+    log = bool(own.size and own.max() > PEAKED * np.median(own))
+    data: dict[str, Any] = {"channel": s.channel, "highest_per_sr": high, "logarithmic": log, "sources": []}
     for label, view in sources:
         sets = []
         for theta_i, f in zip(seen.incidences, view.meshes, strict=False):
@@ -127,9 +132,8 @@ def space_figures(s: Subject, seen: Seen) -> list[Drawn]:
                 {"theta_i_deg": theta_i, "theta_o_deg": short(t, 5), "delta_phi_deg": short(p, 5), "f_per_sr": values}
             )
         data["sources"].append({"name": label, "incidences": sets})
-    own = first[np.isfinite(first) & (first > 0)]
     picture = lobe_figure(
-        seen.incidences[k], first, float(own.max()) if own.size else high,
+        seen.incidences[k], first, float(own.max()) if own.size else high, log,
         f"Lobe of {s.name} in space, incidence {seen.incidences[k]:.4g}°, {name}",
     )  # fmt: skip
     caption = f"The lobe in space, channel {s.channel}; {seen.how}." if s.table is not None else "The lobe in space."
@@ -141,7 +145,9 @@ def slice_figures(s: Subject, seen: Seen) -> list[Drawn]:
     sources = [(name, view.slice) for name, view in seen.sources(s)]
     if not sources or not any((f > 0).any() for _, f in sources):
         return []
-    scale = colour_range(np.concatenate([f for _, f in sources]), DECADES)
+    # Not towards grazing, where all surfaces are mirrors.
+    inner = ((HALF <= SHOWN)[:, None] & (DIFFERENCE <= SHOWN)).ravel()
+    scale = colour_range(np.concatenate([f[inner] for _, f in sources]), DECADES)
     drawn = []
     for name, f in sources:
         label = f"f of {s.name} over half and difference angle at a difference azimuth of 90°, {name}"
@@ -150,6 +156,7 @@ def slice_figures(s: Subject, seen: Seen) -> list[Drawn]:
             "theta_d_deg": short(DIFFERENCE, 5), "f_per_sr": short(f.reshape(len(HALF), -1), 4),
         }  # fmt: skip
         words = f"f over half and difference angle at φd = 90°, channel {s.channel}: {name}."
+        words += f" Colours by what is within {SHOWN:g}°."
         drawn.append(Drawn(f"slice-{name.split()[0].strip(',')}", words, slice_figure(f, scale, label), data))
     return drawn
 

@@ -87,4 +87,4 @@ def _lobe(data: dict) -> dict:
                  "f": base64.b64encode(code.tobytes()).decode()}
             )  # fmt: skip
         sources.append({"name": source["name"], "sets": sets})
-    return {"high": data["highest_per_sr"], "decades": decades, "sources": sources}
+    return {"high": data["highest_per_sr"], "decades": decades, "log": data["logarithmic"], "sources": sources}

@@ -26,6 +26,7 @@
     option(source, data.sources.map(s => s.name));
     option(incidence, data.sources[0].sets.map(s => `${+s.i.toPrecision(4)}°`));
     incidence.value = Math.floor(data.sources[0].sets.length / 2);
+    log.checked = data.log;
     source.parentElement.hidden = data.sources.length < 2;
 
     const build = () => {
@@ -78,7 +79,7 @@
       const at = mesh.points.map(p => put(p[0], p[1], p[2]));
       const depth = f => f[0].reduce((sum, k) => sum + at[k][2], 0);
       const order = mesh.faces.map((f, k) => [depth(f), k]).sort((p, q) => p[0] - q[0]);
-      pen.lineWidth = 0.6 * ratio;
+      pen.lineWidth = 1.2 * ratio;
       for (const [, k] of order) {
         const [corners, tint] = mesh.faces[k];
         pen.fillStyle = pen.strokeStyle = tint;
