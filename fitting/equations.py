@@ -6,6 +6,7 @@ channel sees)², whatever the number of channels. One compiled program takes a p
 of free numbers; how many of both are in use is data, so that it serves every table and every stage of a fit.
 """
 
+import collections
 import functools
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -19,11 +20,12 @@ from gonio.fitting.losses import transform, uses_cosine
 from gonio.fitting.structure import Structure
 from gonio.models.building import assemble
 from gonio.models.compiling import options
-from gonio.models.geometry import Direction
+from gonio.models.geometry import NORMAL, Direction
 from gonio.models.paths import FACTOR
 
 PAGE = 16  # blocks of a page
 LANES = 16
+UNDER_WAY = 8  # pages whose results are waited for at a time
 
 
 def block_of(channels: int) -> int:
@@ -48,6 +50,14 @@ class Sums(NamedTuple):
     cost: Float[Array, ""]  # ½ Σ r²
     gradient: Float[Array, " p"]  # Jᵀ r
     matrix: Float[Array, "p p"]  # JᵀJ
+
+
+class _Asked(NamedTuple):
+    """What a program is asked for: how many lanes; the scatter too; of f itself, in place of its loss."""
+
+    lanes: Array
+    scattered: Array
+    plain: Array
 
 
 class Closing(NamedTuple):
@@ -83,7 +93,7 @@ def _strengths(s: Structure, p, fixed):
     return tuple(jnp.stack(each) if each else jnp.zeros((0, s.channels)) for each in spread)
 
 
-def _sample_lobes(s: Structure, p, fixed, wi: Direction, wo: Direction, slopes: bool):
+def _sample_lobes(s: Structure, p, fixed, wi: Direction, wo: Direction):
     """(lobe of each term at strength 1, its slope by each shape) at one sample: (T, C) and (shapes, C), or C = 1.
 
     What f is proportional to (albedo, scale) needs no derivative; one tangent of ones serves all channels of a
@@ -101,7 +111,7 @@ def _sample_lobes(s: Structure, p, fixed, wi: Direction, wo: Direction, slopes: 
 
         shapes = {g.name: values[g.name] for g in mine if not g.linear}
         lobes.append(lobe(shapes))
-        if shapes and slopes:
+        if shapes:
 
             def along(tangent, shapes=shapes, lobe=lobe):
                 spread = {n: jnp.broadcast_to(tangent[n], jnp.shape(v)) for n, v in shapes.items()}
@@ -138,12 +148,12 @@ def _computed(always, function):
     return jax.tree.unflatten(tree, found)
 
 
-def _block(s: Structure, loss: str, p, fixed, data: Samples, b):
-    """(residuals (C, n), their derivatives (groups, C, n)) of block b."""
+def _block(s: Structure, loss: str, p, fixed, data: Samples, b, plain):
+    """(residuals (C, n), their derivatives (groups, C, n), the model's f (C, n)) of block b."""
     wi, wo = (Direction(*(c[b] for c in w)) for w in (data.wi, data.wo))
     always = b < data.blocks
     strengths, factors = _strengths(s, p, fixed)
-    at_samples = jax.vmap(lambda i, o: _sample_lobes(s, p, fixed, i, o, slopes=True), out_axes=-1)
+    at_samples = jax.vmap(lambda i, o: _sample_lobes(s, p, fixed, i, o), out_axes=-1)
     lobes, slopes = _computed(always, lambda: at_samples(wi, wo))
 
     def compared():
@@ -152,61 +162,52 @@ def _block(s: Structure, loss: str, p, fixed, data: Samples, b):
         used = weight > 0
         c = wi.z[None, :] if uses_cosine(loss) else jnp.ones_like(wi.z)[None, :]
         value, slope = transform(loss, f * c, data.floor)
+        value, slope = jnp.where(plain, f, value), jnp.where(plain, 1.0, slope * c)
         residual = jnp.where(used, weight * (value - data.target[b].T), 0.0)
-        return residual, jnp.where(used, weight * slope * c, 0.0)
+        return residual, jnp.where(used, weight * slope, 0.0), f
 
-    residual, by_f = _computed(always, compared)
+    residual, by_f, f = _computed(always, compared)
     rows = _rows(s, lobes, slopes, factors)
-    return residual, jnp.stack([row * by_f for row in rows]) if rows else jnp.zeros((0, *residual.shape))
+    return residual, jnp.stack([row * by_f for row in rows]) if rows else jnp.zeros((0, *residual.shape)), f
 
 
 @functools.lru_cache(maxsize=256)
-def _sums_program(s: Structure, loss: str):
-    """Of one page: (cost, Jᵀr (groups, C), JᵀJ and Jᵀdiag(r²)J (groups, groups, C)), raveled, for each lane in use."""
+def _program(s: Structure, loss: str):
+    """Of one page: (cost, Jᵀr (groups, C), JᵀJ and Jᵀdiag(r²)J (groups, groups, C)), raveled, for the lanes in use, and
+    the model's f (PAGE, C, n) of the last of them.
+
+    One program for all that a fit asks of a model: to trace a model takes as long as to run it over a million samples.
+    """
     groups = len(s.groups)
 
-    def one_lane(p, scattered, fixed, page: Samples):
+    def one_lane(p, f, asked: _Asked, fixed, page: Samples):
         def add_block(b, carry):
-            cost, row, square, scatter = carry
-            r, jac = _block(s, loss, p, fixed, page, b)
+            cost, row, square, scatter, f = carry
+            r, jac, at_samples = _block(s, loss, p, fixed, page, b, asked.plain)
             row = row + jnp.einsum("kcn,cn->kc", jac, r)
 
             def with_scatter():
                 weighted = jac * r[None]
                 return scatter + jnp.einsum("kcn,lcn->klc", weighted, weighted)
 
-            scatter = jax.lax.cond(scattered, with_scatter, lambda: scatter)
-            return cost + 0.5 * jnp.sum(r * r), row, square + jnp.einsum("kcn,lcn->klc", jac, jac), scatter
+            scatter = jax.lax.cond(asked.scattered, with_scatter, lambda: scatter)
+            square = square + jnp.einsum("kcn,lcn->klc", jac, jac)
+            return cost + 0.5 * jnp.sum(r * r), row, square, scatter, f.at[b].set(at_samples)
 
         squares = jnp.zeros((groups, groups, s.channels))
-        start = (jnp.zeros(()), jnp.zeros((groups, s.channels)), squares, squares)
-        return jnp.concatenate([jnp.ravel(a) for a in jax.lax.fori_loop(0, page.blocks, add_block, start)])
+        start = (jnp.zeros(()), jnp.zeros((groups, s.channels)), squares, squares, f)
+        *found, f = jax.lax.fori_loop(0, page.blocks, add_block, start)
+        return jnp.concatenate([jnp.ravel(a) for a in found]), f
 
-    def program(p, active, scattered, fixed, page: Samples):
-        def lane(k, out):
-            return jax.lax.cond(active[k], lambda: out.at[k].set(one_lane(p[k], scattered, fixed, page)), lambda: out)
+    def program(p, order, asked: _Asked, fixed, page: Samples):
+        def lane(k, carry):
+            out, f = carry
+            found, f = one_lane(p[order[k]], f, asked, fixed, page)
+            return out.at[order[k]].set(found), f
 
         width = 1 + (groups + 2 * groups * groups) * s.channels
-        return jax.lax.fori_loop(0, LANES, lane, jnp.zeros((LANES, width)))
-
-    return jax.jit(program, compiler_options=options())
-
-
-@functools.lru_cache(maxsize=256)
-def _lobes_program(s: Structure):
-    """Of one page: lobes at strength 1 (PAGE, T, C or 1, n), strengths (T, C), and factors of rows (groups, C)."""
-
-    def program(p, fixed, wi: Direction, wo: Direction, blocks):
-        one = jax.vmap(lambda i, o: _sample_lobes(s, p, fixed, i, o, slopes=False)[0], out_axes=-1)
-        traced = jax.make_jaxpr(one)(*(Direction(*(c[0] for c in w)) for w in (wi, wo)))
-        held = traced.out_avals[0]
-
-        def block(b, out):
-            (found,) = jax.core.eval_jaxpr(traced.jaxpr, traced.consts, *(c[b] for w in (wi, wo) for c in w))
-            return out.at[b].set(found)
-
-        found = jax.lax.fori_loop(0, blocks, block, jnp.zeros((PAGE, *held.shape), held.dtype))
-        return found, *_strengths(s, p, fixed)
+        f = jnp.zeros((PAGE, s.channels, page.wi.z.shape[1]))
+        return jax.lax.fori_loop(0, asked.lanes, lane, (jnp.zeros((LANES, width)), f))
 
     return jax.jit(program, compiler_options=options())
 
@@ -234,6 +235,32 @@ def _spread(s: Structure, square: np.ndarray) -> np.ndarray:
     return matrix
 
 
+def _run(s: Structure, loss: str, p: np.ndarray, fixed, data, active=None, scattered=False, plain=False) -> Iterator:
+    """What the program gives for each page in turn; a few pages are under way at a time, on several processors."""
+    program, number = _program(s, loss), len(p)
+    lanes, order = np.zeros((LANES, s.size)), np.zeros(LANES, np.int32)
+    lanes[:number] = p
+    use = np.flatnonzero(np.broadcast_to(True if active is None else active, (number,)))
+    order[: use.size] = use
+    asked = _Asked(np.asarray(use.size, np.int32), np.asarray(scattered), np.asarray(plain))
+    waiting = collections.deque()
+    for page in pages(data):
+        waiting.append(program(lanes, order, asked, fixed, page))
+        if len(waiting) == UNDER_WAY:
+            yield waiting.popleft()
+    yield from waiting
+
+
+def prepare(s: Structure, loss: str, fixed) -> None:
+    """Have the program of a model and a loss compiled, before there are readings."""
+    n, c = block_of(s.channels), s.channels
+    up = Direction(*(np.full((PAGE, n), e) for e in NORMAL))
+    none = np.zeros((PAGE, n, c))
+    page = Samples(up, up, none, none, np.asarray(0), np.asarray(1.0))
+    for found, _ in _run(s, loss, np.zeros((0, s.size)), fixed, [page]):
+        found.block_until_ready()
+
+
 def sums(
     s: Structure,
     loss: str,
@@ -242,12 +269,18 @@ def sums(
     data: Samples | list[Samples],
     active: np.ndarray | None = None,
     scattered: bool = False,
+    plain: bool = False,
 ) -> tuple[Sums, np.ndarray]:
-    """(sums, Jᵀ diag(r²) J (S, P, P) where `scattered`) at up to `LANES` vectors p (S, P); of the active ones, or 0."""
-    program, number, groups = _sums_program(s, loss), len(p), len(s.groups)
-    lanes, use = np.zeros((LANES, s.size)), np.zeros(LANES, bool)
-    lanes[:number], use[:number] = p, True if active is None else active
-    found = [program(lanes, use, np.asarray(scattered), fixed, page) for page in pages(data)]
+    """(sums, Jᵀ diag(r²) J (S, P, P) where `scattered`) at up to `LANES` vectors p (S, P); of the active ones, or 0.
+
+    `plain`: residuals w(f − target), whatever the loss.
+    """
+    found = [page[0] for page in _run(s, loss, p, fixed, data, active, scattered, plain)]
+    return _summed(s, len(p), found, scattered)
+
+
+def _summed(s: Structure, number: int, found: list, scattered: bool) -> tuple[Sums, np.ndarray]:
+    groups = len(s.groups)
     total = np.sum([np.asarray(f) for f in found], axis=0)[:number]
     ends = np.cumsum([1, groups * s.channels, groups * groups * s.channels])
     cost, row, square, scatter = np.split(total, ends, axis=1)
@@ -259,36 +292,29 @@ def sums(
     return Sums(cost[:, 0], gradient, _spread(s, square)), _spread(s, scatter) if scattered else None
 
 
-def lobes(s: Structure, p: np.ndarray, fixed, data: Samples) -> Iterator[tuple[np.ndarray, ...]]:
-    """Page by page the lobe of each term at strength 1, (PAGE, T, C or 1, n), n samples of a block; strengths (T, C)
-    that these are multiplied by in f, and factors (groups, C) by which they are in the derivatives of linear groups.
-    """
-    program, p = _lobes_program(s), np.asarray(p, float)
-    for page in pages(data):
-        yield tuple(np.asarray(a) for a in program(p, fixed, page.wi, page.wo, page.blocks))
-
-
-def values(s: Structure, p: np.ndarray, fixed, data: Samples) -> np.ndarray:
+def values(s: Structure, loss: str, p: np.ndarray, fixed, data: Samples) -> np.ndarray:
     """The model's f at every sample, (N, C) with the padding of the last page."""
-    found = np.zeros(data.weight.shape)
-    for k, (page, strengths, _) in enumerate(lobes(s, p, fixed, data)):
-        for t, strength in enumerate(strengths):
-            found[k * PAGE : (k + 1) * PAGE] += np.swapaxes(page[:, t] * strength[:, None], 1, 2)
-    return found.reshape(-1, s.channels)
+    return closing(s, loss, p, fixed, data, scattered=False).f
 
 
-def closing(s: Structure, loss: str, p: np.ndarray, fixed, data: Samples) -> Closing:
+def closing(s: Structure, loss: str, p: np.ndarray, fixed, data: Samples, scattered: bool = True) -> Closing:
     """The sums at p (P,) with the middle of the heteroscedasticity-consistent covariance, and the model."""
-    p = np.asarray(p, float)
-    total, scatter = sums(s, loss, p[None], fixed, data, scattered=True)
-    return Closing(Sums(*(a[0] for a in total)), scatter[0], values(s, p, fixed, data))
+    f, found = np.zeros(data.weight.shape), []
+    for k, (sums_of_page, f_of_page) in enumerate(
+        _run(s, loss, np.asarray(p, float)[None], fixed, data, None, scattered)
+    ):
+        found.append(sums_of_page)
+        at = f[k * PAGE : (k + 1) * PAGE]
+        at[:] = np.swapaxes(np.asarray(f_of_page)[: at.shape[0]], 1, 2)
+    total, scatter = _summed(s, 1, found, scattered)
+    return Closing(Sums(*(a[0] for a in total)), scatter[0] if scattered else None, f.reshape(-1, s.channels))
 
 
 @functools.partial(jax.jit, static_argnums=0)
 def lobes_at(s: Structure, p, fixed, wi: Direction, wo: Direction):
     """(f (n, C), ∂f/∂group (n, groups, C)) at directions of shape (n,)."""
     strengths, factors = _strengths(s, p, fixed)
-    found = jax.vmap(lambda i, o: _sample_lobes(s, p, fixed, i, o, slopes=True), out_axes=-1)(wi, wo)
+    found = jax.vmap(lambda i, o: _sample_lobes(s, p, fixed, i, o), out_axes=-1)(wi, wo)
     f = sum(lobe * strength[:, None] for lobe, strength in zip(found[0], strengths, strict=True))
     rows = _rows(s, *found, factors)
     return f.T, jnp.moveaxis(jnp.stack(rows), -1, 0) if rows else jnp.zeros((wi.z.size, 0, s.channels))

@@ -10,11 +10,9 @@ from gonio.data.scene import Scene, load_scene
 from gonio.data.table import Table
 from gonio.fitting.bootstrap import require
 from gonio.fitting.cell_measure import measure_of
-from gonio.fitting.choosing import chosen_for_scene, chosen_model, scene_words, turned
 from gonio.fitting.counting import counted
-from gonio.fitting.for_scene import judged, of_channels, seen
 from gonio.fitting.losses import LOSSES
-from gonio.fitting.one_model import Options, fit_one
+from gonio.fitting.one_model import Options, fit_one, prepare
 from gonio.fitting.result import FitResult
 from gonio.fitting.robust import require_kind
 from gonio.fitting.samples import Readings, readings_of, sigma_of
@@ -72,12 +70,17 @@ def fit(
     asked = [model] if isinstance(model, str) else list(model or [])
     parsed = [with_defaults(parse(m)) for m in asked]
     if scene is not None:
+        from gonio.fitting.choosing import chosen_for_scene, scene_words, turned
+        from gonio.fitting.for_scene import judged, of_channels, seen
+
         scene = load_scene(scene)
         if weight is not None:
             raise GonioError(f"A scene weighs readings itself and excludes the weight '{weight}'; give one of them.")
         if names := of_channels(scene, table.channels.names):
             table = table.only(names)
     began = time.perf_counter()
+    if parsed:
+        prepare(parsed[0], _likely(loss, table, relative_noise), len(table.channels), per_channel)
     readings = readings_of(table, samples, theta_max, seed)
     if not readings.count:
         raise GonioError(
@@ -96,6 +99,8 @@ def fit(
     robust = require_kind("tukey" if robust is True else robust) if robust else None
     choice = None
     if not asked:
+        from gonio.fitting.choosing import chosen_model
+
         began = time.perf_counter()
         of = (table.layout, readings, loss, sigma)
         found = chosen_model(*of, seed, say) if look is None else chosen_for_scene(*of, look, seed, say)
@@ -136,6 +141,13 @@ def fit(
     ranked = sorted(results, key=lambda r: (not r.converged, r.bic))
     table_of = [_alternative(r, ranked[0].bic) for r in ranked] + refused
     return dataclasses.replace(ranked[0], alternatives=table_of if len(asked) > 1 else [])
+
+
+def _likely(loss: str | None, table: Table, relative_noise: float | None) -> str:
+    """The loss that `_loss` will most likely give, as long as no reading has been looked at."""
+    if loss is not None and relative_noise is None:
+        return loss
+    return "cbrt" if relative_noise is None and table.u_f is None else "sigma"
 
 
 def _loss(loss: str | None, readings: Readings, relative_noise: float | None) -> tuple[str, np.ndarray | None]:

@@ -7,6 +7,8 @@ import numpy as np
 
 from gonio.data.layout import Layout
 from gonio.data.table import Channels
+from gonio.fitting import equations, solver
+from gonio.fitting.ahead import ahead, finished
 from gonio.fitting.descents import Descent, descend, ordered_lobes
 from gonio.fitting.domains import Domains
 from gonio.fitting.equations import Closing, Sums, closing, values
@@ -24,6 +26,7 @@ from gonio.models.paths import changed, last, numbers
 from gonio.models.spelling import Term, Value
 
 REWEIGHTINGS = 30
+STATIONARY = 1e-6
 EXACT = 1e3  # of the rounding of the data: residuals up to there are none
 
 
@@ -49,6 +52,14 @@ class Options:
     def likelihood(self) -> bool:
         """Whether the cost is the noise's own likelihood: weights by known noise, and by nothing else."""
         return self.loss == "sigma" and self.weight is None and self.robust is None
+
+
+def _exact(total: Sums, size2: float) -> bool:
+    return 2.0 * float(total.cost) <= (EXACT * np.finfo(float).eps) ** 2 * size2
+
+
+def _stationary(d: Domains, p: np.ndarray, total: Sums, whole: Problem) -> bool:
+    return _exact(total, float(whole.size2)) or float(stationarity(d, p, total)[0]) <= STATIONARY
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,12 +89,12 @@ class Ending:
     @property
     def exact(self) -> bool:
         """‖r‖ ≤ 10³ eps ‖data‖: the residual is rounding."""
-        return 2.0 * float(self.total.cost) <= (EXACT * np.finfo(float).eps) ** 2 * self.size2
+        return _exact(self.total, self.size2)
 
     @property
     def converged(self) -> bool:
         """Stationary or exact, at a finite cost."""
-        return bool(np.isfinite(float(self.total.cost))) and (self.exact or self.stationarity <= 1e-6)
+        return bool(np.isfinite(float(self.total.cost))) and (self.exact or self.stationarity <= STATIONARY)
 
 
 def fit_one(
@@ -101,6 +112,16 @@ def fit_one(
         endings = [_end(asked, terms, readings, channels.names, options)]
     seconds = {"fit": time.perf_counter() - began}
     return state(asked, terms, endings, readings, channels, options, seconds)
+
+
+def prepare(terms: tuple[Term, ...], loss: str, channels: int, per_channel: bool) -> None:
+    """Begin to trace and load, beside other work, what the fit of these terms will need."""
+    if per_channel and channels > 1:
+        terms, channels = _of_channel(terms, 0), 1
+    s, fixed, _ = structure_of(terms, channels)
+    if s.size:
+        ahead(("step", solver.padded_size(s.size)), lambda: solver.prepare(s.size))
+    ahead((s, loss), lambda: equations.prepare(s, loss, fixed))
 
 
 def _require_lists(asked: str, terms: tuple[Term, ...], channels: int) -> None:
@@ -155,6 +176,7 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
         last, agreed, number = None, 1, 1
         p = said
     else:
+        finished()
         found = search(asked, problem, whole, said, readings, weight, options.starts, options.seed)
         last, p, number, agreed = found.best, found.best.p, len(found.ends), found.agreed
         if options.relative_noise is not None:
@@ -166,9 +188,15 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
             )
             p = last.p
         p = ordered_lobes(s, fixed, _snapped(d, p))
+    done = _closing(whole, p)
+    if last is not None and last.said_successful and not _stationary(d, p, done.total, whole):
+        # The last step was not looked at before, and did not do.
+        last = descend(whole, d, p)
+        p = ordered_lobes(s, fixed, _snapped(d, last.p))
+        done = _closing(whole, p)
     if last is not None and not last.said_successful:
         notes.append("the solver stopped at its step limit")
-    return _closed(s, fixed, d, p, whole, readings, weight, (number, agreed), options, notes, aside)
+    return _closed(s, fixed, d, p, done, whole, readings, weight, (number, agreed), options, notes, aside)
 
 
 def _relative_sigma(readings: Readings, f: np.ndarray, share: float) -> np.ndarray:
@@ -198,7 +226,7 @@ def _reweighted(problem, d: Domains, readings: Readings, last: Descent, options:
 
 
 def _model_values(problem: Problem, p: np.ndarray, readings: Readings) -> np.ndarray:
-    return values(problem.structure, p, problem.fixed, problem.data)[: readings.f.shape[0]]
+    return values(problem.structure, problem.loss, p, problem.fixed, problem.data)[: readings.f.shape[0]]
 
 
 def _closing(problem: Problem, p: np.ndarray) -> Closing:
@@ -211,12 +239,11 @@ def _snapped(d: Domains, p: np.ndarray) -> np.ndarray:
 
 
 def _closed(
-    s, fixed, d, p, whole: Problem, readings: Readings, weight, counts, options: Options, notes, aside=None
+    s, fixed, d, p, done: Closing, whole: Problem, readings: Readings, weight, counts, options: Options, notes, aside
 ) -> Ending:
-    done = _closing(whole, p)
     f, total = done.f[: readings.f.shape[0]], done.total
     measure, pinned, silent = stationarity(d, p, total)
-    exact = 2.0 * float(total.cost) <= (EXACT * np.finfo(float).eps) ** 2 * float(whole.size2)
+    exact = _exact(total, float(whole.size2))
     if exact:
         # The gradient of a rounding residual points anywhere: a bound is active where the number lies on it.
         low, high = at_bounds(d, p)

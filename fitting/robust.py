@@ -137,7 +137,7 @@ class _Rounds:
     def residuals(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(weighted residuals, model) at p, (n, C) each, with the weights of least squares."""
         q = self.base
-        f = values(q.structure, p, q.fixed, q.data)[: self.used.shape[0]]
+        f = values(q.structure, q.loss, p, q.fixed, q.data)[: self.used.shape[0]]
         return weighted_residuals(self.readings, q.loss, float(q.data.floor), self.weight, f), f
 
     def scales(self, residual: np.ndarray, f: np.ndarray) -> np.ndarray:

@@ -3,17 +3,17 @@
 Optimistix's `LevenbergMarquardt` wants the residual vector and its Jacobian; for a full table these are gigabytes. Here
 its damped Newton descent and its trust region work on `FunctionInfo.EvalGradHessian`, which streaming supplies. A step
 is a program of its own that knows nothing of the model: it is compiled once for all models of up to 8 free numbers.
+Whatever a first fit would wait for is loaded when it is first needed, so that it may be got ready beforehand.
 """
 
+import contextlib
 import functools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import lineax as lx
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from gonio.fitting.domains import Domains, to_parameters
@@ -24,7 +24,8 @@ MAX_STEPS = 200
 STATIONARY = 1e-9  # the aim; DESIGN's test asks for 1e-6
 NEARLY, LITTLE = 1e-7, 1e-13  # or this near, where the next step promises no more than this share of the cost
 WORTH = 1e-3  # of the cost: what a projection must promise
-UNDAMPED = 1e8  # the first step's size from near a minimum; 1 is MINPACK's from afar
+UNDAMPED, DAMPED = 1e8, 100.0  # the first step's size from near a minimum, and from afar as MINPACK's
+CLOSE = 1e-5  # or this near, where steps are seen to shrink so fast that the next one will do
 _EPS = 2.220446049250313e-16
 
 
@@ -47,10 +48,16 @@ class Normal(NamedTuple):
     hessian: Float[Array, "p p"]
     stationarity: Float[Array, ""]
     exact: Bool[Array, ""]
+    left: Float[Array, ""]  # what an undamped Newton step would take off the cost
+    projection: Float[Array, " p"]  # Newton step in the linear numbers alone
+    gain: Float[Array, ""]  # what that would take off
 
 
 class Ends(NamedTuple):
-    """Where S descents ended: parameters, the sums there or one step before, and what was seen; S leading."""
+    """Where S descents ended: parameters, the sums there or one step before, and what was seen; S leading.
+
+    Where the last step was not looked at any more, the cost is what it promised.
+    """
 
     p: np.ndarray
     total: Sums
@@ -94,7 +101,34 @@ def normal_at(
         hessian[:, at, at] += bend
         measure, _, _ = stationarity(d, p, total)
         exact = 2.0 * total.cost <= (30.0 * _EPS) ** 2 * float(problem.size2)
-        return p, total, Normal(total.cost, total.gradient * slope, hessian, measure, exact)
+        gradient = total.gradient * slope
+        left = _newton(hessian, gradient, np.ones(x.shape[1], bool))[1]
+        projection, gain = _newton(hessian, gradient, _linear(problem.structure))
+        return p, total, Normal(total.cost, gradient, hessian, measure, exact, left, projection, gain)
+
+
+@functools.lru_cache(maxsize=256)
+def _linear(s: Structure) -> np.ndarray:
+    return np.array([g.linear for g in s.groups for _ in range(count(s, g))], bool)
+
+
+def _newton(hessian: np.ndarray, gradient: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(undamped Newton step (S, P) in the numbers `of` (P,) alone, what that takes off the cost (S,)).
+
+    In the linear numbers alone [Golub & Pereyra 1973]: a trial in a curved valley is often refused for albedos and
+    scales that do not fit its shapes.
+    """
+    move, at = np.zeros_like(gradient), np.flatnonzero(of)
+    good = np.isfinite(hessian).all((1, 2)) & np.isfinite(gradient).all(1)
+    inner, slope = hessian[:, at[:, None], at], np.where(good[:, None], gradient[:, at], 0.0)
+    lengths = np.sqrt(np.diagonal(inner, axis1=1, axis2=2))
+    lengths = np.where(good[:, None] & (lengths > 0), lengths, 1.0)
+    scaled = np.where(good[:, None, None], inner / (lengths[:, :, None] * lengths[:, None, :]), 0.0)
+    scaled = scaled + np.where(np.diagonal(scaled, axis1=1, axis2=2) > 0, 1e-12, 1.0)[:, :, None] * np.eye(at.size)
+    with contextlib.suppress(np.linalg.LinAlgError):
+        move[:, at] = -np.linalg.solve(scaled, (slope / lengths)[..., None])[..., 0] / lengths
+    move = np.where(np.isfinite(move), move, 0.0)
+    return move, -0.5 * np.sum(move * np.where(good[:, None], gradient, 0.0), axis=1)
 
 
 class _Lane(NamedTuple):
@@ -107,105 +141,146 @@ class _Lane(NamedTuple):
     trial: Float[Array, " p"]
     normal: Normal
     scale: Float[Array, " p"]
-    search: Any
+    shrinks: Float[Array, ""]  # what was left to gain after the last step, over what was before it
+    step_size: Float[Array, ""]
     near: Bool[Array, ""]
     finished: Bool[Array, ""]
     refused: Bool[Array, ""]
 
 
-_DESCENT = optx.DampedNewtonDescent(linear_solver=lx.Cholesky())
-_SEARCH = optx.ClassicalTrustRegion(high_cutoff=0.75, low_cutoff=1e-4, high_constant=4.0, low_constant=0.35)
+@functools.cache
+def _parts():
+    """Optimistix's descent and trust region, and how they are told of normal equations."""
+    import lineax as lx
+    import optimistix as optx
+
+    class Damped(optx.DampedNewtonDescent):
+        """Optimistix's descent, its small system solved in place: Lineax's machinery takes longer to trace than all
+        else, and its Cholesky factors come from LAPACK, for which JAX imports SciPy first.
+        """
+
+        def step(self, step_size, state):
+            matrix = state.f_info.hessian.as_matrix() + jnp.eye(state.f_info.grad.size) / step_size
+            return -_eliminated(matrix, state.f_info.grad), optx.RESULTS.successful
+
+    search = optx.ClassicalTrustRegion(high_cutoff=0.75, low_cutoff=1e-4, high_constant=4.0, low_constant=0.35)
+
+    def info(normal: Normal, scale):
+        matrix = normal.hessian / (scale[:, None] * scale[None, :])
+        # What no residual depends on has an empty row: a unit there keeps the matrix regular and the parameter still.
+        matrix = matrix + jnp.diag(jnp.where(jnp.diagonal(matrix) > 0, 0.0, 1.0))
+        operator = lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag)
+        return optx.FunctionInfo.EvalGradHessian(normal.cost, normal.gradient / scale, operator)
+
+    return Damped(), search, info, optx.FunctionInfo.Eval
 
 
-def _info(normal: Normal, scale):
-    matrix = normal.hessian / (scale[:, None] * scale[None, :])
-    # What no residual depends on has an empty row: a unit there keeps Cholesky happy and the parameter still.
-    matrix = matrix + jnp.diag(jnp.where(jnp.diagonal(matrix) > 0, 0.0, 1.0))
-    operator = lx.MatrixLinearOperator(matrix, lx.positive_semidefinite_tag)
-    return optx.FunctionInfo.EvalGradHessian(normal.cost, normal.gradient / scale, operator)
+def _eliminated(matrix, vector):
+    """Solution of a positive definite system by elimination without pivoting; NaN where it is not positive definite."""
+
+    def eliminate(k, rows):
+        row = rows[k] / jnp.where(rows[k, k] > 0, rows[k, k], jnp.nan)
+        return (rows - jnp.outer(rows[:, k], row)).at[k].set(row)
+
+    rows = jnp.concatenate([matrix, vector[:, None]], axis=1)
+    return jax.lax.fori_loop(0, vector.size, eliminate, rows)[:, -1]
 
 
-def _step(lane: _Lane, seen: Normal, linear, size2, rough) -> _Lane:
+def _step(lane: _Lane, seen: Normal, size2, rough) -> _Lane:
     """One damped Newton step, scaled as in MINPACK [Moré 1978], after the trial point has been `seen`.
 
     A trial whose cost is not finite is a rejected step. Ends when stationary, exact, or when a step that could only
     change the cost by its rounding brings the gradient no further down; `rough`: relaxes what is stationary.
     """
+    descent, search, info, evaluated = _parts()
     y, before = lane.y, lane.normal
     finite = jnp.isfinite(seen.cost) & jnp.all(jnp.isfinite(seen.gradient)) & jnp.all(jnp.isfinite(seen.hessian))
     cost = jnp.where(finite, seen.cost, jnp.inf)
-    step_size, accept, _, search = _SEARCH.step(
-        lane.first, y, lane.trial, _info(before, jnp.ones_like(y)), optx.FunctionInfo.Eval(cost), lane.search
-    )
+    at = info(before, jnp.ones_like(y))
+    state = jax.tree.map(lambda _: lane.step_size, jax.eval_shape(search.init, y, at))
+    step_size, accept, _, _ = search.step(lane.first, y, lane.trial, at, evaluated(cost), state)
     # A projected trial is no step of the quadratic model: it counts by its cost, and leaves the step's size as it is.
     better = cost < (1.0 - 0.5 * WORTH) * before.cost
     accept = jnp.where(lane.projected, better, accept)
-    step_size = jnp.where(lane.projected & better, lane.search.step_size, step_size)
+    step_size = jnp.where(lane.projected & better, lane.step_size, step_size)
     # Below its own rounding the cost says nothing, while the gradient still does: there a step counts by that.
     rounding = _EPS * (4.0 * before.cost + jnp.sqrt(2.0 * jnp.maximum(before.cost, 0.0) * size2))
     by_gradient = (cost <= before.cost + rounding) & (seen.stationarity < 0.9 * before.stationarity)
     by_gradient = by_gradient & ~accept & ~lane.first
-    step_size = jnp.where(by_gradient, 10.0 * lane.search.step_size, step_size)
-    search = eqx.tree_at(lambda s: s.step_size, search, step_size)
+    step_size = jnp.where(by_gradient, 10.0 * lane.step_size, step_size)
     accept = (accept | by_gradient) & finite
-    projection, gain = _projection(seen, linear)
-    project = ~accept & finite & ~lane.first & ~lane.projected & (seen.cost - gain < (1.0 - WORTH) * before.cost)
-    step_size = jnp.where(project, lane.search.step_size, step_size)
-    search = eqx.tree_at(lambda s: s.step_size, search, step_size)
+    project = ~accept & finite & ~lane.first & ~lane.projected
+    project &= seen.cost - seen.gain < (1.0 - WORTH) * before.cost
+    step_size = jnp.where(project, lane.step_size, step_size)
     y, normal = jax.tree.map(lambda a, b: jnp.where(accept, a, b), (lane.trial, seen), (y, before))
     lengths = jnp.sqrt(jnp.maximum(jnp.diagonal(normal.hessian), 0.0))
     scale = jnp.maximum(lane.scale, lengths)
     safe = jnp.where(scale > 0, scale, 1.0)
-    info = _info(normal, safe)
-    descent = _DESCENT.query(y, info, _DESCENT.init(y, info))
-    move, result = _DESCENT.step(step_size, descent)
+    now = info(normal, safe)
+    move, _ = descent.step(step_size, descent.query(y, now, descent.init(y, now)))
     move = jnp.where(jnp.isfinite(move), move, 0.0)
-    promised = -(jnp.dot(info.grad, move) + 0.5 * jnp.dot(move, info.hessian.mv(move)))
+    promised = -(jnp.dot(now.grad, move) + 0.5 * jnp.dot(move, now.hessian.mv(move)))
     spent = (promised <= rounding) & ~accept
     # Damping hides what is left to gain along a valley: nearness is judged without it.
-    left = 0.5 * jnp.dot(info.grad, jnp.linalg.solve(info.hessian.as_matrix() + 1e-12 * jnp.eye(y.size), info.grad))
-    near = (normal.stationarity <= rough * NEARLY) & (jnp.abs(left) <= rough * LITTLE * normal.cost)
-    refused = (lane.first & ~finite) | (result != optx.RESULTS.successful)
+    ratio = jnp.where(before.left > 0, seen.left / jnp.where(before.left > 0, before.left, 1.0), 1.0)
+    shrinks = jnp.where(accept & ~lane.first, jnp.clip(ratio, 0.0, 1.0), jnp.where(accept, 1.0, lane.shrinks))
+    after = normal.stationarity * jnp.sqrt(shrinks)
+    near = (normal.stationarity <= rough * CLOSE) & (after <= rough * NEARLY)
+    near &= normal.left * shrinks <= rough * LITTLE * normal.cost
+    refused = lane.first & ~finite
     near &= ~project
     finished = (normal.stationarity <= STATIONARY) | near | normal.exact | (spent & ~project) | refused
-    trial = jnp.where(project, lane.trial + projection, y + move / safe)
+    trial = jnp.where(project, lane.trial + seen.projection, y + move / safe)
     no = jnp.zeros_like(lane.first)
-    return _Lane(no, project, accept, y, trial, normal, scale, search, near, finished, refused)
-
-
-def _projection(seen: Normal, linear):
-    """(Newton step in the linear numbers alone, what that takes off the cost) [Golub & Pereyra 1973].
-
-    A trial in a curved valley is often refused for albedos and scales that do not fit its shapes.
-    """
-    both = linear[:, None] & linear[None, :]
-    diagonal = jnp.where(linear & (jnp.diagonal(seen.hessian) > 0), 1e-12 * jnp.diagonal(seen.hessian), 1.0)
-    gradient = jnp.where(linear, seen.gradient, 0.0)
-    move = -jnp.linalg.solve(jnp.where(both, seen.hessian, 0.0) + jnp.diag(diagonal), gradient)
-    move = jnp.where(jnp.isfinite(move), move, 0.0)
-    return move, -0.5 * jnp.dot(move, gradient)
+    return _Lane(no, project, accept, y, trial, normal, scale, shrinks, step_size, near, finished, refused)
 
 
 @jax.jit
-def _advance(lanes: _Lane, seen: Normal, active, linear, size2, rough) -> _Lane:
-    stepped = jax.vmap(_step, (0, 0, None, None, None))(lanes, seen, linear, size2, rough)
-    return jax.tree.map(lambda a, b: jnp.where(active.reshape(-1, *[1] * (a.ndim - 1)), a, b), stepped, lanes)
+def _advance(lanes: _Lane, packed, active, size2, rough) -> tuple[_Lane, Float[Array, "s q"]]:
+    """(the lanes a step on, what the host is to know of them: trial, accepted, finished, refused, near).
+
+    What was seen comes in one array and what is told goes in one: each array by itself costs as long as a step.
+    """
+    size = lanes.y.shape[1]
+    numbers, gradient, projection, hessian = jnp.split(packed, np.cumsum([5, size, size]), axis=1)
+    cost, measure, exact, left, gain = numbers.T
+    hessian = hessian.reshape(-1, size, size)
+    seen = Normal(cost, gradient, hessian, measure, exact > 0, left, projection, gain)
+    stepped = jax.vmap(_step, (0, 0, None, None))(lanes, seen, size2, rough)
+    lanes = jax.tree.map(lambda a, b: jnp.where(active.reshape(-1, *[1] * (a.ndim - 1)), a, b), stepped, lanes)
+    said = jnp.stack([lanes.accepted, lanes.finished, lanes.refused, lanes.near], axis=1).astype(lanes.trial.dtype)
+    return lanes, jnp.concatenate([lanes.trial, said], axis=1)
+
+
+def _packed(seen: Normal, size: int) -> np.ndarray:
+    number, free = seen.gradient.shape
+    packed = np.zeros((LANES, 5 + size * (2 + size)))
+    for k, a in enumerate((seen.cost, seen.stationarity, seen.exact, seen.left, seen.gain)):
+        packed[:number, k] = a
+    packed[:number, 5 : 5 + free] = seen.gradient
+    packed[:number, 5 + size : 5 + size + free] = seen.projection
+    packed[:, 5 + 2 * size :].reshape(LANES, size, size)[:number, :free, :free] = seen.hessian
+    return packed
 
 
 @functools.lru_cache(maxsize=16)
 def _fresh(size: int, step_size: float) -> _Lane:
-    zeros, no = np.zeros((LANES, size)), np.zeros(LANES, bool)
-    normal = Normal(np.zeros(LANES), zeros, np.zeros((LANES, size, size)), np.zeros(LANES), no)
-    one = jax.tree.map(lambda a: jnp.asarray(a[0]), normal)
-    search = _SEARCH.init(jnp.zeros(size), _info(one, jnp.ones(size)))
-    search = jax.tree.map(lambda a: np.full((LANES, *np.shape(a)), step_size), search)
-    return _Lane(~no, no, no, zeros, zeros, normal, zeros, search, no, no, no)
+    zeros, no, none = np.zeros((LANES, size)), np.zeros(LANES, bool), np.zeros(LANES)
+    normal = Normal(none, zeros, np.zeros((LANES, size, size)), none, no, none, zeros, none)
+    fresh = _Lane(~no, no, no, zeros, zeros, normal, zeros, none + 1.0, np.full(LANES, step_size), no, no, no)
+    return jax.tree.map(jax.device_put, fresh)
 
 
-def _padded(a: np.ndarray, size: int, axes: int) -> np.ndarray:
-    wide = np.zeros((LANES, *[size] * axes), a.dtype)
-    wide[tuple(slice(n) for n in a.shape)] = a
-    return wide
+def padded_size(free: int) -> int:
+    """The numbers that a step's program is compiled for, of which so many are free."""
+    return max(8, 1 << (free - 1).bit_length())
+
+
+def prepare(free: int) -> None:
+    """Have the program of a step compiled for so many free numbers, before there is a model."""
+    size, no = padded_size(free), np.zeros(LANES, bool)
+    lanes, none = _fresh(size, 1.0), np.zeros((LANES, 5 + size * (2 + size)))
+    _advance(lanes, none, no, np.asarray(1.0), np.asarray(1.0))[1].block_until_ready()
 
 
 def minimise(problem: Problem, x: np.ndarray, near: bool = False, rough: float = 1.0) -> Ends:
@@ -214,30 +289,30 @@ def minimise(problem: Problem, x: np.ndarray, near: bool = False, rough: float =
     `near`: they begin near minima, and need no damping at first. `rough`: how much less stationary may do.
     """
     number, free = x.shape
-    size = max(8, 1 << (free - 1).bit_length())
-    lanes = _fresh(size, UNDAMPED if near else 1.0)._replace(trial=_padded(x, size, 1), y=_padded(x, size, 1))
+    size = padded_size(free)
+    start = np.zeros((LANES, size))
+    start[:number, :free] = x
+    lanes, trial = _fresh(size, UNDAMPED if near else DAMPED)._replace(trial=start, y=start), x
     active, steps = np.arange(LANES) < number, np.zeros(number, int)
     kept, data = None, pages(problem.data)
-    linear = np.zeros(size, bool)
-    for g in problem.structure.groups:
-        linear[g.first : g.first + count(problem.structure, g)] = g.linear
     size2, rough = np.asarray(float(problem.size2)), np.asarray(float(rough))
     for _ in range(MAX_STEPS):
-        p, total, seen = normal_at(problem, data, np.asarray(lanes.trial)[:number, :free], active[:number])
-        wide = Normal(*(_padded(a, size, a.ndim - 1) for a in seen))
-        lanes = _advance(lanes, wide, active, linear, size2, rough)
-        accepted = np.asarray(lanes.accepted)[:number] & active[:number]
-        now = (p, *total, seen.stationarity, seen.exact)
+        p, total, seen = normal_at(problem, data, trial, active[:number])
+        lanes, told = _advance(lanes, _packed(seen, size), active, size2, rough)
+        told = np.asarray(told)[:number]
+        trial, (said_accepted, finished, refused, settled) = told[:, :free], told[:, size:].T > 0
+        accepted = said_accepted & active[:number]
+        now = (p, *total, seen.stationarity, seen.exact, seen.left)
         kept = now if kept is None else tuple(
             np.where(accepted.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(now, kept, strict=True)
         )  # fmt: skip
         steps += active[:number]
-        active = active & ~np.asarray(lanes.finished)
+        active[:number] &= ~finished
         if not active.any():
             break
-    successful = np.asarray(lanes.finished & ~lanes.refused)[:number]
-    p, cost, gradient, matrix, measure, exact = kept
-    # So near, the last step is as good as taken: it promises less than evaluations could tell.
-    last = to_parameters(problem.domains, np.asarray(lanes.trial)[:number, :free], np)[0]
-    p = np.where(np.asarray(lanes.near)[:number, None] & ~exact[:, None], last, p)
-    return Ends(p, Sums(cost, gradient, matrix), measure, exact, steps, successful)
+    p, cost, gradient, matrix, measure, exact, left = kept
+    # So near, the last step is as good as taken.
+    settled &= ~exact
+    p = np.where(settled[:, None], to_parameters(problem.domains, trial, np)[0], p)
+    cost = np.where(settled, cost - left, cost)
+    return Ends(p, Sums(cost, gradient, matrix), measure, exact, steps, finished & ~refused)

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from gonio.fitting.domains import LINEAR, LOG, Domains, mapped
-from gonio.fitting.equations import Samples, lobes
+from gonio.fitting.equations import LANES, Samples, sums
 from gonio.fitting.losses import transform, uses_cosine
-from gonio.fitting.samples import Readings
+from gonio.fitting.samples import Readings, in_blocks
 from gonio.fitting.structure import Structure, count
 from gonio.models.paths import last
 
@@ -84,43 +84,50 @@ class LinearSolver:
     """
 
     def __init__(self, s: Structure, fixed, part: Readings, data: Samples, loss: str, weight: np.ndarray):
-        self.s, self.fixed, self.data = s, fixed, data
+        self.s, self.fixed, self.loss = s, fixed, loss
         cosine = np.asarray(part.wi.z)[:, None] if uses_cosine(loss) else 1.0
-        self.f = part.f.T
-        self.weight = (weight * transform(loss, part.f * cosine, float(data.floor), np)[1] * cosine).T
+        with np.errstate(all="ignore"):
+            weight = weight * transform(loss, part.f * cosine, float(data.floor), np)[1] * cosine
+        self.reach = np.sqrt(np.sum((weight * part.f) ** 2, axis=0))
+        target, weight = (in_blocks(a, data.weight.shape) for a in (part.f, weight))
+        self.data = data._replace(target=target, weight=weight)
 
     def __call__(self, shapes: Sequence[np.ndarray]) -> list[tuple[np.ndarray, float]]:
         """(p with its unsaid linear numbers solved, weighted sum of squares) of each; ∞ where it is not finite."""
-        s, n = self.s, self.f.shape[1]
-        linear = [(k, g) for k, g in enumerate(s.groups) if g.linear]
-        unsaid = [k for k, g in linear if np.isnan(shapes[0][g.first])]
-        p = [np.where(np.isnan(each), 1.0, each) for each in shapes]
-        bases, rests = [], []
-        for each in p:
-            pages, strengths, factors = zip(*lobes(s, each, self.fixed, self.data), strict=True)
-            found = np.concatenate([np.moveaxis(a, 0, 2) for a in pages], axis=2)
-            found = found.reshape(*found.shape[:2], -1)[..., :n]  # (T, C or 1, n)
-            strengths, factors = strengths[0][:, :, None], factors[0][:, :, None]
-            basis = np.stack([found[s.groups[k].term] * factors[k] for k in unsaid]) if unsaid else found[:0] * self.f
-            with np.errstate(invalid="ignore", over="ignore"):
-                bases.append(basis * self.weight)
-                rests.append((self.f - np.sum(found * strengths, 0) + np.sum(basis, 0)) * self.weight)
-        basis, rest = np.stack(bases), np.stack(rests)  # (S, K, C, n), (S, C, n)
-        finite = np.isfinite(rest).all((1, 2)) & np.isfinite(basis).all((1, 2, 3))
-        basis, rest = (np.where(finite.reshape(-1, *[1] * (a.ndim - 1)), a, 0.0) for a in (basis, rest))
-        amount = _non_negative(np.einsum("skcn,slcn->sckl", basis, basis), np.einsum("skcn,scn->sck", basis, rest))
-        cost = np.sum((rest - np.einsum("skcn,sck->scn", basis, amount)) ** 2, axis=(1, 2))
-        size = np.sqrt(np.einsum("skcn,skcn->sck", basis, basis))
-        reach = np.where(size > 0, np.sqrt(np.sum(rest**2, -1))[..., None] / np.where(size > 0, size, 1.0), 0.0)
+        found = []
+        for first in range(0, len(shapes), LANES):
+            found += self._solved(np.stack(shapes[first : first + LANES]))
+        return found
+
+    def _solved(self, shapes: np.ndarray) -> list[tuple[np.ndarray, float]]:
+        s = self.s
+        unsaid = [g for g in s.groups if g.linear and np.isnan(shapes[0][g.first])]
+        if all(count(s, g) == s.channels for g in unsaid):  # channel by channel
+            at = np.array([[g.first + c for g in unsaid] for c in range(s.channels)], int)
+        else:
+            at = np.array([[g.first + c for g in unsaid for c in range(count(s, g))]], int)
+        p = np.where(np.isnan(shapes), 1.0, shapes)
+        total, _ = sums(s, self.loss, p, self.fixed, self.data, plain=True)
+        finite = np.isfinite(total.cost) & np.isfinite(total.gradient).all(1) & np.isfinite(total.matrix).all((1, 2))
+        matrix = np.where(finite[:, None, None], total.matrix, 0.0)[:, at[:, :, None], at[:, None, :]]
+        gradient, now = np.where(finite[:, None], total.gradient, 0.0)[:, at], p[:, at]
+        amount = _non_negative(matrix, np.einsum("sckl,scl->sck", matrix, now) - gradient)
+        change = amount - now
+        gain = np.sum(change * (gradient + 0.5 * np.einsum("sckl,scl->sck", matrix, change)), axis=(1, 2))
         # Not at the bound itself: there a start would see no slope.
-        amount = np.maximum(amount, 1e-3 * reach)
-        for k, at in enumerate(unsaid):
-            g = s.groups[at]
-            for each, found in zip(p, amount[..., k], strict=True):
-                each[g.first : g.first + count(s, g)] = np.clip(
-                    found if g.per_channel else found.mean(), g.info.low, g.info.high
-                )
-        return [(each, c if good else np.inf) for each, c, good in zip(p, cost.tolist(), finite, strict=True)]
+        size = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1))
+        amount = np.maximum(amount, 1e-3 * self._reach()[at] / np.where(size > 0, size, np.inf))
+        low, high = _inside(s)
+        p[:, at] = np.clip(amount, low[at], high[at])
+        cost = np.where(finite, total.cost + gain, np.inf)
+        return list(zip(p, (2.0 * cost).tolist(), strict=True))
+
+    def _reach(self) -> np.ndarray:
+        """Size of the weighted readings that each free number acts on, (P,)."""
+        every = float(np.sqrt(np.sum(self.reach**2)))
+        return np.array(
+            [self.reach[c] if g.per_channel else every for g in self.s.groups for c in range(count(self.s, g))]
+        )
 
 
 def _non_negative(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:

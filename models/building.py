@@ -87,7 +87,7 @@ def spell(brdf: AbstractBRDF) -> str:
 def _spell_term(brdf: AbstractBRDF) -> str:
     if isinstance(brdf, Scaled):
         return f"{_number_text(brdf.scale)} * {_spell_term(brdf.base)}"
-    if type(brdf) not in MODELS.values():
+    if name_of(type(brdf)) is None:
         raise GonioError(
             f"A {type(brdf).__name__} has no spelling; only the models that 'gonio models' lists have one."
         )

@@ -4,7 +4,7 @@ import functools
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
+import numpy as np
 
 WIDE = {"xla_cpu_prefer_vector_width": 512, "xla_backend_optimization_level": 2}
 """XLA uses half of an AVX-512 processor's vectors unless it is told to; narrower processors take their own width. Level
@@ -15,7 +15,7 @@ WIDE = {"xla_cpu_prefer_vector_width": 512, "xla_backend_optimization_level": 2}
 def options() -> dict:
     """`WIDE`, or nothing where this release of XLA refuses it: it is there for speed only."""
     try:
-        jax.jit(lambda x: x, compiler_options=WIDE).lower(jnp.zeros(())).compile()
+        jax.jit(lambda x: x, compiler_options=WIDE).lower(np.zeros(())).compile()
     except jax.errors.JaxRuntimeError:
         return {}
     return WIDE

@@ -114,8 +114,12 @@ def _run_one(args: argparse.Namespace, file: str, table_of) -> int:
     import tomli_w
 
     from gonio.data.plain import plain
+    from gonio.fitting.ahead import ahead
     from gonio.fitting.fitting import fit
+    from gonio.fitting.solver import padded_size, prepare
 
+    # To load the program of a step takes as long as to read a large file; what goes into it is known already.
+    ahead(("step", padded_size(0)), lambda: prepare(0))
     listens = tell if not args.model or len(args.model) > 1 else lambda line: None
     result = fit(table_of(file), args.model, say=listens, **_options(args))
     text = tomli_w.dumps(result.to_material_dict(Path(output).name.removesuffix(".toml").removesuffix(".fit")))
