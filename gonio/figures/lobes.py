@@ -54,6 +54,7 @@ def _linear_axis(ax: Axes, curves: list[Curve]) -> None:
     low, high = (min(values.min(), 0.0), max(values.max(), 0.0)) if values.size else (0.0, 1.0)
     span = (high - low) or 1.0
     ax.set_ylim(low - (0.04 * span if low < 0 else 0.0), high + 0.04 * span)
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(float(f"{v:.6g}"))))
     ax.grid(axis="y")
     if low < 0:
         ax.axhline(0.0, color="#8a8a8a", lw=0.7)

@@ -34,6 +34,8 @@ def decades_between(low: float, high: float) -> list[float]:
 
 def log_axis(ax: Axes, low: float, high: float) -> None:
     """A logarithmic y axis over the values low..high, with a grid; 1-2-5 ticks where it spans few decades."""
+    # Limits first: scales change by the limits of the data, which may be too close for that.
+    ax.set_ylim(low / 1.12, high * 1.12)
     ax.set_yscale("log")
     ax.set_ylim(low / 1.12, high * 1.12)
     span = math.log10(high / low)

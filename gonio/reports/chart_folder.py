@@ -23,7 +23,7 @@ def charts_of(folder: str | os.PathLike) -> list[dict[str, Any]]:
     """
     path = Path(folder) / INDEX
     if not Path(folder).is_dir():
-        raise GonioError(f"{folder} is no folder; give one that 'gonio chart -o {folder}' wrote")
+        raise GonioError(f"{folder} is no folder; give one that 'gonio chart -o FOLDER' wrote")
     if not path.is_file():
         raise GonioError(f"{folder} holds no {INDEX}; make it by 'gonio chart -o {folder}'")
     try:
