@@ -45,7 +45,7 @@ def written(fitted, tmp_path_factory):
     )
     evil.f[0, 0, 0, 0] = -0.5
     path = tmp_path_factory.mktemp("page") / "r.html"
-    subjects = [t, evil, gonio.material("gold")]
+    subjects = [t, evil, "lambert(rho=0.5)"]
     gonio.report(subjects, path, fits=[result], title=EVIL, command=f"gonio report {EVIL}")
     return path, path.read_text(), json.loads(path.with_suffix(".json").read_text())
 
@@ -161,7 +161,7 @@ def test_values_are_those_of_the_table(written, fitted):
     first = written[2]["subjects"][0]
     assert first["fit"]["asked"] == "lambert + ggx(eta=1.5)" and first["certificate"]["overall"] in written[1]
     plane = next(f["data"] for f in first["figures"] if f["id"] == "subject-1-polar-log")
-    assert [c["theta_i_deg"] for c in plane["model"]] == [0, 30, 60, 80]
+    assert [c["theta_i_deg"] for c in plane["lines"]] == [0, 30, 60, 80]
     truth = fitted[0].f[3, :, [0, 6], 1]
     shown = plane["readings"][1]["f_per_sr"]
     assert {float(f"{v:.6g}") for v in truth.ravel()} <= set(shown)
@@ -178,7 +178,9 @@ def test_verdicts_stand_before_the_pictures(written):
 
 
 def test_agreement_with_a_truth_is_named():
-    text = gonio.report("lambert(rho=0.2)", against="lambert(rho=0.3)")
+    layout = layouts.in_plane(np.radians([10, 40]), np.radians([-60, -30, 30, 60]))
+    flat = whole_table_of_values(layout, np.full(layout.shape, 0.1), name="flat")
+    text = gonio.report(flat, against="lambert(rho=0.1)")
     assert "worst of reciprocity, energy and agreement" in text and "✗ " in text
 
 

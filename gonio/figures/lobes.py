@@ -8,7 +8,8 @@ import math
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Wedge
+from matplotlib.patches import PathPatch, Wedge
+from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
 from gonio.figures.style import FAINT, INK, RULE, Picture, height_for, legend_above, panel, styled
@@ -37,13 +38,13 @@ def in_plane(curves: list[Curve], label: str, log: bool, y_label: str = "f / srâ
     """f against the signed outgoing angle; `label` is the alternative text."""
     with styled():
         fig, ax = panel(height=height_for([c.label for c in curves]))
-        for c in curves:
-            _draw(ax, c.theta_o, c.f, c)
+        angle_axis(ax)
         if log:
             log_axis(ax, *value_range(curves))
         else:
             _linear_axis(ax, curves)
-        angle_axis(ax)
+        for c in curves:
+            _draw(ax, c.theta_o, np.where(c.f > 0, c.f, np.nan) if log else c.f, c)
         ax.set_ylabel(y_label)
         legend_above(ax)
         return Picture(fig, label)
@@ -83,9 +84,20 @@ def value_range(curves: list[Curve]) -> tuple[float, float]:
 
 def _draw(ax: Axes, x: np.ndarray, y: np.ndarray, c: Curve) -> None:
     if c.marker:
-        ax.plot(x, y, c.marker, ms=3.1, mfc="none", mec=c.colour, mew=0.8, label=c.label, ls="none")
+        _dots(ax, x, y, c.colour)
+        ax.plot([], [], c.marker, ms=2.9, color=c.colour, mew=0, label=c.label, ls="none")
     else:
         ax.plot(x, y, color=c.colour, ls=c.dash, label=c.label)
+
+
+def _dots(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
+    # As one path of strokes without length and with round ends: an element for each mark is most of a page's weight.
+    shown = np.isfinite(x) & np.isfinite(y)
+    points = np.repeat(np.stack([x[shown], y[shown]], axis=-1), 2, axis=0)
+    points[1::2, 0] += 2e-4 * np.ptp(ax.get_xlim())  # nothing at all is drawn of no length in a raster
+    path = Path(points, np.tile([Path.MOVETO, Path.LINETO], int(shown.sum())))
+    path.should_simplify = False
+    ax.add_patch(PathPatch(path, fc="none", ec=colour, lw=2.9, capstyle="round"))
 
 
 def polar(curves: list[Curve], label: str, log: bool) -> Picture:

@@ -26,27 +26,32 @@ PEAKED = 20.0
 def plane_figures(s: Subject, seen: Seen) -> list[Drawn]:
     """f in the plane of incidence: polar and against the angle, linear and logarithmic."""
     tones = shades(colour_of(s.number)[0], len(seen.incidences))
-    curves, data = [], {"channel": s.channel, "model": [], "readings": []}
+    curves, data = [], {"channel": s.channel, "lines": [], "readings": []}
+    warped = seen.model is None and s.table is not None and s.table.interpolant is not None
+    lines = seen.between if warped else seen.model
     for k, theta_i in enumerate(seen.incidences):
         label = f"θᵢ {theta_i:.4g}°"
-        if seen.model is not None:
-            angles, f = views.plane_angles(theta_i), seen.model.curves[k]
+        if lines is not None:
+            angles, f = views.plane_angles(theta_i), lines.curves[k]
             curves.append(Curve(angles, f, label, tones[k], theta_i=theta_i))
-            data["model"].append({"theta_i_deg": theta_i, "theta_o_deg": np.round(angles, 4), "f_per_sr": short(f)})
+            data["lines"].append({"theta_i_deg": theta_i, "theta_o_deg": np.round(angles, 4), "f_per_sr": short(f)})
         if seen.near:
             x, f = views.in_plane_points(seen.near[theta_i])
             f = f[:, s.shown]
             data["readings"].append({"theta_i_deg": theta_i, "theta_o_deg": np.round(x, 4), "f_per_sr": short(f)})
             if np.isfinite(f).any():
-                alone = seen.model is None
+                alone = lines is None
                 name = label if alone else "_nolegend_"
                 curves.append(Curve(x, f, name, tones[k], marker="o", theta_i=theta_i if alone else None))
     if not curves:
         return []
     what = f"of {s.name}, channel {s.channel}, in the plane of incidence"
-    lines = "Lines: the fitted model. " if s.table is not None and seen.model is not None else ""
+    if s.table is not None and lines is not None:
+        words = f"Lines: {'the readings, ' + seen.how if warped else 'the fitted model'}. "
+    else:
+        words = ""
     points = f"Points: readings{_how_near(s)}. " if seen.near else ""
-    caption = f"In the plane of incidence, channel {s.channel}. {lines}{points}"
+    caption = f"In the plane of incidence, channel {s.channel}. {words}{points}"
     return [
         Drawn("polar-linear", caption + "Polar, linear.", polar(curves, f"Polar diagram {what}, linear", False), data),
         Drawn(
