@@ -32,13 +32,18 @@ class Descent:
 
 
 def descend_all(
-    problem: Problem, domains: Domains, starts: Sequence[np.ndarray], near: bool = False, rough: float = 1.0
+    problem: Problem,
+    domains: Domains,
+    starts: Sequence[np.ndarray],
+    near: bool = False,
+    rough: float = 1.0,
+    rivals: bool = False,
 ) -> list[Descent]:
-    """One descent from the parameters (P,) of each start, side by side; `near` and `rough` as `minimise` takes them."""
+    """One descent from the parameters (P,) of each start, side by side; what else as `minimise` takes it."""
     found = []
     for first in range(0, len(starts), LANES):
         x = np.stack([to_unconstrained(domains, p) for p in starts[first : first + LANES]])
-        ends = minimise(problem, x, near, rough)
+        ends = minimise(problem, x, near, rough, rivals)
         for k in range(len(x)):
             total = Sums(*(a[k] for a in ends.total))
             found.append(

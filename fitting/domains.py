@@ -49,8 +49,12 @@ def to_parameters(d: Domains, x: Float[Array, "*s p"], xp=jnp):
 
 
 def to_unconstrained(d: Domains, p: np.ndarray) -> np.ndarray:
-    """x of parameters p, shape (P,), kept a little off the bounds, where a start would see no slope."""
+    """x of parameters p (..., P), kept a little off the bounds, where a start would see no slope.
+
+    A domain of a single value holds its number.
+    """
     u_low, u_high = (mapped(np.asarray(d.kind), np.asarray(b)) for b in (d.low, d.high))
-    share = (mapped(np.asarray(d.kind), np.asarray(p, float)) - u_low) / (u_high - u_low)
+    width = np.where(u_high > u_low, u_high - u_low, 1.0)
+    share = (mapped(np.asarray(d.kind), np.asarray(p, float)) - u_low) / width
     # A scale's domain is wide (10⁶): the margin is small enough not to move a start of 1e-3 of a usual value.
     return np.arcsin(np.sqrt(np.clip(share, 1e-12, 1.0 - 1e-6)))

@@ -149,7 +149,7 @@ def _computed(always, function):
 
 
 def _block(s: Structure, loss: str, p, fixed, data: Samples, b, plain):
-    """(residuals (C, n), their derivatives (groups, C, n), the model's f (C, n)) of block b."""
+    """(residuals and under them their derivatives (C, 1 + groups, n), the model's f (C, n)) of block b."""
     wi, wo = (Direction(*(c[b] for c in w)) for w in (data.wi, data.wo))
     always = b < data.blocks
     strengths, factors = _strengths(s, p, fixed)
@@ -167,37 +167,35 @@ def _block(s: Structure, loss: str, p, fixed, data: Samples, b, plain):
         return residual, jnp.where(used, weight * slope, 0.0), f
 
     residual, by_f, f = _computed(always, compared)
-    rows = _rows(s, lobes, slopes, factors)
-    return residual, jnp.stack([row * by_f for row in rows]) if rows else jnp.zeros((0, *residual.shape)), f
+
+    def rows():
+        return jnp.stack([residual, *(row * by_f for row in _rows(s, lobes, slopes, factors))], axis=1)
+
+    return _computed(always, rows), f
 
 
 @functools.lru_cache(maxsize=256)
 def _program(s: Structure, loss: str):
-    """Of one page: (cost, Jᵀr (groups, C), JᵀJ and Jᵀdiag(r²)J (groups, groups, C)), raveled, for the lanes in use, and
-    the model's f (PAGE, C, n) of the last of them.
+    """Of one page: the products of residuals and derivatives with each other, and of these times the residuals, (2, C,
+    1 + groups, 1 + groups), for the lanes in use, and the model's f (PAGE, C, n) of the last of them.
 
     One program for all that a fit asks of a model: to trace a model takes as long as to run it over a million samples.
     """
-    groups = len(s.groups)
+    size = 1 + len(s.groups)
+
+    def squared(rows):
+        return jax.lax.dot_general(rows, rows, (((2,), (2,)), ((0,), (0,))))
 
     def one_lane(p, f, asked: _Asked, fixed, page: Samples):
         def add_block(b, carry):
-            cost, row, square, scatter, f = carry
-            r, jac, at_samples = _block(s, loss, p, fixed, page, b, asked.plain)
-            row = row + jnp.einsum("kcn,cn->kc", jac, r)
+            square, scatter, f = carry
+            rows, at_samples = _block(s, loss, p, fixed, page, b, asked.plain)
+            again = jax.lax.cond(asked.scattered, lambda: scatter + squared(rows * rows[:, :1]), lambda: scatter)
+            return square + squared(rows), again, f.at[b].set(at_samples)
 
-            def with_scatter():
-                weighted = jac * r[None]
-                return scatter + jnp.einsum("kcn,lcn->klc", weighted, weighted)
-
-            scatter = jax.lax.cond(asked.scattered, with_scatter, lambda: scatter)
-            square = square + jnp.einsum("kcn,lcn->klc", jac, jac)
-            return cost + 0.5 * jnp.sum(r * r), row, square, scatter, f.at[b].set(at_samples)
-
-        squares = jnp.zeros((groups, groups, s.channels))
-        start = (jnp.zeros(()), jnp.zeros((groups, s.channels)), squares, squares, f)
-        *found, f = jax.lax.fori_loop(0, page.blocks, add_block, start)
-        return jnp.concatenate([jnp.ravel(a) for a in found]), f
+        none = jnp.zeros((s.channels, size, size))
+        square, scatter, f = jax.lax.fori_loop(0, page.blocks, add_block, (none, none, f))
+        return jnp.stack([square, scatter]), f
 
     def program(p, order, asked: _Asked, fixed, page: Samples):
         def lane(k, carry):
@@ -205,9 +203,9 @@ def _program(s: Structure, loss: str):
             found, f = one_lane(p[order[k]], f, asked, fixed, page)
             return out.at[order[k]].set(found), f
 
-        width = 1 + (groups + 2 * groups * groups) * s.channels
+        out = jnp.zeros((LANES, 2, s.channels, size, size))
         f = jnp.zeros((PAGE, s.channels, page.wi.z.shape[1]))
-        return jax.lax.fori_loop(0, asked.lanes, lane, (jnp.zeros((LANES, width)), f))
+        return jax.lax.fori_loop(0, asked.lanes, lane, (out, f))
 
     return jax.jit(program, compiler_options=options())
 
@@ -227,11 +225,11 @@ def pages(data: Samples | list[Samples]) -> list[Samples]:
 
 
 def _spread(s: Structure, square: np.ndarray) -> np.ndarray:
-    """Channel-wise matrices (S, groups, groups, C) laid out over all free numbers, (S, P, P)."""
+    """Channel-wise matrices (S, C, 1 + groups, 1 + groups), the residuals' row left out, over all free numbers."""
     matrix = np.zeros((square.shape[0], s.size, s.size))
     for c in range(s.channels):
         at = s.columns(c)
-        matrix[:, at[:, None], at[None, :]] += square[..., c]
+        matrix[:, at[:, None], at[None, :]] += square[:, c, 1:, 1:]
     return matrix
 
 
@@ -280,16 +278,13 @@ def sums(
 
 
 def _summed(s: Structure, number: int, found: list, scattered: bool) -> tuple[Sums, np.ndarray]:
-    groups = len(s.groups)
     total = np.sum([np.asarray(f) for f in found], axis=0)[:number]
-    ends = np.cumsum([1, groups * s.channels, groups * groups * s.channels])
-    cost, row, square, scatter = np.split(total, ends, axis=1)
-    square, scatter = (a.reshape(number, groups, groups, s.channels) for a in (square, scatter))
-    row = row.reshape(number, groups, s.channels)
+    square, scatter = total[:, 0], total[:, 1]
     gradient = np.zeros((number, s.size))
     for c in range(s.channels):
-        gradient[:, s.columns(c)] += row[..., c]
-    return Sums(cost[:, 0], gradient, _spread(s, square)), _spread(s, scatter) if scattered else None
+        gradient[:, s.columns(c)] += square[:, c, 0, 1:]
+    cost = 0.5 * np.sum(square[:, :, 0, 0], axis=1)
+    return Sums(cost, gradient, _spread(s, square)), _spread(s, scatter) if scattered else None
 
 
 def values(s: Structure, loss: str, p: np.ndarray, fixed, data: Samples) -> np.ndarray:

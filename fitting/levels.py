@@ -14,7 +14,8 @@ from gonio.fitting.starts import LinearSolver, guesses, random_shapes
 from gonio.fitting.structure import Structure
 from gonio.models.errors import GonioError
 
-COARSE = 1024
+COARSE = 512
+EACH = 48  # samples for each free number, where these are many
 ROUGH = 1e4  # of the aim, where more readings follow
 MIDDLE = 1 << 16
 WORTHWHILE = 3  # times as many readings as a level has samples, for that level to spare anything
@@ -47,7 +48,8 @@ def search(
     Raises GonioError where the model has no finite cost at any start.
     """
     n, d = readings.f.shape[0], whole.domains
-    cells = coarse_cells(readings, COARSE, seed) if n > WORTHWHILE * COARSE else np.arange(n)
+    enough = max(COARSE, EACH * said.size)
+    cells = coarse_cells(readings, enough, seed) if n > WORTHWHILE * enough else np.arange(n)
     few, coarse, kept = readings, whole, weight
     if cells.size < n:
         few, kept = readings.part(cells), weight[cells]
@@ -66,11 +68,11 @@ def search(
         if n > WORTHWHILE * MIDDLE:
             some = np.sort(np.random.default_rng(seed).choice(n, MIDDLE, replace=False, shuffle=False))
             going = descend_all(
-                problem(readings.part(some), weight[some]), d, [e.p for e in going], near=True, rough=ROUGH
+                problem(readings.part(some), weight[some]), d, [e.p for e in going], near=True, rough=ROUGH, rivals=True
             )
             least = min(e.cost for e in going)
             going = [e for e in distinct(going, float(whole.size2)) if e.cost <= CLOSE * least] or going
-        best = _best(descend_all(whole, d, [e.p for e in going], near=True)) or best
+        best = _best(descend_all(whole, d, [e.p for e in going], near=True, rivals=True)) or best
     return Found(best, ends, agreed, cells)
 
 

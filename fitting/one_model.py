@@ -85,6 +85,7 @@ class Ending:
     reach: np.ndarray  # (P,) how far inside its bound a pinned number may lie, with 95 % confidence
     aside: SetAside | None = None  # what a robust fit counts less
     profile: dict[int, tuple[float, float]] = dataclasses.field(default_factory=dict)  # 95 % intervals of vague numbers
+    unfollowed: tuple[int, ...] = ()  # vague numbers whose intervals are those of the covariance all the same
 
     @property
     def exact(self) -> bool:

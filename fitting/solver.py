@@ -25,6 +25,7 @@ STATIONARY = 1e-9  # the aim; DESIGN's test asks for 1e-6
 NEARLY, LITTLE = 1e-7, 1e-13  # or this near, where the next step promises no more than this share of the cost
 WORTH = 1e-3  # of the cost: what a projection must promise
 UNDAMPED, DAMPED = 1e8, 100.0  # the first step's size from near a minimum, and from afar as MINPACK's
+HOPE = 4.0  # times as much as a Newton step promises: more will not come of a descent near a minimum
 CLOSE = 1e-5  # or this near, where steps are seen to shrink so fast that the next one will do
 _EPS = 2.220446049250313e-16
 
@@ -283,10 +284,20 @@ def prepare(free: int) -> None:
     _advance(lanes, none, no, np.asarray(1.0), np.asarray(1.0))[1].block_until_ready()
 
 
-def minimise(problem: Problem, x: np.ndarray, near: bool = False, rough: float = 1.0) -> Ends:
+def minimise(
+    problem: Problem,
+    x: np.ndarray,
+    near: bool = False,
+    rough: float = 1.0,
+    rivals: bool = False,
+    enough: float = 0.0,
+    most: int = MAX_STEPS,
+) -> Ends:
     """The ends of the descents from unconstrained coordinates x (S, P), at most `LANES` of them.
 
-    `near`: they begin near minima, and need no damping at first. `rough`: how much less stationary may do.
+    `near`: they begin near minima, and need no damping at first. `rough`: how much less stationary may do. `rivals`:
+    only the lowest end is asked for, and what will not come down to it may stop where it is. `enough`: of the cost may
+    be left to gain, by what a Newton step promises. `most`: steps.
     """
     number, free = x.shape
     size = padded_size(free)
@@ -296,7 +307,7 @@ def minimise(problem: Problem, x: np.ndarray, near: bool = False, rough: float =
     active, steps = np.arange(LANES) < number, np.zeros(number, int)
     kept, data = None, pages(problem.data)
     size2, rough = np.asarray(float(problem.size2)), np.asarray(float(rough))
-    for _ in range(MAX_STEPS):
+    for _ in range(most):
         p, total, seen = normal_at(problem, data, trial, active[:number])
         lanes, told = _advance(lanes, _packed(seen, size), active, size2, rough)
         told = np.asarray(told)[:number]
@@ -307,12 +318,14 @@ def minimise(problem: Problem, x: np.ndarray, near: bool = False, rough: float =
             np.where(accepted.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(now, kept, strict=True)
         )  # fmt: skip
         steps += active[:number]
-        active[:number] &= ~finished
+        active[:number] &= ~(finished | (accepted & (seen.left < enough)))
+        if rivals:
+            active[:number] &= ~(kept[1] - HOPE * kept[-1] > np.min(kept[1]))
         if not active.any():
             break
     p, cost, gradient, matrix, measure, exact, left = kept
     # So near, the last step is as good as taken.
-    settled &= ~exact
+    settled = (settled | (left < enough)) & ~exact
     p = np.where(settled[:, None], to_parameters(problem.domains, trial, np)[0], p)
     cost = np.where(settled, cost - left, cost)
     return Ends(p, Sums(cost, gradient, matrix), measure, exact, steps, finished & ~refused)

@@ -50,6 +50,9 @@ def state(
         ]
         silent = np.flatnonzero(e.covariance.undetermined & (np.diagonal(np.asarray(e.total.matrix)) <= 0))
         undetermined += [f"{mine[k]} does not change the residuals at all" for k in silent]
+        if e.unfollowed:
+            these = ", ".join(mine[k] for k in e.unfollowed)
+            notes.append(f"95 % intervals of {these}: by the covariance, the cost was not followed to their ends")
         at += e.structure.size
     measured = metrics(f, readings)
     cost = float(sum(float(e.total.cost) for e in endings))
