@@ -178,7 +178,7 @@ def test_verdicts_stand_before_the_pictures(written):
 
 
 def test_agreement_with_a_truth_is_named():
-    layout = layouts.in_plane(np.radians([10, 40]), np.radians([-60, -30, 30, 60]))
+    layout = layouts.in_plane(np.radians([10, 20, 40]), np.radians(np.arange(-60, 61, 10.0)))
     flat = whole_table_of_values(layout, np.full(layout.shape, 0.1), name="flat")
     text = gonio.report(flat, against="lambert(rho=0.1)")
     assert "worst of reciprocity, energy and agreement" in text and "✗ " in text
