@@ -11,7 +11,7 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
     `relative_rms` = √(Σ(m−y)²/Σy²); `relative_rms_cosine` the same of f cosθi cosθo; `median_relative` the median of
     |m−y|/|y|; `log_rms` of log(1+f) [Ngan 2005 and others]; `cbrt_rms` of (f cosθi)^⅓; `bias` the mean of m−y, 1/sr.
     """
-    sums, relative = np.zeros(7), []
+    sums, relative, known = np.zeros(7), np.empty(readings.f.size), 0
     for first in range(0, readings.f.shape[0], CHUNK):
         some = slice(first, first + CHUNK)
         valid, y, m = readings.valid[some], readings.f[some], model_f[some]
@@ -24,9 +24,10 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
         squares = [np.sum(a * a) for a in (off, y, off * both, y * both, logs, roots)]
         sums += [*squares, off.sum()]
         with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.abs(off / y)
-        relative.append(share[y != 0])
-    count, relative = max(1, readings.count), np.concatenate(relative)
+            share = np.abs(off / y)[y != 0]
+        relative[known : known + share.size] = share
+        known += share.size
+    count, relative = max(1, readings.count), relative[:known]
 
     def ratio(above: float, below: float) -> float:
         return float(np.sqrt(above / below)) if below > 0 else float("nan")

@@ -264,9 +264,8 @@ def _closed(
         spread = covariance(matrix, scatter, True, free, d, p, readings.count).scaled(rounding, d, p)
     if aside is not None:
         spread = spread.scaled(aside.widening**2, d, p)
-    used = weight[weight > 0]
     return Ending(
         s, fixed, d, p, f, total, spread, pinned, float(whole.size2),
-        float(np.sum(np.log(used))) if known else 0.0, float(measure), *counts, notes,
+        float(np.sum(np.log(weight[weight > 0]))) if known else 0.0, float(measure), *counts, notes,
         whole, weight, reach, aside,
     )  # fmt: skip

@@ -58,7 +58,7 @@ def readings_of(table: Table, limit: int | None = None, theta_max: float | None 
     )
     valid = (np.asarray(block.flag) == Flag.VALID) & np.isfinite(block.f)
     # Reading f where it is masked would carry a NaN into sums: the value there is never looked at again.
-    f = np.where(valid, block.f, 0.0).astype(float, copy=False)
+    f = np.asarray(block.f if valid.all() else np.where(valid, block.f, 0.0), float)
     return Readings(wi, wo, f, np.asarray(block.u_f, float), valid)
 
 

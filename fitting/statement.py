@@ -25,7 +25,7 @@ def state(
 ) -> FitResult:
     """The result of one joint ending, or of one ending for each channel."""
     brdf = build(_filled(terms, endings))
-    f = np.concatenate([e.model_f for e in endings], axis=1)
+    f = endings[0].model_f if len(endings) == 1 else np.concatenate([e.model_f for e in endings], axis=1)
     endings, notes = _widened(endings, readings, options)
     endings = [with_profiles(e) for e in endings]
     estimates, names = [], []
