@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gonio.certificate import Certificate
-from gonio.data.files import new_file, refuse_existing, refuse_input
+from gonio.data.files import new_file, output_errors, refuse_existing, refuse_input
 from gonio.models.errors import GonioError
 from gonio.reports.drawn import Drawn
 from gonio.reports.subject import Subject, fit_of, pair, subject_of, told_apart
@@ -54,9 +54,10 @@ def report(
         )
     if certificates is not None and len(certificates) != len(given):
         raise GonioError(f"{len(certificates)} certificates came for {len(given)} subjects; give one each, or None.")
-    values = None if output is None else _outputs(output, [*given, *fits, against], force)
+    index = [] if chart is None else [Path(chart) / "charts.json"]
+    values = None if output is None else _outputs(output, [*given, *fits, against, *index], force)
     if figures is not None:
-        _refuse_figures(figures)
+        _refuse_figures(Path(figures), force)
     shown = [subject_of(g, number) for number, g in enumerate(given)]
     pair(shown, [fit_of(f) for f in fits])
     told_apart(shown)
@@ -71,16 +72,15 @@ def report(
 
     document, drawn, spheres = assembled(shown, title, command, charts)
     text = page(document, drawn, spheres, charts, None if values is None else values.name)
-    if figures is not None:
-        _write_figures(Path(figures), drawn, shown, force)
-    if output is None:
-        return text
-    with new_file(output, force) as path, new_file(values, force) as beside:
-        path.write_text(text, encoding="utf-8")
-        beside.write_text(
-            json.dumps(document, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n", encoding="utf-8"
-        )
-    return Path(output)
+    files = {} if figures is None else _figure_files(drawn, shown)
+    with contextlib.ExitStack() as stack:
+        if output is not None:
+            stack.enter_context(new_file(output, force)).write_text(text, encoding="utf-8")
+            held = json.dumps(document, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n"
+            stack.enter_context(new_file(values, force)).write_text(held, encoding="utf-8")
+        if files:
+            _write(Path(figures), files)
+    return text if output is None else Path(output)
 
 
 def _outputs(output: str | os.PathLike, inputs: Sequence[Any], force: bool) -> Path:
@@ -102,11 +102,13 @@ def _outputs(output: str | os.PathLike, inputs: Sequence[Any], force: bool) -> P
     return values
 
 
-def _refuse_figures(folder: str | os.PathLike) -> None:
-    if Path(folder).exists() and not Path(folder).is_dir():
+def _refuse_figures(folder: Path, force: bool) -> None:
+    if folder.exists() and not folder.is_dir():
         raise GonioError(f"{folder} is a file; name a folder for the figures")
-    if not Path(folder).absolute().parent.is_dir():
-        raise GonioError(f"the folder {Path(folder).absolute().parent} of {folder} does not exist; make it first")
+    if not folder.absolute().parent.is_dir():
+        raise GonioError(f"the folder {folder.absolute().parent} of {folder} does not exist; make it first")
+    if not force and folder.is_dir() and any(folder.iterdir()):
+        raise GonioError(f"{folder} holds files already; name another folder, or --force to write among them")
 
 
 def _certify(shown: Sequence[Subject], certificates, check: bool, against: Any) -> None:
@@ -120,23 +122,23 @@ def _certify(shown: Sequence[Subject], certificates, check: bool, against: Any) 
             s.certificate = judge(s.table if s.table is not None else s.material or s.brdf, against=truth, name=s.name)
 
 
-def _write_figures(folder: Path, drawn: dict[str, Drawn], shown: Sequence[Subject], force: bool) -> None:
+def _figure_files(drawn: dict[str, Drawn], shown: Sequence[Subject]) -> dict[str, bytes]:
+    """What every figure's files hold, by their names."""
     names = {s.anchor: f"{s.number + 1:02d}-{_safe(s.name)}" for s in shown}
-    targets = {}
+    files = {}
     for d in drawn.values():
         anchor = d.id.removesuffix(f"-{d.slug}")
         stem = f"{names.get(anchor, anchor)}-{d.slug}"
-        targets |= {f"{stem}.svg": d.picture.svg_file, f"{stem}.png": d.picture.png}
-    for name in targets:
-        refuse_existing(folder / name, force)
-    made = {name: write() for name, write in targets.items()}
-    try:
+        files |= {f"{stem}.svg": d.picture.svg_file(), f"{stem}.png": d.picture.png()}
+    return files
+
+
+def _write(folder: Path, files: dict[str, bytes]) -> None:
+    with output_errors(folder):
         folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise GonioError(f"{folder} cannot be made ({error.strerror}); name another folder for the figures") from None
     with contextlib.ExitStack() as stack:
-        for name, data in made.items():
-            stack.enter_context(new_file(folder / name, force)).write_bytes(data)
+        for name, data in files.items():
+            stack.enter_context(new_file(folder / name, force=True)).write_bytes(data)
 
 
 def _safe(name: str) -> str:

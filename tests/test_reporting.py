@@ -207,7 +207,7 @@ def test_figures_are_files_too(tmp_path):
     for file in files:
         start = file.read_bytes()[:200]
         assert start.startswith(b"\x89PNG") or b'xmlns="http://www.w3.org/2000/svg"' in start
-    with pytest.raises(GonioError, match="exists already"):
+    with pytest.raises(GonioError, match="holds files already"):
         gonio.report(flat, check=False, figures=tmp_path / "figures")
 
 
@@ -241,6 +241,7 @@ def test_a_page_is_whole_or_not_there(tmp_path, monkeypatch, capsys):
         ("perfect_diffuser --chart charts -o new.html", "no list of charts"),
         ("perfect_diffuser --chart absent -o new.html", "no folder"),
         ("perfect_diffuser --figures v.json -o new.html", "is a file"),
+        ("perfect_diffuser --chart charts -o charts/charts.html --force", "input"),
     ):
         assert main(["report", "--no-check", *command.split()]) == 2, command
         out, err = capsys.readouterr()
