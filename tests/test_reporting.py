@@ -4,6 +4,7 @@ import datetime
 import json
 import math
 import re
+import shlex
 from html.parser import HTMLParser
 
 import numpy as np
@@ -247,6 +248,17 @@ def test_a_page_is_whole_or_not_there(tmp_path, monkeypatch, capsys):
         out, err = capsys.readouterr()
         assert words in err and err.count("\n") == 1 and out == "", (command, err)
         assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")} == before, command
+
+
+def test_the_command_on_the_page_makes_it_again(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_table(tmp_path / "a table.h5", table("t", "lambert(rho=0.3)"))
+    assert main(["report", "a table.h5", "--no-check", "--title", "it's $HOME", "-o", "r.html"]) == 0
+    first = json.loads((tmp_path / "r.json").read_text())
+    (tmp_path / "r.html").unlink(), (tmp_path / "r.json").unlink()
+    assert main(shlex.split(first["command"])[1:]) == 0
+    again = json.loads((tmp_path / "r.json").read_text())
+    assert {k: v for k, v in again.items() if k != "made"} == {k: v for k, v in first.items() if k != "made"}
 
 
 def test_fits_find_their_tables(fitted, tmp_path):
