@@ -155,7 +155,15 @@ def test_every_figure_is_there_with_its_numbers(written):
     slugs = [{f["id"].removeprefix(f"{s['anchor']}-") for f in s["figures"]} for s in values["subjects"]]
     every = {"polar-linear", "polar-log", "plane-linear", "plane-log", "lobe", "spheres", "albedo", "reciprocity"}
     assert all(every <= s for s in slugs)
-    assert {"p-values", "residuals", "residuals-half", "residuals-polar", "slice-readings", "slice-model"} <= slugs[0]
+    assert {
+        "p-values",
+        "correlations",
+        "residuals",
+        "residuals-half",
+        "residuals-polar",
+        "slice-readings",
+        "slice-model",
+    } <= slugs[0]
 
 
 def test_values_are_those_of_the_table(written, fitted):

@@ -10,7 +10,7 @@ from gonio.figures.style import colour_of
 from gonio.reports.comparison import sphere_of, together
 from gonio.reports.drawn import Drawn
 from gonio.reports.facts import facts, fit_facts, provenance, sentence
-from gonio.reports.judged_figures import albedo_figures, reciprocity_figures, residual_figures
+from gonio.reports.judged_figures import albedo_figures, correlation_figures, reciprocity_figures, residual_figures
 from gonio.reports.lobe_figures import map_figures, plane_figures, slice_figures, space_figures, sphere_figures
 from gonio.reports.seen import Seen, look
 from gonio.reports.subject import Subject
@@ -76,6 +76,7 @@ def _section(s: Subject, seen: Seen | None, figures: dict[str, Drawn]) -> dict[s
             *albedo_figures(s),
             *reciprocity_figures(s),
             *residual_figures(s, (fit or {}).get("theta_max")),
+            *correlation_figures(s, fit),
         ]
     notes = []
     if seen is not None and s.table is not None:

@@ -4,6 +4,7 @@ import numpy as np
 
 from gonio.certificate import Property
 from gonio.figures.albedo import AlbedoCurve, albedo_figure, channel_colours
+from gonio.figures.correlations import correlation_figure
 from gonio.figures.reciprocity import p_map, reciprocity_scatter
 from gonio.figures.residuals import median_grid, residual_histogram, residual_map, shares
 from gonio.figures.style import colour_of
@@ -146,3 +147,15 @@ def residual_figures(s: Subject, theta_max: float | None) -> list[Drawn]:
     data = {"unit": unit, "edges": short(edges), "share_per_unit": short(share)}
     drawn.append(Drawn("residuals", caption + cut + ".", picture, data))
     return drawn
+
+
+def correlation_figures(s: Subject, fit: dict | None) -> list[Drawn]:
+    """Correlations of the free numbers of a fit that holds them."""
+    names = (fit or {}).get("free_names") or []
+    rows = (fit or {}).get("correlation") or []
+    if len(names) < 2 or [len(row) for row in rows] != [len(names)] * len(names):
+        return []
+    correlation = np.array([[np.nan if v is None else v for v in row] for row in rows], float)
+    caption = "Correlations of the fitted numbers; empty where a number is not determined by the readings."
+    picture = correlation_figure(names, correlation, f"Correlations of the numbers fitted to {s.name}")
+    return [Drawn("correlations", caption, picture, {"names": names, "correlation": short(correlation, 4)})]
