@@ -4,20 +4,25 @@ import contextlib
 import threading
 from collections.abc import Callable, Hashable
 
+from gonio.fitting.precision import is_double
+
 _known: set[Hashable] = set()
 _running: list[threading.Thread] = []
 
 
 def ahead(key: Hashable, job: Callable[[], None]) -> None:
     """Begin a job in a thread of its own; nothing where one of this key was begun before."""
-    if key in _known:
+    double = is_double()
+    if (key, double) in _known:
         return
-    _known.add(key)
+    _known.add((key, double))
 
     def run() -> None:
-        # What goes wrong here goes wrong again where it is needed, and is said there.
+        # A precision that only the caller's thread has is not known here. What goes wrong goes wrong again where it is
+        # needed, and is said there.
         with contextlib.suppress(Exception):
-            job()
+            if is_double() == double:
+                job()
 
     thread = threading.Thread(target=run, name="gonio-ahead")
     _running.append(thread)

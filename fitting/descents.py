@@ -7,9 +7,11 @@ import numpy as np
 
 from gonio.fitting.domains import Domains, to_unconstrained
 from gonio.fitting.equations import LANES, Sums
+from gonio.fitting.precision import eps
 from gonio.fitting.solver import Problem, minimise
 from gonio.fitting.structure import Structure, count
 
+ROUNDINGS = 16.0  # of what is compared, by which two costs of one minimum may differ
 SAME_COST = 1e-6  # relative difference of two costs that are one minimum
 
 
@@ -61,9 +63,12 @@ def descend(problem: Problem, domains: Domains, start: np.ndarray, near: bool = 
 
 
 def agreeing(ends: list[Descent], best: Descent, size2: float) -> int:
-    """How many descents ended at the best cost (to 1e-6 of it, or to rounding where it is exact)."""
-    margin = SAME_COST * best.cost + 1e-20 * size2
-    return sum(end.cost <= best.cost + margin for end in ends)
+    """How many descents ended at the best cost (to 1e-6 of it, or to rounding)."""
+    return sum(end.cost <= best.cost + _margin(best.cost, size2) for end in ends)
+
+
+def _margin(cost: float, size2: float) -> float:
+    return SAME_COST * cost + 1e-20 * size2 + ROUNDINGS * eps() * float(np.sqrt(max(cost, 0.0) * size2))
 
 
 def distinct(ends: list[Descent], size2: float, most: int = 3) -> list[Descent]:
@@ -72,7 +77,7 @@ def distinct(ends: list[Descent], size2: float, most: int = 3) -> list[Descent]:
     for end in sorted((e for e in ends if np.isfinite(e.cost)), key=lambda e: e.cost):
         if found and end.cost > 1.5 * found[0].cost + 1e-20 * size2:
             break
-        if all(end.cost > f.cost * (1 + SAME_COST) + 1e-20 * size2 for f in found):
+        if all(end.cost > f.cost + _margin(f.cost, size2) for f in found):
             found.append(end)
     return found[:most]
 

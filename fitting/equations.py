@@ -278,7 +278,7 @@ def sums(
 
 
 def _summed(s: Structure, number: int, found: list, scattered: bool) -> tuple[Sums, np.ndarray]:
-    total = np.sum([np.asarray(f) for f in found], axis=0)[:number]
+    total = np.sum([np.asarray(f) for f in found], axis=0, dtype=float)[:number]
     square, scatter = total[:, 0], total[:, 1]
     gradient = np.zeros((number, s.size))
     for c in range(s.channels):

@@ -14,6 +14,7 @@ from gonio.fitting.domains import Domains
 from gonio.fitting.equations import Closing, Sums, closing, values
 from gonio.fitting.levels import search
 from gonio.fitting.loss_floor import loss_floor
+from gonio.fitting.precision import EXACT, eps, is_exact, stationary_limit
 from gonio.fitting.result import FitResult
 from gonio.fitting.robust import SetAside, robustly
 from gonio.fitting.samples import Readings, blocked, weights_of
@@ -26,8 +27,6 @@ from gonio.models.paths import changed, last, numbers
 from gonio.models.spelling import Term, Value
 
 REWEIGHTINGS = 30
-STATIONARY = 1e-6
-EXACT = 1e3  # of the rounding of the data: residuals up to there are none
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,12 +53,9 @@ class Options:
         return self.loss == "sigma" and self.weight is None and self.robust is None
 
 
-def _exact(total: Sums, size2: float) -> bool:
-    return 2.0 * float(total.cost) <= (EXACT * np.finfo(float).eps) ** 2 * size2
-
-
 def _stationary(d: Domains, p: np.ndarray, total: Sums, whole: Problem) -> bool:
-    return _exact(total, float(whole.size2)) or float(stationarity(d, p, total)[0]) <= STATIONARY
+    cost, size2 = float(total.cost), float(whole.size2)
+    return is_exact(cost, size2) or float(stationarity(d, p, total)[0]) <= stationary_limit(cost, size2)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,12 +86,17 @@ class Ending:
     @property
     def exact(self) -> bool:
         """‖r‖ ≤ 10³ eps ‖data‖: the residual is rounding."""
-        return _exact(self.total, self.size2)
+        return is_exact(float(self.total.cost), self.size2)
 
     @property
     def converged(self) -> bool:
         """Stationary or exact, at a finite cost."""
-        return bool(np.isfinite(float(self.total.cost))) and (self.exact or self.stationarity <= STATIONARY)
+        return bool(np.isfinite(float(self.total.cost))) and (self.exact or self.stationarity <= self.limit)
+
+    @property
+    def limit(self) -> float:
+        """Up to which projected gradient the fit counts as stationary."""
+        return stationary_limit(float(self.total.cost), self.size2)
 
 
 def fit_one(
@@ -244,7 +245,7 @@ def _closed(
 ) -> Ending:
     f, total = done.f[: readings.f.shape[0]], done.total
     measure, pinned, silent = stationarity(d, p, total)
-    exact = _exact(total, float(whole.size2))
+    exact = is_exact(float(total.cost), float(whole.size2))
     if exact:
         # The gradient of a rounding residual points anywhere: a bound is active where the number lies on it.
         low, high = at_bounds(d, p)
@@ -259,7 +260,7 @@ def _closed(
     )
     if exact and not known:
         # What a fit without residual knows a number to is what it calls a residual of rounding.
-        rounding = (EXACT * np.finfo(float).eps) ** 2 * float(whole.size2) / max(readings.count, 1)
+        rounding = (EXACT * eps()) ** 2 * float(whole.size2) / max(readings.count, 1)
         free = ~pinned & ~silent
         spread = covariance(matrix, scatter, True, free, d, p, readings.count).scaled(rounding, d, p)
     if aside is not None:

@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float
 
 from gonio.fitting.domains import Domains, to_parameters
 from gonio.fitting.equations import LANES, Samples, Sums, pages, sums
+from gonio.fitting.precision import eps, is_double
 from gonio.fitting.structure import Structure, count
 
 MAX_STEPS = 200
@@ -27,7 +28,7 @@ WORTH = 1e-3  # of the cost: what a projection must promise
 UNDAMPED, DAMPED = 1e8, 100.0  # the first step's size from near a minimum, and from afar as MINPACK's
 HOPE = 4.0  # times as much as a Newton step promises: more will not come of a descent near a minimum
 CLOSE = 1e-5  # or this near, where steps are seen to shrink so fast that the next one will do
-_EPS = 2.220446049250313e-16
+IN_SINGLE = {"stationary": 3e-6, "nearly": 3e-5, "little": 1e-9, "close": 1e-3}  # the same in single precision
 
 
 class Problem(eqx.Module):
@@ -101,7 +102,7 @@ def normal_at(
         at = np.arange(x.shape[1])
         hessian[:, at, at] += bend
         measure, _, _ = stationarity(d, p, total)
-        exact = 2.0 * total.cost <= (30.0 * _EPS) ** 2 * float(problem.size2)
+        exact = 2.0 * total.cost <= (30.0 * eps()) ** 2 * float(problem.size2)
         gradient = total.gradient * slope
         left = _newton(hessian, gradient, np.ones(x.shape[1], bool))[1]
         projection, gain = _newton(hessian, gradient, _linear(problem.structure))
@@ -187,6 +188,12 @@ def _eliminated(matrix, vector):
     return jax.lax.fori_loop(0, vector.size, eliminate, rows)[:, -1]
 
 
+def _aims(dtype) -> dict[str, float]:
+    if jnp.finfo(dtype).bits == 32:
+        return IN_SINGLE
+    return {"stationary": STATIONARY, "nearly": NEARLY, "little": LITTLE, "close": CLOSE}
+
+
 def _step(lane: _Lane, seen: Normal, size2, rough) -> _Lane:
     """One damped Newton step, scaled as in MINPACK [Moré 1978], after the trial point has been `seen`.
 
@@ -205,7 +212,7 @@ def _step(lane: _Lane, seen: Normal, size2, rough) -> _Lane:
     accept = jnp.where(lane.projected, better, accept)
     step_size = jnp.where(lane.projected & better, lane.step_size, step_size)
     # Below its own rounding the cost says nothing, while the gradient still does: there a step counts by that.
-    rounding = _EPS * (4.0 * before.cost + jnp.sqrt(2.0 * jnp.maximum(before.cost, 0.0) * size2))
+    rounding = jnp.finfo(y.dtype).eps * (4.0 * before.cost + jnp.sqrt(2.0 * jnp.maximum(before.cost, 0.0) * size2))
     by_gradient = (cost <= before.cost + rounding) & (seen.stationarity < 0.9 * before.stationarity)
     by_gradient = by_gradient & ~accept & ~lane.first
     step_size = jnp.where(by_gradient, 10.0 * lane.step_size, step_size)
@@ -226,11 +233,12 @@ def _step(lane: _Lane, seen: Normal, size2, rough) -> _Lane:
     ratio = jnp.where(before.left > 0, seen.left / jnp.where(before.left > 0, before.left, 1.0), 1.0)
     shrinks = jnp.where(accept & ~lane.first, jnp.clip(ratio, 0.0, 1.0), jnp.where(accept, 1.0, lane.shrinks))
     after = normal.stationarity * jnp.sqrt(shrinks)
-    near = (normal.stationarity <= rough * CLOSE) & (after <= rough * NEARLY)
-    near &= normal.left * shrinks <= rough * LITTLE * normal.cost
+    aim = _aims(y.dtype)
+    near = (normal.stationarity <= rough * aim["close"]) & (after <= rough * aim["nearly"])
+    near &= normal.left * shrinks <= rough * aim["little"] * normal.cost
     refused = lane.first & ~finite
     near &= ~project
-    finished = (normal.stationarity <= STATIONARY) | near | normal.exact | (spent & ~project) | refused
+    finished = (normal.stationarity <= aim["stationary"]) | near | normal.exact | (spent & ~project) | refused
     trial = jnp.where(project, lane.trial + seen.projection, y + move / safe)
     no = jnp.zeros_like(lane.first)
     return _Lane(no, project, accept, y, trial, normal, scale, shrinks, step_size, near, finished, refused)
@@ -265,7 +273,7 @@ def _packed(seen: Normal, size: int) -> np.ndarray:
 
 
 @functools.lru_cache(maxsize=16)
-def _fresh(size: int, step_size: float) -> _Lane:
+def _fresh(size: int, step_size: float, double: bool) -> _Lane:
     zeros, no, none = np.zeros((LANES, size)), np.zeros(LANES, bool), np.zeros(LANES)
     normal = Normal(none, zeros, np.zeros((LANES, size, size)), none, no, none, zeros, none)
     fresh = _Lane(~no, no, no, zeros, zeros, normal, zeros, none + 1.0, np.full(LANES, step_size), no, no, no)
@@ -280,7 +288,7 @@ def padded_size(free: int) -> int:
 def prepare(free: int) -> None:
     """Have the program of a step compiled for so many free numbers, before there is a model."""
     size, no = padded_size(free), np.zeros(LANES, bool)
-    lanes, none = _fresh(size, 1.0), np.zeros((LANES, 5 + size * (2 + size)))
+    lanes, none = _fresh(size, 1.0, is_double()), np.zeros((LANES, 5 + size * (2 + size)))
     _advance(lanes, none, no, np.asarray(1.0), np.asarray(1.0))[1].block_until_ready()
 
 
@@ -303,7 +311,7 @@ def minimise(
     size = padded_size(free)
     start = np.zeros((LANES, size))
     start[:number, :free] = x
-    lanes, trial = _fresh(size, UNDAMPED if near else DAMPED)._replace(trial=start, y=start), x
+    lanes, trial = _fresh(size, UNDAMPED if near else DAMPED, is_double())._replace(trial=start, y=start), x
     active, steps = np.arange(LANES) < number, np.zeros(number, int)
     kept, data = None, pages(problem.data)
     size2, rough = np.asarray(float(problem.size2)), np.asarray(float(rough))

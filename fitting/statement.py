@@ -8,6 +8,7 @@ from gonio.data.table import Channels
 from gonio.fitting.bootstrap import bootstrap, told
 from gonio.fitting.combinations import in_words
 from gonio.fitting.metrics import metrics
+from gonio.fitting.precision import eps, is_double
 from gonio.fitting.profile import with_profiles
 from gonio.fitting.residual_summary import Evidence
 from gonio.fitting.result import FitResult, ParameterEstimate
@@ -121,10 +122,10 @@ def _reason(endings) -> str:
             said.append("the cost is not finite")
         elif e.exact:
             said.append("exact: the residual is rounding")
-        elif e.stationarity <= 1e-6:
-            said.append("stationary")
+        elif e.stationarity <= e.limit:
+            said.append("stationary" if is_double() else f"stationary to {e.limit:.1g}, which single precision allows")
         else:
-            said.append(f"not stationary: the projected gradient is {e.stationarity:.1e}, above 1e-6")
+            said.append(f"not stationary: the projected gradient is {e.stationarity:.1e}, above {e.limit:.1g}")
     return "; ".join(dict.fromkeys(said))
 
 
@@ -132,7 +133,7 @@ def _bic(endings, cost: float, count: int, free: int, options) -> float:
     """Schwarz's criterion [Schwarz 1978], up to what models on the same readings share; lower is better."""
     if options.likelihood:
         return 2.0 * cost - 2.0 * sum(e.log_weight for e in endings) + free * np.log(count)
-    least = sum(e.size2 for e in endings) * (1e3 * np.finfo(float).eps) ** 2
+    least = sum(e.size2 for e in endings) * (1e3 * eps()) ** 2
     return float(count * np.log(max(2.0 * cost, least, 1e-300) / count) + free * np.log(count))
 
 

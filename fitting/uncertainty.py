@@ -8,9 +8,11 @@ from statistics import NormalDist
 import numpy as np
 
 from gonio.fitting.domains import LINEAR, LOG, Domains
+from gonio.fitting.precision import eps
 
 NORMAL_95 = 1.959963984540054
 LOST = 1e-13  # eigenvalue of the scaled normal matrix below which double precision sees a combination as free
+LOST_ROUNDINGS = 100.0  # the same in other precisions
 FACTOR_OPEN = 2.0  # a number is open where its 95 % interval spans its domain, or a factor of e to this power
 PUSHED = 2.0  # standard uncertainties beyond its bound, from which on a number belongs there
 WIDE_OPEN = 2.0 * math.tanh(FACTOR_OPEN / 2)  # length of the interval [p(1 − t), p(1 + t)] over p, with that ratio
@@ -72,7 +74,7 @@ def covariance(
     lengths = np.sqrt(np.diagonal(matrix)[at])
     scaled = matrix[np.ix_(at, at)] / np.outer(lengths, lengths)
     values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
-    lost = values < LOST * at.size
+    lost = values < max(LOST, LOST_ROUNDINGS * eps()) * at.size
     inverse = (vectors[:, ~lost] / values[~lost]) @ vectors[:, ~lost].T
     inverse = inverse / np.outer(lengths, lengths)
     if not known_noise:
