@@ -9,7 +9,6 @@ import numpy as np
 
 from gonio.data.table import Channels
 from gonio.fitting.cell_measure import pair_measure
-from gonio.fitting.pair_angles import pair_angles
 from gonio.fitting.samples import Readings
 
 PHASES = (30.0, 60.0)  # degrees between light and eye of the spheres that count
@@ -35,8 +34,9 @@ def sphere_difference(channels: Channels, readings: Readings, model_f: np.ndarra
     to_xyz = colour_matrix(channels)
     if to_xyz is None:
         return None
-    phase = pair_angles(readings.wi, readings.wo).phase
-    at = np.flatnonzero((phase >= PHASES[0]) & (phase <= PHASES[1]) & readings.valid.all(axis=1))
+    cosine = sum(np.asarray(i) * np.asarray(o) for i, o in zip(readings.wi, readings.wo, strict=True))
+    near, far = np.cos(np.radians(PHASES))
+    at = np.flatnonzero((cosine <= near) & (cosine >= far) & readings.valid.all(axis=1))
     if at.size > MOST:
         at = np.sort(np.random.default_rng(seed).choice(at, MOST, replace=False))
     part = readings.part(at)

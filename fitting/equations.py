@@ -110,15 +110,18 @@ def _sample_lobes(s: Structure, p, fixed, wi: Direction, wo: Direction):
             return assemble(of, {**values, **shapes}).f(wi, wo)
 
         shapes = {g.name: values[g.name] for g in mine if not g.linear}
-        lobes.append(lobe(shapes))
-        if shapes:
+        if not shapes:
+            lobes.append(lobe(shapes))
+            continue
 
-            def along(tangent, shapes=shapes, lobe=lobe):
-                spread = {n: jnp.broadcast_to(tangent[n], jnp.shape(v)) for n, v in shapes.items()}
-                return jax.jvp(lobe, (shapes,), (spread,))[1]
+        def along(tangent, shapes=shapes, lobe=lobe):
+            spread = {n: jnp.broadcast_to(tangent[n], jnp.shape(v)) for n, v in shapes.items()}
+            return jax.jvp(lobe, (shapes,), (spread,))
 
-            one_each = {name: jnp.eye(len(shapes))[k] for k, name in enumerate(shapes)}
-            slopes_of += list(jax.vmap(along)(one_each))
+        one_each = {name: jnp.eye(len(shapes))[k] for k, name in enumerate(shapes)}
+        value, slopes = jax.vmap(along, out_axes=(None, 0))(one_each)
+        lobes.append(value)
+        slopes_of += list(slopes)
     width = (max(jnp.size(a) for a in [*lobes, *slopes_of]),)
     stacked = [[jnp.broadcast_to(a, width) for a in each] for each in (lobes, slopes_of)]
     return tuple(jnp.stack(each) if each else jnp.zeros((0, *width)) for each in stacked)

@@ -18,4 +18,7 @@ def loss_floor(readings: Readings, loss: str) -> float:
     sigma = sigma_of(readings) if loss in WITH_FLOOR else None
     if sigma is not None:
         return float(np.median((sigma * cosine)[readings.valid]))
-    return floor_of(loss, (readings.f * cosine)[readings.valid])
+    if loss != "cbrt":
+        return floor_of(loss, readings.f)
+    compared = readings.f * cosine
+    return floor_of(loss, compared if readings.valid.all() else compared[readings.valid])

@@ -42,7 +42,7 @@ def floor_of(loss: str, compared: np.ndarray) -> float:
     """The floor of a loss: a hundredth of the median size of what is compared (1 where the loss has none)."""
     if loss != "cbrt" or not compared.size:
         return 1.0
-    typical = float(np.median(np.abs(compared)))
+    typical = float(np.median(np.abs(compared), overwrite_input=True))
     if typical == 0.0:
         typical = float(np.max(np.abs(compared)))
     return 0.01 * typical if typical > 0 else 1.0
