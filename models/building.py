@@ -61,7 +61,8 @@ def together(parts: list[AbstractBRDF]) -> AbstractBRDF:
 
 def as_array(number: float | tuple[float, ...]) -> jnp.ndarray:
     """A spelled number, or list of them, in the caller's precision."""
-    return jnp.asarray(number, dtype=jnp.result_type(float))
+    # By way of NumPy: JAX would compile the conversion.
+    return jnp.asarray(np.asarray(number, dtype=jnp.result_type(float)))
 
 
 def example(name: str) -> str:
