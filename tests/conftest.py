@@ -18,6 +18,10 @@ if WORKER:
     os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_cpu_multi_thread_eigen=false"
 
 import jax  # noqa: E402 -- reads the environment
+from hypothesis import settings  # noqa: E402
+
+settings.register_profile("untimed", deadline=None)  # a first call compiles, and machines are shared
+settings.load_profile("untimed")
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")

@@ -21,7 +21,7 @@ def quick_compilation():
     jax.config.update("jax_disable_most_optimizations", False)
 
 
-MOST = 5
+MOST = 4
 BY_MODEL = {name: [k for k in CASES if k.split()[0] == name] for name in MODELS}
 
 
@@ -116,14 +116,17 @@ def maps(brdf, wi, u):
     """At points of the unit square: |∂wo/∂u1 × ∂wo/∂u2| pdf of the sampler; the map's area, its Jacobian, wo.z."""
 
     def area(function, u):
-        w, rows = function(u), jax.jacfwd(lambda v: jnp.stack(function(v)))(u)
-        return Direction(*w), jnp.linalg.norm(jnp.cross(rows[:, 0], rows[:, 1]))
+        def seen(v):
+            w, more = function(v)
+            return jnp.stack(tuple(w)), (w, more)
+
+        rows, found = jax.jacfwd(seen, has_aux=True)(u)
+        return *found, jnp.linalg.norm(jnp.cross(rows[:, 0], rows[:, 1]))
 
     def one(u):
-        drawn, stretched = area(lambda v: tuple(brdf.sample(wi, v[0], v[1])), u)
-        density = stretched * brdf.pdf(wi, drawn)
-        mapped, spread = area(lambda v: tuple(brdf.lobe_map(wi, v[0], v[1])[0]), u)
-        return density, spread, brdf.lobe_map(wi, u[0], u[1])[1], mapped.z
+        drawn, _, stretched = area(lambda v: (brdf.sample(wi, v[0], v[1]), None), u)
+        mapped, jacobian, spread = area(lambda v: brdf.lobe_map(wi, v[0], v[1]), u)
+        return stretched * brdf.pdf(wi, drawn), spread, jacobian, mapped.z
 
     return jax.vmap(one)(u)
 
