@@ -1,8 +1,9 @@
 """What a fit can ask of its arithmetic: as much as the caller's precision allows, which need not be double."""
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
+DOUBLE, FLOAT = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)
 STATIONARY = 1e-6  # DESIGN's limit, in double precision
 SINGLE = 16.0  # roundings of what is compared, from which on a gradient in single precision says nothing
 EXACT = 1e3  # of the rounding of the data: residuals up to there are none
@@ -10,7 +11,7 @@ EXACT = 1e3  # of the rounding of the data: residuals up to there are none
 
 def eps() -> float:
     """Relative spacing of the numbers that programs are compiled for."""
-    return float(jnp.finfo(jnp.result_type(float)).eps)
+    return DOUBLE if jax.config.jax_enable_x64 else FLOAT
 
 
 def is_double() -> bool:
