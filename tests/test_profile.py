@@ -7,6 +7,8 @@ from test_fitting import free, table_of
 
 from gonio.data import layout as layouts
 from gonio.data.table import Channels, whole_table_of_values
+from gonio.fitting import profile
+from gonio.fitting.domains import Domains, to_parameters, to_unconstrained
 from gonio.fitting.fitting import fit
 from gonio.fitting.uncertainty import NORMAL_95
 from gonio.models.building import build
@@ -58,3 +60,20 @@ def test_a_bent_valley_is_not_called_known():
     eta = free(result)["ggx.eta"]
     assert not result.converged or eta.status == "undetermined"
     assert not result.converged or eta.interval95[0] <= 1.2 <= eta.interval95[1]
+
+
+def test_a_spent_budget_is_said(monkeypatch):
+    """Without evaluations to spend, vague numbers keep the covariance's intervals, and the result names them."""
+    monkeypatch.setattr(profile, "BUDGET", -1)
+    result = fit(few_readings(0)[2], "lambert + ggx", starts=4)
+    alpha = free(result)["ggx.alpha"]
+    assert any("ggx.alpha" in note and "by the covariance" in note for note in result.notes)
+    low, high = (alpha.value + s * NORMAL_95 * alpha.standard_uncertainty for s in (-1, 1))
+    assert alpha.interval95 == pytest.approx((low, min(1.0, high)))
+
+
+def test_a_domain_of_one_value_holds_its_number():
+    domains = Domains(np.array([0, 1, 2]), np.array([0.2, 0.3, 0.4]), np.array([0.2, 0.3, 0.4]))
+    p, slope, _ = to_parameters(domains, to_unconstrained(domains, np.array([0.2, 0.3, 0.4])), np)
+    np.testing.assert_array_equal(p, [0.2, 0.3, 0.4])
+    np.testing.assert_array_equal(slope, 0.0)
