@@ -7,7 +7,7 @@ import numpy as np
 
 from gonio.data.layout import Layout
 from gonio.data.table import Channels
-from gonio.fitting import equations, solver
+from gonio.fitting import equations, stepping
 from gonio.fitting.ahead import ahead, finished
 from gonio.fitting.descents import Descent, descend, ordered_lobes
 from gonio.fitting.domains import Domains
@@ -122,7 +122,7 @@ def prepare(terms: tuple[Term, ...], loss: str, channels: int, per_channel: bool
         terms, channels = _of_channel(terms, 0), 1
     s, fixed, _ = structure_of(terms, channels)
     if s.size:
-        ahead(("step", solver.padded_size(s.size)), lambda: solver.prepare(s.size))
+        ahead(("step", stepping.padded_size(s.size)), lambda: stepping.prepare(s.size))
     ahead((s, loss), lambda: equations.prepare(s, loss, fixed))
 
 

@@ -116,7 +116,7 @@ def _run_one(args: argparse.Namespace, file: str, table_of) -> int:
     from gonio.data.plain import plain
     from gonio.fitting.ahead import ahead
     from gonio.fitting.fitting import fit
-    from gonio.fitting.solver import padded_size, prepare
+    from gonio.fitting.stepping import padded_size, prepare
 
     # To load the program of a step takes as long as to read a large file; what goes into it is known already.
     ahead(("step", padded_size(0)), lambda: prepare(0))
