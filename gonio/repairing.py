@@ -10,7 +10,6 @@ from scipy import sparse
 from gonio.certificate import Certificate
 from gonio.checks.family import LEVEL
 from gonio.checks.partners import partner_cells, reciprocal_nodes
-from gonio.checks.tables import check_table
 from gonio.data import layout as layouts
 from gonio.data.flags import Flag
 from gonio.data.table import Table, whole_table_of_values
@@ -47,27 +46,27 @@ def repair(
     tolerances: dict[str, float] | None = None,
     feature_width: float = 0.0,
     level: float = LEVEL,
-    step: float = 5.0,
+    step: float | None = None,
 ) -> Repaired:
     """The table nearest to `table` whose pairs are equal and whose albedos, as its grid integrates them, are at most 1.
 
     Distance is in units of the stored uncertainties, or, where those are not known, of each pair's mean reading. Only
     valid readings move; `nonnegative` lets none be negative either. A table that brings its own interpolant (RGL's) is
-    first read on an isotropic grid of `step` degrees. `tolerances`, `feature_width` and `level` are those of the
+    first read on an isotropic grid of `step` degrees (5). `tolerances`, `feature_width` and `level` are those of the
     certificates (see `gonio.check`). What the grid does not resolve stays undecided in them: no repair can know it.
 
     Raises GonioError for what is not a table, for a scattered table or a grid without reciprocal pairs, for one
     without valid readings, and for more readings than memory holds.
     """
-    from gonio.checking import TABLE_TOLERANCES, limits_of
+    from gonio.checking import TABLE_TOLERANCES, check, limits_of
 
+    limits_of(TABLE_TOLERANCES, tolerances)
     table, remark = _on_a_grid(_table(table), step)
     f = np.array(table.f[...], dtype=float)
     valid = np.asarray(table.flag[...]) == Flag.VALID
     if not valid.any():
         raise GonioError("the table holds no valid reading; there is nothing to repair")
     u = np.full(f.shape, np.nan) if table.u_f is None else np.asarray(table.u_f[...], float)
-    limits = limits_of(TABLE_TOLERANCES, tolerances)
     cells = np.arange(table.layout.size)
     partner = _partners(table, cells)
     new_f, new_u, runs = f.copy().reshape(cells.size, -1), u.copy().reshape(cells.size, -1), []
@@ -84,7 +83,8 @@ def repair(
     )
     moved = _distance(f, np.asarray(made.f, float), u, valid, runs)
     certificates = [
-        Certificate(t.name or "table", "table", check_table(t, limits, feature_width, level)) for t in (table, made)
+        check(t, tolerances=tolerances, feature_width=feature_width, level=level, name=t.name or "table")
+        for t in (table, made)
     ]
     made.provenance = {
         "repaired": {
@@ -115,11 +115,14 @@ def _table(what) -> Table:
     return what
 
 
-def _on_a_grid(table: Table, step: float) -> tuple[Table, str]:
+def _on_a_grid(table: Table, step: float | None) -> tuple[Table, str]:
     if table.interpolant is None:
         if not table.layout.gridded:
             raise GonioError("scattered readings have no pairs to be made equal; measure them on a grid first")
+        if step is not None:
+            raise GonioError("the table has a grid of its own and is repaired on that; leave the step out")
         return table, ""
+    step = 5.0 if step is None else step
     if not 1 <= step <= 15:
         raise GonioError(f"the step is {step:g}°; give 1 to 15 degrees")
     from gonio.data.grid_values import grid_values

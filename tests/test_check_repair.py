@@ -1,3 +1,4 @@
+import dataclasses
 import json
 
 import numpy as np
@@ -10,7 +11,8 @@ from gonio.__main__ import main
 from gonio.checks.table_energy import table_albedos
 from gonio.data import layout as layouts
 from gonio.data.store import open_table, write_table
-from gonio.data.table import whole_table_of_values
+from gonio.data.table import Channels, whole_table_of_values
+from gonio.data.tabulated import as_material
 from gonio.models.errors import GonioError
 from gonio.repair_projection import nearest
 from gonio.repair_rows import albedo_rows
@@ -127,5 +129,22 @@ def test_the_command_writes_another_file_with_its_provenance(tmp_path, capsys):
     assert open_table(out).provenance["repaired"]["moved"] == told["repair"]["moved"]
     assert main(["check", str(source), "--repair", str(source), "--force"]) == 2
     assert main(["check", str(source), "--nonnegative"]) == 2
+    assert main(["check", str(source), "--step", "2"]) == 2
     assert main(["check", "lambert(rho=0.5)", "--repair", str(tmp_path / "d.h5")]) == 2
     assert not (tmp_path / "d.h5").exists()
+
+
+def test_a_table_between_directions_is_repaired_on_a_grid_of_the_step_asked_for(tmp_path):
+    path = tmp_path / "three.h5"
+    f = np.stack([lawless(SQUARE, level).f[..., 0] for level in (0.1, 0.2, 0.33)], axis=-1)
+    table = whole_table_of_values(SQUARE, f, channels=Channels.rgb())
+    write_table(path, table)
+    found = repair(path)
+    assert found.before["reciprocity"].where["channel"] in ("R", "G", "B")
+    warped = dataclasses.replace(table, interpolant=lambda: as_material(table))
+    assert repair(warped, step=15).table.layout.shape == (6, 6, 24)
+    for step in (0.5, 20, float("nan")):
+        with pytest.raises(GonioError, match="1 to 15"):
+            repair(warped, step=step)
+    with pytest.raises(GonioError, match="grid of its own"):
+        repair(table, step=5)

@@ -49,6 +49,9 @@ def add_arguments(parser) -> None:
         help="write the nearest table that is reciprocal and conserves energy; the exit status is then that table's",
     )
     parser.add_argument("--nonnegative", action="store_true", help="no reading of the repaired table is negative")
+    parser.add_argument(
+        "--step", type=float, metavar="DEG", help="a file that is no grid (RGL's) is repaired on one of this step (5)"
+    )
     parser.add_argument("--json", metavar="FILE", help="write the certificate as JSON too; '-' prints it instead")
     parser.add_argument("--force", action="store_true", help="replace an existing FILE")
 
@@ -66,8 +69,9 @@ def run(args) -> int:
         from gonio.cli.repairing import run_repair
 
         return run_repair(args)
-    if args.nonnegative:
-        raise GonioError("--nonnegative says how to repair; give --repair OUT.h5 too")
+    if args.nonnegative or args.step is not None:
+        option = "--nonnegative" if args.nonnegative else "--step"
+        raise GonioError(f"{option} says how to repair; give --repair OUT.h5 too")
     if not 0 <= args.feature_width <= 90:
         raise GonioError(f"--feature-width is {args.feature_width:g}; give degrees from 0 to 90")
     if args.json and args.json != "-":

@@ -24,6 +24,7 @@ def run_repair(args) -> int:
         tolerances={name: getattr(args, f"tol_{name}") for name in NAMES},
         feature_width=math.radians(args.feature_width),
         level=args.level,
+        step=args.step,
     )
     write_table(args.repair, found.table, args.force)
     told = found.before.to_dict() | {"repair": {"file": args.repair, "moved": found.moved, "remark": found.remark}}
