@@ -5,8 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gonio.fitting.blocks import LANES
 from gonio.fitting.domains import Domains, to_unconstrained
-from gonio.fitting.equations import LANES, Sums
+from gonio.fitting.equations import Sums
 from gonio.fitting.precision import eps
 from gonio.fitting.solver import Problem, minimise
 from gonio.fitting.structure import Structure, count

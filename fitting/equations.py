@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from gonio.fitting.blocks import LANES, PAGE, Samples, block_of, pages
 from gonio.fitting.losses import transform, uses_cosine
 from gonio.fitting.structure import Structure
 from gonio.models.building import assemble
@@ -23,25 +24,7 @@ from gonio.models.compiling import options
 from gonio.models.geometry import NORMAL, Direction
 from gonio.models.paths import FACTOR
 
-PAGE = 16  # blocks of a page
-LANES = 16
 UNDER_WAY = 8  # pages whose results are waited for at a time
-
-
-def block_of(channels: int) -> int:
-    """Samples of a block: what a core's cache holds of their residuals and derivatives."""
-    return max(64, 512 >> max(0, (channels - 1).bit_length() - 2))
-
-
-class Samples(NamedTuple):
-    """Samples of a fit in blocks, padded with weight 0. B blocks, a multiple of `PAGE`, of n samples, C channels."""
-
-    wi: Direction  # components (B, n)
-    wo: Direction
-    target: Float[Array, "B n C"]  # T(y c)
-    weight: Float[Array, "B n C"]
-    blocks: Array  # how many of the B are in use
-    floor: Array  # of the loss
 
 
 class Sums(NamedTuple):
@@ -211,20 +194,6 @@ def _program(s: Structure, loss: str):
         return jax.lax.fori_loop(0, asked.lanes, lane, (out, f))
 
     return jax.jit(program, compiler_options=options())
-
-
-def pages(data: Samples | list[Samples]) -> list[Samples]:
-    """The pages in use, each as `Samples` of `PAGE` blocks, without copies; those already made as they are."""
-    if isinstance(data, list):
-        return data
-    whole = jax.tree.map(np.asarray, data)
-    used, found = int(whole.blocks), []
-    for first in range(0, used, PAGE):
-        cut = slice(first, first + PAGE)
-        wi, wo = (Direction(*(c[cut] for c in w)) for w in (whole.wi, whole.wo))
-        blocks = np.asarray(min(PAGE, used - first))
-        found.append(Samples(wi, wo, whole.target[cut], whole.weight[cut], blocks, whole.floor))
-    return found
 
 
 def _spread(s: Structure, square: np.ndarray) -> np.ndarray:

@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from gonio.fitting.blocks import Samples
 from gonio.fitting.descents import Descent, agreeing, descend_all, distinct
 from gonio.fitting.domains import Domains
-from gonio.fitting.equations import Samples
 from gonio.fitting.samples import Readings, coarse_cells
 from gonio.fitting.solver import Problem
 from gonio.fitting.starts import LinearSolver, guesses, random_shapes

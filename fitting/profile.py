@@ -10,8 +10,8 @@ import dataclasses
 
 import numpy as np
 
+from gonio.fitting.blocks import LANES
 from gonio.fitting.domains import LINEAR, LOG, Domains, to_unconstrained
-from gonio.fitting.equations import LANES
 from gonio.fitting.solver import minimise
 from gonio.fitting.uncertainty import FACTOR_OPEN, NORMAL_95, WIDE_OPEN, Covariance, open_from
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from gonio.data.flags import Flag
 from gonio.data.table import Block, Table
-from gonio.fitting.equations import PAGE, Samples, block_of
+from gonio.fitting.blocks import PAGE, Samples, block_of
 from gonio.fitting.losses import floor_of, transform, uses_cosine
 from gonio.models.errors import GonioError
 from gonio.models.geometry import NORMAL, Direction

@@ -12,8 +12,9 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
+from gonio.fitting.blocks import LANES, Samples, pages
 from gonio.fitting.domains import Domains, to_parameters
-from gonio.fitting.equations import LANES, Samples, Sums, pages, sums
+from gonio.fitting.equations import Sums, sums
 from gonio.fitting.precision import eps, is_double
 from gonio.fitting.stepping import Normal, advance, fresh, packed_up, padded_size
 from gonio.fitting.structure import Structure, count

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gonio.fitting.blocks import LANES, Samples
 from gonio.fitting.domains import LINEAR, LOG, Domains, mapped
-from gonio.fitting.equations import LANES, Samples, sums
+from gonio.fitting.equations import sums
 from gonio.fitting.losses import transform, uses_cosine
 from gonio.fitting.samples import Readings, in_blocks
 from gonio.fitting.structure import Structure, count

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from gonio.fitting.equations import LANES
+from gonio.fitting.blocks import LANES
 from gonio.fitting.precision import is_double
 
 STATIONARY = 1e-9  # the aim; DESIGN's test asks for 1e-6

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from gonio.fitting import solver
+from gonio.fitting.blocks import PAGE, block_of
 from gonio.fitting.domains import to_unconstrained
-from gonio.fitting.equations import PAGE, block_of, closing, sums
+from gonio.fitting.equations import closing, sums
 from gonio.fitting.losses import transform
 from gonio.fitting.samples import Readings, blocked, coarse_cells, in_blocks
 from gonio.fitting.solver import Problem, minimise
