@@ -17,10 +17,10 @@ from gonio.checks.table_energy import table_albedos  # noqa: E402
 from gonio.cli.repairing import sentence  # noqa: E402
 
 
-def main(path: str, step: float = 5.0) -> None:
+def main(path: str, step: float | None = None) -> None:
     for nonnegative in (False, True):
         start = time.process_time()
-        found = repair(path, nonnegative=nonnegative, feature_width=np.radians(step + 1), step=step)
+        found = repair(path, nonnegative=nonnegative, step=step)
         seconds = time.process_time() - start
         print(f"{path}{', no reading negative' if nonnegative else ''}: {seconds:.1f} CPU s")
         for name in ("reciprocity", "energy", "positivity"):
