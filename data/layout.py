@@ -150,6 +150,8 @@ class Layout:
         start, stop = self._range(start, stop)
         if self.gridded and stop - start >= self.row_size:
             return self._on_rows(start, stop, self._z_of_pair)
+        if self.name == "scattered":
+            return np.cos(self.axes["theta_i"][start:stop]), np.cos(self.axes["theta_o"][start:stop])
         wi, wo = self.directions_at(np.arange(start, stop))
         return wi.z, wo.z
 
