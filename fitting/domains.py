@@ -5,6 +5,7 @@ of x [James & Roos 1975, MINUIT], reached at finite x. There the slope vanishes,
 curvature of the map is known in closed form and goes into the Hessian (`fitting.solver`).
 """
 
+import functools
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -34,10 +35,24 @@ def mapped(kind, p, xp=np):
     return xp.where(kind == LOG, xp.log(xp.maximum(p, tiny)), xp.where(kind == LOG1P, grown, p))
 
 
+@functools.lru_cache(maxsize=256)
+def _known_span(kind: bytes, low: bytes, high: bytes) -> tuple[np.ndarray, np.ndarray]:
+    kind = np.frombuffer(kind, np.int64)
+    u_low, u_high = (mapped(kind, np.frombuffer(b, float)) for b in (low, high))
+    return u_low, u_high - u_low
+
+
+def _span(d: Domains, xp) -> tuple[Array, Array]:
+    """(low end, width) of the domains in the coordinates in which they are even."""
+    if xp is np and d.low.ndim == 1 and d.low.dtype == d.high.dtype == float and d.kind.dtype == np.int64:
+        return _known_span(*(a.tobytes() for a in d))
+    u_low = mapped(d.kind, d.low, xp)
+    return u_low, mapped(d.kind, d.high, xp) - u_low
+
+
 def to_parameters(d: Domains, x: Float[Array, "*s p"], xp=jnp):
     """(p, dp/dx, d²p/dx²) at unconstrained coordinates x, each of shape (..., P)."""
-    u_low, u_high = mapped(d.kind, d.low, xp), mapped(d.kind, d.high, xp)
-    width = u_high - u_low
+    u_low, width = _span(d, xp)
     sine, cosine = xp.sin(x), xp.cos(x)
     u = u_low + width * sine * sine
     grown = xp.exp(xp.where(d.kind == LINEAR, 0.0, u))

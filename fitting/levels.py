@@ -84,7 +84,8 @@ def _starts(
     s: Structure, fixed, d: Domains, said, few: Readings, data: Samples, loss: str, weight, starts: int, seed: int
 ) -> list[np.ndarray]:
     solve = LinearSolver(s, fixed, few, data, loss, weight)
-    guessed = [p for p, _ in sorted(solve(guesses(s, said)), key=lambda found: found[1])][:DATA_STARTS]
-    if all(g.linear for g in s.groups):
-        return guessed[:1]  # the model is linear in all its free numbers: every start is the same
-    return guessed + [p for p, _ in solve(random_shapes(s, d, said, starts, seed))] if starts else guessed
+    shapes = guesses(s, said)
+    same = all(g.linear for g in s.groups)  # linear in all its free numbers: every start is the same
+    solved = solve(shapes + random_shapes(s, d, said, 0 if same else starts, seed))
+    guessed = [p for p, _ in sorted(solved[: len(shapes)], key=lambda found: found[1])][:DATA_STARTS]
+    return guessed[:1] if same else guessed + [p for p, _ in solved[len(shapes) :]]

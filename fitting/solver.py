@@ -84,33 +84,37 @@ def normal_at(
         measure, _, _ = stationarity(d, p, total)
         exact = 2.0 * total.cost <= (30.0 * eps()) ** 2 * float(problem.size2)
         gradient = total.gradient * slope
-        left = _newton(hessian, gradient, np.ones(x.shape[1], bool))[1]
-        projection, gain = _newton(hessian, gradient, _linear(problem.structure))
+        (_, projection), (left, gain) = _newton(hessian, gradient, _stepping(problem.structure))
         return p, total, Normal(total.cost, gradient, hessian, measure, exact, left, projection, gain)
 
 
 @functools.lru_cache(maxsize=256)
-def _linear(s: Structure) -> np.ndarray:
-    return np.array([g.linear for g in s.groups for _ in range(count(s, g))], bool)
+def _stepping(s: Structure) -> np.ndarray:
+    """All numbers, and the linear ones alone, (2, P)."""
+    linear = np.array([g.linear for g in s.groups for _ in range(count(s, g))], bool)
+    return np.stack([np.ones_like(linear), linear])
 
 
 def _newton(hessian: np.ndarray, gradient: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(undamped Newton step (S, P) in the numbers `of` (P,) alone, what that takes off the cost (S,)).
+    """(undamped Newton steps (M, S, P), each in the numbers `of` (M, P) alone, what they take off the cost (M, S)).
 
     In the linear numbers alone [Golub & Pereyra 1973]: a trial in a curved valley is often refused for albedos and
     scales that do not fit its shapes.
     """
-    move, at = np.zeros_like(gradient), np.flatnonzero(of)
     good = np.isfinite(hessian).all((1, 2)) & np.isfinite(gradient).all(1)
-    inner, slope = hessian[:, at[:, None], at], np.where(good[:, None], gradient[:, at], 0.0)
-    lengths = np.sqrt(np.diagonal(inner, axis1=1, axis2=2))
+    slope = np.where(good[:, None], gradient, 0.0)
+    lengths = np.sqrt(np.diagonal(hessian, axis1=1, axis2=2))
     lengths = np.where(good[:, None] & (lengths > 0), lengths, 1.0)
-    scaled = np.where(good[:, None, None], inner / (lengths[:, :, None] * lengths[:, None, :]), 0.0)
-    scaled = scaled + np.where(np.diagonal(scaled, axis1=1, axis2=2) > 0, 1e-12, 1.0)[:, :, None] * np.eye(at.size)
+    scaled = np.where(good[:, None, None], hessian / (lengths[:, :, None] * lengths[:, None, :]), 0.0)
+    unit = np.eye(of.shape[1])
+    scaled = scaled + np.where(np.diagonal(scaled, axis1=1, axis2=2) > 0, 1e-12, 1.0)[:, :, None] * unit
+    # What does not step has an equation of its own that says so.
+    scaled = np.where((of[:, :, None] & of[:, None, :])[:, None], scaled, unit)
+    move = np.zeros((*of.shape[:1], *gradient.shape))
     with contextlib.suppress(np.linalg.LinAlgError):
-        move[:, at] = -np.linalg.solve(scaled, (slope / lengths)[..., None])[..., 0] / lengths
+        move = -np.linalg.solve(scaled, np.where(of[:, None], slope / lengths, 0.0)[..., None])[..., 0] / lengths
     move = np.where(np.isfinite(move), move, 0.0)
-    return move, -0.5 * np.sum(move * np.where(good[:, None], gradient, 0.0), axis=1)
+    return move, -0.5 * np.sum(move * slope, axis=-1)
 
 
 def minimise(
