@@ -1,5 +1,6 @@
 """Models in words: what can be said, what is refused and how, and the way back."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -115,7 +116,7 @@ def test_every_model_has_its_example():
     from gonio.models.building import example
 
     for name in MODELS:
-        assert np.isfinite(float(evaluate(build(example(name).strip("'")), WI, WO)))
+        assert jax.eval_shape(build(example(name).strip("'")).f, WI, WO).shape == ()
 
 
 def test_what_has_no_spelling_says_so():
