@@ -9,6 +9,7 @@ RGB, with one or two lobes, on an isotropic grid of 5°, with 0.3, 3 and 10 % of
 import sys
 import time
 
+import jax
 import numpy as np
 
 import gonio
@@ -43,6 +44,7 @@ def table_of(spelling: str, noise: float, seed: int):
 
 
 def main(materials: int, starts: int) -> None:
+    jax.config.update("jax_enable_x64", True)
     for what, model in MODELS.items():
         rng = np.random.default_rng(7)
         tables = [table_of(material(rng, 1 + (what == "two lobes")), NOISE[k % 3], k) for k in range(materials)]
