@@ -164,6 +164,8 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
         if options.relative_noise is None
         else _relative_sigma(readings, readings.f, options.relative_noise)
     )
+    if s.size:
+        finished()  # before anything large is laid out: compilers take a lot of memory for a moment
     weight = weights_of(readings, loss, sigma)
     floor = loss_floor(readings, loss)
     notes: list[str] = []
@@ -178,7 +180,6 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
         last, agreed, number = None, 1, 1
         p = said
     else:
-        finished()
         found = search(asked, problem, whole, said, readings, weight, options.starts, options.seed)
         last, p, number, agreed = found.best, found.best.p, len(found.ends), found.agreed
         if options.relative_noise is not None:

@@ -1,6 +1,7 @@
 """From the end of a fit to what is said of it."""
 
 import dataclasses
+import re
 
 import numpy as np
 
@@ -29,11 +30,12 @@ def state(
     f = endings[0].model_f if len(endings) == 1 else np.concatenate([e.model_f for e in endings], axis=1)
     endings, notes = _widened(endings, readings, options)
     endings = [with_profiles(e) for e in endings]
-    estimates, names = [], []
+    estimates, names, these_of = [], [], []
     for c, e in enumerate(endings):
         of_channel = channels.names[c] if len(endings) > 1 else None
         these = _estimates(e, channels, of_channel)
         estimates += these
+        these_of.append(these)
         names += [p.label for p in these]
     estimates += _held(terms, endings[0], channels)
     matrix = _block_diagonal([e.covariance.matrix for e in endings])
@@ -51,6 +53,7 @@ def state(
         ]
         silent = np.flatnonzero(e.covariance.undetermined & (np.diagonal(np.asarray(e.total.matrix)) <= 0))
         undetermined += [f"{mine[k]} does not change the residuals at all" for k in silent]
+        undetermined += _unnamed(these_of[c], undetermined)
         if e.unfollowed:
             these = ", ".join(mine[k] for k in e.unfollowed)
             notes.append(f"95 % intervals of {these}: by the covariance, the cost was not followed to their ends")
@@ -127,6 +130,18 @@ def _reason(endings) -> str:
         else:
             said.append(f"not stationary: the projected gradient is {e.stationarity:.1e}, above {e.limit:.1g}")
     return "; ".join(dict.fromkeys(said))
+
+
+def _unnamed(estimates: list[ParameterEstimate], said: list[str]) -> list[str]:
+    """A sentence for the undetermined numbers that those `said` pass over: their shares of open combinations are small
+    beside another's, but not beside what is known of them.
+    """
+    words = set(re.findall(r"[\w.\[\]]+", " ".join(said)))
+    left = [p for p in estimates if p.status == "undetermined" and not {p.label, p.name} & words]
+    if not left:
+        return []
+    each = [f"{p.label} (95 % interval {p.interval95[0]:.3g} to {p.interval95[1]:.3g})" for p in left]
+    return [f"{' and '.join(each)} {'is' if len(each) == 1 else 'are'} not determined by these readings either"]
 
 
 def _bic(endings, cost: float, count: int, free: int, options) -> float:

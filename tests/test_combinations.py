@@ -7,6 +7,8 @@ from test_fitting import table_of
 from gonio.fitting.combinations import in_words
 from gonio.fitting.domains import Domains
 from gonio.fitting.fitting import fit
+from gonio.fitting.result import ParameterEstimate
+from gonio.fitting.statement import _unnamed
 from gonio.fitting.uncertainty import beyond_bound, covariance, open_from
 
 FREE = "0.6*ggx(alpha=0.3, f0=0.1)+lambert(rho=.2)"
@@ -65,6 +67,23 @@ def test_what_no_reading_separates_is_said_so():
     (said,) = result.undetermined
     assert "ggx2.scale + ggx1.scale" in said.replace("ggx1.scale + ggx2.scale", "ggx2.scale + ggx1.scale")
     assert "no readings would separate them" in said
+
+
+def test_no_open_number_goes_unnamed():
+    """What is a small part of an open combination is a sentence of its own; channels are named all at once or each."""
+    numbers = [
+        ParameterEstimate(name, channel, 1.0, 9.0, (0.01, 20.0), status, "", 0.0, 50.0)
+        for name, channel, status in (
+            ("ggx.k", None, "undetermined"),
+            ("ggx.eta", None, "undetermined"),
+            ("ggx.scale", "R", "undetermined"),
+            ("ggx.alpha", None, "determined"),
+        )
+    ]
+    said = ["ggx.k is not determined by these readings; hold it at a known value (name=value)"]
+    (more,) = _unnamed(numbers, said)
+    assert more.startswith("ggx.eta (95 % interval 0.01 to 20) and ggx.scale[R]") and more.count("ggx.") == 2
+    assert _unnamed(numbers[:1], said) == [] == _unnamed(numbers[2:], ["ggx.scale (every channel) is not"])
 
 
 def test_strong_correlation_alone_is_not_undetermined():
