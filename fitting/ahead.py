@@ -42,5 +42,5 @@ def finished() -> None:
 
 def _give_back() -> None:
     """Return what compilers have freed to the system: glibc keeps it, more than a hundred megabytes."""
-    with contextlib.suppress(OSError, AttributeError):
+    with contextlib.suppress(OSError, AttributeError, TypeError):  # no glibc
         ctypes.CDLL(None).malloc_trim(0)

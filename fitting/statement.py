@@ -136,8 +136,13 @@ def _unnamed(estimates: list[ParameterEstimate], said: list[str]) -> list[str]:
     """A sentence for the undetermined numbers that those `said` pass over: their shares of open combinations are small
     beside another's, but not beside what is known of them.
     """
-    words = set(re.findall(r"[\w.\[\]]+", " ".join(said)))
-    left = [p for p in estimates if p.status == "undetermined" and not {p.label, p.name} & words]
+    every = "\n".join(said)
+
+    def named(p: ParameterEstimate) -> bool:
+        one, all_channels = re.escape(p.label), re.escape(f"{p.name} (every channel)")
+        return re.search(rf"(?<![\w.])(?:{one}(?![\w\[(]| \(every)|{all_channels})", every) is not None
+
+    left = [p for p in estimates if p.status == "undetermined" and not named(p)]
     if not left:
         return []
     each = [f"{p.label} (95 % interval {p.interval95[0]:.3g} to {p.interval95[1]:.3g})" for p in left]

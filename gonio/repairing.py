@@ -58,14 +58,18 @@ def repair(
     Raises GonioError for what is not a table, for a scattered table or a grid without reciprocal pairs, for one
     without valid readings, and for more readings than memory holds.
     """
-    from gonio.checking import TABLE_TOLERANCES, check, limits_of
+    from gonio.checking import check
 
-    limits_of(TABLE_TOLERANCES, tolerances)
     table, remark = _on_a_grid(_table(table), step)
     f = np.array(table.f[...], dtype=float)
     valid = np.asarray(table.flag[...]) == Flag.VALID
     if not valid.any():
         raise GonioError("the table holds no valid reading; there is nothing to repair")
+
+    def certified(t: Table) -> Certificate:
+        return check(t, tolerances=tolerances, feature_width=feature_width, level=level, name=t.name or "table")
+
+    before = certified(table)  # refuses wrong tolerances and levels before there is work to lose
     u = np.full(f.shape, np.nan) if table.u_f is None else np.asarray(table.u_f[...], float)
     cells = np.arange(table.layout.size)
     partner = _partners(table, cells)
@@ -82,10 +86,6 @@ def repair(
         interpolant=None,
     )
     moved = _distance(f, np.asarray(made.f, float), u, valid, runs)
-    certificates = [
-        check(t, tolerances=tolerances, feature_width=feature_width, level=level, name=t.name or "table")
-        for t in (table, made)
-    ]
     made.provenance = {
         "repaired": {
             "by": "nearest reciprocal table whose albedos are at most 1",
@@ -97,7 +97,7 @@ def repair(
         "from": table.provenance,
     }
     made.name = f"{table.name} (repaired)".strip()
-    return Repaired(made, *certificates, moved, remark)
+    return Repaired(made, before, certified(made), moved, remark)
 
 
 def _table(what) -> Table:

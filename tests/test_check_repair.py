@@ -130,6 +130,8 @@ def test_the_command_writes_another_file_with_its_provenance(tmp_path, capsys):
     assert main(["check", str(source), "--repair", str(source), "--force"]) == 2
     assert main(["check", str(source), "--nonnegative"]) == 2
     assert main(["check", str(source), "--step", "2"]) == 2
+    for wrong in (["--feature-width", "500"], ["--level", "2"], ["--tol-energy", "-1"]):
+        assert main(["check", str(source), "--repair", str(tmp_path / "d.h5"), *wrong]) == 2
     assert main(["check", "lambert(rho=0.5)", "--repair", str(tmp_path / "d.h5")]) == 2
     assert not (tmp_path / "d.h5").exists()
 

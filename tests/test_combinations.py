@@ -1,5 +1,7 @@
 """What data leave open: named in words that are true, with the readings that would close it."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from test_fitting import table_of
@@ -83,6 +85,9 @@ def test_no_open_number_goes_unnamed():
     said = ["ggx.k is not determined by these readings; hold it at a known value (name=value)"]
     (more,) = _unnamed(numbers, said)
     assert more.startswith("ggx.eta (95 % interval 0.01 to 20) and ggx.scale[R]") and more.count("ggx.") == 2
+    spectral = [dataclasses.replace(numbers[2], channel=c) for c in ("550 nm", "650 nm")]
+    (more,) = _unnamed(spectral, ["only the combination ggx.scale[550 nm]·ggx.f0 is determined by these readings"])
+    assert more.startswith("ggx.scale[650 nm] ") and "550" not in more
     assert _unnamed(numbers[:1], said) == [] == _unnamed(numbers[2:], ["ggx.scale (every channel) is not"])
 
 

@@ -21,7 +21,7 @@ def quick_compilation():
     jax.config.update("jax_disable_most_optimizations", False)
 
 
-MOST = 3
+MOST = 4
 BY_MODEL = {name: [k for k in CASES if k.split()[0] == name] for name in MODELS}
 
 

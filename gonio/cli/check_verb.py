@@ -63,6 +63,8 @@ def run(args) -> int:
 
     if args.self_test == (args.subject is not None):
         raise GonioError("give either a FILE or MATERIAL to check, or --self-test")
+    if not 0 <= args.feature_width <= 90:
+        raise GonioError(f"--feature-width is {args.feature_width:g}; give degrees from 0 to 90")
     if args.repair:
         if args.self_test or args.against or args.strict:
             raise GonioError("--repair goes with tolerances and --json only; check what it wrote by a second command")
@@ -72,8 +74,6 @@ def run(args) -> int:
     if args.nonnegative or args.step is not None:
         option = "--nonnegative" if args.nonnegative else "--step"
         raise GonioError(f"{option} says how to repair; give --repair OUT.h5 too")
-    if not 0 <= args.feature_width <= 90:
-        raise GonioError(f"--feature-width is {args.feature_width:g}; give degrees from 0 to 90")
     if args.json and args.json != "-":
         refuse_existing(args.json, args.force)
     if args.self_test:
