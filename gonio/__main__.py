@@ -1,10 +1,15 @@
 """``gonio VERB ...``: parse, call the verb, turn a user's error into one line and exit status 2."""
 
 import argparse
+import contextlib
 import gc
 import importlib
 import os
 import sys
+import threading
+
+AHEAD = "gonio-ahead"
+"""The name of the threads that `gonio.fitting.ahead` begins; that module would bring JAX with it."""
 
 VERBS = {
     "demo": "the whole job on bundled materials, ending in a report to look at",
@@ -84,6 +89,19 @@ def main(argv: list[str] | None = None) -> int:
         return 2
 
 
+def command() -> None:
+    """The program: `main`, and out at once; a program that is still being compiled ahead is for nobody any more.
+
+    To wait for it would make every refusal as slow as a fit, and an interpreter that ends under XLA's feet aborts.
+    """
+    status = main()
+    if any(t.name == AHEAD for t in threading.enumerate()):
+        with contextlib.suppress(OSError):
+            sys.stdout.flush()
+        os._exit(status)
+    raise SystemExit(status)
+
+
 def _prepare_jax() -> None:
     # Read by JAX when it is imported, which the verbs do only if they need it. Double precision is the default of the
     # command line; the compilation cache saves a user's second run from compiling again.
@@ -97,4 +115,4 @@ def _prepare_jax() -> None:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    command()
