@@ -6,7 +6,7 @@ import numpy as np
 
 from gonio.figures.albedo import AlbedoCurve, albedo_figure
 from gonio.figures.lobes import Curve, in_plane
-from gonio.figures.spheres import sphere_pixels
+from gonio.figures.spheres import png, sphere_pixels
 from gonio.figures.style import colour_of
 from gonio.reports import views
 from gonio.reports.drawn import Drawn, short
@@ -74,8 +74,6 @@ def _albedo(subjects: list[Subject]) -> Drawn | None:
 
 def sphere_of(s: Subject, seen: Seen) -> str | None:
     """A small sphere as the data of an image, as seen under the first light; None where there is none."""
-    from gonio.figures.spheres import png
-
     sources = seen.sources(s)
     if not sources:
         return None
