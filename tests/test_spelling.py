@@ -1,6 +1,5 @@
 """Models in words: what can be said, what is refused and how, and the way back."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -116,7 +115,7 @@ def test_every_model_has_its_example():
     from gonio.models.building import example
 
     for name in MODELS:
-        assert jax.eval_shape(build(example(name).strip("'")).f, WI, WO).shape == ()
+        assert np.isfinite(float(evaluate(build(example(name).strip("'")), WI, WO)))
 
 
 def test_what_has_no_spelling_says_so():
