@@ -35,17 +35,31 @@ class _Parser(argparse.ArgumentParser):
         raise SystemExit(2)
 
 
+class _Versions(argparse.Action):
+    def __init__(self, **options):
+        super().__init__(nargs=0, **options)
+
+    def __call__(self, top: argparse.ArgumentParser, *_: object) -> None:
+        import importlib.metadata
+        import platform
+
+        from gonio import __version__
+
+        packages = ("jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "scipy", "h5py")
+        installed = [f"{name} {importlib.metadata.version(name)}" for name in packages]
+        print(f"gonio {__version__}\nPython {platform.python_version()}, {', '.join(installed)}")
+        top.exit()
+
+
 def parser(asked: str | None = None) -> argparse.ArgumentParser:
     """The parser of the whole command line; only the verb that is asked for gets its arguments."""
-    from gonio import __version__
-
     top = _Parser(
         prog="gonio",
         description="A virtual gonioreflectometer and BRDF fitting tool.",
         epilog="MATERIAL is a reference material's name, any readable file, or a spelling such as "
         "'lambert(rho=0.3) + ggx(alpha=0.2, f0=0.04)'.",
     )
-    top.add_argument("--version", action="version", version=f"gonio {__version__}")
+    top.add_argument("--version", action=_Versions, help="the versions of gonio and of what it computes with")
     verbs = top.add_subparsers(dest="verb", metavar="VERB", parser_class=_Parser)
     for verb, summary in VERBS.items():
         sub = verbs.add_parser(verb, help=summary, description=summary[0].upper() + summary[1:] + ".")
