@@ -1,6 +1,6 @@
 """Where the cells of a table are: the five layouts, their axes and the directions of every cell.
 
-Conventions as in `gonio.models.geometry`: radians, +z the normal, `wi` to the light, `wo` to the detector.
+Conventions as in `gonio.models.geometry.directions`: radians, +z the normal, `wi` to the light, `wo` to the detector.
 """
 
 import dataclasses
@@ -13,7 +13,7 @@ import numpy as np
 from gonio.models.errors import GonioError
 
 if TYPE_CHECKING:
-    from gonio.models.geometry import Direction
+    from gonio.models.geometry.directions import Direction
 
 AXES = {
     "spherical": ("theta_i", "phi_i", "theta_o", "phi_o"),
@@ -110,14 +110,14 @@ class Layout:
         start, stop = self._range(start, stop)
         if not self.gridded or stop - start < self.row_size:
             return self.directions_at(np.arange(start, stop))
-        from gonio.models.geometry import Direction
+        from gonio.models.geometry.directions import Direction
 
         flat = self._on_rows(start, stop, lambda trig: [c for w in self._pair(trig) for c in w])
         return Direction(*flat[:3]), Direction(*flat[3:])
 
     def directions_at(self, cells: np.ndarray) -> tuple["Direction", "Direction"]:
         """(wi, wo) of the cells of these C-order numbers, shape (n,): components of shape (n,), float64."""
-        from gonio.models.geometry import Direction
+        from gonio.models.geometry.directions import Direction
 
         if self.gridded:
             at = np.unravel_index(cells, self.shape)
@@ -186,7 +186,7 @@ class Layout:
         return shaped
 
     def _pair(self, trig):
-        from gonio.models.geometry import Direction, pair_from_half_difference_trig, rotate_z
+        from gonio.models.geometry.directions import Direction, pair_from_half_difference_trig, rotate_z
 
         if self.name == "half_difference":
             (ch, sh), (cd, sd), (cp, sp), *turn = trig

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from gonio.data.files import input_size, new_file
-from gonio.data.published import SUFFIX, published_spelling
+from gonio.data.formats.bbm_fits import SUFFIX, published_spelling
 from gonio.data.table import Channels
-from gonio.models.base import AbstractBRDF
-from gonio.models.building import build, spell
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError, nearest
-from gonio.models.evaluate import channel_count
+from gonio.models.evaluation import channel_count
+from gonio.models.expression.builder import build, spell
 
 FORMAT = 1
 LARGEST = 4 << 20  # bytes: ten thousand wavelengths at full precision are a quarter of it
@@ -110,8 +110,8 @@ def _from_file(path: Path) -> Material:
     if is_material_file(path):
         return read_material(path)
     # Tables drag in the readers of every format; a material that is a model does without them.
-    from gonio.data.reading import read
-    from gonio.data.tabulated import as_material, interpolation
+    from gonio.data.formats.registry import read
+    from gonio.data.interpolation.multilinear import as_material, interpolation
 
     table = read(path)
     how = interpolation(table)

@@ -30,7 +30,7 @@ import numpy as np
 
 from gonio.data.files import input_size
 from gonio.models.errors import GonioError, nearest
-from gonio.models.geometry import Direction
+from gonio.models.geometry.directions import Direction
 
 FORMAT = 1
 LARGEST = 1 << 20  # bytes
@@ -108,6 +108,18 @@ class Scene:
     views: tuple[Range, ...]
     channels: tuple[str, ...] | None = None
     description: str = ""
+
+    def channels_of(self, names: tuple[str, ...]) -> list[str] | None:
+        """The channels of a table that the scene looks at, None for all; GonioError where the table lacks one."""
+        if self.channels is None:
+            return None
+        missing = [c for c in self.channels if c not in names]
+        if missing:
+            raise GonioError(
+                f"the scene '{self.name}' looks at channel {missing[0]!r}, and the table has {', '.join(names)}; "
+                "change the scene's channels"
+            )
+        return list(self.channels)
 
     def pairs(self, count: int) -> Pairs:
         """About `count` pairs of directions, the same in every call.

@@ -12,7 +12,7 @@ from gonio.data.layout import Layout
 from gonio.models.errors import GonioError, nearest
 
 if TYPE_CHECKING:
-    from gonio.models.geometry import Direction
+    from gonio.models.geometry.directions import Direction
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Table:
     receiver_solid_angle: float | None = None
     name: str = ""
     interpolant: Callable | None = None
-    """Makes the BRDF by which the file's format itself reads between the cells; None: `gonio.data.tabulated`.
+    """Makes the BRDF by which the file's format itself reads between the cells; None: `multilinear`.
 
     Called with ``coarse=True`` it makes one of half the nodes, from which the error of the whole one is
     estimated.

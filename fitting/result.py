@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from gonio.data.table import Channels
-from gonio.fitting.colour_difference import sphere_difference
-from gonio.fitting.residual_summary import Evidence, ResidualSummary, summarise
-from gonio.models.base import AbstractBRDF
+from gonio.fitting.residuals.colour_difference import sphere_difference
+from gonio.fitting.residuals.summary import Evidence, ResidualSummary, summarise
+from gonio.models.brdf import AbstractBRDF
 
 CORRELATED = 0.95  # from which on a correlation is said in words
 MOST_CORRELATED = 5

@@ -17,16 +17,16 @@ __version__ = "0.1.0"
 
 _VERBS = {
     "material": ("gonio.data.material", "load_material"),
-    "open": ("gonio.data.reading", "read"),
-    "measure": ("gonio.measuring", "measure"),
-    "fit": ("gonio.fitting.fitting", "fit"),
-    "fit_many": ("gonio.fitting.many", "fit_many"),
-    "check": ("gonio.checking", "check"),
-    "chart": ("gonio.charting", "chart"),
-    "repair": ("gonio.repairing", "repair"),
-    "reduce": ("gonio.fitting.reducing", "reduce_table"),
-    "report": ("gonio.reporting", "report"),
-    "stress": ("gonio.stressing", "stress"),
+    "open": ("gonio.data.formats.registry", "read"),
+    "measure": ("gonio.instrument.measurement", "measure"),
+    "fit": ("gonio.fitting.fit_table", "fit"),
+    "fit_many": ("gonio.fitting.batch", "fit_many"),
+    "check": ("gonio.checks.certify", "check"),
+    "chart": ("gonio.charts.diagrams", "chart"),
+    "repair": ("gonio.checks.repair.nearest_table", "repair"),
+    "reduce": ("gonio.data.reduction.coarsest_table", "reduce_table"),
+    "report": ("gonio.reports.build", "report"),
+    "stress": ("gonio.stability.survey", "stress"),
 }
 
 __all__ = [

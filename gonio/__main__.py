@@ -9,7 +9,7 @@ import sys
 import threading
 
 AHEAD = "gonio-ahead"
-"""The name of the threads that `gonio.fitting.ahead` begins; that module would bring JAX with it."""
+"""The name of the threads that `gonio.fitting.solver.precompile` begins; that module would bring JAX with it."""
 
 VERBS = {
     "demo": "the whole job on bundled materials, ending in a report to look at",

@@ -2,13 +2,11 @@
 
 import os
 import shutil
-import sys
 import tempfile
 from pathlib import Path
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 os.environ.setdefault("MPLBACKEND", "Agg")
-sys.path.insert(0, str(Path(__file__).parent))
 
 WORKER = "PYTEST_XDIST_WORKER" in os.environ
 PROGRAMS = Path(tempfile.gettempdir()) / f"gonio-tests-{os.getppid() if WORKER else os.getpid()}"

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 import mpmath as mp
 import numpy as np
 
-from gonio.atlas.precision import cast
-from gonio.atlas.reference import DIGITS, Reference
-from gonio.charts.clock import in_turns, precision
-from gonio.charts.points import Axis, Chart, Point, Settings
-from gonio.models.building import build, example
+from gonio.charts.point import Axis, Chart, Point, Settings
+from gonio.charts.timing import in_turns, precision
 from gonio.models.catalog import MODELS
-from gonio.models.evaluate import evaluate
-from gonio.models.geometry import Direction
+from gonio.models.evaluation import evaluate
+from gonio.models.expression.builder import build, example
+from gonio.models.geometry.directions import Direction
+from gonio.stability.precision import cast
+from gonio.stability.reference import DIGITS, Reference
 
 QUICK = ("lambert", "eon", "ggx", "beckmann", "std", "hapke")
 BATCHES, QUICK_BATCHES = {"1": 1, "10³": 10**3, "10⁶": 10**6}, {"1": 1, "10⁵": 10**5}
@@ -77,7 +77,7 @@ def _error(brdf, some: tuple[Direction, Direction], truth: np.ndarray) -> float:
 CHART = Chart(
     "evaluation",
     "Evaluation of models",
-    "One call of gonio.models.evaluate on NumPy arrays of the precision. The largest error of f, relative to f or to "
+    "One call of gonio.models.evaluation on NumPy arrays of the precision. The largest error of f, relative to f or to "
     f"{DARK:g}/sr, at up to {PAIRS} pairs, one half near mirror reflection, against the textbook's form at forty "
     "digits; what the rounding of directions and parameters to the precision makes of it is part of it.",
     ((Axis("ns", "time of one evaluation, ns"), Axis("error", "largest relative error of f")),),

@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from gonio.atlas.fits import readings
-from gonio.charts.clock import in_turns, precision
-from gonio.charts.points import Axis, Chart, Point, Settings
+from gonio.charts.point import Axis, Chart, Point, Settings
 from gonio.charts.scipy_fit import COMPARED, cosines, scipy_fit
+from gonio.charts.timing import in_turns, precision
 from gonio.data.table import Table
-from gonio.fitting.fitting import fit
-from gonio.models.building import build
-from gonio.models.quadrature import directional_albedo
+from gonio.fitting.fit_table import fit
+from gonio.models.albedo import directional_albedo
+from gonio.models.expression.builder import build
+from gonio.stability.fits import readings
 
 TRUTH = np.array([0.3, 0.5, 0.2])
 SPELLED = "lambert(rho={!r}) + {!r} * ggx(alpha={!r})"

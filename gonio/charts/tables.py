@@ -6,17 +6,17 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.charts.clock import in_turns, precision
-from gonio.charts.light import Light, light_of
-from gonio.charts.points import Axis, Chart, Point, Settings
+from gonio.charts.flux_error import Light, light_of
+from gonio.charts.point import Axis, Chart, Point, Settings
+from gonio.charts.timing import in_turns, precision
 from gonio.data import layout
-from gonio.data.grid_values import grid_values
+from gonio.data.interpolation.multilinear import as_material
 from gonio.data.layout import Layout
 from gonio.data.table import whole_table_of_values
-from gonio.data.tabulated import as_material
-from gonio.models.base import AbstractBRDF
-from gonio.models.building import build
-from gonio.models.evaluate import evaluate
+from gonio.data.tabulate import grid_values
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.evaluation import evaluate
+from gonio.models.expression.builder import build
 
 DIFFUSE = "lambert(rho=0.2)"
 WIDTHS, QUICK = (0.5, 0.2, 0.05, 0.01), (0.3, 0.05)

@@ -23,10 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     import math
 
-    from gonio.charting import chart
-    from gonio.charts.pace import Pace
-    from gonio.cli.text import columns, say, tell
+    from gonio.charts.diagrams import chart
+    from gonio.charts.scan_time import Pace
     from gonio.figures.ticks import sr_label
+    from gonio.text import columns, say, tell
 
     given = {"settling": args.settling, "count_rate": args.count_rate}
     if args.axis_speed is not None:
@@ -67,8 +67,8 @@ def run(args: argparse.Namespace) -> int:
 def _row(point, panel: str, cost, error) -> list[str]:
     import math
 
-    from gonio.charts.points import shown
-    from gonio.cli.text import number
+    from gonio.charts.point import shown
+    from gonio.text import number
 
     bound = point.value("bound")
     claimed = "claims none" if math.isnan(bound) else number(bound, 2)

@@ -68,7 +68,7 @@ def run(args) -> int:
     if args.repair:
         if args.self_test or args.against or args.strict:
             raise GonioError("--repair goes with tolerances and --json only; check what it wrote by a second command")
-        from gonio.cli.repairing import run_repair
+        from gonio.cli.repair_output import run_repair
 
         return run_repair(args)
     if args.nonnegative or args.step is not None:
@@ -77,11 +77,11 @@ def run(args) -> int:
     if args.json and args.json != "-":
         refuse_existing(args.json, args.force)
     if args.self_test:
-        from gonio.cli.self_test import run_self_test
+        from gonio.cli.self_test_output import run_self_test
 
         return run_self_test(args.json, args.force)
-    from gonio.certificate import NAMES
-    from gonio.checking import check
+    from gonio.checks.certificate import NAMES
+    from gonio.checks.certify import check
 
     certificate = check(
         args.subject,
@@ -113,7 +113,7 @@ HEADINGS = ("property", "verdict", "residual", "bound", "tolerance", "worst at")
 
 def print_certificate(certificate) -> None:
     """The certificate as a table, and a sentence for each property."""
-    from gonio.cli.text import columns, say
+    from gonio.text import columns, say
 
     title = f"{certificate.subject} ({certificate.kind}): {certificate.overall.upper()}"
     counted = "all properties but isotropy" if certificate.strict else "reciprocity and energy"

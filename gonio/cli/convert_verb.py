@@ -13,14 +13,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
-    from gonio.cli.text import say
-    from gonio.data.csv_table import write_csv
     from gonio.data.files import refuse_existing, refuse_input
-    from gonio.data.merl import write_merl
-    from gonio.data.reading import read
-    from gonio.data.round_trip import compare_cells
-    from gonio.data.store import open_table, write_table
+    from gonio.data.formats.csv import write_csv
+    from gonio.data.formats.merl import write_merl
+    from gonio.data.formats.registry import read
+    from gonio.data.formats.round_trip import compare_cells
+    from gonio.data.hdf5.writer import open_table, write_table
     from gonio.models.errors import GonioError
+    from gonio.text import say
 
     suffix = Path(args.output).suffix.lower()
     if suffix not in (".h5", ".hdf5", ".nc", ".binary", ".csv"):

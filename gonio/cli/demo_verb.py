@@ -32,8 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     import time
 
-    from gonio.cli.text import say
     from gonio.models.errors import GonioError
+    from gonio.text import say
 
     folder = args.output
     try:
@@ -63,8 +63,8 @@ def run(args: argparse.Namespace) -> int:
 def _do(command: str) -> None:
     """Run a command line as a user would; a verdict (exit 1 or 3) is a result here, bad input is not."""
     from gonio.__main__ import main
-    from gonio.cli.text import say
     from gonio.models.errors import GonioError
+    from gonio.text import say
 
     say(f"$ gonio {command}")
     before, sys.argv = sys.argv, ["gonio", *shlex.split(command)]

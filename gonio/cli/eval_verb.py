@@ -18,9 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     import sys
 
-    from gonio.data.csv_table import read_directions
-    from gonio.data.csv_text import write_columns
     from gonio.data.files import new_file, refuse_existing, refuse_input
+    from gonio.data.formats.csv import read_directions
+    from gonio.data.formats.csv_columns import write_columns
     from gonio.data.material import load_material
 
     if args.output:
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
 def _values(material, wi, wo) -> dict:
     import numpy as np
 
-    from gonio.models.evaluate import evaluate
+    from gonio.models.evaluation import evaluate
 
     f = np.asarray(evaluate(material.brdf, wi, wo))
     if f.ndim == 1:

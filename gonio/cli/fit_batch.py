@@ -22,13 +22,13 @@ def run_batch(args: argparse.Namespace, table_of, options: dict[str, Any]) -> in
 
     import tomli_w
 
-    from gonio.cli.text import say
     from gonio.data.files import new_file
     from gonio.models.errors import GonioError
+    from gonio.text import say
 
     if args.json:
         raise GonioError("--json takes the fit of a single file; of many, each material file holds everything already.")
-    from gonio.models.spelling import parse
+    from gonio.models.expression.parser import parse
 
     for model in args.model or []:
         parse(model)  # a wrong word is said once, not of every file
@@ -47,7 +47,7 @@ def run_batch(args: argparse.Namespace, table_of, options: dict[str, Any]) -> in
     left = [k for k, done in enumerate(there) if not done]
     if not left:
         return 0 if all(_converged(target) for target in targets) else 1
-    from gonio.fitting.many import as_fitted
+    from gonio.fitting.batch import as_fitted
 
     began, number, worst = time.perf_counter(), len(files) - len(left), 0
     for k, target in enumerate(targets):
@@ -77,7 +77,7 @@ def run_batch(args: argparse.Namespace, table_of, options: dict[str, Any]) -> in
 
 def _files(given: list[str]) -> tuple[list[Path], int]:
     """(files to fit, number of files of the folders that are no tables)."""
-    from gonio.data.reading import sniff
+    from gonio.data.formats.registry import sniff
     from gonio.models.errors import GonioError
 
     files, ignored = [], 0

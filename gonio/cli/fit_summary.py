@@ -1,7 +1,7 @@
 """What a fit says of itself on a terminal."""
 
-from gonio.cli.text import columns, number
 from gonio.cli.tried import tried
+from gonio.text import columns, number
 
 METRIC_NAMES = {
     "relative_rms": "relative rms",

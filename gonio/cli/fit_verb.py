@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     def table_of(file):
         from pathlib import Path
 
-        from gonio.data.reading import read
+        from gonio.data.formats.registry import read
 
         table = read(file, **({"nodes": args.merl_nodes} if args.merl_nodes else {}))
         if args.channel:
@@ -102,8 +102,8 @@ def _run_one(args: argparse.Namespace, file: str, table_of) -> int:
     from pathlib import Path
 
     from gonio.cli.fit_summary import summary
-    from gonio.cli.text import say, tell
     from gonio.data.files import new_file, refuse_existing, refuse_input
+    from gonio.text import say, tell
 
     output = args.output or f"{Path(file).stem}.fit.toml"
     refuse_existing(output, args.force)
@@ -113,10 +113,10 @@ def _run_one(args: argparse.Namespace, file: str, table_of) -> int:
         refuse_input(args.json, file)
     import tomli_w
 
-    from gonio.data.plain import plain
-    from gonio.fitting.ahead import ahead
-    from gonio.fitting.fitting import fit
-    from gonio.fitting.stepping import padded_size, prepare
+    from gonio.data.serialise import plain
+    from gonio.fitting.fit_table import fit
+    from gonio.fitting.solver.lm_step import padded_size, prepare
+    from gonio.fitting.solver.precompile import ahead
 
     # To load the program of a step takes as long as to read a large file; what goes into it is known already.
     ahead(("step", padded_size(0)), lambda: prepare(0))

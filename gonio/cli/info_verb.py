@@ -14,7 +14,7 @@ def run(args: argparse.Namespace) -> int:
     import json
     from pathlib import Path
 
-    from gonio.cli.text import columns, say
+    from gonio.text import columns, say
 
     kind = Path(args.file.partition(".fit:")[0]).suffix.lower() if ".fit:" not in args.file else ".toml"
     facts = {".toml": _material, ".fit": _published}.get(kind, _table)(args.file)
@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _published(path: str) -> dict:
-    from gonio.data.published import published_names
+    from gonio.data.formats.bbm_fits import published_names
 
     names = published_names(path)
     return {"kind": "published fits", "file": path, "materials": len(names), "names": ", ".join(names)}
@@ -35,7 +35,7 @@ def _published(path: str) -> dict:
 
 def _material(path: str) -> dict:
     from gonio.data.material import load_material
-    from gonio.models.building import spell
+    from gonio.models.expression.builder import spell
 
     m = load_material(path if "/" in path or ".fit:" in path else f"./{path}")
     facts = {"kind": "material", "name": m.name, "description": m.description, "model": m.spelling or spell(m.brdf)}
@@ -54,7 +54,7 @@ def _material(path: str) -> dict:
 def _table(path: str) -> dict:
     import numpy as np
 
-    from gonio.data.reading import read
+    from gonio.data.formats.registry import read
 
     t = read(path)
     degrees = {n: np.degrees(a) for n, a in t.layout.axes.items()}

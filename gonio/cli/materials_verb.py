@@ -9,9 +9,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from gonio.cli.text import columns, say
     from gonio.data.material import load_material, material_text, reference_materials
     from gonio.models.errors import GonioError, nearest
+    from gonio.text import columns, say
 
     known = reference_materials()
     if args.name and args.name not in known:

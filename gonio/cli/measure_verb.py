@@ -57,14 +57,14 @@ def run(args: argparse.Namespace) -> int:
     import shlex
     import sys
 
-    from gonio.cli.text import say, tell
     from gonio.data.files import refuse_existing, refuse_input
+    from gonio.text import say, tell
 
     # Before anything is read or computed.
     refuse_existing(args.output, args.force)
     refuse_input(args.output, *(given for given in (args.material, args.scan) if given))
     from gonio.data.material import load_material
-    from gonio.measuring import measure
+    from gonio.instrument.measurement import measure
 
     instrument = instrument_of(args)
     material = load_material(args.material)
@@ -89,7 +89,7 @@ def instrument_of(args: argparse.Namespace):
     """The instrument that the options describe."""
     import math
 
-    from gonio.instrument import Instrument
+    from gonio.instrument.instrument import Instrument
 
     given = {name: math.radians(getattr(args, name)) for name in ANGLES}
     given |= {name: getattr(args, name) for name in NUMBERS if getattr(args, name) is not None}
@@ -103,7 +103,7 @@ def instrument_of(args: argparse.Namespace):
 def _systematic(text: str):
     import math
 
-    from gonio.instrument import Systematic
+    from gonio.instrument.instrument import Systematic
     from gonio.models.errors import GonioError
 
     values = {}
@@ -122,8 +122,8 @@ def _systematic(text: str):
 def _scan_of(args: argparse.Namespace, brdf):
     import math
 
+    from gonio.instrument.scans import default_name, scan
     from gonio.models.errors import GonioError
-    from gonio.scans import default_name, scan
 
     options = {name: getattr(args, name) for name in ("step", "phi_step", "theta_max")}
     options = {name: math.radians(value) for name, value in options.items() if value is not None}

@@ -16,10 +16,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from gonio.cli.text import columns, say
-    from gonio.models.building import example
     from gonio.models.catalog import MODELS
     from gonio.models.errors import GonioError, nearest
+    from gonio.models.expression.builder import example
+    from gonio.text import columns, say
 
     if args.name and args.name not in MODELS:
         raise GonioError(f"Unknown model '{args.name}'; {nearest(args.name, MODELS)}")
@@ -59,18 +59,18 @@ def run(args: argparse.Namespace) -> int:
 
 def _picture(name: str, path: str, force: bool):
     # Before anything is said, so that a refusal stands alone.
-    from gonio.figures.lobe_picture import lobe_picture
-    from gonio.models.building import build, example
+    from gonio.models.expression.builder import build, example
+    from gonio.reports.lobe_picture import lobe_picture
 
     said = example(name).strip("'")
     return lobe_picture(build(said), said, path, force)
 
 
 def _facts(name: str) -> dict:
-    from gonio.models.building import build, example
     from gonio.models.catalog import MODELS
+    from gonio.models.expression.builder import build, example
+    from gonio.models.expression.parser import options_of
     from gonio.models.parameters import parameters_of
-    from gonio.models.spelling import options_of
 
     # What a model breaks may depend on its options: those of its example speak for it.
     usual = build(example(name).strip("'"))

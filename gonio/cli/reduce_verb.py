@@ -15,9 +15,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
-    from gonio.cli.text import number, say, tell
     from gonio.data.files import refuse_existing, refuse_input
     from gonio.models.errors import GonioError
+    from gonio.text import number, say, tell
 
     refuse_existing(args.output, args.force)
     refuse_input(args.output, args.table, args.scene)
@@ -25,10 +25,10 @@ def run(args: argparse.Namespace) -> int:
         raise GonioError(f"{args.output} is not an HDF5 name; a reduced table is gonio's HDF5, so let it end in .h5")
     if args.tolerance is not None and not 0 < args.tolerance < 1:
         raise GonioError(f"--tolerance is {args.tolerance:g}; expected a share above 0 and below 1, such as 0.05")
-    from gonio.data.reading import read
+    from gonio.data.formats.registry import read
+    from gonio.data.hdf5.writer import write_table
+    from gonio.data.reduction.coarsest_table import reduce_table
     from gonio.data.scene import load_scene
-    from gonio.data.store import write_table
-    from gonio.fitting.reducing import reduce_table
 
     scene = load_scene(args.scene)
     table = read(args.table, **({"nodes": args.merl_nodes} if args.merl_nodes else {}))

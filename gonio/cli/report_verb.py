@@ -22,8 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from gonio.cli.text import say
-    from gonio.reporting import report
+    from gonio.reports.build import report
+    from gonio.text import say
 
     path = report(
         args.subjects,

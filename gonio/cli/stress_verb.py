@@ -15,11 +15,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from gonio.atlas.cell import SILENT
-    from gonio.atlas.reasons import reason_of
-    from gonio.cli.text import columns, say, tell
     from gonio.models.errors import GonioError
-    from gonio.stressing import again, recipe, stress, summary
+    from gonio.stability.known_failures import reason_of
+    from gonio.stability.outcome import SILENT
+    from gonio.stability.survey import again, recipe, stress, summary
+    from gonio.text import columns, say, tell
 
     if args.processes is not None and args.processes < 1:
         raise GonioError(f"--processes is {args.processes}; give 1 or more")

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from gonio.cli.text import columns, number
+from gonio.text import columns, number
 
 _COLUMNS = (
     ("free", "free numbers", lambda v: str(v)),

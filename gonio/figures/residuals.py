@@ -5,7 +5,7 @@ from matplotlib.colors import CenteredNorm
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
 from gonio.figures.style import INK, Picture, panel, styled
-from gonio.fitting.residual_maps import bins, grouped_median
+from gonio.fitting.residuals.maps import bins, grouped_median
 
 BINS = 30
 ABOUT_NODES = np.concatenate([[0.0], np.arange(2.5, 88, 5.0), [90.0]])

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.patches import Circle
 
 from gonio.figures.style import FAINT, Picture, panel, styled
-from gonio.models.geometry import Direction
+from gonio.models.geometry.directions import Direction
 
 SIDE = 144
 LIGHTS = ((35.0, 25.0), (100.0, 15.0))

@@ -7,9 +7,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-from gonio.charting import CHARTS, INDEX
-from gonio.charts.points import Point, front, shown
-from gonio.data.plain import plain
+from gonio.charts.diagrams import CHARTS, INDEX
+from gonio.charts.point import Point, front, shown
+from gonio.data.serialise import plain
 from gonio.models.errors import GonioError
 
 LARGEST = 64 << 20
@@ -70,7 +70,7 @@ def _picture(folder: Path, name: str, points: list[Point], caption: str) -> str:
         path = folder / f"{name}.{kind}"
         if path.is_file() and 0 < path.stat().st_size <= LARGEST:
             return f"data:{media};base64,{base64.b64encode(path.read_bytes()).decode()}"
-    from gonio.figures.charts import written
+    from gonio.charts.figure import written
 
     data = written(CHARTS[name], points, caption)["svg"]
     return f"data:{MEDIA['svg']};base64,{base64.b64encode(data).decode()}"

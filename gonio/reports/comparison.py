@@ -9,9 +9,9 @@ from gonio.figures.lobes import Curve, in_plane
 from gonio.figures.spheres import png, sphere_pixels
 from gonio.figures.style import colour_of
 from gonio.reports import views
-from gonio.reports.drawn import Drawn, short
-from gonio.reports.judged_figures import albedo_series
-from gonio.reports.seen import Seen
+from gonio.reports.check_figures import albedo_series
+from gonio.reports.evaluations import Seen
+from gonio.reports.figure import Drawn, short
 from gonio.reports.subject import Subject
 
 LONGEST = 22

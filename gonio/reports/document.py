@@ -5,14 +5,14 @@ import platform
 from typing import Any
 
 from gonio import __version__
-from gonio.data.plain import plain
+from gonio.data.serialise import plain
 from gonio.figures.style import colour_of
+from gonio.reports.check_figures import albedo_figures, correlation_figures, reciprocity_figures, residual_figures
 from gonio.reports.comparison import sphere_of, together
-from gonio.reports.drawn import Drawn
+from gonio.reports.evaluations import Seen, look
 from gonio.reports.facts import facts, fit_facts, provenance, sentence
-from gonio.reports.judged_figures import albedo_figures, correlation_figures, reciprocity_figures, residual_figures
+from gonio.reports.figure import Drawn
 from gonio.reports.lobe_figures import map_figures, plane_figures, slice_figures, space_figures, sphere_figures
-from gonio.reports.seen import Seen, look
 from gonio.reports.subject import Subject
 
 FORMAT = 1

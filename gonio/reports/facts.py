@@ -4,9 +4,9 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
-from gonio.cli.text import number
-from gonio.data.plain import plain
+from gonio.data.serialise import plain
 from gonio.reports.subject import Subject
+from gonio.text import number
 
 MOST_TEXT = 2000
 NAMES_SAID = 8
@@ -41,8 +41,8 @@ def facts(s: Subject) -> list[dict[str, Any]]:
 
 def spelling(s: Subject) -> str:
     """How a model is written."""
-    from gonio.models.building import spell
     from gonio.models.errors import GonioError
+    from gonio.models.expression.builder import spell
 
     try:
         return (s.material.spelling if s.material else None) or spell(s.brdf)

@@ -4,16 +4,16 @@ from typing import Any
 
 import numpy as np
 
-from gonio.figures.half_angles import DIFFERENCE, HALF, slice_figure
+from gonio.figures.half_difference_slice import DIFFERENCE, HALF, slice_figure
 from gonio.figures.hemisphere import colour_bar, colour_range, hemisphere_dots, hemisphere_map
 from gonio.figures.lobe3d import lobe_figure, mesh_angles
 from gonio.figures.lobes import Curve, in_plane, polar
 from gonio.figures.spheres import LIGHTS, sphere_pixels, spheres_figure
 from gonio.figures.style import colour_of, shades
-from gonio.fitting.colour_difference import colour_matrix
+from gonio.fitting.residuals.colour_difference import colour_matrix
 from gonio.reports import views
-from gonio.reports.drawn import Drawn, short
-from gonio.reports.seen import Seen
+from gonio.reports.evaluations import Seen
+from gonio.reports.figure import Drawn, short
 from gonio.reports.subject import Subject
 
 DECADES = 6.0

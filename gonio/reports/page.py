@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from gonio.figures.albedo import channel_colours
-from gonio.figures.dark import rules, themed, variable
+from gonio.figures.dark_theme import rules, themed, variable
 from gonio.figures.style import PALETTE, shades
-from gonio.reports.drawn import Drawn
-from gonio.reports.values import Values
+from gonio.reports.figure import Drawn
+from gonio.reports.number_format import Values
 
 MARKS = {"pass": "✓", "fail": "✗", "undecided": "?", "not applicable": "–"}
 STEPS = 65535
@@ -29,14 +29,14 @@ def page(
     import jinja2
 
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("gonio"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+        loader=jinja2.PackageLoader("gonio.reports"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     pictures, used = {}, set(PALETTE)
     accents = _accents()
     for name, d in figures.items():
         pictures[name], needed = themed(d.picture.svg(), accents)
         used |= needed
-    folder = importlib.resources.files("gonio") / "templates"
+    folder = importlib.resources.files("gonio.reports") / "templates"
     values = Values(document)
     return environment.get_template("report.html.j2").render(
         d=document,

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gonio.certificate import Certificate
+from gonio.checks.certificate import Certificate
 from gonio.data.material import Material, is_material_file, load_material, reference_materials
 from gonio.data.table import Channels, Table
 from gonio.fitting.result import FitResult
-from gonio.models.base import AbstractBRDF
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
-from gonio.models.evaluate import channel_count
+from gonio.models.evaluation import channel_count
 
 
 @dataclasses.dataclass
@@ -92,7 +92,7 @@ def _is_table_file(given: str | os.PathLike) -> bool:
 
 
 def _table_of_file(path: str | os.PathLike, number: int) -> Subject:
-    from gonio.data.reading import read
+    from gonio.data.formats.registry import read
 
     table = read(path)
     return Subject(table.name or Path(path).stem, table.channels, table=table, number=number, file=os.fspath(path))

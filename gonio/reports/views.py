@@ -8,15 +8,15 @@ import numpy as np
 
 from gonio.data.flags import Flag
 from gonio.data.table import Channels, Table
-from gonio.figures.half_angles import slice_pairs
+from gonio.figures.half_difference_slice import slice_pairs
 from gonio.figures.hemisphere import disc_points
 from gonio.figures.lobe3d import mesh_angles
 from gonio.figures.spheres import sphere_pairs
-from gonio.fitting.colour_difference import LINEAR_SRGB, colour_matrix
-from gonio.fitting.pair_angles import PairAngles, pair_angles
-from gonio.models.base import AbstractBRDF
-from gonio.models.evaluate import evaluate
-from gonio.models.geometry import Direction
+from gonio.fitting.residuals.colour_difference import LINEAR_SRGB, colour_matrix
+from gonio.fitting.residuals.pair_angles import PairAngles, pair_angles
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.evaluation import evaluate
+from gonio.models.geometry.directions import Direction
 
 INCIDENCES = (0.0, 30.0, 60.0, 80.0)
 MAP_INCIDENCES = (30.0, 60.0)

@@ -1,0 +1,102 @@
+"""Scattered samples as a material: an inverse-distance mean of the nearest ones."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from gonio.data.flags import Flag
+from gonio.data.layout import HORIZON
+from gonio.data.table import Table
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.errors import GonioError
+from gonio.models.geometry.directions import Direction, rotate_z
+
+CHUNK = 64
+MAX_SAMPLES = 50_000
+"""Every sample is visited for every value: beyond this a grid is the better table."""
+SOFTENING = 1e-12
+"""Squared distance at which a sample counts as met: its weight is then beyond all others'."""
+DESCRIPTION = (
+    "inverse-distance mean of all scattered samples, weights 1/d⁶ with d² = |wi − wi'|² + |wo − wo'|², or the same "
+    "with a sample's directions swapped if smaller (reciprocity is assumed); an approximation"
+)
+
+
+class Scattered(AbstractBRDF):
+    """The inverse-distance mean of scattered samples [Shepard 1968], weights 1/d⁶: it falls off faster than
+    the number of samples in a shell of the three or four dimensions grows, so the near ones decide.
+
+    Distance of two pairs: |wi − wi'|² + |wo − wo'|², or that to the swapped sample if smaller (reciprocity).
+    Where all samples have the light at one azimuth the surface is taken as isotropic: a pair is first turned
+    to that azimuth.
+    """
+
+    pairs: Float[Array, "chunks chunk 6"]
+    values: Float[Array, "chunks chunk channel"]
+    valid: Float[Array, "chunks chunk channel"]
+    """1 where there is a value, else 0."""
+    same_all_round: bool = eqx.field(static=True)
+
+    @property
+    def isotropic(self) -> bool:
+        return self.same_all_round
+
+    def f(self, wi, wo):
+        forward, backward = self._turned(wi, wo), self._turned(wo, wi)
+
+        def step(sums, chunk):
+            samples, values, valid = chunk
+            d2 = jnp.minimum(_distance2(samples, forward), _distance2(samples, backward))
+            weight = valid / (d2 + SOFTENING)[:, None] ** 3
+            return (sums[0] + jnp.sum(weight * values, 0), sums[1] + jnp.sum(weight, 0)), None
+
+        zero = jnp.zeros(self.values.shape[-1], self.values.dtype)
+        (total, weight), _ = jax.lax.scan(step, (zero, zero), (self.pairs, self.values, self.valid))
+        found = weight > 0
+        value = jnp.where(found, total / jnp.where(found, weight, 1.0), 0.0)
+        return jnp.where((wi.z > HORIZON) & (wo.z > HORIZON), value, 0.0)
+
+    def _turned(self, wi, wo):
+        if not self.same_all_round:
+            return jnp.stack([*wi, *wo])
+        sin_i = jnp.sqrt(wi.x**2 + wi.y**2)
+        at_pole = sin_i == 0
+        safe = jnp.where(at_pole, 1.0, sin_i)
+        cos_p, sin_p = jnp.where(at_pole, 1.0, wi.x / safe), jnp.where(at_pole, 0.0, -wi.y / safe)
+        return jnp.stack([*rotate_z(wi, cos_p, sin_p), *rotate_z(wo, cos_p, sin_p)])
+
+
+def _distance2(samples, pair):
+    return jnp.sum((samples - pair[None, :]) ** 2, axis=-1)
+
+
+def scattered_material(table: Table) -> Scattered:
+    """The interpolant of a scattered table. Raises GonioError for more than `MAX_SAMPLES` samples, or no valid one."""
+    block = table.samples()
+    n = block.f.shape[0]
+    if n == 0:
+        raise GonioError(f"table {table.name or 'without a name'} holds no valid reading; nothing can be interpolated")
+    if n > MAX_SAMPLES:
+        raise GonioError(
+            f"{n} scattered samples are too many to interpolate (at most {MAX_SAMPLES}); fit a model, or thin them out"
+        )
+    wi, wo = block.wi, block.wo
+    sin_i = np.hypot(wi.x, wi.y)
+    azimuth = np.arctan2(wi.y, wi.x)[sin_i > 1e-9]
+    isotropic = azimuth.size == 0 or np.ptp(azimuth) < 1e-9
+    if isotropic and azimuth.size:
+        c, s = np.cos(azimuth[0]), -np.sin(azimuth[0])
+        wi, wo = (Direction(w.x * c - w.y * s, w.x * s + w.y * c, w.z) for w in (wi, wo))
+    dtype = jnp.result_type(float)
+    valid = block.flag == Flag.VALID
+    parts = np.stack([*wi, *wo], axis=-1), np.where(valid, block.f, 0.0), valid
+    return Scattered(*(jnp.asarray(_chunks(part), dtype) for part in parts), bool(isotropic))
+
+
+def _chunks(part: np.ndarray) -> np.ndarray:
+    """Rows in groups of `CHUNK`, filled up with zeros (samples that have no value)."""
+    filled = np.zeros((-(-part.shape[0] // CHUNK) * CHUNK, part.shape[1]))
+    filled[: part.shape[0]] = part
+    return filled.reshape(-1, CHUNK, part.shape[1])

@@ -1,0 +1,231 @@
+"""A table as a material: multilinear interpolation in the layout's own coordinates.
+
+Cells without a value take no part: the weights of the others are scaled up, and f is 0 where none is left.
+Beyond its outermost nodes an axis is held constant; azimuths are periodic. Scattered samples: see
+`gonio.data.interpolation.inverse_distance`.
+"""
+
+import dataclasses
+import math
+from functools import partial
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from gonio.data.flags import Flag
+from gonio.data.layout import HORIZON, Layout
+from gonio.data.table import Table
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.errors import GonioError
+from gonio.models.evaluation import evaluate
+from gonio.models.geometry.directions import safe_atan2, to_half_difference, to_spherical
+
+IN_PLANE_WIDTH = 1e-6
+"""|wo.y| in the plane's frame beyond which a direction is out of the plane of incidence."""
+
+
+class _Axis(eqx.Module):
+    """Increasing nodes of one coordinate, and how a value finds its cell."""
+
+    nodes: Float[Array, " n"]
+    period: float | None = eqx.field(static=True)
+    step: float | None = eqx.field(static=True)
+    warp: bool = eqx.field(static=True)
+    fold: bool = eqx.field(static=True)
+
+    def bracket(self, x):
+        """((lower, upper) node numbers, their weights) of one value of the coordinate, radians."""
+        n = self.nodes.shape[0]
+        if self.fold:
+            x = jnp.minimum(x, 2 * jnp.pi - x)
+        if self.warp:
+            x = jnp.sqrt(jnp.maximum(x, 0.0))
+        if n == 1:
+            zero = jnp.zeros((), jnp.int32)
+            return (zero, zero), (jnp.ones_like(x), jnp.zeros_like(x))
+        first = self.nodes[0]
+        if self.period is not None:
+            x = first + jnp.mod(x - first, self.period)
+        if self.step is not None:
+            low = jnp.clip(jnp.floor((x - first) / self.step), 0, n - 1).astype(jnp.int32)
+        else:
+            low = jnp.clip(jnp.searchsorted(self.nodes, x, side="right") - 1, 0, n - 1).astype(jnp.int32)
+        high = (low + 1) % n if self.period is not None else jnp.minimum(low + 1, n - 1)
+        start, stop = self.nodes[low], self.nodes[high]
+        if self.period is not None:
+            stop = jnp.where(high == 0, first + self.period, stop)
+        width = stop - start
+        w = jnp.clip((x - start) / jnp.where(width > 0, width, 1.0), 0.0, 1.0)
+        return (low, high), (1.0 - w, w)
+
+
+class Tabulated(AbstractBRDF):
+    """The multilinear interpolant of a gridded table. Out of the plane of an in-plane table f is NaN: nobody looked."""
+
+    values: Float[Array, "*cells channel"]
+    valid: Bool[Array, "*cells one_or_channel"]
+    axes: tuple[_Axis, ...]
+    layout: str = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True)
+
+    @property
+    def isotropic(self) -> bool:
+        return self.layout != "spherical" and "phi_h" not in self.names
+
+    def f(self, wi, wo):
+        coordinates = _coordinates(self.layout, self.names, wi, wo)
+        brackets = [axis.bracket(x) for axis, x in zip(self.axes, coordinates, strict=True)]
+        # One gather of all corners: a gather for each of them takes seconds to compile.
+        at = jnp.meshgrid(*(jnp.stack(nodes) for nodes, _ in brackets), indexing="ij")
+        corners = jnp.meshgrid(*(jnp.stack(weights) for _, weights in brackets), indexing="ij")
+        weight = jnp.where(self.valid[tuple(at)], math.prod(corners[1:], start=corners[0])[..., None], 0.0)
+        every = tuple(range(len(brackets)))
+        total, weight = jnp.sum(weight * self.values[tuple(at)], every), jnp.sum(weight, every)
+        found = weight > 0
+        value = jnp.where(found, total / jnp.where(found, weight, 1.0), 0.0)
+        if self.layout == "in_plane":
+            value = jnp.where(_in_plane(wi, wo), value, jnp.nan)
+        return jnp.where((wi.z > HORIZON) & (wo.z > HORIZON), value, 0.0)
+
+
+def _coordinates(layout, names, wi, wo):
+    if layout == "half_difference":
+        theta_h, phi_h, theta_d, phi_d = to_half_difference(wi, wo)
+        if "phi_h" not in names:
+            return theta_h, theta_d, phi_d
+        return theta_h, theta_d, phi_d, phi_h
+    theta_i, phi_i = to_spherical(wi)
+    theta_o, phi_o = to_spherical(wo)
+    if layout == "spherical":
+        return theta_i, phi_i, theta_o, phi_o
+    # By the products of components, not by phi_o − phi_i: no azimuth is lost where one of them is at the pole.
+    cos_delta, sin_delta = wi.x * wo.x + wi.y * wo.y, wi.x * wo.y - wi.y * wo.x
+    if layout == "in_plane":
+        return theta_i, jnp.where(cos_delta > 0, -theta_o, theta_o)
+    at_pole = wi.x**2 + wi.y**2 == 0
+    delta = jnp.where(at_pole, phi_o, safe_atan2(sin_delta, cos_delta))
+    return theta_i, theta_o, jnp.where(delta < 0, delta + 2 * jnp.pi, delta)
+
+
+def _in_plane(wi, wo):
+    across = jnp.abs(wi.x * wo.y - wi.y * wo.x)
+    sin_i = jnp.sqrt(wi.x**2 + wi.y**2)
+    return (across <= IN_PLANE_WIDTH * sin_i) | (sin_i <= IN_PLANE_WIDTH)
+
+
+def as_material(table: Table) -> AbstractBRDF:
+    """The BRDF that a table stands for: its format's own interpolant where it has one, else `Tabulated`.
+
+    Raises GonioError where the table holds no valid reading, or too many scattered ones.
+    """
+    if table.interpolant is not None:
+        return table.interpolant()
+    if not table.layout.gridded:
+        from gonio.data.interpolation.inverse_distance import scattered_material
+
+        return scattered_material(table)
+    valid = np.asarray(table.flag[...]) == Flag.VALID
+    if not valid.any():
+        raise GonioError(f"table {table.name or 'without a name'} holds no valid reading; nothing can be interpolated")
+    values = np.where(valid, np.asarray(table.f[...]), 0.0)
+    if (valid == valid[..., :1]).all():
+        valid = valid[..., :1]
+    dtype = jnp.result_type(float)
+    axes = tuple(_axis(table.layout, name, nodes) for name, nodes in table.layout.axes.items())
+    return Tabulated(jnp.asarray(values, dtype), jnp.asarray(valid), axes, table.layout.name, tuple(table.layout.axes))
+
+
+def _axis(layout: Layout, name: str, nodes: np.ndarray) -> _Axis:
+    period, fold, warp = None, False, False
+    if name == "phi_d":
+        period = layout.phi_d_period
+    elif name == "delta_phi" and nodes[-1] <= np.pi * (1 + 1e-12):
+        fold = True
+    elif name.startswith("phi") or name == "delta_phi":
+        period = 2 * math.pi
+    elif name == "theta_h" and _uniform(np.sqrt(nodes)) and not _uniform(nodes):
+        warp = True
+        nodes = np.sqrt(nodes)
+    step = float(nodes[1] - nodes[0]) if _uniform(nodes) else None
+    return _Axis(jnp.asarray(nodes, jnp.result_type(float)), period, step, warp, fold)
+
+
+def _uniform(nodes: np.ndarray) -> bool:
+    # Far inside the rounding of a cell's number: a node that floor() puts into the cell below has weight 1 there.
+    return nodes.size > 1 and np.allclose(np.diff(nodes), nodes[1] - nodes[0], rtol=1e-9, atol=0)
+
+
+def interpolation(table: Table) -> str:
+    """One sentence on how `as_material` interpolates this table: for reports and provenance."""
+    if table.interpolant is not None:
+        return "interpolated by the format's own warp"
+    if not table.layout.gridded:
+        from gonio.data.interpolation.inverse_distance import DESCRIPTION
+
+        return DESCRIPTION
+    names = ["sqrt(theta_h)" if _axis(table.layout, n, a).warp else n for n, a in table.layout.axes.items()]
+    text = f"multilinear in {', '.join(names)}; constant beyond the outermost nodes"
+    if any(_axis(table.layout, n, a).fold for n, a in table.layout.axes.items()):
+        text += "; delta_phi stops at pi, so the other half is taken as its mirror image"
+    return text
+
+
+@dataclasses.dataclass(frozen=True)
+class InterpolationError:
+    """Estimated error of interpolating a table, over `compared` readings, relative: 2|a − b| / (|a| + |b|)."""
+
+    median: float
+    percentile_95: float
+    largest: float
+    rms_absolute: float
+    """1/sr."""
+    compared: int
+
+
+def coarsened(table: Table) -> Table:
+    """The table of every second node of each axis that has more than two (of every second scattered sample),
+    or the same cells read by a format's own interpolant of half the nodes.
+
+    What differs between this table's interpolant and the whole one's bounds the whole one's error:
+    interpolation of a smooth function is of second order, so a grid of half the nodes errs by four times as
+    much.
+    """
+    if table.interpolant is not None:
+        return dataclasses.replace(table, interpolant=partial(table.interpolant, coarse=True))
+    axes, step = table.layout.axes, []
+    for name, axis in axes.items():
+        step.append(slice(None, None, 2 if axis.size > 2 else 1))
+        axes = {**axes, name: axis[step[-1]]}
+    at = tuple(step) if table.layout.gridded else (step[0],)
+    cut = {what: np.asarray(getattr(table, what)[...])[at] for what in ("f", "flag")}
+    cut["u_f"] = None if table.u_f is None else np.asarray(table.u_f[...])[at]
+    return dataclasses.replace(table, layout=Layout(table.layout.name, axes), interpolant=None, **cut)
+
+
+def interpolation_error(
+    table: Table, limit: int = 20_000, theta_max: float | None = None, seed: int = 0
+) -> InterpolationError:
+    """An estimate of what interpolating between this table's cells costs: its own cells against `coarsened`.
+
+    A third of the difference is taken for gridded layouts (errors of the two grids are as 4 to 1), all of it
+    for scattered ones. Lobes that the grid does not resolve break the assumption, and show as errors of order
+    1.
+    """
+    block = table.samples(limit, theta_max, seed)
+    guess = np.asarray(evaluate(as_material(coarsened(table)), block.wi, block.wo))
+    valid = (block.flag == Flag.VALID) & np.isfinite(guess)
+    a, b = np.asarray(block.f, np.float64)[valid], guess[valid]
+    share = 1 / 3 if table.layout.gridded or table.interpolant is not None else 1.0
+    size = np.abs(a) + np.abs(b)
+    relative = share * 2 * np.abs(a - b)[size > 0] / size[size > 0]
+    if relative.size == 0:
+        return InterpolationError(0.0, 0.0, 0.0, 0.0, 0)
+    return InterpolationError(
+        float(np.median(relative)),
+        float(np.percentile(relative, 95)),
+        float(relative.max()),
+        float(share * np.sqrt(np.mean((a - b) ** 2))),
+        int(valid.sum()),
+    )

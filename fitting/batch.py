@@ -1,0 +1,66 @@
+"""Many tables, one model: the same compiled programs fit one table after another, on every processor at once."""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+
+from gonio.data.table import Table
+from gonio.fitting.fit_table import fit
+from gonio.fitting.result import FitResult
+from gonio.models.errors import GonioError
+
+Source = Table | str | os.PathLike | Callable[[], Table]
+
+
+def fit_many(
+    tables: Sequence[Source],
+    model: str | list[str] | None = None,
+    *,
+    workers: int | None = None,
+    done: Callable[[int, FitResult | GonioError], None] = lambda index, outcome: None,
+    **options,
+) -> list[FitResult | GonioError]:
+    """`gonio.fit` of each table: results in the tables' order, and a GonioError in the place of one that was refused.
+
+    `tables`: tables, files, or functions that return a table; the latter two are read when their turn comes, so that
+    no more than `workers` tables (by default one for each processor) are in memory at a time. `done` hears each outcome
+    with its index as soon as it is there. `options` are those of `gonio.fit`. Each result is what `fit` alone would
+    give. Raises GonioError where `tables` is empty or `workers` is below 1.
+    """
+    outcomes: list = [None] * len(tables)
+    for index, outcome in as_fitted(tables, model, workers=workers, **options):
+        outcomes[index] = outcome
+        done(index, outcome)
+    return outcomes
+
+
+def as_fitted(
+    tables: Sequence[Source], model: str | list[str] | None = None, *, workers: int | None = None, **options
+) -> Iterator[tuple[int, FitResult | GonioError]]:
+    """(index, outcome) of each table as soon as it is fitted; see `fit_many`."""
+    if not len(tables):
+        raise GonioError("No table came to fit; give at least one.")
+    if workers is None:
+        workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if workers < 1:
+        raise GonioError(f"workers is {workers}; expected 1 or more.")
+    # The first one alone: it compiles what the others share.
+    yield 0, _outcome(tables[0], model, options)
+    with ThreadPoolExecutor(workers, "gonio-fit") as pool:
+        waiting: dict[Future, int] = {
+            pool.submit(_outcome, table, model, options): k for k, table in enumerate(tables[1:], 1)
+        }
+        try:
+            for future in as_completed(waiting):
+                yield waiting.pop(future), future.result()
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _outcome(table: Source, model, options) -> FitResult | GonioError:
+    try:
+        if not isinstance(table, Table):
+            table = table() if callable(table) else os.fspath(table)
+        return fit(table, model, **options)
+    except GonioError as error:
+        return error

@@ -1,0 +1,46 @@
+"""Pairs of directions by their angles, and in an order in which neighbours follow each other."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gonio.models.geometry.directions import Direction
+
+BITS = 15  # of each of four coordinates in the order along the curve
+
+
+class PairAngles(NamedTuple):
+    """Angles of pairs of directions, degrees, (n,) each: polar angles, half and difference angle, phase angle."""
+
+    theta_i: np.ndarray
+    theta_o: np.ndarray
+    theta_h: np.ndarray
+    theta_d: np.ndarray
+
+    @property
+    def phase(self) -> np.ndarray:
+        """Angle between the two directions, degrees."""
+        return 2.0 * self.theta_d
+
+
+def pair_angles(wi: Direction, wo: Direction) -> PairAngles:
+    """The angles of pairs of unit directions with components (n,)."""
+    i, o = (np.stack([np.asarray(c, float) for c in w]) for w in (wi, wo))
+    polar = [np.arctan2(np.hypot(w[0], w[1]), w[2]) for w in (i, o, i + o)]
+    theta_d = np.arctan2(np.linalg.norm(i - o, axis=0), np.linalg.norm(i + o, axis=0))
+    return PairAngles(*(np.degrees(a) for a in (*polar, theta_d)))
+
+
+def neighbour_order(wi: Direction, wo: Direction, by_incidence: bool = False) -> np.ndarray:
+    """A permutation (n,) that goes through pairs of directions by short steps.
+
+    The curve of Morton [1966] through the four tangent-plane components of both directions; or, `by_incidence`, one
+    through the incident directions and at each of them one through the others.
+    """
+    code = np.zeros(np.asarray(wi.x).size, np.uint64)
+    for place, c in enumerate((wi.x, wi.y, wo.x, wo.y)):
+        level = np.clip((np.asarray(c, float) + 1.0) * (1 << (BITS - 1)), 0, (1 << BITS) - 1).astype(np.uint64)
+        for bit in range(BITS):
+            to = 2 * bit + place % 2 + (2 * BITS if place < 2 else 0) if by_incidence else 4 * bit + place
+            code |= ((level >> np.uint64(bit)) & np.uint64(1)) << np.uint64(to)
+    return np.argsort(code, kind="stable")

@@ -1,0 +1,176 @@
+"""Where a model is looked at: pairs of directions all over the closed hemisphere, and a search from the worst."""
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.evaluation import evaluate
+from gonio.models.geometry.directions import Direction
+
+BLOCK = 8192
+"""Pairs in one call of the compiled model: one compilation serves all probes and integrals of a check."""
+
+EDGE_ANGLES = np.radians([0.0, 1e-4, 0.5, 15, 30, 45, 60, 75, 85, 89, 89.9, 89.999, 90 - 1e-7])
+NEAREST = 1e-12
+"""Cosine of the most grazing direction looked at: at the horizon itself f is 0 by definition."""
+
+OPPOSITE = 1e-4
+"""Least cosines of opposite grazing directions: wi + wo then keeps eleven digits."""
+
+
+def precision() -> float:
+    """Rounding of one operation in the precision that the caller's JAX works in."""
+    return float(np.finfo(np.dtype(jnp.result_type(float))).eps)
+
+
+def directions(theta: np.ndarray, phi: np.ndarray) -> Direction:
+    """Unit directions of polar angles in [0, π/2] and azimuths, radians (NumPy, float64)."""
+    sin_t = np.sin(theta)
+    return Direction(sin_t * np.cos(phi), sin_t * np.sin(phi), np.cos(theta) + 0.0 * phi)
+
+
+def values(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> np.ndarray:
+    """f, 1/sr, of n pairs: shape (n, channels), one channel where the model has none; in blocks of one size."""
+    parts = np.broadcast_arrays(*(np.asarray(c, float) for c in (*wi, *wo)))
+    n = parts[0].size
+    out = []
+    for start in range(0, n, BLOCK):
+        block = [np.resize(c[start : start + BLOCK], BLOCK) for c in parts]
+        f = np.asarray(evaluate(brdf, Direction(*block[:3]), Direction(*block[3:])), float)
+        out.append(f.reshape(BLOCK, -1)[: n - start])
+    return np.concatenate(out)
+
+
+@dataclasses.dataclass(frozen=True)
+class Rotated:
+    """Both directions turned about the normal by an azimuth, radians."""
+
+    azimuth: float
+
+    def __call__(self, wi, wo):
+        c, s = np.cos(self.azimuth), np.sin(self.azimuth)
+        return tuple(Direction(w.x * c - w.y * s, w.x * s + w.y * c, w.z) for w in (wi, wo))
+
+
+def swapped(wi, wo):
+    """The reciprocal pair."""
+    return wo, wi
+
+
+def mirrored(wi, wo):
+    """Both directions mirrored at the plane of x and the normal."""
+    return tuple(Direction(w.x, -w.y, w.z) for w in (wi, wo))
+
+
+def low_discrepancy(n: int, dimensions: int, seed: float = 0.5) -> np.ndarray:
+    """n points of the unit cube, shape (n, dimensions), by Roberts' additive recurrence (generalised golden ratio)."""
+    g = 2.0
+    for _ in range(40):
+        g = (1 + g) ** (1 / (dimensions + 1))
+    steps = g ** -np.arange(1.0, dimensions + 1)
+    return (seed + np.arange(1, n + 1)[:, None] * steps) % 1.0
+
+
+def pair_angles(brdf: AbstractBRDF) -> np.ndarray:
+    """(n, 4) of theta_i, phi_i, theta_o, phi_o: everywhere, on the edges, and where the model says its lobes are."""
+    u = low_discrepancy(3 * BLOCK // 4, 4)
+    # Half of them even in solid angle, half even in the polar angles' own logarithmic distance from the horizon.
+    theta = np.where(
+        (np.arange(len(u)) % 2 == 0)[:, None],
+        np.arccos(1 - u[:, [0, 2]]),
+        np.pi / 2 - np.pi / 2 * 10 ** (-8 * u[:, [0, 2]]),
+    )
+    everywhere = np.stack([theta[:, 0], 2 * np.pi * u[:, 1], theta[:, 1], 2 * np.pi * u[:, 3]], -1)
+    t = EDGE_ANGLES
+    azimuths = np.array([0.0, 1e-3, np.pi / 2, np.pi - 1e-3, np.pi])
+    grid = np.stack(np.meshgrid(t, [0.3], t, 0.3 + azimuths, indexing="ij"), -1).reshape(-1, 4)
+    return np.concatenate([everywhere, grid, _near_lobes(brdf)])
+
+
+def _near_lobes(brdf: AbstractBRDF) -> np.ndarray:
+    # Towards the mirror and back to the light at distances over eight decades, and where the sampler draws.
+    u = low_discrepancy(600, 4, 0.25)
+    theta_i = np.where(u[:, 0] < 0.5, np.pi * u[:, 0], np.pi / 2 - np.pi / 2 * 10 ** (-6 * (2 * u[:, 0] - 1)))
+    phi_i = 2 * np.pi * u[:, 1]
+    distance = 10 ** (-8 * u[:, 2])
+    theta_o = np.clip(theta_i + distance * np.cos(2 * np.pi * u[:, 3]), 0, np.pi / 2)
+    turn = distance * np.sin(2 * np.pi * u[:, 3]) / np.maximum(np.sin(theta_i), 0.05)
+    near = [np.stack([theta_i, phi_i, theta_o, phi_i + away + turn], -1) for away in (0.0, np.pi)]
+    return np.concatenate([*near, *_drawn(brdf, theta_i, phi_i)])
+
+
+def _drawn(brdf: AbstractBRDF, theta_i: np.ndarray, phi_i: np.ndarray) -> list[np.ndarray]:
+    drawn = []
+    for term in brdf.summands():
+        theta, phi = sampled_angles(term, theta_i, phi_i)
+        up = theta < np.pi / 2
+        drawn.append(np.stack([theta_i, phi_i, theta, phi], -1)[up])
+    return drawn
+
+
+@eqx.filter_jit
+def _draw(brdf, wi, u1, u2):
+    return jax.vmap(brdf.sample)(wi, u1, u2)
+
+
+def sampled_angles(brdf: AbstractBRDF, theta_i: np.ndarray, phi_i: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(theta_o, phi_o) of one direction that the model's sampler draws for each incidence; π where it has none."""
+    u = low_discrepancy(theta_i.size, 2, 0.75)
+    wi = Direction(*(jnp.asarray(c, jnp.result_type(float)) for c in directions(theta_i, phi_i)))
+    try:
+        wo = _draw(brdf, wi, *(jnp.asarray(c, wi.x.dtype) for c in u.T))
+    except NotImplementedError:  # how a model says that it has no sampler; any other failure is an error of its own
+        return np.full(theta_i.shape, np.pi), np.zeros(theta_i.shape)
+    x, y, z = (np.asarray(c, float) for c in wo)
+    theta = np.where(np.isfinite(z), np.arctan2(np.hypot(x, y), z), np.pi)
+    return np.nan_to_num(theta, nan=np.pi), np.nan_to_num(np.arctan2(y, x))
+
+
+def pair(angles: np.ndarray) -> tuple[Direction, Direction]:
+    """(wi, wo) of rows of angles; no cosine is below `NEAREST`, so that every pair is above the horizon.
+
+    Of directions that are opposite to each other at the horizon the half vector is lost in rounding: their cosines
+    are at least `OPPOSITE`.
+    """
+    wi, wo = (directions(angles[:, k], angles[:, k + 1]) for k in (0, 2))
+    opposite = np.hypot(wi.x + wo.x, wi.y + wo.y) + wi.z + wo.z < 4 * OPPOSITE
+    least = np.where(opposite, OPPOSITE, NEAREST)
+    return tuple(_raised(w, least) for w in (wi, wo))
+
+
+def _raised(w: Direction, least: np.ndarray) -> Direction:
+    # Still of unit length: a model that holds wi·h and wo·h for the same must not be blamed for our directions.
+    z = np.maximum(w.z, least)
+    shrunk = np.where(w.z < least, np.sqrt((1 - z * z) / np.maximum(w.x**2 + w.y**2, 1e-300)), 1.0)
+    return Direction(w.x * shrunk, w.y * shrunk, z)
+
+
+def climb(
+    objective: Callable[[np.ndarray], np.ndarray], starts: np.ndarray, rounds: int = 24
+) -> tuple[np.ndarray, np.ndarray]:
+    """Local search from rows of angles for a larger objective: the best angles of each start and their values.
+
+    Random steps about each start, narrowing where no step gains [an evolution strategy, Rechenberg 1973]; it needs no
+    gradient, and all starts go through one compiled call.
+    """
+    rng = np.random.default_rng(0)
+    best, value = starts.copy(), objective(starts)
+    tries = BLOCK // 2 // len(starts)
+    size = np.full((len(starts), 1, 1), 0.1)
+    for _ in range(rounds):
+        spread = size * 10 ** (-2 * rng.random((len(starts), tries, 1)))
+        trial = best[:, None] + spread * rng.standard_normal((len(starts), tries, 4))
+        trial[..., ::2] = np.abs(trial[..., ::2])
+        trial[..., ::2] = np.minimum(trial[..., ::2], np.pi - trial[..., ::2])
+        trial_value = objective(trial.reshape(-1, 4)).reshape(len(starts), tries)
+        at = np.argmax(np.nan_to_num(trial_value, nan=-np.inf), axis=1)
+        gained = trial_value[np.arange(len(starts)), at]
+        better = gained > value
+        best[better], value[better] = trial[better, at[better]], gained[better]
+        size[~better] /= 4
+    return best, value

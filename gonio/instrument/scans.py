@@ -1,0 +1,189 @@
+"""Scans: which directions an instrument goes to. Each is a layout, made by name; angles in radians."""
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gonio.data import layout
+from gonio.data.layout import Layout
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.catalog import is_ours
+from gonio.models.errors import GonioError
+from gonio.models.evaluation import evaluate
+from gonio.models.geometry.directions import Direction
+
+NAMES = ("isotropic", "spherical", "half-difference", "merl", "in-plane")
+MAX_CELLS = 1 << 31
+"""A table of so many cells fills tens of gigabytes in one channel."""
+STEP = {
+    "isotropic": math.radians(5),
+    "spherical": math.radians(10),
+    "half-difference": math.radians(5),
+    "in-plane": math.radians(1),
+}
+THETA_MAX = math.radians(85)
+"""Beyond, the lit patch of a real instrument is more than eleven times as long as it is wide."""
+INCIDENCES = tuple(math.radians(t) for t in (0, 15, 30, 45, 60, 75))
+
+
+def isotropic(step: float = STEP["isotropic"], theta_max: float = THETA_MAX, phi_step: float | None = None) -> Layout:
+    """Both polar angles from 0 to `theta_max` by `step`, delta_phi once round by `phi_step` (or `step`)."""
+    polar, azimuth = _polar(step, theta_max), _azimuth(phi_step or step)
+    _bounded(polar.size**2 * azimuth.size)
+    return layout.isotropic(polar, polar, azimuth)
+
+
+def spherical(step: float = STEP["spherical"], theta_max: float = THETA_MAX, phi_step: float | None = None) -> Layout:
+    """All four angles, polar ones by `step`, azimuths by `phi_step` (or `step`): for anisotropic surfaces too."""
+    polar, azimuth = _polar(step, theta_max), _azimuth(phi_step or step)
+    _bounded((polar.size * azimuth.size) ** 2)
+    return layout.spherical(polar, azimuth, polar, azimuth)
+
+
+def half_difference(step: float = STEP["half-difference"], phi_step: float | None = None) -> Layout:
+    """MERL's spacing, square in theta_h, with other numbers of nodes: theta_d and phi_d by `step`.
+
+    `phi_step`: also turns the half vector about the normal, for anisotropic surfaces.
+    """
+    counts = _count(math.pi / 2, step), _count(math.pi / 2, step), _count(math.pi, step)
+    if phi_step is None:
+        _bounded(math.prod(counts))
+        return layout.merl(counts=counts)
+    turns = _azimuth(phi_step)
+    _bounded(math.prod(counts) * turns.size)
+    axes = layout.merl(counts=counts).axes
+    return layout.half_difference(axes["theta_h"], axes["theta_d"], axes["phi_d"], turns)
+
+
+def merl() -> Layout:
+    """MERL's own grid of 90 × 90 × 180 cells."""
+    return layout.merl()
+
+
+def in_plane(
+    step: float = STEP["in-plane"], theta_max: float = THETA_MAX, theta_i: Sequence[float] = INCIDENCES
+) -> Layout:
+    """The plane of incidence: the incidences `theta_i`, the detector from −`theta_max` to `theta_max` by `step`."""
+    polar = _polar(step, theta_max)
+    _bounded(len(theta_i) * 2 * polar.size)
+    return layout.in_plane(sorted(theta_i), np.concatenate([-polar[:0:-1], polar]))
+
+
+def listed(path: str | os.PathLike) -> Layout:
+    """The directions of a CSV file, one sample a row: the columns that `gonio eval` reads."""
+    from gonio.data.formats.csv import read_directions
+
+    wi, wo, _ = read_directions(path)
+    angles = [a for w in (wi, wo) for a in layout.spherical_angles(*(np.asarray(c, np.float64) for c in w))]
+    return layout.scattered(*angles)
+
+
+def default_name(brdf: AbstractBRDF) -> str:
+    """The scan for who names none: isotropic for a material that looks the same all round, else spherical."""
+    return "isotropic" if is_isotropic(brdf) else "spherical"
+
+
+def isotropy_remark(grid: Layout, brdf: AbstractBRDF) -> str | None:
+    """What to tell a user whose scan never turns an anisotropic sample; None for all others."""
+    turns = grid.name in ("spherical", "scattered") or "phi_h" in grid.axes
+    if turns or is_isotropic(brdf):
+        return None
+    return (
+        f"the material is anisotropic, but a scan of layout {grid.name} never turns the sample: the table holds one "
+        "orientation of it; the spherical scan, or a phi_step for half-difference, turns it"
+    )
+
+
+def is_isotropic(brdf: AbstractBRDF) -> bool:
+    """Whether f stays the same when both directions are turned about the normal: seen in 64 pairs, unless spelled."""
+    if is_ours(brdf):  # narrow lobes would be missed by all pairs
+        return brdf.isotropic
+    rng = np.random.default_rng(0)
+    z = rng.uniform(0.1, 0.98, (2, 64))
+    phi, turn = rng.uniform(0, 2 * math.pi, (2, 64)), rng.uniform(0.3, 6.0, 64)
+    # Some pairs near mirror reflection, where a narrow lobe is.
+    phi[1, :48], z[1, :48] = phi[0, :48] + math.pi + rng.normal(0, 0.1, 48), z[0, :48]
+    r = np.sqrt(1 - z**2)
+    turned = np.stack([phi, phi + turn])
+    pairs = [
+        Direction(r[k] * np.cos(turned[:, k]), r[k] * np.sin(turned[:, k]), z[k] + 0 * turned[:, k]) for k in (0, 1)
+    ]
+    there, here = np.nan_to_num(np.asarray(evaluate(brdf, *pairs)))
+    return bool(np.allclose(there, here, rtol=1e-3, atol=1e-9))
+
+
+def scan(
+    what: str | os.PathLike,
+    *,
+    step: float | None = None,
+    phi_step: float | None = None,
+    theta_max: float | None = None,
+    theta_i: Sequence[float] | None = None,
+) -> Layout:
+    """The layout that a scan's name, or the path of a list of directions, means; radians.
+
+    Raises GonioError for an unknown name, an option that the scan does not have, and more than `MAX_CELLS` cells.
+    """
+    options = {"step": step, "phi_step": phi_step, "theta_max": theta_max, "theta_i": theta_i}
+    given = {name: value for name, value in options.items() if value is not None}
+    name = os.fspath(what).replace("_", "-")
+    makers = {
+        "isotropic": (isotropic, ("step", "phi_step", "theta_max")),
+        "spherical": (spherical, ("step", "phi_step", "theta_max")),
+        "half-difference": (half_difference, ("step", "phi_step")),
+        "merl": (merl, ()),
+        "in-plane": (in_plane, ("step", "theta_max", "theta_i")),
+    }
+    if name in makers:
+        make, known = makers[name]
+    elif Path(what).suffix or os.sep in os.fspath(what) or Path(what).exists():
+        make, known = (lambda: listed(what)), ()
+    else:
+        raise GonioError(f"scan {os.fspath(what)!r} is unknown; give {', '.join(NAMES)}, or a CSV file of directions")
+    unknown = [option for option in given if option not in known]
+    if unknown:
+        takes = f"it takes {', '.join(known)}" if known else "its directions are fixed"
+        raise GonioError(f"scan {name} has no {', '.join(unknown)}; {takes}")
+    return make(**given)
+
+
+def _polar(step: float, theta_max: float) -> np.ndarray:
+    if not 0 < theta_max <= math.pi / 2:
+        raise GonioError(f"theta_max is {math.degrees(theta_max):g}°; give more than 0° and at most 90°")
+    _bounded_step(step, theta_max)
+    # A step that divides theta_max reaches it, whatever the rounding.
+    polar = np.arange(math.floor(theta_max / step + 1e-9) + 1) * step
+    return np.minimum(polar, math.pi / 2)
+
+
+def _azimuth(step: float) -> np.ndarray:
+    return np.arange(_count(2 * math.pi, step)) * step
+
+
+def _count(whole: float, step: float) -> int:
+    """Steps that make up a whole; a grid that does not close would measure one seam more densely than the rest."""
+    _bounded_step(step, whole)
+    count = round(whole / step)
+    if abs(count * step - whole) > 1e-9 * whole:
+        raise GonioError(
+            f"a step of {math.degrees(step):g}° does not divide {math.degrees(whole):g}°; give one that does, "
+            f"such as {math.degrees(whole) / count:g}°"
+        )
+    return count
+
+
+def _bounded_step(step, whole):
+    if not step > 0:
+        raise GonioError(f"a step of {math.degrees(step):g}° came; give one above 0°")
+    if step < whole / 1e6:
+        raise GonioError(f"a step of {math.degrees(step):g}° makes more cells than can be measured; give a larger one")
+    if step > whole:
+        raise GonioError(f"a step of {math.degrees(step):g}° does not fit {math.degrees(whole):g}°; give a smaller one")
+
+
+def _bounded(cells: int) -> None:
+    if cells > MAX_CELLS:
+        raise GonioError(f"this scan has {cells:.3g} cells, more than {MAX_CELLS:.3g}; give a larger step")

@@ -1,0 +1,64 @@
+"""Facets with the density of a power of the cosine, cosⁿθ_h: sampling, and the radius of their map."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.half_vector import log_cosine
+
+Scalar = Float[Array, ""]
+
+S_MAX = 8.6  # exp(−S_MAX²/2) = 9e-17: the lobe beyond is below rounding
+
+
+def exponent_at(h: Direction, sin2_h: Scalar, n_x: Scalar, n_y: Scalar) -> Scalar:
+    """(n_x h.x² + n_y h.y²)/sin²θ_h: the exponent at the azimuth of h, their mean at the normal."""
+    tilted = sin2_h > jnp.finfo(jnp.result_type(sin2_h)).tiny ** 0.5  # its square, in the gradient, is not 0
+    share = jnp.where(tilted, h.x**2 / jnp.where(tilted, sin2_h, 1.0), 0.5)
+    return n_y + (n_x - n_y) * share
+
+
+def power_density(h: Direction, n_x: Scalar, n_y: Scalar) -> Scalar:
+    """√((n_x+1)(n_y+1))/(2π) cosⁿθ_h, 1/sr: the density of `power_normal` [Ashikhmin & Shirley 2000]; 0 for h.z ≤ 0."""
+    sin2_h = h.x**2 + h.y**2
+    up = h.z > 0
+    h = Direction(h.x, h.y, jnp.where(up, h.z, 1.0))
+    value = jnp.exp(exponent_at(h, sin2_h, n_x, n_y) * log_cosine(h, sin2_h))
+    return jnp.where(up, jnp.sqrt((n_x + 1.0) * (n_y + 1.0)) / (2 * jnp.pi) * value, 0.0)
+
+
+def power_normal(n_x: Scalar, n_y: Scalar, u1: Scalar, u2: Scalar) -> Direction:
+    """Normal drawn with `power_density` [Ashikhmin & Shirley 2000, eq. 9 and 10]."""
+    x, y = jnp.sqrt(n_y + 1.0) * jnp.cos(2 * jnp.pi * u1), jnp.sqrt(n_x + 1.0) * jnp.sin(2 * jnp.pi * u1)
+    length = jnp.sqrt(x * x + y * y)
+    cos_p, sin_p = x / length, y / length
+    log_cos = jnp.log1p(-u2) / (n_x * cos_p**2 + n_y * sin_p**2 + 1.0)
+    sin_h = jnp.sqrt(-jnp.expm1(2.0 * log_cos))
+    return Direction(sin_h * cos_p, sin_h * sin_p, jnp.exp(log_cos))
+
+
+def power_widths(n_x: Scalar, n_y: Scalar) -> tuple[Scalar, Scalar]:
+    """The slope widths 1/√(n+1) along x and y, by which the map of the lobe is stretched."""
+    return 1.0 / jnp.sqrt(n_x + 1.0), 1.0 / jnp.sqrt(n_y + 1.0)
+
+
+def power_rate(x: Scalar) -> Scalar:
+    """√((eˣ − 1)/x), to full precision at 0."""
+    small = x < 1e-5
+    safe = jnp.where(small, 1.0, x)
+    return jnp.where(small, 1.0 + x / 4, jnp.sqrt(jnp.expm1(safe) / safe))
+
+
+def power_reach(length2: Scalar, s: Scalar) -> Scalar:
+    """The radius of a slope s (in units of the widths) on a ray of unit slope √length2, at most S_MAX.
+
+    cosθ_h = exp(−length2 · radius²/2), so that the lobe, cosθ_h to the power 1/length2 − 1, is Gaussian in the radius.
+    """
+    return jnp.minimum(jnp.sqrt(jnp.log1p(length2 * s * s) / length2), S_MAX)
+
+
+def power_slope(length2: Scalar, radius: Scalar) -> tuple[Scalar, Scalar]:
+    """The slope at a radius, the inverse of `power_reach`, and its derivative."""
+    x = length2 * radius * radius
+    rate = power_rate(x)
+    return radius * rate, jnp.exp(x) / rate

@@ -1,0 +1,58 @@
+"""Models over arrays of directions: the one place where `vmap` adds axes to their scalar formulas."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.compiling import wide_jit
+from gonio.models.geometry.directions import Direction
+
+BLOCK = 1 << 17
+"""Pairs of one pass: what a formula of several loops, a quadrature or channels puts aside stays in the cache."""
+
+
+@wide_jit
+def _values(brdf, wi, wo):
+    pairs = wi.z.shape[0]
+    if pairs <= BLOCK:
+        return jax.vmap(brdf.f)(wi, wo)
+
+    def start(index):
+        return jnp.minimum(index * BLOCK, pairs - BLOCK)  # the last block begins inside the one before it
+
+    def block(index):
+        part = [Direction(*(jax.lax.dynamic_slice(c, (start(index),), (BLOCK,)) for c in w)) for w in (wi, wo)]
+        return jax.vmap(brdf.f)(*part)
+
+    def put(index, values):
+        return jax.lax.dynamic_update_slice_in_dim(values, block(index), start(index), 0)
+
+    kind = jax.eval_shape(block, 0)
+    return jax.lax.fori_loop(0, -(-pairs // BLOCK), put, jnp.zeros((pairs, *kind.shape[1:]), kind.dtype))
+
+
+def flat_pair(wi: Direction, wo: Direction) -> tuple[Direction, Direction, tuple[int, ...]]:
+    """Both directions broadcast to one shape and flattened to one axis, with that shape."""
+    dtype = jnp.result_type(float)
+    parts = np.broadcast_arrays(*(np.asarray(c) for c in (*wi, *wo)))
+    flat = [jnp.asarray(c.reshape(-1), dtype) for c in parts]
+    return Direction(*flat[:3]), Direction(*flat[3:]), parts[0].shape
+
+
+def evaluate(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> jax.Array:
+    """f(wi, wo), 1/sr, for directions of any broadcastable shape S: shape ``S``, or ``S + (channels,)``.
+
+    Compiled once for each kind of model and each number of pairs.
+    """
+    wi, wo, shape = flat_pair(wi, wo)
+    values = _values(brdf, wi, wo)
+    return values.reshape(shape + values.shape[1:])
+
+
+def channel_count(brdf: AbstractBRDF) -> int | None:
+    """Number of channels of a model, or None where f is a single number."""
+    d = Direction(*(jax.ShapeDtypeStruct((), jnp.result_type(float)) for _ in range(3)))
+    shape = eqx.filter_eval_shape(lambda b, w: b.f(w, w), brdf, d).shape
+    return shape[0] if shape else None

@@ -1,0 +1,119 @@
+"""From a spelling to a model, and back."""
+
+import dataclasses
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from gonio.models.brdf import AbstractBRDF, Scaled, Sum, terms
+from gonio.models.catalog import MODELS, name_of
+from gonio.models.errors import GonioError
+from gonio.models.expression.parser import Call, Term, Value, needed, options_of, parse, submodels_of
+from gonio.models.expression.paths import FACTOR, calls, numbers
+from gonio.models.parameters import parameters_of
+
+
+def build(spelling: str | tuple[Term, ...]) -> AbstractBRDF:
+    """The model that a spelling means; GonioError where it cannot be read or leaves a parameter without a value."""
+    spelled = parse(spelling) if isinstance(spelling, str) else spelling
+    for call in calls(spelled):
+        missing = [n for n in needed(call) if call.values.get(n, Value()).number is None]
+        unsaid = [n for n, v in call.values.items() if v.number is None and n not in missing]
+        if missing or unsaid:
+            what = ", ".join([*missing, *unsaid])
+            raise GonioError(f"{call.name} has no value for {what}; give one, as in {example(call.name)}.")
+    for n in (n for term in spelled for n in numbers(term)):
+        if n.value.number is None:
+            raise GonioError(f"{n.call.name} has no value for a scale; give one, as in 0.5 * {n.call.name}(...).")
+    return together([assemble(frame(t), {n.path: as_array(n.value.number) for n in numbers(t)}) for t in spelled])
+
+
+class Frame(NamedTuple):
+    """A spelled model without its numbers: hashable, so that one compiled program serves all of them."""
+
+    name: str
+    options: tuple[tuple[str, str], ...]
+    inside: "tuple[tuple[str, tuple[Frame, ...]], ...]"
+
+
+def frame(term: Term) -> Frame:
+    """What is left of a term when its numbers are taken out."""
+    inside = tuple((field, tuple(frame(part) for part in parts)) for field, parts in term.call.models.items())
+    return Frame(term.call.name, tuple(sorted(term.call.options.items())), inside)
+
+
+def assemble(of: Frame, values: dict[str, jnp.ndarray]) -> AbstractBRDF:
+    """One term of the given numbers by their paths (see `paths`), which may be traced by JAX."""
+    own = {n: v for n, v in values.items() if "." not in n and n != FACTOR}
+    for field, parts in of.inside:
+        starts = [f"{field}.{index}." for index in range(len(parts))]
+        within = [{n[len(at) :]: v for n, v in values.items() if n.startswith(at)} for at in starts]
+        own[field] = together([assemble(part, v) for part, v in zip(parts, within, strict=True)])
+    model = MODELS[of.name](**own, **dict(of.options))
+    return Scaled(values[FACTOR], model) if FACTOR in values else model
+
+
+def together(parts: list[AbstractBRDF]) -> AbstractBRDF:
+    """The sum of some models; the model itself where there is one."""
+    return parts[0] if len(parts) == 1 else Sum(tuple(parts))
+
+
+def as_array(number: float | tuple[float, ...]) -> jnp.ndarray:
+    """A spelled number, or list of them, in the caller's precision."""
+    # By way of NumPy: JAX would compile the conversion.
+    return jnp.asarray(np.asarray(number, dtype=jnp.result_type(float)))
+
+
+def example(name: str) -> str:
+    """A complete spelling of one model, at its starting values."""
+    known = parameters_of(MODELS[name])
+    said = [f"{inside}=lambert(rho=0.5)" for inside in submodels_of(MODELS[name])]
+    said += [f"{n}={known[n].start:g}" for n in needed(Call(name, {}, {}))]
+    return f"'{name}({', '.join(said)})'"
+
+
+def _number_text(value) -> str:
+    a = np.asarray(value)
+    # The shortest decimal that reads back as the same number of the array's own precision.
+    texts = [np.format_float_positional(x, trim="-") if 1e-5 <= abs(x) < 1e6 else repr(x.item()) for x in a.reshape(-1)]
+    return texts[0] if a.ndim == 0 else f"[{', '.join(texts)}]"
+
+
+def spell(brdf: AbstractBRDF) -> str:
+    """The spelling of a model, which `build` reads back to the same values; GonioError for what has none."""
+    return " + ".join(_spell_term(t) for t in terms(brdf))
+
+
+def _spell_term(brdf: AbstractBRDF) -> str:
+    if isinstance(brdf, Scaled):
+        return f"{_number_text(brdf.scale)} * {_spell_term(brdf.base)}"
+    if name_of(type(brdf)) is None:
+        raise GonioError(
+            f"A {type(brdf).__name__} has no spelling; only the models that 'gonio models' lists have one."
+        )
+    values = [f"{field}={spell(getattr(brdf, field))}" for field in submodels_of(type(brdf))]
+    values += [
+        f"{n}={_number_text(getattr(brdf, n))}" for n in parameters_of(type(brdf)) if getattr(brdf, n) is not None
+    ]
+    defaults = {f.name: f.default for f in dataclasses.fields(type(brdf))}
+    options = [f'{o}="{getattr(brdf, o)}"' for o in options_of(type(brdf)) if getattr(brdf, o) != defaults[o]]
+    return f"{name_of(type(brdf))}({', '.join([*values, *options])})"
+
+
+def spell_terms(spelled: tuple[Term, ...]) -> str:
+    """The text of parsed terms, with what is free in them."""
+
+    def said(v: Value, sign: str = "=") -> str:
+        if v.number is None:
+            return sign + ("?" if v.each is None else "each" if v.each else "shared")
+        return f"{'~' if v.free else sign}{_number_text(as_array(v.number))}"
+
+    texts = []
+    for t in spelled:
+        inside = [f"{field}={spell_terms(parts)}" for field, parts in t.call.models.items()]
+        inside += [f"{n}{said(v)}" for n, v in t.call.values.items()]
+        inside += [f'{n}="{v}"' for n, v in t.call.options.items()]
+        factor = "" if t.scale is None else said(t.scale, "") + " * "
+        texts.append(f"{factor}{t.call.name}({', '.join(inside)})")
+    return " + ".join(texts)

@@ -1,0 +1,115 @@
+"""The light that bounces between the facets more than once: what a single bounce is missing, given back."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.errors import GonioError
+from gonio.models.fresnel import fresnel
+from gonio.models.fresnel_average import fresnel_average
+from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.horizon import above
+from gonio.models.microfacet import albedo_tables as tables
+from gonio.models.microfacet import base as mf
+from gonio.models.parameters import parameter
+from gonio.models.warps.grazing_azimuth import polar_parts
+
+Scalar = Float[Array, ""]
+ENERGY = {"choices": ("single", "kulla_conty", "turquin")}
+ACCURACY = 2e-8
+TURQUIN = (
+    "the factor on the lobe depends on the direction of the light alone, so light and detector cannot change places"
+)
+
+
+def cosine_layer_map(cosines: tables.Cosines, alpha: Scalar, wi: Direction, u1, u2) -> tuple[Direction, Scalar]:
+    """Equal steps of azimuth from that of wi, and μ by the variable of a table: fine where μo is below α."""
+    mu, rate = cosines.forward(u2, alpha)
+    mu = jnp.clip(mu, 0.0, 1.0)
+    _, cos_a, sin_a = polar_parts(wi)
+    sin_t = jnp.sqrt((1.0 - mu) * (1.0 + mu))
+    cos_p, sin_p = jnp.cos(2 * jnp.pi * u1), jnp.sin(2 * jnp.pi * u1)
+    wo = Direction(sin_t * (cos_a * cos_p - sin_a * sin_p), sin_t * (sin_a * cos_p + cos_a * sin_p), mu)
+    return wo, 2 * jnp.pi * rate
+
+
+class MultipleBounces(AbstractBRDF):
+    """f = F_ms (1 − E(μi))(1 − E(μo))/(π(1 − E_avg)) [Kulla & Conty 2017], E the albedo of F = 1 facets of the table.
+
+    F_ms = F_avg² E_avg/(1 − F_avg(1 − E_avg)): what is left of the light that meets the facets twice or more.
+    """
+
+    alpha: Float[Array, "*channel"] = parameter(mf.ALPHA)
+    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
+    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
+    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    table: str = eqx.field(static=True, default="ggx_correlated")
+
+    def f(self, wi, wo):
+        both, wi, wo = above(wi, wo)
+        series = tables.width_series(self.table, self.alpha)
+        missing = tables.average(self.table, series, self.alpha)
+        average = fresnel_average(self.f0, self.eta, self.k)
+        colour = average**2 * (1.0 - missing) / (1.0 - average * missing)
+        m_i, m_o = (tables.tabulated(self.table, series, w.z, self.alpha) for w in (wi, wo))
+        return jnp.where(both, colour / missing * (m_i * m_o) / jnp.pi, 0.0)
+
+    def lobe_map(self, wi, u1, u2):
+        return cosine_layer_map(tables.KINDS[self.table].cosines, jnp.mean(self.alpha), wi, u1, u2)
+
+
+class AbstractCompensated(mf.AbstractMicrofacet):
+    """A microfacet model whose field `energy` says what becomes of the light that a single bounce does not reflect.
+
+    "single": it is lost. "kulla_conty": given back as a broad term, reciprocal; F = 1 then reflects everything
+    [Kulla & Conty 2017]. "turquin": the lobe is scaled by 1 + F₀(1 − E(μi))/E(μi), F₀ at normal incidence, E at the
+    direction of the light, where the energy is counted [Turquin 2019]; not reciprocal. Isotropic widths only.
+    """
+
+    def __check_init__(self):
+        if self.energy == "single":
+            return
+        if self.alpha is None:
+            raise GonioError(
+                f"energy={self.energy} knows isotropic surfaces only; give alpha instead of alpha_x, alpha_y."
+            )
+        if self.table not in tables.KINDS:
+            raise GonioError(f"energy={self.energy} needs smith=correlated or separable, not {self.smith}.")
+
+    @property
+    def table(self) -> str:
+        """The name of the albedo table of this distribution and masking."""
+        return f"{type(self).__name__.lower()}_{self.smith}"
+
+    @property
+    def accuracy(self):
+        return 0.0 if self.energy == "single" else ACCURACY
+
+    @property
+    def breaks(self):
+        return {"reciprocity": TURQUIN} if self.energy == "turquin" else {}
+
+    @property
+    def single(self) -> mf.AbstractMicrofacet:
+        """The model of a single bounce."""
+        return type(self)(alpha=self.alpha, f0=self.f0, eta=self.eta, k=self.k, smith=self.smith)
+
+    @property
+    def bounces(self) -> MultipleBounces:
+        """The term of two bounces and more [Kulla & Conty 2017]."""
+        return MultipleBounces(alpha=self.alpha, f0=self.f0, eta=self.eta, k=self.k, table=self.table)
+
+    def f(self, wi, wo):
+        once = super().f(wi, wo)
+        if self.energy == "kulla_conty":
+            return once + self.bounces.f(wi, wo)
+        if self.energy == "turquin":
+            mu = jnp.where(wi.z > 0, wi.z, 1.0)
+            missing = tables.tabulated(self.table, tables.width_series(self.table, self.alpha), mu, self.alpha)
+            normal = fresnel(jnp.ones_like(mu), self.f0, self.eta, self.k)
+            return once * (1.0 + normal * (missing / (1.0 - missing)))
+        return once
+
+    def summands(self):
+        return (self.single, self.bounces) if self.energy == "kulla_conty" else (self,)

@@ -1,0 +1,53 @@
+"""The GGX (Trowbridge-Reitz) microfacet model."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from gonio.models.geometry.directions import half_vector, reflect
+from gonio.models.geometry.guards import lift, positive
+from gonio.models.microfacet import base as mf
+from gonio.models.microfacet.distributions import ggx_d, ggx_masked_cosine, ggx_shadow_root, ggx_visible_normal
+from gonio.models.microfacet.energy_compensation import ENERGY, AbstractCompensated
+from gonio.models.parameters import parameter
+
+
+class GGX(AbstractCompensated):
+    """Microfacets with GGX slopes [Walter 2007, eq. 33] and Smith's masking [Heitz 2014, eq. 43 and 99].
+
+    `smith`: "correlated" (height-correlated, the default) or "separable". `alpha`, or `alpha_x` with `alpha_y`.
+    `energy`: "single" (the default), or what bounces more than once given back by "kulla_conty" or "turquin" (see
+    `gonio.models.microfacet.energy_compensation`).
+    """
+
+    alpha: Float[Array, "*channel"] | None = parameter(mf.ALPHA, default=None)
+    alpha_x: Float[Array, "*channel"] | None = parameter(mf.ALPHA_X, default=None)
+    alpha_y: Float[Array, "*channel"] | None = parameter(mf.ALPHA_Y, default=None)
+    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
+    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
+    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    smith: str = eqx.field(static=True, default="correlated", metadata={"choices": ("correlated", "separable")})
+    energy: str = eqx.field(static=True, default="single", metadata=ENERGY)
+
+    def density(self, m):
+        return ggx_d(m, *self.widths)
+
+    def visibility(self, wi, wo):
+        if self.smith == "separable":
+            return 0.25 / (ggx_masked_cosine(wi, *self.widths) * ggx_masked_cosine(wo, *self.widths))
+        s_i, s_o = ggx_shadow_root(wi, *self.widths), ggx_shadow_root(wo, *self.widths)
+        z_i, z_o = positive(wi.z), positive(wo.z)
+        up = lift(jnp.result_type(z_i))  # the square of the denominator, in the gradient, does not underflow then
+        return (0.5 * up) / ((z_o * s_i + z_i * s_o) * up)
+
+    def slope_radius(self, u2, horizon):
+        # The tails fall as a power: the inverse hyperbolic sine gives core and tail their share.
+        x_max = jnp.arcsinh(horizon)
+        x = x_max * u2
+        return jnp.sinh(x), jnp.cosh(x) * x_max
+
+    def sample(self, wi, u1, u2):
+        return reflect(wi, ggx_visible_normal(wi, *self.mean_widths, u1, u2))
+
+    def pdf(self, wi, wo):
+        return 0.25 * ggx_d(half_vector(wi, wo), *self.mean_widths) / ggx_masked_cosine(wi, *self.mean_widths)

@@ -1,0 +1,50 @@
+"""Microfacets that send light back where it came from."""
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.geometry.directions import Direction
+from gonio.models.microfacet import base as mf
+from gonio.models.microfacet.ggx import GGX
+from gonio.models.parameters import parameter
+
+
+class Retro(AbstractBRDF):
+    """f(wi, wo) = f_GGX(mirror of wi, wo): the microfacet lobe about the back vector [Belcour et al. 2014, §4].
+
+    The half vector is taken between `wo` and the mirror image of `wi` in the normal, so the lobe points back to the
+    light, with GGX's slopes, masking and energy; F is at that half vector. `smith` as in `ggx`.
+    """
+
+    lobe = True
+
+    alpha: Float[Array, "*channel"] | None = parameter(mf.ALPHA, default=None)
+    alpha_x: Float[Array, "*channel"] | None = parameter(mf.ALPHA_X, default=None)
+    alpha_y: Float[Array, "*channel"] | None = parameter(mf.ALPHA_Y, default=None)
+    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
+    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
+    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    smith: str = eqx.field(static=True, default="correlated", metadata={"choices": ("correlated", "separable")})
+
+    @property
+    def surface(self) -> GGX:
+        """The facets that would mirror light from the mirror image of `wi` in the normal."""
+        return GGX(self.alpha, self.alpha_x, self.alpha_y, self.f0, self.eta, self.k, self.smith)
+
+    def f(self, wi, wo):
+        return self.surface.f(mirrored(wi), wo)
+
+    def sample(self, wi, u1, u2):
+        return self.surface.sample(mirrored(wi), u1, u2)
+
+    def pdf(self, wi, wo):
+        return self.surface.pdf(mirrored(wi), wo)
+
+    def lobe_map(self, wi, u1, u2):
+        return self.surface.lobe_map(mirrored(wi), u1, u2)
+
+
+def mirrored(w: Direction) -> Direction:
+    """The mirror image of a direction in the normal."""
+    return Direction(-w.x, -w.y, w.z)

@@ -1,0 +1,49 @@
+"""The ABC lobe of smooth surfaces, after their scattering in direction cosines."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from gonio.models.brdf import Scalar
+from gonio.models.fresnel import fresnel
+from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.horizon import above
+from gonio.models.microfacet.base import ETA, F0, K
+from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.warps.direction_cosines import AbstractDiscLobe, projected_distance2
+
+B = ParameterInfo(0.0, 1e7, "1", "inverse square of the core's width", start=1e3, log=True)
+C = ParameterInfo(0.01, 10.0, "1", "exponent of the fall, half of the power of the tail", start=1.0, log=True)
+
+
+class ABCSmooth(AbstractDiscLobe):
+    """f = F (1 + b|β−β₀|²)^(−c): the ABC lobe in direction cosines, F(θd) [Löw et al. 2012, eq. 10-14].
+
+    β−β₀ = (wi.x + wo.x, wi.y + wo.y), and F at cosθd = √(1 − ¼|(wi.x − wo.x, wi.y − wo.y)|²), both in projection; the
+    paper's factor A is the term's scale. F by `f0` (Schlick), `eta` (and `k`), or 1.
+    """
+
+    lobe = True
+    breaks: ClassVar = {"energy": "Its height is free (the paper's A is the scale): at 1, it reflects π for b = 0."}
+
+    b: Float[Array, "*channel"] = parameter(B)
+    c: Float[Array, "*channel"] = parameter(C)
+    f0: Float[Array, "*channel"] | None = parameter(F0, default=None)
+    eta: Float[Array, "*channel"] | None = parameter(ETA, default=None)
+    k: Float[Array, "*channel"] | None = parameter(K, default=None)
+
+    def f(self, wi, wo):
+        both, wi, wo = above(wi, wo)
+        lobe = jnp.exp(-self.c * jnp.log1p(self.b * projected_distance2(wi, wo)))
+        return jnp.where(both, fresnel(_projected_cos_d(wi, wo), self.f0, self.eta, self.k) * lobe, 0.0)
+
+    def core(self, wi):
+        return 1.0 / jnp.sqrt(jnp.maximum(self.b, 1e-2)), self.c
+
+
+def _projected_cos_d(wi: Direction, wo: Direction) -> Scalar:
+    # 1 − ¼|difference|² as a sum of squares, so that nothing cancels at grazing.
+    cos2 = 0.5 * (wi.z * wi.z + wo.z * wo.z) + 0.25 * projected_distance2(wi, wo)
+    some = cos2 > 0
+    return jnp.minimum(jnp.where(some, jnp.sqrt(jnp.where(some, cos2, 1.0)), 0.0), 1.0)

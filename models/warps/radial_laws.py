@@ -1,0 +1,37 @@
+"""How the unit interval is spread over the slopes of a facet along one azimuth (see `gonio.models.warps.slopes`).
+
+Each law is (slope in units of the width, its derivative by v) for v in [0, 1].
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+Scalar = Float[Array, ""]
+
+
+def linear_law(v: Scalar, low: Scalar, high: Scalar) -> tuple[Scalar, Scalar]:
+    """Equal steps from low to high, for a lobe that falls as a Gaussian."""
+    return low + v * (high - low), high - low
+
+
+def power_law(v: Scalar, low: Scalar, high: Scalar) -> tuple[Scalar, Scalar]:
+    """Equal steps of the inverse hyperbolic sine from low to high, for a lobe whose tails fall as a power."""
+    start, stop = jnp.arcsinh(low), jnp.arcsinh(high)
+    x = start + v * (stop - start)
+    return jnp.sinh(x), jnp.cosh(x) * (stop - start)
+
+
+def horizon_law(v: Scalar, last: Scalar, horizon: Scalar, layer: Scalar) -> tuple[Scalar, Scalar]:
+    """`power_law` from 0 to min(last, horizon), whose second half (v > ½) crowds at the horizon.
+
+    Long tails still reflect there, and Smith's masking falls to 0 within cosθo = `layer`, the width: steps grow from
+    the horizon as a hyperbolic sine of that scale.
+    """
+    x_max = jnp.arcsinh(jnp.minimum(last, horizon))
+    layer = jnp.where(horizon < last, layer, 1.0)
+    reach = jnp.arcsinh(0.5 * x_max / layer)
+    outer = v > 0.5
+    back = jnp.where(outer, 2.0 * (1.0 - v), 1.0) * reach
+    x = jnp.where(outer, x_max - layer * jnp.sinh(back), x_max * v)
+    rate = jnp.where(outer, 2.0 * layer * jnp.cosh(back) * reach, x_max)
+    return jnp.sinh(x), jnp.cosh(x) * rate

@@ -1,0 +1,152 @@
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.optimize import minimize
+
+import gonio
+from gonio.__main__ import main
+from gonio.checks.repair.albedo_rows import albedo_rows
+from gonio.checks.repair.nearest_table import repair
+from gonio.checks.repair.projection import nearest
+from gonio.checks.table.energy import table_albedos
+from gonio.data import layout as layouts
+from gonio.data.hdf5.writer import open_table, write_table
+from gonio.data.interpolation.multilinear import as_material
+from gonio.data.table import Channels, whole_table_of_values
+from gonio.models.errors import GonioError
+
+
+def degrees(*range_):
+    return np.radians(np.arange(*range_))
+
+
+SQUARE = layouts.isotropic(degrees(0, 86, 10), degrees(0, 86, 10), degrees(0, 360, 30))
+LAYOUTS = {
+    "isotropic": SQUARE,
+    "half of the azimuths": layouts.isotropic(degrees(0, 86, 10), degrees(0, 86, 10), degrees(0, 181, 30)),
+    "spherical": layouts.spherical(degrees(0, 86, 15), degrees(0, 360, 60), degrees(0, 86, 15), degrees(0, 360, 30)),
+    "half/difference": layouts.half_difference(degrees(0, 90, 6), degrees(0, 90, 6), degrees(0, 360, 30)),
+}
+
+
+def lawless(layout, level=0.33, u=None, seed=0):
+    """f that grows with cosθi alone and reflects more than it receives at normal incidence; 2 % noise."""
+    cos_i, cos_o = layout.cosines()
+    rng = np.random.default_rng(seed)
+    f = level * (1 + 0.2 * cos_i) * (1 + 0.02 * rng.standard_normal(cos_i.size))
+    f = np.where(np.minimum(cos_i, cos_o) > 0, f, np.nan)
+    return whole_table_of_values(layout, f.reshape(layout.shape), u_f=u)
+
+
+@pytest.mark.parametrize("nonnegative", [False, True])
+def test_the_projection_is_the_nearest_point(nonnegative):
+    rng = np.random.default_rng(0)
+    start, weight = rng.standard_normal(30) + 0.3, rng.uniform(0.5, 2, 30)
+    rows = np.abs(rng.standard_normal((5, 30))) * (rng.random((5, 30)) < 0.5)
+    found = nearest(start, weight, sparse.csr_matrix(rows), np.full(5, 0.7), nonnegative)
+    other = minimize(
+        lambda y: np.sum(weight * (y - start) ** 2),
+        np.zeros(30),
+        jac=lambda y: 2 * weight * (y - start),
+        constraints={"type": "ineq", "fun": lambda y: 0.7 - rows @ y, "jac": lambda y: -rows},
+        bounds=[(0 if nonnegative else None, None)] * 30,
+        method="SLSQP",
+        options={"ftol": 1e-14, "maxiter": 500},
+    )
+    np.testing.assert_allclose(found.point, other.x, atol=1e-5)
+    assert found.missed <= 1e-11 and found.steps < 50 and np.count_nonzero(found.multipliers) > 1
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_rows_are_the_albedos_that_the_check_integrates(layout):
+    table = lawless(layout)
+    rows = albedo_rows(table, 0)
+    np.testing.assert_allclose(rows @ np.nan_to_num(table.f.ravel()), table_albedos(table).value[:, 0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_a_repaired_table_obeys_both_laws_at_once(layout):
+    table = lawless(layout)
+    found = repair(table, feature_width=0.6)
+    assert found.before.overall == "fail"
+    assert found.after["reciprocity"].verdict == "pass" and found.after["reciprocity"].residual < 1e-12
+    assert np.max(table_albedos(found.table).value) <= 1 + 1e-9 < np.max(table_albedos(table).value)
+    assert 0 < found.moved["relative_rms"] < 0.2
+    assert found.after["energy"].verdict != "fail" and sum(found.moved["incidences_at_the_limit"]) > 0
+    again = repair(found.table)
+    np.testing.assert_allclose(again.table.f, found.table.f, rtol=1e-9)
+
+
+def test_it_is_nearer_than_averaging_and_dimming():
+    table = lawless(SQUARE, u=np.full((*SQUARE.shape, 1), 0.01))
+    found = repair(table)
+    f = table.f[..., 0]
+    mean = (f + f.transpose(1, 0, 2)[:, :, (-np.arange(12)) % 12]) / 2
+    dimmed = mean / np.max(albedo_rows(table, 0) @ mean.ravel())
+    assert found.moved["rms_in_uncertainties"] < 0.9 * np.sqrt(np.mean(((dimmed - f) / 0.01) ** 2))
+    np.testing.assert_allclose(found.table.u_f[2, 4], 0.01 / np.sqrt(2), rtol=1e-12)
+
+
+def test_a_lawful_table_is_left_as_it_is_and_uncertain_readings_move_most():
+    honest = whole_table_of_values(SQUARE, np.full(SQUARE.shape, 0.2))
+    np.testing.assert_allclose(repair(honest).table.f, honest.f, rtol=1e-14)
+    u = np.full((*SQUARE.shape, 1), 0.01)
+    u[3, 5, 2] = 0.1
+    one = whole_table_of_values(SQUARE, honest.f[..., 0].copy(), u_f=u)
+    one.f[3, 5, 2] = 0.3
+    fixed = repair(one).table.f[..., 0]
+    # The weighted mean of 0.3 ± 0.1 and 0.2 ± 0.01.
+    assert fixed[3, 5, 2] == fixed[5, 3, 10] == pytest.approx(0.2 + 0.1 / 101)
+
+
+def test_negative_readings_are_kept_unless_asked_otherwise():
+    table = lawless(SQUARE, 0.2)
+    table.f[4, 4, 3], table.f[4, 4, 9] = -0.02, -0.02
+    assert repair(table).table.f.min() == pytest.approx(-0.02)
+    assert repair(table, nonnegative=True).table.f.min() == 0
+
+
+def test_what_cannot_be_repaired_is_refused():
+    uneven = layouts.isotropic(degrees(0, 81, 10), degrees(2.5, 85, 5), degrees(0, 360, 30))
+    few = layouts.scattered([0.1, 0.2], [0, 0], [0.3, 0.1], [0, 0])
+    for table in (lawless(uneven), lawless(few), 3):
+        with pytest.raises(GonioError):
+            repair(table)
+    assert gonio.repair is repair
+
+
+def test_the_command_writes_another_file_with_its_provenance(tmp_path, capsys):
+    source, out, said = tmp_path / "a.h5", tmp_path / "b.h5", tmp_path / "c.json"
+    write_table(source, lawless(SQUARE))
+    status = main(["check", str(source), "--repair", str(out), "--json", str(said), "--feature-width", "30"])
+    printed = capsys.readouterr().out
+    assert "readings moved by" in printed and "at the limit of 1" in printed
+    told = json.loads(said.read_text())
+    assert told["overall"] == "fail" and told["repair"]["after"]["exit_status"] == status
+    assert open_table(out).provenance["repaired"]["moved"] == told["repair"]["moved"]
+    assert main(["check", str(source), "--repair", str(source), "--force"]) == 2
+    assert main(["check", str(source), "--nonnegative"]) == 2
+    assert main(["check", str(source), "--step", "2"]) == 2
+    for wrong in (["--feature-width", "500"], ["--level", "2"], ["--tol-energy", "-1"]):
+        assert main(["check", str(source), "--repair", str(tmp_path / "d.h5"), *wrong]) == 2
+    assert main(["check", "lambert(rho=0.5)", "--repair", str(tmp_path / "d.h5")]) == 2
+    assert not (tmp_path / "d.h5").exists()
+
+
+def test_a_table_between_directions_is_repaired_on_a_grid_of_the_step_asked_for(tmp_path):
+    path = tmp_path / "three.h5"
+    f = np.stack([lawless(SQUARE, level).f[..., 0] for level in (0.1, 0.2, 0.33)], axis=-1)
+    table = whole_table_of_values(SQUARE, f, channels=Channels.rgb())
+    write_table(path, table)
+    found = repair(path)
+    assert found.before["reciprocity"].where["channel"] in ("R", "G", "B")
+    warped = dataclasses.replace(table, interpolant=lambda: as_material(table))
+    assert repair(warped, step=15).table.layout.shape == (6, 6, 24)
+    for step in (0.5, 20, float("nan")):
+        with pytest.raises(GonioError, match="1 to 15"):
+            repair(warped, step=step)
+    with pytest.raises(GonioError, match="grid of its own"):
+        repair(table, step=5)

@@ -1,0 +1,35 @@
+import math
+
+import numpy as np
+import pytest
+
+from gonio.checks.certify import check
+from gonio.checks.hemispherical_albedo import hemispherical
+from gonio.checks.model.energy import incidences
+
+
+@pytest.mark.parametrize(
+    ("albedo", "truth"),
+    [
+        (lambda mu: 1 - mu * np.log(1 + 1 / mu), 4 / 3 * (1 - math.log(2))),
+        (lambda mu: 2 * (1 - math.log(2)) / (1 + mu), 4 * (1 - math.log(2)) ** 2),
+        (lambda mu: 0.3 + 0 * mu, 0.3),
+    ],
+)
+@pytest.mark.parametrize("theta", [incidences(), np.radians(np.arange(0, 81, 10.0)), np.radians([10, 30, 50, 70.0])])
+def test_the_claimed_interval_holds_the_closed_form(albedo, truth, theta):
+    value, bound = hemispherical(theta, albedo(np.cos(theta))[:, None], np.zeros((theta.size, 1)))
+    assert abs(value[0] - truth) <= bound[0] < max(0.3, 1 - theta[-1])
+
+
+def test_few_incidences_have_no_bound_and_errors_of_the_albedos_are_carried_on():
+    assert np.isinf(hemispherical(np.array([0.1, 0.5]), np.ones((2, 1)), np.zeros((2, 1)))[1])
+    theta = incidences()
+    flat = np.full((theta.size, 2), 0.5)
+    assert np.all(hemispherical(theta, flat, 0.01 * flat)[1] >= 0.005)
+
+
+def test_the_certificate_says_it():
+    energy = check("lambert(rho=[0.2, 0.6])")["energy"]
+    np.testing.assert_allclose(energy.facts["hemispherical_albedo"], [0.2, 0.6], rtol=1e-6)
+    assert "uniform light" in energy.detail

@@ -1,0 +1,70 @@
+import json
+
+import numpy as np
+import pytest
+
+from gonio.__main__ import main
+from gonio.data import layout as layouts
+from gonio.data.hdf5.writer import write_table
+from gonio.data.table import whole_table_of_values
+from gonio.data.tabulate import grid_values
+from gonio.models.expression.builder import build
+
+
+def test_a_certificate_is_printed_and_written(tmp_path, capsys):
+    out = tmp_path / "certificate.json"
+    assert main(["check", "lambert(rho=0.5)", "--json", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "PASS" in printed and "reciprocity" in printed and "1e-09" in printed
+    assert json.loads(out.read_text())["overall"] == "pass"
+    assert main(["check", "lambert(rho=0.5)", "--json", str(out)]) == 2
+    assert main(["check", "1.5 * lambert(rho=1)", "--json", str(out), "--force"]) == 1
+    assert json.loads(out.read_text())["exit_status"] == 1
+
+
+def test_json_alone_goes_to_standard_output(capsys):
+    assert main(["check", "1.05 * lambert(rho=1)", "--json", "-", "--tol-energy", "0.1"]) == 0
+    assert json.loads(capsys.readouterr().out)["properties"][1]["tolerance"] == 0.1
+
+
+def test_a_file_is_checked_as_the_table_it_holds(tmp_path, capsys):
+    d = np.radians
+    layout = layouts.isotropic(d(np.arange(0, 81, 10)), d(np.arange(2.5, 89, 5)), d(np.arange(0, 360, 10)))
+    table = whole_table_of_values(layout, grid_values(build("lambert(rho=0.5)"), layout))
+    write_table(tmp_path / "t.h5", table)
+    assert main(["check", str(tmp_path / "t.h5")]) == 3
+    printed = capsys.readouterr().out
+    assert "(table)" in printed and "mirror direction" in printed and "no bound" in printed
+    assert main(["check", str(tmp_path / "t.h5"), "--feature-width", "6"]) == 0
+
+
+def test_stored_uncertainties_are_tested_at_the_level_and_the_place_is_said(tmp_path, capsys):
+    d = np.radians
+    layout = layouts.isotropic(d(np.arange(0, 81, 10)), d(np.arange(0, 81, 10)), d(np.arange(0, 360, 30)))
+    f = grid_values(build("lambert(rho=0.5)"), layout)
+    wrong = f * (1 + 0.1 * np.cos(layout.angles()[0].reshape(layout.shape)))[..., None]
+    write_table(tmp_path / "t.h5", whole_table_of_values(layout, wrong, u_f=0.01 * f))
+    assert main(["check", str(tmp_path / "t.h5"), "--level", "0.001", "--feature-width", "21"]) == 0
+    printed = capsys.readouterr().out
+    assert "level 0.001" in printed and "That is significant, and within the tolerance" in printed
+    assert "θ 60–70°" in printed
+    status = main(["check", str(tmp_path / "t.h5"), "--against", "lambert(rho=0.5)", "--tol-agreement", "0.01"])
+    assert status == 1 and "agreement" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["nonsense"],
+        ["lambert(rho=0.5)", "--tol-energy", "-1"],
+        ["lambert(rho=0.5)", "--feature-width", "100"],
+        ["lambert(rho=0.5)", "--level", "0"],
+        ["lambert(rho=0.5)", "--against", "nonsense"],
+        ["lambert(rho=0.5)", "--self-test"],
+        [],
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(arguments, capsys):
+    assert main(["check", *arguments]) == 2
+    said = capsys.readouterr()
+    assert said.err.startswith("gonio: ") and said.err.count("\n") == 1 and said.out == ""

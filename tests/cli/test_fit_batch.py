@@ -1,0 +1,100 @@
+"""`gonio fit` of many files: one result each as it finishes, taken up again where it stopped, refusals by name."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+
+import numpy as np
+import pytest
+
+from gonio.__main__ import main
+from gonio.data import layout as layouts
+from gonio.data.hdf5.writer import write_table
+from gonio.data.table import whole_table_of_values
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    polar = np.radians(np.arange(0, 86, 15.0))
+    layout = layouts.isotropic(polar, polar, np.radians(np.arange(0, 360, 45.0)))
+    (tmp_path / "in").mkdir()
+    for k in range(3):
+        f = np.full(layout.shape, 0.1 * (k + 1) / np.pi)
+        write_table(tmp_path / "in" / f"t{k}.h5", whole_table_of_values(layout, f))
+    (tmp_path / "in" / "notes.txt").write_text("not a table\n")
+    return tmp_path
+
+
+COMMAND = ["fit", "in", "-m", "lambert", "-o", "out"]
+
+
+def test_a_folder_is_fitted_and_taken_up_again(folder, capsys):
+    assert main(COMMAND) == 0
+    out = capsys.readouterr().out
+    assert "3 tables, 1 other files passed over" in out and out.count("converged") == 3 and "[3/3]" in out
+    results = {p.name: p.stat().st_mtime_ns for p in (folder / "out").iterdir()}
+    assert set(results) == {"t0.fit.toml", "t1.fit.toml", "t2.fit.toml"}
+    for k in range(3):
+        held = tomllib.loads((folder / "out" / f"t{k}.fit.toml").read_text())
+        assert held["fit"]["parameters"][0]["value"] == pytest.approx(0.1 * (k + 1), rel=1e-9)
+    (folder / "out" / "t1.fit.toml").unlink()
+    assert main(COMMAND) == 0
+    assert "2 of them were fitted before" in (said := capsys.readouterr().out) and "[3/3] t1.h5" in said
+    after = {p.name: p.stat().st_mtime_ns for p in (folder / "out").iterdir()}
+    assert after.keys() == results.keys() and all(after[n] == results[n] for n in ("t0.fit.toml", "t2.fit.toml"))
+
+
+def test_another_command_does_not_pass_for_the_same(folder, capsys):
+    assert main(COMMAND) == 0
+    assert main([*COMMAND, "--loss", "log1p"]) == 2
+    assert "another command" in capsys.readouterr().err
+    assert main([*COMMAND, "--loss", "log1p", "--force"]) == 0
+    assert tomllib.loads((folder / "out" / "t0.fit.toml").read_text())["fit"]["loss"] == "log1p"
+
+
+def test_a_file_that_cannot_be_fitted_costs_no_other(folder, capsys):
+    (folder / "in" / "broken.h5").write_bytes(b"\x89HDF\r\n\x1a\n and nothing more")
+    assert main(COMMAND) == 2
+    out = capsys.readouterr().out
+    assert "broken.h5: refused: " in out and out.count("converged") == 3
+    assert len(list((folder / "out").iterdir())) == 3
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (["fit", "in", "-m", "lambertt"], "lambert"),
+        (["fit", "in", "-m", "lambert", "--json", "a.json"], "single file"),
+        (["fit", "in", "in/t0.h5", "-m", "lambert"], "both be written"),
+        (["fit", "in", "-m", "lambert", "-o", "in/t0.h5"], "names the folder"),
+        (["fit", "empty", "-m", "lambert"], "no table"),
+    ],
+)
+def test_what_cannot_be_a_batch_is_one_sentence(folder, capsys, command, words):
+    (folder / "empty").mkdir()
+    assert main(command) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1 and words in err
+    assert not list(folder.glob("*.fit.toml"))
+
+
+def test_a_killed_batch_leaves_whole_results(folder):
+    for k in range(3, 40):
+        (folder / "in" / f"t{k}.h5").write_bytes((folder / "in" / "t0.h5").read_bytes())
+    child = subprocess.Popen([sys.executable, "-m", "gonio", *COMMAND], stdout=subprocess.DEVNULL)
+    try:
+        limit = time.monotonic() + 60
+        while not list(folder.glob("out/*.fit.toml")) and child.poll() is None and time.monotonic() < limit:
+            time.sleep(0.005)
+    finally:
+        os.kill(child.pid, signal.SIGKILL)
+        child.wait()
+    there = {p: p.stat().st_mtime_ns for p in folder.glob("out/*.fit.toml")}
+    assert there and all("recipe" in tomllib.loads(p.read_text()) for p in there)
+    assert main(COMMAND) == 0
+    assert len(list(folder.glob("out/*.fit.toml"))) == 40
+    assert all(p.stat().st_mtime_ns == then for p, then in there.items())

@@ -1,0 +1,189 @@
+"""A table as a material: second order in the step of the grid, exact at the nodes, honest where nothing was read."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from gonio.data import layout
+from gonio.data.flags import Flag
+from gonio.data.formats.rgl_file import read_rgl
+from gonio.data.interpolation.inverse_distance import MAX_SAMPLES
+from gonio.data.interpolation.multilinear import as_material, coarsened, interpolation, interpolation_error
+from gonio.data.table import whole_table_of_values
+from gonio.data.tabulate import grid_values
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.errors import GonioError
+from gonio.models.evaluation import evaluate
+from gonio.models.geometry.directions import Direction
+from support import helpers
+
+TURN = 2 * np.pi
+
+
+class Smooth(AbstractBRDF):
+    """Reciprocal, isotropic, a broad peak at the mirror direction; two channels."""
+
+    def f(self, wi, wo):
+        import jax.numpy as jnp
+
+        mirror = wi.z * wo.z - wi.x * wo.x - wi.y * wo.y
+        f = jnp.stack([0.2 + jnp.exp(4.0 * (mirror - 1.0)), 0.3 + 0.1 * wi.z * wo.z])
+        return jnp.where((wi.z > 0) & (wo.z > 0), f, 0.0)
+
+
+def polar(n):
+    return np.linspace(0, np.pi / 2, n + 1)
+
+
+def azimuth(n, period=TURN):
+    return np.linspace(0, period, n, endpoint=False)
+
+
+GRIDS = {
+    "isotropic": lambda n: layout.isotropic(polar(n), polar(n), azimuth(2 * n)),
+    "half a circle": lambda n: layout.isotropic(polar(n), polar(n), np.linspace(0, np.pi, n + 1)),
+    "merl": lambda n: layout.merl(counts=(n, n, 2 * n)),
+    "full half_difference": lambda n: layout.half_difference(polar(n), polar(n), azimuth(2 * n)),
+    "anisotropic half_difference": lambda n: layout.half_difference(polar(n), polar(n), azimuth(n, np.pi), azimuth(3)),
+    "spherical": lambda n: layout.spherical(polar(n // 2), azimuth(n), polar(n // 2), azimuth(n)),
+}
+
+
+def table_of(grid):
+    return whole_table_of_values(grid, grid_values(Smooth(), grid))
+
+
+def random_pairs(n=2000, seed=0, lowest=0.35):
+    rng = np.random.default_rng(seed)
+    z, phi = rng.uniform(lowest, 1, (2, n)), rng.uniform(0, TURN, (2, n))
+    s = np.sqrt(1 - z**2)
+    return tuple(Direction(s[k] * np.cos(phi[k]), s[k] * np.sin(phi[k]), z[k]) for k in (0, 1))
+
+
+@pytest.mark.parametrize("name", ["isotropic", "merl", "anisotropic half_difference", "spherical"])
+def test_interpolation_converges_at_second_order(name):
+    wi, wo = random_pairs()
+    truth = np.asarray(evaluate(Smooth(), wi, wo))
+    errors = []
+    for n in (12, 24):
+        values = np.asarray(evaluate(as_material(table_of(GRIDS[name](n))), wi, wo))
+        errors.append(np.sqrt(np.mean((values - truth) ** 2, axis=0)))
+    assert np.all(errors[1] < 0.02)
+    np.testing.assert_array_less(np.log2(errors[0] / errors[1]), 2.5)
+    np.testing.assert_array_less(1.6, np.log2(errors[0] / errors[1]))
+
+
+@pytest.mark.parametrize("name", GRIDS)
+def test_it_is_exact_at_its_nodes_and_says_how_it_works(name):
+    table = table_of(GRIDS[name](12))
+    block = table.samples(2000, theta_max=np.radians(89))
+    values = np.asarray(evaluate(as_material(table), block.wi, block.wo))
+    np.testing.assert_allclose(values, block.f, atol=1e-9)
+    assert ("mirror image" in interpolation(table)) == (name == "half a circle")
+    assert ("sqrt(theta_h)" in interpolation(table)) == (name == "merl")
+    assert as_material(table).isotropic == (name not in ("spherical", "anisotropic half_difference"))
+
+
+def test_the_estimated_error_is_that_of_a_smooth_material():
+    table = table_of(GRIDS["isotropic"](24))
+    wi, wo = random_pairs(lowest=0.05)
+    truth, values = (np.asarray(evaluate(m, wi, wo)) for m in (Smooth(), as_material(table)))
+    actual = np.sqrt(np.mean((values - truth) ** 2))
+    guess = interpolation_error(table)
+    assert 0.4 * actual < guess.rms_absolute < 2.5 * actual
+    assert guess.median < guess.percentile_95 < guess.largest and guess.compared > 10_000
+    assert coarsened(table).layout.shape == (13, 13, 24)
+
+
+def test_a_lobe_that_the_grid_misses_shows_in_the_estimate():
+    grid = GRIDS["isotropic"](12)
+    f = np.full(grid.shape, 0.1)
+    f[5, 5, 12] = 1000.0
+    assert interpolation_error(whole_table_of_values(grid, f)).largest > 0.3
+
+
+def test_cells_without_a_value_take_no_part():
+    grid = layout.isotropic(polar(6), polar(6), azimuth(8))
+    table = whole_table_of_values(grid, np.where(np.arange(8) % 2 == 0, 0.5, np.nan) + np.zeros(grid.shape))
+    table.f[:2, :2] = np.nan
+    table.flag[:2, :2] = Flag.NOT_MEASURED
+    theta = np.radians([50, 50, 40, 2])
+    wi = Direction(np.sin(theta), 0 * theta, np.cos(theta))
+    phi = np.radians([10, 45, 170, 5])
+    wo = Direction(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta))
+    values = np.asarray(evaluate(as_material(table), wi, wo))[:, 0]
+    np.testing.assert_allclose(values, [0.5, 0.0, 0.5, 0.0], atol=1e-12)
+
+
+def test_each_channel_has_its_own_cells():
+    table = table_of(GRIDS["isotropic"](12))
+    table.flag[..., 1] = Flag.SATURATED
+    table.f[..., 1] = np.nan
+    wi, wo = random_pairs(50)
+    values = np.asarray(evaluate(as_material(table), wi, wo))
+    assert (values[:, 1] == 0).all() and (values[:, 0] > 0.1).all()
+
+
+def test_in_the_plane_and_out_of_it():
+    grid = layout.in_plane(polar(40), np.linspace(-np.pi / 2, np.pi / 2, 81))
+    brdf = as_material(table_of(grid))
+    theta_i, theta_o, turn = (
+        np.array([0.3, 0.5, 0.0, 0.4]),
+        np.array([0.4, -0.6, 0.2, 0.5]),
+        np.array([0.7, 2.0, 1.0, 1.0]),
+    )
+    wi = Direction(np.sin(theta_i) * np.cos(turn), np.sin(theta_i) * np.sin(turn), np.cos(theta_i))
+    side = np.where(np.arange(4) == 3, turn + 1.0, turn)
+    wo = Direction(-np.sin(theta_o) * np.cos(side), -np.sin(theta_o) * np.sin(side), np.cos(theta_o))
+    values, truth = (np.asarray(evaluate(m, wi, wo)) for m in (brdf, Smooth()))
+    np.testing.assert_allclose(values[:3], truth[:3], rtol=2e-3)
+    assert np.isnan(values[3]).all()
+
+
+def test_below_the_horizon_it_is_dark():
+    wi, wo = random_pairs(20)
+    brdf = as_material(table_of(GRIDS["isotropic"](12)))
+    for pair in ((wi, wo._replace(z=-wo.z)), (wi._replace(z=-wi.z), wo)):
+        assert (np.asarray(evaluate(brdf, *pair)) == 0).all()
+
+
+@pytest.mark.parametrize("isotropic", [True, False])
+def test_scattered_samples_are_reciprocal_and_exact_at_the_samples(isotropic):
+    rng = np.random.default_rng(0)
+    theta = np.arccos(rng.uniform(0.3, 1, (2, 1500)))
+    phi = rng.uniform(0, TURN, (2, 1500))
+    grid = layout.scattered(theta[0], 0 * phi[0] + 1.0 if isotropic else phi[0], theta[1], phi[1])
+    table = table_of(grid)
+    brdf = as_material(table)
+    block = table.samples()
+    for pair in ((block.wi, block.wo), (block.wo, block.wi)):
+        np.testing.assert_allclose(evaluate(brdf, *pair), block.f, rtol=1e-9)
+    wi, wo = random_pairs(1500, lowest=0.4)
+    error = np.asarray(evaluate(brdf, wi, wo)) / np.asarray(evaluate(Smooth(), wi, wo)) - 1
+    assert np.sqrt(np.mean(error**2)) < (0.03 if isotropic else 0.1)
+    assert "inverse-distance" in interpolation(table)
+
+
+def test_what_cannot_be_interpolated_is_refused():
+    n = MAX_SAMPLES + 1
+    many = layout.scattered(*np.full((4, n), 0.3))
+    with pytest.raises(GonioError, match="too many to interpolate"):
+        as_material(whole_table_of_values(many, np.ones(n)))
+    for grid in (layout.in_plane([0.1], [0.2]), layout.scattered([0.1], [0], [0.1], [0])):
+        with pytest.raises(GonioError, match="no valid reading"):
+            as_material(whole_table_of_values(grid, np.full(grid.shape, np.nan)))
+
+
+def test_a_formats_own_interpolant_is_used():
+    table = dataclasses.replace(
+        table_of(GRIDS["merl"](12)), interpolant=lambda coarse=False: 2.0 * Smooth() if coarse else Smooth()
+    )
+    assert isinstance(as_material(table), Smooth) and "own warp" in interpolation(table)
+    assert interpolation_error(table).median == pytest.approx(2 / 9)
+
+
+def test_the_estimate_for_a_real_measurement_is_a_few_per_cent():
+    table = read_rgl(helpers.shared("data", "rgl", "acrylic_felt_white_rgb.bsdf"))
+    error = interpolation_error(table, theta_max=np.radians(70))
+    assert 1e-4 < error.median < 0.03 and error.compared > 3000

@@ -1,0 +1,112 @@
+"""Reduced tables: within the tolerance as measured afterwards, smaller, and no symmetry that the surface breaks."""
+
+import numpy as np
+import pytest
+
+from gonio.data import layout as layouts
+from gonio.data.interpolation.multilinear import as_material
+from gonio.data.reduction import coarsest_table as reducing
+from gonio.data.reduction.coarsest_table import reduce_table
+from gonio.data.reduction.thin_grid import Base, Thinning
+from gonio.data.scene import Range, Scene
+from gonio.models.errors import GonioError
+from gonio.models.evaluation import evaluate
+from support.fit_tables import ONE_LOBE as ONE
+from support.fit_tables import coarse_table_of as table_of
+
+THETA = np.radians(np.arange(0, 81, 10.0))
+GRID = layouts.isotropic(THETA, THETA, np.radians(np.arange(0, 360, 30.0)))
+ROUND_ABOUT = (0.0, 2 * np.pi)
+WHOLE_ROUND = layouts.spherical(
+    THETA[::2], np.radians(np.arange(0, 360, 45.0)), THETA[::2], np.radians(np.arange(0, 360, 22.5))
+)
+SUN = Scene("sun", 0.05, (Range((0.9, 1.2), ROUND_ABOUT, 1.0),), (Range((0.0, 1.2), ROUND_ABOUT, 1.0),))
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    """Fewer directions and coarser grids to start from: the rules are the same."""
+    monkeypatch.setattr(reducing, "PAIRS", 2500)
+    monkeypatch.setattr(reducing, "CHECKED", 9000)
+    monkeypatch.setattr(reducing, "HALF_DIFFERENCE", (18, 12, 8))
+
+
+def error_of(reduced, whole, scene):
+    pairs = scene.pairs(9000)
+    f, truth = (np.asarray(evaluate(as_material(t), pairs.wi, pairs.wo)) for t in (reduced, whole))
+    return pairs.error(np.broadcast_to(f.reshape(pairs.of.size, -1), truth.shape), truth)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return table_of(ONE, GRID, noise=0.0)
+
+
+def test_a_trial_is_what_the_interpolant_of_the_thinned_table_says(whole):
+    pairs = SUN.pairs(500)
+    truth = np.asarray(evaluate(as_material(whole), pairs.wi, pairs.wo))
+    thinning = Thinning(Base(whole.layout, whole.f, np.isfinite(whole.f)), pairs, truth)
+    assert thinning.error(thinning.whole) < 1e-6  # single precision
+    kept = (np.array([0, 3, 4, 8]), np.array([1, 5]), np.array([0, 2, 7, 11]))
+    axes = {n: a[k] for (n, a), k in zip(GRID.axes.items(), kept, strict=True)}
+    small = np.asarray(
+        evaluate(as_material(_table(layouts.isotropic(*axes.values()), whole.f[np.ix_(*kept)])), pairs.wi, pairs.wo)
+    )
+    assert thinning.error(kept) == pytest.approx(pairs.error(small, truth), rel=1e-5)
+
+
+def _table(layout, f):
+    from gonio.data.table import whole_table_of_values
+
+    return whole_table_of_values(layout, f)
+
+
+def test_a_reduced_table_is_small_and_within_the_tolerance(whole):
+    found = reduce_table(whole, SUN)
+    assert found.error <= 0.05 and error_of(found.table, whole, SUN) <= 0.055
+    assert found.cells[1] < found.cells[0] / 4 and any("bilateral symmetry" in words for words in found.left_out)
+    strict = reduce_table(whole, SUN, tolerance=0.01)
+    assert strict.error <= 0.01 and strict.cells[1] > found.cells[1]
+
+
+def test_grey_and_flat_surfaces_need_next_to_nothing():
+    found = reduce_table(table_of("lambert(rho=[.3,.3,.3])", GRID, noise=0.0), SUN)
+    assert found.cells[1] == 1 and found.error < 1e-6 and any("colour" in words for words in found.left_out)
+
+
+def test_no_symmetry_is_assumed_that_the_scene_would_miss():
+    brushed = table_of("lambert(rho=.1) + 0.4*ggx(alpha_x=.2, alpha_y=.6)", WHOLE_ROUND, noise=0.0)
+    found = reduce_table(brushed, SUN)
+    assert found.table.layout.name == "spherical" and found.error <= 0.05
+    same = reduce_table(table_of("lambert(rho=.1) + 0.2*ggx(alpha=.6)", WHOLE_ROUND, noise=0.0), SUN, tolerance=0.1)
+    assert same.table.layout.name != "spherical" and any("isotropy" in words for words in same.left_out)
+
+
+def test_what_cannot_be_reduced_is_one_sentence(whole):
+    with pytest.raises(GonioError, match="larger tolerance"):
+        reduce_table(_table(layouts.isotropic([0.3], [0.4], [0.0]), np.full((1, 1, 1, 1), 0.3, np.float32)), SUN)
+    flat = layouts.in_plane(THETA, np.radians(np.arange(-60, 61, 20.0)))
+    with pytest.raises(GonioError, match="in-plane"):
+        reduce_table(table_of(ONE, flat), SUN)
+    dark = _table(GRID, np.zeros((*GRID.shape, 1)))
+    with pytest.raises(GonioError, match="dark"):
+        reduce_table(dark, SUN)
+
+
+def test_the_command_line_says_what_was_left_out(tmp_path, capsys, whole):
+    from gonio.__main__ import main
+    from gonio.data.hdf5.writer import open_table, write_table
+
+    source, out, scene = (str(tmp_path / n) for n in ("t.h5", "small.h5", "s.toml"))
+    write_table(source, whole)
+    (tmp_path / "s.toml").write_text(
+        'gonio_scene = 1\ntolerance = 0.05\nchannels = ["R"]\n[[light]]\ntheta = [50, 70]\n[[view]]\ntheta = [0, 70]\n'
+    )
+    assert main(["reduce", source, "--scene", scene, "-o", out]) == 0
+    said = capsys.readouterr().out
+    assert "2 of 3 channels" in said and "times less" in said and "measured against the whole table" in said
+    small = open_table(out)
+    assert small.channels.names == ("R",) and small.f.dtype == np.float32 and small.provenance["reduced"]
+    assert main(["reduce", source, "--scene", scene, "-o", out]) == 2
+    assert main(["reduce", source, "--scene", "nowhere", "-o", out, "--force"]) == 2
+    assert "scene" in capsys.readouterr().err

@@ -1,0 +1,37 @@
+"""The map between unconstrained coordinates and closed domains."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gonio.fitting.problem.domains import LINEAR, LOG, LOG1P, Domains, to_parameters, to_unconstrained
+
+D = Domains(np.array([LINEAR, LOG, LOG1P]), np.array([0.0, 1e-4, 0.0]), np.array([1.0, 1.0, 1e6]))
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=3))
+def test_every_coordinate_is_inside_the_domain(x):
+    p, slope, curvature = (np.asarray(a) for a in to_parameters(D, jnp.asarray(x)))
+    assert np.all((p >= D.low) & (p <= D.high)) and np.all(np.isfinite(slope)) and np.all(np.isfinite(curvature))
+
+
+def test_both_bounds_are_reached_at_finite_coordinates():
+    np.testing.assert_allclose(to_parameters(D, jnp.zeros(3))[0], D.low, rtol=1e-14)
+    np.testing.assert_allclose(to_parameters(D, jnp.full(3, np.pi / 2))[0], D.high, rtol=1e-12)
+
+
+def test_there_and_back():
+    p = np.array([0.3, 0.02, 150.0])
+    np.testing.assert_allclose(to_parameters(D, jnp.asarray(to_unconstrained(D, p)))[0], p, rtol=1e-12)
+
+
+def test_slope_and_curvature_are_the_derivatives():
+    x = jnp.array([0.7, 1.1, 0.4])
+    _, slope, curvature = to_parameters(D, x)
+    for k in range(3):
+        one = lambda t, k=k: to_parameters(D, x.at[k].set(t))[0][k]  # noqa: E731
+        np.testing.assert_allclose(slope[k], jax.grad(one)(x[k]), rtol=1e-12)
+        np.testing.assert_allclose(curvature[k], jax.grad(jax.grad(one))(x[k]), rtol=1e-10)

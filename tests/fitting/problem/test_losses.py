@@ -1,0 +1,60 @@
+"""Losses: values, slopes, signs, and the behaviour at nothing."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from gonio.fitting.problem.losses import LOSSES, floor_of, transform, uses_cosine
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_odd_smooth_and_rising(loss):
+    v = np.linspace(-3, 3, 101)
+    value, slope = transform(loss, v, 0.01, np)
+    assert np.allclose(value, -value[::-1], atol=1e-15) and np.all(np.diff(value) > 0) and np.all(slope > 0)
+    derivative = jax.vmap(jax.grad(lambda x: transform(loss, x, 0.01)[0]))(jnp.asarray(v[v != 0]))
+    np.testing.assert_allclose(slope[v != 0], derivative, rtol=1e-9)
+
+
+def test_cube_root_far_above_its_floor():
+    value, _ = transform("cbrt", np.array([8.0, -27.0]), 1e-6, np)
+    np.testing.assert_allclose(value, [2, -3], rtol=1e-9)
+
+
+def test_logarithms():
+    assert transform("log", np.array([np.e - 1]), 1.0, np)[0][0] == pytest.approx(1)
+    assert [uses_cosine(loss) for loss in LOSSES] == [False, False, True, True, False]
+
+
+def test_floor_follows_the_data():
+    v = np.array([1.0, 2.0, 3.0, -4.0])
+    assert floor_of("cbrt", v) == pytest.approx(0.01 * 2.5) and floor_of("log", v) == 1.0
+    assert floor_of("cbrt", np.zeros(4)) == 1.0 and floor_of("cbrt", np.array([0.0, 0.0, 0.0, 5.0])) == pytest.approx(
+        0.05
+    )
+
+
+def test_floor_is_the_noise_where_it_is_known():
+    """Readings within their noise count evenly: the slope of the loss falls by no more than half up to there."""
+    from gonio.data import layout as layouts
+    from gonio.data.table import whole_table_of_values
+    from gonio.fitting.problem.loss_floor import loss_floor
+    from gonio.fitting.problem.readings import readings_of
+
+    angles = np.radians([[60.0] * 50, [0.0] * 50, np.linspace(1, 80, 50), [180.0] * 50])
+    layout = layouts.scattered(*angles)
+    f = np.linspace(0.1, 1, 50)[:, None]
+    unknown, known = (whole_table_of_values(layout, f, u_f=u) for u in (None, np.full_like(f, 0.02)))
+    assert loss_floor(readings_of(known), "cbrt") == pytest.approx(0.02 * 0.5)
+    assert loss_floor(readings_of(known), "log") == pytest.approx(0.02 * 0.5)
+    assert loss_floor(readings_of(known), "log1p") == 1.0 == loss_floor(readings_of(unknown), "log")
+    assert loss_floor(readings_of(unknown), "cbrt") == pytest.approx(0.01 * np.median(f * 0.5))
+    for loss in ("cbrt", "log"):
+        slope = transform(loss, np.array([0.0, 0.01]), 0.01, np)[1]
+        assert 0.4 < slope[1] / slope[0] < 0.6
+
+
+def test_log_with_a_floor_is_relative_far_above_it():
+    value, _ = transform("log", np.array([1.0, 2.0]), 1e-9, np)
+    assert value[1] - value[0] == pytest.approx(np.log(2), rel=1e-8)

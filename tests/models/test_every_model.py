@@ -1,0 +1,151 @@
+"""What holds of every model: numbers where there should be, nothing below the horizon, reciprocity, honest maps."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from gonio.models.catalog import MODELS
+from gonio.models.expression.builder import build
+from gonio.models.geometry.directions import Direction
+from gonio.stability.run import QUICK
+from support.cases import CASES
+
+
+@pytest.fixture(autouse=True, scope="module")
+def quick_compilation():
+    """These tests are nearly all compilation, and ask nothing that optimised code would answer differently."""
+    jax.config.update("jax_disable_most_optimizations", True)
+    yield
+    jax.config.update("jax_disable_most_optimizations", False)
+
+
+MOST = 4
+BY_MODEL = {name: [k for k in CASES if k.split()[0] == name] for name in MODELS}
+
+
+def model(case):
+    return build(CASES[case]) if isinstance(CASES[case], str) else CASES[case]()
+
+
+def unit(theta, phi):
+    return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+
+
+def edges():
+    """Pairs of unit vectors (n, 3) where formulas break: normal, retro, mirror, both grazing, the horizon itself."""
+    wi, wo = [], []
+    for theta in (0.0, 0.7, 1.3, np.pi / 2 - 1e-3, np.arccos(1e-8)):
+        w = unit(theta, 0.4)
+        for other in (w * [-1, -1, 1], w, unit(0, 0), unit(1.0, 2.0), unit(np.arccos(1e-8), 0.4), unit(1.5, 3.5)):
+            wi.append(w)
+            wo.append(other)
+    exact = np.array([0.6, 0.8, 0.0])  # cos = 0, exactly
+    for a, b in ((exact, -exact), (exact, exact), (exact, unit(0.5, 1.0)), (unit(0.5, 1.0), exact)):
+        wi.append(a)
+        wo.append(b)
+    return np.array(wi), np.array(wo)
+
+
+def scattered(count):
+    """Pairs everywhere, and as many near the mirror direction and back."""
+    rng = np.random.default_rng(1)
+    theta, phi = np.arccos(rng.uniform(0, 1, (2, count))), rng.uniform(0, 2 * np.pi, (2, count))
+    step = 10.0 ** rng.uniform(-4, -1, count)
+    away = np.where(rng.random(count) < 0.7, np.pi, 0.0) + step * rng.normal(size=count)
+    a, b = ([unit(t, p) for t, p in zip(*w, strict=True)] for w in zip(theta, phi, strict=True))
+    near = [unit(t * (1 - s / 2), p + q) for t, p, s, q in zip(theta[0], phi[0], step, away, strict=True)]
+    return np.stack([*a, *a]), np.stack([*b, *near])
+
+
+def directions(w, dtype=float):
+    return Direction(*(jnp.asarray(c, dtype) for c in np.asarray(w).T))
+
+
+@eqx.filter_jit
+def with_slopes(brdf, wi, wo):
+    """f of every pair, and the gradient of the sum over channels by parameters and components."""
+
+    def one(parts):
+        f = parts[0].f(parts[1], parts[2])
+        return jnp.sum(f), f
+
+    return jax.vmap(jax.value_and_grad(one, has_aux=True), in_axes=((None, 0, 0),))((brdf, wi, wo))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_values_and_gradients_are_numbers_and_reciprocal(name):
+    """Finite in both precisions over the closed hemisphere, 0 at and below the horizon, the same both ways.
+
+    Unless the published formula breaks a law, and says so.
+    """
+    assert BY_MODEL[name], f"{name} has no cases"
+    wi, wo = edges()
+    elsewhere = tuple(directions(w) for w in scattered(len(wi) // 2))
+    up = (wi[:, 2] > 0) & (wo[:, 2] > 0)
+    cases = BY_MODEL[name]
+    for case in cases if len(cases) <= MOST else [*cases[: MOST - 2], *cases[-2:]]:
+        brdf = model(case)
+        (_, f), slopes = with_slopes(brdf, directions(wi), directions(wo))
+        assert np.isfinite(f).all(), case
+        for leaf in jax.tree.leaves(slopes):
+            assert np.isfinite(leaf).all(), case
+        f = np.asarray(f).reshape(len(wi), -1)
+        assert (f[~up] == 0).all(), case
+        for flip in ([1, 1, -1],):
+            (_, below), _ = with_slopes(brdf, directions(wi * flip), directions(wo))
+            assert not np.asarray(below).any(), case
+        if "positivity" not in brdf.breaks:
+            assert (f >= 0).all(), case
+        if "reciprocity" not in brdf.breaks:
+            (_, there), _ = with_slopes(brdf, *elsewhere)
+            (_, back), _ = with_slopes(brdf, *reversed(elsewhere))
+            np.testing.assert_allclose(there, back, rtol=2e-11, atol=1e-290, err_msg=case)
+    if name not in QUICK:  # the atlas looks at single precision in all of them
+        return
+    single = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), model(BY_MODEL[name][0]))
+    near = up & (wi[:, 2] > 1e-4) & (wo[:, 2] > 1e-4)
+    (_, f), slopes = with_slopes(single, directions(wi[near], np.float32), directions(wo[near], np.float32))
+    assert f.dtype == np.float32
+    assert np.isfinite(f).all() and all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slopes))
+
+
+@eqx.filter_jit
+def maps(brdf, wi, u):
+    """At points of the unit square: |∂wo/∂u1 × ∂wo/∂u2| pdf of the sampler; the map's area, its Jacobian, wo.z."""
+
+    def area(function, u):
+        def seen(v):
+            w, more = function(v)
+            return jnp.stack(tuple(w)), (w, more)
+
+        rows, found = jax.jacfwd(seen, has_aux=True)(u)
+        return *found, jnp.linalg.norm(jnp.cross(rows[:, 0], rows[:, 1]))
+
+    def one(u):
+        drawn, _, stretched = area(lambda v: (brdf.sample(wi, v[0], v[1]), None), u)
+        mapped, jacobian, spread = area(lambda v: brdf.lobe_map(wi, v[0], v[1]), u)
+        return stretched * brdf.pdf(wi, drawn), spread, jacobian, mapped.z
+
+    return jax.vmap(one)(u)
+
+
+MIXTURES = ("principled", "kelemen", "coat")
+"""Models that draw from several lobes: their density is not that of one map. Their samplers have the χ² test."""
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_densities_and_jacobians_are_those_of_the_maps(name):
+    """pdf(sample(u)) |∂sample/∂u| = 1, and the lobe map's Jacobian is its own area, by automatic differentiation."""
+    u = np.random.default_rng(2).uniform(0.02, 0.98, (64, 2))
+    for case in BY_MODEL[name][:1]:
+        brdf = model(case)
+        for part in brdf.summands() if name in MIXTURES else (brdf,):
+            for theta in (0.0, 1.5):
+                wi = Direction(*(jnp.asarray(c) for c in unit(theta, 0.3)))
+                density, spread, jacobian, up = (np.asarray(a) for a in maps(part, wi, jnp.asarray(u)))
+                shown = (up > 1e-3) & (jacobian > 0)
+                np.testing.assert_allclose(spread[shown] / jacobian[shown], 1, rtol=1e-5, err_msg=case)
+                if name not in MIXTURES:
+                    np.testing.assert_allclose(density, 1, rtol=1e-5, err_msg=f"{case} at {theta}")

@@ -1,0 +1,302 @@
+"""The report: everything in one page, nothing from elsewhere, nobody's names run as code, every value in its JSON."""
+
+import datetime
+import json
+import math
+import re
+import shlex
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+import gonio
+from gonio.__main__ import main
+from gonio.data import layout as layouts
+from gonio.data.hdf5.writer import write_table
+from gonio.data.table import Channels, whole_table_of_values
+from gonio.models.errors import GonioError
+from gonio.models.evaluation import evaluate
+from gonio.models.expression.builder import build
+
+EVIL = "<script>alert('x')</script></script>&\"$"
+
+
+def table(name="paint", spelling="lambert(rho=[.1,.2,.4]) + ggx(alpha=.3, eta=1.5)", noise=0.01, **fields):
+    theta = np.radians(np.arange(0, 86, 10.0))
+    layout = layouts.isotropic(theta, theta, np.radians(np.arange(0, 360, 30.0)))
+    f = np.asarray(evaluate(build(spelling), *layout.directions())).reshape(*layout.shape, -1)
+    f = f * (1 + noise * np.random.default_rng(1).standard_normal(f.shape))
+    return whole_table_of_values(layout, f, name=name, **fields)
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    t = table()
+    t.u_f = 0.01 * np.nan_to_num(np.abs(t.f))
+    return t, gonio.fit(t, ["lambert", "lambert + ggx(eta=1.5)"], starts=1)
+
+
+@pytest.fixture(scope="module")
+def written(fitted, tmp_path_factory):
+    """(path of the page, its text, its values)."""
+    t, result = fitted
+    evil = table(
+        EVIL, "lambert(rho=0.2)", provenance={"comment": EVIL, "source": "</table>"}, channels=Channels((EVIL,))
+    )
+    evil.f[0, 0, 0, 0] = -0.5
+    path = tmp_path_factory.mktemp("page") / "r.html"
+    subjects = [t, evil, "lambert(rho=0.5)"]
+    gonio.report(subjects, path, fits=[result], title=EVIL, command=f"gonio report {EVIL}")
+    return path, path.read_text(), json.loads(path.with_suffix(".json").read_text())
+
+
+class Reader(HTMLParser):
+    """Tags of a page, the texts of its scripts, and of its table cells with the marked values that stand in them."""
+
+    VOID = ("meta", "img", "br", "input", "line", "mspace")
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.scripts, self.cells, self.marked = [], [], [], []
+        self.open = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        attributes = dict(attributes)
+        self.tags.append((tag, attributes))
+        if tag == "script":
+            self.scripts.append("")
+        if tag == "td" or (tag == "th" and attributes.get("scope") == "row"):
+            self.cells.append("")
+        if "data-at" in attributes:
+            self.marked.append((attributes["data-at"], ""))
+        if tag not in self.VOID:
+            self.open.append((tag, "data-at" in attributes))
+
+    def handle_startendtag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+
+    def handle_endtag(self, tag):
+        while self.open and self.open.pop()[0] != tag:
+            pass
+
+    def handle_data(self, data):
+        names = [tag for tag, _ in self.open]
+        if "script" in names:
+            self.scripts[-1] += data
+        elif any(marked for _, marked in self.open):
+            self.marked[-1] = (self.marked[-1][0], self.marked[-1][1] + data)
+        elif self.cells and ("td" in names or ("th" in names and "tbody" in names)):
+            self.cells[-1] += data
+
+
+def at(values, pointer):
+    for key in pointer.split("/")[1:]:
+        values = values[int(key)] if isinstance(values, list) else values[key]
+    return values
+
+
+def number(text):
+    """(value, half a unit of its last digit) of a number as the page writes it."""
+    plain = text.replace("−", "-").replace(",", "")
+    mantissa, _, power = plain.partition("×10")
+    exponent = int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0)
+    decimals = len(mantissa.partition(".")[2])
+    return float(mantissa) * 10.0**exponent, 0.5001 * 10.0 ** (exponent - decimals)
+
+
+def test_nothing_comes_from_elsewhere(written):
+    for tag, attributes in Reader(written[1]).tags:
+        for key in ("src", "href", "data", "action"):
+            value = attributes.get(key) or ""
+            assert value == "" or value.startswith(("#", "data:image/png;base64,")), (tag, value)
+    assert not re.search(r"url\((?!#|data:)", written[1]) and "@import" not in written[1] and "<link" not in written[1]
+
+
+def test_names_of_strangers_are_text(written):
+    reader = Reader(written[1])
+    scripts = [a for t, a in reader.tags if t == "script"]
+    assert scripts == [{"type": "application/json", "id": "gonio-lobes"}, {}]
+    assert "alert('x')" not in "".join(reader.scripts) and "<script>alert" not in written[1]
+    assert (written[2]["title"], written[2]["subjects"][1]["name"]) == (EVIL, EVIL)
+
+
+def test_every_number_of_the_tables_is_in_the_values(written):
+    """Each cell's digits stand in marked values, and each of those says what the JSON holds at its place."""
+    _, text, values = written
+    reader = Reader(text)
+    assert len(reader.marked) > 200
+    unmarked = [cell for cell in reader.cells if re.search(r"\d", cell.replace("95 %", ""))]
+    assert unmarked == [] or set(unmarked) == {"1"}, unmarked  # a unit of dimension 1
+    numbers = 0
+    for pointer, shown in reader.marked:
+        held = at(values, pointer)
+        if isinstance(held, int | float) and not isinstance(held, bool):
+            value, half = number(shown)
+            assert abs(value - held) <= max(half, 1e-12 * abs(held)), (pointer, shown, held)
+            # A number that is not 0 must not look like it, unless its uncertainty says so.
+            assert value != 0 or held == 0 or "parameters" in pointer or "numbers" in pointer, (pointer, shown, held)
+            numbers += 1
+        else:
+            assert shown == str(held), pointer
+    assert numbers > 100
+
+
+def test_every_figure_is_there_with_its_numbers(written):
+    _, text, values = written
+    ids = re.findall(r'\sid="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
+    pictures = [a for t, a in Reader(text).tags if t == "svg" and a.get("class") == "panel"]
+    assert all(a["aria-label"] for a in pictures)
+    listed = [f for s in values["subjects"] for f in s["figures"]] + values["comparison"]["figures"]
+    assert len(pictures) == len(listed) == len({f["id"] for f in listed})
+    assert all(f["data"] and f["id"] in ids for f in listed)
+    slugs = [{f["id"].removeprefix(f"{s['anchor']}-") for f in s["figures"]} for s in values["subjects"]]
+    every = {"polar-linear", "polar-log", "plane-linear", "plane-log", "lobe", "spheres", "albedo", "reciprocity"}
+    assert all(every <= s for s in slugs)
+    assert {
+        "p-values",
+        "correlations",
+        "residuals",
+        "residuals-half",
+        "residuals-polar",
+        "slice-readings",
+        "slice-model",
+    } <= slugs[0]
+
+
+def test_values_are_those_of_the_table(written, fitted):
+    first = written[2]["subjects"][0]
+    assert first["fit"]["asked"] == "lambert + ggx(eta=1.5)" and first["certificate"]["overall"] in written[1]
+    plane = next(f["data"] for f in first["figures"] if f["id"] == "subject-1-polar-log")
+    assert [c["theta_i_deg"] for c in plane["lines"]] == [0, 30, 60, 80]
+    truth = fitted[0].f[3, :, [0, 6], 1]
+    shown = plane["readings"][1]["f_per_sr"]
+    assert {float(f"{v:.6g}") for v in truth.ravel()} <= set(shown)
+    assert len(shown) == truth.size + 10  # along the normal every azimuth is in the plane
+    facts = {f["name"]: f["value"] for f in written[2]["subjects"][1]["facts"]}
+    assert facts["negative readings"] == 1
+    sphere = next(f["data"] for f in first["figures"] if f["id"].endswith("lobe"))
+    assert [s["name"] for s in sphere["sources"]] == ["readings, interpolated", "model fitted"]
+
+
+def test_verdicts_stand_before_the_pictures(written):
+    text = written[1]
+    assert text.index("Summary") < text.index('class="verdict') < text.index('<svg viewBox="0 0 3')
+
+
+def test_agreement_with_a_truth_is_named():
+    layout = layouts.in_plane(np.radians([10, 20, 40]), np.radians(np.arange(-60, 61, 10.0)))
+    flat = whole_table_of_values(layout, np.full(layout.shape, 0.1), name="flat")
+    text = gonio.report(flat, against="lambert(rho=0.1)")
+    assert "worst of reciprocity, energy and agreement" in text and "✗ " in text
+
+
+@pytest.mark.parametrize("kind", ["half/difference", "in-plane", "scattered", "masked", "spectral"])
+def test_any_table_makes_a_page(kind):
+    layout = {
+        "half/difference": layouts.merl(counts=(12, 10, 18)),
+        "in-plane": layouts.in_plane(np.radians([10, 40]), np.radians([-60, -30, 30, 60])),
+    }.get(kind, layouts.scattered(*np.random.default_rng(0).uniform(0, 1.2, (4, 60))))
+    channels = Channels.of_wavelengths(np.linspace(380, 780, 200)) if kind == "spectral" else None
+    f = np.full((*layout.shape, len(channels or "1")), np.nan if kind == "masked" else 0.1)
+    flat = whole_table_of_values(layout, f, channels, name=kind)
+    text = gonio.report(flat, check=kind == "masked")
+    assert text.count('class="panel"') >= (0 if kind == "masked" else 3)
+    assert ("No valid reading" in text) == (kind == "masked") and ("not checked" in text)
+
+
+def test_figures_are_files_too(tmp_path):
+    theta = layouts.in_plane(np.radians([10, 40]), np.radians([-60, -30, 30, 60]))
+    flat = whole_table_of_values(theta, np.full(theta.shape, 0.1), name="a/../<b>")
+    text = gonio.report(flat, check=False, figures=tmp_path / "figures")
+    files = sorted((tmp_path / "figures").iterdir())
+    assert len(files) == 2 * text.count('class="panel"') and files[0].name.startswith("01-a_.._b-")
+    for file in files:
+        start = file.read_bytes()[:200]
+        assert start.startswith(b"\x89PNG") or b'xmlns="http://www.w3.org/2000/svg"' in start
+    with pytest.raises(GonioError, match="holds files already"):
+        gonio.report(flat, check=False, figures=tmp_path / "figures")
+
+
+def test_a_page_is_whole_or_not_there(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["report", "perfect_diffuser", "--no-check", "-o", "r.html"]) == 0
+    assert "gonio report perfect_diffuser --no-check -o r.html" in (tmp_path / "r.html").read_text()
+    (tmp_path / "charts").mkdir()
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "charts" / "charts.json").write_text('{"charts": {"tables": {"points": 3}}}')
+    write_table(tmp_path / "t.h5", table("t", "lambert(rho=0.3)"))
+    (tmp_path / "v.json").write_text("mine")
+    (tmp_path / "other.toml").write_text(
+        'gonio_material = 1\nname = "o"\nmodel = "lambert(rho=0.1)"\n[fit]\ntable = "another"\n'
+    )
+    before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")}
+    capsys.readouterr()
+    for command, words in (
+        ("perfect_diffuser -o r.html", "exists already"),
+        ("perfect_diffuser -o v.html", "v.json exists"),
+        ("perfect_diffuser -o new.json", "end it in .html"),
+        ("absent.h5 -o new.html", "does not exist"),
+        ("perfect_difuser -o new.html", "perfect_diffuser"),
+        ("empty -o new.html", "folder"),
+        ("v.json -o new.html", "v.json"),
+        ("t.h5 -o t.h5 --force", "input"),
+        ("perfect_diffuser -o no/new.html", "folder"),
+        ("perfect_diffuser --fit gold -o new.html", "not a fitted material"),
+        ("t.h5 --fit other.toml -o new.html", "'another', not of t"),
+        ("perfect_diffuser --chart empty -o new.html", "charts.json"),
+        ("perfect_diffuser --chart charts -o new.html", "no list of charts"),
+        ("perfect_diffuser --chart absent -o new.html", "no folder"),
+        ("perfect_diffuser --figures v.json -o new.html", "is a file"),
+        ("perfect_diffuser --chart charts -o charts/charts.html --force", "input"),
+    ):
+        assert main(["report", "--no-check", *command.split()]) == 2, command
+        out, err = capsys.readouterr()
+        assert words in err and err.count("\n") == 1 and out == "", (command, err)
+        assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")} == before, command
+
+
+def test_the_command_on_the_page_makes_it_again(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_table(tmp_path / "a table.h5", table("t", "lambert(rho=0.3)"))
+    assert main(["report", "a table.h5", "--no-check", "--title", "it's $HOME", "-o", "r.html"]) == 0
+    first = json.loads((tmp_path / "r.json").read_text())
+    (tmp_path / "r.html").unlink(), (tmp_path / "r.json").unlink()
+    assert main(shlex.split(first["command"])[1:]) == 0
+    again = json.loads((tmp_path / "r.json").read_text())
+    assert {k: v for k, v in again.items() if k != "made"} == {k: v for k, v in first.items() if k != "made"}
+
+
+def test_fits_find_their_tables(fitted, tmp_path):
+    t, result = fitted
+    other = table("other", "lambert(rho=0.3)")
+    with pytest.raises(GonioError, match="2 fits came for 1 table"):
+        gonio.report([t], fits=[result, result], check=False)
+    with pytest.raises(GonioError, match="of the table 'paint', not of other"):
+        gonio.report([other], fits=[result], check=False)
+    with pytest.raises(GonioError, match="3 channels and paint has 1"):
+        gonio.report([table("paint", "lambert(rho=0.3)")], fits=[result], check=False)
+
+
+def test_charts_back_the_settings(tmp_path, monkeypatch):
+    from gonio.charts.diagrams import CHARTS, Measured, to_dict
+    from gonio.charts.point import Point
+    from gonio.charts.scan_time import Pace
+
+    chart = CHARTS["hemisphere"]
+    cost, error = (axis.key for axis in chart.frames[0])
+    points = tuple(
+        Point("α 0.1", f"<b>{k}", str(k), {cost: 10.0**-k, error: 10.0 ** (k - 6), "bound": 1.0}) for k in range(3)
+    )
+    keys = ("processor", "cores", "device", "gonio", "jax", "numpy", "scipy", "python")
+    now = datetime.datetime.now(datetime.UTC)
+    done = Measured(chart, points, dict.fromkeys(keys, "x"), now, 1.0, True, Pace())
+    index = {"gonio_charts": 1, "charts": {"hemisphere": to_dict(done) | {"recipe": {}}}}
+    (tmp_path / "charts.json").write_text(json.dumps(index))
+    (tmp_path / "hemisphere.svg").write_text("<svg xmlns='http://www.w3.org/2000/svg'/>")
+    gonio.report("perfect_diffuser", tmp_path / "r.html", check=False, chart=tmp_path)
+    text, values = (tmp_path / "r.html").read_text(), json.loads((tmp_path / "r.json").read_text())
+    assert "data:image/svg+xml;base64," in text and "<b>0" not in text and "claimed bound" in text
+    assert len(values["charts"][0]["front"]) == 3 and math.isclose(values["charts"][0]["front"][0]["bound"], 1.0)
