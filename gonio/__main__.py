@@ -120,6 +120,9 @@ def _prepare_jax() -> None:
     # Read by JAX when it is imported, which the verbs do only if they need it. Double precision is the default of the
     # command line; the compilation cache saves a user's second run from compiling again.
     os.environ.setdefault("JAX_ENABLE_X64", "true")
+    # XLA takes two of its own tuning hints for features that this processor lacks, and writes pages about each kept
+    # program that it loads (openxla/xla#44565). What really fails is raised as an exception.
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     if os.environ.get("GONIO_NO_CACHE"):
         return
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")

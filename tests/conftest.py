@@ -7,6 +7,7 @@ from pathlib import Path
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 os.environ.setdefault("MPLBACKEND", "Agg")
+os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # as the command line does
 
 WORKER = "PYTEST_XDIST_WORKER" in os.environ
 PROGRAMS = Path(tempfile.gettempdir()) / f"gonio-tests-{os.getppid() if WORKER else os.getpid()}"

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 import subprocess
 import sys
 import tomllib
@@ -44,6 +45,17 @@ def test_eval_writes_its_columns_back(here, capsys):
     np.testing.assert_allclose(
         [[float(r[c]) for c in ("f_1", "f_2")] for r in rows], [[0.3 / np.pi, 0.6 / np.pi]] * 2, rtol=1e-15
     )
+
+
+def test_kept_programs_are_loaded_without_a_word(here):
+    """XLA writes pages about each program that it loads again, unless it is told not to."""
+    command = [sys.executable, "-m", "gonio", "eval", "gold", "--directions", "d.csv"]
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("JAX_", "TF_"))}
+    environment |= {"XDG_CACHE_HOME": str(here), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
+    for _ in range(2):
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=here)
+        assert done.returncode == 0 and done.stderr == ""
+    assert list((here / "gonio" / "jax").iterdir())
 
 
 def test_eval_output_is_a_table(here, capsys):
