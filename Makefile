@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PIP := PIP_CONSTRAINT=constraints.txt PIP_BUILD_CONSTRAINT=constraints.txt \
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test lint clean
+.PHONY: demo test lint types clean
 
 demo: $(VENV)/.installed
 	$(BIN)/gonio demo
@@ -17,6 +17,12 @@ test: $(VENV)/.installed-tests
 lint: $(VENV)/.installed-tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+# The type checker reads folders: here the four are laid as the one package that they install as.
+types: $(VENV)/.installed-tests
+	rm -rf build/types && mkdir -p build/types/gonio
+	ln -s $(CURDIR)/gonio/* $(CURDIR)/models $(CURDIR)/fitting $(CURDIR)/data build/types/gonio/
+	$(BIN)/pyright
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

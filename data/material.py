@@ -1,4 +1,4 @@
-"""Materials: a model with its name, channels and source; from a name, a file or a spelling, and to a file."""
+"""Materials: a model with its name, channels and source; from a name, a file or an expression, and to a file."""
 
 import dataclasses
 import os
@@ -13,7 +13,7 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError, nearest
 from gonio.models.evaluation import channel_count
-from gonio.models.expression.builder import build, spell
+from gonio.models.expression.builder import build, to_expression
 
 FORMAT = 1
 LARGEST = 4 << 20  # bytes: ten thousand wavelengths at full precision are a quarter of it
@@ -27,13 +27,13 @@ _KEYS = ("gonio_material", "name", "description", "model", "channels", "waveleng
 class Material:
     """A BRDF that knows what it is: whatever takes a material takes this.
 
-    `spelling` is None where the model has none (an interpolated table). `channels` are those of the model's values;
+    `expression` is None where the model has none (an interpolated table). `channels` are those of the model's values;
     `source` says where the numbers come from; `meta` is anything JSON can hold (`fit`: how it was fitted; `file`).
     """
 
     name: str
     brdf: AbstractBRDF
-    spelling: str | None
+    expression: str | None
     channels: Channels
     description: str = ""
     source: str = ""
@@ -46,10 +46,10 @@ def reference_materials() -> list[str]:
 
 
 def load_material(what: str | os.PathLike) -> Material:
-    """The material that a reference name, a .toml file, a readable table file, FILE.fit:NAME or a spelling means.
+    """The material that a reference name, a .toml file, a readable table file, FILE.fit:NAME or an expression means.
 
-    A reference name goes before a file of the same name (write ./name for the file); a file before a spelling. Raises
-    GonioError, in one sentence, for what is none of them, naming the nearest.
+    A reference name goes before a file of the same name (write ./name for the file); a file before an expression.
+    Raises GonioError, in one sentence, for what is none of them, naming the nearest.
     """
     text = os.fspath(what)
     if text in reference_materials():
@@ -72,19 +72,19 @@ def load_material(what: str | os.PathLike) -> Material:
 
 
 def _published(file: str, entry: str) -> Material:
-    spelling = published_spelling(file, entry)
+    expression = published_spelling(file, entry)
     try:
-        brdf = build(spelling)
+        brdf = build(expression)
     except GonioError as error:
         raise GonioError(f"{file}, {entry}: {error}") from None
     source = f"published fit of {entry} in {Path(file).name}"
-    return Material(entry, brdf, spelling, _channels_of(brdf), source, source, {"file": file, "entry": entry})
+    return Material(entry, brdf, expression, _channels_of(brdf), source, source, {"file": file, "entry": entry})
 
 
 def _is_there(text: str) -> bool:
     try:
         return Path(text).exists()
-    except (OSError, ValueError):  # a spelling too long for a file name, or one with a null character
+    except (OSError, ValueError):  # an expression too long for a file name, or one with a null character
         return False
 
 
@@ -155,8 +155,8 @@ def _material(data: dict, stem: str, file: str) -> Material:
     for key in data:
         if key not in _KEYS:
             raise GonioError(f"unknown key '{key}'; {nearest(key, _KEYS)}")
-    spelling = " ".join(_typed(data, "model", str, "a spelled model in quotes").split())
-    brdf = build(spelling)
+    expression = " ".join(_typed(data, "model", str, "a spelled model in quotes").split())
+    brdf = build(expression)
     source = _typed(data, "source", dict, "a table [source] with a text", {})
     meta = {"file": file}
     if "fit" in data:
@@ -164,7 +164,7 @@ def _material(data: dict, stem: str, file: str) -> Material:
     return Material(
         _typed(data, "name", str, "a text", stem),
         brdf,
-        spelling,
+        expression,
         _declared_channels(data, brdf),
         _typed(data, "description", str, "a text", ""),
         _typed(source, "text", str, "a text", ""),
@@ -213,14 +213,14 @@ def _wavelengths(data: dict) -> list[float]:
 
 
 def material_text(material: Material) -> str:
-    """The material file of a material, as text. Raises GonioError where its model has no spelling."""
+    """The material file of a material, as text. Raises GonioError where its model has no expression."""
     import tomli_w
 
     data: dict[str, Any] = {
         "gonio_material": FORMAT,
         "name": material.name,
         "description": material.description,
-        "model": material.spelling or spell(material.brdf),
+        "model": material.expression or to_expression(material.brdf),
     }
     if material.channels.wavelengths_nm is not None:
         data["wavelengths_nm"] = [float(w) for w in material.channels.wavelengths_nm]
@@ -234,7 +234,7 @@ def material_text(material: Material) -> str:
 
 def write_material(path: str | os.PathLike, material: Material, force: bool = False) -> None:
     """Writes a material file, whole or not at all. Raises GonioError where `path` exists (unless `force`), cannot be
-    written, or the material's model has no spelling."""
+    written, or the material's model has no expression."""
     text = material_text(material)
     with new_file(path, force) as temporary:
         temporary.write_text(text, encoding="utf-8")

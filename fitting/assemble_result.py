@@ -17,7 +17,7 @@ from gonio.fitting.uncertainty.covariance import NORMAL_95
 from gonio.fitting.uncertainty.identifiability import in_words
 from gonio.fitting.uncertainty.informative_directions import advice
 from gonio.fitting.uncertainty.profile_likelihood import with_profiles
-from gonio.models.expression.builder import build, spell
+from gonio.models.expression.builder import build, to_expression
 from gonio.models.expression.parser import Term, Value
 from gonio.models.expression.paths import FACTOR, changed, last, numbers
 
@@ -63,7 +63,8 @@ def state(
     if options.likelihood:
         measured["reduced_chi2"] = 2.0 * cost / max(readings.count - size, 1)
     return FitResult(
-        spelling=spell(brdf), asked=asked, brdf=brdf, channels=channels, parameters=estimates, free_names=names,
+        expression=to_expression(brdf), asked=asked, brdf=brdf, channels=channels, parameters=estimates,
+        free_names=names,
         covariance=matrix, correlation=correlation, converged=all(e.converged for e in endings),
         reason=_reason(endings), stationarity=max(e.stationarity for e in endings), exact=all(e.exact for e in endings),
         loss=options.loss, weight=options.weight, cost=cost, metrics=measured, samples=readings.count,
@@ -153,7 +154,7 @@ def _bic(endings, cost: float, count: int, free: int, options) -> float:
     """Schwarz's criterion [Schwarz 1978], up to what models on the same readings share; lower is better."""
     if options.likelihood:
         return 2.0 * cost - 2.0 * sum(e.log_weight for e in endings) + free * np.log(count)
-    least = sum(e.size2 for e in endings) * (1e3 * eps()) ** 2
+    least = sum(e.target_norm_squared for e in endings) * (1e3 * eps()) ** 2
     return float(count * np.log(max(2.0 * cost, least, 1e-300) / count) + free * np.log(count))
 
 

@@ -55,8 +55,10 @@ class Options:
 
 
 def _stationary(d: Domains, p: np.ndarray, total: Sums, whole: Problem) -> bool:
-    cost, size2 = float(total.cost), float(whole.size2)
-    return is_exact(cost, size2) or float(stationarity(d, p, total)[0]) <= stationary_limit(cost, size2)
+    cost, target_norm_squared = float(total.cost), float(whole.target_norm_squared)
+    return is_exact(cost, target_norm_squared) or float(stationarity(d, p, total)[0]) <= stationary_limit(
+        cost, target_norm_squared
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,7 +73,7 @@ class Ending:
     total: Sums
     covariance: Covariance
     pinned: np.ndarray
-    size2: float
+    target_norm_squared: float
     log_weight: float  # Σ ln w over the readings: what a likelihood adds where weights are the model's
     stationarity: float
     starts: int
@@ -87,7 +89,7 @@ class Ending:
     @property
     def exact(self) -> bool:
         """‖r‖ ≤ 10³ eps ‖data‖: the residual is rounding."""
-        return is_exact(float(self.total.cost), self.size2)
+        return is_exact(float(self.total.cost), self.target_norm_squared)
 
     @property
     def converged(self) -> bool:
@@ -97,7 +99,7 @@ class Ending:
     @property
     def limit(self) -> float:
         """Up to which projected gradient the fit counts as stationary."""
-        return stationary_limit(float(self.total.cost), self.size2)
+        return stationary_limit(float(self.total.cost), self.target_norm_squared)
 
 
 def fit_one(
@@ -172,8 +174,8 @@ def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options:
     notes: list[str] = []
 
     def problem(part: Readings, w: np.ndarray) -> Problem:
-        data, size2 = blocked(part, loss, w, floor)
-        return Problem(s, loss, fixed, d, data, np.asarray(size2))
+        data, target_norm_squared = blocked(part, loss, w, floor)
+        return Problem(s, loss, fixed, d, data, np.asarray(target_norm_squared))
 
     whole = problem(readings, weight)
     aside = None
@@ -247,7 +249,7 @@ def _closed(
 ) -> Ending:
     f, total = done.f[: readings.f.shape[0]], done.total
     measure, pinned, silent = stationarity(d, p, total)
-    exact = is_exact(float(total.cost), float(whole.size2))
+    exact = is_exact(float(total.cost), float(whole.target_norm_squared))
     if exact:
         # The gradient of a rounding residual points anywhere: a bound is active where the number lies on it.
         low, high = at_bounds(d, p)
@@ -262,13 +264,13 @@ def _closed(
     )
     if exact and not known:
         # What a fit without residual knows a number to is what it calls a residual of rounding.
-        rounding = (EXACT * eps()) ** 2 * float(whole.size2) / max(readings.count, 1)
+        rounding = (EXACT * eps()) ** 2 * float(whole.target_norm_squared) / max(readings.count, 1)
         free = ~pinned & ~silent
         spread = covariance(matrix, scatter, True, free, d, p, readings.count).scaled(rounding, d, p)
     if aside is not None:
         spread = spread.scaled(aside.widening**2, d, p)
     return Ending(
-        s, fixed, d, p, f, total, spread, pinned, float(whole.size2),
+        s, fixed, d, p, f, total, spread, pinned, float(whole.target_norm_squared),
         float(np.sum(np.log(weight[weight > 0]))) if known else 0.0, float(measure), *counts, notes,
         whole, weight, reach, aside,
     )  # fmt: skip

@@ -198,7 +198,7 @@ def _line(r: FitResult) -> str:
 def _alternative(r: FitResult, best: float) -> dict:
     return {
         "model": r.asked,
-        "spelling": r.spelling,
+        "spelling": r.expression,
         "bic": r.bic,
         "bic_above_best": r.bic - best,
         "free": len(r.free_names),

@@ -45,7 +45,7 @@ class FitResult:
     readings gave.
     """
 
-    spelling: str
+    expression: str
     asked: str
     brdf: AbstractBRDF
     channels: Channels
@@ -121,12 +121,13 @@ class FitResult:
         kept["residuals"] = None if self.residuals is None else self.residuals.to_dict()
         kept["parameters"] = [dataclasses.asdict(p) for p in self.parameters]
         kept["channels"] = list(self.channels.names)
+        kept["spelling"] = kept.pop("expression")  # as files have it
         return unboxed(kept)
 
     def to_material_dict(self, name: str, description: str = "") -> dict[str, Any]:
         """The fitted model as a material file's content, which `gonio measure` can scan again."""
         held: dict[str, Any] = {"gonio_material": 1, "name": name, "description": description or f"fit to {self.table}"}
-        held["model"] = self.spelling
+        held["model"] = self.expression
         if self.channels.wavelengths_nm is not None:
             held["wavelengths_nm"] = list(self.channels.wavelengths_nm)
         elif len(self.channels) > 1:

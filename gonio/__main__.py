@@ -56,7 +56,7 @@ def parser(asked: str | None = None) -> argparse.ArgumentParser:
     top = _Parser(
         prog="gonio",
         description="A virtual gonioreflectometer and BRDF fitting tool.",
-        epilog="MATERIAL is a reference material's name, any readable file, or a spelling such as "
+        epilog="MATERIAL is a reference material's name, any readable file, or an expression such as "
         "'lambert(rho=0.3) + ggx(alpha=0.2, f0=0.04)'.",
     )
     top.add_argument("--version", action=_Versions, help="the versions of gonio and of what it computes with")

@@ -83,7 +83,7 @@ def directional_albedo(brdf: AbstractBRDF, theta_i, phi_i=0.0, tolerance: float 
     double until every bound meets it or the last order is reached: the bound says which.
     """
     theta, phi = np.broadcast_arrays(np.asarray(theta_i, float), np.asarray(phi_i, float))
-    parts = brdf.summands()
+    parts = brdf.terms()
     values, bounds, evaluations = [], [], 0
     for start in range(0, theta.size, INCIDENCES_A_CALL):
         t, p = (a.ravel()[start : start + INCIDENCES_A_CALL] for a in (theta, phi))

@@ -26,10 +26,10 @@ class AbstractBRDF(eqx.Module):
     lobe: ClassVar[bool] = False
     """Whether the model is a lobe without an albedo of its own, which a fit gives a free scale."""
 
-    breaks: ClassVar[Mapping[str, str]] = {}
+    violates: ClassVar[Mapping[str, str]] = {}
     """The laws (energy, reciprocity, positivity) that the published formula breaks, and where: one sentence each."""
 
-    loses: ClassVar[str] = ""
+    loses_energy: ClassVar[str] = ""
     """Where the published formula loses energy without a reason: one sentence, or nothing."""
 
     @property
@@ -81,7 +81,7 @@ class AbstractBRDF(eqx.Module):
         wo = self.sample(wi, u1, u2)
         return wo, 1.0 / self.pdf(wi, wo)
 
-    def summands(self) -> "tuple[AbstractBRDF, ...]":
+    def terms(self) -> "tuple[AbstractBRDF, ...]":
         """The BRDFs that add up to this one and have a lobe map each; itself, for most."""
         return (self,)
 
@@ -118,20 +118,20 @@ class Scaled(AbstractBRDF):
     def lobe_map(self, wi, u1, u2):
         return self.base.lobe_map(wi, u1, u2)
 
-    def summands(self):
-        return tuple(Scaled(self.scale, part) for part in self.base.summands())
+    def terms(self):
+        return tuple(Scaled(self.scale, part) for part in self.base.terms())
 
     @property
     def accuracy(self):
         return float(jnp.max(jnp.maximum(self.scale, 1.0))) * self.base.accuracy if self.base.accuracy else 0.0
 
     @property
-    def breaks(self):
-        return self.base.breaks
+    def violates(self):
+        return self.base.violates
 
     @property
-    def loses(self):
-        return self.base.loses
+    def loses_energy(self):
+        return self.base.loses_energy
 
     @property
     def isotropic(self):
@@ -163,18 +163,18 @@ class Sum(AbstractBRDF):
         return sum(part.pdf(wi, wo) for part in self.parts) / len(self.parts)
 
     def lobe_map(self, wi, u1, u2):
-        raise TypeError("a sum has no lobe map of its own: integrate each of summands() with its own")
+        raise TypeError("a sum has no lobe map of its own: integrate each of terms() with its own")
 
-    def summands(self):
-        return tuple(s for part in self.parts for s in part.summands())
+    def terms(self):
+        return tuple(s for part in self.parts for s in part.terms())
 
     @property
     def accuracy(self):
         return sum(part.accuracy for part in self.parts)
 
     @property
-    def breaks(self):
-        return {law: how for part in reversed(self.parts) for law, how in part.breaks.items()}
+    def violates(self):
+        return {law: how for part in reversed(self.parts) for law, how in part.violates.items()}
 
     @property
     def isotropic(self):
@@ -182,23 +182,23 @@ class Sum(AbstractBRDF):
 
 
 class AbstractComposite(AbstractBRDF):
-    """A model of several terms, `summands`, which have a lobe map each: it is drawn and integrated term by term."""
+    """A model of several terms, `terms`, which have a lobe map each: it is drawn and integrated term by term."""
 
     @abc.abstractmethod
-    def summands(self):
+    def terms(self):
         """The terms that add up to the model."""
 
     def f(self, wi, wo):
-        return Sum(self.summands()).f(wi, wo)
+        return Sum(self.terms()).f(wi, wo)
 
     def sample(self, wi, u1, u2):
-        return Sum(self.summands()).sample(wi, u1, u2)
+        return Sum(self.terms()).sample(wi, u1, u2)
 
     def pdf(self, wi, wo):
-        return Sum(self.summands()).pdf(wi, wo)
+        return Sum(self.terms()).pdf(wi, wo)
 
     def lobe_map(self, wi, u1, u2):
-        return Sum(self.summands()).lobe_map(wi, u1, u2)
+        return Sum(self.terms()).lobe_map(wi, u1, u2)
 
 
 def terms(brdf: AbstractBRDF) -> tuple[AbstractBRDF, ...]:

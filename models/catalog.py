@@ -72,7 +72,7 @@ def is_ours(brdf: AbstractBRDF) -> bool:
 
 
 def name_of(model_class: type) -> str | None:
-    """The spelling's name of a model class; None for one that has none."""
+    """The expression's name of a model class; None for one that has none."""
     # Only what has been imported can be a model's class.
     return next(
         (name for name, known in dict.items(MODELS) if known is model_class or known == _place(model_class)), None

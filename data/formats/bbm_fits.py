@@ -1,7 +1,7 @@
 """Published parameter sets of measured materials, one a line: ``name = Aggregate(Lambertian(...), Model(...))``.
 
 The form in which the BSDF benchmark (https://github.com/bsdfbenchmark/bbm) collected the fits of Ngan et al. 2005, Löw
-et al. 2012 and Bagher et al. 2012. Each becomes a spelling of ours with the factors that the fit was made with.
+et al. 2012 and Bagher et al. 2012. Each becomes an expression of ours with the factors that the fit was made with.
 """
 
 import dataclasses
@@ -92,7 +92,7 @@ def published_names(path: str | os.PathLike) -> list[str]:
 
 
 def published_spelling(path: str | os.PathLike, name: str) -> str:
-    """The spelling of one material of a file of published fits.
+    """The expression of one material of a file of published fits.
 
     Raises GonioError, in one sentence, for a file that is none, a name that it has not, and a fit that cannot be
     spelled: an unknown model, or a number outside of its domain.

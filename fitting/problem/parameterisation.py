@@ -39,7 +39,7 @@ class Structure:
 
 
 def with_defaults(terms: tuple[Term, ...]) -> tuple[Term, ...]:
-    """The terms with everything said that the spelling's rules imply of a fit: omitted shapes and scales are free."""
+    """The terms with everything said that the expression's rules imply of a fit: omitted shapes and scales are free."""
     said = []
     for t in terms:
         values = dict(t.call.values)

@@ -106,14 +106,14 @@ def blocked(readings: Readings, loss: str, weight: np.ndarray, floor: float | No
         for w in (readings.wi, readings.wo)
     )
     target, weight = in_blocks(readings.f, (*shape, channels)), in_blocks(weight, (*shape, channels))
-    flat, size2 = target.reshape(-1, channels), 0.0
+    flat, target_norm_squared = target.reshape(-1, channels), 0.0
     for first in range(0, n, CHUNK):
         some = slice(first, min(first + CHUNK, n))
         compared = flat[some] if cosine is None else flat[some] * cosine[some]
         flat[some] = transform(loss, compared, floor, np)[0]
-        size2 += float(np.sum((weight.reshape(-1, channels)[some] * flat[some]) ** 2))
+        target_norm_squared += float(np.sum((weight.reshape(-1, channels)[some] * flat[some]) ** 2))
     used = np.asarray(-(-n // shape[1]))
-    return Samples(wi, wo, target, weight, used, np.asarray(float(floor))), size2
+    return Samples(wi, wo, target, weight, used, np.asarray(float(floor))), target_norm_squared
 
 
 def in_blocks(a: np.ndarray, shape: tuple[int, ...], fill: float = 0.0) -> np.ndarray:

@@ -30,12 +30,12 @@ def laid(problem: Problem, values: np.ndarray) -> np.ndarray:
 def reweighed(problem: Problem, weight: np.ndarray) -> Problem:
     """The same problem with other weights (n, C); no array changes its shape, and nothing compiles again."""
     held = laid(problem, weight)
-    size2 = np.asarray(np.sum((held * problem.data.target) ** 2))
-    return eqx.tree_at(lambda q: (q.data.weight, q.size2), problem, (held, size2))
+    target_norm_squared = np.asarray(np.sum((held * problem.data.target) ** 2))
+    return eqx.tree_at(lambda q: (q.data.weight, q.target_norm_squared), problem, (held, target_norm_squared))
 
 
 def retargeted(problem: Problem, target: np.ndarray) -> Problem:
     """The same problem with other targets T(y c), (n, C)."""
     held = laid(problem, target)
-    size2 = np.asarray(np.sum((held * problem.data.weight) ** 2))
-    return eqx.tree_at(lambda q: (q.data.target, q.size2), problem, (held, size2))
+    target_norm_squared = np.asarray(np.sum((held * problem.data.weight) ** 2))
+    return eqx.tree_at(lambda q: (q.data.target, q.target_norm_squared), problem, (held, target_norm_squared))

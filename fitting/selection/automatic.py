@@ -30,7 +30,7 @@ def turned(layout: Layout, readings: Readings) -> bool:
 def chosen_model(
     layout: Layout, readings: Readings, loss: str, sigma: np.ndarray | None, seed: int, say: Callable[[str], None]
 ) -> tuple[str, tuple[Term, ...], Choice]:
-    """(spelling, terms with their starts, how it was chosen) of the model that readings ask for.
+    """(expression, terms with their starts, how it was chosen) of the model that readings ask for.
 
     With a loss that needs a noise that is not known yet (relative to the model's own f), the structure is chosen by the
     cube root; the noise is seen in the readings either way.
@@ -100,7 +100,7 @@ def chosen_for_scene(
     seed: int,
     say: Callable[[str], None],
 ) -> tuple[str, tuple[Term, ...], SceneChoice]:
-    """(spelling, terms with their starts, how it was chosen) of the cheapest model within a scene's tolerance."""
+    """(expression, terms with their starts, how it was chosen) of the cheapest model within a scene's tolerance."""
     if loss == "sigma" and sigma is None:
         loss = "cbrt"
     found = choose(readings, loss, sigma, turned(layout, readings), seed, say, look.cells)

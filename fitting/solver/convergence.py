@@ -19,17 +19,17 @@ def is_double() -> bool:
     return eps() < 1e-12
 
 
-def stationary_limit(cost: float, size2: float) -> float:
+def stationary_limit(cost: float, target_norm_squared: float) -> float:
     """Largest projected gradient of a stationary fit of this cost, ½‖r‖²; `size2`: ‖data‖².
 
     1e-6; in single precision no less than what the rounding of model and data makes of it, and no more than 1e-3.
     """
     if is_double():
         return STATIONARY
-    compared = 1.0 + np.sqrt(size2 / max(2.0 * cost, 1e-300))
+    compared = 1.0 + np.sqrt(target_norm_squared / max(2.0 * cost, 1e-300))
     return float(np.clip(SINGLE * eps() * compared, STATIONARY, 1e-3))
 
 
-def is_exact(cost: float, size2: float) -> bool:
+def is_exact(cost: float, target_norm_squared: float) -> bool:
     """‖r‖ ≤ 10³ eps ‖data‖: the residual is rounding."""
-    return 2.0 * cost <= (EXACT * eps()) ** 2 * size2
+    return 2.0 * cost <= (EXACT * eps()) ** 2 * target_norm_squared

@@ -32,7 +32,7 @@ class Problem(eqx.Module):
     fixed: tuple[dict, ...]
     domains: Domains
     data: Samples
-    size2: Float[Array, ""]  # ‖data‖², of the weighted targets
+    target_norm_squared: Float[Array, ""]  # ‖data‖², of the weighted targets
 
 
 class Ends(NamedTuple):
@@ -82,7 +82,7 @@ def normal_at(
         at = np.arange(x.shape[1])
         hessian[:, at, at] += bend
         measure, _, _ = stationarity(d, p, total)
-        exact = 2.0 * total.cost <= (30.0 * eps()) ** 2 * float(problem.size2)
+        exact = 2.0 * total.cost <= (30.0 * eps()) ** 2 * float(problem.target_norm_squared)
         gradient = total.gradient * slope
         (_, projection), (left, gain) = _newton(hessian, gradient, _stepping(problem.structure))
         return p, total, Normal(total.cost, gradient, hessian, measure, exact, left, projection, gain)
@@ -139,10 +139,10 @@ def minimise(
     lanes, trial = fresh(size, UNDAMPED if near else DAMPED, is_double())._replace(trial=start, y=start), x
     active, steps = np.arange(LANES) < number, np.zeros(number, int)
     kept, data = None, pages(problem.data)
-    size2, rough = np.asarray(float(problem.size2)), np.asarray(float(rough))
+    target_norm_squared, rough = np.asarray(float(problem.target_norm_squared)), np.asarray(float(rough))
     for _ in range(most):
         p, total, seen = normal_at(problem, data, trial, active[:number])
-        lanes, told = advance(lanes, packed_up(seen, size), active, size2, rough)
+        lanes, told = advance(lanes, packed_up(seen, size), active, target_norm_squared, rough)
         told = np.asarray(told)[:number]
         trial, (said_accepted, finished, refused, settled) = told[:, :free], told[:, size:].T > 0
         accepted = said_accepted & active[:number]

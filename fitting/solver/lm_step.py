@@ -96,7 +96,7 @@ def _aims(dtype) -> dict[str, float]:
     return {"stationary": STATIONARY, "nearly": NEARLY, "little": LITTLE, "close": CLOSE}
 
 
-def _step(lane: _Lane, seen: Normal, size2, rough) -> _Lane:
+def _step(lane: _Lane, seen: Normal, target_norm_squared, rough) -> _Lane:
     """One damped Newton step, scaled as in MINPACK [Moré 1978], after the trial point has been `seen`.
 
     A trial whose cost is not finite is a rejected step. Ends when stationary, exact, or when a step that could only
@@ -114,7 +114,9 @@ def _step(lane: _Lane, seen: Normal, size2, rough) -> _Lane:
     accept = jnp.where(lane.projected, better, accept)
     step_size = jnp.where(lane.projected & better, lane.step_size, step_size)
     # Below its own rounding the cost says nothing, while the gradient still does: there a step counts by that.
-    rounding = jnp.finfo(y.dtype).eps * (4.0 * before.cost + jnp.sqrt(2.0 * jnp.maximum(before.cost, 0.0) * size2))
+    rounding = jnp.finfo(y.dtype).eps * (
+        4.0 * before.cost + jnp.sqrt(2.0 * jnp.maximum(before.cost, 0.0) * target_norm_squared)
+    )
     by_gradient = (cost <= before.cost + rounding) & (seen.stationarity < 0.9 * before.stationarity)
     by_gradient = by_gradient & ~accept & ~lane.first
     step_size = jnp.where(by_gradient, 10.0 * lane.step_size, step_size)
@@ -147,7 +149,7 @@ def _step(lane: _Lane, seen: Normal, size2, rough) -> _Lane:
 
 
 @jax.jit
-def advance(lanes: _Lane, packed, active, size2, rough) -> tuple[_Lane, Float[Array, "s q"]]:
+def advance(lanes: _Lane, packed, active, target_norm_squared, rough) -> tuple[_Lane, Float[Array, "s q"]]:
     """(the lanes a step on, what the host is to know of them: trial, accepted, finished, refused, near).
 
     What was seen comes in one array and what is told goes in one: each array by itself costs as long as a step.
@@ -157,7 +159,7 @@ def advance(lanes: _Lane, packed, active, size2, rough) -> tuple[_Lane, Float[Ar
     cost, measure, exact, left, gain = numbers.T
     hessian = hessian.reshape(-1, size, size)
     seen = Normal(cost, gradient, hessian, measure, exact > 0, left, projection, gain)
-    stepped = jax.vmap(_step, (0, 0, None, None))(lanes, seen, size2, rough)
+    stepped = jax.vmap(_step, (0, 0, None, None))(lanes, seen, target_norm_squared, rough)
     lanes = jax.tree.map(lambda a, b: jnp.where(active.reshape(-1, *[1] * (a.ndim - 1)), a, b), stepped, lanes)
     said = jnp.stack([lanes.accepted, lanes.finished, lanes.refused, lanes.near], axis=1).astype(lanes.trial.dtype)
     return lanes, jnp.concatenate([lanes.trial, said], axis=1)

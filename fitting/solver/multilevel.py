@@ -62,16 +62,16 @@ def search(
             f"'{asked}' has no finite value at any start on these readings; hold a number with name=value, or begin "
             "elsewhere with name~value."
         )
-    agreed = agreeing(ends, best, float(coarse.size2))
+    agreed = agreeing(ends, best, float(coarse.target_norm_squared))
     if cells.size < n:
-        going = distinct(ends, float(coarse.size2))
+        going = distinct(ends, float(coarse.target_norm_squared))
         if n > WORTHWHILE * MIDDLE:
             some = np.sort(np.random.default_rng(seed).choice(n, MIDDLE, replace=False, shuffle=False))
             going = descend_all(
                 problem(readings.part(some), weight[some]), d, [e.p for e in going], near=True, rough=ROUGH, rivals=True
             )
             least = min(e.cost for e in going)
-            going = [e for e in distinct(going, float(whole.size2)) if e.cost <= CLOSE * least] or going
+            going = [e for e in distinct(going, float(whole.target_norm_squared)) if e.cost <= CLOSE * least] or going
         best = _best(descend_all(whole, d, [e.p for e in going], near=True, rivals=True)) or best
     return Found(best, ends, agreed, cells)
 

@@ -63,22 +63,26 @@ def descend(problem: Problem, domains: Domains, start: np.ndarray, near: bool = 
     return descend_all(problem, domains, [start], near)[0]
 
 
-def agreeing(ends: list[Descent], best: Descent, size2: float) -> int:
+def agreeing(ends: list[Descent], best: Descent, target_norm_squared: float) -> int:
     """How many descents ended at the best cost (to 1e-6 of it, or to rounding)."""
-    return sum(end.cost <= best.cost + _margin(best.cost, size2) for end in ends)
+    return sum(end.cost <= best.cost + _margin(best.cost, target_norm_squared) for end in ends)
 
 
-def _margin(cost: float, size2: float) -> float:
-    return SAME_COST * cost + 1e-20 * size2 + ROUNDINGS * eps() * float(np.sqrt(max(cost, 0.0) * size2))
+def _margin(cost: float, target_norm_squared: float) -> float:
+    return (
+        SAME_COST * cost
+        + 1e-20 * target_norm_squared
+        + ROUNDINGS * eps() * float(np.sqrt(max(cost, 0.0) * target_norm_squared))
+    )
 
 
-def distinct(ends: list[Descent], size2: float, most: int = 3) -> list[Descent]:
+def distinct(ends: list[Descent], target_norm_squared: float, most: int = 3) -> list[Descent]:
     """The best descents of different cost, at most `most`, none more than half above the best."""
     found: list[Descent] = []
     for end in sorted((e for e in ends if np.isfinite(e.cost)), key=lambda e: e.cost):
-        if found and end.cost > 1.5 * found[0].cost + 1e-20 * size2:
+        if found and end.cost > 1.5 * found[0].cost + 1e-20 * target_norm_squared:
             break
-        if all(end.cost > f.cost + _margin(f.cost, size2) for f in found):
+        if all(end.cost > f.cost + _margin(f.cost, target_norm_squared) for f in found):
             found.append(end)
     return found[:most]
 

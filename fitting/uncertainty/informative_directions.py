@@ -70,7 +70,9 @@ def _precision(e) -> np.ndarray:
     free = ~e.pinned
     if e.exact:
         # Without noise everything that is seen at all is determined: as much is taken as the further readings have.
-        return np.where(np.outer(free, free), matrix, 0.0) / (LEAST_NOISE**2 * max(e.size2, 1e-300) / e.model_f.size)
+        return np.where(np.outer(free, free), matrix, 0.0) / (
+            LEAST_NOISE**2 * max(e.target_norm_squared, 1e-300) / e.model_f.size
+        )
     known = np.diagonal(e.covariance.matrix)
     seen = np.isfinite(known) & (known > 0)
     # Where the covariance is not the inverse of the matrix (robust, or noise not known) their ratio is the variance.

@@ -34,9 +34,9 @@ def pairs(count: int, seed: int = 0) -> tuple[Direction, Direction]:
     )
 
 
-def exact(spelling: str) -> tuple[tuple[Direction, Direction], np.ndarray]:
+def exact(expression: str) -> tuple[tuple[Direction, Direction], np.ndarray]:
     """Some pairs, and f there by the textbook's form at forty digits."""
-    reference = Reference(spelling, np.float64)
+    reference = Reference(expression, np.float64)
     wi, wo = pairs(FEW if reference.costly else PAIRS)
     with mp.workdps(DIGITS):
         columns = zip(*(np.asarray(c).tolist() for c in (*wi, *wo)), strict=True)
@@ -49,8 +49,8 @@ def points(settings: Settings) -> Iterator[Point]:
     spelled = {name: example(name).strip("'") for name in (QUICK if settings.quick else MODELS)}
     batches = QUICK_BATCHES if settings.quick else BATCHES
     with precision("float64"):
-        built = {name: build(spelling) for name, spelling in spelled.items()}
-        truths = {name: exact(spelling) for name, spelling in spelled.items()}
+        built = {name: build(expression) for name, expression in spelled.items()}
+        truths = {name: exact(expression) for name, expression in spelled.items()}
     for kind in ("float64", "float32"):
         with precision(kind):
             mine = {name: cast(brdf, kind) for name, brdf in built.items()}

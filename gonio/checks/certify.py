@@ -44,7 +44,7 @@ def check(
 ) -> Certificate:
     """Judges reciprocity, energy conservation, positivity, symmetries and edges of a model or a table.
 
-    `subject` may be a material, a model, a table, or what names one: a reference material, a spelling, a file.
+    `subject` may be a material, a model, a table, or what names one: a reference material, an expression, a file.
     `tolerances` replaces defaults by name. With `strict` all properties make the overall verdict, else reciprocity,
     energy and agreement. `feature_width`, radians: for tables, no lobe is taken to be narrower than this (0: as narrow
     as they come), so a grid that never looks into the mirror direction may still be judged. `level`: for tables that
@@ -123,7 +123,7 @@ def _subject(subject: Any) -> tuple[str, str, Any, tuple[str, ...]]:
         subject = load_material(subject)
     if not isinstance(subject, Material):
         raise GonioError(f"a {type(subject).__name__} cannot be checked; give a material, a model, a table or a file")
-    if subject.spelling is None and subject.meta.get("file"):
+    if subject.expression is None and subject.meta.get("file"):
         from gonio.data.formats.registry import read
 
         # The readings themselves are judged, not what lies between them.
@@ -133,9 +133,9 @@ def _subject(subject: Any) -> tuple[str, str, Any, tuple[str, ...]]:
 
 
 def _title(brdf: AbstractBRDF) -> str:
-    from gonio.models.expression.builder import spell
+    from gonio.models.expression.builder import to_expression
 
     try:
-        return spell(brdf)
+        return to_expression(brdf)
     except GonioError:
         return type(brdf).__name__

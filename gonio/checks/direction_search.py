@@ -106,7 +106,7 @@ def _near_lobes(brdf: AbstractBRDF) -> np.ndarray:
 
 def _drawn(brdf: AbstractBRDF, theta_i: np.ndarray, phi_i: np.ndarray) -> list[np.ndarray]:
     drawn = []
-    for term in brdf.summands():
+    for term in brdf.terms():
         theta, phi = sampled_angles(term, theta_i, phi_i)
         up = theta < np.pi / 2
         drawn.append(np.stack([theta_i, phi_i, theta, phi], -1)[up])

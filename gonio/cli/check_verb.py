@@ -10,7 +10,9 @@ def add_arguments(parser) -> None:
         "Judges reciprocity, energy conservation, positivity, symmetries and edges of a model or a table, each with"
         " the error of the judgement. Exit status: 0 pass, 1 fail, 3 undecided."
     )
-    parser.add_argument("subject", metavar="FILE|MATERIAL", nargs="?", help="a table, a material's name, or a spelling")
+    parser.add_argument(
+        "subject", metavar="FILE|MATERIAL", nargs="?", help="a table, a material's name, or an expression"
+    )
     parser.add_argument(
         "--self-test",
         action="store_true",

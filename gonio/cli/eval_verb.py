@@ -4,7 +4,7 @@ import argparse
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("material", metavar="MATERIAL", help="a reference material, a readable file or a spelling")
+    parser.add_argument("material", metavar="MATERIAL", help="a reference material, a readable file or an expression")
     parser.add_argument(
         "--directions",
         required=True,

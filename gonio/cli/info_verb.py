@@ -35,10 +35,15 @@ def _published(path: str) -> dict:
 
 def _material(path: str) -> dict:
     from gonio.data.material import load_material
-    from gonio.models.expression.builder import spell
+    from gonio.models.expression.builder import to_expression
 
     m = load_material(path if "/" in path or ".fit:" in path else f"./{path}")
-    facts = {"kind": "material", "name": m.name, "description": m.description, "model": m.spelling or spell(m.brdf)}
+    facts = {
+        "kind": "material",
+        "name": m.name,
+        "description": m.description,
+        "model": m.expression or to_expression(m.brdf),
+    }
     facts |= {"channels": list(m.channels.names), "source": m.source}
     fit = m.meta.get("fit")
     if fit:

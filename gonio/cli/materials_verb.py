@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
             {
                 "name": m.name,
                 "description": m.description,
-                "model": m.spelling,
+                "model": m.expression,
                 "channels": m.channels.names,
                 "source": m.source,
             }

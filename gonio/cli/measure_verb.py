@@ -21,7 +21,7 @@ SYSTEMATIC = ("tilt_x", "tilt_y", "theta_i", "theta_o", "phi")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("material", metavar="MATERIAL", help="a reference material, a readable file or a spelling")
+    parser.add_argument("material", metavar="MATERIAL", help="a reference material, a readable file or an expression")
     parser.add_argument("-o", "--output", required=True, metavar="T.h5", help="the table; a killed run is continued")
     scan = parser.add_argument_group("scan")
     scan.add_argument(

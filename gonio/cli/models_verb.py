@@ -75,8 +75,8 @@ def _facts(name: str) -> dict:
     # What a model breaks may depend on its options: those of its example speak for it.
     usual = build(example(name).strip("'"))
     return {
-        "breaks": dict(usual.breaks),
-        "loses": usual.loses,
+        "breaks": dict(usual.violates),
+        "loses": usual.loses_energy,
         "doc": inspect.getdoc(MODELS[name]) or "",
         "parameters": {
             p: {"domain": f"[{i.low:g}, {i.high:g}]", "low": i.low, "high": i.high, "unit": i.unit, "doc": i.doc}

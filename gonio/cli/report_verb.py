@@ -4,7 +4,7 @@ import argparse
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("subjects", nargs="+", metavar="FILE", help="tables or materials: files, names or spellings")
+    parser.add_argument("subjects", nargs="+", metavar="FILE", help="tables or materials: files, names or expressions")
     parser.add_argument(
         "-o", "--output", required=True, metavar="OUT.html", help="the page; all values go to OUT.json beside it"
     )

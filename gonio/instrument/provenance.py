@@ -16,19 +16,19 @@ from gonio.instrument.instrument import Instrument, Systematic, systematic_to_di
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import channel_count
-from gonio.models.expression.builder import spell
+from gonio.models.expression.builder import to_expression
 
 LONG_TEXT = 4000
 
 
 def named(brdf: AbstractBRDF) -> Material:
-    """A bare model as a material: its spelling, where it has one, is its name."""
+    """A bare model as a material: its expression, where it has one, is its name."""
     try:
-        spelling = spell(brdf)
+        expression = to_expression(brdf)
     except GonioError:
-        spelling = None
+        expression = None
     channels = Channels.of_count(channel_count(brdf) or 1)
-    return Material(spelling or type(brdf).__name__, brdf, spelling, channels)
+    return Material(expression or type(brdf).__name__, brdf, expression, channels)
 
 
 def of(
@@ -39,7 +39,7 @@ def of(
         "material": {
             "name": material.name[:LONG_TEXT],
             # In full precision: what a person wrote may hold fewer digits than the numbers that a fit found.
-            "spelling": spell(material.brdf) if material.spelling is not None else None,
+            "spelling": to_expression(material.brdf) if material.expression is not None else None,
             "description": material.description[:LONG_TEXT],
             "source": material.source[:LONG_TEXT],
         },

@@ -82,7 +82,7 @@ class Reader:
         found = np.isfinite(expected)
         if not found.all():
             # An interpolated table answers NaN where nobody looked.
-            missing = Flag.NOT_MEASURED if self.material.spelling is None else Flag.INVALID
+            missing = Flag.NOT_MEASURED if self.material.expression is None else Flag.INVALID
             flag[~found & usable[:, None]] = missing
             expected = np.where(found, expected, 0.0)
         if not self.noisy:

@@ -34,7 +34,7 @@ def report(
 ) -> Path | str:
     """A page about tables and models: verdicts first, lobes, maps, albedo, residuals, provenance.
 
-    `subjects`: tables, materials, models, or what names them (files, reference materials, spellings). `fits`: fit
+    `subjects`: tables, materials, models, or what names them (files, reference materials, expressions). `fits`: fit
     results, or fitted materials and their files; each goes to the table that it names. `certificates`: one for each
     subject (None: make it), made here where they are not given and `check` is true, then with agreement with `against`,
     a stated truth, if there is one. `chart`: a folder that `gonio chart` wrote, whose charts back the settings.

@@ -10,7 +10,7 @@ from gonio.text import number
 
 MOST_TEXT = 2000
 NAMES_SAID = 8
-SPELLED = "spelled on the spot"  # the description of a material that a spelling made
+SPELLED = "spelled on the spot"  # the description of a material that an expression made
 
 
 def facts(s: Subject) -> list[dict[str, Any]]:
@@ -19,7 +19,7 @@ def facts(s: Subject) -> list[dict[str, Any]]:
     listed = ", ".join(names[:NAMES_SAID]) + (", …" if len(names) > NAMES_SAID else "")
     channels = {"name": "channels", "value": len(names), "note": listed}
     if s.table is None:
-        return [{"name": "model", "value": spelling(s), "code": True}, channels]
+        return [{"name": "model", "value": expression(s), "code": True}, channels]
     counts = s.table.counts()
     rows = [
         {"name": "layout", "value": s.table.layout.name.replace("_", "/")},
@@ -39,26 +39,26 @@ def facts(s: Subject) -> list[dict[str, Any]]:
     return rows
 
 
-def spelling(s: Subject) -> str:
+def expression(s: Subject) -> str:
     """How a model is written."""
     from gonio.models.errors import GonioError
-    from gonio.models.expression.builder import spell
+    from gonio.models.expression.builder import to_expression
 
     try:
-        return (s.material.spelling if s.material else None) or spell(s.brdf)
+        return (s.material.expression if s.material else None) or to_expression(s.brdf)
     except GonioError:
         return type(s.brdf).__name__
 
 
 def fit_facts(s: Subject) -> dict[str, Any] | None:
-    """Everything that a fit says of itself, with the spelling of the model; None where there is no fit."""
+    """Everything that a fit says of itself, with the expression of the model; None where there is no fit."""
     if s.fit is not None:
-        said = {**plain(s.fit.to_dict()), "spelling": s.fit.spelling}
+        said = {**plain(s.fit.to_dict()), "spelling": s.fit.expression}
     else:
         owner = s.fit_material or (s.material if s.table is None else None)
         if owner is None or "fit" not in owner.meta:
             return None
-        said = {**plain(owner.meta["fit"]), "spelling": owner.spelling}
+        said = {**plain(owner.meta["fit"]), "spelling": owner.expression}
     if isinstance(said.get("free_names"), list):
         said["free_count"] = len(said["free_names"])
     return said

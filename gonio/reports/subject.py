@@ -76,7 +76,7 @@ def subject_of(given: Any, number: int) -> Subject:
         raise GonioError(
             f"A {type(given).__name__} cannot be reported on; give a table, a material, a model or a file."
         )
-    if given.spelling is None and given.meta.get("file"):
+    if given.expression is None and given.meta.get("file"):
         return _table_of_file(given.meta["file"], number)
     file = given.meta.get("file")
     return Subject(given.name, given.channels, brdf=given.brdf, material=given, number=number, file=file)
@@ -86,7 +86,7 @@ def _is_table_file(given: str | os.PathLike) -> bool:
     path = Path(given)
     try:
         there = path.is_file()
-    except (OSError, ValueError):  # a spelling too long for a file name, or one with a null character
+    except (OSError, ValueError):  # an expression too long for a file name, or one with a null character
         return False
     return there and os.fspath(given) not in reference_materials() and not is_material_file(path)
 

@@ -92,9 +92,9 @@ def reference_albedo(brdf: AbstractBRDF, theta_i: float, every: bool = False) ->
     return value, max([known, *sorted(others)[:1]])
 
 
-def integral_cells(name: str, spelling: str, precision: str = "float64") -> list[Cell]:
+def integral_cells(name: str, expression: str, precision: str = "float64") -> list[Cell]:
     """One cell for each incidence: right, or a bound above the tolerance that holds, or a bound that does not hold."""
-    brdf = build(spelling)
+    brdf = build(expression)
     cells = []
     theta = np.radians(list(INCIDENCES.values()))
     ours = directional_albedo(brdf, theta, np.full(theta.size, AZIMUTH), TOLERANCE / 4)
@@ -102,7 +102,7 @@ def integral_cells(name: str, spelling: str, precision: str = "float64") -> list
         reference, known = reference_albedo(brdf, float(t)) if np.isfinite(value) else (np.nan, np.nan)
         if not np.isfinite([reference, known]).all():
             what = f"albedo {value:.10g}, by rings {reference:.10g}: not a finite number"
-            cells.append(Cell("integral", name, spelling, column, precision, SAYS_SO, float("inf"), 0.0, what))
+            cells.append(Cell("integral", name, expression, column, precision, SAYS_SO, float("inf"), 0.0, what))
             continue
         error = abs(float(value) - reference)
         if error > bound + 3 * known:
@@ -114,5 +114,5 @@ def integral_cells(name: str, spelling: str, precision: str = "float64") -> list
         else:
             verdict = RIGHT if bound <= TOLERANCE * max(1.0, abs(value)) else SAYS_SO
         detail = f"albedo {value:.10g} ± {bound:.1e}, by rings {reference:.10g} ± {known:.1e}"
-        cells.append(Cell("integral", name, spelling, column, precision, verdict, error, float(bound), detail))
+        cells.append(Cell("integral", name, expression, column, precision, verdict, error, float(bound), detail))
     return cells

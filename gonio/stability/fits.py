@@ -53,7 +53,7 @@ HARD = {
 
 
 def truth_of(name: str) -> str:
-    """A spelling of a model with every number that a fit has to find, at its usual value."""
+    """An expression of a model with every number that a fit has to find, at its usual value."""
     known = parameters_of(MODELS[name])
     said = [f"{m}=lambert(rho=0.6)" for m in submodels_of(MODELS[name])]
     said += [f"{n}={known[n].start:g}" for n in needed(Call(name, {}, {}))]

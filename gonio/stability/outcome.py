@@ -11,9 +11,9 @@ METHODS = ("value", "gradient", "sampler", "integral", "fit")
 class Cell:
     """The worst that a method did in one regime.
 
-    `row` is the setting of the model (a spelling), `column` the rest of the regime (incidence, noise, ...), `precision`
-    the floating-point type. `error` is what the method did, `allowed` what its own bound or the conditioning of its
-    inputs allows, both in the units that `detail` names.
+    `row` is the setting of the model (an expression), `column` the rest of the regime (incidence, noise, ...),
+    `precision` the floating-point type. `error` is what the method did, `allowed` what its own bound or the
+    conditioning of its inputs allows, both in the units that `detail` names.
     """
 
     method: str

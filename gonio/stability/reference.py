@@ -19,8 +19,8 @@ FINER = 10**12
 class Reference:
     """A spelled one-channel model by its textbook form, at inputs exactly as a precision holds them."""
 
-    def __init__(self, spelling: str, dtype: np.dtype):
-        (term,) = parse(spelling)
+    def __init__(self, expression: str, dtype: np.dtype):
+        (term,) = parse(expression)
         self.dtype = np.dtype(dtype)
         self.call = term.call
         self.form = TEXTBOOK[term.call.name]

@@ -131,14 +131,14 @@ def p_value(counts: np.ndarray, shares: np.ndarray) -> float:
     return float(stats.chi2.sf(chi2, max(expected.size - 1, 1)))
 
 
-def sampler_cells(name: str, spelling: str, precision: str, number: int) -> list[Cell]:
+def sampler_cells(name: str, expression: str, precision: str, number: int) -> list[Cell]:
     """One cell for each incidence: the p-value of χ² against the level of one test, and ∫ of the density."""
     dtype = PRECISIONS[precision]
-    brdf = cast(build(spelling), dtype)
+    brdf = cast(build(expression), dtype)
     cells = []
     for column, theta in INCIDENCES.items():
         # Other random numbers for each test, always the same: a recipe that repeats it.
-        seed = zlib.crc32(f"{spelling} {column} {precision}".encode())
+        seed = zlib.crc32(f"{expression} {column} {precision}".encode())
         counts, shares, change, lost = count_and_expect(brdf, theta, number, dtype, seed)
         whole, level, most = float(shares.sum()), sidak(), WHOLE[precision]
         p = p_value(counts, shares) if np.isfinite(shares).all() else 0.0
@@ -150,5 +150,5 @@ def sampler_cells(name: str, spelling: str, precision: str, number: int) -> list
             verdict, detail = SAYS_SO, f"{detail}, which is known to {change:.1g} only"
         else:
             verdict = RIGHT if p >= level and off <= most else SILENT
-        cells.append(Cell("sampler", name, spelling, column, precision, verdict, off, most, detail))
+        cells.append(Cell("sampler", name, expression, column, precision, verdict, off, most, detail))
     return cells

@@ -68,10 +68,10 @@ def _slope_spread(reference: Reference, parameter: str, wi, wo, exact):
     return SLOPE_CONDITION * max(abs((exact if s is None else s) - exact) for s in near)
 
 
-def value_cells(name: str, spelling: str, precision: str, columns: tuple[str, ...] | None = None) -> list[Cell]:
+def value_cells(name: str, expression: str, precision: str, columns: tuple[str, ...] | None = None) -> list[Cell]:
     """One cell for each incidence: the worst of its pairs."""
     dtype = PRECISIONS[precision]
-    brdf, reference = cast(build(spelling), dtype), Reference(spelling, dtype)
+    brdf, reference = cast(build(expression), dtype), Reference(expression, dtype)
     cells = []
     for column in columns or reference.columns(tuple(COLUMNS)):
         wi, wo = (w.astype(dtype) for w in pairs(column))
@@ -86,14 +86,14 @@ def value_cells(name: str, spelling: str, precision: str, columns: tuple[str, ..
                 spread = functools.partial(_value_spread, reference, i, o, exact)
                 allowed = floor + brdf.accuracy * (1 + float(abs(exact)))
                 judged.append((*_judged(f, exact, spread, allowed, dtype), i, o, f, exact))
-        cells.append(_cell("value", name, spelling, column, precision, judged))
+        cells.append(_cell("value", name, expression, column, precision, judged))
     return cells
 
 
-def gradient_cells(name: str, spelling: str, precision: str, columns: tuple[str, ...] | None = None) -> list[Cell]:
+def gradient_cells(name: str, expression: str, precision: str, columns: tuple[str, ...] | None = None) -> list[Cell]:
     """One cell for each incidence: ∂f/∂parameter against differences, and all of the gradient finite."""
     dtype = PRECISIONS[precision]
-    brdf, reference = cast(build(spelling), dtype), Reference(spelling, dtype)
+    brdf, reference = cast(build(expression), dtype), Reference(expression, dtype)
     cells = []
     for column in columns or reference.columns(tuple(COLUMNS)):
         wi, wo = (w[::2].astype(dtype) for w in pairs(column))
@@ -124,7 +124,7 @@ def gradient_cells(name: str, spelling: str, precision: str, columns: tuple[str,
                     floor += TABLED_SLOPE * float(abs(exact)) * reference.tabled
                     floor += brdf.accuracy * (1 + float(scale)) * SLOPE_ACCURACY + least[parameter]
                     judged.append((*_judged(found, exact, spread, floor, dtype), i, o, found, exact))
-        cells.append(_cell("gradient", name, spelling, column, precision, judged))
+        cells.append(_cell("gradient", name, expression, column, precision, judged))
     return cells
 
 
@@ -138,13 +138,13 @@ def _least(parameters, dtype) -> dict[str, float]:
     return found
 
 
-def _cell(method, name, spelling, column, precision, judged) -> Cell:
+def _cell(method, name, expression, column, precision, judged) -> Cell:
     verdict = worst([j[0] for j in judged])
     at = max((j for j in judged if j[0] == verdict), key=lambda j: j[1] / max(j[2], 1e-300))
     wi, wo, found, exact = at[3:]
     what = "f" if method == "value" else "slope"
     detail = f"{what} {float(found):.9g} beside {mp.nstr(exact, 9)} at wi {_text(wi)}, wo {_text(wo)}"
-    return Cell(method, name, spelling, column, precision, verdict, at[1], at[2], detail)
+    return Cell(method, name, expression, column, precision, verdict, at[1], at[2], detail)
 
 
 def _text(w) -> str:

@@ -20,7 +20,7 @@ class BurleyDiffuse(AbstractBRDF):
     brighten in retroreflection.
     """
 
-    breaks: ClassVar = {
+    violates: ClassVar = {
         "energy": "rough and white it gains: roughness 1 has the albedo 1.04 at μ = 1, 1.25 at 0.2, 1.54 at 0.01"
     }
 

@@ -21,7 +21,7 @@ class Minnaert(AbstractBRDF):
     ρ is the albedo at normal incidence; elsewhere it is ρ μ^(k−1).
     """
 
-    breaks: ClassVar = {"energy": "its albedo is ρ μ^(k−1): for k < 1 it exceeds 1 near grazing, without a limit"}
+    violates: ClassVar = {"energy": "its albedo is ρ μ^(k−1): for k < 1 it exceeds 1 near grazing, without a limit"}
 
     rho: Channels = parameter(ALBEDO)
     k: Float[Array, "*channel"] = parameter(LIMB)

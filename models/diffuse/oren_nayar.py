@@ -26,7 +26,7 @@ class OrenNayar(AbstractBRDF):
     ρ/π (A + B max(0, cosφ) sinα tanβ), A = 1 − ½σ²/(σ²+0.33) and B = 0.45 σ²/(σ²+0.09), the one in common use.
     """
 
-    breaks: ClassVar = {
+    violates: ClassVar = {
         "energy": "white facets gain at grazing: the full form has the albedo 1.027 at μ = 0.1 and 1.043 at μ = 0.02 "
         "with σ = 0.3, the qualitative 1.015 with σ = 0.2",
         "positivity": "the full form of dark facets is below 0 for opposite grazing directions where σ > 0.66, down to "

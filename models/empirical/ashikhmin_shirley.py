@@ -34,7 +34,7 @@ class AshikhminShirley(AbstractBRDF):
     """
 
     lobe = True
-    loses = "A wide lobe loses near grazing: for n = 10 and F = 1 it reflects 0.50 there."
+    loses_energy = "A wide lobe loses near grazing: for n = 10 and F = 1 it reflects 0.50 there."
 
     n: Float[Array, "*channel"] | None = parameter(N, default=None)
     n_x: Float[Array, "*channel"] | None = parameter(N_X, default=None)

@@ -59,7 +59,7 @@ class BlinnPhong(AbstractBlinnPhong):
     It reflects everything at normal incidence, and loses towards grazing: a narrow lobe has the albedo cosθ_i.
     """
 
-    loses = "A narrow lobe has the albedo cosθ_i: nothing is left at grazing."
+    loses_energy = "A narrow lobe has the albedo cosθ_i: nothing is left at grazing."
 
     n: Channels = parameter(EXPONENT)
 
@@ -72,7 +72,7 @@ class BlinnPhongPopular(AbstractBlinnPhong):
     """f = (n+8)/(8π) cosⁿθ_h: Blinn–Phong with the rounded factor that renderers made popular [Akenine-Möller,
     Haines & Hoffman 2008, §7.6]."""
 
-    breaks: ClassVar = {"energy": "It gains 7.5 % at normal incidence where n is 9 (2.4 % at n = 1, 1.8 % at 100)."}
+    violates: ClassVar = {"energy": "It gains 7.5 % at normal incidence where n is 9 (2.4 % at n = 1, 1.8 % at 100)."}
 
     n: Channels = parameter(EXPONENT)
 

@@ -26,7 +26,7 @@ class Lafortune(AbstractBRDF):
     """
 
     lobe = True
-    breaks: ClassVar = {"energy": "As written its height is free: 2π c_zⁿ/(n+2) at normal incidence, π for n = 0."}
+    violates: ClassVar = {"energy": "As written its height is free: 2π c_zⁿ/(n+2) at normal incidence, π for n = 0."}
 
     c_x: Float[Array, "*channel"] = parameter(C_X)
     c_y: Float[Array, "*channel"] = parameter(C_Y)

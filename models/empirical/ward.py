@@ -53,8 +53,8 @@ class Ward(AbstractWard):
     `alpha`, or `alpha_x` with `alpha_y`. h as it is, where Ward's program approximates it.
     """
 
-    loses = "It loses most of the light towards grazing: for α = 0.1 it reflects 0.10 at cosθi = 0.03."
-    breaks: ClassVar = {"energy": "In the last fraction of a degree it gains as 1/√cosθi: from 89.78° on for α = 1."}
+    loses_energy = "It loses most of the light towards grazing: for α = 0.1 it reflects 0.10 at cosθi = 0.03."
+    violates: ClassVar = {"energy": "In the last fraction of a degree it gains as 1/√cosθi: from 89.78° on for α = 1."}
 
     alpha: Float[Array, "*channel"] | None = parameter(mf.ALPHA, default=None)
     alpha_x: Float[Array, "*channel"] | None = parameter(mf.ALPHA_X, default=None)
@@ -70,7 +70,7 @@ class WardDuer(AbstractWard):
     `alpha`, or `alpha_x` with `alpha_y`. Unbounded towards grazing.
     """
 
-    breaks: ClassVar = {
+    violates: ClassVar = {
         "energy": "It gains near grazing without a bound: 1.14, 1.47, 3.25 at cosθi = 0.05, 0.03, 0.01 for α = 0.1."
     }
 

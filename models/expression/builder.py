@@ -1,4 +1,4 @@
-"""From a spelling to a model, and back."""
+"""From an expression to a model, and back."""
 
 import dataclasses
 from typing import NamedTuple
@@ -14,9 +14,9 @@ from gonio.models.expression.paths import FACTOR, calls, numbers
 from gonio.models.parameters import parameters_of
 
 
-def build(spelling: str | tuple[Term, ...]) -> AbstractBRDF:
-    """The model that a spelling means; GonioError where it cannot be read or leaves a parameter without a value."""
-    spelled = parse(spelling) if isinstance(spelling, str) else spelling
+def build(expression: str | tuple[Term, ...]) -> AbstractBRDF:
+    """The model that an expression means; GonioError where it cannot be read or leaves a parameter without a value."""
+    spelled = parse(expression) if isinstance(expression, str) else expression
     for call in calls(spelled):
         missing = [n for n in needed(call) if call.values.get(n, Value()).number is None]
         unsaid = [n for n, v in call.values.items() if v.number is None and n not in missing]
@@ -66,7 +66,7 @@ def as_array(number: float | tuple[float, ...]) -> jnp.ndarray:
 
 
 def example(name: str) -> str:
-    """A complete spelling of one model, at its starting values."""
+    """A complete expression of one model, at its starting values."""
     known = parameters_of(MODELS[name])
     said = [f"{inside}=lambert(rho=0.5)" for inside in submodels_of(MODELS[name])]
     said += [f"{n}={known[n].start:g}" for n in needed(Call(name, {}, {}))]
@@ -80,8 +80,8 @@ def _number_text(value) -> str:
     return texts[0] if a.ndim == 0 else f"[{', '.join(texts)}]"
 
 
-def spell(brdf: AbstractBRDF) -> str:
-    """The spelling of a model, which `build` reads back to the same values; GonioError for what has none."""
+def to_expression(brdf: AbstractBRDF) -> str:
+    """The expression of a model, which `build` reads back to the same values; GonioError for what has none."""
     return " + ".join(_spell_term(t) for t in terms(brdf))
 
 
@@ -90,9 +90,9 @@ def _spell_term(brdf: AbstractBRDF) -> str:
         return f"{_number_text(brdf.scale)} * {_spell_term(brdf.base)}"
     if name_of(type(brdf)) is None:
         raise GonioError(
-            f"A {type(brdf).__name__} has no spelling; only the models that 'gonio models' lists have one."
+            f"A {type(brdf).__name__} has no expression; only the models that 'gonio models' lists have one."
         )
-    values = [f"{field}={spell(getattr(brdf, field))}" for field in submodels_of(type(brdf))]
+    values = [f"{field}={to_expression(getattr(brdf, field))}" for field in submodels_of(type(brdf))]
     values += [
         f"{n}={_number_text(getattr(brdf, n))}" for n in parameters_of(type(brdf)) if getattr(brdf, n) is not None
     ]
@@ -101,7 +101,7 @@ def _spell_term(brdf: AbstractBRDF) -> str:
     return f"{name_of(type(brdf))}({', '.join([*values, *options])})"
 
 
-def spell_terms(spelled: tuple[Term, ...]) -> str:
+def terms_to_expression(spelled: tuple[Term, ...]) -> str:
     """The text of parsed terms, with what is free in them."""
 
     def said(v: Value, sign: str = "=") -> str:
@@ -111,7 +111,7 @@ def spell_terms(spelled: tuple[Term, ...]) -> str:
 
     texts = []
     for t in spelled:
-        inside = [f"{field}={spell_terms(parts)}" for field, parts in t.call.models.items()]
+        inside = [f"{field}={terms_to_expression(parts)}" for field, parts in t.call.models.items()]
         inside += [f"{n}{said(v)}" for n, v in t.call.values.items()]
         inside += [f'{n}="{v}"' for n, v in t.call.options.items()]
         factor = "" if t.scale is None else said(t.scale, "") + " * "

@@ -56,7 +56,7 @@ class Call:
 
 @dataclasses.dataclass(frozen=True)
 class Term:
-    """A scaled model. `scale` is None where the spelling has no factor."""
+    """A scaled model. `scale` is None where the expression has no factor."""
 
     scale: Value | None
     call: Call
@@ -65,7 +65,7 @@ class Term:
 class _Parser:
     def __init__(self, text: str):
         if len(text) > LONGEST:
-            raise GonioError(f"A model spelling of {len(text)} characters came; at most {LONGEST} are read.")
+            raise GonioError(f"A model expression of {len(text)} characters came; at most {LONGEST} are read.")
         self.text, self.tokens, self.at = text, [], 0
         position, end = 0, len(text.rstrip())
         while position < end:

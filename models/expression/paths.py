@@ -12,7 +12,7 @@ FACTOR = "scale"
 
 
 class Number(NamedTuple):
-    """A number that a spelling says: where it stands, what was said, what it is, and the model it belongs to."""
+    """A number that an expression says: where it stands, what was said, what it is, and the model it belongs to."""
 
     path: str
     value: Value

@@ -90,7 +90,7 @@ class Coat(AbstractComposite):
     leave. `base` is a model or a sum of them; α in [1e-4, 1], η in [1.01, 4], isotropic, height-correlated masking.
     """
 
-    loses: ClassVar[str] = (
+    loses_energy: ClassVar[str] = (
         "what the coat sends back into the base is lost: η = 1.5 over a white Lambertian base reflects 0.43 at normal"
     )
 
@@ -103,11 +103,11 @@ class Coat(AbstractComposite):
         return 1e-7 + self.base.accuracy
 
     @property
-    def breaks(self):
-        return self.base.breaks
+    def violates(self):
+        return self.base.violates
 
-    def summands(self):
-        under = tuple(UnderCoat(part, self.alpha, self.eta) for part in self.base.summands())
+    def terms(self):
+        under = tuple(UnderCoat(part, self.alpha, self.eta) for part in self.base.terms())
         return (GGX(alpha=self.alpha, eta=self.eta), *under)
 
     def f(self, wi, wo):

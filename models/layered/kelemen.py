@@ -88,7 +88,7 @@ class Kelemen(AbstractComposite):
     alpha: Float[Array, "*channel"] = parameter(mf.ALPHA)
     f0: Float[Array, "*channel"] = parameter(mf.F0)
 
-    def summands(self):
+    def terms(self):
         return KelemenLobe(self.alpha, self.f0), KelemenMatte(self.rho, self.alpha, self.f0)
 
     @property

@@ -106,7 +106,7 @@ class Principled(AbstractComposite):
     sheen_tint and clearcoat_gloss are 0 there.
     """
 
-    breaks: ClassVar = {
+    violates: ClassVar = {
         "energy": "White and of roughness 1 it reflects 1.05 at normal incidence, 1.60 at 89.99°; sheen and coat add."
     }
 
@@ -182,7 +182,7 @@ class Principled(AbstractComposite):
         reflected = _mix(0.04, 1.0, schlick_weight(cos_d))
         return 0.25 * self.clearcoat * reflected * gtr1_d(h, self.clearcoat_alpha) * masking
 
-    def summands(self):
+    def terms(self):
         return tuple(PrincipledTerm(self, term) for term in ("diffuse", "specular", "clearcoat"))
 
     def f(self, wi, wo):

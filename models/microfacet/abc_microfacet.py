@@ -31,7 +31,7 @@ class ABCMicrofacet(AbstractBRDF):
     """
 
     lobe = True
-    breaks: ClassVar = {"energy": "S is not normalised: of scale 1, it reflects 4.7 at normal incidence for b = 0."}
+    violates: ClassVar = {"energy": "S is not normalised: of scale 1, it reflects 4.7 at normal incidence for b = 0."}
 
     b: Float[Array, "*channel"] = parameter(B)
     c: Float[Array, "*channel"] = parameter(C)

@@ -40,8 +40,8 @@ class Beckmann(AbstractCompensated):
     energy: str = eqx.field(static=True, default="single", metadata=ENERGY)
 
     @property
-    def breaks(self):
-        return super().breaks | ({"energy": UNSHADOWED} if self.smith == "none" else {})
+    def violates(self):
+        return super().violates | ({"energy": UNSHADOWED} if self.smith == "none" else {})
 
     def density(self, m):
         return slopes.beckmann_d(m, *self.widths)

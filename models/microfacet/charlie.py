@@ -30,7 +30,7 @@ class Charlie(AbstractBRDF):
     """
 
     lobe = True
-    breaks: ClassVar = {
+    violates: ClassVar = {
         "energy": "Narrow ones gain at grazing: 1.07 at cosθi = 0.01 for α = 0.05, 2.1 at 0.001 for α = 0.01;"
         ' "ashikhmin" from α = 0.2 down, 1.24 at 0.01 for α = 0.1.'
     }

@@ -63,7 +63,7 @@ class CookTorrance1982(AbstractCookTorrance):
     Published fits made with the printed formula (Ngan 2005, Löw 2012) need it. `f0`, or `eta` (and `k`), or none.
     """
 
-    breaks: ClassVar = {"energy": "It reflects four times what its facets receive: about 4 for F = 1, α = 0.3."}
+    violates: ClassVar = {"energy": "It reflects four times what its facets receive: about 4 for F = 1, α = 0.3."}
     factor = 1.0
 
     alpha: Float[Array, "*channel"] = parameter(ALPHA)

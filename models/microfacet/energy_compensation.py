@@ -87,7 +87,7 @@ class AbstractCompensated(mf.AbstractMicrofacet):
         return 0.0 if self.energy == "single" else ACCURACY
 
     @property
-    def breaks(self):
+    def violates(self):
         return {"reciprocity": TURQUIN} if self.energy == "turquin" else {}
 
     @property
@@ -111,5 +111,5 @@ class AbstractCompensated(mf.AbstractMicrofacet):
             return once * (1.0 + normal * (missing / (1.0 - missing)))
         return once
 
-    def summands(self):
+    def terms(self):
         return (self.single, self.bounces) if self.energy == "kulla_conty" else (self,)

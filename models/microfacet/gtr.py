@@ -58,8 +58,8 @@ class GTR(mf.AbstractMicrofacet):
     "correlated" (height-correlated, the default) or "separable". gamma = 2 is `ggx`. `f0`, or `eta` (and `k`), or none.
     """
 
-    loses = "For gamma > 2 GGX's masking is too strong near grazing: 0.70 at 85° for gamma = 3, α = 0.1."
-    breaks: ClassVar = {
+    loses_energy = "For gamma > 2 GGX's masking is too strong near grazing: 0.70 at 85° for gamma = 3, α = 0.1."
+    violates: ClassVar = {
         "energy": "For gamma < 2 its masking is too weak near grazing: 1.06 at 70°, 1.30 at 80° for gamma = 1, α = .01."
     }
 

@@ -37,7 +37,7 @@ class SGD(AbstractBRDF):
     """
 
     lobe = True
-    breaks: ClassVar = {
+    violates: ClassVar = {
         "energy": "kappa, f0 and G₁ are free numbers of a fit: nothing keeps what is reflected below 1.",
         "positivity": "F is negative where f1 exceeds f0 (at normal incidence), and G₁ beyond its zero near grazing.",
     }

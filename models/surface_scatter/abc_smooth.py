@@ -25,7 +25,7 @@ class ABCSmooth(AbstractDiscLobe):
     """
 
     lobe = True
-    breaks: ClassVar = {"energy": "Its height is free (the paper's A is the scale): at 1, it reflects π for b = 0."}
+    violates: ClassVar = {"energy": "Its height is free (the paper's A is the scale): at 1, it reflects π for b = 0."}
 
     b: Float[Array, "*channel"] = parameter(B)
     c: Float[Array, "*channel"] = parameter(C)

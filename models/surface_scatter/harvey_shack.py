@@ -25,7 +25,7 @@ class HarveyShack(AbstractDiscLobe):
     β−β₀ = (wi.x + wo.x, wi.y + wo.y): the same function of direction cosines at every incidence.
     """
 
-    breaks: ClassVar = {"energy": "Its height is free: it reflects up to π b0, which is so at s = 0."}
+    violates: ClassVar = {"energy": "Its height is free: it reflects up to π b0, which is so at s = 0."}
 
     b0: Float[Array, "*channel"] = parameter(B0)
     l: Float[Array, "*channel"] = parameter(L)  # noqa: E741
@@ -46,7 +46,7 @@ class ABg(AbstractDiscLobe):
     β−β₀ = (wi.x + wo.x, wi.y + wo.y). Where g < 1 it has a cusp in the mirror direction.
     """
 
-    breaks: ClassVar = {"energy": "Its height is free: it reflects up to π a/b, which is so where b is large."}
+    violates: ClassVar = {"energy": "Its height is free: it reflects up to π a/b, which is so where b is large."}
 
     a: Float[Array, "*channel"] = parameter(A)
     b: Float[Array, "*channel"] = parameter(B)

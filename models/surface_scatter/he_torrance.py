@@ -35,7 +35,7 @@ class HeTorrance(AbstractDiscLobe):
     """
 
     lobe = True
-    breaks: ClassVar = {
+    violates: ClassVar = {
         "energy": 'As printed ("1991", "errata") it gains about (2π/λ)², 158 for λ = 0.5 µm, as eq. 78 lacks a unit;'
         ' "westin" gains 1e-4 where the correlation is a few wavelengths long.'
     }

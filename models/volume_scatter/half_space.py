@@ -19,7 +19,9 @@ class LommelSeeliger(AbstractBRDF):
     Its albedo is (w/2)(1 − μ ln(1 + 1/μ)).
     """
 
-    loses = "what scatters more than once is left out: with w = 1 it reflects 0.153 at normal incidence, 0.5 at grazing"
+    loses_energy = (
+        "what scatters more than once is left out: with w = 1 it reflects 0.153 at normal incidence, 0.5 at grazing"
+    )
 
     w: Channels = parameter(SINGLE)
 

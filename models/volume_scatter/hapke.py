@@ -29,11 +29,11 @@ class Hapke(AbstractHotSpot):
     [Hapke 2002, eq. 13]; "exact" Chandrasekhar's. Without macroscopic roughness.
     """
 
-    breaks: ClassVar = {
+    violates: ClassVar = {
         "energy": "w = 1 gains where the scattering is not isotropic or surges: 1.17 at normal incidence for b = 0.5 "
         "and c = 1, 1.06 at grazing for b0 = 1 and h = 0.1; the H of 1981 adds 0.04 at normal incidence"
     }
-    loses = "multiple scattering takes no notice of P: with w = 1, b = 0.5, c = −1 it reflects 0.89 at μ = 0.5"
+    loses_energy = "multiple scattering takes no notice of P: with w = 1, b = 0.5, c = −1 it reflects 0.89 at μ = 0.5"
 
     w: Channels = parameter(MULTIPLE)
     b: Float[Array, "*channel"] = parameter(LOBE)

@@ -24,7 +24,7 @@ class RossLi(AbstractBRDF):
     h/b = 2 and b/r = 1. Both are 0 with light and detector at the zenith. The reflectance factor is π f.
     """
 
-    breaks: ClassVar = {
+    violates: ClassVar = {
         "energy": "the weights are free, and K_vol has the albedo 1.57 at grazing",
         "positivity": "K_geo falls to −1/μ at grazing, off the hot spot, whatever the other weights",
     }

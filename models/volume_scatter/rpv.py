@@ -26,7 +26,7 @@ class RPV(AbstractHotSpot):
     reflectance factor is π f. The authors set ρc = ρ0.
     """
 
-    breaks: ClassVar = {
+    violates: ClassVar = {
         "energy": "ρ0 is no albedo, and k < 1 gains at grazing without a limit: ρ0 = ρc = 0.2, k = 0.6 and Θ = −0.1 "
         "reflect 1.09 at μ = 0.05 and 5.3 at 0.001"
     }

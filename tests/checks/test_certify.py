@@ -13,8 +13,8 @@ from gonio.models.expression.builder import build
 
 
 def test_what_names_a_model_is_checked_as_one():
-    spelling = "lambert(rho=0.5)"
-    for subject in (spelling, load_material(spelling), build(spelling)):
+    expression = "lambert(rho=0.5)"
+    for subject in (expression, load_material(expression), build(expression)):
         certificate = check(subject)
         assert certificate.kind == "model" and certificate.overall == "pass"
         names = ["reciprocity", "energy", "positivity", "symmetry", "isotropy", "pole", "horizon"]

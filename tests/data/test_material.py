@@ -35,7 +35,7 @@ def test_there_are_enough_and_every_one_is_complete():
 
 
 def test_the_reference_set_spans_what_it_should():
-    spelled = " ".join(load_material(name).spelling for name in reference_materials())
+    spelled = " ".join(load_material(name).expression for name in reference_materials())
     for needed in ("lambert", "eon", "fujii", "phong", "ggx", "beckmann", "white_standard", "alpha_x", "alpha=0.002"):
         assert needed in spelled
 
@@ -76,7 +76,7 @@ def test_metals_have_the_published_constants(name, wavelength, eta, k):
 def test_a_spelling_is_a_material():
     text = "lambert(rho=[0.1, 0.2, 0.3]) + 0.5 * ggx(alpha=0.2, f0=0.04)"
     found = load_material(text)
-    assert found.spelling == text
+    assert found.expression == text
     assert found.channels == Channels.rgb()
     assert np.array_equal(evaluate(found.brdf, WI, WO), evaluate(build(text), WI, WO))
 
@@ -90,9 +90,9 @@ def test_a_table_file_is_a_material(tmp_path):
     write_table(tmp_path / "flat.h5", table)
     found = load_material(tmp_path / "flat.h5")
     assert found.channels == table.channels
-    assert found.spelling is None
+    assert found.expression is None
     np.testing.assert_allclose(evaluate(found.brdf, WI, WO), np.broadcast_to(rho / np.pi, (3, 2)), rtol=1e-14)
-    with pytest.raises(GonioError, match="no spelling"):
+    with pytest.raises(GonioError, match="no expression"):
         write_material(tmp_path / "flat.toml", found)
     (tmp_path / "noise.bin").write_bytes(b"\x01\x02" * 100)
     with pytest.raises(GonioError, match="noise"):
@@ -113,14 +113,14 @@ def test_written_and_read_back_it_is_the_same(tmp_path):
     with pytest.raises(GonioError, match="exists"):
         write_material(path, out)
     write_material(path, back, force=True)
-    assert load_material(str(path)).spelling == back.spelling
+    assert load_material(str(path)).expression == back.expression
 
 
 def test_what_has_no_spelling_leaves_no_file(tmp_path):
     class Odd(type(build("lambert(rho=0.5)"))):
         pass
 
-    with pytest.raises(GonioError, match="no spelling"):
+    with pytest.raises(GonioError, match="no expression"):
         write_material(tmp_path / "odd.toml", Material("odd", Odd(0.5), None, Channels.grey()))
     assert list(tmp_path.iterdir()) == []
 

@@ -32,7 +32,7 @@ def test_each_is_what_a_fit_alone_gives(tmp_path):
     )  # fmt: skip
     for result, table in zip(found, tables, strict=True):
         alone = gonio.fit(table, MODEL, starts=2)
-        assert result.spelling == alone.spelling and result.cost == alone.cost and result.converged
+        assert result.expression == alone.expression and result.cost == alone.cost and result.converged
     assert sorted(k for k, _ in heard) == [0, 1, 2] and all(found[k] is r for k, r in heard)
 
 

@@ -242,4 +242,4 @@ def test_a_fitted_material_measures_again(seven, tmp_path):
     path = tmp_path / "fit.toml"
     path.write_text(tomli_w.dumps(result.to_material_dict("seven")))
     again = load_material(path)
-    assert again.spelling == result.spelling and again.meta["fit"]["converged"] is True
+    assert again.expression == result.expression and again.meta["fit"]["converged"] is True

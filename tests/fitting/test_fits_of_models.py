@@ -30,14 +30,14 @@ CASES = {
 }
 
 
-def table_of(spelling):
-    return whole_table_of_values(GRID, grid_values(build(spelling), GRID))
+def table_of(expression):
+    return whole_table_of_values(GRID, grid_values(build(expression), GRID))
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_parameters_come_back(name):
-    spelling, model, truth = CASES[name]
-    result = fit(table_of(spelling), model)
+    expression, model, truth = CASES[name]
+    result = fit(table_of(expression), model)
     assert result.converged and result.exact
     found = {p.name: p.value for p in result.parameters if p.status != "fixed"}
     assert found == pytest.approx(truth, rel=1e-9)

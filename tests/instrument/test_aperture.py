@@ -133,12 +133,12 @@ def test_equal_discs_read_reciprocally_and_alike_in_mirrored_geometries():
     np.testing.assert_allclose(average(GLOSSY, *flipped, s, s, relative(1e-6))[0], there, rtol=1e-12)
 
 
-@pytest.mark.parametrize("spelling", ["beckmann(alpha=0.004)", "ggx(alpha=0.004)"])
-def test_a_peak_between_the_rays_is_not_missed(spelling):
+@pytest.mark.parametrize("expression", ["beckmann(alpha=0.004)", "ggx(alpha=0.004)"])
+def test_a_peak_between_the_rays_is_not_missed(expression):
     """Mirror reflection near the rim of the discs: a lobe far narrower than the spacing of the first rays."""
     s = math.radians(2.5)
     wi, wo = directions(np.array([20.0, 20.0]), np.zeros(2)), directions(np.array([22.0, 24.0]), np.full(2, 180.0))
-    values, error = average(build(spelling), wi, wo, s, s, relative(1e-3))
+    values, error = average(build(expression), wi, wo, s, s, relative(1e-3))
     # All light of the lens that both discs share reaches the detector: for a narrow lobe, whose masking is 1,
     # reading ≈ lens/(source disc) / (∫cosθo dωo), the lens of two circles of radius s, their centres d apart.
     d = np.radians([2.0, 4.0])

@@ -107,7 +107,7 @@ def test_only_turquin_breaks_reciprocity_and_says_so():
         model = GGX(alpha=1.0, energy=energy)
         there, back = (float(evaluate(model, *pair)) for pair in ((wi, wo), (wo, wi)))
         assert (abs(there - back) < 1e-14) is equal
-        assert (model.breaks == {}) is equal
+        assert (model.violates == {}) is equal
 
 
 def test_what_has_no_albedo_is_refused():

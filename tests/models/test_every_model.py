@@ -96,9 +96,9 @@ def test_values_and_gradients_are_numbers_and_reciprocal(name):
         for flip in ([1, 1, -1],):
             (_, below), _ = with_slopes(brdf, directions(wi * flip), directions(wo))
             assert not np.asarray(below).any(), case
-        if "positivity" not in brdf.breaks:
+        if "positivity" not in brdf.violates:
             assert (f >= 0).all(), case
-        if "reciprocity" not in brdf.breaks:
+        if "reciprocity" not in brdf.violates:
             (_, there), _ = with_slopes(brdf, *elsewhere)
             (_, back), _ = with_slopes(brdf, *reversed(elsewhere))
             np.testing.assert_allclose(there, back, rtol=2e-11, atol=1e-290, err_msg=case)
@@ -141,7 +141,7 @@ def test_densities_and_jacobians_are_those_of_the_maps(name):
     u = np.random.default_rng(2).uniform(0.02, 0.98, (64, 2))
     for case in BY_MODEL[name][:1]:
         brdf = model(case)
-        for part in brdf.summands() if name in MIXTURES else (brdf,):
+        for part in brdf.terms() if name in MIXTURES else (brdf,):
             for theta in (0.0, 1.5):
                 wi = Direction(*(jnp.asarray(c) for c in unit(theta, 0.3)))
                 density, spread, jacobian, up = (np.asarray(a) for a in maps(part, wi, jnp.asarray(u)))

@@ -22,10 +22,10 @@ from gonio.models.expression.builder import build
 EVIL = "<script>alert('x')</script></script>&\"$"
 
 
-def table(name="paint", spelling="lambert(rho=[.1,.2,.4]) + ggx(alpha=.3, eta=1.5)", noise=0.01, **fields):
+def table(name="paint", expression="lambert(rho=[.1,.2,.4]) + ggx(alpha=.3, eta=1.5)", noise=0.01, **fields):
     theta = np.radians(np.arange(0, 86, 10.0))
     layout = layouts.isotropic(theta, theta, np.radians(np.arange(0, 360, 30.0)))
-    f = np.asarray(evaluate(build(spelling), *layout.directions())).reshape(*layout.shape, -1)
+    f = np.asarray(evaluate(build(expression), *layout.directions())).reshape(*layout.shape, -1)
     f = f * (1 + noise * np.random.default_rng(1).standard_normal(f.shape))
     return whole_table_of_values(layout, f, name=name, **fields)
 

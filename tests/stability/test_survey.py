@@ -36,8 +36,8 @@ def test_every_model_has_settings_and_a_second_opinion():
     for name in MODELS:
         found = settings_of(name)
         assert found and len(set(found)) == len(found)
-        for spelling in found[:2]:
-            build(spelling)
+        for expression in found[:2]:
+            build(expression)
 
 
 def test_cells_are_halved_where_the_rules_disagree():
@@ -99,11 +99,11 @@ def test_a_density_that_is_not_the_samplers_is_seen():
 
 
 @pytest.mark.parametrize(
-    "spelling", ["ggx(alpha=0.1)", "beckmann(alpha=0.3)", "ggx(alpha_x=0.05, alpha_y=0.4)", "eon(rho=1, r=1)"]
+    "expression", ["ggx(alpha=0.1)", "beckmann(alpha=0.3)", "ggx(alpha_x=0.05, alpha_y=0.4)", "eon(rho=1, r=1)"]
 )
-def test_samplers_draw_from_their_densities(spelling):
+def test_samplers_draw_from_their_densities(expression):
     """χ² at the 1 % level over all of them [Šidák 1967], and ∫ of the density, at four incidences."""
-    found = samplers.sampler_cells(spelling, spelling, "float64", 200_000)
+    found = samplers.sampler_cells(expression, expression, "float64", 200_000)
     assert {c.verdict for c in found} == {RIGHT}, [c.detail for c in found]
 
 

@@ -44,9 +44,9 @@ SEPARABLE, WALTER = {"smith": "separable"}, {"smith": "walter"}
 
 @dataclasses.dataclass
 class Setting:
-    """A model of the peer's list, by the start of its spelling, as factor times ours plus a matte part."""
+    """A model of the peer's list, by the start of its expression, as factor times ours plus a matte part."""
 
-    spelling: str
+    expression: str
     name: str
     params: dict
     options: dict = dataclasses.field(default_factory=dict)
@@ -141,9 +141,9 @@ def pairs_above(peer, values, count=40):
     return chosen[:: max(1, len(chosen) // count)]
 
 
-@pytest.mark.parametrize("setting", PEER, ids=lambda setting: setting.spelling.split("(")[0])
+@pytest.mark.parametrize("setting", PEER, ids=lambda setting: setting.expression.split("(")[0])
 def test_agrees_with_another_program_in_double_precision(peer, setting):
-    starts = [str(model).split("), ")[-1].startswith(setting.spelling) for model in peer["model"]]
+    starts = [str(model).split("), ")[-1].startswith(setting.expression) for model in peer["model"]]
     theirs = peer["f"][starts.index(True), :, 0]
     for j in pairs_above(peer, theirs):
         wi, wo = direction(peer["wi"][j]), direction(peer["wo"][j])
@@ -151,9 +151,9 @@ def test_agrees_with_another_program_in_double_precision(peer, setting):
         assert float(ours + mpf(setting.matte) / mp.pi) == pytest.approx(theirs[j], rel=setting.agreement), j
 
 
-@pytest.mark.parametrize(("form", "spelling"), [("1991", "He"), ("westin", "HeWestin")])
-def test_he_agrees_with_another_program_where_it_sums_and_iterates_to_the_end(peer, form, spelling):
-    model = f"{spelling}(roughness=0.2, autocorrelation=3.0, eta=1.5)"
+@pytest.mark.parametrize(("form", "expression"), [("1991", "He"), ("westin", "HeWestin")])
+def test_he_agrees_with_another_program_where_it_sums_and_iterates_to_the_end(peer, form, expression):
+    model = f"{expression}(roughness=0.2, autocorrelation=3.0, eta=1.5)"
     theirs = peer["f"][list(peer["model"]).index(model), :, 0]
     steep = (peer["wi"][:, 2] > 0.4) & (peer["wo"][:, 2] > 0.4) & (peer["tag"] != 6)
     for j in pairs_above(peer, np.where(steep & (theirs > 1e-3), theirs, np.nan)):

@@ -17,14 +17,14 @@ COARSE_SPHERICAL = layouts.spherical(
 ONE_LOBE = "lambert(rho=[.1,.2,.4]) + [.9,.7,.8]*ggx(alpha=.25, f0=0.04)"
 
 
-def table_of(spelling, layout=ISOTROPIC, noise=0.0, seed=1, **fields):
-    f = np.asarray(evaluate(build(spelling), *layout.directions())).reshape(*layout.shape, -1)
+def table_of(expression, layout=ISOTROPIC, noise=0.0, seed=1, **fields):
+    f = np.asarray(evaluate(build(expression), *layout.directions())).reshape(*layout.shape, -1)
     f = f * (1 + noise * np.random.default_rng(seed).standard_normal(f.shape))
     return whole_table_of_values(layout, f, **fields)
 
 
-def coarse_table_of(spelling, layout=COARSE_ISOTROPIC, noise=0.02, seed=1):
-    return table_of(spelling, layout, noise, seed)
+def coarse_table_of(expression, layout=COARSE_ISOTROPIC, noise=0.02, seed=1):
+    return table_of(expression, layout, noise, seed)
 
 
 def free(result):

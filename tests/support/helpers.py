@@ -21,7 +21,7 @@ def shared(*parts: str) -> pathlib.Path:
 
 
 def witnessed(word: str) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
-    """(spelling there, f, wi, wo) of each model of an independent implementation whose spelling holds a word.
+    """(expression there, f, wi, wo) of each model of an independent implementation whose expression holds a word.
 
     wi and wo are (3, n); f has the shape (n, channels), in double precision.
     """

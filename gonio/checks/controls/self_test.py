@@ -28,14 +28,14 @@ def self_test() -> Iterator[Judged]:
     """
     from gonio.checks.certify import check
 
-    for spelling, law in LIARS.items():
-        yield _caught("liar", spelling, law, check(spelling))
-    for spelling in LOSERS:
-        certificate = check(spelling)
+    for expression, law in LIARS.items():
+        yield _caught("liar", expression, law, check(expression))
+    for expression in LOSERS:
+        certificate = check(expression)
         told = certificate["energy"].facts["largest_loss"] > SEEN_LOSS
-        yield _passed("loser", spelling, certificate, told, "pass, losing")
-    for spelling in HONEST:
-        yield _passed("honest", spelling, check(spelling))
+        yield _passed("loser", expression, certificate, told, "pass, losing")
+    for expression in HONEST:
+        yield _passed("honest", expression, check(expression))
     yield from _mutants(check)
 
 

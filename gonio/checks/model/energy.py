@@ -131,8 +131,8 @@ def _turning_residual(brdf) -> float | None:
 
 
 def _albedo(brdf, theta, phi, accuracy) -> tuple[np.ndarray, np.ndarray]:
-    ours = [t for t in brdf.summands() if is_ours(t)]
-    foreign = [t for t in brdf.summands() if not is_ours(t)]
+    ours = [t for t in brdf.terms() if is_ours(t)]
+    foreign = [t for t in brdf.terms() if not is_ours(t)]
     total, bound = np.zeros((theta.size, 1)), np.zeros((theta.size, 1))
     if ours:
         together = ours[0] if len(ours) == 1 else Sum(tuple(ours))

@@ -33,8 +33,8 @@ def main() -> None:
     for step in STEPS:
         for alpha in ALPHAS:
             cells = []
-            for spelling in MATERIALS:
-                brdf = build(spelling.format(a=alpha))
+            for expression in MATERIALS:
+                brdf = build(expression.format(a=alpha))
                 albedo = directional_albedo(brdf, THETA_I, tolerance=1e-7)
                 lawful = np.max(albedo.value) <= 1 + TOLERANCE
                 said = []

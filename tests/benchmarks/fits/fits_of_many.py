@@ -35,12 +35,12 @@ def material(rng: np.random.Generator, lobes: int) -> str:
     return " + ".join(said)
 
 
-def table_of(spelling: str, noise: float, seed: int):
+def table_of(expression: str, noise: float, seed: int):
     polar = np.radians(np.append(np.arange(0, 86, 5.0), 88.0))
     layout = layouts.isotropic(polar, polar, np.radians(np.arange(0, 360, 10.0)))
-    f = np.asarray(evaluate(build(spelling), *layout.directions()))
+    f = np.asarray(evaluate(build(expression), *layout.directions()))
     f = f * (1 + noise * np.random.default_rng(seed).standard_normal(f.shape))
-    return whole_table_of_values(layout, f.reshape(*layout.shape, -1), name=spelling)
+    return whole_table_of_values(layout, f.reshape(*layout.shape, -1), name=expression)
 
 
 def main(materials: int, starts: int) -> None:

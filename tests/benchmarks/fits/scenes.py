@@ -30,8 +30,8 @@ SURFACES = {
 
 def main() -> None:
     jax.config.update("jax_enable_x64", True)
-    for name, (spelling, layout) in SURFACES.items():
-        f = np.asarray(evaluate(build(spelling), *layout.directions())).reshape(*layout.shape, -1)
+    for name, (expression, layout) in SURFACES.items():
+        f = np.asarray(evaluate(build(expression), *layout.directions())).reshape(*layout.shape, -1)
         table = whole_table_of_values(layout, f, name=name)
         for scene in shipped_scenes():
             tolerance = load_scene(scene).tolerance

@@ -64,8 +64,8 @@ def structure(parts) -> tuple[int, int, bool]:
 def run(name: str, rng: np.random.Generator, noise: float) -> tuple[str, str, float]:
     lobes, brushed = CLASSES[name]
     layout = ROUND if brushed else ISOTROPIC
-    spelling = truth(rng, lobes, brushed)
-    f = np.asarray(evaluate(build(spelling), *layout.directions())).reshape(*layout.shape, -1)
+    expression = truth(rng, lobes, brushed)
+    f = np.asarray(evaluate(build(expression), *layout.directions())).reshape(*layout.shape, -1)
     table = whole_table_of_values(layout, f * (1 + noise * rng.standard_normal(f.shape)))
     readings = readings_of(table)
     began = time.process_time()
@@ -76,10 +76,10 @@ def run(name: str, rng: np.random.Generator, noise: float) -> tuple[str, str, fl
     more = have[0] > want[0] or have[1] > want[1] or found.chosen.size > size
     verdict = "more" if more else "less, other" if have[2] else "right" if have[:2] == want else "less"
     fresnel = {p.f0 for p in found.chosen.parts if p.lobe}
-    if verdict == "right" and fresnel != ({NO_FRESNEL} if "f0" not in spelling else {0.04}):
+    if verdict == "right" and fresnel != ({NO_FRESNEL} if "f0" not in expression else {0.04}):
         verdict = "right, other F"
     if verdict != "right":
-        print(f"   {name}, noise {noise:.3g}: {verdict}: {found.chosen.spelled}   truth {spelling}", flush=True)
+        print(f"   {name}, noise {noise:.3g}: {verdict}: {found.chosen.spelled}   truth {expression}", flush=True)
     return verdict, found.chosen.spelled, seconds
 
 

@@ -41,9 +41,9 @@ TOLERANCES = (1e-3, 1e-6, 1e-9)
 KNOWN = 1e-8
 
 
-def spelled(spelling: str, alpha: float) -> str:
+def spelled(expression: str, alpha: float) -> str:
     numbers = {"a": alpha, "c": max(alpha, 0.05), "n": min(2 / alpha**2 - 2, 1e5), "b": 1 / alpha**2, "t": 0.35 / alpha}
-    return spelling.format(**numbers, r=alpha**0.5)
+    return expression.format(**numbers, r=alpha**0.5)
 
 
 def main(path: str | None = None) -> None:
@@ -52,11 +52,11 @@ def main(path: str | None = None) -> None:
     total = held = met = unsure = 0
     worst, seconds, evaluations = 0.0, dict.fromkeys(TOLERANCES, 0.0), dict.fromkeys(TOLERANCES, 0)
     cases = dict.fromkeys(TOLERANCES, 0)
-    for spelling in SPELLINGS:
-        directional_albedo(build(spelled(spelling, 0.5)), THETA)  # compilation
+    for expression in SPELLINGS:
+        directional_albedo(build(spelled(expression, 0.5)), THETA)  # compilation
         lost, out, short = 0, 0, 0
         for alpha in ALPHAS:
-            brdf = build(spelled(spelling, alpha))
+            brdf = build(spelled(expression, alpha))
             truth, known = (np.array(a) for a in zip(*(reference_albedo(brdf, float(t)) for t in THETA), strict=True))
             sure = known <= KNOWN * np.maximum(np.abs(truth), 1.0)
             out += int(np.count_nonzero(~sure)) * len(TOLERANCES)
@@ -75,7 +75,7 @@ def main(path: str | None = None) -> None:
                 lost += int(np.count_nonzero(error > bound))
                 worst = max(worst, float(np.max(error / bound, initial=0.0)))
         unsure, met = unsure + out, met + short
-        print(f"{spelling:82} broken: {lost}  above the tolerance, said: {short}  truth unsure: {out}", flush=True)
+        print(f"{expression:82} broken: {lost}  above the tolerance, said: {short}  truth unsure: {out}", flush=True)
     print(f"\n{total} cases, the bound holds in {held} ({held / total:.2%}); it is above the tolerance in {met}")
     print(f"largest error in units of its bound {worst:.2g}; left out as the truth is not known to {KNOWN:g}: {unsure}")
     for t in TOLERANCES:

@@ -128,8 +128,8 @@ def mitsuba_call(scene, wi, wo):
     return call
 
 
-def our_call(spelling, dtype, inputs, on_grid):
-    brdf = cast(build(spelling), dtype)
+def our_call(expression, dtype, inputs, on_grid):
+    brdf = cast(build(expression), dtype)
     if on_grid:
         return lambda: jax.block_until_ready(_kernel(brdf, "half_difference", inputs))
     return lambda: jax.block_until_ready(_values(brdf, *inputs))

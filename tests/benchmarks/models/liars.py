@@ -12,8 +12,8 @@ from gonio.models.catalog import MODELS  # noqa: E402
 from gonio.models.expression.builder import build, example  # noqa: E402
 
 
-def judged(spelling: str) -> dict:
-    return {p.name: p for p in check(spelling).properties}
+def judged(expression: str) -> dict:
+    return {p.name: p for p in check(expression).properties}
 
 
 def main() -> None:
@@ -23,9 +23,9 @@ def main() -> None:
     every += [("honest", s, None) for s in HONEST]
     known = {s.partition("(")[0] for _, s, _ in every}
     rest = [example(n).strip("'") for n in MODELS if n not in known]
-    every += [("honest", s, None) for s in rest if not build(s).breaks]
-    for kind, spelling, law in every:
-        found = judged(spelling)
+    every += [("honest", s, None) for s in rest if not build(s).violates]
+    for kind, expression, law in every:
+        found = judged(expression)
         e, r = found["energy"], found["reciprocity"]
         loss = e.facts.get("largest_loss", math.nan)
         if kind == "liar":
@@ -37,7 +37,7 @@ def main() -> None:
                 outcome += ", loses" if loss > SEEN_LOSS else ", LOSS NOT SEEN"
         counts[kind, outcome] = counts.get((kind, outcome), 0) + 1
         print(
-            f"{kind:8} {spelling[:58]:58} {e.verdict:10} {r.verdict:12} {e.residual:11.4g} {loss:12.4g}  {outcome}",
+            f"{kind:8} {expression[:58]:58} {e.verdict:10} {r.verdict:12} {e.residual:11.4g} {loss:12.4g}  {outcome}",
             flush=True,
         )
     print()

@@ -23,7 +23,7 @@ import numpy as np  # noqa: E402
 from gonio.data.formats.bbm_fits import published_spelling  # noqa: E402
 from gonio.models.errors import GonioError  # noqa: E402
 from gonio.models.evaluation import evaluate  # noqa: E402
-from gonio.models.expression.builder import build, spell  # noqa: E402
+from gonio.models.expression.builder import build, to_expression  # noqa: E402
 from gonio.models.geometry.directions import Direction  # noqa: E402
 from gonio.stability.reference import DIGITS, Reference  # noqa: E402
 
@@ -41,7 +41,7 @@ ASKED = 6  # pairs at which forty digits decide
 
 
 def analytic(said: str) -> str:
-    """Our spelling of an analytic setting; an empty text where there is no counterpart."""
+    """Our expression of an analytic setting; an empty text where there is no counterpart."""
     name, inside = re.match(r"(\w+)\((.*)\)$", said).groups()
     values = dict(re.findall(r"(\w+)\s*=\s*(\[[^\]]*\]|[^,\[]+)", inside))
     a, eta = values.get("roughness"), values.get("eta")
@@ -74,21 +74,21 @@ def analytic(said: str) -> str:
     }.get(name, "")
 
 
-def channel_terms(spelling: str, c: int) -> list[tuple[float, str]]:
-    """(scale, one-channel spelling) of each term in one channel, for the textbook forms."""
-    brdf = build(spelling)
+def channel_terms(expression: str, c: int) -> list[tuple[float, str]]:
+    """(scale, one-channel expression) of each term in one channel, for the textbook forms."""
+    brdf = build(expression)
     one = jax.tree.map(lambda a: a[c] if a.ndim else a, brdf)
     found = []
-    for term in spell(one).split(" + "):
+    for term in to_expression(one).split(" + "):
         scale, _, call = term.rpartition(" * ")
         found.append((float(scale) if scale else 1.0, call))
     return found
 
 
-def truth(spelling: str, c: int, wi, wo) -> float:
+def truth(expression: str, c: int, wi, wo) -> float:
     with mp.workdps(DIGITS):
         total = mp.mpf(0)
-        for scale, call in channel_terms(spelling, c):
+        for scale, call in channel_terms(expression, c):
             total += mp.mpf(scale) * Reference(call, np.float64).value(wi, wo)
         return float(total)
 
@@ -105,18 +105,18 @@ def main() -> None:
                 file.write(f"x = {said}\n")
                 file.flush()
                 try:
-                    spelling = published_spelling(file.name, "x")
+                    expression = published_spelling(file.name, "x")
                 except GonioError as error:
                     print(error)
                     continue
         else:
-            spelling = analytic(said)
+            expression = analytic(said)
         row = families.setdefault(family, {"count": 0, "worst": 0.0, "median": [], "ours": 0.0, "nan": 0, "named": 0})
         row["count"] += 1
-        if not spelling:
+        if not expression:
             row["named"] += 1
             continue
-        ours = np.broadcast_to(np.asarray(evaluate(build(spelling), wi, wo)).reshape(len(theirs), -1), theirs.shape)
+        ours = np.broadcast_to(np.asarray(evaluate(build(expression), wi, wo)).reshape(len(theirs), -1), theirs.shape)
         there = np.isfinite(theirs) & (np.abs(theirs) > 1e-290)
         row["nan"] += int((~np.isfinite(theirs)).sum())
         relative = np.where(there, np.abs(ours - theirs) / np.where(there, np.abs(theirs), 1.0), 0.0)
@@ -125,7 +125,7 @@ def main() -> None:
         if relative.max() > TOLERANCE:
             for flat in np.argsort(relative, axis=None)[::-1][:ASKED]:
                 k, c = np.unravel_index(flat, relative.shape)
-                exact = truth(spelling, c, d["wi"][k], d["wo"][k])
+                exact = truth(expression, c, d["wi"][k], d["wo"][k])
                 row["ours"] = max(row["ours"], abs(ours[k, c] - exact) / abs(exact) if exact else math.inf)
     print(f"{'theirs':24} {'settings':>8} {'largest':>9} {'median':>9} {'ours beside 40 digits':>22}  their NaN")
     for family, r in families.items():

@@ -23,8 +23,8 @@ def mutant(word):
     return next(m for m in mutants() if word in m.mistake)
 
 
-def table(layout, change=lambda f, *angles: f, spelling="0.5 * ggx(alpha=0.4) + lambert(rho=0.3)", u=None):
-    f = grid_values(build(spelling), layout)[..., 0]
+def table(layout, change=lambda f, *angles: f, expression="0.5 * ggx(alpha=0.4) + lambert(rho=0.3)", u=None):
+    f = grid_values(build(expression), layout)[..., 0]
     f = change(f, *(a.reshape(layout.shape) for a in layout.angles()))
     return whole_table_of_values(layout, f, u_f=None if u is None else u * np.abs(f)[..., None])
 
@@ -45,9 +45,9 @@ def test_what_claims_no_isotropy_is_measured_and_not_judged():
     assert found.verdict == "not applicable" and found.residual > 0.5
 
 
-@pytest.mark.parametrize(("spelling", "verdict"), [("ward(alpha=0.1)", "pass"), ("ward_duer(alpha=0.1)", "fail")])
-def test_no_light_leaves_along_the_surface(spelling, verdict):
-    assert model_horizon(build(spelling), 1e-3).verdict == verdict
+@pytest.mark.parametrize(("expression", "verdict"), [("ward(alpha=0.1)", "pass"), ("ward_duer(alpha=0.1)", "fail")])
+def test_no_light_leaves_along_the_surface(expression, verdict):
+    assert model_horizon(build(expression), 1e-3).verdict == verdict
 
 
 @pytest.mark.parametrize("layout", [SPHERICAL, HALF], ids=["spherical", "half/difference"])

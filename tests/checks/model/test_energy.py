@@ -31,9 +31,9 @@ def test_a_model_that_only_loses_passes_and_its_loss_is_said(model):
     assert found.facts["largest_loss"] > 0.5
 
 
-@pytest.mark.parametrize("spelling", ["white_standard()", "ggx(alpha=0.001)"])
-def test_exact_and_near_standards_pass(spelling):
-    found = model_energy(build(spelling), 1e-6)
+@pytest.mark.parametrize("expression", ["white_standard()", "ggx(alpha=0.001)"])
+def test_exact_and_near_standards_pass(expression):
+    found = model_energy(build(expression), 1e-6)
     assert found.verdict == "pass"
     assert abs(found.residual) < 2e-6
 

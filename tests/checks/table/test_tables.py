@@ -24,8 +24,8 @@ def grid(step, shift=0.0):
 SQUARE = layouts.isotropic(degrees(0, 86, 10), degrees(0, 86, 10), degrees(0, 360, 30))
 
 
-def table(spelling, layout, noise=0.0, known=True):
-    f = grid_values(build(spelling), layout)
+def table(expression, layout, noise=0.0, known=True):
+    f = grid_values(build(expression), layout)
     u = noise * np.abs(f) if noise and known else None
     f = f + noise * f * np.random.default_rng(0).standard_normal(f.shape)
     return whole_table_of_values(layout, f, u_f=u)
@@ -52,11 +52,11 @@ def test_a_mirror_between_the_nodes_of_a_flat_table_is_not_overlooked():
 
 
 @pytest.mark.parametrize("layout", [grid(5.0), grid(10.0), layouts.merl(counts=(60, 45, 90))], ids=["5", "10", "merl"])
-@pytest.mark.parametrize("spelling", ["ggx(alpha=0.3)", "0.5 * beckmann(alpha=1) + lambert(rho=0.3)"])
-def test_the_claimed_interval_holds_the_truth(layout, spelling):
-    found = table_energy(table(spelling, layout), 0.01)
+@pytest.mark.parametrize("expression", ["ggx(alpha=0.3)", "0.5 * beckmann(alpha=1) + lambert(rho=0.3)"])
+def test_the_claimed_interval_holds_the_truth(layout, expression):
+    found = table_energy(table(expression, layout), 0.01)
     theta = np.radians(found.series["theta_i_deg"])
-    truth = directional_albedo(build(spelling), theta, tolerance=1e-6).value
+    truth = directional_albedo(build(expression), theta, tolerance=1e-6).value
     read, bound = (np.array(found.series[k][0]) for k in ("albedo", "bound"))
     assert np.all(np.abs(read - truth) <= bound)
     assert np.all(bound[theta < np.radians(50)] < 0.1)
@@ -70,13 +70,13 @@ def test_resolved_tables_are_decided(layout):
 
 @pytest.mark.parametrize("alpha", [0.1, 0.3])
 def test_what_is_undecided_says_how_fine_a_grid_decides(alpha):
-    spelling = f"0.7 * ggx(alpha={alpha})"
-    coarse = table_energy(table(spelling, grid(10.0)), 0.01)
+    expression = f"0.7 * ggx(alpha={alpha})"
+    coarse = table_energy(table(expression, grid(10.0)), 0.01)
     assert coarse.verdict == "undecided" and "a step of about" in coarse.detail
     needed = coarse.facts["step_needed_deg"]
     assert 1 < needed < 10
     layout = layouts.isotropic(degrees(0, 81, 20), degrees(0, 89.9, needed), degrees(0, 360 - needed / 2, needed))
-    assert table_energy(table(spelling, layout), 0.01, np.radians(2 * needed)).verdict == "pass"
+    assert table_energy(table(expression, layout), 0.01, np.radians(2 * needed)).verdict == "pass"
 
 
 def test_the_albedo_carries_the_noise_of_the_cells_at_the_stated_level():

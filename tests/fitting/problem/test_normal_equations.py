@@ -78,8 +78,8 @@ def test_a_value_that_is_no_number_is_a_refused_step(monkeypatch):
     part = Readings(part.wi, part.wo, f, part.u_f, np.ones(f.shape, bool))
     s, fixed, _ = structure_of(with_defaults(parse("lambert + phong")), 1)
     d = domains_of(s)
-    data, size2 = blocked(part, "cbrt", np.ones(f.shape))
-    problem = Problem(s, "cbrt", fixed, d, data, np.asarray(size2))
+    data, target_norm_squared = blocked(part, "cbrt", np.ones(f.shape))
+    problem = Problem(s, "cbrt", fixed, d, data, np.asarray(target_norm_squared))
     usual, refused = solver.sums, []
 
     def breaking(s, loss, p, fixed, data, active):

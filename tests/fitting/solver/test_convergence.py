@@ -24,10 +24,10 @@ def test_single_precision_converges_to_what_double_finds():
 
 
 def test_the_limits_follow_the_precision():
-    cost, size2 = 0.5e-4, 1.0  # a residual of 1 % of the data
-    assert stationary_limit(cost, size2) == STATIONARY
+    cost, target_norm_squared = 0.5e-4, 1.0  # a residual of 1 % of the data
+    assert stationary_limit(cost, target_norm_squared) == STATIONARY
     assert is_exact(0.5 * (0.9 * EXACT * np.finfo(float).eps) ** 2, 1.0) and not is_exact(1e-20, 1.0)
     with jax.enable_x64(False):
-        assert STATIONARY < stationary_limit(cost, size2) < 1e-3
-        assert stationary_limit(1e-30, size2) == 1e-3
+        assert STATIONARY < stationary_limit(cost, target_norm_squared) < 1e-3
+        assert stationary_limit(1e-30, target_norm_squared) == 1e-3
         assert is_exact(1e-20, 1.0)

@@ -11,7 +11,7 @@ from gonio.models.catalog import MODELS
 from gonio.models.diffuse.lambert import Lambert
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
-from gonio.models.expression.builder import build, spell, spell_terms
+from gonio.models.expression.builder import build, terms_to_expression, to_expression
 from gonio.models.expression.parser import parse
 from gonio.models.geometry.directions import from_spherical
 from gonio.models.microfacet.ggx import GGX
@@ -47,7 +47,7 @@ def test_what_a_fit_is_told():
     assert second.scale.free and second.scale.number == 0.4
     assert second.call.values["alpha"].free and second.call.values["alpha"].number == 0.2
     assert second.call.values["f0"].free and second.call.values["f0"].number is None
-    assert parse(spell_terms(parse("lambert + ~0.4 * ggx(alpha~0.2, f0=?)"))) == parse(
+    assert parse(terms_to_expression(parse("lambert + ~0.4 * ggx(alpha~0.2, f0=?)"))) == parse(
         "lambert + ~0.4 * ggx(alpha~0.2, f0=?)"
     )
 
@@ -105,7 +105,7 @@ NUMBER = st.floats(1e-4, 1.0)
 @given(NUMBER, NUMBER, NUMBER, st.lists(NUMBER, min_size=3, max_size=3), st.sampled_from(["correlated", "separable"]))
 def test_spelling_reads_back_to_the_last_bit(rho, alpha_x, alpha_y, scale, smith):
     brdf = Lambert(rho=rho) + Scaled(jnp.asarray(scale), GGX(alpha_x=alpha_x, alpha_y=alpha_y, eta=1.5, smith=smith))
-    back = build(spell(brdf))
+    back = build(to_expression(brdf))
     first, second = terms(back)
     assert float(first.rho) == rho and np.array_equal(second.scale, scale)
     assert (float(second.base.alpha_x), float(second.base.alpha_y), second.base.smith) == (alpha_x, alpha_y, smith)
@@ -123,4 +123,4 @@ def test_what_has_no_spelling_says_so():
         pass
 
     with pytest.raises(GonioError, match="Mine"):
-        spell(Mine(rho=0.1))
+        to_expression(Mine(rho=0.1))

@@ -46,7 +46,7 @@ def test_conserves_what_its_base_conserves(base):
 
 NARROW = {
     "kelemen": KelemenLobe(jnp.asarray(0.001), jnp.asarray(1.0)),
-    "metal": build("principled(base_color=1, metallic=1, roughness=0.03)").summands()[1],
+    "metal": build("principled(base_color=1, metallic=1, roughness=0.03)").terms()[1],
     "retro": build("retro(alpha=0.001)"),
     "polished": build(f"harvey_shack(b0={1e8 / np.pi}, l=0.0001, s=-4)"),
     "below another coat": UnderCoat(GGX(alpha=0.001), jnp.asarray(0.0001), jnp.asarray(1.01)),

@@ -7,7 +7,7 @@ import pytest
 
 from gonio.models.albedo import directional_albedo
 from gonio.models.evaluation import evaluate
-from gonio.models.expression.builder import build, spell
+from gonio.models.expression.builder import build, to_expression
 from gonio.models.geometry.directions import Direction
 from gonio.models.layered.principled import Principled, PrincipledTerm, gtr1_d
 from gonio.models.microfacet.gtr import gtr_d
@@ -99,4 +99,4 @@ def test_gains_what_it_says_and_is_spelled():
     np.testing.assert_allclose(albedo.value, [1.05, 1.60], atol=0.005)
     assert albedo.bound.max() < 1e-9
     assert model.isotropic and not build("principled(base_color=1, roughness=1, anisotropic=0.1)").isotropic
-    assert jax.tree.all(jax.tree.map(jnp.array_equal, build(spell(model)), model))
+    assert jax.tree.all(jax.tree.map(jnp.array_equal, build(to_expression(model)), model))

@@ -22,4 +22,4 @@ FIRST = {
 }
 
 CASES = {**FIRST, **diffuse.CASES, **half_vector.CASES, **mirror.CASES, **energy.CASES}
-"""A spelling, or a function without arguments that makes the model, by a name that begins with the model's."""
+"""An expression, or a function without arguments that makes the model, by a name that begins with the model's."""
