@@ -4,14 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from gonio.models.brdf import AbstractBRDF, Scalar
-from gonio.models.empirical.cosine_power import (
-    exponent_at,
-    power_density,
-    power_normal,
-    power_reach,
-    power_slope,
-    power_widths,
-)
+from gonio.models.empirical.cosine_power import exponent_at, power_density, power_normal, power_widths
 from gonio.models.fresnel import fresnel
 from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.guards import positive
@@ -19,6 +12,7 @@ from gonio.models.geometry.half_vector import half_angles, log_cosine, mirrored_
 from gonio.models.geometry.horizon import above
 from gonio.models.microfacet import base as mf
 from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.warps.radial_laws import power_reach, power_slope
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
 N = ParameterInfo(0.0, 1e6, "1", "exponent of the cosine between half vector and normal", start=60.0, log=True)

@@ -6,11 +6,12 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from gonio.models.brdf import AbstractBRDF, Channels
-from gonio.models.empirical.cosine_power import power_density, power_normal, power_reach, power_slope, power_widths
+from gonio.models.empirical.cosine_power import power_density, power_normal, power_widths
 from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.half_vector import half_angles, log_cosine, mirrored_pdf
 from gonio.models.geometry.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.warps.radial_laws import power_reach, power_slope
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
 EXPONENT = ParameterInfo(0.0, 1e6, "1", "exponent of the cosine between half vector and normal", start=60.0, log=True)

@@ -1,4 +1,4 @@
-"""Facets with the density of a power of the cosine, cosⁿθ_h: sampling, and the radius of their map."""
+"""Facets with the density of a power of the cosine, cosⁿθ_h: sampling,."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -7,8 +7,6 @@ from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.half_vector import log_cosine
 
 Scalar = Float[Array, ""]
-
-S_MAX = 8.6  # exp(−S_MAX²/2) = 9e-17: the lobe beyond is below rounding
 
 
 def exponent_at(h: Direction, sin2_h: Scalar, n_x: Scalar, n_y: Scalar) -> Scalar:
@@ -40,25 +38,3 @@ def power_normal(n_x: Scalar, n_y: Scalar, u1: Scalar, u2: Scalar) -> Direction:
 def power_widths(n_x: Scalar, n_y: Scalar) -> tuple[Scalar, Scalar]:
     """The slope widths 1/√(n+1) along x and y, by which the map of the lobe is stretched."""
     return 1.0 / jnp.sqrt(n_x + 1.0), 1.0 / jnp.sqrt(n_y + 1.0)
-
-
-def power_rate(x: Scalar) -> Scalar:
-    """√((eˣ − 1)/x), to full precision at 0."""
-    small = x < 1e-5
-    safe = jnp.where(small, 1.0, x)
-    return jnp.where(small, 1.0 + x / 4, jnp.sqrt(jnp.expm1(safe) / safe))
-
-
-def power_reach(length2: Scalar, s: Scalar) -> Scalar:
-    """The radius of a slope s (in units of the widths) on a ray of unit slope √length2, at most S_MAX.
-
-    cosθ_h = exp(−length2 · radius²/2), so that the lobe, cosθ_h to the power 1/length2 − 1, is Gaussian in the radius.
-    """
-    return jnp.minimum(jnp.sqrt(jnp.log1p(length2 * s * s) / length2), S_MAX)
-
-
-def power_slope(length2: Scalar, radius: Scalar) -> tuple[Scalar, Scalar]:
-    """The slope at a radius, the inverse of `power_reach`, and its derivative."""
-    x = length2 * radius * radius
-    rate = power_rate(x)
-    return radius * rate, jnp.exp(x) / rate

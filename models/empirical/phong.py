@@ -7,11 +7,11 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts
+from gonio.models.warps.radial_laws import S_MAX
 
 Scalar = Float[Array, ""]
 
 EXPONENT = ParameterInfo(0.0, 1e6, "1", "exponent of the cosine about the mirror direction", start=30.0, log=True)
-S_MAX = 8.6  # exp(−S_MAX²/2) = 9e-17: the lobe beyond is below rounding
 Q2_MIN = 1e-36  # (cot β)² of a horizon further than any lobe reaches, above the least float32
 
 

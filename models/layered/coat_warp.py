@@ -10,8 +10,9 @@ from gonio.models.brdf import AbstractBRDF, Scalar
 from gonio.models.diffuse.energy_preserving_oren_nayar import rough_diffuser_map
 from gonio.models.geometry.directions import Direction
 from gonio.models.microfacet.retro import Retro, mirrored
-from gonio.models.warps.direction_cosines import AbstractDiscLobe
-from gonio.models.warps.retroreflection import AbstractHotSpot, hot_spot_map
+from gonio.models.surface_scatter.shift_invariant import AbstractDiscLobe
+from gonio.models.volume_scatter.hot_spot import AbstractHotSpot
+from gonio.models.warps.retroreflection import hot_spot_map
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
 

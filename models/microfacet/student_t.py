@@ -9,13 +9,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from gonio.models.brdf import Scalar
-from gonio.models.empirical.cosine_power import power_rate
 from gonio.models.geometry.directions import Direction, reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import log_cosine, mirrored_pdf
 from gonio.models.microfacet import base as mf
 from gonio.models.parameters import ParameterInfo, parameter
-from gonio.models.warps.radial_laws import horizon_law
+from gonio.models.warps.radial_laws import horizon_law, power_rate
 
 GAMMA = ParameterInfo(1.6, 40.0, "1", "exponent of the tails: 2 is GGX, many is Beckmann", start=3.0, log=True)
 NODES = 32  # 1 + Λ is then right to 2e-13 for every γ of the domain, at every angle

@@ -11,7 +11,8 @@ from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.horizon import above
 from gonio.models.microfacet.base import ETA, F0, K
 from gonio.models.parameters import ParameterInfo, parameter
-from gonio.models.warps.direction_cosines import AbstractDiscLobe, projected_distance2
+from gonio.models.surface_scatter.shift_invariant import AbstractDiscLobe
+from gonio.models.warps.direction_cosines import projected_distance2
 
 B = ParameterInfo(0.0, 1e7, "1", "inverse square of the core's width", start=1e3, log=True)
 C = ParameterInfo(0.01, 10.0, "1", "exponent of the fall, half of the power of the tail", start=1.0, log=True)

@@ -7,7 +7,8 @@ from jaxtyping import Array, Float
 
 from gonio.models.geometry.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
-from gonio.models.warps.direction_cosines import AbstractDiscLobe, projected_distance2
+from gonio.models.surface_scatter.shift_invariant import AbstractDiscLobe
+from gonio.models.warps.direction_cosines import projected_distance2
 
 B0 = ParameterInfo(0.0, 1e8, "1/sr", "BRDF in the mirror direction", start=1.0, per_channel=True, linear=True)
 L = ParameterInfo(1e-5, 2.0, "1", "shoulder of the lobe, in direction cosines", start=0.01, log=True)

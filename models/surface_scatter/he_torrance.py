@@ -14,7 +14,8 @@ from gonio.models.geometry.horizon import above
 from gonio.models.microfacet.base import ETA, K
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.surface_scatter.diffraction_series import lambert_w, wave_series
-from gonio.models.warps.direction_cosines import AbstractDiscLobe, projected_distance2
+from gonio.models.surface_scatter.shift_invariant import AbstractDiscLobe
+from gonio.models.warps.direction_cosines import projected_distance2
 from gonio.models.warps.grazing_azimuth import polar_parts
 
 SIGMA = ParameterInfo(1e-4, 20.0, "µm", "rms height of the surface", start=0.2, log=True)

@@ -12,7 +12,7 @@ from gonio.models.geometry.phase_angle import henyey_greenstein, phase_chords
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.volume_scatter.chandrasekhar_h import absorption_root, h_isotropic
 from gonio.models.volume_scatter.half_space import MULTIPLE
-from gonio.models.warps.retroreflection import AbstractHotSpot
+from gonio.models.volume_scatter.hot_spot import AbstractHotSpot
 
 LOBE = ParameterInfo(0.0, 0.99, "1", "asymmetry of both lobes of the phase function", start=0.3)
 BACKWARD = ParameterInfo(-1.0, 1.0, "1", "backward less forward share of the phase function", start=0.3)

@@ -11,7 +11,7 @@ from gonio.models.geometry.guards import positive
 from gonio.models.geometry.horizon import above
 from gonio.models.geometry.phase_angle import phase_chords
 from gonio.models.parameters import ParameterInfo, parameter
-from gonio.models.warps.retroreflection import AbstractHotSpot
+from gonio.models.volume_scatter.hot_spot import AbstractHotSpot
 
 LEVEL = ParameterInfo(0.0, 1.0, "1", "amplitude of the reflectance", start=0.2, per_channel=True, linear=True)
 BOWL = ParameterInfo(0.0, 2.0, "1", "shape: below 1 a bowl, above 1 a bell", start=0.8)

@@ -8,6 +8,8 @@ from jaxtyping import Array, Float
 
 Scalar = Float[Array, ""]
 
+S_MAX = 8.6  # exp(−S_MAX²/2) = 9e-17: the lobe beyond is below rounding
+
 
 def linear_law(v: Scalar, low: Scalar, high: Scalar) -> tuple[Scalar, Scalar]:
     """Equal steps from low to high, for a lobe that falls as a Gaussian."""
@@ -35,3 +37,25 @@ def horizon_law(v: Scalar, last: Scalar, horizon: Scalar, layer: Scalar) -> tupl
     x = jnp.where(outer, x_max - layer * jnp.sinh(back), x_max * v)
     rate = jnp.where(outer, 2.0 * layer * jnp.cosh(back) * reach, x_max)
     return jnp.sinh(x), jnp.cosh(x) * rate
+
+
+def power_rate(x: Scalar) -> Scalar:
+    """√((eˣ − 1)/x), to full precision at 0."""
+    small = x < 1e-5
+    safe = jnp.where(small, 1.0, x)
+    return jnp.where(small, 1.0 + x / 4, jnp.sqrt(jnp.expm1(safe) / safe))
+
+
+def power_reach(length2: Scalar, s: Scalar) -> Scalar:
+    """The radius of a slope s (in units of the widths) on a ray of unit slope √length2, at most S_MAX.
+
+    cosθ_h = exp(−length2 · radius²/2), so that the lobe, cosθ_h to the power 1/length2 − 1, is Gaussian in the radius.
+    """
+    return jnp.minimum(jnp.sqrt(jnp.log1p(length2 * s * s) / length2), S_MAX)
+
+
+def power_slope(length2: Scalar, radius: Scalar) -> tuple[Scalar, Scalar]:
+    """The slope at a radius, the inverse of `power_reach`, and its derivative."""
+    x = length2 * radius * radius
+    rate = power_rate(x)
+    return radius * rate, jnp.exp(x) / rate

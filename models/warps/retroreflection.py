@@ -4,13 +4,11 @@ Along the azimuth ψ about wi (0 towards the normal) the phase angle g runs from
 cot g = −tan θi cosψ; the cone of a hot spot at g = 0 is smooth on each of these rays.
 """
 
-import abc
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
 from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts
 
@@ -63,14 +61,3 @@ def hot_spot_map(wi: Direction, u1: Scalar, u2: Scalar, near: Scalar, far: Scala
     end, end_rate = grown(v**3, half, far)
     g = jnp.where(inner, start, ray.horizon - end)
     return back_direction(wi, ray, g, 2.0 * jnp.where(inner, start_rate, 3.0 * v * v * end_rate))
-
-
-class AbstractHotSpot(AbstractBRDF):
-    """A surface with a peak in retroreflection, at the scales that the final class gives."""
-
-    @abc.abstractmethod
-    def hot_spot(self, wi: Direction) -> tuple[Scalar, Scalar]:
-        """The scales of `hot_spot_map`, radians: of the peak, and of what changes before the horizon."""
-
-    def lobe_map(self, wi, u1, u2):
-        return hot_spot_map(wi, u1, u2, *self.hot_spot(wi))
