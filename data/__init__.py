@@ -1,8 +1,5 @@
-"""What is kept and exchanged: tables, their files, foreign formats."""
+"""What is kept and exchanged: tables, layouts, materials, scenes, and their files."""
 
-from gonio.data.flags import Flag as Flag
-from gonio.data.formats.registry import read as read
-from gonio.data.layout import Layout as Layout
-from gonio.data.table import Block as Block
-from gonio.data.table import Channels as Channels
-from gonio.data.table import Table as Table
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,67 @@
+"""The face in Python: what `import gonio` gives, and that it gives it quickly."""
+
+import ast
+import builtins
+import importlib
+import inspect
+import pathlib
+import subprocess
+import sys
+
+import pytest
+
+import gonio
+import gonio.data
+import gonio.fitting
+import gonio.models
+
+VERBS = ["chart", "check", "fit", "fit_many", "material", "measure", "open", "reduce", "repair", "report", "stress"]
+CLASSES = ["Certificate", "FitResult", "GonioError", "Instrument", "Material", "Scene", "Table"]
+
+
+def test_completion_shows_verbs_and_classes():
+    assert {*VERBS, *CLASSES} <= set(dir(gonio))
+    assert all(callable(getattr(gonio, name)) for name in VERBS)
+    assert all(inspect.isclass(getattr(gonio, name)) for name in CLASSES)
+    with pytest.raises(AttributeError, match="no attribute 'fitt'"):
+        gonio.fitt  # noqa: B018
+
+
+def test_a_star_import_leaves_pythons_own_open():
+    names = {}
+    exec("from gonio import *", names)
+    assert names.get("open", builtins.open) is builtins.open and names["fit"] is gonio.fit
+
+
+def test_type_checkers_see_what_is_loaded():
+    tree = ast.parse(inspect.getsource(gonio))
+    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+    seen = {
+        alias.asname or alias.name: (node.module, alias.name)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    seen["open"] = seen.pop("_read")
+    loaded = {name: getattr(importlib.import_module(module), attribute) for name, (module, attribute) in seen.items()}
+    assert loaded == {name: getattr(gonio, name) for name in (*VERBS, *CLASSES)}
+
+
+@pytest.mark.parametrize("package", [gonio.models, gonio.data, gonio.fitting])
+def test_packages_give_their_public_names(package):
+    assert dir(package) and all(getattr(package, name) is not None for name in dir(package))
+    assert pathlib.Path(package.__file__).with_suffix(".pyi").exists()
+
+
+@pytest.mark.parametrize(
+    ("statement", "absent"),
+    [
+        ("import gonio; gonio.GonioError; dir(gonio)", ("jax", "numpy")),
+        ("from gonio.models.errors import GonioError", ("jax", "numpy")),
+        ("import gonio.fitting, gonio.data, gonio.models", ("jax", "numpy")),
+        ("import gonio; gonio.open", ("jax",)),
+    ],
+)
+def test_imports_load_no_more_than_they_need(statement, absent):
+    code = f"import sys; {statement}; sys.exit(any(name in sys.modules for name in {absent}))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True).returncode == 0
