@@ -3,6 +3,7 @@
 import ast
 import pathlib
 import sys
+import tomllib
 
 import pytest
 
@@ -81,6 +82,11 @@ def imports() -> dict[str, set[str]]:
 def test_every_folder_of_the_top_floor_is_a_room():
     folders = {p.name for p in (ROOT / "gonio").iterdir() if (p / "__init__.py").exists()}
     assert folders == set(ROOMS)
+
+
+def test_every_folder_is_installed():
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
+    assert set(listed) == {module for module in MODULES if package_of(module) == module}
 
 
 def test_no_import_goes_up():
