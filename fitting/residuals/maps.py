@@ -1,7 +1,8 @@
-"""Where the residuals of a fit are: maps over two angles."""
+"""Maps of the relative residuals of a fit over two angles."""
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -17,19 +18,19 @@ SYMBOLS = {"theta_h": "θh", "theta_d": "θd", "theta_i": "θi", "theta_o": "θo
 class ResidualMap:
     """Median of (model − reading)/|reading| by two angles: `edges` in degrees, values and counts (rows, columns)."""
 
-    axes: tuple[str, str]
-    edges: tuple[tuple[float, ...], tuple[float, ...]]
+    axes: tuple[str, ...]
+    edges: tuple[tuple[float, ...], ...]
     median_relative: np.ndarray
     count: np.ndarray
 
     def region(self, row: int, column: int) -> str:
         """A cell of the map in words, such as 'θh 0–1°, θd 10–20°'."""
-        said = []
-        for name, edges, k in zip(self.axes, self.edges, (row, column), strict=True):
-            said.append(f"{SYMBOLS[name]} {edges[k]:g}–{edges[k + 1]:g}°")
-        return ", ".join(said)
+        return ", ".join(
+            f"{SYMBOLS[name]} {edges[k]:g}–{edges[k + 1]:g}°"
+            for name, edges, k in zip(self.axes, self.edges, (row, column), strict=True)
+        )
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Plain lists; NaN where there is no reading."""
         return {
             "axes_deg": list(self.axes),
@@ -44,26 +45,26 @@ def bins(values: np.ndarray, edges: Sequence[float] | np.ndarray) -> np.ndarray:
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
 
 
+def map_cells(angles: PairAngles, axes: Sequence[str], edges: Sequence[Sequence[float]]) -> np.ndarray:
+    """Number (n,) of the map's cell, row by row, in which each pair of directions lies."""
+    row, column = (bins(getattr(angles, a), e) for a, e in zip(axes, edges, strict=True))
+    return row * (len(edges[1]) - 1) + column
+
+
 def grouped_median(group: np.ndarray, values: np.ndarray, groups: int) -> np.ndarray:
     """Median of the values of each group (groups,), NaN where it has none."""
-    found = np.full(groups, np.nan)
+    medians = np.full(groups, np.nan)
     order = np.argsort(group, kind="stable")
     ends = np.searchsorted(group[order], np.arange(groups + 1))
     for g in np.flatnonzero(np.diff(ends)):
-        found[g] = np.median(values[order[ends[g] : ends[g + 1]]])
-    return found
+        medians[g] = np.median(values[order[ends[g] : ends[g + 1]]])
+    return medians
 
 
-def residual_maps(angles: PairAngles, relative: np.ndarray, seen: np.ndarray) -> dict[str, ResidualMap]:
-    """Both maps of relative residuals (n, C) where `seen` (n, C)."""
-    return {name: residual_map(angles, relative, seen, axes) for name, axes in AXES.items()}
-
-
-def residual_map(angles: PairAngles, relative: np.ndarray, seen: np.ndarray, axes: tuple[str, str]) -> ResidualMap:
-    """One map over two of the angles."""
+def residual_map(angles: PairAngles, relative: np.ndarray, used: np.ndarray, axes: tuple[str, ...]) -> ResidualMap:
+    """Map over two of the angles of relative residuals (n, C) where `used` (n, C)."""
     edges = tuple(HALF_EDGES if a == "theta_h" else EVEN_EDGES for a in axes)
-    index = [bins(getattr(angles, a), e) for a, e in zip(axes, edges, strict=True)]
-    rows, columns = len(edges[0]) - 1, len(edges[1]) - 1
-    cell = np.broadcast_to((index[0] * columns + index[1])[:, None], seen.shape)[seen]
-    median = grouped_median(cell, relative[seen], rows * columns).reshape(rows, columns)
-    return ResidualMap(axes, edges, median, np.bincount(cell, minlength=rows * columns).reshape(rows, columns))
+    shape = tuple(len(e) - 1 for e in edges)
+    cell = np.broadcast_to(map_cells(angles, axes, edges)[:, None], used.shape)[used]
+    median = grouped_median(cell, relative[used], shape[0] * shape[1]).reshape(shape)
+    return ResidualMap(axes, edges, median, np.bincount(cell, minlength=median.size).reshape(shape))

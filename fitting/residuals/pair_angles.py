@@ -1,4 +1,4 @@
-"""Pairs of directions by their angles, and in an order in which neighbours follow each other."""
+"""Angles of pairs of directions, and an order of pairs in which neighbours follow each other."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ BITS = 15  # of each of four coordinates in the order along the curve
 
 
 class PairAngles(NamedTuple):
-    """Angles of pairs of directions, degrees, (n,) each: polar angles, half and difference angle, phase angle."""
+    """Angles of pairs of directions, degrees, (n,) each: polar angles, half angle and difference angle."""
 
     theta_i: np.ndarray
     theta_o: np.ndarray
@@ -32,15 +32,15 @@ def pair_angles(wi: Direction, wo: Direction) -> PairAngles:
 
 
 def neighbour_order(wi: Direction, wo: Direction, by_incidence: bool = False) -> np.ndarray:
-    """A permutation (n,) that goes through pairs of directions by short steps.
+    """A permutation (n,) that goes through pairs of directions by short steps: the Z-order curve of Morton [1966].
 
-    The curve of Morton [1966] through the four tangent-plane components of both directions; or, `by_incidence`, one
-    through the incident directions and at each of them one through the others.
+    The curve runs through the four tangent-plane components of both directions; or, `by_incidence`, one runs through
+    the incident directions and at each of them another through the outgoing ones.
     """
     code = np.zeros(np.asarray(wi.x).size, np.uint64)
-    for place, c in enumerate((wi.x, wi.y, wo.x, wo.y)):
+    for k, c in enumerate((wi.x, wi.y, wo.x, wo.y)):
         level = np.clip((np.asarray(c, float) + 1.0) * (1 << (BITS - 1)), 0, (1 << BITS) - 1).astype(np.uint64)
         for bit in range(BITS):
-            to = 2 * bit + place % 2 + (2 * BITS if place < 2 else 0) if by_incidence else 4 * bit + place
-            code |= ((level >> np.uint64(bit)) & np.uint64(1)) << np.uint64(to)
+            position = 2 * bit + k % 2 + (2 * BITS if k < 2 else 0) if by_incidence else 4 * bit + k
+            code |= ((level >> np.uint64(bit)) & np.uint64(1)) << np.uint64(position)
     return np.argsort(code, kind="stable")

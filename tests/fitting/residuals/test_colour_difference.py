@@ -35,12 +35,17 @@ def test_white_is_white():
     rgb = colour_matrix(Channels.rgb())
     np.testing.assert_allclose(rgb.sum(1), [0.9505, 1.0, 1.089], atol=1e-3)
     np.testing.assert_allclose(to_lab(rgb.sum(1)[None], rgb.sum(1)), [[100, 0, 0]], atol=1e-9)
-    waves = np.arange(380.0, 781.0, 5.0)
-    equal = observer(waves).sum(1) * 5
-    np.testing.assert_allclose(equal / 106.857, 1, atol=0.02)  # CIE 1931: each integrates to 106.857 nm
-    spectral = colour_matrix(Channels.of_wavelengths(waves))
-    np.testing.assert_allclose(spectral.sum(1), 1, atol=0.02)
     assert colour_matrix(Channels.of_wavelengths([532.0, 633.0])) is None and colour_matrix(Channels.grey()) is None
+
+
+def test_the_observer_is_that_of_the_cie():
+    """Equal energy has equal tristimulus values, 106.857 nm at 1 nm [CIE 015]; 555 nm and all peaks as tabulated."""
+    waves = np.arange(360.0, 831.0)
+    np.testing.assert_allclose(observer(waves).sum(1), 106.86, rtol=4e-4)
+    np.testing.assert_array_equal(observer(np.array([555.0, 599.0, 1000.0]))[1, [0, 2]], [1.0, 0.0])
+    assert [waves[k] for k in observer(waves).argmax(1)] == [600, 555, 445]
+    spectral = colour_matrix(Channels.of_wavelengths(waves))
+    np.testing.assert_allclose(spectral.sum(1), 1, atol=4e-4)
 
 
 def test_a_sphere_one_percent_brighter():
@@ -50,7 +55,7 @@ def test_a_sphere_one_percent_brighter():
     wi, wo = layout.directions()
     f = np.full((layout.size, 3), 0.5 / np.pi)
     readings = Readings(wi, wo, f, np.zeros_like(f), np.repeat((np.minimum(wi.z, wo.z) > 0)[:, None], 3, 1))
-    found = sphere_difference(Channels.rgb(), readings, 1.1 * f, layout)
+    difference = sphere_difference(Channels.rgb(), readings, 1.1 * f, layout)
     expected, weight = 0.0, 0.0
     x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(-1, 1, 401),) * 2))
     up = np.sqrt(np.maximum(1 - x * x - y * y, 0))
@@ -64,6 +69,6 @@ def test_a_sphere_one_percent_brighter():
         # Spheres of all phase angles are as many as pairs of directions there: in proportion to sin g.
         expected += np.sin(g) * np.sum(((l2 - l1) / scale)[~dark])
         weight += np.sin(g) * np.count_nonzero(~dark)
-    assert found["name"] == "CIEDE2000" and found["pixels"] > 1000
-    assert found["mean"] == pytest.approx(expected / weight, rel=0.04)
+    assert difference["name"] == "CIEDE2000" and difference["pixels"] > 1000
+    assert difference["mean"] == pytest.approx(expected / weight, rel=0.04)
     assert sphere_difference(Channels.rgb(), readings, f, layout)["mean"] == 0.0

@@ -45,7 +45,7 @@ def test_one_percent_a_hundred_times_too_bright(kind):
     result = fit(table, "lambert + ggx", robust=kind, starts=2)
     u = np.array([p.standard_uncertainty for p in result.parameters if p.status != "fixed"])
     assert result.converged and np.all(np.abs(values(result) - NUMBERS) < 5 * u) and np.all(u < 0.002)
-    kept = result.evidence.aside.kept
+    kept = result.evidence.robust.kept
     assert np.all(kept[hit.reshape(kept.shape[0], -1)[: kept.shape[0]]] < 0.5) if kept.shape[0] == hit.size else True
     said = " ".join(result.residuals.sentences)
     assert f"robust ({kind})" in said and result.residuals.down_weighted >= hit.sum()
