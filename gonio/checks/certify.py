@@ -81,11 +81,15 @@ def check(
     if truth is not None:
         found.append(_agreement(thing, truth, limits["agreement"], level))
     for p in found:
-        if channels and "channel" in p.where:
-            p.where["channel"] = channels[p.where["channel"]]
-        if channels and isinstance(p.facts.get("strongest_at"), dict) and "channel" in p.facts["strongest_at"]:
-            p.facts["strongest_at"]["channel"] = channels[p.facts["strongest_at"]["channel"]]
+        p.where = _with_channel_name(p.where, channels)
+        if "strongest_at" in p.facts:
+            p.facts["strongest_at"] = _with_channel_name(p.facts["strongest_at"], channels)
     return Certificate(title, kind, found, strict)
+
+
+def _with_channel_name(where: dict[str, Any], channels: tuple[str, ...]) -> dict[str, Any]:
+    """A copy of a place with its channel's name for the number; places may be shared, so none is changed."""
+    return {**where, "channel": channels[where["channel"]]} if channels and "channel" in where else where
 
 
 def _agreement(thing: AbstractBRDF | Table, truth: AbstractBRDF | Table, tolerance: float, level: float) -> Property:

@@ -46,3 +46,16 @@ def test_bad_tolerances_are_refused(tolerances):
 def test_what_is_no_subject_is_refused(subject):
     with pytest.raises(GonioError):
         check(subject)
+
+
+def test_a_channel_is_named_once_where_one_band_is_both_the_strongest_and_the_worst():
+    d = np.radians
+    layout = layouts.isotropic(d(np.arange(0, 86, 10)), d(np.arange(0, 86, 10)), d(np.arange(0, 360, 30)))
+    # In one band and channel light from further above is brighter by 2 %: no single pair shows it, the band does.
+    theta_i, _, theta_o, _ = (np.degrees(a).reshape(layout.shape) for a in layout.angles())
+    tilt = np.where(np.round(np.maximum(theta_i, theta_o)) == 40, 0.01 * np.sign(theta_o - theta_i), 0.0)
+    f = 0.2 * (1 + tilt[..., None] * [0, 1, 0])
+    table = whole_table_of_values(layout, f, u_f=0.01 * f)
+    reciprocity = check(table)["reciprocity"]
+    assert reciprocity.where["theta_from"] == 40
+    assert reciprocity.where["channel"] == reciprocity.facts["strongest_at"]["channel"] == table.channels.names[1]
