@@ -3,10 +3,11 @@ from .flags import Flag as Flag
 from .formats.registry import read as read
 from .layout import Layout as Layout
 from .material import Material as Material
-from .material import load_material as load_material
 from .material import reference_materials as reference_materials
 from .scene import Scene as Scene
 from .scene import load_scene as load_scene
+from .subject import load_material as load_material
+from .subject import resolve_subject as resolve_subject
 from .table import Block as Block
 from .table import Channels as Channels
 from .table import Table as Table

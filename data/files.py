@@ -27,6 +27,14 @@ def input_size(path: str | os.PathLike) -> int:
     return size
 
 
+def is_there(path: str | os.PathLike) -> bool:
+    """Whether a path exists; False for what can be no path: an expression too long for a name, or a null character."""
+    try:
+        return Path(path).exists()
+    except (OSError, ValueError):
+        return False
+
+
 def refuse_existing(path: str | os.PathLike, force: bool) -> None:
     """Raises GonioError where `path` is a folder, or exists and is not to be replaced."""
     path = Path(path)

@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from gonio.data.files import input_size, new_file
-from gonio.data.formats.bbm_fits import SUFFIX, published_spelling
 from gonio.data.table import Channels
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError, nearest
 from gonio.models.evaluation import channel_count
 from gonio.models.expression.builder import build, to_expression
@@ -45,52 +43,18 @@ def reference_materials() -> list[str]:
     return sorted(path.stem for path in REFERENCE_FOLDER.glob("*.toml"))
 
 
-def load_material(what: str | os.PathLike) -> Material:
-    """The material that a reference name, a .toml file, a readable table file, FILE.fit:NAME or an expression means.
-
-    A reference name goes before a file of the same name (write ./name for the file); a file before an expression.
-    Raises GonioError, in one sentence, for what is none of them, naming the nearest.
-    """
-    text = os.fspath(what)
-    if text in reference_materials():
-        # Where this gonio is installed is nobody's provenance: a reference material is known by its name.
-        return dataclasses.replace(read_material(REFERENCE_FOLDER / f"{text}.toml"), meta={"reference": text})
-    if isinstance(what, os.PathLike) or _is_there(text):
-        return _from_file(Path(text))
-    file, sign, entry = text.rpartition(":")
-    if sign and file.endswith(SUFFIX):
-        return _published(file, entry)
-    if "(" in text:
-        brdf = build(text)
-        return Material(text, brdf, text, _channels_of(brdf), "spelled on the spot")
-    if os.sep in text or Path(text).suffix:
-        raise GonioError(f"{text} does not exist; check the name and the folder")
-    if text in MODELS:
-        raise GonioError(f"'{text}' is a model, not a material; give its parameters, as in '{text}(...)'")
-    known = [*reference_materials(), *MODELS]
-    raise GonioError(f"Unknown material '{text[:80]}'; {nearest(text[:80], known)}")
+def channels_of(brdf: AbstractBRDF) -> Channels:
+    """The channels of a model that does not name them."""
+    return Channels.of_count(channel_count(brdf) or 1)
 
 
-def _published(file: str, entry: str) -> Material:
-    expression = published_spelling(file, entry)
+def material_of(brdf: AbstractBRDF) -> Material:
+    """A bare model as a material: its expression, where it has one, is its name."""
     try:
-        brdf = build(expression)
-    except GonioError as error:
-        raise GonioError(f"{file}, {entry}: {error}") from None
-    source = f"published fit of {entry} in {Path(file).name}"
-    return Material(entry, brdf, expression, _channels_of(brdf), source, source, {"file": file, "entry": entry})
-
-
-def _is_there(text: str) -> bool:
-    try:
-        return Path(text).exists()
-    except (OSError, ValueError):  # an expression too long for a file name, or one with a null character
-        return False
-
-
-def _channels_of(brdf: AbstractBRDF) -> Channels:
-    count = channel_count(brdf)
-    return Channels.grey() if count is None else Channels.of_count(count)
+        expression = to_expression(brdf)
+    except GonioError:
+        expression = None
+    return Material(expression or type(brdf).__name__, brdf, expression, channels_of(brdf))
 
 
 def is_material_file(path: Path) -> bool:
@@ -104,26 +68,6 @@ def is_material_file(path: Path) -> bool:
             return b"gonio_material" in file.read(4096)
     except OSError:  # the reader of tables says what is wrong with it
         return False
-
-
-def _from_file(path: Path) -> Material:
-    if is_material_file(path):
-        return read_material(path)
-    # Tables drag in the readers of every format; a material that is a model does without them.
-    from gonio.data.formats.registry import read
-    from gonio.data.interpolation.multilinear import as_material, interpolation
-
-    table = read(path)
-    how = interpolation(table)
-    return Material(
-        table.name or path.stem,
-        as_material(table),
-        None,
-        table.channels,
-        f"a table ({table.layout.name}), {how}",
-        str(table.provenance.get("source", "")),
-        {"file": str(path), "interpolation": how, "provenance": table.provenance},
-    )
 
 
 def read_material(path: str | os.PathLike) -> Material:
@@ -195,7 +139,7 @@ def _declared_channels(data: dict, brdf: AbstractBRDF) -> Channels:
     elif "wavelengths_nm" in data:
         found = Channels.of_wavelengths(_wavelengths(data))
     else:
-        return _channels_of(brdf)
+        return channels_of(brdf)
     count = channel_count(brdf) or 1
     if len(found) != count:
         raise GonioError(f"{len(found)} channels are named, but the model has {count}; name as many as its lists hold")

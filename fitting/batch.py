@@ -4,12 +4,13 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 
+from gonio.data.subject import SubjectLike
 from gonio.data.table import Table
 from gonio.fitting.fit_table import fit
 from gonio.fitting.result import FitResult
 from gonio.models.errors import GonioError
 
-Source = Table | str | os.PathLike | Callable[[], Table]
+Source = SubjectLike | Callable[[], Table]
 
 
 def fit_many(
@@ -59,8 +60,6 @@ def as_fitted(
 
 def _outcome(table: Source, model, options) -> FitResult | GonioError:
     try:
-        if not isinstance(table, Table):
-            table = table() if callable(table) else os.fspath(table)
-        return fit(table, model, **options)
+        return fit(table() if callable(table) else table, model, **options)
     except GonioError as error:
         return error

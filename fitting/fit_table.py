@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from gonio.data.scene import Scene, load_scene
+from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
 from gonio.fitting.fit_model import Options, fit_one, prepare
 from gonio.fitting.problem.cell_measure import measure_of
@@ -25,7 +26,7 @@ WIDENS = 0.02  # aperture half-angle over alpha, from which on the averaging sho
 
 
 def fit(
-    table: Table | str,
+    table: SubjectLike,
     model: str | list[str] | None = None,
     *,
     loss: str | None = None,
@@ -63,10 +64,7 @@ def fit(
 
     Raises GonioError for an unknown model, loss or weight, and for a table with too few readings for the model.
     """
-    if isinstance(table, str):
-        from gonio.data.formats.registry import read
-
-        table = read(table)
+    table = resolve_subject(table).require_table()
     asked = [model] if isinstance(model, str) else list(model or [])
     parsed = [with_defaults(parse(m)) for m in asked]
     if scene is not None:

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from gonio.checks.repair.nearest_table import repair as repair
     from gonio.data.formats.registry import read as _read
     from gonio.data.material import Material as Material
-    from gonio.data.material import load_material as material
     from gonio.data.reduction.coarsest_table import reduce_table as reduce
     from gonio.data.scene import Scene as Scene
+    from gonio.data.subject import load_material as material
     from gonio.data.table import Table as Table
     from gonio.fitting.batch import fit_many as fit_many
     from gonio.fitting.fit_table import fit as fit
@@ -49,7 +49,7 @@ _PUBLIC = {  # public name: its module, and its name there; the imports above ar
     "check": ("gonio.checks.certify", "check"),
     "fit": ("gonio.fitting.fit_table", "fit"),
     "fit_many": ("gonio.fitting.batch", "fit_many"),
-    "material": ("gonio.data.material", "load_material"),
+    "material": ("gonio.data.subject", "load_material"),
     "measure": ("gonio.instrument.measurement", "measure"),
     "open": ("gonio.data.formats.registry", "read"),
     "reduce": ("gonio.data.reduction.coarsest_table", "reduce_table"),

@@ -11,6 +11,7 @@ from gonio.data.interpolation.multilinear import as_material
 from gonio.data.layout import Layout
 from gonio.data.reduction.thin_grid import Base, Thinning
 from gonio.data.scene import Scene, load_scene
+from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Channels, Table
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
@@ -36,7 +37,10 @@ class Reduction:
 
 
 def reduce_table(
-    table: Table, scene: "str | Scene", tolerance: float | None = None, say: Callable[[str], None] = lambda line: None
+    table: SubjectLike,
+    scene: "str | Scene",
+    tolerance: float | None = None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Reduction:
     """The coarsest table found whose radiance in a scene is within the tolerance (the scene's own if None is given).
 
@@ -44,7 +48,7 @@ def reduce_table(
     read, on other directions than the search saw. Uncertainties are not kept. Raises GonioError where the table does
     not answer for what the scene sees, and where no smaller table is within the tolerance.
     """
-    scene = load_scene(scene)
+    table, scene = resolve_subject(table).require_table(), load_scene(scene)
     tolerance = scene.tolerance if tolerance is None else tolerance
     left, whole = [], table
     if (names := scene.channels_of(table.channels.names)) and len(names) < len(table.channels):

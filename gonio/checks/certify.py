@@ -1,11 +1,10 @@
 """`check`: is this model, or this table, reciprocal, and does it conserve energy?"""
 
-import os
 from typing import Any
 
 from gonio.checks.certificate import NAMES, Certificate, Property
 from gonio.checks.table.significance import LEVEL
-from gonio.data.material import Material
+from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
@@ -33,13 +32,13 @@ TABLE_TOLERANCES = {
 
 
 def check(
-    subject: "Material | AbstractBRDF | Table | str | os.PathLike",
+    subject: SubjectLike,
     *,
     tolerances: dict[str, float] | None = None,
     strict: bool = False,
     feature_width: float = 0.0,
     level: float = LEVEL,
-    against: "Material | AbstractBRDF | Table | str | os.PathLike | None" = None,
+    against: SubjectLike | None = None,
     name: str | None = None,
 ) -> Certificate:
     """Judges reciprocity, energy conservation, positivity, symmetries and edges of a model or a table.
@@ -54,9 +53,10 @@ def check(
     """
     if not 0 < level <= 0.5:
         raise GonioError(f"the level is {level}; give a chance above 0 and up to 0.5, such as 0.01")
-    kind, title, thing, channels = _subject(subject)
-    title = name or title
-    truth = None if against is None else _subject(against)[2]
+    subject = resolve_subject(subject)
+    kind, channels = subject.kind, subject.channels.names
+    thing = subject.brdf if subject.table is None else subject.table
+    truth = None if against is None else resolve_subject(against).brdf
     limits = limits_of(MODEL_TOLERANCES if kind == "model" else TABLE_TOLERANCES, tolerances)
     if kind == "model":
         from gonio.checks.model.edges import model_horizon, model_pole
@@ -84,21 +84,17 @@ def check(
         p.where = _with_channel_name(p.where, channels)
         if "strongest_at" in p.facts:
             p.facts["strongest_at"] = _with_channel_name(p.facts["strongest_at"], channels)
-    return Certificate(title, kind, found, strict)
+    return Certificate(name or subject.name, kind, found, strict)
 
 
 def _with_channel_name(where: dict[str, Any], channels: tuple[str, ...]) -> dict[str, Any]:
     """A copy of a place with its channel's name for the number; places may be shared, so none is changed."""
-    return {**where, "channel": channels[where["channel"]]} if channels and "channel" in where else where
+    return {**where, "channel": channels[where["channel"]]} if "channel" in where else where
 
 
-def _agreement(thing: AbstractBRDF | Table, truth: AbstractBRDF | Table, tolerance: float, level: float) -> Property:
+def _agreement(thing: AbstractBRDF | Table, truth: AbstractBRDF, tolerance: float, level: float) -> Property:
     from gonio.checks.model.agreement import model_agreement, table_agreement
 
-    if isinstance(truth, Table):
-        from gonio.data.interpolation.multilinear import as_material
-
-        truth = as_material(truth)
     if isinstance(thing, Table):
         return table_agreement(thing, truth, tolerance, level)
     return model_agreement(thing, truth, tolerance)
@@ -113,33 +109,3 @@ def limits_of(defaults: dict[str, float], given: dict[str, float] | None) -> dic
         if not value >= 0 or value == float("inf"):
             raise GonioError(f"the tolerance of {key} is {value}; give a number from 0 up")
     return {**defaults, **given}
-
-
-def _subject(subject: Any) -> tuple[str, str, Any, tuple[str, ...]]:
-    """(kind, title, what is judged, names of its channels) of whatever was given."""
-    if isinstance(subject, Table):
-        return "table", subject.name or "table", subject, subject.channels.names
-    if isinstance(subject, AbstractBRDF):
-        return "model", _title(subject), subject, ()
-    if isinstance(subject, str | os.PathLike):
-        from gonio.data.material import load_material
-
-        subject = load_material(subject)
-    if not isinstance(subject, Material):
-        raise GonioError(f"a {type(subject).__name__} cannot be checked; give a material, a model, a table or a file")
-    if subject.expression is None and subject.meta.get("file"):
-        from gonio.data.formats.registry import read
-
-        # The readings themselves are judged, not what lies between them.
-        table = read(subject.meta["file"])
-        return "table", subject.name, table, table.channels.names
-    return "model", subject.name, subject.brdf, subject.channels.names
-
-
-def _title(brdf: AbstractBRDF) -> str:
-    from gonio.models.expression.builder import to_expression
-
-    try:
-        return to_expression(brdf)
-    except GonioError:
-        return type(brdf).__name__

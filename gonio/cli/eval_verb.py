@@ -21,7 +21,7 @@ def run(args: argparse.Namespace) -> int:
     from gonio.data.files import new_file, refuse_existing, refuse_input
     from gonio.data.formats.csv import read_directions
     from gonio.data.formats.csv_columns import write_columns
-    from gonio.data.material import load_material
+    from gonio.data.subject import load_material
 
     if args.output:
         refuse_existing(args.output, args.force)

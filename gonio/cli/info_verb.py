@@ -34,7 +34,7 @@ def _published(path: str) -> dict:
 
 
 def _material(path: str) -> dict:
-    from gonio.data.material import load_material
+    from gonio.data.subject import load_material
     from gonio.models.expression.builder import to_expression
 
     m = load_material(path if "/" in path or ".fit:" in path else f"./{path}")

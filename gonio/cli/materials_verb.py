@@ -9,7 +9,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from gonio.data.material import load_material, material_text, reference_materials
+    from gonio.data.material import material_text, reference_materials
+    from gonio.data.subject import load_material
     from gonio.models.errors import GonioError, nearest
     from gonio.text import columns, say
 

@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     # Before anything is read or computed.
     refuse_existing(args.output, args.force)
     refuse_input(args.output, *(given for given in (args.material, args.scan) if given))
-    from gonio.data.material import load_material
+    from gonio.data.subject import load_material
     from gonio.instrument.measurement import measure
 
     instrument = instrument_of(args)

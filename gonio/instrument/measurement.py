@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from gonio.data.layout import Layout
-from gonio.data.material import Material, load_material
+from gonio.data.material import Material
+from gonio.data.subject import SubjectLike, load_material
 from gonio.data.table import Table
 from gonio.data.tabulate import block_rows
 from gonio.instrument import provenance
@@ -17,7 +18,6 @@ from gonio.instrument.progress import Progress
 from gonio.instrument.reader import Reader, WorstAverage
 from gonio.instrument.scans import default_name, isotropy_remark
 from gonio.instrument.scans import scan as named_scan
-from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 
 FLAT_BLOCK = 1 << 14
@@ -27,7 +27,7 @@ MEMORY_BYTES = 8 << 30
 
 
 def measure(
-    material: Material | AbstractBRDF | Table | str | os.PathLike,
+    material: SubjectLike,
     instrument: Instrument | None = None,
     scan: Layout | str | os.PathLike | None = None,
     *,
@@ -41,7 +41,7 @@ def measure(
 ) -> Table:
     """What `instrument` (ideal by default) reads of `material` in the directions of `scan`.
 
-    `material`: a model, a table, or anything that `load_material` takes. `scan`: a layout, or what `scan`
+    `material`: any subject (see `gonio.data.subject.SubjectLike`). `scan`: a layout, or what `scan`
     takes; by default an isotropic scan by 5° up to 85°, or a spherical one by 10° if the material is anisotropic.
     `output`: written there in blocks, for tables of any size; where the same call was killed it goes on, and ends with
     the same bits. `dtype` is that of the stored values (float32 or float64; by default JAX's own precision). `say` is
@@ -52,7 +52,7 @@ def measure(
     outside [0, 2^64), a table too large for memory without an output, and an output that exists without `force`.
     """
     talk, say = say is not None, say or (lambda text: warnings.warn(text, stacklevel=3))
-    material = _material(material)
+    material = load_material(material)
     instrument = instrument or Instrument()
     layout = _scan(scan, material)
     if not (isinstance(seed, int | np.integer) and 0 <= seed < 1 << 64):
@@ -81,18 +81,6 @@ def measure(
     if talk:
         say(bar.sentence(reader.channels))
     return table
-
-
-def _material(what) -> Material:
-    if isinstance(what, Material):
-        return what
-    if isinstance(what, AbstractBRDF):
-        return provenance.named(what)
-    if isinstance(what, Table):
-        from gonio.data.interpolation.multilinear import as_material
-
-        return Material(what.name or "a table", as_material(what), None, what.channels, meta=dict(what.provenance))
-    return load_material(what)
 
 
 def _scan(scan, material: Material) -> Layout:

@@ -11,24 +11,11 @@ import numpy as np
 from gonio import __version__
 from gonio.data.layout import Layout
 from gonio.data.material import Material
-from gonio.data.table import Channels
 from gonio.instrument.instrument import Instrument, Systematic, systematic_to_dict
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.errors import GonioError
-from gonio.models.evaluation import channel_count
 from gonio.models.expression.builder import to_expression
 
 LONG_TEXT = 4000
-
-
-def named(brdf: AbstractBRDF) -> Material:
-    """A bare model as a material: its expression, where it has one, is its name."""
-    try:
-        expression = to_expression(brdf)
-    except GonioError:
-        expression = None
-    channels = Channels.of_count(channel_count(brdf) or 1)
-    return Material(expression or type(brdf).__name__, brdf, expression, channels)
 
 
 def of(

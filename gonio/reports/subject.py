@@ -1,13 +1,13 @@
 """What a report is about: tables and models with their fits and certificates, from whatever a user names."""
 
 import dataclasses
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from gonio.checks.certificate import Certificate
-from gonio.data.material import Material, is_material_file, load_material, reference_materials
+from gonio.data.material import Material
+from gonio.data.subject import SubjectLike, load_material, resolve_subject
 from gonio.data.table import Channels, Table
 from gonio.fitting.result import FitResult
 from gonio.models.brdf import AbstractBRDF
@@ -59,43 +59,11 @@ class Subject:
         return None if self.fit_material is None else self.fit_material.brdf
 
 
-def subject_of(given: Any, number: int) -> Subject:
-    """The subject that a table, a material, a model, or what names one stands for. Raises GonioError."""
-    if isinstance(given, Table):
-        return Subject(given.name or "table", given.channels, table=given, number=number)
-    if isinstance(given, AbstractBRDF):
-        count = channel_count(given)
-        channels = Channels.grey() if count is None else Channels.of_count(count)
-        return Subject(type(given).__name__, channels, brdf=given, number=number)
-    if isinstance(given, str | os.PathLike):
-        if _is_table_file(given):
-            # Not by way of a material: what cannot be interpolated can still be reported on.
-            return _table_of_file(given, number)
-        given = load_material(given)
-    if not isinstance(given, Material):
-        raise GonioError(
-            f"A {type(given).__name__} cannot be reported on; give a table, a material, a model or a file."
-        )
-    if given.expression is None and given.meta.get("file"):
-        return _table_of_file(given.meta["file"], number)
-    file = given.meta.get("file")
-    return Subject(given.name, given.channels, brdf=given.brdf, material=given, number=number, file=file)
-
-
-def _is_table_file(given: str | os.PathLike) -> bool:
-    path = Path(given)
-    try:
-        there = path.is_file()
-    except (OSError, ValueError):  # an expression too long for a file name, or one with a null character
-        return False
-    return there and os.fspath(given) not in reference_materials() and not is_material_file(path)
-
-
-def _table_of_file(path: str | os.PathLike, number: int) -> Subject:
-    from gonio.data.formats.registry import read
-
-    table = read(path)
-    return Subject(table.name or Path(path).stem, table.channels, table=table, number=number, file=os.fspath(path))
+def subject_of(given: SubjectLike, number: int) -> Subject:
+    """The report's subject of what `resolve_subject` takes. Raises GonioError as that does."""
+    found = resolve_subject(given)
+    brdf = None if found.material is None else found.material.brdf
+    return Subject(found.name, found.channels, brdf, found.table, found.material, number=number, file=found.file)
 
 
 def told_apart(shown: Sequence[Subject]) -> None:

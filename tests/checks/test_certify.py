@@ -5,7 +5,7 @@ import pytest
 
 from gonio.checks.certify import check
 from gonio.data import layout as layouts
-from gonio.data.material import load_material
+from gonio.data.subject import load_material
 from gonio.data.table import whole_table_of_values
 from gonio.data.tabulate import grid_values
 from gonio.models.errors import GonioError

@@ -10,7 +10,8 @@ import pytest
 from gonio.data import layout
 from gonio.data import material as mat
 from gonio.data.hdf5.writer import write_table
-from gonio.data.material import Material, load_material, reference_materials, write_material
+from gonio.data.material import Material, reference_materials, write_material
+from gonio.data.subject import load_material
 from gonio.data.table import Channels, Table
 from gonio.models.albedo import directional_albedo
 from gonio.models.brdf import Scaled, terms

@@ -236,7 +236,7 @@ def test_too_few_readings_are_refused_by_name():
 def test_a_fitted_material_measures_again(seven, tmp_path):
     import tomli_w
 
-    from gonio.data.material import load_material
+    from gonio.data.subject import load_material
 
     result = fit(seven, "lambert + ggx(eta=1.5)", starts=0)
     path = tmp_path / "fit.toml"

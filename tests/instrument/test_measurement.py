@@ -12,11 +12,11 @@ import gonio
 from gonio.data import layout
 from gonio.data.flags import Flag
 from gonio.data.hdf5.writer import open_table
+from gonio.data.material import material_of
 from gonio.data.table import Table, whole_table_of_values
 from gonio.instrument import scans
 from gonio.instrument.instrument import Instrument, Systematic
 from gonio.instrument.measurement import measure
-from gonio.instrument.provenance import named
 from gonio.instrument.reader import Reader, WorstAverage
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
@@ -91,7 +91,7 @@ def test_the_uncertainty_is_that_of_the_expected_reading_not_of_the_noisy_one():
 @pytest.mark.parametrize("settings", [REAL, DISCS, REAL | DISCS, {"noise": 0.1, "systematic": OFF}])
 def test_blocks_change_no_bit(settings):
     grid = scans.isotropic(math.radians(15), theta_max=math.radians(90), phi_step=math.radians(40))
-    reader = Reader(named(build(PAINT)), Instrument(**settings), grid, 9)
+    reader = Reader(material_of(build(PAINT)), Instrument(**settings), grid, 9)
     f, u_f, flag, worst = reader.read(0, grid.size)
     cuts = [0, 63, 126, 252, grid.size] if reader.by_rows else [0, 1, 50, 51, 300, grid.size]
     seen = None

@@ -2,7 +2,6 @@
 
 import dataclasses
 import datetime
-import os
 
 import numpy as np
 from scipy import sparse
@@ -14,6 +13,7 @@ from gonio.checks.table.pairs import partner_cells, reciprocal_nodes
 from gonio.checks.table.significance import LEVEL
 from gonio.data import layout as layouts
 from gonio.data.flags import Flag
+from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table, whole_table_of_values
 from gonio.models.errors import GonioError
 
@@ -40,7 +40,7 @@ class Repaired:
 
 
 def repair(
-    table: Table | str | os.PathLike,
+    table: SubjectLike,
     *,
     nonnegative: bool = False,
     tolerances: dict[str, float] | None = None,
@@ -100,13 +100,8 @@ def repair(
     return Repaired(made, before, certified(made), moved, remark)
 
 
-def _table(what) -> Table:
-    if isinstance(what, str | os.PathLike):
-        from gonio.data.formats.registry import read
-
-        what = read(what)
-    if not isinstance(what, Table):
-        raise GonioError(f"a {type(what).__name__} cannot be repaired; give a table, or a file that holds one")
+def _table(what: SubjectLike) -> Table:
+    what = resolve_subject(what).require_table()
     if what.layout.size * len(what.channels) > MOST_VALUES:
         raise GonioError(
             f"{what.layout.size * len(what.channels):,} readings are more than can be repaired in memory"

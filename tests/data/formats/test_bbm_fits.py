@@ -5,7 +5,7 @@ import pytest
 
 from gonio.data.formats.bbm_fits import published_names, published_spelling
 from gonio.data.formats.registry import read
-from gonio.data.material import load_material
+from gonio.data.subject import load_material
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build

@@ -1,0 +1,181 @@
+"""The subject of a verb: the table or the model that a path, a name, an expression or an object stands for."""
+
+import dataclasses
+import functools
+import os
+import tempfile
+from pathlib import Path
+from typing import Any, BinaryIO, Literal
+
+from gonio.data.files import is_there
+from gonio.data.formats.bbm_fits import SUFFIX, published_spelling
+from gonio.data.formats.registry import read
+from gonio.data.material import (
+    REFERENCE_FOLDER,
+    Material,
+    channels_of,
+    is_material_file,
+    material_of,
+    read_material,
+    reference_materials,
+)
+from gonio.data.table import Channels, Table
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.catalog import MODELS
+from gonio.models.errors import GonioError, nearest
+from gonio.models.expression.builder import build
+
+LARGEST_STREAM = 256 << 20
+"""Bytes that are taken from an open file."""
+CHUNK = 1 << 20
+
+SubjectLike = str | os.PathLike | BinaryIO | Table | Material | AbstractBRDF | Any
+"""A readable file (path or open binary file), a reference material's name, an expression, ``FILE.fit:NAME``, or an
+object: a table, a material, a model, or what has a `material` (a fit result)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Subject:
+    """A table of readings, or a model: `kind` says which of `table` and `material` is there. `file` was read."""
+
+    kind: Literal["table", "model"]
+    name: str
+    channels: Channels
+    table: Table | None = None
+    material: Material | None = None
+    file: str | None = None
+
+    @property
+    def brdf(self) -> AbstractBRDF:
+        """The model, or the interpolant of the table. Raises GonioError for a table that cannot be interpolated."""
+        return self.as_material().brdf
+
+    def as_material(self) -> Material:
+        """The material itself, or the interpolated table as one. Raises GonioError as `brdf` does."""
+        return self._interpolated if self.material is None else self.material
+
+    @functools.cached_property
+    def _interpolated(self) -> Material:
+        from gonio.data.interpolation.multilinear import as_material, interpolation
+
+        table = self.require_table()
+        how = interpolation(table)
+        meta = {"interpolation": how, "provenance": table.provenance} | ({"file": self.file} if self.file else {})
+        source, description = str(table.provenance.get("source", "")), f"a table ({table.layout.name}), {how}"
+        return Material(self.name, as_material(table), None, self.channels, description, source, meta)
+
+    def require_table(self) -> Table:
+        """The table. Raises GonioError, with the remedy, where the subject is a model."""
+        if self.table is None:
+            what = self.file or self.name
+            raise GonioError(f"{what} is a model, not a table; measure it first: gonio measure '{what}' -o T.h5")
+        return self.table
+
+
+def resolve_subject(subject: SubjectLike, **options: Any) -> Subject:
+    """The table or the model that `subject` stands for; every verb takes its subjects through this function.
+
+    A reference name goes before a file of the same name (write ./name for the file), a file before an expression. An
+    open binary file is copied, up to `LARGEST_STREAM` bytes.
+
+    Args:
+        subject: see `SubjectLike`.
+        options: how to read a table's file: `nodes` for MERL, `wavelength_nm` for NIST (see `gonio.data.read`).
+
+    Raises:
+        GonioError: in one sentence, for what is no subject, and for a file that cannot be read.
+    """
+    if isinstance(subject, Subject):
+        return subject
+    if isinstance(subject, Table):
+        return Subject("table", subject.name or "table", subject.channels, subject)
+    if isinstance(subject, AbstractBRDF):
+        return _of_material(material_of(subject))
+    if isinstance(subject, str | os.PathLike):
+        return _named(subject, options)
+    material = subject if isinstance(subject, Material) else getattr(subject, "material", None)
+    if isinstance(material, Material):
+        return _of_material(material)
+    if callable(getattr(subject, "read", None)):
+        return _stream(subject, options)
+    raise GonioError(
+        f"A {type(subject).__name__} is neither a table nor a model; give a file (its path, or opened as 'rb'), a "
+        "reference material's name, an expression such as 'lambert(rho=0.3)', a table, a material, a model or a fit "
+        "result"
+    )
+
+
+def load_material(subject: SubjectLike) -> Material:
+    """The material that `subject` stands for; a table is interpolated. Takes and raises what `resolve_subject` does."""
+    return resolve_subject(subject).as_material()
+
+
+def _of_material(material: Material) -> Subject:
+    file = material.meta.get("file")
+    if material.expression is None and file:
+        # The readings themselves, not what lies between them.
+        table = read(file)
+        return Subject("table", material.name, table.channels, table, file=file)
+    return Subject("model", material.name, material.channels, material=material, file=file)
+
+
+def _named(given: str | os.PathLike, options: dict[str, Any]) -> Subject:
+    text = os.fspath(given)
+    if text in reference_materials():
+        # Where this gonio is installed is nobody's provenance: a reference material is known by its name.
+        material = read_material(REFERENCE_FOLDER / f"{text}.toml")
+        return _of_material(dataclasses.replace(material, meta={"reference": text}))
+    file, colon, entry = text.rpartition(":")
+    published = colon and file.endswith(SUFFIX)
+    if is_there(text) or (isinstance(given, os.PathLike) and not published):
+        return _file(Path(text), options)
+    if published:
+        return _of_material(_published(file, entry))
+    if "(" in text:
+        brdf = build(text)
+        return _of_material(Material(text, brdf, text, channels_of(brdf), "spelled on the spot"))
+    if os.sep in text or Path(text).suffix:
+        raise GonioError(f"{text} does not exist; check the name and the folder")
+    if text in MODELS:
+        raise GonioError(f"'{text}' is a model, not a material; give its parameters, as in '{text}(...)'")
+    raise GonioError(f"Unknown material '{text[:80]}'; {nearest(text[:80], [*reference_materials(), *MODELS])}")
+
+
+def _file(path: Path, options: dict[str, Any]) -> Subject:
+    if is_material_file(path):
+        return _of_material(read_material(path))
+    table = read(path, **options)
+    return Subject("table", table.name or path.stem, table.channels, table, file=os.fspath(path))
+
+
+def _published(file: str, entry: str) -> Material:
+    expression = published_spelling(file, entry)
+    try:
+        brdf = build(expression)
+    except GonioError as error:
+        raise GonioError(f"{file}, {entry}: {error}") from None
+    source = f"published fit of {entry} in {Path(file).name}"
+    return Material(entry, brdf, expression, channels_of(brdf), source, source, {"file": file, "entry": entry})
+
+
+def _stream(stream: BinaryIO, options: dict[str, Any]) -> Subject:
+    name = getattr(stream, "name", None)
+    name = os.path.basename(name) if isinstance(name, str) else ""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, name or "stream")
+        with path.open("wb") as copy:
+            while chunk := stream.read(CHUNK):
+                if not isinstance(chunk, bytes):
+                    raise GonioError(f"{path.name} gives text, not bytes; open the file as 'rb'")
+                copy.write(chunk)
+                if copy.tell() > LARGEST_STREAM:
+                    raise GonioError(f"{path.name} gives more than {LARGEST_STREAM >> 20} MiB; give the file's path")
+        try:
+            found = _file(path, options)
+        except GonioError as error:
+            raise GonioError(str(error).replace(str(path), path.name)) from None
+    material = found.material
+    if material is not None:
+        meta = {key: value for key, value in material.meta.items() if key != "file"}
+        material = dataclasses.replace(material, meta=meta)
+    return dataclasses.replace(found, material=material, file=None)
