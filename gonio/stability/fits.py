@@ -1,7 +1,5 @@
 """Fits of every model to tables of itself: right within five standard uncertainties, or it says what is not known."""
 
-import dataclasses
-
 import numpy as np
 
 from gonio.data import layout
@@ -11,10 +9,10 @@ from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
-from gonio.models.expression.parser import Call, needed, parse, submodels_of
-from gonio.models.expression.paths import numbers
+from gonio.models.expression.parser import Call, needed, submodels_of
 from gonio.models.parameters import parameters_of
 from gonio.stability.outcome import RIGHT, SAYS_SO, SILENT, Cell
+from gonio.stability.problems import RECOVERIES, tagged, true_numbers
 
 FREE_SCALE = 0.7
 SIGMAS = 5.0
@@ -26,29 +24,6 @@ REGIMES = {
     "2000 samples, 1 % noise": (2000, 0.01),
     "2000 samples, 10 % noise": (2000, 0.1),
     "60 samples, 1 % noise": (60, 0.01),
-}
-
-
-@dataclasses.dataclass(frozen=True)
-class Hard:
-    """A fit that is known to be hard: the truth, what is asked, and how the readings are spoilt."""
-
-    truth: str
-    asked: str
-    theta_max: float = 85.0
-    spikes: float = 0.0
-
-
-HARD = {
-    "angles up to 45°": Hard("lambert(rho=0.2) + 0.5 * ggx(alpha=0.3, f0=0.04)", "lambert + ggx(f0=?)", theta_max=45.0),
-    "angles up to 85°": Hard("lambert(rho=0.2) + 0.5 * ggx(alpha=0.3, f0=0.04)", "lambert + ggx(f0=?)"),
-    "two equal lobes": Hard("0.3 * ggx(alpha=0.2) + 0.3 * ggx(alpha=0.2)", "ggx + ggx"),
-    "two lobes": Hard("0.3 * ggx(alpha=0.08) + 0.3 * ggx(alpha=0.5)", "ggx + ggx"),
-    "width on its bound": Hard("lambert(rho=0.2) + 0.5 * ggx(alpha=1)", "lambert + ggx"),
-    "1 % spikes of 100 times": Hard("lambert(rho=0.2) + 0.5 * ggx(alpha=0.3)", "lambert + ggx", spikes=0.01),
-    "narrow lobe": Hard("lambert(rho=0.2) + 0.5 * ggx(alpha=0.01)", "lambert + ggx"),
-    "index near 1": Hard("lambert(rho=0.2) + 1 * ggx(alpha=0.3, eta=1.01)", "lambert + 1 * ggx(eta=?)"),
-    "black": Hard("lambert(rho=0) + 0 * ggx(alpha=0.3)", "lambert + ggx"),
 }
 
 
@@ -95,8 +70,6 @@ def readings(
 
 NOISY = "2000 samples, 1 % noise", "2000 samples, 10 % noise", "60 samples, 1 % noise"
 """The regimes of a quick atlas: fits without noise are compiled anew."""
-QUICK_HARD = "two equal lobes", "two lobes", "width on its bound", "narrow lobe", "black"
-"""The hard fits of a quick atlas, of two kinds only."""
 
 
 def fit_cells(name: str, quick: bool = False) -> list[Cell]:
@@ -113,12 +86,12 @@ def hard_cells(quick: bool = False) -> list[Cell]:
     """One cell for each fit that is known to be hard, of sums that have more than one answer or hardly any."""
     return [
         _cell(
-            "hard fits", h.truth, h.asked, f"{column}, {noise * 100:g} % noise",
-            readings(h.truth, 2000, noise, h.theta_max, h.spikes),
+            "hard fits", h.measured, h.model, f"{h.name}, {noise * 100:g} % noise",
+            readings(h.measured, 2000, noise, h.theta_max, h.spikes),
         )
-        for column, h in HARD.items()
+        for h in tagged(RECOVERIES, "quick atlas" if quick else "atlas")
         for noise in (0.0, 0.01)
-        if (noise or not h.spikes) and not (quick and (not noise or column not in QUICK_HARD))
+        if (noise or not h.spikes) and not (quick and not noise)
     ]  # fmt: skip
 
 
@@ -128,7 +101,7 @@ def _cell(name: str, truth: str, asked: str, column: str, table: Table) -> Cell:
         result = fit(table, asked)
     except GonioError as error:
         return Cell("fit", name, row, column, "float64", SAYS_SO, float("inf"), 0.0, f"refused: {error}")
-    actual = _numbers(truth)
+    actual = true_numbers(truth)
     worst, allowed, at = 0.0, CLOSE, "every number"
     flagged = []
     for p in result.parameters:
@@ -151,12 +124,3 @@ def _cell(name: str, truth: str, asked: str, column: str, table: Table) -> Cell:
         f"{result.starts_agreed} of {result.starts} starts agree{said}"
     )
     return Cell("fit", name, row, column, "float64", verdict, worst, allowed, detail)
-
-
-def _numbers(truth: str) -> dict[str, float]:
-    # The labels that a fit gives its numbers, with their true values.
-    from gonio.fitting.problem.parameterisation import label, structure_of, with_defaults
-
-    terms = with_defaults(parse(truth))
-    structure, _, _ = structure_of(terms, 1)
-    return {label(structure, i, n.path): float(n.value.number) for i, t in enumerate(terms) for n in numbers(t)}

@@ -14,6 +14,7 @@ from gonio.models.geometry.directions import Direction  # noqa: E402
 from gonio.models.microfacet import distributions as slopes  # noqa: E402
 from gonio.models.microfacet.gtr import gtr_d  # noqa: E402
 from gonio.models.microfacet.student_t import student_d  # noqa: E402
+from gonio.stability.problems import ALBEDOS  # noqa: E402
 
 MU = np.array([1.0, 0.8, 0.5, 0.2, 0.05, 0.01])
 THETA = np.arccos(MU)
@@ -42,35 +43,14 @@ def facets(density):
 
 
 def main() -> None:
-    lost = MU * np.log1p(1 / MU)
-    for name, expression, exact in (
-        ("Lambert: ρ", "lambert(rho=0.7)", 0.7),
-        ("Minnaert: ρ μ^(k−1), k = 1.7", "minnaert(rho=0.5, k=1.7)", 0.5 * MU**0.7),
-        ("Lommel–Seeliger: (w/2)(1 − μ ln(1 + 1/μ))", "lommel_seeliger(w=0.8)", 0.4 * (1 - lost)),
-        ("Chandrasekhar, w = 1: 1", "chandrasekhar(w=1)", 1.0),
-        ("EON, ρ = 1: 1", "eon(rho=1, r=1)", 1.0),
-        ("white standard: 1", "white_standard()", 1.0),
-        ("GGX α = 1, correlated: 1 − μ ln(1 + 1/μ)", "ggx(alpha=1)", 1 - lost),
-        ("GGX α = 1, separable: 2(1 − ln 2)/(1 + μ)", "ggx(alpha=1, smith=separable)", 2 * (1 - np.log(2)) / (1 + MU)),
-        ("GGX Kulla–Conty, F = 1: 1", "ggx(alpha=0.3, energy=kulla_conty)", 1.0),
-        ("Beckmann Kulla–Conty, F = 1: 1", "beckmann(alpha=0.3, energy=kulla_conty)", 1.0),
-        ("Kelemen, ρ = 1: 1", "kelemen(rho=1, alpha=0.3, f0=0.04)", 1.0),
-    ):
-        row(f"albedo of {name}", albedos(expression)[0], exact, albedos(expression)[1])
-    s = np.sqrt(1 - MU**2)
-    c1, r = 0.5 - 2 / (3 * np.pi), 0.7
-    g = s * (np.arccos(MU) - s * MU) + 2 / 3 * (s / MU * (1 - s**3) - s)
-    row("albedo of Fujii: A + (rA/π)G", albedos("fujii(rho=1, r=0.7)")[0], (1 + r * g / np.pi) / (1 + c1 * r))
+    for problem in ALBEDOS:
+        brdf = build(problem.expression)
+        directional, average = directional_albedo(brdf, THETA, 0.0, 1e-11), hemispherical_albedo(brdf)
+        row(f"albedo of {problem.name}", directional.value, problem.exact(MU), directional.bound)
+        row(f"average albedo of {problem.name}", average.value, problem.average, average.bound)
     row("albedo of Blinn–Phong at normal: 1", albedos("blinn_phong(n=60)", np.zeros(1))[0], 1.0)
     for alpha, exact in ((0.5, 0.6878485151), (0.25, 0.9158124303), (0.1, 0.9883040566)):
         row(f"GGX at normal, α = {alpha} (ten digits)", albedos(f"ggx(alpha={alpha})", np.zeros(1))[0], exact)
-    for name, expression, exact in (
-        ("GGX α = 1, correlated: (4/3)(1 − ln 2)", "ggx(alpha=1)", 4 / 3 * (1 - np.log(2))),
-        ("GGX α = 1, separable: 4(1 − ln 2)²", "ggx(alpha=1, smith=separable)", 4 * (1 - np.log(2)) ** 2),
-        ("Fujii: A(1 + c₂r)", "fujii(rho=1, r=0.7)", (1 + (2 / 3 - 28 / (15 * np.pi)) * r) / (1 + c1 * r)),
-    ):
-        found = hemispherical_albedo(build(expression))
-        row(f"average albedo of {name}", found.value, exact, found.bound)
     for name, density in (
         ("GGX, α = 0.3", lambda m: slopes.ggx_d(m, 0.3, 0.3)),
         ("Beckmann, α = 0.3", lambda m: slopes.beckmann_d(m, 0.3, 0.3)),
