@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from gonio.instrument.measurement import measure as measure
     from gonio.models.errors import GonioError as GonioError
     from gonio.reports.build import report as report
-    from gonio.stability.survey import stress as stress
+    from gonio.stability import stress as stress
 
     open = _read
 
@@ -55,7 +55,7 @@ _PUBLIC = {  # public name: its module, and its name there; the imports above ar
     "reduce": ("gonio.data.reduction.coarsest_table", "reduce_table"),
     "repair": ("gonio.checks.repair.nearest_table", "repair"),
     "report": ("gonio.reports.build", "report"),
-    "stress": ("gonio.stability.survey", "stress"),
+    "stress": ("gonio.stability", "stress"),
 }
 
 __all__ = [

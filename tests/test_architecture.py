@@ -13,7 +13,6 @@ ROOMS = ("instrument", "checks", "figures", "stability", "charts", "reports", "c
 CIRCLES = {  # being opened: to be emptied, never to grow
     "gonio.checks.model", "gonio.checks.table", "gonio.data.formats", "gonio.data.interpolation",
     "gonio.fitting.problem", "gonio.fitting.solver",
-    "gonio.stability.survey", "gonio.stability.page",
 }  # fmt: skip
 VERBS = {"material", "measure", "open", "fit", "fit_many", "check", "chart", "stress", "reduce", "repair", "report"}
 

@@ -16,9 +16,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from gonio.models.errors import GonioError
-    from gonio.stability.known_failures import reason_of
     from gonio.stability.outcome import SILENT
-    from gonio.stability.survey import again, recipe, stress, summary
+    from gonio.stability.survey import repeat_cell, stress
     from gonio.text import columns, say, tell
 
     if args.processes is not None and args.processes < 1:
@@ -26,20 +25,20 @@ def run(args: argparse.Namespace) -> int:
     if args.cell:
         if len(args.models) != 1:
             raise GonioError("--cell does one cell of one model again; name that model")
-        found = again(args.models[0], args.cell, args.quick)
-        for c in found:
+        cells = repeat_cell(args.models[0], args.cell, args.quick)
+        for c in cells:
             say(f"{c.verdict}: {c.detail}\nerror {c.error:.3g}, allowed {c.allowed:.3g}")
-        return int(any(c.verdict == SILENT for c in found))
-    done = stress(
-        args.models, quick=args.quick, output=args.output, processes=args.processes, force=args.force, say=tell
+        return int(any(c.verdict == SILENT for c in cells))
+    atlas = stress(
+        args.models, quick=args.quick, output=args.output, processes=args.processes, force=args.force, log=tell
     )
-    say(columns(summary(done), ["method", "cells", "right", "says so", "silently wrong"]))
-    for c in done.silent:
+    say(columns(atlas.summary(), ["method", "cells", "right", "says so", "silently wrong"]))
+    for c in atlas.silent:
         say(f"\nsilently wrong: {c.method} of {c.row} at {c.column}, {c.precision}")
-        say(f"  {c.detail}\n  error {c.error:.3g}, allowed {c.allowed:.3g}; again: {recipe(c, done.quick)}")
-        if reason_of(c):
-            say(f"  reason: {reason_of(c)}")
+        say(f"  {c.detail}\n  error {c.error:.3g}, allowed {c.allowed:.3g}; again: {c.recipe(atlas.quick)}")
+        if c.reason:
+            say(f"  reason: {c.reason}")
     if args.output:
         say(f"\nwritten: {args.output}/index.html and stress.csv")
-    say(done.last_line())
-    return done.exit_status
+    say(atlas.last_line())
+    return atlas.exit_status

@@ -1,18 +1,22 @@
-"""One place of the atlas: a method, a model, a regime, and what was found there."""
+"""One cell of the atlas: a method, a model, a regime, and the verdict on it."""
 
 import dataclasses
+
+from gonio.stability.known_failures import KNOWN
 
 RIGHT, SAYS_SO, SILENT = "right", "says so", "silently wrong"
 VERDICTS = (RIGHT, SAYS_SO, SILENT)
 METHODS = ("value", "gradient", "sampler", "integral", "fit")
+HARD = "hard fits"
+"""Stands for the model of fits that are known to be hard, of sums of several lobes."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """The worst that a method did in one regime.
+    """The largest error of a method in one regime, with its verdict.
 
     `row` is the setting of the model (an expression), `column` the rest of the regime (incidence, noise, ...),
-    `precision` the floating-point type. `error` is what the method did, `allowed` what its own bound or the
+    `precision` the floating-point type. `error` is that of the method, `allowed` what its own bound or the
     conditioning of its inputs allows, both in the units that `detail` names.
     """
 
@@ -28,8 +32,20 @@ class Cell:
 
     @property
     def key(self) -> str:
-        """The name that ``gonio stress --cell`` takes to do this one again."""
+        """The name by which ``gonio stress --cell`` computes this cell again."""
         return "/".join((self.method, self.row, self.column, self.precision))
+
+    @property
+    def reason(self) -> str:
+        """The known reason of a failure, or nothing."""
+        regime = f"{self.row} {self.column} {self.precision}"
+        known = (k for k in KNOWN if (k.method, k.model) == (self.method, self.model) and k.where in regime)
+        return next((k.reason for k in known), "")
+
+    def recipe(self, quick: bool) -> str:
+        """The command that computes this cell again."""
+        name = f"'{HARD}'" if self.model == HARD else self.model
+        return f"gonio stress {name}{' --quick' * quick} --cell '{self.key}'"
 
 
 def worst(verdicts: list[str]) -> str:

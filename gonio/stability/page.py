@@ -1,4 +1,4 @@
-"""The atlas as one page: a picture for each method, then every cell that is not right, with its recipe."""
+"""The atlas as one HTML page: a picture for each method, and the cells that are not right, with their recipes."""
 
 import datetime
 import importlib.resources
@@ -6,9 +6,8 @@ import re
 
 from gonio import __version__
 from gonio.stability.figure import atlas_figure
-from gonio.stability.known_failures import reason_of
-from gonio.stability.outcome import METHODS, SAYS_SO
-from gonio.stability.survey import Atlas, grid_of, recipe
+from gonio.stability.outcome import METHODS, SAYS_SO, Cell
+from gonio.stability.result import Atlas
 
 ABOUT = {
     "value": "f against the textbook form at forty digits: right within 32 roundings and what the rounding of the "
@@ -23,47 +22,49 @@ ABOUT = {
     "says so where a number is called undetermined or on its bound, or the fit not converged.",
 }
 MOST = 400
+"""Cells of a method that the page lists; the CSV has all."""
 
 
-def pictures(done: Atlas) -> dict[str, str]:
+def pictures(atlas: Atlas) -> dict[str, str]:
     """The SVG of each method that has cells."""
-    found = {}
+    figures = {}
     for method in METHODS:
-        grid, columns = grid_of(done, method)
-        if grid:
-            label = f"Verdicts of the {method} method: {len(grid)} models down, {len(columns)} regimes across"
-            found[method] = atlas_figure(grid, columns, label, done.counts(method))
-    return found
+        grid = atlas.verdict_grid(method)
+        if grid.verdicts:
+            size = f"{len(grid.verdicts)} models down, {len(grid.columns)} regimes across"
+            figures[method] = atlas_figure(grid, f"Verdicts of the {method} method: {size}", atlas.counts(method))
+    return figures
 
 
-def page(done: Atlas, drawn: dict[str, str]) -> str:
-    """The HTML of an atlas, whole in itself."""
+def page(atlas: Atlas, svg: dict[str, str]) -> str:
+    """The self-contained HTML of an atlas with its pictures, one of each method."""
     import jinja2
 
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     folder = importlib.resources.files("gonio.stability") / "templates"
     template = environment.from_string((folder / "stress.html.j2").read_text(encoding="utf-8"))
     sections = []
-    for method, picture in drawn.items():
-        spoken = [c for c in done.cells if c.method == method and c.verdict == SAYS_SO]
+    for method, picture in svg.items():
+        says_so = [c for c in atlas.of_method(method) if c.verdict == SAYS_SO]
+        view_box = re.search(r'viewBox="0 0 ([\d.]+)', picture)
         sections.append(
             {
                 "method": method,
                 "about": ABOUT[method],
                 "picture": picture,
-                "width": re.search(r'viewBox="0 0 ([\d.]+)', picture)[1],  # points: letters of one size in all pictures
-                "counts": done.counts(method),
-                "says_so": [_row(c, done.quick) for c in spoken[:MOST]],
-                "more": max(0, len(spoken) - MOST),
+                "width": view_box[1] if view_box else "",  # points: letters of one size in all pictures
+                "counts": atlas.counts(method),
+                "says_so": [_row(c, atlas.quick) for c in says_so[:MOST]],
+                "more": max(0, len(says_so) - MOST),
             }
         )
     made = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     return template.render(
-        sections=sections, silent=[_row(c, done.quick) for c in done.silent], last=done.last_line(), made=made,
-        version=__version__, quick=done.quick, seconds=round(done.seconds), counts=done.counts(),
+        sections=sections, silent=[_row(c, atlas.quick) for c in atlas.silent], last=atlas.last_line(), made=made,
+        version=__version__, quick=atlas.quick, seconds=round(atlas.seconds), counts=atlas.counts(),
     )  # fmt: skip
 
 
-def _row(c, quick: bool) -> dict[str, str]:
+def _row(c: Cell, quick: bool) -> dict[str, str]:
     where = f"{c.column}, {c.precision}"
-    return {"setting": c.row, "where": where, "detail": c.detail, "recipe": recipe(c, quick), "reason": reason_of(c)}
+    return {"setting": c.row, "where": where, "detail": c.detail, "recipe": c.recipe(quick), "reason": c.reason}

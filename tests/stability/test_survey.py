@@ -196,16 +196,16 @@ def test_refusals_say_so_and_crashes_do_not(monkeypatch):
 
     for f, verdict, said in ((refused, SAYS_SO, "refused: not here"), (crashed, SILENT, "crashed with TypeError")):
         monkeypatch.setitem(MODELS, "lambert", type("Failing", (Lambert,), {"f": f}))
-        found = run.do(("lambert", "value"), quick=True)
+        found = run.cells_of(("lambert", "value"), quick=True)
         assert {c.verdict for c in found} == {verdict} and all(said in c.detail for c in found)
 
 
 ORPHAN = """
 import multiprocessing, os, signal, time
-from gonio.stability.run import _start
+from gonio.stability.run import start_worker
 
 if __name__ == "__main__":
-    pool = multiprocessing.get_context("spawn").Pool(1, _start)
+    pool = multiprocessing.get_context("spawn").Pool(1, start_worker)
     print(pool.apply(os.getpid), flush=True)
     pool.apply_async(time.sleep, (300,))
     time.sleep(0.2)
