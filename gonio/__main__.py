@@ -7,6 +7,7 @@ import importlib
 import os
 import sys
 import threading
+from typing import NoReturn
 
 AHEAD = "gonio-ahead"
 """The name of the threads that `gonio.fitting.solver.precompile` begins; that module would bring JAX with it."""
@@ -29,41 +30,25 @@ VERBS = {
 
 
 class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> None:
+    def error(self, message: str) -> NoReturn:
         # One line, like every other error of a user's.
         sys.stderr.write(f"gonio: {message}; see '{self.prog} --help'.\n")
         raise SystemExit(2)
 
 
-class _Versions(argparse.Action):
-    def __init__(self, **options):
-        super().__init__(nargs=0, **options)
-
-    def __call__(self, top: argparse.ArgumentParser, *_: object) -> None:
-        import importlib.metadata
-        import platform
-
-        from gonio import __version__
-
-        packages = ("jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "scipy", "h5py")
-        installed = [f"{name} {importlib.metadata.version(name)}" for name in packages]
-        print(f"gonio {__version__}\nPython {platform.python_version()}, {', '.join(installed)}")
-        top.exit()
-
-
-def parser(asked: str | None = None) -> argparse.ArgumentParser:
-    """The parser of the whole command line; only the verb that is asked for gets its arguments."""
+def parser(called: str | None = None) -> argparse.ArgumentParser:
+    """The parser of the whole command line; only the verb that is called gets its arguments."""
     top = _Parser(
         prog="gonio",
         description="A virtual gonioreflectometer and BRDF fitting tool.",
         epilog="MATERIAL is a reference material's name, any readable file, or an expression such as "
         "'lambert(rho=0.3) + ggx(alpha=0.2, f0=0.04)'.",
     )
-    top.add_argument("--version", action=_Versions, help="the versions of gonio and of what it computes with")
+    top.add_argument("--version", action="store_true", help="the versions of gonio and of what it computes with")
     verbs = top.add_subparsers(dest="verb", metavar="VERB", parser_class=_Parser)
     for verb, summary in VERBS.items():
         sub = verbs.add_parser(verb, help=summary, description=summary[0].upper() + summary[1:] + ".")
-        if verb == asked:
+        if verb == called:
             importlib.import_module(f"gonio.cli.{verb}_verb").add_arguments(sub)
     return top
 
@@ -74,8 +59,8 @@ def main(argv: list[str] | None = None) -> int:
     gc.set_threshold(100_000, 50, 100)
     words = sys.argv[1:] if argv is None else argv
     args = parser(next((w for w in words if w in VERBS), None)).parse_args(words)
-    if args.verb is None:
-        parser().print_help()
+    if args.version or args.verb is None:
+        print(_versions() if args.version else parser().format_help())
         return 0
     verb = importlib.import_module(f"gonio.cli.{args.verb}_verb")
     from gonio.models.errors import GonioError
@@ -84,29 +69,37 @@ def main(argv: list[str] | None = None) -> int:
         _prepare_jax()
         return verb.run(args)
     except BrokenPipeError:
-        # The reader of our output (head, less) has gone: not an error, and nothing more can be said to it.
+        # The reader of the output (head, less) has gone: no error, and nobody to tell.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:
         sys.stderr.write("gonio: interrupted.\n")
         return 130
     except GonioError as error:
-        said = str(error)
-        sys.stderr.write(f"gonio: {said}{'' if said.endswith(('.', '?')) else '.'}\n")
-        return 2
+        message = str(error)
     except OSError as error:
-        what = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
-        sys.stderr.write(f"gonio: {what}.\n")
-        return 2
+        message = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
     except MemoryError:
-        sys.stderr.write("gonio: not enough memory for this; use a smaller table or fewer samples.\n")
-        return 2
+        message = "not enough memory for this; use a smaller table or fewer samples"
+    sys.stderr.write(f"gonio: {message}{'' if message.endswith(('.', '?')) else '.'}\n")
+    return 2
+
+
+def _versions() -> str:
+    import importlib.metadata
+    import platform
+
+    from gonio import __version__
+
+    packages = ("jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "scipy", "h5py")
+    installed = [f"{name} {importlib.metadata.version(name)}" for name in packages]
+    return f"gonio {__version__}\nPython {platform.python_version()}, {', '.join(installed)}"
 
 
 def command() -> None:
-    """The program: `main`, and out at once; a program that is still being compiled ahead is for nobody any more.
+    """The program: `main`, and its exit status without waiting for what is still being compiled ahead.
 
-    To wait for it would make every refusal as slow as a fit, and an interpreter that ends under XLA's feet aborts.
+    Waiting would make every refusal as slow as a fit, and an interpreter that ends while XLA compiles aborts.
     """
     status = main()
     if any(t.name == AHEAD for t in threading.enumerate()):

@@ -23,11 +23,11 @@ def number(value: float | None, digits: int = 6) -> str:
     return "–" if value is None or math.isnan(value) else f"{value:.{digits}g}"
 
 
-def say(text: str = "") -> None:
+def show(text: str = "") -> None:
     """A line to standard output, at once: a user of a long command sees it when it is true."""
     print(text, flush=True)
 
 
-def tell(text: str) -> None:
+def log(text: str) -> None:
     """A line to standard error: progress and remarks, which no pipe should swallow."""
     print(text, file=sys.stderr, flush=True)

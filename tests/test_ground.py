@@ -22,9 +22,7 @@ def test_the_compiler_multiplies_rows_by_a_matrix_rightly(rows, columns):
 
 
 def test_the_version_names_what_computed(capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["--version"])
-    assert end.value.code == 0
+    assert main(["--version"]) == 0
     text = capsys.readouterr().out
     for name in ("gonio", "jax", "jaxlib", "equinox", "optimistix", "numpy", "h5py"):
         assert re.search(rf"\b{name} {re.escape(importlib.metadata.version(name))}\b", text), name

@@ -1,6 +1,14 @@
 """``gonio materials``: the reference materials, each with its model and where its numbers come from."""
 
 import argparse
+import json
+from typing import TYPE_CHECKING
+
+from gonio.models.errors import GonioError, nearest
+from gonio.text import columns, show
+
+if TYPE_CHECKING:
+    from gonio.data.table import Channels
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -11,38 +19,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from gonio.data.material import material_text, reference_materials
     from gonio.data.subject import load_material
-    from gonio.models.errors import GonioError, nearest
-    from gonio.text import columns, say
 
     known = reference_materials()
     if args.name and args.name not in known:
         raise GonioError(f"Unknown reference material '{args.name}'; {nearest(args.name, known)}")
-    if args.name and not args.json:
-        say(material_text(load_material(args.name)).rstrip())
-        return 0
-    found = [load_material(n) for n in ([args.name] if args.name else known)]
+    materials = [load_material(n) for n in ([args.name] if args.name else known)]
     if args.json:
-        import json
-
-        facts = [
-            {
-                "name": m.name,
-                "description": m.description,
-                "model": m.expression,
-                "channels": m.channels.names,
-                "source": m.source,
-            }
-            for m in found
-        ]
-        say(json.dumps(facts, indent=2, ensure_ascii=False))
-        return 0
-    say(columns([[m.name, _channels(m), m.description] for m in found], ["material", "channels", "what it is"]))
-    say("\n'gonio materials NAME' shows one whole, with its model and its source.")
+        names = {"name": "name", "description": "description", "model": "expression", "source": "source"}
+        facts = [{k: getattr(m, v) for k, v in names.items()} | {"channels": m.channels.names} for m in materials]
+        show(json.dumps(facts, indent=2, ensure_ascii=False))
+    elif args.name:
+        show(material_text(materials[0]).rstrip())
+    else:
+        rows = [[m.name, _channels(m.channels), m.description] for m in materials]
+        show(columns(rows, ["material", "channels", "what it is"]))
+        show("\n'gonio materials NAME' shows one whole, with its model and its source.")
     return 0
 
 
-def _channels(m) -> str:
-    if m.channels.wavelengths_nm is not None:
-        w = m.channels.wavelengths_nm
-        return f"{len(w)}: {w[0]:g}–{w[-1]:g} nm" if len(w) > 1 else f"{w[0]:g} nm"
-    return ",".join(m.channels.names)
+def _channels(channels: "Channels") -> str:
+    w = channels.wavelengths_nm
+    if not w:
+        return ",".join(channels.names)
+    return f"{len(w)}: {w[0]:g}–{w[-1]:g} nm" if w[1:] else f"{w[0]:g} nm"

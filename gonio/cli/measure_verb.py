@@ -1,11 +1,24 @@
 """``gonio measure``: scan a material with the simulated instrument into a table file."""
 
 import argparse
+import math
+import shlex
+import sys
+from typing import TYPE_CHECKING, Any
+
+from gonio.cli.arguments import MATERIAL, add_force, refuse_outputs
+from gonio.models.errors import GonioError
+from gonio.text import log, show
+
+if TYPE_CHECKING:
+    from gonio.data.layout import Layout
+    from gonio.instrument.instrument import Instrument, Systematic
+    from gonio.models.brdf import AbstractBRDF
 
 ANGLES = {
     "source_half_angle": "half-angle of the source's disc (default 0: a point)",
     "detector_half_angle": "half-angle of the detector's disc (default 0: a point)",
-    "misalignment": "standard deviation of tilts and arm angles, drawn once from the seed",
+    "misalignment": "standard deviation of tilts and arm angles, one sample of each from the seed",
     "shadow": "the detector blocks the source where the arms are closer than this",
 }
 NUMBERS = {
@@ -14,119 +27,89 @@ NUMBERS = {
     "dark": ("N", "dark counts expected per reading"),
     "read_noise": ("N", "standard deviation of the reading-out, counts"),
     "noise": ("SHARE", "relative standard deviation of the source from reading to reading"),
-    "calibration": ("SHARE", "relative standard deviation of the calibration factor, drawn once from the seed"),
+    "calibration": ("SHARE", "relative standard deviation of the calibration factor, one sample from the seed"),
     "saturation": ("N", "counts at which the detector is full"),
+    "tolerance": ("REL", "error allowed to aperture averages (default 1e-3)"),
 }
 SYSTEMATIC = ("tilt_x", "tilt_y", "theta_i", "theta_o", "phi")
+SCANS = "isotropic, spherical, half-difference, merl, in-plane, or a CSV file of directions"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("material", metavar="MATERIAL", help="a reference material, a readable file or an expression")
+    parser.add_argument("material", metavar="MATERIAL", help=MATERIAL)
     parser.add_argument("-o", "--output", required=True, metavar="T.h5", help="the table; a killed run is continued")
-    scan = parser.add_argument_group("scan")
-    scan.add_argument(
-        "--scan",
-        metavar="SCAN",
-        help="isotropic, spherical, half-difference, merl, in-plane, or a CSV file of directions "
-        "(default: isotropic, or spherical for an anisotropic material)",
-    )
-    scan.add_argument("--step", type=float, metavar="DEG", help="step of the angles")
-    scan.add_argument("--phi-step", type=float, metavar="DEG", help="step of the azimuths, where it is another")
-    scan.add_argument("--theta-max", type=float, metavar="DEG", help="largest polar angle (default 85)")
-    scan.add_argument("--theta-i", metavar="DEG,DEG,...", help="incidences of the in-plane scan")
-    tool = parser.add_argument_group("instrument (ideal by default)")
+    add = parser.add_argument_group("scan").add_argument
+    add("--scan", metavar="SCAN", help=f"{SCANS} (default: isotropic, or spherical for an anisotropic material)")
+    add("--step", type=float, metavar="DEG", help="step of the angles")
+    add("--phi-step", type=float, metavar="DEG", help="step of the azimuths, where it is another")
+    add("--theta-max", type=float, metavar="DEG", help="largest polar angle (default 85)")
+    add("--theta-i", metavar="DEG,DEG,...", help="incidences of the in-plane scan")
+    add = parser.add_argument_group("instrument (ideal by default)").add_argument
     for name, help_text in ANGLES.items():
-        tool.add_argument(f"--{name.replace('_', '-')}", type=float, default=0.0, metavar="DEG", help=help_text)
+        add(f"--{name.replace('_', '-')}", type=float, default=0.0, metavar="DEG", help=help_text)
     for name, (metavar, help_text) in NUMBERS.items():
-        tool.add_argument(f"--{name.replace('_', '-')}", type=float, metavar=metavar, help=help_text)
-    tool.add_argument(
-        "--systematic",
-        metavar="NAME=V,...",
-        help=f"the systematic errors themselves: {', '.join(SYSTEMATIC)} in degrees, gain as a factor",
-    )
-    tool.add_argument(
-        "--tolerance", type=float, metavar="REL", help="error allowed to aperture averages (default 1e-3)"
-    )
+        add(f"--{name.replace('_', '-')}", type=float, metavar=metavar, help=help_text)
+    errors = f"the systematic errors themselves: {', '.join(SYSTEMATIC)} in degrees, gain as a factor"
+    add("--systematic", metavar="NAME=V,...", help=errors)
     parser.add_argument("--seed", type=int, default=0, help="of the noise and the systematic errors (default 0)")
     parser.add_argument("--float32", action="store_true", help="store single precision")
     parser.add_argument("--progress", action="store_true", help="show a bar even where no terminal is")
-    parser.add_argument("--force", action="store_true", help="replace an existing output")
+    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    import shlex
-    import sys
-
-    from gonio.data.files import refuse_existing, refuse_input
-    from gonio.text import say, tell
-
-    # Before anything is read or computed.
-    refuse_existing(args.output, args.force)
-    refuse_input(args.output, *(given for given in (args.material, args.scan) if given))
+    refuse_outputs([args.output], [args.material, args.scan], args.force)
     from gonio.data.subject import load_material
     from gonio.instrument.measurement import measure
 
-    instrument = instrument_of(args)
+    instrument = _instrument(args)
     material = load_material(args.material)
-    layout = _scan_of(args, material.brdf)
     measure(
         material,
         instrument,
-        layout,
+        _scan(args, material.brdf),
         output=args.output,
         seed=args.seed,
         progress=args.progress or sys.stderr.isatty(),
         force=args.force,
         dtype="float32" if args.float32 else None,
-        say=tell,
+        say=log,
         command=shlex.join(["gonio", *sys.argv[1:]]),
     )
-    say(f"written: {args.output}")
+    show(f"written: {args.output}")
     return 0
 
 
-def instrument_of(args: argparse.Namespace):
-    """The instrument that the options describe."""
-    import math
-
+def _instrument(args: argparse.Namespace) -> "Instrument":
     from gonio.instrument.instrument import Instrument
 
-    given = {name: math.radians(getattr(args, name)) for name in ANGLES}
-    given |= {name: getattr(args, name) for name in NUMBERS if getattr(args, name) is not None}
-    if args.tolerance is not None:
-        given["tolerance"] = args.tolerance
+    options: dict[str, Any] = {name: math.radians(getattr(args, name)) for name in ANGLES}
+    options |= {name: getattr(args, name) for name in NUMBERS if getattr(args, name) is not None}
     if args.systematic:
-        given["systematic"] = _systematic(args.systematic)
-    return Instrument(**given)
+        options["systematic"] = _systematic(args.systematic)
+    return Instrument(**options)
 
 
-def _systematic(text: str):
-    import math
-
+def _systematic(text: str) -> "Systematic":
     from gonio.instrument.instrument import Systematic
-    from gonio.models.errors import GonioError
 
-    values = {}
-    for part in text.split(","):
-        name, _, number = (piece.strip() for piece in part.partition("="))
-        try:
-            value = float(number)
-        except ValueError:
-            raise GonioError(f"--systematic has {part.strip()!r}; give NAME=NUMBER, such as tilt_x=0.1") from None
+    values: dict[str, float] = {}
+    for item in text.split(","):
+        name, _, value = (piece.strip() for piece in item.partition("="))
         if name not in (*SYSTEMATIC, "gain"):
             raise GonioError(f"--systematic has no {name!r}; it has {', '.join(SYSTEMATIC)} and gain")
-        values[name] = value if name == "gain" else math.radians(value)
+        try:
+            values[name] = float(value) if name == "gain" else math.radians(float(value))
+        except ValueError:
+            raise GonioError(f"--systematic has {item.strip()!r}; give NAME=NUMBER, such as tilt_x=0.1") from None
     return Systematic(**values)
 
 
-def _scan_of(args: argparse.Namespace, brdf):
-    import math
-
+def _scan(args: argparse.Namespace, brdf: "AbstractBRDF") -> "Layout":
     from gonio.instrument.scans import default_name, scan
-    from gonio.models.errors import GonioError
 
-    options = {name: getattr(args, name) for name in ("step", "phi_step", "theta_max")}
-    options = {name: math.radians(value) for name, value in options.items() if value is not None}
+    angles = {name: getattr(args, name) for name in ("step", "phi_step", "theta_max")}
+    options: dict[str, Any] = {name: math.radians(value) for name, value in angles.items() if value is not None}
     if args.theta_i is not None:
         try:
             options["theta_i"] = [math.radians(float(t)) for t in args.theta_i.split(",")]

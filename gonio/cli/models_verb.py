@@ -1,78 +1,80 @@
-"""``gonio models``: what can be spelled, with parameters, domains and sources."""
+"""``gonio models``: the models that an expression may name, with parameters, domains and sources."""
 
 import argparse
 import inspect
+import json
+from pathlib import Path
+from typing import Any
+
+from gonio.cli.arguments import add_force
+from gonio.models.errors import GonioError, nearest
+from gonio.text import columns, show
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("name", nargs="?", help="show one model whole")
-    parser.add_argument("--json", action="store_true", help="machine-readable")
-    parser.add_argument(
-        "--picture",
-        metavar="FILE",
-        help="write a small picture of the model's lobe, at its usual values (png, svg, pdf)",
-    )
-    parser.add_argument("--force", action="store_true", help="replace an existing picture")
+    add = parser.add_argument
+    add("name", nargs="?", help="show one model whole")
+    add("--json", action="store_true", help="machine-readable")
+    picture = "write a small picture of the model's lobe, at its usual values (png, svg, pdf)"
+    add("--picture", metavar="FILE", help=picture)
+    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     from gonio.models.catalog import MODELS
-    from gonio.models.errors import GonioError, nearest
-    from gonio.models.expression.builder import example
-    from gonio.text import columns, say
 
     if args.name and args.name not in MODELS:
         raise GonioError(f"Unknown model '{args.name}'; {nearest(args.name, MODELS)}")
     if args.picture and not args.name:
         raise GonioError("--picture shows one model; name it, as in 'gonio models ggx --picture ggx.png'")
-    written = _picture(args.name, args.picture, args.force) if args.picture else None
-    names = [args.name] if args.name else list(MODELS)
+    # Before anything is printed, so that a refusal stands alone.
+    picture = [f"    written: {_picture(args.name, args.picture, args.force)}"] if args.picture else []
+    facts = {name: _facts(name) for name in ([args.name] if args.name else MODELS)}
     if args.json:
-        import json
-
-        say(json.dumps({n: _facts(n) for n in names}, indent=2, ensure_ascii=False))
+        show(json.dumps(facts, indent=2, ensure_ascii=False))
         return 0
-    for name in names:
-        facts = _facts(name)
-        say(f"{name}: {facts['doc'].splitlines()[0]}")
-        rest = inspect.cleandoc("\n".join(facts["doc"].splitlines()[1:])).strip()
-        if args.name and rest:
-            say(rest)
-        rows = [[f"    {p}", v["domain"], v["unit"], v["doc"]] for p, v in facts["parameters"].items()]
-        rows += [[f"    {o}", " | ".join(c), "", "option"] for o, c in facts["options"].items()]
-        if rows:
-            say(columns(rows))
-        if args.name:
-            for law, how in facts["breaks"].items():
-                say(f"    breaks {law}: {how}")
-            if facts["loses"]:
-                say(f"    loses: {facts['loses']}")
-            say(f"    example: {example(name)}")
-        if written:
-            say(f"    written: {written}")
-    if not args.name:
-        say("\nSums and factors: 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)'; a list means channels.")
-        say("No Fresnel parameter means F = 1, f0 Schlick's, eta (with k) the exact one.")
-        say("'gonio models NAME' shows one whole.")
+    show("\n".join(line for name in facts for line in _lines(name, facts[name], whole=bool(args.name))))
+    if args.name:
+        show("\n".join([*_laws(args.name, facts[args.name]), *picture]))
+    else:
+        show("\nSums and factors: 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)'; a list means channels.")
+        show("No Fresnel parameter means F = 1, f0 Schlick's, eta (with k) the exact one.")
+        show("'gonio models NAME' shows one whole.")
     return 0
 
 
-def _picture(name: str, path: str, force: bool):
-    # Before anything is said, so that a refusal stands alone.
+def _lines(name: str, facts: dict[str, Any], whole: bool) -> list[str]:
+    """A model's sentence, the rest of its docstring if it is shown whole, and its parameters and options."""
+    first, _, rest = facts["doc"].partition("\n")
+    rows = [[f"    {p}", v["domain"], v["unit"], v["doc"]] for p, v in facts["parameters"].items()]
+    rows += [[f"    {o}", " | ".join(c), "", "option"] for o, c in facts["options"].items()]
+    text = inspect.cleandoc(rest).strip() if whole else ""
+    return [f"{name}: {first}", *([text] if text else []), *([columns(rows)] if rows else [])]
+
+
+def _laws(name: str, facts: dict[str, Any]) -> list[str]:
+    from gonio.models.expression.builder import example
+
+    lines = [f"    breaks {law}: {how}" for law, how in facts["breaks"].items()]
+    lines += [f"    loses: {facts['loses']}"] if facts["loses"] else []
+    return [*lines, f"    example: {example(name)}"]
+
+
+def _picture(name: str, path: str, force: bool) -> Path:
     from gonio.models.expression.builder import build, example
     from gonio.reports.lobe_picture import lobe_picture
 
-    said = example(name).strip("'")
-    return lobe_picture(build(said), said, path, force)
+    expression = example(name).strip("'")
+    return lobe_picture(build(expression), expression, path, force)
 
 
-def _facts(name: str) -> dict:
+def _facts(name: str) -> dict[str, Any]:
     from gonio.models.catalog import MODELS
     from gonio.models.expression.builder import build, example
     from gonio.models.expression.parser import options_of
     from gonio.models.parameters import parameters_of
 
-    # What a model breaks may depend on its options: those of its example speak for it.
+    # Which laws a model violates may depend on its options: those of its example stand for it.
     usual = build(example(name).strip("'"))
     return {
         "breaks": dict(usual.violates),

@@ -2,19 +2,19 @@
 
 import dataclasses
 import json
-import sys
+
+from gonio.cli.arguments import write_text
+from gonio.text import columns, log, show
 
 
 def run_self_test(path: str | None, force: bool) -> int:
-    """Judges all subjects, prints each as it is judged, then the confusion table; 0 only if every one is right.
+    """Judges all subjects, prints each verdict, then the confusion table; 0 only if every verdict is right.
 
     `path`: where all of it goes as JSON; "-" prints that alone, to standard output.
     """
     from gonio.checks.controls.self_test import confusion, self_test
-    from gonio.data.files import new_file
-    from gonio.text import columns, say, tell
 
-    out = tell if path == "-" else say
+    out = log if path == "-" else show
     judged = []
     for one in self_test():
         judged.append(one)
@@ -26,11 +26,6 @@ def run_self_test(path: str | None, force: bool) -> int:
     out(f"\n{columns(rows, ('subjects: expected', 'right', 'wrong'))}\n")
     out(f"{len(judged)} subjects, {wrong} judged wrongly.")
     if path:
-        told = {"gonio_self_test": 1, "confusion": table, "judged": [dataclasses.asdict(one) for one in judged]}
-        text = json.dumps(told, indent=2, ensure_ascii=False) + "\n"
-        if path == "-":
-            sys.stdout.write(text)
-        else:
-            with new_file(path, force) as temporary:
-                temporary.write_text(text, encoding="utf-8")
+        content = {"gonio_self_test": 1, "confusion": table, "judged": [dataclasses.asdict(one) for one in judged]}
+        write_text(path, json.dumps(content, indent=2, ensure_ascii=False) + "\n", force)
     return 1 if wrong else 0

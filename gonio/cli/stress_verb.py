@@ -2,23 +2,25 @@
 
 import argparse
 
+from gonio.cli.arguments import add_force
+from gonio.models.errors import GonioError
+from gonio.text import columns, log, show
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("models", nargs="*", metavar="NAME", help="default: all, a quarter of an hour on two cores")
-    parser.add_argument("-o", "--output", metavar="FOLDER", help="where to put the page, the pictures and stress.csv")
-    parser.add_argument(
-        "--quick", action="store_true", help="six models that stand for all, few settings: about a minute on two cores"
-    )
-    parser.add_argument("--cell", metavar="KEY", help="do one cell of a model again, by the key in stress.csv")
-    parser.add_argument("--processes", type=int, metavar="N", help="how many at once (default: one for each processor)")
-    parser.add_argument("--force", action="store_true", help="replace an atlas in the folder")
+    add = parser.add_argument
+    add("models", nargs="*", metavar="NAME", help="default: all, a quarter of an hour on two cores")
+    add("-o", "--output", metavar="FOLDER", help="where to put the page, the pictures and stress.csv")
+    quick = "six models that stand for all, few settings: about a minute on two cores"
+    add("--quick", action="store_true", help=quick)
+    add("--cell", metavar="KEY", help="do one cell of a model again, by the key in stress.csv")
+    add("--processes", type=int, metavar="N", help="how many at once (default: one for each processor)")
+    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    from gonio.models.errors import GonioError
     from gonio.stability.outcome import SILENT
     from gonio.stability.survey import repeat_cell, stress
-    from gonio.text import columns, say, tell
 
     if args.processes is not None and args.processes < 1:
         raise GonioError(f"--processes is {args.processes}; give 1 or more")
@@ -27,18 +29,18 @@ def run(args: argparse.Namespace) -> int:
             raise GonioError("--cell does one cell of one model again; name that model")
         cells = repeat_cell(args.models[0], args.cell, args.quick)
         for c in cells:
-            say(f"{c.verdict}: {c.detail}\nerror {c.error:.3g}, allowed {c.allowed:.3g}")
+            show(f"{c.verdict}: {c.detail}\nerror {c.error:.3g}, allowed {c.allowed:.3g}")
         return int(any(c.verdict == SILENT for c in cells))
     atlas = stress(
-        args.models, quick=args.quick, output=args.output, processes=args.processes, force=args.force, log=tell
+        args.models, quick=args.quick, output=args.output, processes=args.processes, force=args.force, log=log
     )
-    say(columns(atlas.summary(), ["method", "cells", "right", "says so", "silently wrong"]))
+    show(columns(atlas.summary(), ["method", "cells", "right", "says so", "silently wrong"]))
     for c in atlas.silent:
-        say(f"\nsilently wrong: {c.method} of {c.row} at {c.column}, {c.precision}")
-        say(f"  {c.detail}\n  error {c.error:.3g}, allowed {c.allowed:.3g}; again: {c.recipe(atlas.quick)}")
+        show(f"\nsilently wrong: {c.method} of {c.row} at {c.column}, {c.precision}")
+        show(f"  {c.detail}\n  error {c.error:.3g}, allowed {c.allowed:.3g}; again: {c.recipe(atlas.quick)}")
         if c.reason:
-            say(f"  reason: {c.reason}")
+            show(f"  reason: {c.reason}")
     if args.output:
-        say(f"\nwritten: {args.output}/index.html and stress.csv")
-    say(atlas.last_line())
+        show(f"\nwritten: {args.output}/index.html and stress.csv")
+    show(atlas.last_line())
     return atlas.exit_status

@@ -14,7 +14,7 @@ import numpy as np  # noqa: E402
 
 from gonio import repair  # noqa: E402
 from gonio.checks.table.energy import table_albedos  # noqa: E402
-from gonio.cli.repair_output import sentence  # noqa: E402
+from gonio.cli.repair_output import repair_sentence  # noqa: E402
 
 
 def main(path: str, step: float | None = None) -> None:
@@ -29,7 +29,7 @@ def main(path: str, step: float | None = None) -> None:
                   f" {a.residual:10.3g} ± {a.bound:8.2g}")  # fmt: skip
         print(f"  median reciprocity by channel {found.before['reciprocity'].facts['median_by_channel']}")
         print(f"  largest albedo after {np.max(table_albedos(found.table).value):.6f}")
-        print(f"  {sentence(found)}")
+        print(f"  {repair_sentence(found)}")
 
 
 if __name__ == "__main__":
