@@ -4,6 +4,8 @@ import math
 import sys
 from collections.abc import Sequence
 
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
 
 def columns(rows: Sequence[Sequence[str]], header: Sequence[str] | None = None) -> str:
     """Rows as aligned columns, two spaces apart; the last column is left ragged."""
@@ -21,6 +23,11 @@ def columns(rows: Sequence[Sequence[str]], header: Sequence[str] | None = None) 
 def number(value: float | None, digits: int = 6) -> str:
     """A number in at most so many significant digits; a dash where there is none."""
     return "–" if value is None or math.isnan(value) else f"{value:.{digits}g}"
+
+
+def power_of_ten(exponent: int) -> str:
+    """10 to a power, as text: 10⁻³."""
+    return "10" + str(exponent).translate(_SUPERSCRIPTS)
 
 
 def show(text: str = "") -> None:

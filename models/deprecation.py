@@ -1,9 +1,15 @@
 """Old names of public options and attributes: they keep working, with one warning that names the new one."""
 
+import dataclasses
 import sys
 import warnings
 from collections.abc import Mapping
-from typing import Any
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+from gonio.models.errors import nearest
+
+Settings = TypeVar("Settings")
 
 
 def renamed(old: str, new: str) -> str:
@@ -30,3 +36,18 @@ def renamed_options(options: Mapping[str, Any], new_names: Mapping[str, str]) ->
 def renamed_attribute(old: str, new: str) -> property:
     """A property that warns and returns the attribute under its new name."""
     return property(lambda self: getattr(self, renamed(old, new)), doc=f"The old name of `{new}`.")
+
+
+def settings_of(
+    kind: type[Settings], verb: str, options: Mapping[str, Any], new_names: Mapping[str, str] = MappingProxyType({})
+) -> Settings:
+    """The settings of a verb's keyword arguments: the dataclass `kind` of the options, with old names replaced.
+
+    Raises:
+        TypeError: an option that the verb does not have.
+    """
+    values = renamed_options(options, new_names)
+    known = [f.name for f in dataclasses.fields(kind)]
+    if unknown := [name for name in values if name not in known]:
+        raise TypeError(f"{verb} has no option '{unknown[0]}'; {nearest(unknown[0], known)}")
+    return kind(**values)

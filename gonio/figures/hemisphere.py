@@ -12,18 +12,23 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
-from gonio.figures.style import MARK_BLACK, MARK_WHITE, Picture, panel, styled
-from gonio.figures.ticks import decades_between, sr_label
+from gonio.figures.readings import Readings
+from gonio.figures.style import MARK_BLACK, MARK_WHITE
+from gonio.figures.ticks import decades_between, mantissa_ticks, sr_label
 
 SIDE = 121
 """Pixels along a map's diameter: about 1° each at the pole."""
 MAP = "viridis"
-NOTHING = "#e4e4e4"
-SIZE = 2.75
+NO_VALUE, DOT_GREY = "#e4e4e4", "#9a9a9a"
+SIZE = (2.75, 2.75)
+SCALE_SIZE = (4.9, 0.62)
+
+Scale = tuple[float, float]
+"""Lowest and highest value, 1/sr, of a logarithmic colour scale."""
 
 
 def disc_points(side: int = SIDE) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(inside, theta_o, delta_phi): which of the side × side pixel centres are above the horizon, and where they look.
+    """(inside, theta_o, delta_phi): the side × side pixel centres above the horizon, and their directions.
 
     `inside` has shape (side, side), rows from top to bottom; the angles, radians, the shape of its true pixels.
     """
@@ -40,8 +45,8 @@ def on_disc(theta_o: np.ndarray, delta_phi: np.ndarray) -> tuple[np.ndarray, np.
     return -radius * np.cos(delta_phi), -radius * np.sin(delta_phi)
 
 
-def colour_range(values: np.ndarray, decades: float = 6.0) -> tuple[float, float]:
-    """(low, high), 1/sr, of a logarithmic colour scale for all the maps of a subject."""
+def colour_range(values: np.ndarray, decades: float = 6.0) -> Scale:
+    """The colour scale for all the maps of a subject."""
     positive = values[np.isfinite(values) & (values > 0)]
     if not positive.size:
         return 0.1, 1.0
@@ -50,50 +55,42 @@ def colour_range(values: np.ndarray, decades: float = 6.0) -> tuple[float, float
     return (low, high) if high / low > 1.2 else (low / 1.1, high * 1.1)
 
 
-def hemisphere_map(values: np.ndarray, scale: tuple[float, float], theta_i: float, label: str) -> Picture:
-    """One map of pixels: `values`, 1/sr, at the points of `disc_points`; theta_i in degrees for the marks."""
+def decade_levels(values: np.ndarray, scale: Scale) -> np.ndarray:
+    """Place of positive values on the logarithmic scale, 0 at its low end and 1 at its high; NaN for all others."""
+    low, high = np.log10(scale)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (np.log10(np.where(values > 0, values, np.nan)) - low) / (high - low)
+
+
+def colours(values: np.ndarray, scale: Scale) -> np.ndarray:
+    """RGBA bytes of values, 1/sr: grey where they are not positive."""
+    rgba = colormaps[MAP](np.clip(np.nan_to_num(decade_levels(values, scale)), 0, 1), bytes=True)
+    rgba[~(values > 0)] = [*bytes.fromhex(NO_VALUE[1:]), 255]
+    return rgba
+
+
+def draw_map(ax: Axes, values: np.ndarray, scale: Scale, theta_i: float) -> None:
+    """A map of pixels: `values`, 1/sr, at the points of `disc_points`; theta_i in degrees for the marks."""
     inside, _, _ = disc_points()
-    image = np.full(inside.shape, np.nan)
-    image[inside] = values
-    low, high = (math.log10(s) for s in scale)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        level = (np.log10(np.where(image > 0, image, np.nan)) - low) / (high - low)
-    rgba = colormaps[MAP](np.clip(np.nan_to_num(level), 0, 1), bytes=True)
-    rgba[inside & ~(image > 0)] = [*bytes.fromhex(NOTHING[1:]), 255]
-    rgba[~inside] = [255, 255, 255, 0]
-    with styled():
-        fig, ax = panel(SIZE, SIZE)
-        ax.imshow(rgba, extent=(-1, 1, -1, 1), interpolation="none")
-        _furniture(ax, theta_i)
-        return Picture(fig, label)
+    rgba = np.full((*inside.shape, 4), [255, 255, 255, 0], np.uint8)
+    rgba[inside] = colours(values, scale)
+    ax.imshow(rgba, extent=(-1, 1, -1, 1), interpolation="none")
+    _draw_marks(ax, theta_i, MARK_WHITE)
 
 
-def hemisphere_dots(
-    theta_o: np.ndarray,
-    delta_phi: np.ndarray,
-    values: np.ndarray,
-    scale: tuple[float, float],
-    theta_i: float,
-    label: str,
-) -> Picture:
-    """One map of readings, each a dot where it was measured; radians, 1/sr."""
-    low, high = (math.log10(s) for s in scale)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        level = (np.log10(np.where(values > 0, values, np.nan)) - low) / (high - low)
-    x, y = on_disc(theta_o, delta_phi)
-    positive = values > 0
-    size = float(np.clip(9000 / max(values.size, 1), 1.5, 22))
-    with styled():
-        fig, ax = panel(SIZE, SIZE)
-        kind = {"s": size, "lw": 0, "rasterized": values.size > 300}
-        ax.scatter(x[~positive], y[~positive], color="#9a9a9a", **kind)
-        ax.scatter(x[positive], y[positive], c=np.clip(level[positive], 0, 1), cmap=MAP, vmin=0, vmax=1, **kind)
-        _furniture(ax, theta_i, dark=True)
-        return Picture(fig, label)
+def draw_dots(ax: Axes, near: Readings, scale: Scale, theta_i: float) -> None:
+    """A map of readings of one channel, each a dot where it was measured; theta_i in degrees for the marks."""
+    x, y = on_disc(np.radians(near.theta_o), np.radians(near.delta_phi))
+    positive = near.f > 0
+    level = np.clip(decade_levels(near.f[positive], scale), 0, 1)
+    size = float(np.clip(9000 / max(near.f.size, 1), 1.5, 22))
+    options = {"s": size, "lw": 0, "rasterized": near.f.size > 300}
+    ax.scatter(x[~positive], y[~positive], color=DOT_GREY, **options)
+    ax.scatter(x[positive], y[positive], c=level, cmap=MAP, vmin=0, vmax=1, **options)
+    _draw_marks(ax, theta_i, DOT_GREY)
 
 
-def _furniture(ax: Axes, theta_i: float, dark: bool = False) -> None:
-    line = "#9a9a9a" if dark else MARK_WHITE
+def _draw_marks(ax: Axes, theta_i: float, line: str) -> None:
     ax.set_aspect("equal")
     ax.axis("off")
     ax.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2))
@@ -113,21 +110,18 @@ def _furniture(ax: Axes, theta_i: float, dark: bool = False) -> None:
     ax.set_title(f"θᵢ = {theta_i:g}°", pad=1)
 
 
-def colour_bar(scale: tuple[float, float], label: str) -> Picture:
+def draw_scale(ax: Axes, scale: Scale) -> None:
     """The one colour bar of a row of maps: f, 1/sr, logarithmic."""
-    low, high = (math.log10(s) for s in scale)
+    low, high = np.log10(scale)
     ticks = decades_between(*scale)
-    if high - low < 1.6:
-        ticks = [m * 10.0**e for e in range(math.floor(low), math.ceil(high) + 1) for m in (1, 2, 3, 5)]
-        if high - low < 0.5:
-            ticks = [10**v for v in np.linspace(low, high, 4)]
-    with styled():
-        fig, ax = panel(4.9, 0.62)
-        ramp = colormaps[MAP](np.linspace(0, 1, 128), bytes=True)[None]
-        ax.imshow(ramp, extent=(low, high, 0, 1), aspect="auto", interpolation="none")
-        shown = [t for t in ticks if low - 1e-9 <= math.log10(t) <= high + 1e-9]
-        ax.set_xticks([math.log10(t) for t in shown], [sr_label(float(f"{t:.3g}")) for t in shown])
-        ax.set_yticks([])
-        ax.spines[["left", "bottom"]].set_visible(False)
-        ax.set_xlabel("f / sr⁻¹")
-        return Picture(fig, label)
+    if high - low < 0.5:
+        ticks = (10 ** np.linspace(low, high, 4)).tolist()
+    elif high - low < 1.6:
+        ticks = mantissa_ticks(scale[0] * (1 - 1e-9), scale[1] * (1 + 1e-9), (1, 2, 3, 5))
+    ramp = colormaps[MAP](np.linspace(0, 1, 128), bytes=True)[None]
+    ax.imshow(ramp, extent=(low, high, 0, 1), aspect="auto", interpolation="none")
+    shown = [t for t in ticks if low - 1e-9 <= math.log10(t) <= high + 1e-9]
+    ax.set_xticks([math.log10(t) for t in shown], [sr_label(float(f"{t:.3g}")) for t in shown])
+    ax.set_yticks([])
+    ax.spines[["left", "bottom"]].set_visible(False)
+    ax.set_xlabel("f / sr⁻¹")

@@ -5,15 +5,16 @@ The specular side is on the right (theta_o > 0, delta_phi = 180°), the light co
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import PathPatch, Wedge
 from matplotlib.path import Path
-from matplotlib.ticker import FixedLocator, FuncFormatter
+from matplotlib.ticker import FuncFormatter
 
-from gonio.figures.style import FAINT, INK, RULE, Picture, height_for, legend_above, panel, styled
-from gonio.figures.ticks import decades_between, log_axis, sr_label
+from gonio.figures.style import AXIS_GREY, FAINT, INK, RULE, legend_above
+from gonio.figures.ticks import decades_between, degree_axis, log_axis, sr_label
 
 DECADES = 6
 """A logarithmic picture shows this many decades below its largest value."""
@@ -34,23 +35,22 @@ class Curve:
     """Degrees; polar diagrams draw the incoming ray."""
 
 
-def in_plane(curves: list[Curve], label: str, log: bool, y_label: str = "f / sr⁻¹") -> Picture:
-    """f against the signed outgoing angle; `label` is the alternative text."""
-    with styled():
-        fig, ax = panel(height=height_for([c.label for c in curves]))
-        angle_axis(ax)
-        if log:
-            log_axis(ax, *value_range(curves))
-        else:
-            _linear_axis(ax, curves)
-        for c in curves:
-            _draw(ax, c.theta_o, np.where(c.f > 0, c.f, np.nan) if log else c.f, c)
-        ax.set_ylabel(y_label)
-        legend_above(ax)
-        return Picture(fig, label)
+def draw_in_plane(ax: Axes, curves: Sequence[Curve], log: bool) -> None:
+    """f against the signed outgoing angle."""
+    ax.set_xlim(-90, 90)
+    degree_axis(ax.xaxis, range(-90, 91, 30))
+    ax.set_xlabel("θₒ  (light’s side  ←   → mirror’s side)")
+    if log:
+        log_axis(ax, *value_range(curves))
+    else:
+        _linear_axis(ax, curves)
+    for c in curves:
+        _draw(ax, c.theta_o, np.where(c.f > 0, c.f, np.nan) if log else c.f, c)
+    ax.set_ylabel("f / sr⁻¹")
+    legend_above(ax)
 
 
-def _linear_axis(ax: Axes, curves: list[Curve]) -> None:
+def _linear_axis(ax: Axes, curves: Sequence[Curve]) -> None:
     values = np.concatenate([c.f[np.isfinite(c.f)] for c in curves]) if curves else np.zeros(0)
     low, high = (min(values.min(), 0.0), max(values.max(), 0.0)) if values.size else (0.0, 1.0)
     span = (high - low) or 1.0
@@ -58,18 +58,10 @@ def _linear_axis(ax: Axes, curves: list[Curve]) -> None:
     ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(float(f"{v:.6g}"))))
     ax.grid(axis="y")
     if low < 0:
-        ax.axhline(0.0, color="#8a8a8a", lw=0.7)
+        ax.axhline(0.0, color=AXIS_GREY, lw=0.7)
 
 
-def angle_axis(ax: Axes) -> None:
-    """The signed outgoing angle, −90° to 90°, named."""
-    ax.set_xlim(-90, 90)
-    ax.xaxis.set_major_locator(FixedLocator(range(-90, 91, 30)))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.0f}°".replace("-", "−")))
-    ax.set_xlabel("θₒ  (light’s side  ←   → mirror’s side)")
-
-
-def value_range(curves: list[Curve]) -> tuple[float, float]:
+def value_range(curves: Sequence[Curve]) -> tuple[float, float]:
     """The smallest and largest positive value to be shown on a logarithmic scale, `DECADES` apart at most."""
     values = np.concatenate([c.f for c in curves]) if curves else np.zeros(0)
     values = values[np.isfinite(values) & (values > 0)]
@@ -97,19 +89,12 @@ def _dots(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
     points[1::2, 0] += 2e-4 * np.ptp(ax.get_xlim())  # nothing at all is drawn of no length in a raster
     path = Path(points, np.tile([Path.MOVETO, Path.LINETO], int(shown.sum())))
     path.should_simplify = False
-    ax.add_patch(PathPatch(path, fc="none", ec=colour, lw=2.9, capstyle="round"))
+    # Snapped to pixels, most strokes would have no length at all, and a raster would not show them.
+    ax.add_patch(PathPatch(path, fc="none", ec=colour, lw=2.9, capstyle="round", snap=False))
 
 
-def polar(curves: list[Curve], label: str, log: bool) -> Picture:
+def draw_polar(ax: Axes, curves: Sequence[Curve], log: bool) -> None:
     """The lobes as they leave the surface: radius is f, or its logarithm above the smallest ring."""
-    with styled():
-        fig, ax = panel()
-        draw_polar(ax, curves, log)
-        return Picture(fig, label)
-
-
-def draw_polar(ax: Axes, curves: list[Curve], log: bool) -> None:
-    """A polar diagram on axes of its own; only inside `styled`."""
     low, high = value_range(curves)
     rings = _log_rings(low, high) if log else _linear_rings(curves)
     floor, top = math.log10(rings[0]) if log else 0.0, rings[-1]
@@ -132,7 +117,7 @@ def _radius(f: np.ndarray, floor: float, span: float, log: bool) -> np.ndarray:
     return np.where(shown & (level >= 0), level, np.nan)
 
 
-def _linear_rings(curves: list[Curve]) -> list[float]:
+def _linear_rings(curves: Sequence[Curve]) -> list[float]:
     top = max((float(np.nanmax(c.f, initial=0.0)) for c in curves), default=1.0) or 1.0
     exponent = 10.0 ** math.floor(math.log10(top / 2))
     step = next(s * exponent for s in (0.5, 1, 2, 5, 10, 20) if top / (s * exponent) <= 4.0)
@@ -162,7 +147,7 @@ def _half_disc(ax: Axes, rings: list[float], radii: list[float]) -> None:
             ax.text(radius, -0.025, sr_label(value), color=FAINT, fontsize=8, ha="center", va="top")
     ax.text(0, -0.025, "0" if radii[0] > 0 else sr_label(rings[0]), color=FAINT, fontsize=8, ha="center", va="top")
     ax.text(-1.0, -0.025, "f / sr⁻¹", color=INK, fontsize=9, ha="left", va="top")
-    ax.plot([-1.02, 1.02], [0, 0], color="#8a8a8a", lw=1.0, zorder=1)
+    ax.plot([-1.02, 1.02], [0, 0], color=AXIS_GREY, lw=1.0, zorder=1)
 
 
 def _incoming(ax: Axes, theta_i: float, colour: str) -> None:

@@ -2,11 +2,14 @@
 
 import io
 import math
+from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.patches import Circle
+from PIL import Image
 
-from gonio.figures.style import FAINT, Picture, panel, styled
+from gonio.figures.style import FAINT
 from gonio.models.geometry.directions import Direction
 
 SIDE = 144
@@ -28,7 +31,7 @@ def sphere_pairs(side: int = SIDE) -> tuple[np.ndarray, Direction, list[Directio
     t /= np.linalg.norm(t, axis=0)
     b = np.cross(n, t, axis=0)
 
-    def local(w):
+    def local(w: np.ndarray) -> Direction:
         return Direction(*(np.tensordot(w, axis, axes=1) for axis in (t, b, n)))
 
     lights = []
@@ -53,29 +56,29 @@ def sphere_pixels(linear: np.ndarray, side: int = SIDE) -> np.ndarray:
     return rgba
 
 
-def spheres_figure(rows: list[tuple[str, list[np.ndarray]]], label: str) -> Picture:
-    """Rows of spheres (such as readings and model), each with its name; one sphere for each of `LIGHTS`."""
-    with styled():
-        fig, ax = panel(4.9, 2.5 * len(rows) + 0.25)
-        ax.set_aspect("equal")
-        ax.axis("off")
-        for j, (phase, _) in enumerate(LIGHTS):
-            ax.text(0.5 + 1.08 * j, 0.03, f"light at {phase:g}° from the eye", ha="center", fontsize=9)
-        for k, (name, spheres) in enumerate(rows):
-            for j, rgba in enumerate(spheres):
-                x, y = 1.08 * j, -1.18 * k
-                image = ax.imshow(rgba, extent=(x, x + 1, y - 1, y), interpolation="none")
-                image.set_clip_path(Circle((x + 0.5, y - 0.5), 0.494, transform=ax.transData))
-            if name:
-                ax.text(1.04, -1.18 * k - 1.0, name, color=FAINT, fontsize=9, ha="center", va="top")
-        ax.set(xlim=(-0.05, 2.15), ylim=(-1.18 * len(rows) + 0.02, 0.14))
-        return Picture(fig, label)
+def spheres_size(rows: int) -> tuple[float, float]:
+    """(width, height), inches, of a panel with so many rows of spheres."""
+    return 4.9, 2.5 * rows + 0.25
+
+
+def draw_spheres(ax: Axes, rows: Sequence[tuple[str, Sequence[np.ndarray]]]) -> None:
+    """Rows of spheres (such as readings and model), each with its name; one sphere (RGBA) for each of `LIGHTS`."""
+    ax.set_aspect("equal")
+    ax.axis("off")
+    for j, (phase, _) in enumerate(LIGHTS):
+        ax.text(0.5 + 1.08 * j, 0.03, f"light at {phase:g}° from the eye", ha="center", fontsize=9)
+    for k, (name, spheres) in enumerate(rows):
+        for j, rgba in enumerate(spheres):
+            x, y = 1.08 * j, -1.18 * k
+            image = ax.imshow(rgba, extent=(x, x + 1, y - 1, y), interpolation="none")
+            image.set_clip_path(Circle((x + 0.5, y - 0.5), 0.494, transform=ax.transData))
+        if name:
+            ax.text(1.04, -1.18 * k - 1.0, name, color=FAINT, fontsize=9, ha="center", va="top")
+    ax.set(xlim=(-0.05, 2.15), ylim=(-1.18 * len(rows) + 0.02, 0.14))
 
 
 def png(rgba: np.ndarray) -> bytes:
     """A PNG of pixels (rows, columns, 4), bytes."""
-    from matplotlib.image import imsave
-
     data = io.BytesIO()
-    imsave(data, rgba, format="png")
+    Image.fromarray(rgba).save(data, format="png")
     return data.getvalue()

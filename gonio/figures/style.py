@@ -10,13 +10,16 @@ import io
 import re
 import threading
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
@@ -26,7 +29,8 @@ DASHES = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.5, 1.2, 1.5)), (0, (9, 
 MARKERS = ("o", "s", "^", "D", "v")
 INK, FAINT, RULE = "#222222", "#6b6b6b", "#dcdcdc"
 MARK_WHITE, MARK_BLACK = "#fefefe", "#010101"
-"""Of marks on coloured maps, which look the same on a dark page."""
+"""Colours of marks on coloured maps, which look the same on a dark page."""
+AXIS_GREY = "#8a8a8a"
 
 WIDTH, HEIGHT = 4.9, 3.55  # inches of 72 units each: 353 by 256
 
@@ -40,7 +44,7 @@ _RC = {
     "axes.titlesize": 10,
     "axes.labelsize": 9.5,
     "text.color": INK,
-    "axes.edgecolor": "#8a8a8a",
+    "axes.edgecolor": AXIS_GREY,
     "axes.labelcolor": INK,
     "axes.linewidth": 0.7,
     "axes.spines.top": False,
@@ -70,20 +74,20 @@ _LOCK = threading.RLock()  # matplotlib's settings belong to the whole process
 
 @contextlib.contextmanager
 def styled() -> Iterator[None]:
-    """Matplotlib's settings for our panels, for as long as the block lasts; one thread at a time."""
+    """Matplotlib's settings for gonio's panels while the block lasts; one thread at a time."""
     with _LOCK, matplotlib.rc_context(_RC):
         yield
 
 
-def panel(width: float = WIDTH, height: float = HEIGHT) -> tuple[Figure, Axes]:
-    """A figure of one axes, inches; only inside `styled`."""
+def panel(width: float, height: float) -> tuple[Figure, Axes]:
+    """A transparent figure of one axes, inches; only inside `styled`."""
     fig = Figure(figsize=(width, height), layout="constrained", facecolor="none")
     fig.get_layout_engine().set(w_pad=0.03, h_pad=0.03)
     return fig, fig.add_subplot(facecolor="none")
 
 
 def mix(colour: str, other: str, share: float) -> str:
-    """`colour` with a share of `other` in it, as a hex string."""
+    """Linear mixture of two colours, as a hex string; `share` is that of `other`."""
     a, b = np.array(to_rgb(colour)), np.array(to_rgb(other))
     return to_hex((1 - share) * a + share * b)
 
@@ -105,21 +109,30 @@ def legend_columns(labels: Sequence[str]) -> int:
     return max(1, min(len(labels), 4, 62 // (longest + 6)))
 
 
-def height_for(labels: Sequence[str]) -> float:
-    """Inches of a panel with a legend of these labels above it."""
+def size_for(labels: Sequence[str]) -> tuple[float, float]:
+    """(width, height) in inches of a panel with a legend of these labels above it."""
     shown = [label for label in labels if not label.startswith("_")]
     rows = -(-len(shown) // legend_columns(shown)) if shown else 0
-    return HEIGHT + 0.19 * max(0, rows - 2)
+    return WIDTH, HEIGHT + 0.19 * max(0, rows - 2)
 
 
-def legend_above(ax: Axes, columns: int | None = None, **kwargs) -> None:
+def legend_above(ax: Axes) -> None:
     """A legend in rows above the axes, where it cannot hide a curve."""
     handles, labels = ax.get_legend_handles_labels()
     if handles:
         ax.legend(
-            handles, labels, loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncols=columns or legend_columns(labels),
-            handlelength=1.9, handletextpad=0.5, columnspacing=1.3, borderaxespad=0.2, **kwargs,
+            handles, labels, loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncols=legend_columns(labels),
+            handlelength=1.9, handletextpad=0.5, columnspacing=1.3, borderaxespad=0.2,
         )  # fmt: skip
+
+
+def colour_bar(ax: Axes, mapped: ScalarMappable, label: str, extend: str = "neither") -> Colorbar:
+    """A colour bar on the right of the axes."""
+    bar = ax.figure.colorbar(mapped, ax=ax, pad=0.02, aspect=28, extend=extend)
+    bar.solids.set_rasterized(True)
+    bar.outline.set_visible(False)
+    bar.set_label(label)
+    return bar
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,6 +157,16 @@ class Picture:
         with styled():
             FigureCanvasAgg(self.figure).print_figure(data, format="png", dpi=dpi, facecolor="white")
         return data.getvalue()
+
+
+def picture(
+    label: str, draw: Callable[..., None], *args: Any, size: tuple[float, float] = (WIDTH, HEIGHT), **options: Any
+) -> Picture:
+    """`draw(axes, *args, **options)` on a panel of its own; `label` is the alternative text, `size` in inches."""
+    with styled():
+        fig, ax = panel(*size)
+        draw(ax, *args, **options)
+        return Picture(fig, label)
 
 
 def svg(fig: Figure, label: str) -> str:

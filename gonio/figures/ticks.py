@@ -1,20 +1,21 @@
-"""Axes of values over decades, and how their numbers are written."""
+"""Axes of angles and of values over decades, and the numbers of their ticks."""
 
 import math
+from collections.abc import Iterable, Sequence
 
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
-_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+from gonio.text import power_of_ten
 
-
-def power_of_ten(exponent: int) -> str:
-    """10 to a power, as text: 10⁻³."""
-    return f"10{str(exponent).translate(_SUPERSCRIPT)}"
+ROOT_DEGREES = (0, 1, 5, 15, 30, 50, 75)
+"""Ticks of an axis whose scale is the square root of the angle."""
 
 
 def sr_label(value: float) -> str:
-    """A tick's value: a plain number between 0.01 and 9999, else with a power of ten."""
+    """Text of a tick's value: a plain number between 0.01 and 9999, else with a power of ten."""
     if value == 0:
         return "0"
     exponent = math.floor(math.log10(abs(value)) + 1e-9)
@@ -32,6 +33,32 @@ def decades_between(low: float, high: float) -> list[float]:
     return [10.0**e for e in range(last - (last - first) // step * step, last + 1, step)]
 
 
+def fixed_ticks(axis: Axis, ticks: Sequence[float]) -> None:
+    """Ticks at these values, in 1/sr, and no minor ones."""
+    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_minor_locator(FixedLocator([]))
+    axis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(v)))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def mantissa_ticks(low: float, high: float, mantissas: Sequence[float]) -> list[float]:
+    """Every mantissa × 10ⁿ from `low` to `high`."""
+    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    return [m * 10.0**e for e in exponents for m in mantissas if low <= m * 10.0**e <= high]
+
+
+def degree_axis(axis: Axis, ticks: Iterable[float] = range(0, 91, 15)) -> None:
+    """An axis of angles in degrees."""
+    axis.set_major_locator(FixedLocator(list(ticks)))
+    axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.0f}°".replace("-", "−")))
+
+
+def root_degree_axis(axis: Axis) -> None:
+    """An axis of angles whose coordinate is the square root of the degrees: highlights are narrow."""
+    axis.set_major_locator(FixedLocator(np.sqrt(ROOT_DEGREES).tolist()))
+    axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v * v:.0f}°"))
+
+
 def log_axis(ax: Axes, low: float, high: float) -> None:
     """A logarithmic y axis over the values low..high, with a grid; 1-2-5 ticks where it spans few decades."""
     # Limits first: scales change by the limits of the data, which may be too close for that.
@@ -40,13 +67,11 @@ def log_axis(ax: Axes, low: float, high: float) -> None:
     ax.set_ylim(low / 1.12, high * 1.12)
     span = math.log10(high / low)
     if span < 1.6:
-        exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-        steps = (1, 1.5, 2, 3, 5, 7) if span < 0.7 else (1, 2, 5)
-        ticks = [s * 10.0**e for e in exponents for s in steps if low / 1.12 <= s * 10.0**e <= high * 1.12]
-        ax.yaxis.set_major_locator(FixedLocator(ticks))
-        ax.yaxis.set_minor_locator(FixedLocator([]))
+        fixed_ticks(
+            ax.yaxis, mantissa_ticks(low / 1.12, high * 1.12, (1, 1.5, 2, 3, 5, 7) if span < 0.7 else (1, 2, 5))
+        )
     else:
         ax.yaxis.set_minor_locator(LogLocator(subs=(2, 5)))
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(v)))
-    ax.yaxis.set_minor_formatter(NullFormatter())
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(v)))
+        ax.yaxis.set_minor_formatter(NullFormatter())
     ax.grid(axis="y", which="major")

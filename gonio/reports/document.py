@@ -2,44 +2,66 @@
 
 import datetime
 import platform
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 from gonio import __version__
 from gonio.data.serialise import plain
 from gonio.figures.style import colour_of
-from gonio.reports.check_figures import albedo_figures, correlation_figures, reciprocity_figures, residual_figures
-from gonio.reports.comparison import sphere_of, together
-from gonio.reports.evaluations import Seen, look
+from gonio.reports.check_figures import (
+    albedo_figures,
+    correlation_figures,
+    property_of,
+    reciprocity_figures,
+    residual_figures,
+)
+from gonio.reports.comparison import comparison_figures, sphere_of
+from gonio.reports.evaluations import Evaluation, evaluate_subject
 from gonio.reports.facts import facts, fit_facts, provenance, sentence
-from gonio.reports.figure import Drawn
+from gonio.reports.figure import ReportFigure
 from gonio.reports.lobe_figures import map_figures, plane_figures, slice_figures, space_figures, sphere_figures
-from gonio.reports.subject import Subject
+from gonio.reports.subject import ReportSubject
 
 FORMAT = 1
 
 
-def assembled(
-    subjects: list[Subject], title: str, command: str | None, charts: list[dict]
-) -> tuple[dict[str, Any], dict[str, Drawn], dict[str, str]]:
-    """(document, figures by their id, spheres by the anchor of their subject)."""
-    seen = [None if _empty(s) else look(s) for s in subjects]
-    figures: dict[str, Drawn] = {}
-    sections = [_section(s, v, figures) for s, v in zip(subjects, seen, strict=True)]
-    drawable = [(s, v) for s, v in zip(subjects, seen, strict=True) if v is not None]
-    compared = together([s for s, _ in drawable], [v for _, v in drawable])
-    spheres = {s.anchor: image for s, v in drawable if (image := sphere_of(s, v))}
-    document = {
+class Document(NamedTuple):
+    """A report before it is written as a page."""
+
+    values: dict[str, Any]
+    """What stands in OUT.json."""
+    figures: dict[str, ReportFigure]
+    """By their id."""
+    spheres: dict[str, str]
+    """Addresses of images, by the anchor of their subject."""
+    charts: list[dict[str, Any]]
+    """Charts of speed against accuracy, with their pictures."""
+
+
+def assemble(
+    subjects: Sequence[ReportSubject], title: str, command: str | None, charts: list[dict[str, Any]]
+) -> Document:
+    """Evaluates the subjects, and draws and lists everything that the page holds."""
+    evaluated = [(s, None if _is_empty(s) else evaluate_subject(s)) for s in subjects]
+    sections = [(s, *_section(s, e)) for s, e in evaluated]
+    drawable = [(s, e) for s, e in evaluated if e is not None]
+    compared = comparison_figures(drawable)
+    figures = _with_ids("all", compared)
+    for s, _, drawn in sections:
+        figures |= _with_ids(s.anchor, drawn)
+    values = {
         "gonio_report": FORMAT,
         "title": title,
         "made": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "command": command,
         "versions": versions(),
-        "columns": _columns(sections),
-        "subjects": sections,
-        "comparison": {"figures": [_listed(d, "all", figures) for d in compared]},
+        "columns": _columns([section for _, section, _ in sections]),
+        "subjects": [section | {"figures": _listed(drawn)} for _, section, drawn in sections],
+        "comparison": {"figures": _listed(compared)},
         "charts": [{k: v for k, v in c.items() if k != "picture"} for c in charts],
     }
-    return plain(document), figures, spheres
+    spheres = {s.anchor: image for s, e in drawable if (image := sphere_of(s, e))}
+    return Document(plain(values), figures, spheres, charts)
 
 
 def versions() -> dict[str, str]:
@@ -58,75 +80,74 @@ def versions() -> dict[str, str]:
     }
 
 
-def _empty(s: Subject) -> bool:
+def _is_empty(s: ReportSubject) -> bool:
     return s.table is not None and s.table.counts()["valid"] == 0
 
 
-def _section(s: Subject, seen: Seen | None, figures: dict[str, Drawn]) -> dict[str, Any]:
+def _section(s: ReportSubject, e: Evaluation | None) -> tuple[dict[str, Any], list[ReportFigure]]:
+    """(everything but the figures that a section says, its figures)."""
     fit = fit_facts(s)
     rows = facts(s)
-    drawn = []
-    if seen is not None:
-        drawn = [
-            *plane_figures(s, seen),
-            *space_figures(s, seen),
-            *map_figures(s, seen),
-            *sphere_figures(s, seen),
-            *slice_figures(s, seen),
-            *albedo_figures(s),
-            *reciprocity_figures(s),
-            *residual_figures(s, (fit or {}).get("theta_max")),
-            *correlation_figures(s, fit),
-        ]
-    notes = []
-    if seen is not None and s.table is not None:
-        without = "no sphere, lobe in space or slice of the readings is drawn"
-        notes.append(f"Between the readings: {seen.how}" + ("." if seen.between is not None else f"; {without}."))
-    return {
+    colour, dash = colour_of(s.number)
+    values = {
         "anchor": s.anchor,
         "name": s.name,
         "kind": s.kind,
-        "colour": colour_of(s.number)[0],
-        "dash": _dash(s.number),
+        "colour": colour,
+        "dash": [] if isinstance(dash, str) else [float(v) for v in dash[1]],
         "channels": list(s.channels.names),
         "wavelengths_nm": None if s.channels.wavelengths_nm is None else list(s.channels.wavelengths_nm),
         "shown_channel": s.channel,
         "sentence": sentence(s, rows, fit),
-        "notes": notes,
+        "notes": [] if e is None or s.table is None else [_interpolation_note(e)],
         "facts": rows,
         "certificate": None if s.certificate is None else s.certificate.to_dict(),
         "hemispherical": _hemispherical(s),
         "fit": fit,
         "provenance": provenance(s),
-        "figures": [_listed(d, s.anchor, figures) for d in drawn],
     }
+    if e is None:
+        return values, []
+    return values, [
+        *plane_figures(s, e),
+        *space_figures(s, e),
+        *map_figures(s, e),
+        *sphere_figures(s, e),
+        *slice_figures(s, e),
+        *albedo_figures(s),
+        *reciprocity_figures(s),
+        *residual_figures(s, (fit or {}).get("theta_max")),
+        *correlation_figures(s, fit),
+    ]
 
 
-def _listed(d: Drawn, anchor: str, figures: dict[str, Drawn]) -> dict[str, Any]:
-    d.id = f"{anchor}-{d.slug}"
-    figures[d.id] = d
-    return {"id": d.id, "kind": d.kind, "caption": d.caption, "data": d.data}
+def _interpolation_note(e: Evaluation) -> str:
+    without = "; no sphere, lobe in space or slice of the readings is drawn" if e.interpolated is None else ""
+    return f"Between the readings: {e.interpolation}{without}."
 
 
-def _dash(number: int) -> list[float]:
-    dash = colour_of(number)[1]
-    return [] if dash == "-" else [float(v) for v in dash[1]]
+def _with_ids(anchor: str, drawn: Sequence[ReportFigure]) -> dict[str, ReportFigure]:
+    for f in drawn:
+        f.id = f"{anchor}-{f.slug}"
+    return {f.id: f for f in drawn}
 
 
-def _columns(sections: list[dict]) -> list[str]:
+def _listed(drawn: Sequence[ReportFigure]) -> list[dict[str, Any]]:
+    return [{"id": f.id, "kind": f.kind, "caption": f.caption, "data": f.data} for f in drawn]
+
+
+def _columns(sections: Sequence[dict[str, Any]]) -> list[str]:
     """Properties that were judged of any subject, in the order of the certificates."""
-    names: dict[str, bool] = {}
-    for s in sections:
-        for p in (s["certificate"] or {"properties": []})["properties"]:
-            names[p["name"]] = names.get(p["name"], False) or p["verdict"] != "not applicable"
-    return [name for name, any_ in names.items() if any_]
+    properties = [p for s in sections for p in (s["certificate"] or {"properties": []})["properties"]]
+    judged = {p["name"] for p in properties if p["verdict"] != "not applicable"}
+    return [name for name in dict.fromkeys(p["name"] for p in properties) if name in judged]
 
 
-def _hemispherical(s: Subject) -> list[dict[str, Any]]:
+def _hemispherical(s: ReportSubject) -> list[dict[str, Any]]:
     """Albedo under uniform light by channel, with its bound, where the certificate has it."""
-    energy = next((p for p in (s.certificate.properties if s.certificate else []) if p.name == "energy"), None)
-    values = (energy.facts if energy else {}).get("hemispherical_albedo")
-    if values is None:
+    energy = property_of(s, "energy")
+    values = None if energy is None else energy.facts.get("hemispherical_albedo")
+    if energy is None or values is None:
         return []
     bounds = energy.facts.get("hemispherical_bound") or [None] * len(values)
     names = s.channels.names if len(values) == len(s.channels) else ["grey"]

@@ -4,177 +4,182 @@ from typing import Any
 
 import numpy as np
 
-from gonio.figures.half_difference_slice import DIFFERENCE, HALF, slice_figure
-from gonio.figures.hemisphere import colour_bar, colour_range, hemisphere_dots, hemisphere_map
-from gonio.figures.lobe3d import lobe_figure, mesh_angles
-from gonio.figures.lobes import Curve, in_plane, polar
-from gonio.figures.spheres import LIGHTS, sphere_pixels, spheres_figure
-from gonio.figures.style import colour_of, shades
+from gonio.figures.half_difference_slice import DIFFERENCE, HALF, SHOWN, draw_slice, slice_range
+from gonio.figures.hemisphere import SCALE_SIZE, SIDE, colour_range, draw_dots, draw_map, draw_scale
+from gonio.figures.hemisphere import SIZE as MAP_SIZE
+from gonio.figures.lobe3d import SIZE as LOBE_SIZE
+from gonio.figures.lobe3d import draw_lobe, mesh_angles
+from gonio.figures.lobes import Curve, draw_in_plane, draw_polar
+from gonio.figures.model_values import ModelValues, plane_angles
+from gonio.figures.readings import NEAR_INCIDENCE, OFF_PLANE, in_plane_readings
+from gonio.figures.spheres import LIGHTS, draw_spheres, sphere_pixels, spheres_size
+from gonio.figures.style import colour_of, picture, shades, size_for
 from gonio.fitting.residuals.colour_difference import colour_matrix
-from gonio.reports import views
-from gonio.reports.evaluations import Seen
-from gonio.reports.figure import Drawn, short
-from gonio.reports.subject import Subject
+from gonio.reports.evaluations import Evaluation
+from gonio.reports.figure import ReportFigure, rounded
+from gonio.reports.subject import ReportSubject
 
-DECADES = 6.0
 MOST_DOTS = 4000
-SHOWN = 80.0  # degrees
 PEAKED = 20.0
 """A lobe whose peak is this many times its median is shown in logarithms."""
 
 
-def plane_figures(s: Subject, seen: Seen) -> list[Drawn]:
+def plane_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     """f in the plane of incidence: polar and against the angle, linear and logarithmic."""
-    tones = shades(colour_of(s.number)[0], len(seen.incidences))
-    curves, data = [], {"channel": s.channel, "lines": [], "readings": []}
-    warped = seen.model is None and s.table is not None and s.table.interpolant is not None
-    lines = seen.between if warped else seen.model
-    for k, theta_i in enumerate(seen.incidences):
-        label = f"θᵢ {theta_i:.4g}°"
-        if lines is not None:
-            angles, f = views.plane_angles(theta_i), lines.curves[k]
-            curves.append(Curve(angles, f, label, tones[k], theta_i=theta_i))
-            data["lines"].append({"theta_i_deg": theta_i, "theta_o_deg": np.round(angles, 4), "f_per_sr": short(f)})
-        if seen.near:
-            x, f = views.in_plane_points(seen.near[theta_i])
-            f = f[:, s.shown]
-            data["readings"].append({"theta_i_deg": theta_i, "theta_o_deg": np.round(x, 4), "f_per_sr": short(f)})
-            if np.isfinite(f).any():
-                alone = lines is None
-                name = label if alone else "_nolegend_"
-                curves.append(Curve(x, f, name, tones[k], marker="o", theta_i=theta_i if alone else None))
+    warped = e.model is None and s.table is not None and s.table.interpolant is not None
+    lines = e.interpolated if warped else e.model
+    curves, data = _plane_curves(s, e, lines)
     if not curves:
         return []
-    what = f"of {s.name}, channel {s.channel}, in the plane of incidence"
+    caption = f"In the plane of incidence, channel {s.channel}. "
     if s.table is not None and lines is not None:
-        words = f"Lines: {'the readings, ' + seen.how if warped else 'the fitted model'}. "
-    else:
-        words = ""
-    points = f"Points: readings{_how_near(s)}. " if seen.near else ""
-    caption = f"In the plane of incidence, channel {s.channel}. {words}{points}"
-    return [
-        Drawn("polar-linear", caption + "Polar, linear.", polar(curves, f"Polar diagram {what}, linear", False), data),
-        Drawn(
-            "polar-log",
-            caption + "Polar, logarithmic.",
-            polar(curves, f"Polar diagram {what}, logarithmic", True),
-            data,
-        ),
-        Drawn("plane-linear", caption + "Linear.", in_plane(curves, f"f {what}, linear", False), data),
-        Drawn("plane-log", caption + "Logarithmic.", in_plane(curves, f"f {what}, logarithmic", True), data),
-    ]
+        caption += f"Lines: {'the readings, ' + e.interpolation if warped else 'the fitted model'}. "
+    if e.near:
+        caption += f"Points: readings{_near_words(s)}. "
+    where = f"of {s.name}, channel {s.channel}, in the plane of incidence"
+    size = size_for([c.label for c in curves])
+    figures = []
+    for log, scale in ((False, "linear"), (True, "logarithmic")):
+        polar = picture(f"Polar diagram {where}, {scale}", draw_polar, curves, log)
+        plane = picture(f"f {where}, {scale}", draw_in_plane, curves, log, size=size)
+        end = "log" if log else "linear"
+        figures.append(ReportFigure(f"polar-{end}", f"{caption}Polar, {scale}.", polar, data))
+        figures.append(ReportFigure(f"plane-{end}", f"{caption}{scale.capitalize()}.", plane, data))
+    return sorted(figures, key=lambda f: f.slug.startswith("plane"))
 
 
-def _how_near(s: Subject) -> str:
+def _plane_curves(s: ReportSubject, e: Evaluation, lines: ModelValues | None) -> tuple[list[Curve], dict[str, Any]]:
+    """(curves, their numbers): lines of a model and points of readings for each incidence."""
+    tones = shades(colour_of(s.number)[0], len(e.incidences))
+    curves, data = [], {"channel": s.channel, "lines": [], "readings": []}
+    for k, (theta_i, tone) in enumerate(zip(e.incidences, tones, strict=True)):
+        label = f"θᵢ {theta_i:.4g}°"
+        if lines is not None:
+            curve = Curve(plane_angles(theta_i), lines.curves[k], label, tone, theta_i=theta_i)
+            curves.append(curve)
+            data["lines"].append(_curve_numbers(theta_i, curve))
+        if e.near:
+            x, f = in_plane_readings(e.near[theta_i])
+            named = {"label": label, "theta_i": theta_i} if lines is None else {"label": "_nolegend_"}
+            points = Curve(x, f[:, s.shown], colour=tone, marker="o", **named)
+            data["readings"].append(_curve_numbers(theta_i, points))
+            if np.isfinite(points.f).any():
+                curves.append(points)
+    return curves, data
+
+
+def _curve_numbers(theta_i: float, curve: Curve) -> dict[str, Any]:
+    return {"theta_i_deg": theta_i, "theta_o_deg": np.round(curve.theta_o, 4), "f_per_sr": rounded(curve.f)}
+
+
+def _near_words(s: ReportSubject) -> str:
     if s.table.layout.name == "half_difference":
-        return f" within {views.NEAR_INCIDENCE:g}° of the incidence and {views.OFF_PLANE:g}° of the plane"
-    if s.table.layout.name == "scattered":
-        return f" within {views.OFF_PLANE:g}° of the plane"
-    return ""
+        return f" within {NEAR_INCIDENCE:g}° of the incidence and {OFF_PLANE:g}° of the plane"
+    return f" within {OFF_PLANE:g}° of the plane" if s.table.layout.name == "scattered" else ""
 
 
-def map_figures(s: Subject, seen: Seen) -> list[Drawn]:
+def map_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     """f over the outgoing hemisphere: readings as dots, the model as a map, on one colour scale."""
-    dots = []
-    for theta_i in seen.maps_at if seen.near else []:
-        near = seen.near[theta_i]
-        f = near["f"][:, s.shown]
-        kept = np.flatnonzero(np.isfinite(f))
-        kept = kept[np.linspace(0, kept.size - 1, min(kept.size, MOST_DOTS)).astype(int)] if kept.size else kept
-        if kept.size:
-            dots.append((theta_i, near["theta_o"][kept], near["delta_phi"][kept], f[kept]))
-    maps = [] if seen.model is None else seen.model.maps[: len(seen.maps_at)]
+    near = [(t, e.near[t].of_channel(s.shown, MOST_DOTS)) for t in e.map_incidences if e.near]
+    dots = [(t, readings) for t, readings in near if readings.f.size]
+    maps = [] if e.model is None else list(zip(e.map_incidences, e.model.maps, strict=False))
     if not dots and not maps:
         return []
-    scale = colour_range(np.concatenate([*(d[3] for d in dots), *maps]))
-    drawn = []
-    for theta_i, theta_o, phi, f in dots:
-        label = f"Readings of {s.name} over the outgoing hemisphere, incidence {theta_i:.4g}°"
-        picture = hemisphere_dots(np.radians(theta_o), np.radians(phi), f, scale, theta_i, label)
-        data = {
-            "theta_i_deg": theta_i,
-            "theta_o_deg": short(theta_o),
-            "delta_phi_deg": short(phi),
-            "f_per_sr": short(f),
-        }
-        drawn.append(Drawn(f"readings-{theta_i:.4g}", "Readings.", picture, data, "small"))
-    for theta_i, f in zip(seen.maps_at, maps, strict=False):
-        label = f"f of {s.name} over the outgoing hemisphere, incidence {theta_i:.4g}°"
+    scale = colour_range(np.concatenate([*(readings.f for _, readings in dots), *(f for _, f in maps)]))
+    figures = []
+    where = f"of {s.name} over the outgoing hemisphere, incidence"
+    for theta_i, readings in dots:
+        drawn = picture(f"Readings {where} {theta_i:.4g}°", draw_dots, readings, scale, theta_i, size=MAP_SIZE)
+        numbers = zip(("theta_o_deg", "delta_phi_deg", "f_per_sr"), map(rounded, readings), strict=True)
+        data = {"theta_i_deg": theta_i, **dict(numbers)}
+        figures.append(ReportFigure(f"readings-{theta_i:.4g}", "Readings.", drawn, data, "small"))
+    for theta_i, f in maps:
+        drawn = picture(f"f {where} {theta_i:.4g}°", draw_map, f, scale, theta_i, size=MAP_SIZE)
         words = "Fitted model." if s.table is not None else "Model."
-        data = {"theta_i_deg": theta_i, "pixels_across": 121, "f_per_sr": short(f, 4)}
-        drawn.append(Drawn(f"map-{theta_i:.4g}", words, hemisphere_map(f, scale, theta_i, label), data, "small"))
+        data = {"theta_i_deg": theta_i, "pixels_across": SIDE, "f_per_sr": rounded(f, 4)}
+        figures.append(ReportFigure(f"map-{theta_i:.4g}", words, drawn, data, "small"))
     caption = (
         f"f over the outgoing hemisphere from above (equal areas are equal solid angles), channel {s.channel}; "
         "○ light, + mirror direction, grey: no positive value."
     )
-    bar = colour_bar(scale, "Colour scale of f in 1/sr")
-    drawn.append(Drawn("map-scale", caption, bar, {"low_per_sr": scale[0], "high_per_sr": scale[1]}, "bar"))
-    return drawn
+    bar = picture("Colour scale of f in 1/sr", draw_scale, scale, size=SCALE_SIZE)
+    data = {"low_per_sr": scale[0], "high_per_sr": scale[1]}
+    return [*figures, ReportFigure("map-scale", caption, bar, data, "bar")]
 
 
-def space_figures(s: Subject, seen: Seen) -> list[Drawn]:
+def space_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     """The lobe in space, to be turned by hand; the picture is for paper."""
-    sources = seen.sources(s)
-    if not sources:
-        return []
-    k = len(seen.incidences) // 2
-    name, source = sources[0]
-    theta, phi = mesh_angles(seen.incidences[k])
-    first = source.meshes[k].reshape(theta.size, phi.size)
-    positive = [f[np.isfinite(f) & (f > 0)] for _, v in sources for f in v.meshes]
-    high = max((float(f.max()) for f in positive if f.size), default=0.0)
+    sources = e.sources(s)
+    high = max((_highest(f) for _, values in sources for f in values.meshes), default=0.0)
     if not high > 0:
         return []
-    own = first[np.isfinite(first) & (first > 0)]
-    log = bool(own.size and own.max() > PEAKED * np.median(own))
-    data: dict[str, Any] = {"channel": s.channel, "highest_per_sr": high, "logarithmic": log, "sources": []}
-    for label, view in sources:
-        sets = []
-        for theta_i, f in zip(seen.incidences, view.meshes, strict=False):
-            t, p = mesh_angles(theta_i)
-            values = short(f.reshape(t.size, p.size), 4)
-            sets.append(
-                {"theta_i_deg": theta_i, "theta_o_deg": short(t, 5), "delta_phi_deg": short(p, 5), "f_per_sr": values}
-            )
-        data["sources"].append({"name": label, "incidences": sets})
-    picture = lobe_figure(
-        seen.incidences[k], first, float(own.max()) if own.size else high, log,
-        f"Lobe of {s.name} in space, incidence {seen.incidences[k]:.4g}°, {name}",
-    )  # fmt: skip
-    caption = f"The lobe in space, channel {s.channel}; {seen.how}." if s.table is not None else "The lobe in space."
-    return [Drawn("lobe", caption, picture, data, "space")]
+    k = len(e.incidences) // 2
+    name, first = sources[0]
+    theta, phi = mesh_angles(e.incidences[k])
+    mesh = first.meshes[k].reshape(theta.size, phi.size)
+    positive = mesh[np.isfinite(mesh) & (mesh > 0)]
+    log = bool(positive.size and positive.max() > PEAKED * np.median(positive))
+    data = {
+        "channel": s.channel,
+        "highest_per_sr": high,
+        "logarithmic": log,
+        "sources": [
+            {"name": label, "incidences": [_mesh_numbers(*m) for m in zip(e.incidences, values.meshes, strict=False)]}
+            for label, values in sources
+        ],
+    }
+    label = f"Lobe of {s.name} in space, incidence {e.incidences[k]:.4g}°, {name}"
+    top = float(positive.max()) if positive.size else high
+    drawn = picture(label, draw_lobe, e.incidences[k], mesh, top, log, size=LOBE_SIZE)
+    caption = f"The lobe in space, channel {s.channel}; {e.interpolation}." if s.table else "The lobe in space."
+    return [ReportFigure("lobe", caption, drawn, data, "space")]
 
 
-def slice_figures(s: Subject, seen: Seen) -> list[Drawn]:
+def _highest(f: np.ndarray) -> float:
+    return float(f.max(initial=0.0, where=np.isfinite(f)))
+
+
+def _mesh_numbers(theta_i: float, f: np.ndarray) -> dict[str, Any]:
+    theta, phi = mesh_angles(theta_i)
+    return {
+        "theta_i_deg": theta_i,
+        "theta_o_deg": rounded(theta, 5),
+        "delta_phi_deg": rounded(phi, 5),
+        "f_per_sr": rounded(f.reshape(theta.size, phi.size), 4),
+    }
+
+
+def slice_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     """f over half and difference angle at φd = 90°: of readings and of the model, on one colour scale."""
-    sources = [(name, view.slice) for name, view in seen.sources(s)]
-    if not sources or not any((f > 0).any() for _, f in sources):
+    slices = [(name, values.slice) for name, values in e.sources(s)]
+    if not any((f > 0).any() for _, f in slices):
         return []
-    # Not towards grazing, where all surfaces are mirrors.
-    inner = ((HALF <= SHOWN)[:, None] & (DIFFERENCE <= SHOWN)).ravel()
-    scale = colour_range(np.concatenate([f[inner] for _, f in sources]), DECADES)
-    drawn = []
-    for name, f in sources:
+    scale = slice_range([f for _, f in slices])
+    figures = []
+    for name, f in slices:
         label = f"f of {s.name} over half and difference angle at a difference azimuth of 90°, {name}"
         data = {
-            "phi_d_deg": 90.0, "channel": s.channel, "theta_h_deg": short(HALF, 5),
-            "theta_d_deg": short(DIFFERENCE, 5), "f_per_sr": short(f.reshape(len(HALF), -1), 4),
+            "phi_d_deg": 90.0, "channel": s.channel, "theta_h_deg": rounded(HALF, 5),
+            "theta_d_deg": rounded(DIFFERENCE, 5), "f_per_sr": rounded(f.reshape(len(HALF), -1), 4),
         }  # fmt: skip
-        words = f"f over half and difference angle at φd = 90°, channel {s.channel}: {name}."
-        words += f" Colours by what is within {SHOWN:g}°."
-        drawn.append(Drawn(f"slice-{name.split()[0].strip(',')}", words, slice_figure(f, scale, label), data))
-    return drawn
+        caption = f"f over half and difference angle at φd = 90°, channel {s.channel}: {name}."
+        caption += f" Colours by what is within {SHOWN:g}°."
+        drawn = picture(label, draw_slice, f, scale)
+        figures.append(ReportFigure(f"slice-{name.split()[0].strip(',')}", caption, drawn, data))
+    return figures
 
 
-def sphere_figures(s: Subject, seen: Seen) -> list[Drawn]:
+def sphere_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     """Lit spheres of readings and of the model."""
-    rows = [(name, [sphere_pixels(p) for p in view.spheres]) for name, view in seen.sources(s)]
-    if not rows:
+    sources = e.sources(s)
+    if not sources:
         return []
     colour = "in colour" if colour_matrix(s.channels) is not None else f"channel {s.channel} as grey"
     caption = (
         f"Lit spheres, {colour}; white is a perfect diffuser that faces the light, and what is brighter is cut off."
     )
-    names = [(name if len(rows) > 1 else "", spheres) for name, spheres in rows]
-    data = {"lights_deg": [{"from_the_eye": p, "raised": h} for p, h in LIGHTS], "rows": [n for n, _ in rows]}
-    return [Drawn("spheres", caption, spheres_figure(names, f"Lit spheres of {s.name}"), data)]
+    several = len(sources) > 1
+    rows = [(name if several else "", [sphere_pixels(p) for p in values.spheres]) for name, values in sources]
+    data = {"lights_deg": [{"from_the_eye": p, "raised": h} for p, h in LIGHTS], "rows": [name for name, _ in sources]}
+    drawn = picture(f"Lit spheres of {s.name}", draw_spheres, rows, size=spheres_size(len(rows)))
+    return [ReportFigure("spheres", caption, drawn, data)]

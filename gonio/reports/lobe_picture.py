@@ -7,29 +7,25 @@ from matplotlib.figure import Figure
 
 from gonio.data.files import new_file, refuse_existing
 from gonio.figures.lobes import Curve, draw_polar
+from gonio.figures.model_values import INCIDENCES, plane_angles, plane_values
 from gonio.figures.style import HEIGHT, WIDTH, colour_of, shades, styled
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 
 KINDS = (".png", ".svg", ".pdf")
-INCIDENCES = [0.0, 30.0, 60.0, 80.0]
 
 
 def lobe_picture(brdf: AbstractBRDF, title: str, output: str | os.PathLike, force: bool = False) -> Path:
     """Writes the picture; its kind by the ending. Raises GonioError for another ending, or an existing file."""
-    from gonio.reports.views import model_views, plane_angles
-
     path = Path(output)
     if path.suffix.lower() not in KINDS:
         raise GonioError(f"{path} is no picture that can be written; end its name in {', '.join(KINDS)}")
     refuse_existing(path, force)
-    views, _ = model_views(brdf, INCIDENCES, [])
-    colour, _ = colour_of(0)
-    tones = shades(colour, len(INCIDENCES))
+    tones = shades(colour_of(0)[0], len(INCIDENCES))
     # The grey of the channels: their mean, as one line an incidence is what a small picture holds.
     curves = [
         Curve(plane_angles(t), f.mean(axis=1), f"θᵢ {t:g}°", tone, theta_i=t)
-        for t, f, tone in zip(INCIDENCES, views, tones, strict=True)
+        for t, f, tone in zip(INCIDENCES, plane_values(brdf, INCIDENCES), tones, strict=True)
     ]
     with styled():
         fig = Figure(figsize=(2 * WIDTH, HEIGHT + 0.3), layout="constrained")

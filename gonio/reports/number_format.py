@@ -1,11 +1,11 @@
-"""Values of the document on the page: every one carries the place (a JSON pointer, RFC 6901) where it is found."""
+"""Values of the document as texts: each carries its place in the document, a JSON pointer [RFC 6901]."""
 
 import math
 from typing import Any
 
 from markupsafe import Markup, escape
 
-_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+from gonio.text import power_of_ten
 
 
 def written(value: float, digits: int = 6) -> str:
@@ -15,15 +15,15 @@ def written(value: float, digits: int = 6) -> str:
     text = f"{value:.{digits - 1}e}"
     mantissa, exponent = text.split("e")
     power = int(exponent)
-    if -5 < power < max(6, digits):
-        return f"{float(text):.{max(0, digits - 1 - power)}f}".replace("-", "−") if power < digits else _whole(value)
-    if "." in mantissa:
-        mantissa = mantissa.rstrip("0").rstrip(".")
-    return f"{mantissa}×10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−", 1)
+    if -5 < power < digits:
+        return f"{float(text):.{digits - 1 - power}f}".replace("-", "−")
+    if -5 < power < 6:
+        return f"{value:.0f}".replace("-", "−")
+    return f"{_without_zeros(mantissa)}×{power_of_ten(power)}".replace("-", "−", 1)
 
 
-def _whole(value: float) -> str:
-    return f"{value:.0f}".replace("-", "−")
+def _without_zeros(text: str) -> str:
+    return text.rstrip("0").rstrip(".") if "." in text and "×" not in text else text
 
 
 def decimals_of(uncertainty: float | None) -> int | None:
@@ -34,36 +34,36 @@ def decimals_of(uncertainty: float | None) -> int | None:
 
 
 class Values:
-    """Looks values up in the document and writes them with their place."""
+    """Values of the document by their place, as marked texts."""
 
     def __init__(self, document: dict[str, Any]):
         self.document = document
 
     def find(self, pointer: str) -> Any:
-        """What is at a JSON pointer; None where nothing is."""
-        found: Any = self.document
+        """The value at a JSON pointer; None where there is none."""
+        value: Any = self.document
         for part in pointer.split("/")[1:]:
             key = part.replace("~1", "/").replace("~0", "~")
             try:
-                found = found[int(key)] if isinstance(found, list) else found[key]
+                value = value[int(key)] if isinstance(value, list) else value[key]
             except (KeyError, IndexError, ValueError, TypeError):
                 return None
-        return found
+        return value
 
     def __call__(
         self, pointer: str, digits: int = 6, none: str = "–", beside: str | None = None, exact: bool = False
     ) -> Markup:
         """The value as a marked text.
 
-        `beside`: the pointer to its uncertainty, which says how many digits count. `exact`: a number that somebody
+        `beside`: the pointer to its uncertainty, which sets the number of digits. `exact`: a number that somebody
         chose, without zeros at its end.
         """
         value = self.find(pointer)
         if value is None:
             return escape(none)
         text = _text(value, digits, decimals_of(self.find(beside)) if beside else None)
-        if exact and "×" not in text and "." in text:
-            text = text.rstrip("0").rstrip(".")
+        if exact:
+            text = _without_zeros(text)
         return Markup('<span data-at="{}">{}</span>').format(pointer, text)
 
 

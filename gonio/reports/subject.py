@@ -1,4 +1,4 @@
-"""What a report is about: tables and models with their fits and certificates, from whatever a user names."""
+"""Subjects of a report: tables and models with their fits and certificates, from whatever a user names."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -16,25 +16,31 @@ from gonio.models.evaluation import channel_count
 
 
 @dataclasses.dataclass
-class Subject:
-    """A table or a model in a report: its file, its fit, its certificate, and its place in colour."""
+class ReportSubject:
+    """A table or a model in a report, with its fit, its certificate, and its place in colour."""
 
     name: str
     channels: Channels
-    brdf: AbstractBRDF | None = None
-    table: Table | None = None
-    material: Material | None = None
+    table: Table | None
+    material: Material | None
+    file: str | None
+    """The file it was read from."""
+    number: int
     fit: FitResult | None = None
     fit_material: Material | None = None
     certificate: Certificate | None = None
-    number: int = 0
-    file: str | None = None
-    """The file it was read from."""
 
     @property
     def anchor(self) -> str:
-        """Where its section begins."""
+        """Id of the heading of its section."""
         return f"subject-{self.number + 1}"
+
+    @property
+    def model(self) -> AbstractBRDF:
+        """The BRDF of a model."""
+        if self.material is None:
+            raise TypeError(f"{self.name} is a table")
+        return self.material.brdf
 
     @property
     def kind(self) -> str:
@@ -43,12 +49,12 @@ class Subject:
 
     @property
     def shown(self) -> int:
-        """The channel that the pictures show: the middle one."""
+        """Number of the channel that the pictures show: the middle one."""
         return len(self.channels) // 2
 
     @property
     def channel(self) -> str:
-        """Its name."""
+        """Name of the shown channel."""
         return self.channels.names[self.shown]
 
     @property
@@ -58,22 +64,33 @@ class Subject:
             return self.fit.brdf
         return None if self.fit_material is None else self.fit_material.brdf
 
+    def assign(self, fit: FitResult | Material) -> None:
+        """Gives the table its fit. Raises GonioError for a fit of another number of channels."""
+        if isinstance(fit, FitResult):
+            self.fit = fit
+        else:
+            self.fit_material = fit
+        count = channel_count(fit.brdf)
+        if count not in (None, len(self.channels)):
+            raise GonioError(
+                f"The fit has {count} channels and {self.name} has {len(self.channels)}; give the fit of that table."
+            )
 
-def subject_of(given: SubjectLike, number: int) -> Subject:
+
+def subject_of(given: SubjectLike, number: int) -> ReportSubject:
     """The report's subject of what `resolve_subject` takes. Raises GonioError as that does."""
-    found = resolve_subject(given)
-    brdf = None if found.material is None else found.material.brdf
-    return Subject(found.name, found.channels, brdf, found.table, found.material, number=number, file=found.file)
+    s = resolve_subject(given)
+    return ReportSubject(s.name, s.channels, s.table, s.material, s.file, number)
 
 
-def told_apart(shown: Sequence[Subject]) -> None:
+def distinguish_names(subjects: Sequence[ReportSubject]) -> None:
     """Gives subjects of one name the names of their files, or numbers, beside it."""
-    for name in {s.name for s in shown}:
-        same = [s for s in shown if s.name == name]
+    for name in {s.name for s in subjects}:
+        same = [s for s in subjects if s.name == name]
         files = [Path(s.file).name if s.file else "" for s in same]
         for k, s in enumerate(same if len(same) > 1 else []):
-            alone = files[k] and files.count(files[k]) == 1
-            s.name = f"{name} ({files[k] if alone else k + 1})"
+            unique = files[k] and files.count(files[k]) == 1
+            s.name = f"{name} ({files[k] if unique else k + 1})"
 
 
 def fit_of(given: Any) -> FitResult | Material:
@@ -86,42 +103,28 @@ def fit_of(given: Any) -> FitResult | Material:
     return material
 
 
-def pair(shown: Sequence[Subject], fits: Sequence[FitResult | Material]) -> None:
-    """Gives each fit to the table that it names, the others to what is left, in order.
+def assign_fits(subjects: Sequence[ReportSubject], fits: Sequence[FitResult | Material]) -> None:
+    """Gives each fit to the table that it names, the others to the remaining tables, in order.
 
     Raises GonioError where there are more fits than tables, and where a fit is of another table or of other channels.
     """
-    tables = [s for s in shown if s.table is not None]
+    tables = [s for s in subjects if s.table is not None]
     if len(fits) > len(tables):
         raise GonioError(f"{len(fits)} fits came for {len(tables)} tables; give each table at most one fit.")
-    left = []
+    unmatched = []
     for fit in fits:
-        named = _table_of(fit)
-        mine = next((s for s in tables if s.name == named and s.fitted is None), None)
-        if mine is None:
-            left.append(fit)
+        match = next((s for s in tables if s.name == _table_name(fit) and s.fitted is None), None)
+        if match is None:
+            unmatched.append(fit)
         else:
-            _give(mine, fit)
-    for fit in left:
+            match.assign(fit)
+    for fit in unmatched:
         free = [s for s in tables if s.fitted is None]
-        named = _table_of(fit)
-        if named:
+        if name := _table_name(fit):
             names = ", ".join(s.name for s in free)
-            raise GonioError(f"The fit is of the table '{named}', not of {names}; give the fit of that table.")
-        _give(free[0], fit)
+            raise GonioError(f"The fit is of the table '{name}', not of {names}; give the fit of that table.")
+        free[0].assign(fit)
 
 
-def _table_of(fit: FitResult | Material) -> str | None:
+def _table_name(fit: FitResult | Material) -> str | None:
     return fit.table if isinstance(fit, FitResult) else fit.meta["fit"].get("table")
-
-
-def _give(subject: Subject, fit: FitResult | Material) -> None:
-    if isinstance(fit, FitResult):
-        subject.fit = fit
-    else:
-        subject.fit_material = fit
-    count = channel_count(subject.fitted)
-    if count not in (None, len(subject.channels)):
-        raise GonioError(
-            f"The fit has {count} channels and {subject.name} has {len(subject.channels)}; give the fit of that table."
-        )

@@ -5,18 +5,17 @@ import re
 import numpy as np
 import pytest
 
-from gonio.figures.albedo import AlbedoCurve, albedo_figure
+from gonio.figures.albedo import AlbedoCurve, draw_albedo
 from gonio.figures.dark_theme import DARK_PAGE, on_dark, rules, themed
 from gonio.figures.half_difference_slice import DIFFERENCE, HALF, slice_pairs
-from gonio.figures.hemisphere import colour_range, disc_points, hemisphere_map, on_disc
+from gonio.figures.hemisphere import colour_range, disc_points, draw_map, on_disc
 from gonio.figures.lobe3d import mesh_angles
-from gonio.figures.lobes import Curve, in_plane, polar, value_range
-from gonio.figures.residuals import median_grid, residual_histogram, residual_map
+from gonio.figures.lobes import Curve, draw_in_plane, draw_polar, value_range
+from gonio.figures.residuals import draw_residual_histogram, draw_residual_map, median_grid
 from gonio.figures.spheres import LIGHTS, sphere_pairs
-from gonio.figures.style import FAINT, INK, PALETTE, colour_of, shades
+from gonio.figures.style import FAINT, INK, PALETTE, colour_of, picture, shades
 from gonio.figures.ticks import decades_between, sr_label
 from gonio.fitting.residuals.pair_angles import pair_angles
-from gonio.models.geometry.directions import Direction
 
 
 def test_equal_areas_of_a_map_are_equal_solid_angles():
@@ -71,7 +70,7 @@ def test_a_sphere_is_seen_and_lit_from_where_it_says():
 
 
 def test_a_slice_is_taken_at_the_angles_on_its_axes():
-    wi, wo = (Direction(*w) for w in slice_pairs())
+    wi, wo = slice_pairs()
     angles = pair_angles(wi, wo)
     h, d = (a.ravel() for a in np.meshgrid(np.minimum(HALF, 89.9), DIFFERENCE, indexing="ij"))
     np.testing.assert_allclose(angles.theta_h, h, atol=1e-6)
@@ -113,15 +112,17 @@ def test_every_picture_stands_alone():
     curve = Curve(x, np.exp(-((x - 30) ** 2) / 50), evil, "#0072B2", theta_i=30.0)
     dots = Curve(x, np.exp(-((x - 30) ** 2) / 50), "readings", "#0072B2", marker="o")
     theta = np.linspace(0, 80, 9)
+    albedo = AlbedoCurve(theta, 0.5 + 0 * theta, np.where(theta > 60, np.inf, 0.1), evil, "#0072B2")
+    grid = median_grid(np.array([1.0, 40.0]), np.array([2.0, 50.0]), np.array([0.1, -0.2]), True)
     pictures = [
-        in_plane([curve, dots], evil, log=False),
-        in_plane([curve, dots], evil, log=True),
-        polar([curve], evil, log=False),
-        polar([curve], evil, log=True),
-        hemisphere_map(np.ones(disc_points()[1].size), (0.1, 10.0), 30.0, evil),
-        albedo_figure([AlbedoCurve(theta, 0.5 + 0 * theta, np.where(theta > 60, np.inf, 0.1), evil, "#0072B2")], evil),
-        residual_map(*median_grid(np.array([1.0, 40.0]), np.array([2.0, 50.0]), np.array([0.1, -0.2]), True), evil),
-        residual_histogram(np.array([0.1, -1.0, 9.0]), "u_f", "#0072B2", evil),
+        picture(evil, draw_in_plane, [curve, dots], log=False),
+        picture(evil, draw_in_plane, [curve, dots], log=True),
+        picture(evil, draw_polar, [curve], log=False),
+        picture(evil, draw_polar, [curve], log=True),
+        picture(evil, draw_map, np.ones(disc_points()[1].size), (0.1, 10.0), 30.0),
+        picture(evil, draw_albedo, [albedo]),
+        picture(evil, draw_residual_map, grid, ("theta_h", "theta_d")),
+        picture(evil, draw_residual_histogram, np.array([0.1, -1.0, 9.0]), True, "#0072B2"),
     ]
     pictures = [p.svg() for p in pictures]
     ids = [i for p in pictures for i in re.findall(r'\sid="([^"]+)"', p)]

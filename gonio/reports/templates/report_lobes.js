@@ -135,7 +135,7 @@
     buttons.forEach((button, k) => button.addEventListener("click", () => moves[k] ? turned(...moves[k]) : again()));
     for (const control of [source, incidence, log]) control.addEventListener("change", () => { build(); soon(); });
     figure.classList.add("live");
-    new IntersectionObserver(seen => { if (seen.some(e => e.isIntersecting)) soon(); }).observe(canvas);
+    new IntersectionObserver(entries => { if (entries.some(e => e.isIntersecting)) soon(); }).observe(canvas);
     new ResizeObserver(soon).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", soon);
   };

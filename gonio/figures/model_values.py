@@ -1,0 +1,161 @@
+"""Values of a BRDF as figures show them: in the plane of incidence, on maps, meshes, slices and lit spheres."""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from gonio.data.table import Channels, Table
+from gonio.figures.half_difference_slice import slice_pairs
+from gonio.figures.hemisphere import disc_points
+from gonio.figures.lobe3d import mesh_angles
+from gonio.figures.spheres import sphere_pairs
+from gonio.fitting.residuals.colour_difference import LINEAR_SRGB, colour_matrix
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.evaluation import evaluate
+from gonio.models.geometry.directions import Direction
+
+INCIDENCES = (0.0, 30.0, 60.0, 80.0)
+MAP_INCIDENCES = (30.0, 60.0)
+COMPARED = (30.0, 60.0)
+"""Incidences, degrees, of lobes, of maps, and of lobes of several subjects in one figure."""
+MOST_CHANNELS = 24
+
+Pairs = tuple[Direction, Direction]
+
+
+@dataclasses.dataclass(frozen=True)
+class ModelValues:
+    """Values of a BRDF for all figures: f, 1/sr, of one channel, each of shape (n,)."""
+
+    curves: list[np.ndarray]
+    """In the plane, at `plane_angles` of each incidence."""
+    compared: list[np.ndarray]
+    """The same at `COMPARED`."""
+    maps: list[np.ndarray]
+    """At `disc_points` for each incidence of the maps."""
+    meshes: list[np.ndarray]
+    """At `mesh_angles` of each incidence."""
+    slice: np.ndarray
+    """At `slice_pairs`."""
+    spheres: list[np.ndarray]
+    """For each of `LIGHTS`: linear sRGB (pixels, 3) of a sphere."""
+
+
+def plane_angles(theta_i: float) -> np.ndarray:
+    """Signed outgoing angles, degrees, of a model's curve: every degree, and closer around the mirror direction."""
+    near = np.concatenate([-np.geomspace(8, 0.01, 30), [0.0], np.geomspace(0.01, 8, 30)])
+    every = np.concatenate([np.linspace(-89.5, 89.5, 180), np.clip(theta_i + near, -89.5, 89.5)])
+    return np.sort(every)
+
+
+def plane_values(brdf: AbstractBRDF, incidences: Sequence[float]) -> list[np.ndarray]:
+    """f, 1/sr, of shape (n, channels), at `plane_angles` of each incidence, degrees."""
+    return _evaluated(brdf, [_plane(t) for t in incidences])
+
+
+def slice_values(brdf: AbstractBRDF) -> np.ndarray:
+    """f, 1/sr, of shape (n, channels), at `slice_pairs`."""
+    return _evaluated(brdf, [slice_pairs()])[0]
+
+
+def sphere_values(brdf: AbstractBRDF, channels: Channels, channel: int) -> list[np.ndarray]:
+    """Linear sRGB (pixels, 3) of a sphere under each of `LIGHTS`; grey of the channel where there is no colour."""
+    return _lit(_evaluated(brdf, _sphere_pairs()), channels, channel)
+
+
+def model_values(
+    brdf: AbstractBRDF,
+    channels: Channels,
+    channel: int,
+    incidences: Sequence[float],
+    map_incidences: Sequence[float],
+) -> ModelValues:
+    """All values for figures by one evaluation, of one size for every subject: one compiled program a kind of model.
+
+    `channel`: the number of the shown one among `channels`; the spheres need all of them.
+    """
+    incidences = [*incidences, *[incidences[-1]] * (len(INCIDENCES) - len(incidences))]
+    maps = [*map_incidences, *[map_incidences[-1]] * (len(MAP_INCIDENCES) - len(map_incidences))]
+    groups: list[list[Pairs]] = [
+        [_plane(t) for t in incidences],
+        [_plane(t) for t in COMPARED],
+        [_disc(t) for t in maps],
+        [_mesh(t) for t in incidences],
+        [slice_pairs()],
+        _sphere_pairs(),
+    ]
+    pieces = iter(_evaluated(brdf, list(itertools.chain(*groups))))
+    *groups, spheres = [[next(pieces) for _ in group] for group in groups]
+    curves, compared, discs, meshes, (the_slice,) = [[_of_channel(f, channel) for f in group] for group in groups]
+    return ModelValues(curves, compared, discs, meshes, the_slice, _lit(spheres, channels, channel))
+
+
+def fewer_channels(table: Table, channel: int) -> tuple[Table, int]:
+    """(table, number of the shown channel) with no more channels than figures need: of spectra some are enough."""
+    count = len(table.channels)
+    if count <= MOST_CHANNELS or table.interpolant is not None:
+        return table, channel
+    kept = np.unique(np.append(np.linspace(0, count - 1, MOST_CHANNELS - 1).round().astype(int), channel))
+    return table.only([table.channels.names[k] for k in kept]), int(np.searchsorted(kept, channel))
+
+
+def _of_channel(f: np.ndarray, channel: int) -> np.ndarray:
+    return f[:, channel if f.shape[1] > 1 else 0]
+
+
+def _sphere_pairs() -> list[Pairs]:
+    # Pixels in the shade are dark whatever the surface does.
+    _, eye, lights = sphere_pairs()
+    return [
+        (Direction(*(np.where(light.z > 0, c, e) for c, e in zip(light, eye, strict=True))), eye) for light in lights
+    ]
+
+
+def _lit(pieces: list[np.ndarray], channels: Channels, channel: int) -> list[np.ndarray]:
+    _, _, lights = sphere_pairs()
+    cosines = [np.maximum(light.z, 0.0)[:, None] for light in lights]
+    return [_linear_srgb(f * cos_i, channels, channel) for f, cos_i in zip(pieces, cosines, strict=True)]
+
+
+def _linear_srgb(f_cos: np.ndarray, channels: Channels, channel: int) -> np.ndarray:
+    """Linear sRGB (n, 3) of f cosθi (n, channels), 1/sr; grey of the shown channel where there is no colour."""
+    radiance = np.pi * np.nan_to_num(f_cos)
+    to_xyz = colour_matrix(channels)
+    if to_xyz is None or radiance.shape[1] != to_xyz.shape[1]:
+        return np.repeat(_of_channel(radiance, channel)[:, None], 3, axis=1)
+    white = LINEAR_SRGB.sum(axis=1) / to_xyz.sum(axis=1)  # equal reflectances are grey
+    return radiance @ (np.linalg.inv(LINEAR_SRGB) @ (white[:, None] * to_xyz)).T
+
+
+def _plane(theta_i: float) -> Pairs:
+    signed = np.radians(plane_angles(theta_i))
+    return _pairs(theta_i, np.abs(signed), np.where(signed >= 0, np.pi, 0.0))
+
+
+def _disc(theta_i: float) -> Pairs:
+    _, theta, phi = disc_points()
+    return _pairs(theta_i, theta, phi)
+
+
+def _mesh(theta_i: float) -> Pairs:
+    theta, phi = (np.radians(a) for a in mesh_angles(theta_i))
+    return _pairs(theta_i, *(a.ravel() for a in np.meshgrid(theta, phi, indexing="ij")))
+
+
+def _pairs(theta_i: float, theta_o: np.ndarray, delta_phi: np.ndarray) -> Pairs:
+    t = np.full_like(theta_o, np.radians(theta_i))
+    return _directions(t, np.zeros_like(t)), _directions(theta_o, delta_phi)
+
+
+def _directions(theta: np.ndarray, phi: np.ndarray) -> Direction:
+    return Direction(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) * np.ones_like(phi))
+
+
+def _evaluated(brdf: AbstractBRDF, pairs: Sequence[Pairs]) -> list[np.ndarray]:
+    """f (n, channels) at each set of pairs, by one evaluation."""
+    wi, wo = (Direction(*(np.concatenate(c) for c in zip(*w, strict=True))) for w in zip(*pairs, strict=True))
+    sizes = [np.size(w.z) for w, _ in pairs]
+    f = np.asarray(evaluate(brdf, wi, wo)).reshape(sum(sizes), -1)
+    return np.split(f, np.cumsum(sizes)[:-1])

@@ -1,0 +1,257 @@
+"""Plots of a material, a table or a fit on matplotlib axes: lobe, slice, sphere, albedo, residuals, and a thumbnail.
+
+Readings of a table are dots where they were measured. Only a sphere needs values in between: it shows the table's own
+interpolation. Angles are radians in the arguments and degrees on the axes.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import jax
+import numpy as np
+from matplotlib.axes import Axes
+
+from gonio.data.flags import Flag
+from gonio.data.subject import Subject, SubjectLike, resolve_subject
+from gonio.data.table import Table
+from gonio.figures.albedo import AlbedoCurve, albedo_series, draw_albedo
+from gonio.figures.half_difference_slice import draw_slice, draw_slice_readings, slice_range
+from gonio.figures.hemisphere import colour_range
+from gonio.figures.lobes import Curve, draw_in_plane, draw_polar
+from gonio.figures.model_values import (
+    INCIDENCES,
+    fewer_channels,
+    plane_angles,
+    plane_values,
+    slice_values,
+    sphere_values,
+)
+from gonio.figures.readings import in_plane_readings, readings_near, table_incidences
+from gonio.figures.residuals import draw_residual_histogram, draw_residual_map, median_grid
+from gonio.figures.spheres import draw_spheres, sphere_pixels, spheres_size
+from gonio.figures.style import HEIGHT, PALETTE, WIDTH, picture, shades, styled
+from gonio.fitting.residuals.pair_angles import pair_angles
+from gonio.models.errors import GonioError, nearest
+from gonio.models.geometry.directions import to_half_difference
+
+if TYPE_CHECKING:
+    from gonio.fitting.result import FitResult
+
+MOST_READINGS = 1 << 14
+NEAR_SLICE = 10.0
+"""Degrees of difference azimuth about 90° within which readings are in the slice."""
+ALBEDO_TOLERANCE = 1e-6
+MOST_LETTERS = 60
+
+
+def plot_lobe(
+    subject: SubjectLike,
+    theta_i: float | Sequence[float] | None = None,
+    *,
+    channel: str | int | None = None,
+    polar: bool = True,
+    log: bool = True,
+    ax: Axes | None = None,
+) -> Axes:
+    """f in the plane of incidence, as a polar diagram or against the signed outgoing angle.
+
+    Args:
+        subject: a material, a model, a table, or what names one.
+        theta_i: angles of incidence, radians, in [0, π/2); of a table the measured ones nearest to them.
+        channel: name or number of the channel; the middle one by default.
+        polar: a polar diagram, whose largest ring has radius 1; else f, 1/sr, against degrees.
+        log: a logarithmic radius or axis.
+        ax: where to draw; a new figure by default.
+
+    Returns:
+        The axes.
+    """
+    s = resolve_subject(subject)
+    curves = _lobe_curves(s, _degrees(theta_i), _channel(s, channel))
+    with styled():
+        ax = _axes(ax)
+        (draw_polar if polar else draw_in_plane)(ax, curves, log)
+        ax.set_title(_title(s.name), fontsize=10, pad=_above_legend(ax))
+    return ax
+
+
+def plot_slice(subject: SubjectLike, *, channel: str | int | None = None, ax: Axes | None = None) -> Axes:
+    """f over half and difference angle at a difference azimuth of 90°; of a table its readings within 10° of that."""
+    s = resolve_subject(subject)
+    k = _channel(s, channel)
+    with styled():
+        ax = _axes(ax)
+        if s.table is None:
+            f = _of_channel(slice_values(s.brdf), k)
+            draw_slice(ax, f, slice_range([f]))
+        else:
+            theta_h, theta_d, f = _slice_readings(s.table, k)
+            draw_slice_readings(ax, theta_h, theta_d, f, colour_range(f))
+        ax.set_title(_title(s.name), fontsize=10, pad=_above_legend(ax))
+    return ax
+
+
+def plot_sphere(subject: SubjectLike, *, channel: str | int | None = None, ax: Axes | None = None) -> Axes:
+    """Lit spheres under two lights, in colour where the channels have one; a table by its own interpolation.
+
+    Raises:
+        GonioError: for a table that cannot be interpolated over the hemisphere.
+    """
+    s = resolve_subject(subject)
+    pixels = [sphere_pixels(p) for p in _sphere(s, _channel(s, channel))]
+    with styled():
+        ax = _axes(ax, spheres_size(1))
+        draw_spheres(ax, [("" if s.table is None else "readings, interpolated", pixels)])
+        ax.set_title(_title(s.name), fontsize=10, pad=_above_legend(ax))
+    return ax
+
+
+def plot_albedo(subject: SubjectLike, *, ax: Axes | None = None) -> Axes:
+    """Directional albedo of each channel (six at most) with the bound on its error, against the angle of incidence.
+
+    Raises:
+        GonioError: for a table whose readings do not cover the hemisphere.
+    """
+    s = resolve_subject(subject)
+    curves = _albedo_curves(s)
+    with styled():
+        ax = _axes(ax)
+        draw_albedo(ax, curves)
+        ax.set_title(_title(s.name), fontsize=10, pad=_above_legend(ax))
+    return ax
+
+
+def plot_residuals(
+    result: "FitResult", *, angles: tuple[str, str] | None = ("theta_h", "theta_d"), ax: Axes | None = None
+) -> Axes:
+    """Residuals of a fit: medians of (model − reading)/|reading| by two angles, or their distribution.
+
+    Args:
+        result: what `gonio.fit` returned.
+        angles: ``("theta_h", "theta_d")`` or ``("theta_i", "theta_o")``; None: a histogram.
+        ax: where to draw; a new figure by default.
+
+    Returns:
+        The axes.
+    """
+    if result.evidence is None:
+        raise GonioError("this fit keeps no readings, so it has no residuals to plot; fit the table again")
+    readings, model = result.evidence.readings, result.evidence.model_f
+    valid = readings.valid & (readings.f != 0)
+    relative = ((model - readings.f) / np.where(valid, np.abs(readings.f), 1.0))[valid]
+    with styled():
+        ax = _axes(ax)
+        if angles is None:
+            draw_residual_histogram(ax, 100 * relative, in_sigma=False, colour=PALETTE[0])
+        elif tuple(angles) in (("theta_h", "theta_d"), ("theta_i", "theta_o")):
+            of_pair = pair_angles(readings.wi, readings.wo)
+            across, up = (np.broadcast_to(getattr(of_pair, a)[:, None], valid.shape)[valid] for a in angles)
+            draw_residual_map(ax, median_grid(across, up, relative, angles[0] == "theta_h"), tuple(angles))
+        else:
+            raise GonioError(
+                f"there is no map of residuals by {angles!r}; give theta_h and theta_d, or theta_i and theta_o"
+            )
+        ax.set_title(_title(f"{result.asked}, fitted to {result.table or 'a table'}"), fontsize=10)
+    return ax
+
+
+def thumbnail_svg(subject: SubjectLike) -> str:
+    """A small polar diagram of the lobe as an SVG element, for a notebook."""
+    s = resolve_subject(subject)
+    curves = _lobe_curves(s, list(INCIDENCES), _channel(s, None))
+    small = picture(f"Lobe of {s.name} in the plane of incidence", draw_polar, curves, log=True)
+    return small.svg().replace("<svg ", '<svg width="240" height="174" ', 1)
+
+
+def _axes(ax: Axes | None, size: tuple[float, float] = (WIDTH, HEIGHT)) -> Axes:
+    if ax is not None:
+        return ax
+    from matplotlib import pyplot
+
+    return pyplot.subplots(figsize=size, layout="constrained")[1]
+
+
+def _title(name: str) -> str:
+    return name if len(name) <= MOST_LETTERS else name[: MOST_LETTERS - 1] + "…"
+
+
+def _above_legend(ax: Axes) -> float:
+    """Points between the axes and a title that stands above the legend."""
+    legend = ax.get_legend()
+    if legend is None:
+        return 6.0
+    rows = math.ceil(len(legend.get_texts()) / legend._ncols)
+    return 6.0 + 13.0 * rows
+
+
+def _channel(s: Subject, channel: str | int | None) -> int:
+    names = s.channels.names
+    if channel is None:
+        return len(names) // 2
+    if channel in names:
+        return names.index(str(channel))
+    if isinstance(channel, int | np.integer) and 0 <= channel < len(names):
+        return int(channel)
+    raise GonioError(f"there is no channel {channel!r}; {nearest(str(channel), names)}")
+
+
+def _of_channel(f: np.ndarray, channel: int) -> np.ndarray:
+    return f[:, channel if f.shape[1] > 1 else 0]
+
+
+def _degrees(theta_i: float | Sequence[float] | None) -> list[float]:
+    if theta_i is None:
+        return list(INCIDENCES)
+    angles = np.atleast_1d(np.asarray(theta_i, float))
+    if not (angles.size and np.all((angles >= 0) & (angles < math.pi / 2))):
+        raise GonioError(f"theta_i is {theta_i!r} rad; give angles of incidence from 0 to below π/2, in radians")
+    return np.degrees(angles).tolist()
+
+
+def _sphere(s: Subject, channel: int) -> list[np.ndarray]:
+    if s.table is None:
+        return sphere_values(s.brdf, s.channels, channel)
+    if s.table.layout.name == "in_plane":
+        raise GonioError(f"the readings of {s.name} lie in one plane; a sphere needs them over the hemisphere")
+    table, channel = fewer_channels(s.table, channel)
+    return sphere_values(resolve_subject(table).brdf, table.channels, channel)
+
+
+def _lobe_curves(s: Subject, incidences: list[float], channel: int) -> list[Curve]:
+    if s.table is not None:
+        incidences = table_incidences(s.table, incidences)
+    tones = shades(PALETTE[0], len(incidences))
+    labels = [f"θᵢ {t:.4g}°" for t in incidences]
+    if s.table is None:
+        values = [(plane_angles(t), f) for t, f in zip(incidences, plane_values(s.brdf, incidences), strict=True)]
+        marker = None
+    else:
+        values = [in_plane_readings(near) for near in readings_near(s.table, incidences)]
+        marker = "o"
+    return [
+        Curve(x, _of_channel(f, channel), label, tone, marker=marker, theta_i=t)
+        for (x, f), label, tone, t in zip(values, labels, tones, incidences, strict=True)
+    ]
+
+
+def _slice_readings(table: Table, channel: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(theta_h, theta_d, degrees, f) of the readings of one channel near a difference azimuth of 90°."""
+    block = table.samples(limit=MOST_READINGS)
+    angles = pair_angles(block.wi, block.wo)
+    _, _, _, phi_d = jax.jit(to_half_difference)(block.wi, block.wo)
+    off = np.abs(np.degrees(np.asarray(phi_d)) % 180 - 90)
+    # At a difference angle of 0 there is no azimuth.
+    index = np.flatnonzero(((off <= NEAR_SLICE) | (angles.theta_d < 1e-6)) & (block.flag[:, channel] == Flag.VALID))
+    return angles.theta_h[index], angles.theta_d[index], block.f[index, channel]
+
+
+def _albedo_curves(s: Subject) -> list[AlbedoCurve]:
+    from gonio.checks.model.energy import model_energy
+    from gonio.checks.table.energy import table_energy
+
+    found = model_energy(s.brdf, ALBEDO_TOLERANCE) if s.table is None else table_energy(s.table, ALBEDO_TOLERANCE)
+    series = albedo_series(found, s.channels)
+    if series is None:
+        raise GonioError(found.detail.rstrip("."))
+    return series.curves(PALETTE[0], None if s.table is None else "o")
