@@ -2,18 +2,17 @@
 
 import dataclasses
 import os
-import tomllib
 from pathlib import Path
 from typing import Any
 
-from gonio.data.files import input_size, new_file
+from gonio.data.files import new_file
 from gonio.data.table import Channels
+from gonio.data.toml_file import FORMAT, read_toml
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.errors import GonioError, nearest
+from gonio.models.errors import GonioError
 from gonio.models.evaluation import channel_count
 from gonio.models.expression.builder import build, to_expression
 
-FORMAT = 1
 LARGEST = 4 << 20  # bytes: ten thousand wavelengths at full precision are a quarter of it
 MOST_CHANNELS = 10_000
 REFERENCE_FOLDER = Path(__file__).parent / "materials"
@@ -73,32 +72,14 @@ def is_material_file(path: Path) -> bool:
 def read_material(path: str | os.PathLike) -> Material:
     """A material file of format 1. Raises GonioError, in one sentence that names the file, for anything else."""
     path = Path(path)
-    size = input_size(path)
-    if size > LARGEST:
-        raise GonioError(f"{path} has {size} bytes; a material file has at most {LARGEST}")
-    try:
-        data = tomllib.loads(path.read_bytes().decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise GonioError(f"{path} is not a TOML file ({_first_line(error)}); expected a material") from None
+    data = read_toml(path, "material", LARGEST, _KEYS)
     try:
         return _material(data, path.stem, str(path))
     except GonioError as error:
         raise GonioError(f"{path}: {error}") from None
 
 
-def _first_line(error: Exception) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
-
-
 def _material(data: dict, stem: str, file: str) -> Material:
-    version = data.get("gonio_material")
-    if type(version) is not int:
-        raise GonioError("it has no integer gonio_material; a material file begins with 'gonio_material = 1'")
-    if version != FORMAT:
-        raise GonioError(f"material format {version} is not known; this gonio reads format {FORMAT}, so update gonio")
-    for key in data:
-        if key not in _KEYS:
-            raise GonioError(f"unknown key '{key}'; {nearest(key, _KEYS)}")
     expression = " ".join(_typed(data, "model", str, "a spelled model in quotes").split())
     brdf = build(expression)
     source = _typed(data, "source", dict, "a table [source] with a text", {})

@@ -64,7 +64,7 @@ def reduce_table(
             f"{table.name or 'the table'} does not answer for all directions that the scene sees (an in-plane table "
             "knows nothing out of its plane); give another scene, or reduce a table of the whole hemisphere"
         )
-    if pairs.rms(pairs.radiances(f)) == 0:
+    if pairs.rms(f) == 0:
         raise GonioError(f"{table.name or 'the table'} is dark in the scene '{scene.name}': there is no error to allow")
     for share in TIGHTER:
         found = _search(whole, truth, (pairs, f), (few, rough), share * tolerance, say)

@@ -13,7 +13,7 @@ import numpy as np
 
 from gonio.data.interpolation.multilinear import _axis, _coordinates
 from gonio.data.layout import Layout
-from gonio.data.scene import Pairs
+from gonio.data.scene import ScenePairs
 from gonio.models.geometry.directions import Direction
 
 FEWEST = 1
@@ -37,7 +37,7 @@ class Thinning:
     `guide`: the same on few pairs of directions, which says what node is missed least; without, this one does.
     """
 
-    def __init__(self, base: Base, pairs: Pairs, truth: np.ndarray, guide: "Thinning | None" = None):
+    def __init__(self, base: Base, pairs: ScenePairs, truth: np.ndarray, guide: "Thinning | None" = None):
         self.guide = guide or self
         self.base, self.pairs, self.truth = base, pairs, truth
         self.names = tuple(base.layout.axes)
@@ -49,7 +49,7 @@ class Thinning:
     def error(self, kept: tuple[np.ndarray, ...]) -> float:
         """The scene's error of the table of these nodes, single precision."""
         brackets = [self._bracket(k, number) for k, number in enumerate(kept)]
-        total = np.zeros((self.pairs.of.size, self.base.f.shape[-1]))
+        total = np.zeros((self.pairs.view.size, self.base.f.shape[-1]))
         weight = np.zeros_like(total)
         for corner in itertools.product((0, 1), repeat=len(brackets)):
             index = tuple(nodes[side] for (nodes, _), side in zip(brackets, corner, strict=True))

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from gonio.data.scene import Pairs, Scene
+from gonio.data.scene import Scene, ScenePairs
 from gonio.fitting.problem.losses import transform
 from gonio.fitting.problem.readings import Readings
 from gonio.fitting.selection.candidate import Choice, Tried
@@ -31,7 +31,7 @@ class Seen:
     """A scene by the readings nearest to what it sees: their numbers, and where each of its pairs of directions is."""
 
     scene: Scene
-    pairs: Pairs
+    pairs: ScenePairs
     cells: np.ndarray  # (m,) readings that are used
     at: np.ndarray  # (N,) which of them stands for a pair
     distance: float  # degrees, the median between a pair and its reading
@@ -39,26 +39,26 @@ class Seen:
     @property
     def weight(self) -> np.ndarray:
         """Weight (m,) of the squared error of f of each reading, for a light of small extent."""
-        amount2 = self.pairs.share[self.pairs.of] * self.pairs.amount**2
+        amount2 = self.pairs.share[self.pairs.view] * self.pairs.amount**2
         return np.bincount(self.at, amount2, minlength=self.cells.size)
 
     def error(self, model_f: np.ndarray, f: np.ndarray, noise: np.ndarray | None = None) -> float:
         """Relative rms error of the radiance, from f at the cells (m, C); known noise of the readings is taken off."""
         pairs = self.pairs
-        size = pairs.rms(pairs.radiances(f[self.at]))
-        off = pairs.rms(pairs.radiances((model_f - f)[self.at])) ** 2
+        size = pairs.rms(f[self.at])
+        off = pairs.rms((model_f - f)[self.at]) ** 2
         if noise is not None:
             off -= self._noise2(noise)
         return float(np.sqrt(max(off, 0.0))) / size if size > 0 else float("nan")
 
     def part_of_noise(self, f: np.ndarray, noise: np.ndarray) -> float:
         """The share of the radiance's rms that the noise of the readings makes by itself."""
-        size = self.pairs.rms(self.pairs.radiances(f[self.at]))
+        size = self.pairs.rms(f[self.at])
         return float(np.sqrt(self._noise2(noise))) / size if size > 0 else float("nan")
 
     def _noise2(self, noise: np.ndarray) -> float:
         # A reading that stands for several pairs of one radiance errs alike in all of them.
-        key = self.pairs.of.astype(np.int64) * self.cells.size + self.at
+        key = self.pairs.view.astype(np.int64) * self.cells.size + self.at
         unique, back = np.unique(key, return_inverse=True)
         amount = np.bincount(back, self.pairs.amount)
         share, at = self.pairs.share[unique // self.cells.size], unique % self.cells.size

@@ -11,6 +11,7 @@ import numpy as np
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 BLOCK = 8192
 """Pairs in one call of the compiled model: one compilation serves all probes and integrals of a check."""
@@ -65,15 +66,6 @@ def swapped(wi, wo):
 def mirrored(wi, wo):
     """Both directions mirrored at the plane of x and the normal."""
     return tuple(Direction(w.x, -w.y, w.z) for w in (wi, wo))
-
-
-def low_discrepancy(n: int, dimensions: int, seed: float = 0.5) -> np.ndarray:
-    """n points of the unit cube, shape (n, dimensions), by Roberts' additive recurrence (generalised golden ratio)."""
-    g = 2.0
-    for _ in range(40):
-        g = (1 + g) ** (1 / (dimensions + 1))
-    steps = g ** -np.arange(1.0, dimensions + 1)
-    return (seed + np.arange(1, n + 1)[:, None] * steps) % 1.0
 
 
 def pair_angles(brdf: AbstractBRDF) -> np.ndarray:

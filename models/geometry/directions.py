@@ -4,12 +4,12 @@ Conventions, for the whole of gonio: +z is the surface normal; `wi` points from 
 detector; both are unit vectors. theta is the polar angle from +z, phi the azimuth, in radians.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-Scalar = Float[Array, "..."]
+Scalar = Float[Any, "..."]  # of JAX or of NumPy
 
 
 class Direction(NamedTuple):

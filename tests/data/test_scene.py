@@ -23,19 +23,19 @@ def test_what_a_scene_sees_of_a_diffuser():
     """Lambert under a light that fills the hemisphere: ρ/π times the mean cosine, one half, for every view."""
     sky = Scene("sky", 0.1, (Range((0.0, np.pi / 2), (0.0, 2 * np.pi), 3.0, fills=True),), (HALF,))
     pairs = sky.pairs(8000)
-    radiances = pairs.radiances(np.full((pairs.of.size, 1), 0.4 / np.pi))
-    assert pairs.share.sum() == pytest.approx(1) and np.unique(pairs.of).size == pairs.share.size
+    radiances = pairs.radiances(np.full((pairs.view.size, 1), 0.4 / np.pi))
+    assert pairs.share.sum() == pytest.approx(1) and np.unique(pairs.view).size == pairs.share.size
     np.testing.assert_allclose(radiances, 3.0 * 0.4 / np.pi / 2, rtol=0.05)
     assert np.mean(radiances) == pytest.approx(3.0 * 0.4 / np.pi / 2, rel=2e-3)
     sun = Scene("sun", 0.1, (Range((0.5, 0.5), (0.0, 0.0), 2.0),), (HALF,)).pairs(4000)
-    np.testing.assert_allclose(sun.radiances(np.ones((sun.of.size, 2))), 2.0 * np.cos(0.5), rtol=1e-12)
+    np.testing.assert_allclose(sun.radiances(np.ones((sun.view.size, 2))), 2.0 * np.cos(0.5), rtol=1e-12)
     # Views are even over the solid angle and count by their cosine: the mean cosine is ∫cos²/∫cos = 2/3.
     assert np.sum(sun.share * sun.wo.z) == pytest.approx(2 / 3, rel=1e-3)
 
 
 def test_an_error_is_that_of_the_radiance():
     scene = Scene("sun", 0.1, (HALF,), (HALF,)).pairs(500)
-    f = np.random.default_rng(0).random((scene.of.size, 3))
+    f = np.random.default_rng(0).random((scene.view.size, 3))
     assert scene.error(1.07 * f, f) == pytest.approx(0.07)
     assert np.isnan(scene.error(f, 0 * f))
 

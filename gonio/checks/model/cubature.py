@@ -8,8 +8,9 @@ that cell is split too. What is left of the errors is the bound.
 
 import numpy as np
 
-from gonio.checks.direction_search import directions, low_discrepancy, precision, sampled_angles, values
+from gonio.checks.direction_search import directions, precision, sampled_angles, values
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 # Kronrod's 15 nodes on [-1, 1] with their weights, and those of the 7-point Gauss rule inside [QUADPACK, qk15].
 NODES = np.array([0.991455371120812639206854697526329, 0.949107912342758524526189684047851,

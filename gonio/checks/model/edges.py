@@ -3,12 +3,13 @@
 import numpy as np
 
 from gonio.checks.certificate import Property, verdict_of
-from gonio.checks.direction_search import directions, low_discrepancy, precision, values
+from gonio.checks.direction_search import directions, precision, values
 from gonio.checks.model.reciprocity import relative_difference, rounding_floor, where_of
 from gonio.checks.table.reciprocity import FEWEST, not_applicable
 from gonio.data.flags import Flag
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 NEAR_POLE = (1e-6, 1e-7)
 NEAR_HORIZON = 1e-10

@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from gonio.checks.direction_search import directions, low_discrepancy, values
+from gonio.checks.direction_search import directions, values
 from gonio.checks.grid_resolution import LARGEST
 from gonio.checks.table.albedo_on_grid import Albedos, no_albedo
 from gonio.checks.table.pairs import angles_of, gathered
 from gonio.checks.table.scattered_pairs import half_the_incidences, isotropic_light
 from gonio.data.table import Table
+from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 INCIDENCES = np.radians(np.arange(0.0, 80.1, 10.0))
 RULE = (64, 128)

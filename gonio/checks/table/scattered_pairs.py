@@ -3,10 +3,11 @@
 import equinox as eqx
 import numpy as np
 
-from gonio.checks.direction_search import directions, low_discrepancy, values
+from gonio.checks.direction_search import directions, values
 from gonio.checks.model.reciprocity import relative_difference
 from gonio.checks.table.pairs import Pairs, angles_of, gathered
 from gonio.data.table import Table
+from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 NEAR = np.radians(2.0)
 """A reading this close to the wanted pair of directions may stand for it; the error is estimated."""

@@ -34,7 +34,7 @@ def quick(monkeypatch):
 def error_of(reduced, whole, scene):
     pairs = scene.pairs(9000)
     f, truth = (np.asarray(evaluate(as_material(t), pairs.wi, pairs.wo)) for t in (reduced, whole))
-    return pairs.error(np.broadcast_to(f.reshape(pairs.of.size, -1), truth.shape), truth)
+    return pairs.error(np.broadcast_to(f.reshape(pairs.view.size, -1), truth.shape), truth)
 
 
 @pytest.fixture(scope="module")
