@@ -1,7 +1,7 @@
-from . import layout as layout
+from . import layouts as layouts
 from .flags import Flag as Flag
 from .formats.registry import read as read
-from .layout import Layout as Layout
+from .layouts import Layout as Layout
 from .material import Material as Material
 from .material import reference_materials as reference_materials
 from .scene import Scene as Scene

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gonio.data.flags import Flag
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.models.errors import GonioError, nearest
 
 if TYPE_CHECKING:

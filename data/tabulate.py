@@ -1,27 +1,35 @@
 """A model on the cells of a layout: a compiled kernel that gets the trigonometry of each axis as an input."""
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.data.layout import HORIZON, Layout
+from gonio.data.layouts.base import HORIZON, Layout, Trig
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.compiling import wide_jit
 from gonio.models.evaluation import evaluate
-from gonio.models.geometry.directions import Direction, pair_from_half_difference_trig, rotate_z
+from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.horizon import is_above
 
 BLOCK_CELLS = 1 << 19
 """Cells of one call of the kernel: enough to hide the cost of the call, few enough to need little memory."""
 
 
-def block_rows(layout: Layout) -> int:
+def block_rows(layout: Layout, block_cells: int = BLOCK_CELLS) -> int:
     """Rows of the leading axis in one call of the kernel: ranges of a multiple of it need no padding."""
-    calls = -(-layout.size // BLOCK_CELLS)
+    calls = -(-layout.size // block_cells)
     return max(1, -(-layout.shape[0] // calls))
 
 
-def grid_values(brdf: AbstractBRDF, layout: Layout, start_row: int = 0, stop_row: int | None = None) -> np.ndarray:
+def grid_values(
+    brdf: AbstractBRDF,
+    layout: Layout,
+    start_row: int = 0,
+    stop_row: int | None = None,
+    block_cells: int = BLOCK_CELLS,
+) -> np.ndarray:
     """f, 1/sr, of the cells in the rows start..stop of the leading axis: ``(rows, *layout.shape[1:],
     channels)``.
 
@@ -29,7 +37,7 @@ def grid_values(brdf: AbstractBRDF, layout: Layout, start_row: int = 0, stop_row
     that one compilation serves a layout, whatever the range.
     """
     start, stop, _ = slice(start_row, stop_row).indices(layout.shape[0])
-    step = block_rows(layout)
+    step = block_rows(layout, block_cells)
     block = _grid_block if layout.gridded else _scattered_block
     first = np.asarray(block(brdf, layout, start, step))
     if stop - start <= step:
@@ -41,49 +49,33 @@ def grid_values(brdf: AbstractBRDF, layout: Layout, start_row: int = 0, stop_row
     return out
 
 
-def _grid_block(brdf, layout, start, rows):
+def _grid_block(brdf: AbstractBRDF, layout: Layout, start: int, rows: int) -> np.ndarray:
     dtype = jnp.result_type(float)
     angles = [_padded(a, start, rows) if k == 0 else a for k, a in enumerate(layout.axes.values())]
-    values = _kernel(brdf, layout.name, [(np.cos(a).astype(dtype), np.sin(a).astype(dtype)) for a in angles])
-    return np.asarray(values).reshape(rows, *layout.shape[1:], -1)
+    trig = [(np.cos(a).astype(dtype), np.sin(a).astype(dtype)) for a in angles]
+    return np.asarray(_kernel(brdf, layout.pair, trig)).reshape(rows, *layout.shape[1:], -1)
 
 
-def _scattered_block(brdf, layout, start, rows):
+def _scattered_block(brdf: AbstractBRDF, layout: Layout, start: int, rows: int) -> np.ndarray:
     cells = np.minimum(np.arange(start, start + rows), layout.size - 1)
     wi, wo = layout.directions_at(cells)
     values = np.asarray(evaluate(brdf, wi, wo)).reshape(rows, -1)
     return np.where(((wi.z > HORIZON) & (wo.z > HORIZON))[:, None], values, 0.0)
 
 
-def _padded(axis, start, rows):
+def _padded(axis: np.ndarray, start: int, rows: int) -> np.ndarray:
     part = axis[start : start + rows]
     return np.pad(part, (0, rows - part.size), mode="edge")
 
 
 @wide_jit
-def _kernel(brdf, name, trig):
-    def cell(*trig):
-        wi, wo = _pair(name, trig)
-        above = is_above(wi, wo, HORIZON)
-        return jnp.where(above, brdf.f(wi, wo), 0.0)
+def _kernel(
+    brdf: AbstractBRDF, pair: Callable[[Trig], tuple[Direction, Direction]], trig: list[tuple[np.ndarray, np.ndarray]]
+) -> jax.Array:
+    def cell(*trig: tuple[jax.Array, jax.Array]) -> jax.Array:
+        wi, wo = (Direction(*(jnp.asarray(c, trig[0][0].dtype) for c in w)) for w in pair(trig))
+        return jnp.where(is_above(wi, wo, HORIZON), brdf.f(wi, wo), 0.0)
 
     for k in reversed(range(len(trig))):
         cell = jax.vmap(cell, in_axes=[0 if j == k else None for j in range(len(trig))])
     return cell(*trig)
-
-
-def _pair(name, trig):
-    if name == "half_difference":
-        (ch, sh), (cd, sd), (cp, sp), *turn = trig
-        wi, wo = pair_from_half_difference_trig(ch, sh, cd, sd, cp, sp)
-        return (rotate_z(wi, *turn[0]), rotate_z(wo, *turn[0])) if turn else (wi, wo)
-    (ci, si), *rest = trig
-    zero = jnp.zeros_like(ci)
-    if name == "in_plane":
-        ((co, so),) = rest
-        return Direction(si, zero, ci), Direction(-so, zero, co)
-    if name == "isotropic":
-        (co, so), (cp, sp) = rest
-        return Direction(si, zero, ci), Direction(so * cp, so * sp, co)
-    (ca, sa), (co, so), (cb, sb) = rest
-    return Direction(si * ca, si * sa, ci), Direction(so * cb, so * sb, co)

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.data.table import Channels
 from gonio.fitting.assemble_result import state
 from gonio.fitting.problem import normal_equations as equations

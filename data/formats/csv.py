@@ -11,12 +11,12 @@ import re
 
 import numpy as np
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.files import new_file
 from gonio.data.flags import FLAG_MEANINGS, Flag
 from gonio.data.formats.csv_columns import CsvText, write_columns
 from gonio.data.formats.round_trip import RoundTrip, compare
-from gonio.data.layout import spherical_angles
+from gonio.data.layouts import spherical_angles
 from gonio.data.table import Channels, Table
 from gonio.models.errors import GonioError
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.files import input_size, new_file
 from gonio.data.flags import Flag
 from gonio.data.formats.round_trip import RoundTrip, compare, compare_cells
+from gonio.data.layouts import Layout
 from gonio.data.table import Channels, Table
 from gonio.models.errors import GonioError
 
@@ -57,7 +58,7 @@ def read_merl(path: str | os.PathLike, nodes: str = "lower") -> Table:
                 "copy it again"
             )
         raw = np.fromfile(file, "<f8").reshape(3, -1)
-    grid = layouts.merl(nodes, counts, 2 * math.pi if counts[2] == 360 else math.pi)
+    grid = _grid(nodes, counts)
     f = np.empty((grid.size, 3))
     np.multiply(raw.T, SCALE, out=f)
     flag = np.zeros(f.shape, np.uint8)
@@ -114,16 +115,23 @@ def write_merl(
     return compare(f, again, valid, valid, f"interpolated from {source.layout.name} cells, nodes {nodes}")
 
 
+def _grid(nodes: str, counts: tuple[int, int, int]) -> Layout:
+    return layouts.merl(nodes, counts, 2 * math.pi if counts[2] == 360 else math.pi)
+
+
+def _is_merl_grid(layout: Layout, nodes: str) -> bool:
+    counts = layout.shape
+    return len(counts) == 3 and layout == _grid(nodes, counts)
+
+
 def _on_merl_grid(source, nodes) -> tuple[Table, bool]:
     """(a table on MERL's grid, whether it holds the source's own values)."""
     from gonio.data.interpolation.multilinear import as_material
     from gonio.data.table import whole_table_of_values
     from gonio.data.tabulate import grid_values
 
-    if isinstance(source, Table) and source.layout.name == "half_difference" and "phi_h" not in source.layout.axes:
-        counts = source.layout.shape
-        if source.layout == layouts.merl(nodes, counts, 2 * math.pi if counts[2] == 360 else math.pi):
-            return source, True
+    if isinstance(source, Table) and _is_merl_grid(source.layout, nodes):
+        return source, True
     grid = layouts.merl(nodes)
     brdf = as_material(source) if isinstance(source, Table) else source
     return whole_table_of_values(grid, grid_values(brdf, grid)), not isinstance(source, Table)

@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.formats.csv_columns import CsvText
 from gonio.data.table import Channels, Table
 from gonio.models.errors import GonioError

@@ -6,10 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.formats.tensor_file import read_tensors
-from gonio.data.layout import HORIZON, spherical_angles
+from gonio.data.layouts import HORIZON, spherical_angles
 from gonio.data.table import Channels, Table
 from gonio.models.errors import GonioError
 

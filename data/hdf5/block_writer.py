@@ -17,7 +17,7 @@ import numpy as np
 
 from gonio.data.files import output_errors, publish, refuse_existing
 from gonio.data.hdf5 import schema as hdf5_format
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.data.table import Channels
 from gonio.models.errors import GonioError
 

@@ -11,7 +11,8 @@ from gonio.data.files import input_size
 from gonio.data.hdf5.block_writer import FOOTER, MAGIC, RECORD
 from gonio.data.hdf5.heap_check import damaged_heap
 from gonio.data.hdf5.schema import GONIO_FORMAT
-from gonio.data.layout import AXES, Layout
+from gonio.data.layouts.base import Layout
+from gonio.data.layouts.registry import LAYOUTS
 from gonio.data.table import Channels, Table
 from gonio.models.errors import GonioError
 
@@ -135,9 +136,11 @@ class _Reader:
 
     def layout(self) -> Layout:
         name = self.text("layout")
-        if name not in AXES:
-            self.fail(f"layout {name!r} is unknown; expected one of {', '.join(AXES)}")
-        return Layout(name, {axis: self.axis(axis) for axis in AXES[name] if axis != "phi_h" or axis in self.file})
+        if name not in LAYOUTS:
+            self.fail(f"layout {name!r} is unknown; expected one of {', '.join(LAYOUTS)}")
+        kind = LAYOUTS[name]
+        names = [k.name for k in kind.axis_kinds if k.name not in kind.optional_axes or k.name in self.file]
+        return kind({axis: self.axis(axis) for axis in names})
 
     def axis(self, name: str) -> np.ndarray:
         node = self.node(name)

@@ -14,24 +14,12 @@ import h5py
 import numpy as np
 
 from gonio.data.flags import FLAG_MEANINGS, Flag
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.data.table import Channels
 
 GONIO_FORMAT = 1
 PROVENANCE_ROOM = 512
 """Spaces after the provenance: what is known only at the end of a measurement is written over them, in place."""
-LONG_NAMES = {
-    "theta_i": "polar angle of the direction to the light",
-    "phi_i": "azimuth of the direction to the light",
-    "theta_o": "polar angle of the direction to the detector",
-    "phi_o": "azimuth of the direction to the detector",
-    "delta_phi": "azimuth of the detector minus that of the light, specular at pi",
-    "theta_h": "polar angle of the half vector",
-    "phi_h": "azimuth of the half vector",
-    "theta_d": "angle between the light and the half vector",
-    "phi_d": "azimuth of the light in the half vector's frame",
-}
-IN_PLANE_THETA_O = "polar angle of the detector, positive on the specular side, negative on the light's"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,12 +94,11 @@ def attributes_of(layout: Layout, channels: Channels, provenance: dict, source, 
 
 def _axes(file, layout):
     scales = []
+    long_names = {kind.name: kind.long_name for kind in layout.axis_kinds}
     for name, axis in layout.axes.items():
         node = file.create_dataset(name, data=axis)
         node.attrs["units"] = "radian"
-        node.attrs["long_name"] = (
-            IN_PLANE_THETA_O if (layout.name, name) == ("in_plane", "theta_o") else LONG_NAMES[name]
-        )
+        node.attrs["long_name"] = long_names[name]
         scales.append(node)
     if not layout.gridded:
         # netCDF-4's way to name a dimension that has no coordinate of its own.

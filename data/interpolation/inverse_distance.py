@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from gonio.data.flags import Flag
-from gonio.data.layout import HORIZON
+from gonio.data.layouts import HORIZON
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError

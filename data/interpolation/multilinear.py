@@ -15,18 +15,15 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from gonio.data.flags import Flag
-from gonio.data.layout import HORIZON, Layout
+from gonio.data.layouts.base import HORIZON, Layout
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
-from gonio.models.geometry.directions import safe_atan2, to_half_difference, to_spherical
-
-IN_PLANE_WIDTH = 1e-6
-"""|wo.y| in the plane's frame beyond which a direction is out of the plane of incidence."""
+from gonio.models.geometry.directions import Direction
 
 
-class _Axis(eqx.Module):
+class InterpolationAxis(eqx.Module):
     """Increasing nodes of one coordinate, and how a value finds its cell."""
 
     nodes: Float[Array, " n"]
@@ -66,53 +63,30 @@ class Tabulated(AbstractBRDF):
 
     values: Float[Array, "*cells channel"]
     valid: Bool[Array, "*cells one_or_channel"]
-    axes: tuple[_Axis, ...]
-    layout: str = eqx.field(static=True)
+    axes: tuple[InterpolationAxis, ...]
     names: tuple[str, ...] = eqx.field(static=True)
+    kind: type[Layout] = eqx.field(static=True)
+    same_all_round: bool = eqx.field(static=True)
 
     @property
     def isotropic(self) -> bool:
-        return self.layout != "spherical" and "phi_h" not in self.names
+        return self.same_all_round
 
-    def f(self, wi, wo):
-        coordinates = _coordinates(self.layout, self.names, wi, wo)
-        brackets = [axis.bracket(x) for axis, x in zip(self.axes, coordinates, strict=True)]
+    def f(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
+        coordinates = self.kind.coordinates(wi, wo)
+        brackets = [axis.bracket(coordinates[name]) for axis, name in zip(self.axes, self.names, strict=True)]
         # One gather of all corners: a gather for each of them takes seconds to compile.
         at = jnp.meshgrid(*(jnp.stack(nodes) for nodes, _ in brackets), indexing="ij")
         corners = jnp.meshgrid(*(jnp.stack(weights) for _, weights in brackets), indexing="ij")
         weight = jnp.where(self.valid[tuple(at)], math.prod(corners[1:], start=corners[0])[..., None], 0.0)
         every = tuple(range(len(brackets)))
         total, weight = jnp.sum(weight * self.values[tuple(at)], every), jnp.sum(weight, every)
-        found = weight > 0
-        value = jnp.where(found, total / jnp.where(found, weight, 1.0), 0.0)
-        if self.layout == "in_plane":
-            value = jnp.where(_in_plane(wi, wo), value, jnp.nan)
+        known = weight > 0
+        value = jnp.where(known, total / jnp.where(known, weight, 1.0), 0.0)
+        covered = self.kind.covers(wi, wo)
+        if covered is not True:
+            value = jnp.where(covered, value, jnp.nan)
         return jnp.where((wi.z > HORIZON) & (wo.z > HORIZON), value, 0.0)
-
-
-def _coordinates(layout, names, wi, wo):
-    if layout == "half_difference":
-        theta_h, phi_h, theta_d, phi_d = to_half_difference(wi, wo)
-        if "phi_h" not in names:
-            return theta_h, theta_d, phi_d
-        return theta_h, theta_d, phi_d, phi_h
-    theta_i, phi_i = to_spherical(wi)
-    theta_o, phi_o = to_spherical(wo)
-    if layout == "spherical":
-        return theta_i, phi_i, theta_o, phi_o
-    # By the products of components, not by phi_o − phi_i: no azimuth is lost where one of them is at the pole.
-    cos_delta, sin_delta = wi.x * wo.x + wi.y * wo.y, wi.x * wo.y - wi.y * wo.x
-    if layout == "in_plane":
-        return theta_i, jnp.where(cos_delta > 0, -theta_o, theta_o)
-    at_pole = wi.x**2 + wi.y**2 == 0
-    delta = jnp.where(at_pole, phi_o, safe_atan2(sin_delta, cos_delta))
-    return theta_i, theta_o, jnp.where(delta < 0, delta + 2 * jnp.pi, delta)
-
-
-def _in_plane(wi, wo):
-    across = jnp.abs(wi.x * wo.y - wi.y * wo.x)
-    sin_i = jnp.sqrt(wi.x**2 + wi.y**2)
-    return (across <= IN_PLANE_WIDTH * sin_i) | (sin_i <= IN_PLANE_WIDTH)
 
 
 def as_material(table: Table) -> AbstractBRDF:
@@ -133,23 +107,22 @@ def as_material(table: Table) -> AbstractBRDF:
     if (valid == valid[..., :1]).all():
         valid = valid[..., :1]
     dtype = jnp.result_type(float)
-    axes = tuple(_axis(table.layout, name, nodes) for name, nodes in table.layout.axes.items())
-    return Tabulated(jnp.asarray(values, dtype), jnp.asarray(valid), axes, table.layout.name, tuple(table.layout.axes))
+    layout = table.layout
+    axes = tuple(interpolation_axis(layout, name) for name in layout.axes)
+    kind, isotropic = type(layout), not layout.has_azimuth_of_light
+    return Tabulated(jnp.asarray(values, dtype), jnp.asarray(valid), axes, tuple(layout.axes), kind, isotropic)
 
 
-def _axis(layout: Layout, name: str, nodes: np.ndarray) -> _Axis:
-    period, fold, warp = None, False, False
-    if name == "phi_d":
-        period = layout.phi_d_period
-    elif name == "delta_phi" and nodes[-1] <= np.pi * (1 + 1e-12):
-        fold = True
-    elif name.startswith("phi") or name == "delta_phi":
-        period = 2 * math.pi
-    elif name == "theta_h" and _uniform(np.sqrt(nodes)) and not _uniform(nodes):
-        warp = True
+def interpolation_axis(layout: Layout, name: str) -> InterpolationAxis:
+    """The nodes of one axis of a gridded layout, in the coordinate in which they are interpolated."""
+    nodes = layout.axes[name]
+    quadratic = {kind.name for kind in layout.axis_kinds if kind.quadratic}
+    warp = name in quadratic and _uniform(np.sqrt(nodes)) and not _uniform(nodes)
+    if warp:
         nodes = np.sqrt(nodes)
     step = float(nodes[1] - nodes[0]) if _uniform(nodes) else None
-    return _Axis(jnp.asarray(nodes, jnp.result_type(float)), period, step, warp, fold)
+    fold = name in layout.mirrored_axes
+    return InterpolationAxis(jnp.asarray(nodes, jnp.result_type(float)), layout.periods[name], step, warp, fold)
 
 
 def _uniform(nodes: np.ndarray) -> bool:
@@ -165,10 +138,11 @@ def interpolation(table: Table) -> str:
         from gonio.data.interpolation.inverse_distance import DESCRIPTION
 
         return DESCRIPTION
-    names = ["sqrt(theta_h)" if _axis(table.layout, n, a).warp else n for n, a in table.layout.axes.items()]
+    axes = {name: interpolation_axis(table.layout, name) for name in table.layout.axes}
+    names = [f"sqrt({name})" if axis.warp else name for name, axis in axes.items()]
     text = f"multilinear in {', '.join(names)}; constant beyond the outermost nodes"
-    if any(_axis(table.layout, n, a).fold for n, a in table.layout.axes.items()):
-        text += "; delta_phi stops at pi, so the other half is taken as its mirror image"
+    for name in table.layout.mirrored_axes:
+        text += f"; {name} stops at pi, so the other half is taken as its mirror image"
     return text
 
 
@@ -201,7 +175,7 @@ def coarsened(table: Table) -> Table:
     at = tuple(step) if table.layout.gridded else (step[0],)
     cut = {what: np.asarray(getattr(table, what)[...])[at] for what in ("f", "flag")}
     cut["u_f"] = None if table.u_f is None else np.asarray(table.u_f[...])[at]
-    return dataclasses.replace(table, layout=Layout(table.layout.name, axes), interpolant=None, **cut)
+    return dataclasses.replace(table, layout=table.layout.with_axes(axes), interpolant=None, **cut)
 
 
 def interpolation_error(

@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.interpolation.multilinear import as_material
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.data.reduction.thin_grid import Base, Thinning
 from gonio.data.scene import Scene, load_scene
 from gonio.data.subject import SubjectLike, resolve_subject
@@ -133,24 +133,25 @@ def bases(table: Table, truth) -> list[Base]:
     if own is not None:
         f = np.asarray(table.f[...], float)
         found.append(Base(own, f, (np.asarray(table.flag[...]) == Flag.VALID) & np.isfinite(f)))
-    turning = own is None or own.name == "spherical" or "phi_h" in own.axes
-    if own is not None and own.name == "spherical":
-        grid = layouts.isotropic(own.axes["theta_i"], own.axes["theta_o"], own.axes["phi_o"])
-        found.append(_sampled(truth, grid, ("isotropy",), own.axes["phi_i"]))
-    if own is not None and own.name in ("isotropic", "spherical"):
+    turning = own is None or own.has_azimuth_of_light
+    outgoing = None if own is None else own.outgoing_grid()
+    if outgoing is not None and turning:
+        grid = layouts.isotropic(outgoing.theta_i, outgoing.theta_o, outgoing.azimuth)
+        found.append(_sampled(truth, grid, ("isotropy",), outgoing.phi_i))
+    if outgoing is not None:
         flat = found[-1].layout
         phi = flat.axes["delta_phi"]
         if phi[-1] > np.pi * (1 + 1e-9):
             folded = np.unique(np.round(np.append(phi[phi <= np.pi], np.pi), 12))
             grid = layouts.isotropic(flat.axes["theta_i"], flat.axes["theta_o"], np.minimum(folded, np.pi))
-            turns = own.axes.get("phi_i", np.zeros(1))
-            found.append(_sampled(truth, grid, (*found[-1].done, "bilateral symmetry"), turns, mirrored=True))
-    if own is None or own.name in ("isotropic", "spherical") or "phi_h" in own.axes:
+            done = (*found[-1].done, "bilateral symmetry")
+            found.append(_sampled(truth, grid, done, outgoing.phi_i, mirrored=True))
+    if turning or outgoing is not None:
         turns = np.linspace(0, 2 * np.pi, MOST_TURNS, endpoint=False) if turning else np.zeros(1)
         grid = layouts.merl("lower", HALF_DIFFERENCE)
         done = (*(("isotropy",) if turning else ()), "bilateral symmetry", "half/difference angles", "reciprocity")
         found.append(_sampled(truth, grid, done, turns, mirrored=True, swapped=True))
-    elif own.name == "half_difference" and own.phi_d_period > np.pi * 1.01:
+    elif own.in_half_vectors and not own.reciprocal_by_construction:
         phi_d = own.axes["phi_d"]
         grid = layouts.half_difference(own.axes["theta_h"], own.axes["theta_d"], phi_d[phi_d < np.pi - 1e-9])
         found.append(_sampled(truth, grid, ("reciprocity",), np.zeros(1), swapped=True))
@@ -177,7 +178,7 @@ def _sampled(truth, grid: Layout, done, turns, mirrored: bool = False, swapped: 
 def _built(whole: Table, base: Base, kept, grey: bool) -> Table:
     at = np.ix_(*kept)
     axes = {n: a[k] for (n, a), k in zip(base.layout.axes.items(), kept, strict=True)}
-    layout = Layout(base.layout.name, axes)
+    layout = base.layout.with_axes(axes)
     valid = base.valid[at]
     f = np.where(valid, base.f[at], np.nan).astype(np.float32)
     flag = np.where(valid, np.uint8(Flag.VALID), np.uint8(Flag.NOT_MEASURED))

@@ -11,8 +11,8 @@ import math
 import jax
 import numpy as np
 
-from gonio.data.interpolation.multilinear import _axis, _coordinates
-from gonio.data.layout import Layout
+from gonio.data.interpolation.multilinear import interpolation_axis
+from gonio.data.layouts import Layout
 from gonio.data.scene import ScenePairs
 from gonio.models.geometry.directions import Direction
 
@@ -68,7 +68,7 @@ class Thinning:
                 self.known.clear()
             name = self.names[k]
             axis = self.base.layout.axes[name][number]
-            layout = Layout(self.base.layout.name, {**self.base.layout.axes, name: axis})
+            layout = self.base.layout.with_axes({**self.base.layout.axes, name: axis})
             self.known[key] = bracket(layout, name, self.at[k], number)
         return self.known[key]
 
@@ -149,10 +149,9 @@ class Thinning:
 
 def coordinates(layout: Layout, wi: Direction, wo: Direction) -> list[np.ndarray]:
     """The coordinates of pairs of directions (N,) on the axes of a layout, radians."""
-    found = jax.vmap(lambda a, b: _coordinates(layout.name, tuple(layout.axes), a, b))(
-        *(Direction(*(np.asarray(c, float) for c in w)) for w in (wi, wo))
-    )
-    return [np.asarray(c) for c in found]
+    pair = (Direction(*(np.asarray(c, float) for c in w)) for w in (wi, wo))
+    angles = jax.vmap(layout.coordinates)(*pair)
+    return [np.asarray(angles[name]) for name in layout.axes]
 
 
 def bracket(layout: Layout, name: str, x: np.ndarray, number: np.ndarray):
@@ -160,7 +159,7 @@ def bracket(layout: Layout, name: str, x: np.ndarray, number: np.ndarray):
 
     `number` (n,): which node of the base each of the axis' nodes is.
     """
-    axis = _axis(layout, name, layout.axes[name])
+    axis = interpolation_axis(layout, name)
     nodes = np.asarray(axis.nodes)
     if nodes.size == 1:
         zero = np.full(x.size, number[0])

@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.data.table import Channels
-from gonio.fitting.problem.cell_measure import pair_measure
 from gonio.fitting.problem.readings import Readings
 
 PHASES = (30.0, 60.0)  # degrees between light and eye
@@ -51,7 +50,7 @@ def sphere_difference(
     shown = readings.part(pixels)
     area = np.asarray(shown.wo.z, float)
     if layout is not None and layout.gridded and pixels.size:
-        area = area * pair_measure(layout, shown.wi, shown.wo)
+        area = area * layout.solid_angles(shown.wi, shown.wo)
     if pixels.size < MIN_PIXELS or not area.sum() > 0:
         return None
     exposure = np.pi * np.asarray(shown.wi.z)[:, None]

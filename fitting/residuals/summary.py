@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.fitting.problem.readings import Readings
 from gonio.fitting.problem.residuals import weighted_residuals
 from gonio.fitting.residuals.maps import AXES, ResidualMap, map_cells, residual_map

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.fitting.problem.parameterisation import with_defaults
 from gonio.fitting.problem.readings import Readings
 from gonio.fitting.selection.candidate import Choice, Tried
@@ -18,10 +18,8 @@ from gonio.models.expression.paths import changed
 
 def turned(layout: Layout, readings: Readings) -> bool:
     """Whether readings tell of the surface's own azimuth: the light comes from more than one."""
-    if layout.name in ("isotropic", "in_plane"):
+    if not layout.has_azimuth_of_light:
         return False
-    if layout.name == "half_difference":
-        return layout.axes.get("phi_h", np.zeros(1)).size > 1
     x, y = (np.asarray(c, float) for c in (readings.wi.x, readings.wi.y))
     off = np.hypot(x, y) > 1e-6
     return bool(off.any()) and np.unique(np.round(np.arctan2(y[off], x[off]), 4)).size > 1

@@ -12,7 +12,7 @@ from gonio.charts.point import Axis, Chart, Point, Settings
 from gonio.charts.timing import in_turns, precision
 from gonio.checks.model.cubature import cubature_albedo
 from gonio.checks.table.energy import table_albedos
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
 from gonio.data.tabulate import grid_values
 from gonio.models.albedo import directional_albedo
@@ -61,7 +61,7 @@ def _cubature(brdf, tolerance: float) -> Albedo:
 
 def _grid(brdf, step: float) -> Albedo:
     polar = np.radians(np.arange(0, 90 + step / 2, step))
-    where = layout.isotropic(THETA, polar, np.radians(np.arange(0, 360, step)))
+    where = layouts.isotropic(THETA, polar, np.radians(np.arange(0, 360, step)))
     table = whole_table_of_values(where, grid_values(brdf, where))
 
     def call():

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.models.errors import GonioError
 
 

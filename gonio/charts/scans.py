@@ -8,8 +8,8 @@ import numpy as np
 from gonio.charts.flux_error import light_of
 from gonio.charts.point import Axis, Chart, Point, Settings
 from gonio.charts.timing import precision
-from gonio.data import layout
-from gonio.data.layout import Layout
+from gonio.data import layouts
+from gonio.data.layouts import Layout
 from gonio.fitting.fit_table import fit
 from gonio.instrument.instrument import Instrument
 from gonio.instrument.measurement import measure
@@ -27,7 +27,7 @@ def _random(count: float) -> Layout:
     cosines = 1 - rng.random((2, int(count))) * (1 - np.cos(THETA_MAX))
     theta, phi = np.arccos(cosines), rng.uniform(0, 2 * np.pi, (2, int(count)))
     order = np.argsort(theta[0])
-    return layout.scattered(theta[0][order], phi[0][order], theta[1][order], phi[1][order])
+    return layouts.scattered(theta[0][order], phi[0][order], theta[1][order], phi[1][order])
 
 
 def _in_plane(step: float) -> Layout:

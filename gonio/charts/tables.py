@@ -9,9 +9,9 @@ import numpy as np
 from gonio.charts.flux_error import Light, light_of
 from gonio.charts.point import Axis, Chart, Point, Settings
 from gonio.charts.timing import in_turns, precision
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data.interpolation.multilinear import as_material
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.data.table import whole_table_of_values
 from gonio.data.tabulate import grid_values
 from gonio.models.brdf import AbstractBRDF
@@ -26,18 +26,18 @@ STORED_BYTES = 4
 
 def _isotropic(step: float) -> Layout:
     polar = np.radians(np.arange(0, 90 + step / 2, step))
-    return layout.isotropic(polar, polar, np.radians(np.arange(0, 180 + step / 2, step)))
+    return layouts.isotropic(polar, polar, np.radians(np.arange(0, 180 + step / 2, step)))
 
 
 def _merl(step: float) -> Layout:
     n = round(90 / step)
-    return layout.merl(counts=(n, n, 2 * n))
+    return layouts.merl(counts=(n, n, 2 * n))
 
 
 def _even_half(step: float) -> Layout:
     n = round(90 / step)
     h, d, p = np.arange(n) / n, np.arange(n) / n, np.arange(2 * n) / (2 * n)
-    return layout.half_difference(h * np.pi / 2, d * np.pi / 2, p * np.pi)
+    return layouts.half_difference(h * np.pi / 2, d * np.pi / 2, p * np.pi)
 
 
 class _NearestAxis(eqx.Module):

@@ -11,7 +11,7 @@ from gonio.models.errors import GonioError
 from gonio.text import log, show
 
 if TYPE_CHECKING:
-    from gonio.data.layout import Layout
+    from gonio.data.layouts import Layout
     from gonio.instrument.instrument import Instrument, Systematic
     from gonio.models.brdf import AbstractBRDF
 

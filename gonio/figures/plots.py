@@ -212,7 +212,7 @@ def _degrees(theta_i: float | Sequence[float] | None) -> list[float]:
 def _sphere(s: Subject, channel: int) -> list[np.ndarray]:
     if s.table is None:
         return sphere_values(s.brdf, s.channels, channel)
-    if s.table.layout.name == "in_plane":
+    if s.table.layout.in_one_plane:
         raise GonioError(f"the readings of {s.name} lie in one plane; a sphere needs them over the hemisphere")
     table, channel = fewer_channels(s.table, channel)
     return sphere_values(resolve_subject(table).brdf, table.channels, channel)

@@ -56,7 +56,7 @@ def evenly_chosen(index: np.ndarray, most: int) -> np.ndarray:
 
 def table_incidences(table: Table, wanted: Sequence[float]) -> list[float]:
     """The measured angles of incidence, degrees, nearest to those wanted; the wanted ones where all are measured."""
-    if table.layout.name == "half_difference":
+    if "theta_i" not in table.layout.axes:
         return list(wanted)
     measured = np.unique(np.degrees(table.layout.axes["theta_i"]))
     measured = measured[measured < 89.0]
@@ -68,7 +68,7 @@ def table_incidences(table: Table, wanted: Sequence[float]) -> list[float]:
 def readings_near(table: Table, incidences: Sequence[float]) -> list[Readings]:
     """For each incidence, degrees, the readings near it that are valid in any channel."""
     pieces: list[list[Readings]] = [[] for _ in incidences]
-    tolerance = NEAR_INCIDENCE if table.layout.name == "half_difference" else 1e-3
+    tolerance = 1e-3 if "theta_i" in table.layout.axes else NEAR_INCIDENCE
     for start, stop in table.blocks():
         theta_i, phi_i, theta_o, phi_o = (np.degrees(a) for a in table.layout.angles(start, stop))
         block = table.read_values(start, stop)

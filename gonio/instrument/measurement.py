@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.data.material import Material
 from gonio.data.subject import SubjectLike, load_material
 from gonio.data.table import Table

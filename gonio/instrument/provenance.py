@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from gonio import __version__
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.data.material import Material
 from gonio.instrument.instrument import Instrument, Systematic, systematic_to_dict
 from gonio.models.brdf import AbstractBRDF

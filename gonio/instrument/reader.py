@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from gonio.data.flags import Flag
-from gonio.data.layout import HORIZON, Layout
+from gonio.data.layouts import HORIZON, Layout
 from gonio.data.material import Material
 from gonio.data.tabulate import grid_values
 from gonio.instrument import aperture, noise

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gonio.data import layout
-from gonio.data.layout import Layout
+from gonio.data import layouts
+from gonio.data.layouts import Layout
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.catalog import is_ours
 from gonio.models.errors import GonioError
@@ -33,14 +33,14 @@ def isotropic(step: float = STEP["isotropic"], theta_max: float = THETA_MAX, phi
     """Both polar angles from 0 to `theta_max` by `step`, delta_phi once round by `phi_step` (or `step`)."""
     polar, azimuth = _polar(step, theta_max), _azimuth(phi_step or step)
     _bounded(polar.size**2 * azimuth.size)
-    return layout.isotropic(polar, polar, azimuth)
+    return layouts.isotropic(polar, polar, azimuth)
 
 
 def spherical(step: float = STEP["spherical"], theta_max: float = THETA_MAX, phi_step: float | None = None) -> Layout:
     """All four angles, polar ones by `step`, azimuths by `phi_step` (or `step`): for anisotropic surfaces too."""
     polar, azimuth = _polar(step, theta_max), _azimuth(phi_step or step)
     _bounded((polar.size * azimuth.size) ** 2)
-    return layout.spherical(polar, azimuth, polar, azimuth)
+    return layouts.spherical(polar, azimuth, polar, azimuth)
 
 
 def half_difference(step: float = STEP["half-difference"], phi_step: float | None = None) -> Layout:
@@ -51,16 +51,16 @@ def half_difference(step: float = STEP["half-difference"], phi_step: float | Non
     counts = _count(math.pi / 2, step), _count(math.pi / 2, step), _count(math.pi, step)
     if phi_step is None:
         _bounded(math.prod(counts))
-        return layout.merl(counts=counts)
+        return layouts.merl(counts=counts)
     turns = _azimuth(phi_step)
     _bounded(math.prod(counts) * turns.size)
-    axes = layout.merl(counts=counts).axes
-    return layout.half_difference(axes["theta_h"], axes["theta_d"], axes["phi_d"], turns)
+    axes = layouts.merl(counts=counts).axes
+    return layouts.half_difference(axes["theta_h"], axes["theta_d"], axes["phi_d"], turns)
 
 
 def merl() -> Layout:
     """MERL's own grid of 90 × 90 × 180 cells."""
-    return layout.merl()
+    return layouts.merl()
 
 
 def in_plane(
@@ -69,7 +69,7 @@ def in_plane(
     """The plane of incidence: the incidences `theta_i`, the detector from −`theta_max` to `theta_max` by `step`."""
     polar = _polar(step, theta_max)
     _bounded(len(theta_i) * 2 * polar.size)
-    return layout.in_plane(sorted(theta_i), np.concatenate([-polar[:0:-1], polar]))
+    return layouts.in_plane(sorted(theta_i), np.concatenate([-polar[:0:-1], polar]))
 
 
 def listed(path: str | os.PathLike) -> Layout:
@@ -77,8 +77,8 @@ def listed(path: str | os.PathLike) -> Layout:
     from gonio.data.formats.csv import read_directions
 
     wi, wo, _ = read_directions(path)
-    angles = [a for w in (wi, wo) for a in layout.spherical_angles(*(np.asarray(c, np.float64) for c in w))]
-    return layout.scattered(*angles)
+    angles = [a for w in (wi, wo) for a in layouts.spherical_angles(*(np.asarray(c, np.float64) for c in w))]
+    return layouts.scattered(*angles)
 
 
 def default_name(brdf: AbstractBRDF) -> str:
@@ -88,8 +88,7 @@ def default_name(brdf: AbstractBRDF) -> str:
 
 def isotropy_remark(grid: Layout, brdf: AbstractBRDF) -> str | None:
     """What to tell a user whose scan never turns an anisotropic sample; None for all others."""
-    turns = grid.name in ("spherical", "scattered") or "phi_h" in grid.axes
-    if turns or is_isotropic(brdf):
+    if grid.has_azimuth_of_light or is_isotropic(brdf):
         return None
     return (
         f"the material is anisotropic, but a scan of layout {grid.name} never turns the sample: the table holds one "

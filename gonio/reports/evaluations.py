@@ -38,7 +38,7 @@ def evaluate_subject(s: ReportSubject) -> Evaluation:
     near = dict(zip(every, readings_near(s.table, every), strict=True))
     model = None if s.fitted is None else model_values(s.fitted, s.channels, s.shown, incidences, maps)
     interpolated, how = None, "readings in one plane do not cover the hemisphere"
-    if s.table.layout.name != "in_plane":
+    if not s.table.layout.in_one_plane:
         from gonio.data.interpolation.multilinear import as_material, interpolation
 
         try:

@@ -73,9 +73,9 @@ def _curve_numbers(theta_i: float, curve: Curve) -> dict[str, Any]:
 
 
 def _near_words(s: ReportSubject) -> str:
-    if s.table.layout.name == "half_difference":
+    if s.table.layout.in_half_vectors:
         return f" within {NEAR_INCIDENCE:g}° of the incidence and {OFF_PLANE:g}° of the plane"
-    return f" within {OFF_PLANE:g}° of the plane" if s.table.layout.name == "scattered" else ""
+    return f" within {OFF_PLANE:g}° of the plane" if not s.table.layout.gridded else ""
 
 
 def map_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data.table import Table, whole_table_of_values
 from gonio.fitting.fit_table import fit
 from gonio.models.catalog import MODELS
@@ -58,7 +58,7 @@ def readings(
     theta_o = np.where(everywhere, top * np.sqrt(rng.random(count)), theta_o)
     phi_o = np.where(everywhere, rng.uniform(0, 2 * np.pi, count), phi_o)
     theta_o = np.minimum(theta_o, top)
-    grid = layout.scattered(theta_i, phi_i, theta_o, np.mod(phi_o, 2 * np.pi))
+    grid = layouts.scattered(theta_i, phi_i, theta_o, np.mod(phi_o, 2 * np.pi))
     f = np.asarray(evaluate(build(truth), *grid.directions()), float)
     if not noise:
         return whole_table_of_values(grid, f[:, None], name="no noise")

@@ -17,7 +17,7 @@ from gonio.charts.point import GAIN, Axis, Chart, Point, Settings, cheapest, fro
 from gonio.charts.scan_time import Pace
 from gonio.charts.scipy_fit import cosines, lambert_ggx
 from gonio.charts.timing import in_turns, precision
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data.tabulate import grid_values
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
@@ -62,13 +62,13 @@ def test_a_bound_is_held_against_the_error_as_far_as_that_is_known():
 
 def test_a_scan_takes_the_time_that_its_moves_add_up_to():
     pace = Pace(axis_speed=math.radians(10), settling=0.5, count_rate=1e6)
-    grid = layout.isotropic(np.radians([0, 30]), np.radians([0, 20, 40]), np.radians([0, 90, 180, 270]))
+    grid = layouts.isotropic(np.radians([0, 30]), np.radians([0, 20, 40]), np.radians([0, 90, 180, 270]))
     # Rows go there and back: 90° of azimuth between readings, 20° at each turn of a row, 30° of the light once; azimuth
     # needs no flying back.
     moves = 2 * 3 * 3 * 90 + 2 * 2 * 20 + 30
     readings = grid.size
     assert pace.seconds(grid, 2e6) == pytest.approx(moves / 10 + readings * (0.5 + 2.0))
-    below = layout.isotropic(np.radians([0]), np.radians([0, 100]), np.radians([0]))
+    below = layouts.isotropic(np.radians([0]), np.radians([0, 100]), np.radians([0]))
     assert pace.seconds(below, 0.0) == pytest.approx(0.5)
     with pytest.raises(GonioError, match="settling is -1"):
         Pace(settling=-1.0)
@@ -118,7 +118,7 @@ def test_interpolations_are_exact_at_the_nodes():
     brdf = build("lambert(rho=0.2) + 0.5 * ggx(alpha=0.3)")
     grid = tables._isotropic(15.0)
     f = grid_values(brdf, grid)
-    inner = layout.isotropic(*(a[1:-1] for a in grid.axes.values()))
+    inner = layouts.isotropic(*(a[1:-1] for a in grid.axes.values()))
     wi, wo = inner.directions()
     found = np.asarray(evaluate(tables.INTERPOLATIONS["linear in log f"](grid, f), wi, wo)).reshape(inner.shape)
     np.testing.assert_allclose(found, f[1:-1, 1:-1, 1:-1, 0], rtol=1e-9)
@@ -128,13 +128,13 @@ def test_the_nearest_node_is_the_nearest():
     brdf = build("lambert(rho=0.2) + 0.5 * ggx(alpha=0.3)")
     grid = tables._isotropic(15.0)
     nearest = tables._nearest(grid, grid_values(brdf, grid))
-    off, at = (layout.isotropic(*(np.radians([a]) for a in angles)) for angles in ((37, 22, 99), (30, 15, 105)))
+    off, at = (layouts.isotropic(*(np.radians([a]) for a in angles)) for angles in ((37, 22, 99), (30, 15, 105)))
     there = np.asarray(evaluate(brdf, *at.directions())).ravel()
     np.testing.assert_allclose(np.asarray(evaluate(nearest, *off.directions())).ravel(), there, rtol=1e-12)
 
 
 def test_the_model_that_scipy_fits_is_ours():
-    wi, wo = layout.isotropic(np.radians([10, 70]), np.radians([5, 80]), np.radians([40, 180])).directions()
+    wi, wo = layouts.isotropic(np.radians([10, 70]), np.radians([5, 80]), np.radians([40, 180])).directions()
     ours = np.asarray(evaluate(build("lambert(rho=0.3) + 0.5 * ggx(alpha=0.2)"), wi, wo))
     np.testing.assert_allclose(lambert_ggx(np.array([0.3, 0.5, 0.2]), cosines(wi, wo)), ours, rtol=1e-12)
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data import material as mat
 from gonio.data.hdf5.writer import write_table
 from gonio.data.material import Material, reference_materials, write_material
@@ -84,7 +84,7 @@ def test_a_spelling_is_a_material():
 
 def test_a_table_file_is_a_material(tmp_path):
     theta, phi = np.radians([0.0, 20.0, 40.0, 60.0, 80.0]), np.radians([0.0, 90.0, 180.0, 270.0])
-    grid = layout.isotropic(theta, theta, phi)
+    grid = layouts.isotropic(theta, theta, phi)
     rho = np.array([0.2, 0.4])
     f = np.broadcast_to(rho / np.pi, (*grid.shape, 2))
     table = Table(grid, f, np.zeros(f.shape, np.uint8), Channels.of_wavelengths([500.0, 600.0]), name="flat")

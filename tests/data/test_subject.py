@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gonio
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.hdf5.writer import write_table
 from gonio.data.material import Material, material_of, write_material
 from gonio.data.subject import LARGEST_STREAM, load_material, resolve_subject

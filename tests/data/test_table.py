@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.table import Channels, Table, boxes, whole_table_of_values
 from gonio.models.errors import GonioError
 
-GRID = layout.isotropic(np.radians([0, 30, 60, 85]), np.radians([0, 40, 88]), np.radians([0, 90, 180, 270]))
+GRID = layouts.isotropic(np.radians([0, 30, 60, 85]), np.radians([0, 40, 88]), np.radians([0, 90, 180, 270]))
 
 
 def random_table(seed=0):
@@ -81,7 +81,7 @@ def test_unknown_uncertainty_reads_as_nan_and_an_empty_table_has_no_samples():
 
 
 def test_bare_values_are_flagged_by_the_geometry_and_their_worth():
-    grid = layout.in_plane([0.3], [0.0, 0.5, np.pi / 2])
+    grid = layouts.in_plane([0.3], [0.0, 0.5, np.pi / 2])
     table = whole_table_of_values(grid, np.array([[-0.1, np.inf, 4.0]]))
     assert table.flag.ravel().tolist() == [Flag.VALID, Flag.INVALID, Flag.BELOW_HORIZON]
     np.testing.assert_array_equal(table.f.ravel(), [-0.1, np.nan, np.nan])
@@ -104,7 +104,9 @@ def test_shapes_and_channels_that_disagree_are_refused():
 
 def test_channels_alone():
     f = np.arange(12.0).reshape(2, 2, 3)
-    whole = whole_table_of_values(layout.in_plane([0.1, 0.2], [-0.3, 0.3]), f, Channels.of_wavelengths([450, 550, 650]))
+    whole = whole_table_of_values(
+        layouts.in_plane([0.1, 0.2], [-0.3, 0.3]), f, Channels.of_wavelengths([450, 550, 650])
+    )
     part = whole.only(["650 nm", "450 nm"])
     assert part.channels.wavelengths_nm == (650.0, 450.0) and np.array_equal(part.f, whole.f[..., [2, 0]])
     with pytest.raises(GonioError, match="'550 nm'"):

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import gonio
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.figures.plots import plot_albedo, plot_lobe, plot_residuals, plot_slice, plot_sphere, thumbnail_svg
 from gonio.models.errors import GonioError

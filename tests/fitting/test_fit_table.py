@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.fitting.fit_table import fit

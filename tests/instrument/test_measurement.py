@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gonio
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.hdf5.writer import open_table
 from gonio.data.material import material_of
@@ -32,7 +32,7 @@ OFF = Systematic(tilt_x=0.004, tilt_y=-0.003, theta_i=0.002, theta_o=0.005, phi=
 
 
 def test_an_ideal_reading_is_the_models_value():
-    for grid in (SMALL, layout.merl(counts=(6, 7, 8)), scans.in_plane(math.radians(10)), small_list()):
+    for grid in (SMALL, layouts.merl(counts=(6, 7, 8)), scans.in_plane(math.radians(10)), small_list()):
         table = gonio.measure(PAINT, scan=grid)
         wi, wo = grid.directions()
         above = grid.above_horizon()
@@ -46,7 +46,7 @@ def test_an_ideal_reading_is_the_models_value():
 
 def small_list():
     rng = np.random.default_rng(4)
-    return layout.scattered(*(rng.uniform(0, high, 40) for high in (1.6, 6.2, 1.6, 6.2)))
+    return layouts.scattered(*(rng.uniform(0, high, 40) for high in (1.6, 6.2, 1.6, 6.2)))
 
 
 def test_a_material_may_come_in_any_form(tmp_path):
@@ -80,7 +80,7 @@ def test_the_variance_of_readings_is_what_the_stored_uncertainty_says():
 
 def test_the_uncertainty_is_that_of_the_expected_reading_not_of_the_noisy_one():
     instrument = Instrument(photons=100)
-    grid = layout.scattered(*([a] * 500 for a in (0.3, 0.0, 0.5, 1.0)))
+    grid = layouts.scattered(*([a] * 500 for a in (0.3, 0.0, 0.5, 1.0)))
     table = measure("lambert(rho=0.5)", instrument, grid)
     assert np.unique(table.u_f).size == 1 and np.unique(table.f).size > 10
     # Counts of expectation n·ρ·cosθ: u = √n/(n_white cosθ π).
@@ -187,7 +187,7 @@ def test_negative_readings_are_kept():
 
 
 def test_what_the_rays_cannot_resolve_is_said():
-    grid = layout.in_plane([math.radians(85)], [math.radians(70), math.radians(85)])
+    grid = layouts.in_plane([math.radians(85)], [math.radians(70), math.radians(85)])
     discs = Instrument(source_half_angle=0.05, detector_half_angle=0.05)
     with pytest.warns(UserWarning, match=r"not resolved everywhere: at theta_i = 85°, theta_o = 85°"):
         table = measure("ggx(alpha=0.0005)", discs, grid)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.instrument import scans
 from gonio.models.errors import GonioError
 
@@ -30,8 +30,8 @@ def test_options_change_the_grids():
 
 
 def test_half_difference_scans_are_merls_grid_with_other_counts():
-    assert scans.scan("merl") == layout.merl()
-    assert scans.scan("half-difference", step=math.radians(1)) == layout.merl()
+    assert scans.scan("merl") == layouts.merl()
+    assert scans.scan("half-difference", step=math.radians(1)) == layouts.merl()
     assert scans.scan("half-difference").shape == (18, 18, 36)
     turned = scans.scan("half_difference", step=math.radians(15), phi_step=math.radians(60))
     assert turned.dims == ("theta_h", "theta_d", "phi_d", "phi_h") and turned.shape == (6, 6, 12, 6)

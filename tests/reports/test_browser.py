@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gonio
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
 from support.browser import CHROMIUM, browser
 

@@ -12,7 +12,7 @@ import pytest
 
 import gonio
 from gonio.__main__ import main
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.hdf5.writer import write_table
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.models.errors import GonioError

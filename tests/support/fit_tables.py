@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build

@@ -4,9 +4,9 @@ import functools
 
 import numpy as np
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.flags import Flag
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.data.table import Channels, Table, whole_table_of_values
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build

@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.table import Channels, Table
 
 LAYOUTS = {
-    "spherical": layout.spherical([0.1, 0.5], [0, 1, 2], [0.2, 0.4], [0.0, 3.0]),
-    "isotropic": layout.isotropic([0.1, 0.5], [0.2, 0.4, 1.2], [0.0, 1.5, 3.0]),
-    "half_difference": layout.merl(counts=(4, 5, 6)),
-    "anisotropic half_difference": layout.half_difference([0, 0.3], [0.1, 0.5], [0, 1], [0, 2, 4]),
-    "in_plane": layout.in_plane([0.1, 0.5], [-0.4, 0.0, 0.2]),
-    "scattered": layout.scattered([0.1, 0.5, 0.2], [0, 1, 2], [0.3, 0.3, 0.3], [3, 2, 1]),
+    "spherical": layouts.spherical([0.1, 0.5], [0, 1, 2], [0.2, 0.4], [0.0, 3.0]),
+    "isotropic": layouts.isotropic([0.1, 0.5], [0.2, 0.4, 1.2], [0.0, 1.5, 3.0]),
+    "half_difference": layouts.merl(counts=(4, 5, 6)),
+    "anisotropic half_difference": layouts.half_difference([0, 0.3], [0.1, 0.5], [0, 1], [0, 2, 4]),
+    "in_plane": layouts.in_plane([0.1, 0.5], [-0.4, 0.0, 0.2]),
+    "scattered": layouts.scattered([0.1, 0.5, 0.2], [0, 1, 2], [0.3, 0.3, 0.3], [3, 2, 1]),
 }
 PROVENANCE = {"material": "lambert(rho=0.5)", "seed": 7, "größe": [1.5, None, "µ"]}
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.checks.controls.model_mutants import TRUTH
-from gonio.data.layout import Layout, isotropic
+from gonio.data.layouts import Layout, isotropic
 from gonio.data.table import Table, whole_table_of_values
 from gonio.data.tabulate import grid_values
 from gonio.models.brdf import AbstractBRDF

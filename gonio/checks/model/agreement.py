@@ -9,7 +9,7 @@ from gonio.checks.table.pairs import Pairs
 from gonio.checks.table.reciprocity import FEWEST, ROUNDING, THETA_MAX
 from gonio.checks.table.significance import LEVEL, decided_by_uncertainty, judged_by_level, tested
 from gonio.data.flags import Flag
-from gonio.data.layout import spherical_angles
+from gonio.data.layouts import spherical_angles
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError

@@ -85,12 +85,12 @@ def table_horizon(table: Table, tolerance: float) -> Property:
 
     A jump there is the sign of a sample too small for the beam, of a blocked arm, or of a shifted axis.
     """
-    layout = table.layout
-    if layout.name not in ("spherical", "isotropic") or layout.axes["theta_o"].size < 4:
+    grid = table.layout.outgoing_grid()
+    if grid is None or grid.theta_o.size < 4:
         return not_applicable("horizon", tolerance, "Not testable: the grid has no rings of polar angles.")
-    theta_o, theta_i = layout.axes["theta_o"], layout.axes["theta_i"]
+    theta_o, theta_i = grid.theta_o, grid.theta_i
     rings = np.flatnonzero(theta_o < np.pi / 2 - 1e-9)[-3:]
-    axis = 1 if layout.name == "isotropic" else 2
+    axis = table.layout.dims.index("theta_o")
     lit = theta_i < np.radians(70)
     f, flag = (np.take(np.asarray(v[...])[lit], rings, axis=axis) for v in (table.f, table.flag))
     f, flag = (np.moveaxis(v, axis, 0) for v in (f, flag))

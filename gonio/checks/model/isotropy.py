@@ -5,7 +5,7 @@ import numpy as np
 from gonio.checks.certificate import NOT_APPLICABLE, Property, verdict_of
 from gonio.checks.direction_search import Rotated, pair, pair_angles, values
 from gonio.checks.model.reciprocity import where_of, worst_difference
-from gonio.checks.table.pairs import Pairs, angles_of, gathered, paired_cells
+from gonio.checks.table.pairs import Pairs, angles_of, gathered
 from gonio.checks.table.reciprocity import FEWEST, THETA_MAX, judged, not_applicable
 from gonio.checks.table.significance import LEVEL
 from gonio.data.table import Table
@@ -46,11 +46,11 @@ def table_isotropy(table: Table, tolerance: float, level: float = LEVEL) -> Prop
     """Readings beside those with both directions turned by about a quarter, where a grid has both."""
     layout = table.layout
     axes = layout.axes
-    turned = {"spherical": ("phi_i", "phi_o"), "half_difference": ("phi_h",)}.get(layout.name, ())
+    turned = layout.turning_axes
     if not turned or any(a not in axes or axes[a].size < 4 for a in turned):
         return not_applicable("isotropy", tolerance, "Not testable: the light has one azimuth only.")
     cells = np.arange(layout.size)
-    partner = paired_cells(layout, cells, dict.fromkeys(turned, TURN))
+    partner = layout.turned(cells, TURN)
     # Of four turns two pairs are made, so that no reading is in two.
     angle = np.unravel_index(cells, layout.shape)[list(axes).index(turned[0])]
     even = np.floor((axes[turned[0]][angle] - axes[turned[0]][0]) / TURN + 1e-9) % 2 == 0
@@ -60,13 +60,8 @@ def table_isotropy(table: Table, tolerance: float, level: float = LEVEL) -> Prop
 def table_pole(table: Table, tolerance: float, level: float = LEVEL) -> Property:
     """At the normal a direction has no azimuth: readings there must not depend on it, where a grid has the normal."""
     layout, axes = table.layout, table.layout.axes
-    about = {
-        "spherical": (("theta_i", "phi_i"), ("theta_o", "phi_o")),
-        "isotropic": (("theta_i", "delta_phi"), ("theta_o", "delta_phi")),
-        "half_difference": (("theta_d", "phi_d"),),
-    }.get(layout.name, ())
     cells, partners = [], []
-    for polar, azimuth in about:
+    for polar, azimuth in layout.pole_axes:
         n = axes[azimuth].size
         if axes[polar][0] > 1e-9 or n < 2:
             continue

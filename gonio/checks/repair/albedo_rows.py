@@ -15,9 +15,9 @@ def albedo_rows(table: Table, channel: int) -> sparse.csr_matrix:
     No rows where the layout has no albedo (readings in a plane) or the grid does not cover the hemisphere.
     """
     valid = np.asarray(table.flag[..., channel]) == Flag.VALID
-    if table.layout.name in ("spherical", "isotropic"):
+    if table.layout.outgoing_grid() is not None:
         rows = _grid_rows(table, valid)
-    elif table.layout.name == "half_difference":
+    elif table.layout.in_half_vectors:
         rows = _half_rows(table, valid)
     else:
         rows = []
@@ -44,7 +44,7 @@ def _grid_rows(table, valid):
 
 
 def _half_rows(table, valid):
-    axes, period = table.layout.axes, table.layout.phi_d_period
+    axes, period = table.layout.axes, table.layout.periods["phi_d"]
     if half_energy.why_not(table):
         return []
     found = []

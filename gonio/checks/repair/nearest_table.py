@@ -9,9 +9,8 @@ from scipy import sparse
 from gonio.checks.certificate import Certificate
 from gonio.checks.repair.albedo_rows import albedo_rows
 from gonio.checks.repair.projection import Projection, nearest
-from gonio.checks.table.pairs import partner_cells, reciprocal_nodes
 from gonio.checks.table.significance import LEVEL
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table, whole_table_of_values
@@ -132,10 +131,9 @@ def _on_a_grid(table: Table, step: float | None) -> tuple[Table, str]:
 
 def _partners(table: Table, cells: np.ndarray) -> np.ndarray:
     layout = table.layout
-    nodes = [] if layout.name == "in_plane" else reciprocal_nodes(layout)
-    if nodes is None:
+    partner = layout.exchanged(cells)
+    if partner is None:
         return cells
-    partner = partner_cells(layout, cells, nodes)
     if np.mean(partner >= 0) < 0.1:
         raise GonioError(
             "its grid holds no reciprocal pairs; measure it with equal polar angles for light and detector"

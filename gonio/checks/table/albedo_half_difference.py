@@ -29,7 +29,7 @@ def half_difference_albedos(table: Table, reach: float) -> Albedos:
     valid = np.asarray(table.flag[...]) == Flag.VALID
     f = np.where(valid, np.asarray(table.f[...], dtype=float), 0.0)
     u = np.zeros(1) if table.u_f is None else np.nan_to_num(np.where(valid, np.asarray(table.u_f[...], float), 0.0))
-    period = table.layout.phi_d_period
+    period = table.layout.periods["phi_d"]
     typical = _one(axes, period, f, None, u, valid, np.radians(40.0), 0.0)
     if typical is None:
         return no_albedo("too many of its cells have no reading")
@@ -73,9 +73,8 @@ def _relative(u, f, floor):
 def _surprises(f, valid, floor, table):
     # Where a neighbour has no reading it says nothing about its node.
     logs = np.where(valid, log_values(f, floor), np.nan)
-    period = {"phi_d": table.layout.phi_d_period, "phi_h": 2 * np.pi}
     return [
-        np.nan_to_num(surprise(logs, nodes, k, period.get(name)))
+        np.nan_to_num(surprise(logs, nodes, k, table.layout.periods[name]))
         for k, (name, nodes) in enumerate(table.layout.axes.items())
     ]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from gonio.checks.grid_resolution import LARGEST, RESOLVED, excess, hat_weights, log_values, periodic_weights, surprise
 from gonio.data.flags import Flag
-from gonio.data.layout import Layout
+from gonio.data.layouts import Layout
 from gonio.data.table import Table
 
 FLOOR = 1e-3
@@ -99,10 +99,11 @@ class HemisphereGrid(NamedTuple):
 
 def hemisphere_grid(layout: Layout) -> HemisphereGrid | str:
     """The directions of a spherical or isotropic layout, or why they do not cover the hemisphere."""
-    isotropic = layout.name == "isotropic"
-    theta_o = layout.axes["theta_o"]
-    phi_o = layout.axes["delta_phi" if isotropic else "phi_o"]
-    fold = isotropic and phi_o[-1] <= np.pi + 1e-9
+    outgoing = layout.outgoing_grid()
+    if outgoing is None:
+        return "its directions are not those of one grid at every incidence"
+    theta_i, phi_i, theta_o, phi_o = outgoing
+    fold = bool(layout.mirrored_axes)
     inner = (theta_o.size, phi_o.size)
     rows = np.flatnonzero(theta_o < np.pi / 2 - 1e-9)
     theta_o = theta_o[rows]
@@ -111,12 +112,8 @@ def hemisphere_grid(layout: Layout) -> HemisphereGrid | str:
         return "its directions do not cover the hemisphere"
     if np.diff(np.append(azimuth, azimuth[0] + 2 * np.pi)).max() > WIDEST_GAP or theta_o[0] > np.radians(30):
         return "its directions leave a gap in the hemisphere"
-    phi_i = np.zeros(1) if isotropic else layout.axes["phi_i"]
     incidences = [
-        (t, p, i * phi_i.size + j)
-        for i, t in enumerate(layout.axes["theta_i"])
-        for j, p in enumerate(phi_i)
-        if t < np.pi / 2 - 1e-9
+        (t, p, i * phi_i.size + j) for i, t in enumerate(theta_i) for j, p in enumerate(phi_i) if t < np.pi / 2 - 1e-9
     ]
     return HemisphereGrid(inner, rows, source, theta_o, azimuth, fold, incidences)
 

@@ -28,14 +28,16 @@ def table_albedos(table: Table, feature_width: float = 0.0) -> Albedos:
         from gonio.checks.table.albedo_scattered import warped_albedos
 
         return warped_albedos(table)
-    if table.layout.name in ("spherical", "isotropic"):
+    if table.layout.outgoing_grid() is not None:
         return grid_albedos(table, near)
-    if table.layout.name == "half_difference":
+    if table.layout.in_half_vectors:
         from gonio.checks.table.albedo_half_difference import half_difference_albedos
 
         return half_difference_albedos(table, near)
-    if table.layout.name == "in_plane":
+    if table.layout.in_one_plane:
         return no_albedo("readings in one plane do not cover the hemisphere")
+    if table.layout.gridded:
+        return no_albedo(f"no rule integrates a grid of layout {table.layout.name}")
     from gonio.checks.table.albedo_scattered import scattered_albedos
 
     return scattered_albedos(table, near)

@@ -10,7 +10,7 @@ import numpy as np
 
 from gonio.checks.certificate import NOT_APPLICABLE, UNDECIDED, Property, verdict_of
 from gonio.checks.model.reciprocity import relative_difference, where_of
-from gonio.checks.table.pairs import Pairs, folded, mirrored_nodes, one_light_azimuth, paired, reciprocal_nodes
+from gonio.checks.table.pairs import Pairs, paired
 from gonio.checks.table.scattered_pairs import interpolated_pairs, scattered_pairs, warped_pairs
 from gonio.checks.table.significance import LEVEL, decided_by_uncertainty, judged_by_level, tested
 from gonio.data.table import Table
@@ -36,15 +36,14 @@ def reciprocal_pairs(table: Table) -> tuple[Pairs, float, str] | None:
         return warped_pairs(table, THETA_MAX)
     if not layout.gridded:
         return scattered_pairs(table, THETA_MAX, swap=True)
-    nodes = [] if layout.name == "in_plane" else reciprocal_nodes(layout)
-    if nodes is None:
+    if layout.reciprocal_by_construction:
         return None
-    pairs, how = paired(table, nodes, THETA_MAX), "measured pairs"
-    if folded(layout):
+    pairs, how = paired(table, layout.exchanged, THETA_MAX), "measured pairs"
+    if layout.mirrored_axes:
         how += ", taking the surface as mirror symmetric, as azimuth differences stop at 180°"
-    if one_light_azimuth(layout):
+    if layout.one_light_azimuth:
         how += ", taking the surface as isotropic, as the light has one azimuth"
-    if len(pairs.a) < max(FEWEST, 0.01 * pairs.eligible) and layout.name != "in_plane":
+    if len(pairs.a) < max(FEWEST, 0.01 * pairs.eligible) and not layout.in_one_plane:
         return interpolated_pairs(table, THETA_MAX)
     return pairs, 0.0, how
 
@@ -66,10 +65,9 @@ def table_reciprocity(table: Table, tolerance: float, level: float = LEVEL) -> P
 
 def table_symmetry(table: Table, tolerance: float, level: float = LEVEL) -> Property:
     """f(Δφ) = f(−Δφ) of a table, where its grid has both."""
-    nodes = mirrored_nodes(table.layout) if table.layout.gridded else None
-    if nodes is None:
+    if table.layout.mirror_map() is None:
         return not_applicable("symmetry", tolerance, "Not testable: no readings on both sides of a plane.")
-    pairs = paired(table, nodes, THETA_MAX)
+    pairs = paired(table, table.layout.mirrored, THETA_MAX)
     if len(pairs.a) < FEWEST:
         return not_applicable("symmetry", tolerance, "Not testable: the grid has no mirrored nodes.")
     sign = np.sign(np.round(np.sin(pairs.angles[:, 3] - pairs.angles[:, 1]), 9))

@@ -114,7 +114,7 @@ def interpolated_pairs(table: Table, theta_max: float) -> tuple[Pairs, float, st
     partner = values(as_material(table), drawn.wo, drawn.wi)
     f = np.where(drawn.flag == 0, drawn.f, np.nan).astype(float)
     error = interpolation_error(table, 20_000, theta_max).median
-    from gonio.data.layout import spherical_angles
+    from gonio.data.layouts import spherical_angles
 
     angles = np.stack([*spherical_angles(*drawn.wi), *spherical_angles(*drawn.wo)], -1)
     u = np.asarray(drawn.u_f, float)

@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
 from gonio.data.tabulate import grid_values
 from gonio.fitting.fit_table import fit

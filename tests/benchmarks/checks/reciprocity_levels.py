@@ -14,7 +14,7 @@ import numpy as np  # noqa: E402
 
 import gonio  # noqa: E402
 from gonio.checks.table.reciprocity import table_reciprocity  # noqa: E402
-from gonio.data import layout as layouts  # noqa: E402
+from gonio.data import layouts  # noqa: E402
 from gonio.instrument.instrument import Instrument  # noqa: E402
 
 POLAR = np.radians(np.arange(0, 86, 10.0))

@@ -13,7 +13,7 @@ jax.config.update("jax_enable_x64", True)
 import numpy as np  # noqa: E402
 
 from gonio.checks.table.energy import table_energy  # noqa: E402
-from gonio.data import layout as layouts  # noqa: E402
+from gonio.data import layouts  # noqa: E402
 from gonio.data.table import whole_table_of_values  # noqa: E402
 from gonio.data.tabulate import grid_values  # noqa: E402
 from gonio.models.albedo import directional_albedo  # noqa: E402

@@ -72,7 +72,7 @@ def _program(folder: str) -> None:
 
 
 def make(noise: str) -> None:
-    from gonio.data import layout as layouts
+    from gonio.data import layouts
     from gonio.data.formats.merl import write_merl
     from gonio.data.table import whole_table_of_values
     from gonio.data.tabulate import grid_values
@@ -86,7 +86,7 @@ def make(noise: str) -> None:
 
 def _table(samples: int):
     """The table to fit, and its readings: a part of them as a table of its own."""
-    from gonio.data import layout as layouts
+    from gonio.data import layouts
     from gonio.data.formats.registry import read
     from gonio.data.table import whole_table_of_values
     from gonio.fitting.problem.readings import readings_of

@@ -13,7 +13,7 @@ import jax
 import numpy as np
 
 import gonio
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
 from gonio.fitting.batch import fit_many
 from gonio.models.evaluation import evaluate

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 import gonio
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.scene import load_scene, shipped_scenes
 from gonio.data.table import whole_table_of_values
 from gonio.models.evaluation import evaluate

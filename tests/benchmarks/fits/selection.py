@@ -16,7 +16,7 @@ import time
 import jax
 import numpy as np
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
 from gonio.fitting.problem.readings import readings_of
 from gonio.fitting.selection.automatic import turned

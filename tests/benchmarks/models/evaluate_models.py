@@ -26,7 +26,7 @@ import numpy as np
 
 jax.config.update("jax_enable_x64", True)
 
-from gonio.data import layout  # noqa: E402
+from gonio.data import layouts  # noqa: E402
 from gonio.data.tabulate import _kernel  # noqa: E402
 from gonio.models.catalog import MODELS  # noqa: E402
 from gonio.models.evaluation import _values  # noqa: E402
@@ -88,12 +88,12 @@ def median_seconds(*calls):
 
 
 def trigonometry(dtype):
-    axes = layout.merl().axes.values()
+    axes = layouts.merl().axes.values()
     return [(jnp.asarray(np.cos(a), dtype), jnp.asarray(np.sin(a), dtype)) for a in axes]
 
 
 def pairs(dtype):
-    wi, wo = layout.merl().directions()
+    wi, wo = layouts.merl().directions()
     return [Direction(*(jnp.asarray(c, dtype) for c in w)) for w in (wi, wo)]
 
 
@@ -137,7 +137,7 @@ def our_call(expression, dtype, inputs, on_grid):
 
 def main() -> None:
     keep_memory()
-    count = layout.merl().size
+    count = layouts.merl().size
     known = limit(sys.argv[1] if len(sys.argv) > 1 else None)
     grids = {d: trigonometry(d) for d in (jnp.float32, jnp.float64)}
     flat = {d: pairs(d) for d in (jnp.float32, jnp.float64)}

@@ -4,7 +4,7 @@ import pytest
 from gonio.checks.controls.model_mutants import mutants
 from gonio.checks.model.edges import model_horizon, model_pole, table_horizon
 from gonio.checks.model.isotropy import model_isotropy, table_isotropy, table_pole
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
 from gonio.data.tabulate import grid_values
 from gonio.models.expression.builder import build

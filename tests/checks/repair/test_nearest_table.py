@@ -12,7 +12,7 @@ from gonio.checks.repair.albedo_rows import albedo_rows
 from gonio.checks.repair.nearest_table import repair
 from gonio.checks.repair.projection import nearest
 from gonio.checks.table.energy import table_albedos
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.hdf5.writer import open_table, write_table
 from gonio.data.interpolation.multilinear import as_material
 from gonio.data.table import Channels, whole_table_of_values

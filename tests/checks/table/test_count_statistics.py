@@ -4,7 +4,7 @@ from scipy.stats import norm, skellam
 
 from gonio.checks.table.count_statistics import decimal_step, difference_p, family_p, quantum, sidak
 from gonio.checks.table.reciprocity import table_reciprocity
-from gonio.data.layout import isotropic
+from gonio.data.layouts import isotropic
 from gonio.data.table import whole_table_of_values
 
 POLAR = np.radians(np.arange(0, 86, 10.0))

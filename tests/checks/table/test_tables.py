@@ -5,7 +5,7 @@ from gonio.checks.certify import TABLE_TOLERANCES
 from gonio.checks.certify_table import check_table, table_positivity
 from gonio.checks.table.energy import table_energy
 from gonio.checks.table.reciprocity import table_reciprocity, table_symmetry
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
 from gonio.data.tabulate import grid_values
 from gonio.models.albedo import directional_albedo

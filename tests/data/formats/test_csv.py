@@ -7,14 +7,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.formats.csv import read_csv, read_directions, write_csv
 from gonio.data.formats.csv_columns import CsvText, write_columns
 from gonio.data.table import Channels, Table, whole_table_of_values
 from gonio.models.errors import GonioError
 
-GRID = layout.isotropic(np.radians([0, 17, 60]), np.radians([0, 33, 88, 90]), np.radians([0, 77, 180, 355]))
+GRID = layouts.isotropic(np.radians([0, 17, 60]), np.radians([0, 33, 88, 90]), np.radians([0, 77, 180, 355]))
 HEAD = "theta_i,phi_i,theta_o,phi_o,f\n"
 
 

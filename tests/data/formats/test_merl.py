@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.formats.merl import read_merl, write_merl
 from gonio.data.table import whole_table_of_values
@@ -48,7 +48,7 @@ def test_a_file_made_by_the_definition_is_read_by_it(tmp_path):
     assert (table.flag[~above] == Flag.BELOW_HORIZON).all() and not above.all()
     assert table.provenance["nodes"] == "lower" and "below the horizon" in table.provenance["assumptions"][1]
     centre = read_merl(tmp_path / "m.binary", nodes="centre")
-    assert centre.provenance["nodes"] == "centre" and centre.layout == layout.merl("centre", counts)
+    assert centre.provenance["nodes"] == "centre" and centre.layout == layouts.merl("centre", counts)
 
 
 def test_a_full_circle_of_phi_d_is_told_by_its_count(tmp_path):
@@ -57,7 +57,7 @@ def test_a_full_circle_of_phi_d_is_told_by_its_count(tmp_path):
 
 
 def test_merls_own_size_is_written_and_read_again(tmp_path):
-    grid = layout.merl()
+    grid = layouts.merl()
     f = grid_values(Smooth(), grid)
     trip = write_merl(tmp_path / "m.binary", whole_table_of_values(grid, f))
     assert (tmp_path / "m.binary").stat().st_size == 34_992_012
@@ -68,7 +68,7 @@ def test_merls_own_size_is_written_and_read_again(tmp_path):
 
 
 def test_other_layouts_and_models_are_resampled_and_the_loss_measured(tmp_path):
-    grid = layout.isotropic(
+    grid = layouts.isotropic(
         np.linspace(0, 1.5, 12), np.linspace(0, 1.5, 12), np.linspace(0, 2 * np.pi, 24, endpoint=False)
     )
     table = whole_table_of_values(grid, grid_values(Smooth(), grid))
@@ -76,11 +76,11 @@ def test_other_layouts_and_models_are_resampled_and_the_loss_measured(tmp_path):
     assert 1e-6 < trip.rms_relative < 0.02 and "isotropic" in trip.note
     assert write_merl(tmp_path / "b.binary", Smooth()).max_relative < 1e-15
     read = read_merl(tmp_path / "b.binary")
-    np.testing.assert_allclose(read.f[40, 20, 60], grid_values(Smooth(), layout.merl())[40, 20, 60], rtol=1e-14)
+    np.testing.assert_allclose(read.f[40, 20, 60], grid_values(Smooth(), layouts.merl())[40, 20, 60], rtol=1e-14)
 
 
 def test_negative_readings_are_counted_as_lost_and_grey_is_repeated(tmp_path):
-    grid = layout.merl(counts=(3, 4, 6))
+    grid = layouts.merl(counts=(3, 4, 6))
     f = np.where(grid.above_horizon(), 0.5, np.nan).reshape(grid.shape)
     f[0, 0, 0] = -0.1
     table = whole_table_of_values(grid, f)

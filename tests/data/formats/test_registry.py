@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data.formats.registry import read, sniff
 from gonio.data.hdf5.writer import write_table
 from gonio.data.table import whole_table_of_values
@@ -27,7 +27,7 @@ def test_a_file_is_known_by_its_content(tmp_path, kind):
 
 
 def test_a_table_of_our_own_and_a_material_of_rgl(tmp_path):
-    grid = layout.in_plane([0.1], [0.2, 0.3])
+    grid = layouts.in_plane([0.1], [0.2, 0.3])
     write_table(tmp_path / "t.dat", whole_table_of_values(grid, np.ones(grid.shape)))
     assert sniff(tmp_path / "t.dat") == "HDF5" and read(tmp_path / "t.dat").layout == grid
     path = helpers.shared("data", "rgl", "cardboard_rgb.bsdf")

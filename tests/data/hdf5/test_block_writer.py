@@ -95,11 +95,11 @@ def test_an_ideal_instruments_uncertainty_is_not_stored(tmp_path):
 KILLED = """
     import sys, time
     import numpy as np
-    from gonio.data import layout
+    from gonio.data import layouts
     from gonio.data.hdf5.writer import BlockWriter
     from gonio.data.table import Channels
 
-    grid = layout.merl(counts=(30, 30, 60))
+    grid = layouts.merl(counts=(30, 30, 60))
     with BlockWriter(sys.argv[1], grid, Channels.rgb(), recipe={"seed": 1}, block_cells=1800) as blocks:
         print("ready", flush=True)
         for k in blocks.missing_blocks():

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data.hdf5.writer import BlockWriter, open_table, write_table
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.models.errors import GonioError
 
 
 def test_an_unfinished_part_is_refused_and_says_how_far_it_is(tmp_path):
-    grid, part = layout.merl(counts=(4, 5, 6)), tmp_path / "t.h5.part"
+    grid, part = layouts.merl(counts=(4, 5, 6)), tmp_path / "t.h5.part"
     with BlockWriter(tmp_path / "t.h5", grid, Channels.grey(), block_cells=30, u_f=False) as blocks:
         for k in blocks.missing_blocks():
             with pytest.raises(GonioError, match=f"unfinished measurement \\({k} of 4 blocks\\)"):
@@ -26,7 +26,7 @@ def test_an_unfinished_part_is_refused_and_says_how_far_it_is(tmp_path):
 
 
 def test_a_text_of_a_damaged_type_is_refused_before_the_library_crashes_on_it(tmp_path):
-    write_table(tmp_path / "t.h5", whole_table_of_values(layout.in_plane([0.1], [0.2, 0.3]), np.ones((1, 2))))
+    write_table(tmp_path / "t.h5", whole_table_of_values(layouts.in_plane([0.1], [0.2, 0.3]), np.ones((1, 2))))
     whole = bytearray((tmp_path / "t.h5").read_bytes())
     at = whole.find(b"units\0\0\0") + 8
     assert whole[at : at + 2] == b"\x19\x01"  # a text of variable length; the next byte says so

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray
 
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data.flags import FLAG_MEANINGS, Flag
 from gonio.data.hdf5.writer import BlockWriter, open_table, write_table
 from gonio.models.errors import GonioError
@@ -27,7 +27,7 @@ def test_a_written_table_is_read_back_the_same(tmp_path, name):
 
 @pytest.mark.parametrize("u_f", ["exact", "unknown"])
 def test_a_constant_uncertainty_takes_no_room(tmp_path, u_f):
-    table = random_table(layout.merl(counts=(20, 20, 20)), np.float32, u_f)
+    table = random_table(layouts.merl(counts=(20, 20, 20)), np.float32, u_f)
     write_table(tmp_path / "t.h5", table)
     assert_same(open_table(tmp_path / "t.h5"), table)
     assert (tmp_path / "t.h5").stat().st_size < table.f.nbytes + table.flag.nbytes + 20_000

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from gonio.data import layout
+from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.formats.rgl_file import read_rgl
 from gonio.data.interpolation.inverse_distance import MAX_SAMPLES
@@ -41,12 +41,12 @@ def azimuth(n, period=TURN):
 
 
 GRIDS = {
-    "isotropic": lambda n: layout.isotropic(polar(n), polar(n), azimuth(2 * n)),
-    "half a circle": lambda n: layout.isotropic(polar(n), polar(n), np.linspace(0, np.pi, n + 1)),
-    "merl": lambda n: layout.merl(counts=(n, n, 2 * n)),
-    "full half_difference": lambda n: layout.half_difference(polar(n), polar(n), azimuth(2 * n)),
-    "anisotropic half_difference": lambda n: layout.half_difference(polar(n), polar(n), azimuth(n, np.pi), azimuth(3)),
-    "spherical": lambda n: layout.spherical(polar(n // 2), azimuth(n), polar(n // 2), azimuth(n)),
+    "isotropic": lambda n: layouts.isotropic(polar(n), polar(n), azimuth(2 * n)),
+    "half a circle": lambda n: layouts.isotropic(polar(n), polar(n), np.linspace(0, np.pi, n + 1)),
+    "merl": lambda n: layouts.merl(counts=(n, n, 2 * n)),
+    "full half_difference": lambda n: layouts.half_difference(polar(n), polar(n), azimuth(2 * n)),
+    "anisotropic half_difference": lambda n: layouts.half_difference(polar(n), polar(n), azimuth(n, np.pi), azimuth(3)),
+    "spherical": lambda n: layouts.spherical(polar(n // 2), azimuth(n), polar(n // 2), azimuth(n)),
 }
 
 
@@ -104,7 +104,7 @@ def test_a_lobe_that_the_grid_misses_shows_in_the_estimate():
 
 
 def test_cells_without_a_value_take_no_part():
-    grid = layout.isotropic(polar(6), polar(6), azimuth(8))
+    grid = layouts.isotropic(polar(6), polar(6), azimuth(8))
     table = whole_table_of_values(grid, np.where(np.arange(8) % 2 == 0, 0.5, np.nan) + np.zeros(grid.shape))
     table.f[:2, :2] = np.nan
     table.flag[:2, :2] = Flag.NOT_MEASURED
@@ -126,7 +126,7 @@ def test_each_channel_has_its_own_cells():
 
 
 def test_in_the_plane_and_out_of_it():
-    grid = layout.in_plane(polar(40), np.linspace(-np.pi / 2, np.pi / 2, 81))
+    grid = layouts.in_plane(polar(40), np.linspace(-np.pi / 2, np.pi / 2, 81))
     brdf = as_material(table_of(grid))
     theta_i, theta_o, turn = (
         np.array([0.3, 0.5, 0.0, 0.4]),
@@ -153,7 +153,7 @@ def test_scattered_samples_are_reciprocal_and_exact_at_the_samples(isotropic):
     rng = np.random.default_rng(0)
     theta = np.arccos(rng.uniform(0.3, 1, (2, 1500)))
     phi = rng.uniform(0, TURN, (2, 1500))
-    grid = layout.scattered(theta[0], 0 * phi[0] + 1.0 if isotropic else phi[0], theta[1], phi[1])
+    grid = layouts.scattered(theta[0], 0 * phi[0] + 1.0 if isotropic else phi[0], theta[1], phi[1])
     table = table_of(grid)
     brdf = as_material(table)
     block = table.samples()
@@ -167,10 +167,10 @@ def test_scattered_samples_are_reciprocal_and_exact_at_the_samples(isotropic):
 
 def test_what_cannot_be_interpolated_is_refused():
     n = MAX_SAMPLES + 1
-    many = layout.scattered(*np.full((4, n), 0.3))
+    many = layouts.scattered(*np.full((4, n), 0.3))
     with pytest.raises(GonioError, match="too many to interpolate"):
         as_material(whole_table_of_values(many, np.ones(n)))
-    for grid in (layout.in_plane([0.1], [0.2]), layout.scattered([0.1], [0], [0.1], [0])):
+    for grid in (layouts.in_plane([0.1], [0.2]), layouts.scattered([0.1], [0], [0.1], [0])):
         with pytest.raises(GonioError, match="no valid reading"):
             as_material(whole_table_of_values(grid, np.full(grid.shape, np.nan)))
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.interpolation.multilinear import as_material
 from gonio.data.reduction import coarsest_table as reducing
 from gonio.data.reduction.coarsest_table import reduce_table

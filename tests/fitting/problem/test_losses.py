@@ -37,7 +37,7 @@ def test_floor_follows_the_data():
 
 def test_floor_is_the_noise_where_it_is_known():
     """Readings within their noise count evenly: the slope of the loss falls by no more than half up to there."""
-    from gonio.data import layout as layouts
+    from gonio.data import layouts
     from gonio.data.table import whole_table_of_values
     from gonio.fitting.problem.loss_floor import loss_floor
     from gonio.fitting.problem.readings import readings_of

@@ -119,7 +119,7 @@ def test_laid_out_directions_are_not_copied():
 
 
 def test_a_model_without_a_finite_value_is_refused():
-    from gonio.data import layout as layouts
+    from gonio.data import layouts
     from gonio.data.table import whole_table_of_values
     from gonio.fitting.fit_table import fit
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.table import Channels
 from gonio.fitting.problem.readings import Readings
 from gonio.fitting.residuals.colour_difference import ciede2000, colour_matrix, observer, sphere_difference, to_lab

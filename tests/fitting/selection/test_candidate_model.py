@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.fitting.selection import criteria
 from gonio.fitting.selection.candidate_model import Part, Scenery, descend, numbers_of, residuals, to_p, to_x, values
 from gonio.fitting.selection.warm_start import carried, fitted

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.fitting.fit_table import fit
 from gonio.fitting.problem.readings import readings_of

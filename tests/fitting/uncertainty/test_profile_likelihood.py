@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar, nnls
 
-from gonio.data import layout as layouts
+from gonio.data import layouts
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.fitting.fit_table import fit
 from gonio.fitting.problem.domains import Domains, to_parameters, to_unconstrained
