@@ -21,3 +21,19 @@ def plain(value: Any) -> Any:
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     return value
+
+
+def unboxed(value: Any) -> Any:
+    """NumPy out of nested containers: lists, dicts, numbers (NaN too, which TOML knows) and strings only."""
+    if isinstance(value, dict):
+        return {str(k): unboxed(v) for k, v in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [unboxed(v) for v in (value.tolist() if isinstance(value, np.ndarray) else value)]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def without_none(value: Any) -> Any:
+    """Nested containers less their empty entries, which TOML cannot hold."""
+    if isinstance(value, dict):
+        return {k: without_none(v) for k, v in value.items() if v is not None}
+    return [without_none(v) for v in value] if isinstance(value, list) else value

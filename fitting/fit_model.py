@@ -1,276 +1,164 @@
-"""One model fitted to readings: starts, descents, polish on all readings, and what can be said of the end."""
+"""One model fitted to readings: starts, descents, polish on all readings, and the statistics at the optimum."""
 
 import dataclasses
-import time
 
 import numpy as np
 
 from gonio.data.layouts import Layout
 from gonio.data.table import Channels
-from gonio.fitting.assemble_result import state
-from gonio.fitting.problem import normal_equations as equations
-from gonio.fitting.problem.domains import Domains
-from gonio.fitting.problem.loss_floor import loss_floor
-from gonio.fitting.problem.normal_equations import Closing, Sums, closing, values
-from gonio.fitting.problem.parameterisation import Structure, domains_of, labels, structure_of
-from gonio.fitting.problem.readings import Readings, blocked, weights_of
-from gonio.fitting.result import FitResult
-from gonio.fitting.solver import lm_step as stepping
-from gonio.fitting.solver.convergence import EXACT, eps, is_exact, stationary_limit
-from gonio.fitting.solver.levenberg_marquardt import Problem, at_bounds, stationarity
-from gonio.fitting.solver.multilevel import search
-from gonio.fitting.solver.multistart import Descent, descend, ordered_lobes
+from gonio.fitting.options import FitSettings
+from gonio.fitting.problem.domains import snapped
+from gonio.fitting.problem.normal_equations import compile_page_program
+from gonio.fitting.problem.parameterisation import Parameterisation, of_channel, parameters
+from gonio.fitting.problem.problem import FitProblem
+from gonio.fitting.problem.readings import Readings
+from gonio.fitting.problem.weights import loss_floor, relative_sigma, residual_weights
+from gonio.fitting.solver.convergence import is_exact, stationarity, stationary_limit
+from gonio.fitting.solver.levenberg_marquardt import Descent, minimise
+from gonio.fitting.solver.lm_step import compile_step, padded_size
+from gonio.fitting.solver.multistart import search
 from gonio.fitting.solver.precompile import ahead, finished
-from gonio.fitting.solver.robust_weights import SetAside, robustly
-from gonio.fitting.uncertainty.covariance import Covariance, at_their_bounds, covariance
+from gonio.fitting.solver.robust_weights import ROUNDS, robust_fit
+from gonio.fitting.uncertainty.optimum import Optimum, optimum_at
 from gonio.models.errors import GonioError
-from gonio.models.expression.parser import Term, Value
-from gonio.models.expression.paths import changed, last, numbers
+from gonio.models.expression.parser import Term
+from gonio.models.expression.paths import last, numbers
 
 REWEIGHTINGS = 30
+SETTLED = 1e-8  # relative change of the numbers from which on relative weights have settled
 
 
 @dataclasses.dataclass(frozen=True)
-class Options:
-    """How to fit: loss, standard uncertainties, relative noise, random starts, seed, and what the table was."""
+class FitTask:
+    """One model to fit to the readings of one table.
 
+    Attributes:
+        requested: the expression as it was given.
+        terms: the same as `with_defaults` completes it.
+        readings: n cells of C channels.
+        loss: resolved loss.
+        sigma: standard uncertainties (n, C) of the loss `sigma`, or None.
+        weight: name of the weights of the cells, or None.
+        channels, layout, table: of the table that was read, and its name.
+        counts: readings of the table by what became of them.
+        settings: the options.
+    """
+
+    requested: str
+    terms: tuple[Term, ...]
+    readings: Readings
     loss: str
     sigma: np.ndarray | None
-    relative_noise: float | None
-    starts: int
-    seed: int
-    theta_max: float | None
     weight: str | None
+    channels: Channels
+    layout: Layout
     table: str
-    robust: str | None = None
-    bootstrap: int = 0
-    bootstrap_kind: str = "residuals"
-    counts: dict = dataclasses.field(default_factory=dict)
-    layout: Layout | None = None
+    counts: dict[str, int]
+    settings: FitSettings
 
     @property
     def likelihood(self) -> bool:
-        """Whether the cost is the noise's own likelihood: weights by known noise, and by nothing else."""
-        return self.loss == "sigma" and self.weight is None and self.robust is None
+        """Whether the cost is the noise's own likelihood: weighted by known noise, and by nothing else."""
+        return self.loss == "sigma" and self.weight is None and self.settings.robust is None
+
+    def channel(self, c: int) -> "FitTask":
+        """The same task in one channel."""
+        return dataclasses.replace(
+            self,
+            terms=of_channel(self.terms, c),
+            readings=self.readings.channel(c),
+            sigma=None if self.sigma is None else self.sigma[:, c : c + 1],
+            channels=Channels((self.channels.names[c],)),
+        )
 
 
-def _stationary(d: Domains, p: np.ndarray, total: Sums, whole: Problem) -> bool:
-    cost, target_norm_squared = float(total.cost), float(whole.target_norm_squared)
-    return is_exact(cost, target_norm_squared) or float(stationarity(d, p, total)[0]) <= stationary_limit(
-        cost, target_norm_squared
-    )
-
-
-@dataclasses.dataclass(frozen=True)
-class Ending:
-    """The end of a fit of one structure: its numbers p (P,), and what the sums over all readings say of them."""
-
-    structure: Structure
-    fixed: tuple[dict, ...]
-    domains: Domains
-    p: np.ndarray
-    model_f: np.ndarray  # (n, C)
-    total: Sums
-    covariance: Covariance
-    pinned: np.ndarray
-    target_norm_squared: float
-    log_weight: float  # Σ ln w over the readings: what a likelihood adds where weights are the model's
-    stationarity: float
-    starts: int
-    agreed: int
-    notes: list[str]
-    problem: Problem
-    weight: np.ndarray  # (n, C), of the residuals
-    reach: np.ndarray  # (P,) how far inside its bound a pinned number may lie, with 95 % confidence
-    aside: SetAside | None = None  # what a robust fit counts less
-    profile: dict[int, tuple[float, float]] = dataclasses.field(default_factory=dict)  # 95 % intervals of vague numbers
-    unfollowed: tuple[int, ...] = ()  # vague numbers whose intervals are those of the covariance all the same
-
-    @property
-    def exact(self) -> bool:
-        """‖r‖ ≤ 10³ eps ‖data‖: the residual is rounding."""
-        return is_exact(float(self.total.cost), self.target_norm_squared)
-
-    @property
-    def converged(self) -> bool:
-        """Stationary or exact, at a finite cost."""
-        return bool(np.isfinite(float(self.total.cost))) and (self.exact or self.stationarity <= self.limit)
-
-    @property
-    def limit(self) -> float:
-        """Up to which projected gradient the fit counts as stationary."""
-        return stationary_limit(float(self.total.cost), self.target_norm_squared)
-
-
-def fit_one(
-    asked: str, terms: tuple[Term, ...], readings: Readings, channels: Channels, options: Options, per_channel: bool
-) -> FitResult:
-    """Fit terms (as `with_defaults` gives them) to readings; GonioError where these are too few for the model."""
-    began = time.perf_counter()
-    _require_lists(asked, terms, len(channels))
-    if per_channel and len(channels) > 1:
-        endings = []
-        for c in range(len(channels)):
-            one = dataclasses.replace(options, sigma=None if options.sigma is None else options.sigma[:, c : c + 1])
-            endings.append(_end(asked, _of_channel(terms, c), readings.channel(c), (channels.names[c],), one))
-    else:
-        endings = [_end(asked, terms, readings, channels.names, options)]
-    seconds = {"fit": time.perf_counter() - began}
-    return state(asked, terms, endings, readings, channels, options, seconds)
-
-
-def prepare(terms: tuple[Term, ...], loss: str, channels: int, per_channel: bool) -> None:
+def compile_ahead(terms: tuple[Term, ...], loss: str, channels: int, per_channel: bool) -> None:
     """Begin to trace and load, beside other work, what the fit of these terms will need."""
     if per_channel and channels > 1:
-        terms, channels = _of_channel(terms, 0), 1
-    s, fixed, _ = structure_of(terms, channels)
+        terms, channels = of_channel(terms, 0), 1
+    s, fixed, _ = parameters(terms, channels)
     if s.size:
-        ahead(("step", stepping.padded_size(s.size)), lambda: stepping.prepare(s.size))
-    ahead((s, loss), lambda: equations.prepare(s, loss, fixed))
+        ahead(("step", padded_size(s.size)), lambda: compile_step(s.size))
+    ahead((s, loss), lambda: compile_page_program(s, loss, fixed))
 
 
-def _require_lists(asked: str, terms: tuple[Term, ...], channels: int) -> None:
-    for n in (n for t in terms for n in numbers(t)):
+def fit_model(task: FitTask) -> list[Optimum]:
+    """The joint optimum of all channels, or one for each; GonioError where readings are too few for the model."""
+    channels = len(task.channels)
+    for n in (n for t in task.terms for n in numbers(t)):
         if isinstance(n.value.number, tuple) and len(n.value.number) != channels:
             raise GonioError(
-                f"'{asked}' gives {n.call.name}'s {last(n.path)} {len(n.value.number)} values, but the table has "
-                f"{channels} channel{'s' * (channels != 1)}; give one value each, or a single one."
+                f"'{task.requested}' gives {n.call.name}'s {last(n.path)} {len(n.value.number)} values, but the table "
+                f"has {channels} channel{'s' * (channels != 1)}; give one value each, or a single one."
             )
+    if task.settings.per_channel and channels > 1:
+        return [_optimum(task.channel(c)) for c in range(channels)]
+    return [_optimum(task)]
 
 
-def _of_channel(terms: tuple[Term, ...], c: int) -> tuple[Term, ...]:
-    def one(_: str, v: Value) -> Value:
-        return dataclasses.replace(v, number=v.number[c]) if isinstance(v.number, tuple) else v
-
-    return tuple(changed(t, one) for t in terms)
-
-
-def _require_enough(asked: str, s: Structure, readings: Readings, names: tuple[str, ...]) -> None:
-    of = labels(s)
-    for c, name in enumerate(names):
-        wanted = [n for n, channel in of if channel in (c, None)]
-        have = int(np.count_nonzero(readings.valid[:, c]))
-        if have < len(wanted):
-            raise GonioError(
-                f"'{asked}' has {len(wanted)} free numbers in channel {name} ({', '.join(wanted)}), and the table has "
-                f"{have} valid reading{'s' * (have != 1)} there: {len(wanted) - have} more are needed."
-            )
-
-
-def _end(asked: str, terms, readings: Readings, names: tuple[str, ...], options: Options) -> Ending:
-    s, fixed, said = structure_of(terms, len(names))
-    _require_enough(asked, s, readings, names)
-    d = domains_of(s)
-    loss = options.loss
-    sigma = (
-        options.sigma
-        if options.relative_noise is None
-        else _relative_sigma(readings, readings.f, options.relative_noise)
-    )
+def _optimum(task: FitTask) -> Optimum:
+    s, fixed, given = parameters(task.terms, len(task.channels))
+    _require_enough(task, s)
+    readings, settings = task.readings, task.settings
+    share = settings.relative_noise
+    sigma = task.sigma if share is None else relative_sigma(readings, readings.f, share)
     if s.size:
         finished()  # before anything large is laid out: compilers take a lot of memory for a moment
-    weight = weights_of(readings, loss, sigma)
-    floor = loss_floor(readings, loss)
-    notes: list[str] = []
-
-    def problem(part: Readings, w: np.ndarray) -> Problem:
-        data, target_norm_squared = blocked(part, loss, w, floor)
-        return Problem(s, loss, fixed, d, data, np.asarray(target_norm_squared))
-
-    whole = problem(readings, weight)
-    aside = None
+    weight, floor = residual_weights(readings, task.loss, sigma), loss_floor(readings, task.loss)
+    problem, notes = FitProblem.create(s, fixed, task.loss, readings, weight, floor), []
     if not s.size:
-        last, agreed, number = None, 1, 1
-        p = said
-    else:
-        found = search(asked, problem, whole, said, readings, weight, options.starts, options.seed)
-        last, p, number, agreed = found.best, found.best.p, len(found.ends), found.agreed
-        if options.relative_noise is not None:
-            last, whole, weight = _reweighted(problem, d, readings, last, options, notes)
-            p = last.p
-        if options.robust is not None:
-            last, whole, weight, aside = robustly(
-                problem, d, readings, weight, found.cells, found.ends, last, options, notes
-            )
-            p = last.p
-        p = ordered_lobes(s, fixed, _snapped(d, p))
-    done = _closing(whole, p)
-    if last is not None and last.said_successful and not _stationary(d, p, done.total, whole):
-        # The last step was not looked at before, and did not do.
-        last = descend(whole, d, p)
-        p = ordered_lobes(s, fixed, _snapped(d, last.p))
-        done = _closing(whole, p)
-    if last is not None and not last.said_successful:
+        return optimum_at(problem, given, problem.evaluate(given), (1, 1), task.likelihood, notes, None)
+    starts = search(problem, given, settings.starts, settings.seed)
+    if starts is None:
+        raise GonioError(
+            f"'{task.requested}' has no finite value at any start on these readings; hold a number with name=value, or "
+            "begin elsewhere with name~value."
+        )
+    end, downweighted = starts.best, None
+    if share is not None:
+        end, problem = _reweighted(problem, end, share, notes)
+    if settings.robust is not None:
+        robust = robust_fit(problem, settings.robust, starts.cells, [end, *starts.ends])
+        end, problem, downweighted = robust.descent, robust.problem, robust.downweighted
+        if not robust.settled:
+            notes.append(f"the robust weights had not settled after {ROUNDS} rounds")
+    p = s.with_ordered_lobes(fixed, snapped(problem.domains, end.p))
+    at = problem.evaluate(p)
+    cost, target = float(at.equations.cost), problem.target_norm_squared
+    gradient = float(stationarity(problem.domains, p, at.equations).projected_gradient)
+    if end.successful and not (is_exact(cost, target) or gradient <= stationary_limit(cost, target)):
+        # The last step was not evaluated before, and did not do.
+        end = minimise(problem, [p], near=True)[0]
+        p = s.with_ordered_lobes(fixed, snapped(problem.domains, end.p))
+        at = problem.evaluate(p)
+    if not end.successful:
         notes.append("the solver stopped at its step limit")
-    return _closed(s, fixed, d, p, done, whole, readings, weight, (number, agreed), options, notes, aside)
+    agreement = (len(starts.ends), starts.agreed)
+    return optimum_at(problem, p, at, agreement, task.likelihood, notes, downweighted)
 
 
-def _relative_sigma(readings: Readings, f: np.ndarray, share: float) -> np.ndarray:
-    typical = np.median(np.abs(f[readings.valid]))
-    return share * np.maximum(np.abs(f), 1e-6 * typical if typical > 0 else 1.0)
-
-
-def _reweighted(problem, d: Domains, readings: Readings, last: Descent, options: Options, notes: list[str]):
-    """Descents with σ from the model's own f, until its numbers settle [iteratively reweighted least squares]."""
-    s_problem = None
-    for _ in range(REWEIGHTINGS):
-        if s_problem is None:
-            s_problem = problem(
-                readings, weights_of(readings, "sigma", _relative_sigma(readings, readings.f, options.relative_noise))
+def _require_enough(task: FitTask, s: Parameterisation) -> None:
+    labels = s.labels()
+    for c, name in enumerate(task.channels.names):
+        wanted = [n for n, channel in labels if channel in (c, None)]
+        have = int(np.count_nonzero(task.readings.valid[:, c]))
+        if have < len(wanted):
+            raise GonioError(
+                f"'{task.requested}' has {len(wanted)} free numbers in channel {name} ({', '.join(wanted)}), and the "
+                f"table has {have} valid reading{'s' * (have != 1)} there: {len(wanted) - have} more are needed."
             )
-        f = _model_values(s_problem, last.p, readings)
-        weight = weights_of(readings, "sigma", _relative_sigma(readings, f, options.relative_noise))
-        s_problem = problem(readings, weight)
-        after = descend(s_problem, d, last.p)
-        moved = np.max(np.abs(after.p - last.p) / np.maximum(np.abs(after.p), 1e-9))
-        last = after
-        if moved < 1e-8:
-            break
-    else:
-        notes.append(f"the weights had not settled after {REWEIGHTINGS} rounds: the numbers still moved by {moved:.1g}")
-    return last, s_problem, weight
 
 
-def _model_values(problem: Problem, p: np.ndarray, readings: Readings) -> np.ndarray:
-    return values(problem.structure, problem.loss, p, problem.fixed, problem.data)[: readings.f.shape[0]]
-
-
-def _closing(problem: Problem, p: np.ndarray) -> Closing:
-    return closing(problem.structure, problem.loss, p, problem.fixed, problem.data)
-
-
-def _snapped(d: Domains, p: np.ndarray) -> np.ndarray:
-    low, high = at_bounds(d, p)
-    return np.where(low, d.low, np.where(high, d.high, p))
-
-
-def _closed(
-    s, fixed, d, p, done: Closing, whole: Problem, readings: Readings, weight, counts, options: Options, notes, aside
-) -> Ending:
-    f, total = done.f[: readings.f.shape[0]], done.total
-    measure, pinned, silent = stationarity(d, p, total)
-    exact = is_exact(float(total.cost), float(whole.target_norm_squared))
-    if exact:
-        # The gradient of a rounding residual points anywhere: a bound is active where the number lies on it.
-        low, high = at_bounds(d, p)
-        pinned = low | high
-    matrix, scatter = total.matrix, done.scatter
-    known = options.likelihood
-    if not known and s.size and readings.count <= s.size and not exact:
-        notes.append("there are no more readings than free numbers: nothing is left to judge their uncertainty by")
-        scatter = np.full_like(scatter, np.nan)
-    spread, pinned, reach = at_their_bounds(
-        total, lambda free: covariance(matrix, scatter, known, free, d, p, readings.count), pinned, silent
-    )
-    if exact and not known:
-        # What a fit without residual knows a number to is what it calls a residual of rounding.
-        rounding = (EXACT * eps()) ** 2 * float(whole.target_norm_squared) / max(readings.count, 1)
-        free = ~pinned & ~silent
-        spread = covariance(matrix, scatter, True, free, d, p, readings.count).scaled(rounding, d, p)
-    if aside is not None:
-        spread = spread.scaled(aside.widening**2, d, p)
-    return Ending(
-        s, fixed, d, p, f, total, spread, pinned, float(whole.target_norm_squared),
-        float(np.sum(np.log(weight[weight > 0]))) if known else 0.0, float(measure), *counts, notes,
-        whole, weight, reach, aside,
-    )  # fmt: skip
+def _reweighted(problem: FitProblem, end: Descent, share: float, notes: list[str]) -> tuple[Descent, FitProblem]:
+    """Descents with σ from the model's own f, until its numbers settle [iteratively reweighted least squares]."""
+    readings = problem.readings
+    for _ in range(REWEIGHTINGS):
+        f = problem.model_values(end.p)
+        problem = problem.reweighted(residual_weights(readings, "sigma", relative_sigma(readings, f, share)))
+        after = minimise(problem, [end.p], near=True)[0]
+        moved = np.max(np.abs(after.p - end.p) / np.maximum(np.abs(after.p), 1e-9))
+        end = after
+        if moved < SETTLED:
+            return end, problem
+    notes.append(f"the weights had not settled after {REWEIGHTINGS} rounds: the numbers still moved by {moved:.1g}")
+    return end, problem

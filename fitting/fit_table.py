@@ -2,186 +2,183 @@
 
 import dataclasses
 import time
-from collections.abc import Callable
+from typing import Any, Unpack
 
 import numpy as np
 
-from gonio.data.scene import Scene, load_scene
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
-from gonio.fitting.fit_model import Options, fit_one, prepare
-from gonio.fitting.problem.cell_measure import measure_of
-from gonio.fitting.problem.counting import counted
-from gonio.fitting.problem.losses import LOSSES
+from gonio.fitting.assemble_result import assemble_result
+from gonio.fitting.fit_model import FitTask, compile_ahead, fit_model
+from gonio.fitting.options import FitOptions, FitSettings
 from gonio.fitting.problem.parameterisation import with_defaults
-from gonio.fitting.problem.readings import Readings, readings_of, sigma_of
+from gonio.fitting.problem.readings import Readings, count_readings, readings_of
+from gonio.fitting.problem.weights import NO_UNCERTAINTY, cell_weights, sigma_of
 from gonio.fitting.result import FitResult
-from gonio.fitting.solver.robust_weights import require_kind
-from gonio.fitting.uncertainty.bootstrap import require
-from gonio.models.errors import GonioError, nearest
+from gonio.fitting.selection.automatic import SceneChoice, chosen_for_scene, chosen_model, scene_words, turned
+from gonio.fitting.selection.candidate import Choice
+from gonio.fitting.selection.scene_selection import Seen, judged, seen
+from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
-from gonio.models.expression.parser import parse
+from gonio.models.expression.parser import Term, parse
 
 WIDENS = 0.02  # aperture half-angle over alpha, from which on the averaging shows in a fit
 
 
-def fit(
-    table: SubjectLike,
-    model: str | list[str] | None = None,
-    *,
-    loss: str | None = None,
-    theta_max: float | None = None,
-    weight: str | None = None,
-    relative_noise: float | None = None,
-    robust: str | bool | None = None,
-    bootstrap: int = 0,
-    bootstrap_kind: str = "residuals",
-    per_channel: bool = False,
-    samples: int | None = None,
-    starts: int = 8,
-    scene: str | Scene | None = None,
-    seed: int = 0,
-    say: Callable[[str], None] = lambda line: None,
-) -> FitResult:
-    """Fit a spelled model to a table; of several, the one of the lowest BIC; of none (None), what the data ask for.
+def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unpack[FitOptions]) -> FitResult:
+    """Fit a BRDF model to a table of readings, by nonlinear least squares with many starts.
 
-    That one grows from Lambert: BIC and held-out directions must both ask for a larger model, or the smaller stays
-    (`gonio.fitting.selection.stepwise`); `alternatives` of the result says what was tried.
+    Args:
+        table: a table, or anything that gives one: a path, an open file, a material or an expression.
+        model: an expression such as ``"lambert + ggx(eta=1.5)"``; of several the one of the lowest BIC is returned;
+            None selects one, adding a lobe at a time while BIC and cross-validation both improve. Free are omitted
+            shape parameters, ``name=?``, ``name~v`` (from that start), and the scale of every lobe unless it is
+            written (``1 * ggx(...)``); an omitted Fresnel parameter means F = 1. Albedos and scales are free in each
+            channel, shapes are shared.
+        loss: ``"sigma"``, ``"linear"``, ``"cbrt"``, ``"log"`` or ``"log1p"``; by default ``"sigma"`` where the table
+            has standard uncertainties, else ``"cbrt"``.
+        theta_max: largest polar angle of either direction, radians, in (0, π/2].
+        weight: ``"solid-angle"``, ``"cosine"`` or ``"projected-solid-angle"``; by default cells weigh equally.
+        relative_noise: standard uncertainty as a share of the model's own f, in (0, 1); reweighted until it settles.
+        robust: ``"tukey"`` (or True), ``"student"`` or ``"soft-l1"``: outliers count less.
+        bootstrap: number of refits to resampled blocks of neighbouring directions, 0 or from 2 to 100,000.
+        bootstrap_kind: ``"wild"`` (random signs of the residuals) or ``"block_pairs"`` (resampled readings).
+        per_channel: fit every channel by itself.
+        samples: largest number of cells, at random by the seed; by default all.
+        starts: number of random starts beside those from the data, 0 or more.
+        scene: a scene, its file or the name of a shipped one: its directions are fitted, weighted by their effect on
+            its radiance, and without a model the cheapest one within its tolerance is selected.
+        seed: of starts, samples and bootstrap.
+        log: called with a line for each model.
 
-    What is free: an omitted shape parameter, or ``name=?``; ``name~v`` from that start; every lobe's scale unless it is
-    written (``1 * ggx(...)``); an omitted Fresnel parameter means F = 1. Over channels, albedos and scales are free in
-    each, shapes are shared; `per_channel` fits every channel by itself.
+    Returns:
+        The fitted model with uncertainties, tests of the residuals and notes; `converged` says whether it is
+        stationary.
 
-    `loss`: sigma, linear, cbrt, log or log1p; without one, sigma where the table has standard uncertainties, else cbrt.
-    `relative_noise`: σ is this share of the model's own f, reweighted until it settles. `theta_max`: radians; readings
-    beyond it, on either side, are left out. `weight`: solid-angle, cosine, projected-solid-angle or none. `samples`: at
-    most so many cells, drawn by `seed`. `starts`: random starts beside those from the data. `robust`: tukey (or True),
-    student or soft-l1: readings far off count less. `bootstrap`: so many refits to readings drawn again in blocks of
-    neighbouring directions, for intervals that assume nothing of the noise; `bootstrap_kind`: residuals or pairs. `say`
-    hears a line for each model tried. `scene`: a scene, its file or the name of a shipped one; the readings nearest to
-    what it sees are fitted, weighed by what they do to its radiance (loss linear, unless one is named), the error there
-    is among the notes, and without a model the cheapest one within its tolerance is taken.
+    Raises:
+        GonioError: an unknown model, loss or weight, an option out of range, or too few readings for the model.
+        TypeError: an unknown option.
 
-    Raises GonioError for an unknown model, loss or weight, and for a table with too few readings for the model.
+    References:
+        Moré 1978 (Levenberg–Marquardt); White 1980 (covariance); Schwarz 1978 (BIC); Wu 1986 (wild bootstrap).
     """
+    settings = FitSettings.create(options)
     table = resolve_subject(table).require_table()
-    asked = [model] if isinstance(model, str) else list(model or [])
-    parsed = [with_defaults(parse(m)) for m in asked]
-    if scene is not None:
-        from gonio.fitting.selection.automatic import chosen_for_scene, scene_words, turned
-        from gonio.fitting.selection.scene_selection import judged, seen
-
-        scene = load_scene(scene)
-        if weight is not None:
-            raise GonioError(f"A scene weighs readings itself and excludes the weight '{weight}'; give one of them.")
-        if names := scene.channels_of(table.channels.names):
-            table = table.only(names)
+    expressions = [model] if isinstance(model, str) else list(model or [])
+    parsed = [with_defaults(parse(m)) for m in expressions]
+    if settings.scene is not None and (names := settings.scene.channels_of(table.channels.names)):
+        table = table.only(names)
     began = time.perf_counter()
     if parsed:
-        prepare(parsed[0], _likely(loss, table, relative_noise), len(table.channels), per_channel)
-    readings = readings_of(table, samples, theta_max, seed)
-    if not readings.count:
-        raise GonioError(
-            f"{table.name or 'The table'} has no valid reading"
-            + (f" with both polar angles below {np.degrees(theta_max):g}°; raise --theta-max." if theta_max else ".")
-        )
-    said_loss = loss
-    loss, sigma = _loss(loss, readings, relative_noise)
-    if weight is not None:
-        readings = dataclasses.replace(readings, measure=measure_of(weight, table.layout, readings.wi, readings.wo))
-    read_seconds = time.perf_counter() - began
-    counts, look = counted(table, readings), None
-    if scene is not None:
-        look = seen(scene, readings, turned(table.layout, readings))
-    require(bootstrap, bootstrap_kind)
-    robust = require_kind("tukey" if robust is True else robust) if robust else None
-    choice = None
-    if not asked:
-        from gonio.fitting.selection.automatic import chosen_model
-
+        loss = _usual_loss(settings, table.u_f is not None)
+        compile_ahead(parsed[0], loss, len(table.channels), settings.per_channel)
+    task = _task(table, settings)
+    seconds, view, choice = {"read": time.perf_counter() - began}, None, None
+    if settings.scene is not None:
+        view = seen(settings.scene, task.readings, turned(task.layout, task.readings))
+    if not expressions:
         began = time.perf_counter()
-        of = (table.layout, readings, loss, sigma)
-        found = chosen_model(*of, seed, say) if look is None else chosen_for_scene(*of, look, seed, say)
-        text, terms, choice = found
-        asked, parsed, select_seconds = [text], [terms], time.perf_counter() - began
-    if look is not None:
-        readings = dataclasses.replace(readings, measure=None).part(look.cells)
-        readings = dataclasses.replace(readings, measure=look.weight)
-        loss, sigma = ("linear", None) if said_loss is None else _loss(said_loss, readings, relative_noise)
-        weight = "scene"
-    options = Options(
-        loss, sigma, relative_noise, starts, seed, theta_max, weight, table.name, robust, bootstrap, bootstrap_kind,
-        counts, table.layout,
-    )  # fmt: skip
+        text, terms, choice = _select(task, view)
+        expressions, parsed, seconds["select"] = [text], [terms], time.perf_counter() - began
+    if view is not None:
+        task = _in_scene(task, view)
     results, refused = [], []
-    for text, terms in zip(asked, parsed, strict=True):
+    for text, terms in zip(expressions, parsed, strict=True):
         try:
-            result = fit_one(text, terms, readings, table.channels, options, per_channel)
+            result = _fit_one(dataclasses.replace(task, requested=text, terms=terms), table, seconds)
         except GonioError as error:
-            if len(asked) == 1:
+            if len(expressions) == 1:
                 raise
             refused.append({"model": text, "refused": str(error)})
             continue
-        result.seconds["read"] = read_seconds
-        result.notes.extend(_aperture_notes(table, result))
-        if look is not None:
-            f = np.asarray(evaluate(result.brdf, readings.wi, readings.wo)).reshape(readings.f.shape[0], -1)
-            errors = judged(look, np.broadcast_to(f, readings.f.shape), readings)
-            result.notes.insert(0, choice.words(look, *errors) if choice else scene_words(look, *errors))
+        if view is not None:
+            result.notes.insert(0, _scene_note(result, task.readings, view, choice))
+        settings.log(f"{text}: {_line(result)}")
         results.append(result)
-        say(f"{text}: {_line(result)}")
-    if choice is not None:
-        results[0].seconds["select"] = select_seconds
-        rows = choice.rows() if look is None else choice.rows(scene.tolerance)
-        return dataclasses.replace(results[0], alternatives=rows)
     if not results:
         raise GonioError(refused[0]["refused"])
+    if choice is not None:
+        rows = choice.rows() if settings.scene is None else choice.rows(settings.scene.tolerance)
+        return dataclasses.replace(results[0], alternatives=rows)
     ranked = sorted(results, key=lambda r: (not r.converged, r.bic))
-    table_of = [_alternative(r, ranked[0].bic) for r in ranked] + refused
-    return dataclasses.replace(ranked[0], alternatives=table_of if len(asked) > 1 else [])
+    rows = [_alternative(r, ranked[0].bic) for r in ranked] + refused
+    return dataclasses.replace(ranked[0], alternatives=rows if len(expressions) > 1 else [])
 
 
-def _likely(loss: str | None, table: Table, relative_noise: float | None) -> str:
-    """The loss that `_loss` will most likely give, as long as no reading has been looked at."""
-    if loss is not None and relative_noise is None:
-        return loss
-    return "cbrt" if relative_noise is None and table.u_f is None else "sigma"
+def _task(table: Table, settings: FitSettings) -> FitTask:
+    """The readings of a table with their loss and weights, as yet without a model."""
+    readings = readings_of(table, settings.samples, settings.theta_max, settings.seed)
+    if not readings.count:
+        limit = settings.theta_max
+        below = f" with both polar angles below {np.degrees(limit):g}°; raise --theta-max." if limit else "."
+        raise GonioError(f"{table.name or 'The table'} has no valid reading{below}")
+    loss, sigma = _loss(settings, readings)
+    counts = count_readings(table, readings)
+    if settings.weight is not None:
+        cells = cell_weights(settings.weight, table.layout, readings.wi, readings.wo)
+        readings = dataclasses.replace(readings, cell_weight=cells)
+    return FitTask(
+        "", (), readings, loss, sigma, settings.weight, table.channels, table.layout, table.name, counts, settings
+    )
 
 
-def _loss(loss: str | None, readings: Readings, relative_noise: float | None) -> tuple[str, np.ndarray | None]:
-    if relative_noise is not None:
-        if loss not in (None, "sigma"):
-            raise GonioError(
-                f"relative_noise weighs by the noise itself and excludes the loss '{loss}'; give one of them."
-            )
-        if not 0 < relative_noise < 1:
-            raise GonioError(
-                f"A relative noise of {relative_noise:g} came; expected a share between 0 and 1, such as 0.05."
-            )
-        return "sigma", None
-    if loss is not None and loss not in LOSSES:
-        raise GonioError(f"Unknown loss '{loss}'; {nearest(loss, LOSSES)}")
-    sigma = sigma_of(readings) if loss in (None, "sigma") else None
-    if loss is None:
-        loss = "cbrt" if sigma is None else "sigma"
-    if loss == "sigma" and sigma is None:
-        raise GonioError(
-            "The loss 'sigma' needs standard uncertainties above 0, and this table has none; choose cbrt, log or log1p."
-        )
+def _usual_loss(settings: FitSettings, has_uncertainty: bool) -> str:
+    if settings.relative_noise is not None:
+        return "sigma"
+    return settings.loss or ("sigma" if has_uncertainty else "cbrt")
+
+
+def _loss(settings: FitSettings, readings: Readings) -> tuple[str, np.ndarray | None]:
+    """The loss, and the standard uncertainties (n, C) that it weighs with."""
+    sigma = sigma_of(readings) if settings.relative_noise is None and settings.loss in (None, "sigma") else None
+    loss = _usual_loss(settings, sigma is not None)
+    if loss == "sigma" and sigma is None and settings.relative_noise is None:
+        raise GonioError(NO_UNCERTAINTY)
     return loss, sigma
 
 
+def _select(task: FitTask, view: Seen | None) -> tuple[str, tuple[Term, ...], Choice | SceneChoice]:
+    """The expression that the readings ask for, its terms with their starts, and how it was selected."""
+    data = (task.layout, task.readings, task.loss, task.sigma)
+    settings = task.settings
+    if view is None:
+        return chosen_model(*data, settings.seed, settings.log)
+    return chosen_for_scene(*data, view, settings.seed, settings.log)
+
+
+def _in_scene(task: FitTask, view: Seen) -> FitTask:
+    """The task on the readings of a scene, weighted by their effect on its radiance."""
+    readings = dataclasses.replace(
+        dataclasses.replace(task.readings, cell_weight=None).part(view.cells), cell_weight=view.weight
+    )
+    loss, sigma = ("linear", None) if task.settings.loss is None else _loss(task.settings, readings)
+    return dataclasses.replace(task, readings=readings, loss=loss, sigma=sigma, weight="scene")
+
+
+def _fit_one(task: FitTask, table: Table, seconds: dict[str, float]) -> FitResult:
+    began = time.perf_counter()
+    optima = fit_model(task)
+    result = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
+    result.notes.extend(_aperture_notes(table, result))
+    return result
+
+
+def _scene_note(result: FitResult, readings: Readings, view: Seen, choice: SceneChoice | None) -> str:
+    f = np.asarray(evaluate(result.brdf, readings.wi, readings.wo)).reshape(readings.f.shape[0], -1)
+    errors = judged(view, np.broadcast_to(f, readings.f.shape), readings)
+    return choice.words(view, *errors) if choice else scene_words(view, *errors)
+
+
 def _aperture_notes(table: Table, r: FitResult) -> list[str]:
-    """A word on lobes that the apertures widen: the model is compared at the centres of what was averaged."""
+    """A note on lobes that the apertures widen: the model is compared at the centres of what was averaged."""
     solid_angle = max(table.source_solid_angle or 0.0, table.receiver_solid_angle or 0.0)
     half_angle = np.sqrt(solid_angle / np.pi)
-    widths = [p for p in r.parameters if ".alpha" in p.name and half_angle > WIDENS * p.value]
+    widths = [p.label for p in r.parameters if ".alpha" in p.name and half_angle > WIDENS * p.value]
     if not widths:
         return []
-    names = ", ".join(p.label for p in widths)
     return [
         f"a reading is an average over apertures of half-angle up to {np.degrees(half_angle):.2g}°, and the model is "
-        f"compared at their centres: {names} may come out too wide"
+        f"compared at their centres: {', '.join(widths)} may come out too wide"
     ]
 
 
@@ -193,9 +190,9 @@ def _line(r: FitResult) -> str:
     )
 
 
-def _alternative(r: FitResult, best: float) -> dict:
+def _alternative(r: FitResult, best: float) -> dict[str, Any]:
     return {
-        "model": r.asked,
+        "model": r.requested,
         "spelling": r.expression,
         "bic": r.bic,
         "bic_above_best": r.bic - best,

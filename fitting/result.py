@@ -1,17 +1,23 @@
-"""What a fit returns: the model, every number with its uncertainty and status, and how far to believe it."""
+"""The result of a fit: the model, every number with its uncertainty and status, and how well they are known."""
 
 import dataclasses
 import functools
+import os
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gonio.data.files import new_file
+from gonio.data.material import Material
+from gonio.data.serialise import unboxed, without_none
 from gonio.data.table import Channels
 from gonio.fitting.residuals.colour_difference import sphere_difference
 from gonio.fitting.residuals.summary import Evidence, ResidualSummary, summarise
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.deprecation import renamed_attribute
 
-CORRELATED = 0.95  # from which on a correlation is said in words
+CORRELATED = 0.95  # from which on a correlation is reported
 MOST_CORRELATED = 5
 
 
@@ -37,16 +43,26 @@ class ParameterEstimate:
 
 @dataclasses.dataclass(frozen=True)
 class FitResult:
-    """A fitted model. `converged` means stationary by the projected gradient, or exact; `reason` says why.
+    """A fitted model with everything that is known of it; a subject of every verb, as its `material` is.
 
-    `covariance` and `correlation` are over `free_names`; `cost` is ½Σr² of the named loss; `bic` compares models on the
-    same readings and loss; `seconds` are wall time by stage. `counts`: readings by what became of them. `floor`: of the
-    loss, one for each channel fitted by itself. `robust`: how outliers were weighed. `bootstrap`: what refits to drawn
-    readings gave.
+    Attributes:
+        expression: the fitted model, all numbers given; `requested`: the expression that was fitted.
+        brdf, channels: the model, and the channels of its values.
+        parameters: every number with uncertainty, 95 % interval and status.
+        free_names: labels of the free numbers; `covariance` and `correlation` are over them.
+        converged: stationary by the projected gradient, or exact; `reason` says why.
+        stationarity: largest projected gradient; `exact`: the residual is rounding.
+        loss, weight, robust, theta_max: as resolved; `floor`: of the loss, one for each channel fitted by itself.
+        cost: ½Σr² of the loss; `bic`: compares models on the same readings and loss; `metrics`: differences by name.
+        samples, cells, negative_readings: what was fitted; `counts`: readings by what became of them.
+        starts, starts_agreed: descents, and how many ended at the best cost.
+        undetermined, active_bounds, notes: sentences and labels.
+        alternatives: the other models, as plain data; `bootstrap`: what the refits gave.
+        seconds: wall time by stage; `table`: name of the table.
     """
 
     expression: str
-    asked: str
+    requested: str
     brdf: AbstractBRDF
     channels: Channels
     parameters: list[ParameterEstimate]
@@ -80,18 +96,28 @@ class FitResult:
     bootstrap: dict[str, Any] | None = None
     evidence: Evidence | None = dataclasses.field(default=None, repr=False, compare=False)
 
+    asked = renamed_attribute("asked", "requested")
+    spelling = renamed_attribute("spelling", "expression")
+
     @functools.cached_property
     def residuals(self) -> ResidualSummary | None:
-        """Noise or structure, maps over angles, and readings that stand out; worked out when first asked for."""
+        """Noise or structure, maps over angles, and readings that stand out; computed on first use."""
         return None if self.evidence is None else summarise(self.evidence)
 
     @functools.cached_property
     def colour_difference(self) -> dict[str, Any] | None:
         """CIEDE2000 between lit spheres of model and readings; None for channels without colour."""
-        if self.evidence is None:
-            return None
         e = self.evidence
-        return sphere_difference(self.channels, e.readings, e.model_f, e.layout, e.seed)
+        return e and sphere_difference(self.channels, e.readings, e.model_f, e.layout, e.seed)
+
+    @functools.cached_property
+    def material(self) -> Material:
+        """The fitted model as a material, which can be measured, checked, evaluated and reported."""
+        content = self.to_material_dict(f"fit of {self.table}" if self.table else "fit")
+        return Material(
+            content["name"], self.brdf, self.expression, self.channels, content["description"],
+            content["source"]["text"], {"fit": content["fit"]},
+        )  # fmt: skip
 
     @property
     def correlated(self) -> list[dict[str, Any]]:
@@ -112,46 +138,51 @@ class FitResult:
         """0 where converged, else 1."""
         return 0 if self.converged else 1
 
+    def save(self, path: str | os.PathLike, force: bool = False) -> Path:
+        """Write the fitted material as TOML, as `gonio fit -o` does.
+
+        Args:
+            path: the file, such as ``plastic.fit.toml``; the material is named after it.
+            force: replace an existing file.
+
+        Returns:
+            The path.
+
+        Raises:
+            GonioError: the file exists, or cannot be written.
+        """
+        import tomli_w
+
+        name = Path(path).name.removesuffix(".toml").removesuffix(".fit")
+        with new_file(path, force) as part:
+            part.write_text(tomli_w.dumps(self.to_material_dict(name)), encoding="utf-8")
+        return Path(path)
+
     def to_dict(self) -> dict[str, Any]:
         """Everything but the model itself, as what JSON and TOML can hold."""
-        left = ("brdf", "channels", "evidence")
-        kept = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in left}
-        kept["correlated"] = self.correlated
-        kept["colour_difference"] = self.colour_difference
-        kept["residuals"] = None if self.residuals is None else self.residuals.to_dict()
-        kept["parameters"] = [dataclasses.asdict(p) for p in self.parameters]
-        kept["channels"] = list(self.channels.names)
-        kept["spelling"] = kept.pop("expression")  # as files have it
-        return unboxed(kept)
+        models = ("brdf", "channels", "evidence")
+        content = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in models}
+        content["correlated"] = self.correlated
+        content["colour_difference"] = self.colour_difference
+        content["residuals"] = None if self.residuals is None else self.residuals.to_dict()
+        content["parameters"] = [dataclasses.asdict(p) for p in self.parameters]
+        content["channels"] = list(self.channels.names)
+        for name, in_files in (("expression", "spelling"), ("requested", "asked")):
+            content[in_files] = content.pop(name)
+        return unboxed(content)
 
     def to_material_dict(self, name: str, description: str = "") -> dict[str, Any]:
-        """The fitted model as a material file's content, which `gonio measure` can scan again."""
-        held: dict[str, Any] = {"gonio_material": 1, "name": name, "description": description or f"fit to {self.table}"}
-        held["model"] = self.expression
+        """The fitted model as the content of a material file, which `gonio measure` can scan."""
+        content: dict[str, Any] = {
+            "gonio_material": 1, "name": name, "description": description or f"fit to {self.table}",
+            "model": self.expression,
+        }  # fmt: skip
         if self.channels.wavelengths_nm is not None:
-            held["wavelengths_nm"] = list(self.channels.wavelengths_nm)
+            content["wavelengths_nm"] = list(self.channels.wavelengths_nm)
         elif len(self.channels) > 1:
-            held["channels"] = list(self.channels.names)
-        held["source"] = {"text": f"gonio fit of '{self.asked}' to {self.table or 'a table'}"}
+            content["channels"] = list(self.channels.names)
+        content["source"] = {"text": f"gonio fit of '{self.requested}' to {self.table or 'a table'}"}
         fit = self.to_dict()
         fit.pop("spelling")
-        held["fit"] = without_none(fit)
-        return held
-
-
-def unboxed(value: Any) -> Any:
-    """NumPy out of nested containers: lists, dicts, numbers (NaN too, which TOML knows) and strings only."""
-    if isinstance(value, dict):
-        return {str(k): unboxed(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [unboxed(v) for v in value]
-    if isinstance(value, np.ndarray):
-        return unboxed(value.tolist())
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def without_none(value: Any) -> Any:
-    """Nested containers less their empty entries, which TOML cannot hold."""
-    if isinstance(value, dict):
-        return {k: without_none(v) for k, v in value.items() if v is not None}
-    return [without_none(v) for v in value] if isinstance(value, list) else value
+        content["fit"] = without_none(fit)
+        return content

@@ -12,7 +12,6 @@ FLOORS = {"models": "gonio.models", "data": "gonio.data", "fitting": "gonio.fitt
 ROOMS = ("instrument", "checks", "figures", "stability", "charts", "reports", "cli")  # of the top floor, upwards
 CIRCLES = {  # being opened: to be emptied, never to grow
     "gonio.checks.model", "gonio.checks.table", "gonio.data.formats", "gonio.data.interpolation",
-    "gonio.fitting.problem", "gonio.fitting.solver",
 }  # fmt: skip
 VERBS = {"material", "measure", "open", "fit", "fit_many", "check", "chart", "stress", "reduce", "repair", "report"}
 

@@ -1,5 +1,6 @@
 """Samples of a fit as programs take them: in blocks that a cache holds, and pages of so many blocks."""
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -9,7 +10,8 @@ from jaxtyping import Array, Float
 from gonio.models.geometry.directions import Direction
 
 PAGE = 16  # blocks of a page
-LANES = 16
+LANES = 16  # vectors of free numbers that a program takes side by side
+ALIGNED = 64  # bytes: what XLA asks of memory that it may use without a copy
 
 
 def block_of(channels: int) -> int:
@@ -40,3 +42,29 @@ def pages(data: Samples | list[Samples]) -> list[Samples]:
         blocks = np.asarray(min(PAGE, used - first))
         found.append(Samples(wi, wo, whole.target[cut], whole.weight[cut], blocks, whole.floor))
     return found
+
+
+def block_shape(n: int, channels: int) -> tuple[int, int]:
+    """(blocks, a multiple of those of a page, samples of a block) that hold n samples."""
+    block = block_of(channels)
+    return max(1, -(-n // (block * PAGE))) * PAGE, block
+
+
+def in_blocks(a: np.ndarray, shape: tuple[int, ...], fill: float = 0.0) -> np.ndarray:
+    """Values (n, ...) laid out in blocks (B, block, ...), padded with `fill`, where XLA reads them without a copy.
+
+    Directions that are laid out already (by `readings_of`) are taken as they stand.
+    """
+    number = math.prod(shape)
+    base = a.base
+    if a.ndim == 1 and isinstance(base, np.ndarray) and base.size == number * 8 + ALIGNED and base.dtype == np.uint8:
+        start = -base.ctypes.data % ALIGNED
+        if a.ctypes.data == base.ctypes.data + start and a.dtype == np.float64:
+            return base[start : start + 8 * number].view(np.float64).reshape(shape)
+    raw = np.empty(8 * number + ALIGNED, np.uint8)
+    start = -raw.ctypes.data % ALIGNED
+    whole = raw[start : start + 8 * number].view(np.float64).reshape(shape)
+    flat = whole.reshape(-1, *shape[2:])
+    flat[: a.shape[0]] = a
+    flat[a.shape[0] :] = fill
+    return whole

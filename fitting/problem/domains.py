@@ -6,6 +6,7 @@ curvature of the map is known in closed form and goes into the Hessian (`fitting
 """
 
 import functools
+from types import ModuleType
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -28,11 +29,17 @@ def domain_kind(low: float, log: bool) -> int:
     return LINEAR if not log else LOG if low > 0 else LOG1P
 
 
-def mapped(kind, p, xp=np):
+def mapped(kind: Array, p: Array, xp: ModuleType = np) -> Array:
     """p in the coordinate in which its domain is even: itself, its logarithm, or that of 1 + p."""
     tiny = np.finfo(float).tiny
-    grown = xp.log1p(xp.where(kind == LOG1P, p, 0.0))  # linear ones may be −1 and below
-    return xp.where(kind == LOG, xp.log(xp.maximum(p, tiny)), xp.where(kind == LOG1P, grown, p))
+    log1p = xp.log1p(xp.where(kind == LOG1P, p, 0.0))  # linear ones may be −1 and below
+    return xp.where(kind == LOG, xp.log(xp.maximum(p, tiny)), xp.where(kind == LOG1P, log1p, p))
+
+
+def unmapped(kind: Array, u: Array, xp: ModuleType = np) -> Array:
+    """The parameter at an even coordinate u: the inverse of `mapped`."""
+    exponent = xp.where(kind == LINEAR, 0.0, u)
+    return xp.where(kind == LINEAR, u, xp.where(kind == LOG, xp.exp(exponent), xp.expm1(exponent)))
 
 
 @functools.lru_cache(maxsize=256)
@@ -42,7 +49,7 @@ def _known_span(kind: bytes, low: bytes, high: bytes) -> tuple[np.ndarray, np.nd
     return u_low, u_high - u_low
 
 
-def _span(d: Domains, xp) -> tuple[Array, Array]:
+def _span(d: Domains, xp: ModuleType) -> tuple[Array, Array]:
     """(low end, width) of the domains in the coordinates in which they are even."""
     if xp is np and d.low.ndim == 1 and d.low.dtype == d.high.dtype == float and d.kind.dtype == np.int64:
         return _known_span(*(a.tobytes() for a in d))
@@ -50,17 +57,15 @@ def _span(d: Domains, xp) -> tuple[Array, Array]:
     return u_low, mapped(d.kind, d.high, xp) - u_low
 
 
-def to_parameters(d: Domains, x: Float[Array, "*s p"], xp=jnp):
+def to_parameters(d: Domains, x: Float[Array, "*s p"], xp: ModuleType = jnp) -> tuple[Array, Array, Array]:
     """(p, dp/dx, d²p/dx²) at unconstrained coordinates x, each of shape (..., P)."""
     u_low, width = _span(d, xp)
     sine, cosine = xp.sin(x), xp.cos(x)
     u = u_low + width * sine * sine
-    grown = xp.exp(xp.where(d.kind == LINEAR, 0.0, u))
-    p = xp.where(d.kind == LINEAR, u, xp.where(d.kind == LOG, grown, xp.expm1(xp.where(d.kind == LINEAR, 0.0, u))))
+    by_u = xp.exp(xp.where(d.kind == LINEAR, 0.0, u))
     first, second = 2.0 * width * sine * cosine, 2.0 * width * (cosine * cosine - sine * sine)
-    slope = grown * first
-    curvature = grown * (second + xp.where(d.kind == LINEAR, 0.0, first * first))
-    return xp.clip(p, d.low, d.high), slope, curvature
+    curvature = by_u * (second + xp.where(d.kind == LINEAR, 0.0, first * first))
+    return xp.clip(unmapped(d.kind, u, xp), d.low, d.high), by_u * first, curvature
 
 
 def to_unconstrained(d: Domains, p: np.ndarray) -> np.ndarray:
@@ -73,3 +78,15 @@ def to_unconstrained(d: Domains, p: np.ndarray) -> np.ndarray:
     share = (mapped(np.asarray(d.kind), np.asarray(p, float)) - u_low) / width
     # A scale's domain is wide (10⁶): the margin is small enough not to move a start of 1e-3 of a usual value.
     return np.arcsin(np.sqrt(np.clip(share, 1e-12, 1.0 - 1e-6)))
+
+
+def at_bounds(d: Domains, p: Float[Array, "*s p"]) -> tuple[np.ndarray, np.ndarray]:
+    """Which parameters lie on their lower, and which on their upper bound (to 1e-9 of the domain's size there)."""
+    span = np.minimum(d.high - d.low, 1.0)
+    return p - d.low <= 1e-9 * span, d.high - p <= 1e-9 * span
+
+
+def snapped(d: Domains, p: np.ndarray) -> np.ndarray:
+    """The parameters, those within rounding of a bound on it."""
+    low, high = at_bounds(d, p)
+    return np.where(low, d.low, np.where(high, d.high, p))

@@ -1,23 +1,26 @@
-"""Losses: what is subtracted from what, by what is known of the noise.
+"""Losses: how model and reading are compared, depending on what is known of the noise.
 
-Each residual is w·(T(f c) − T(y c)), where c is cosθi or 1 and w the weight of the cell:
+Each residual is w·(T(f c) − T(y c)), where c is cosθi or 1 and w the weight of the reading:
 
-- `sigma`: T(v) = v, c = 1, w = 1/u: the noise's own likelihood, where the standard uncertainty u is known;
+- `sigma`: T(v) = v, c = 1, w = 1/u: the likelihood of the noise, where the standard uncertainty u is known;
 - `linear`: the same with w = 1;
 - `cbrt`: T(v) = v/(v² + ε²)^⅓, c = cosθi: the cube root [Löw et al. 2012, as BRDF-space weighting by compression],
-  signed, and linear within the floor ε, which takes its pole at 0 away;
+  signed, and linear within the floor ε, which removes its pole at 0;
 - `log`: T(v) = sign(v) log(1 + |v|/ε), c = cosθi [Löw et al. 2012, eq. 17, where ε = 1];
-- `log1p`: the same with c = 1 and always ε = 1, as others publish it.
+- `log1p`: the same with c = 1 and ε = 1, as others publish it.
 
-The floor ε is the noise where the table knows it (see `loss_floor`): below it a reading tells nothing.
+The floor ε is the noise where the table knows it (see `weights.loss_floor`).
 """
 
+from types import ModuleType
+
+import jax
 import jax.numpy as jnp
 import numpy as np
-
-from gonio.fitting.problem.cube_root import inverse_cube_root
+from jaxtyping import Array, Float
 
 LOSSES = ("sigma", "linear", "cbrt", "log", "log1p")
+_GUESS = 6142909891733356544.0  # of the bits: (4/3) · 1023 · 2⁵², less what halves the worst error of the first guess
 
 
 def uses_cosine(loss: str) -> bool:
@@ -25,7 +28,7 @@ def uses_cosine(loss: str) -> bool:
     return loss in ("cbrt", "log")
 
 
-def transform(loss: str, v, floor, xp=jnp):
+def transform(loss: str, v: Float[Array, "*v"], floor: Float[Array, ""] | float, xp: ModuleType = jnp):
     """(T(v), T'(v)) of a loss; shapes of v."""
     if loss == "cbrt":
         s = v * v + floor * floor
@@ -46,3 +49,20 @@ def floor_of(loss: str, compared: np.ndarray) -> float:
     if typical == 0.0:
         typical = float(np.max(np.abs(compared)))
     return 0.01 * typical if typical > 0 else 1.0
+
+
+def inverse_cube_root(s: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """s^(−1/3) for normal s > 0, any shape; to 2e-16 in double precision.
+
+    A first guess within 4 % from the exponent [Kahan 1991], then two steps of fifth order for 1 − s y³ = 0: vectorised,
+    and fourteen times as fast as `jnp.cbrt` (libm, one number at a time), which serves other precisions.
+    """
+    s = jnp.asarray(s)
+    if s.dtype != jnp.float64:
+        return 1.0 / jnp.cbrt(s)
+    bits = jax.lax.bitcast_convert_type(jax.lax.stop_gradient(s), jnp.int64).astype(s.dtype)
+    y = jax.lax.bitcast_convert_type((_GUESS - bits / 3.0).astype(jnp.int64), s.dtype)
+    for _ in range(2):
+        e = 1.0 - s * y * y * y
+        y = y + y * (e * (1 / 3 + e * (2 / 9 + e * (14 / 81 + e * (35 / 243)))))
+    return y

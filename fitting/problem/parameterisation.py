@@ -1,6 +1,8 @@
-"""What is free in a spelled model, as data: which numbers a fit moves, what they are called, where they may be."""
+"""The free parameters of an expression: which numbers a fit moves, their names and their domains."""
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -8,39 +10,121 @@ from gonio.fitting.problem.domains import Domains, domain_kind
 from gonio.models.catalog import MODELS
 from gonio.models.expression.builder import Frame, frame
 from gonio.models.expression.parser import Call, Term, Value, needed
-from gonio.models.expression.paths import Number, last, numbers
+from gonio.models.expression.paths import Number, changed, last, numbers
 from gonio.models.parameters import ParameterInfo, parameters_of
+
+FixedValues = tuple[dict[str, np.ndarray], ...]  # of each term, by path
 
 
 @dataclasses.dataclass(frozen=True)
-class Group:
+class FreeParameter:
     """A free parameter of one term: a single number shared by the channels, or one number for each of them."""
 
     term: int
-    name: str
+    path: str
     per_channel: bool
     linear: bool
     info: ParameterInfo
     first: int  # index of its first number in the vector of free numbers
 
+    @property
+    def is_width(self) -> bool:
+        """Whether it is a microfacet width alpha."""
+        return last(self.path).startswith("alpha")
+
 
 @dataclasses.dataclass(frozen=True)
-class Structure:
+class Parameterisation:
     """A model with its free numbers taken out; hashable, so that one compiled program serves all tables."""
 
     frames: tuple[Frame, ...]
-    groups: tuple[Group, ...]
+    free: tuple[FreeParameter, ...]
     channels: int
     size: int
 
     def columns(self, channel: int) -> np.ndarray:
-        """The index, in the vector of free numbers, that each group has in one channel."""
-        return np.array([g.first + (channel if g.per_channel else 0) for g in self.groups], dtype=int)
+        """The index, in the vector of free numbers, that each free parameter has in one channel."""
+        return np.array([g.first + (channel if g.per_channel else 0) for g in self.free], dtype=int)
+
+    def count(self, g: FreeParameter) -> int:
+        """How many free numbers a free parameter has."""
+        return self.channels if g.per_channel else 1
+
+    def of(self, g: FreeParameter) -> slice:
+        """Where the numbers of a free parameter stand in the vector of free numbers."""
+        return slice(g.first, g.first + self.count(g))
+
+    def each(self, value: Callable[[FreeParameter], Any]) -> np.ndarray:
+        """A value of each free number (P,), from its free parameter."""
+        return np.array([value(g) for g in self.free for _ in range(self.count(g))])
+
+    @property
+    def linear(self) -> np.ndarray:
+        """Which free numbers (P,) f is proportional to."""
+        return self.each(lambda g: g.linear).astype(bool)
+
+    def domains(self) -> Domains:
+        """The closed domains of the free numbers."""
+        kind = self.each(lambda g: domain_kind(g.info.low, g.info.log))
+        low, high = (self.each(lambda g, b=b: getattr(g.info, b)) for b in ("low", "high"))
+        return Domains(kind.astype(int), low.astype(float), high.astype(float))
+
+    def label(self, term: int, path: str) -> str:
+        """A number's name for people: 'ggx.alpha', or 'coat.base.lambert.rho' inside another model."""
+        frames, words, steps = self.frames, [_model_names(self.frames)[term]], path.split(".")
+        inside = frames[term]
+        while len(steps) > 1:
+            field, index, *steps = steps
+            frames = dict(inside.inside)[field]
+            inside = frames[int(index)]
+            words += [field, _model_names(frames)[int(index)]]
+        return ".".join([*words, *steps])
+
+    def labels(self) -> list[tuple[str, int | None]]:
+        """(name such as 'ggx.alpha', channel or None) of each free number."""
+        return [
+            (self.label(g.term, g.path), c if g.per_channel else None) for g in self.free for c in range(self.count(g))
+        ]
+
+    def with_ordered_lobes(self, fixed: FixedValues, p: np.ndarray) -> np.ndarray:
+        """The same model with lobes of one kind in the order of their widths, narrow first: two fits then compare."""
+        kinds: dict[tuple, list[int]] = {}
+        for t, of in enumerate(self.frames):
+            values = tuple((n, tuple(np.ravel(v))) for n, v in fixed[t].items())
+            shapes = tuple((g.path, g.per_channel) for g in self.free if g.term == t)
+            kinds.setdefault((of, values, shapes), []).append(t)
+
+        def width(t: int) -> float:
+            return next((float(p[g.first]) for g in self.free if g.term == t and g.path.startswith("alpha")), 0.0)
+
+        ordered = p.copy()
+        for alike in kinds.values():
+            for place, source in zip(alike, sorted(alike, key=width), strict=True):
+                pairs = ([g for g in self.free if g.term == t] for t in (place, source))
+                for g, h in zip(*pairs, strict=True):
+                    ordered[self.of(g)] = p[self.of(h)]
+        return ordered
+
+    def filled(self, terms: tuple[Term, ...], vectors: list[np.ndarray]) -> tuple[Term, ...]:
+        """The terms with every free number in its place: from one vector (P,), or one for each channel."""
+        values: dict[tuple[int, str], Value] = {}
+        for g in self.free:
+            n = np.concatenate([p[self.of(g)] for p in vectors])
+            values[g.term, g.path] = Value(tuple(n.tolist()) if n.size > 1 else float(n[0]))
+        return tuple(changed(t, lambda path, v, i=i: values.get((i, path), v)) for i, t in enumerate(terms))
+
+
+class Parameters(NamedTuple):
+    """The free parameters of an expression, the fixed values of each term, and the given starts (P,), or NaN."""
+
+    parameterisation: Parameterisation
+    fixed: FixedValues
+    start: np.ndarray
 
 
 def with_defaults(terms: tuple[Term, ...]) -> tuple[Term, ...]:
-    """The terms with everything said that the expression's rules imply of a fit: omitted shapes and scales are free."""
-    said = []
+    """The terms with what an expression implies written out: omitted shapes and scales are free."""
+    complete = []
     for t in terms:
         values = dict(t.call.values)
         for name in needed(t.call):
@@ -49,9 +133,41 @@ def with_defaults(terms: tuple[Term, ...]) -> tuple[Term, ...]:
         if scale is None and MODELS[t.call.name].lobe:
             scale = Value(None, free=True)
         order = [n for n in parameters_of(MODELS[t.call.name]) if n in values]
-        inside = {field: with_defaults(parts) for field, parts in t.call.models.items()}
-        said.append(Term(scale, Call(t.call.name, {n: values[n] for n in order}, t.call.options, inside)))
-    return tuple(said)
+        inside = {field: with_defaults(inner) for field, inner in t.call.models.items()}
+        complete.append(Term(scale, Call(t.call.name, {n: values[n] for n in order}, t.call.options, inside)))
+    return tuple(complete)
+
+
+def parameters(terms: tuple[Term, ...], channels: int) -> Parameters:
+    """The parameterisation of terms (as `with_defaults` gives them); lists have one value for each of the channels."""
+    free, fixed, start, size = [], [], [], 0
+    for index, term in enumerate(terms):
+        values: dict[str, np.ndarray] = {}
+        for n in numbers(term):
+            value, info = n.value, _domain(n)
+            if not value.free:
+                values[n.path] = np.asarray(value.number, float)
+                continue
+            usual = info.per_channel if value.each is None else value.each
+            per_channel = channels > 1 and (usual or isinstance(value.number, tuple))
+            free.append(FreeParameter(index, n.path, per_channel, info.linear, info, size))
+            count = channels if per_channel else 1
+            number = np.nan if value.number is None else value.number
+            start.append(np.broadcast_to(np.asarray(number, float), (count,)))
+            size += count
+        fixed.append(values)
+    flat = np.concatenate(start) if start else np.empty(0)
+    frames = tuple(frame(t) for t in terms)
+    return Parameters(Parameterisation(frames, tuple(free), channels, size), tuple(fixed), flat)
+
+
+def of_channel(terms: tuple[Term, ...], c: int) -> tuple[Term, ...]:
+    """The terms of one channel: of every list its value there."""
+
+    def one(_: str, v: Value) -> Value:
+        return dataclasses.replace(v, number=v.number[c]) if isinstance(v.number, tuple) else v
+
+    return tuple(changed(t, one) for t in terms)
 
 
 def _domain(n: Number) -> ParameterInfo:
@@ -63,64 +179,7 @@ def _domain(n: Number) -> ParameterInfo:
     return dataclasses.replace(info, linear=False) if "." in n.path else info
 
 
-def structure_of(terms: tuple[Term, ...], channels: int) -> tuple[Structure, tuple[dict, ...], np.ndarray]:
-    """(structure, fixed values of each term, start of the free numbers (P,); NaN where nothing was said).
-
-    `terms` as `with_defaults` gives them. Values in lists have one number for each of the channels.
-    """
-    groups, fixed, start, size = [], [], [], 0
-    for index, term in enumerate(terms):
-        held: dict[str, np.ndarray] = {}
-        for n in numbers(term):
-            name, value, info = n.path, n.value, _domain(n)
-            if not value.free:
-                held[name] = np.asarray(value.number, float)
-                continue
-            listed = isinstance(value.number, tuple)
-            usual = info.per_channel if value.each is None else value.each
-            per_channel = channels > 1 and (usual or listed)
-            groups.append(Group(index, name, per_channel, info.linear, info, size))
-            count = channels if per_channel else 1
-            number = np.nan if value.number is None else value.number
-            start.append(np.broadcast_to(np.asarray(number, float), (count,)))
-            size += count
-        fixed.append(held)
-    flat = np.concatenate(start) if start else np.empty(0)
-    return Structure(tuple(frame(t) for t in terms), tuple(groups), channels, size), tuple(fixed), flat
-
-
-def domains_of(s: Structure) -> Domains:
-    """The closed domains of the free numbers, in their order."""
-    per_number = [
-        (domain_kind(g.info.low, g.info.log), g.info.low, g.info.high) for g in s.groups for _ in range(count(s, g))
-    ]
-    kind, low, high = (np.array(c) for c in zip(*per_number, strict=True)) if per_number else (np.empty(0),) * 3
-    return Domains(kind.astype(int), low.astype(float), high.astype(float))
-
-
-def count(s: Structure, g: Group) -> int:
-    """How many free numbers a group has."""
-    return s.channels if g.per_channel else 1
-
-
-def _numbered(frames: tuple[Frame, ...]) -> list[str]:
-    # A name for each model of a sum: its own, numbered where a model comes more than once.
+def _model_names(frames: tuple[Frame, ...]) -> list[str]:
+    """A name for each model of a sum: its own, numbered where a model comes more than once."""
     names = [f.name for f in frames]
     return [n if names.count(n) == 1 else f"{n}{names[: i + 1].count(n)}" for i, n in enumerate(names)]
-
-
-def label(s: Structure, term: int, path: str) -> str:
-    """A number's name for people: 'ggx.alpha', or 'coat.base.lambert.rho' inside another model."""
-    frames, said, parts = s.frames, [_numbered(s.frames)[term]], path.split(".")
-    inside = frames[term]
-    while len(parts) > 1:
-        field, index, *parts = parts
-        frames = dict(inside.inside)[field]
-        inside = frames[int(index)]
-        said += [field, _numbered(frames)[int(index)]]
-    return ".".join([*said, *parts])
-
-
-def labels(s: Structure) -> list[tuple[str, int | None]]:
-    """(name such as 'ggx.alpha', channel or None) of each free number, in their order."""
-    return [(label(s, g.term, g.name), c if g.per_channel else None) for g in s.groups for c in range(count(s, g))]

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from gonio.data.layouts import Layout
+from gonio.fitting.problem.problem import weighted_residuals
 from gonio.fitting.problem.readings import Readings
-from gonio.fitting.problem.residuals import weighted_residuals
 from gonio.fitting.residuals.maps import AXES, ResidualMap, map_cells, residual_map
 from gonio.fitting.residuals.noise_tests import SIGNIFICANT, NoiseTests, least_noise_like, noise_tests
 from gonio.fitting.residuals.pair_angles import PairAngles, neighbour_order, pair_angles
-from gonio.fitting.solver.robust_weights import NORMAL_MAD, SetAside, scales
+from gonio.fitting.solver.robust_weights import NORMAL_MAD, DownweightedReadings, scales
 
 MAX_CELLS = 1 << 15  # cells that are examined; of more, a random choice
 OUTLYING = 5.0  # scales from which on a reading stands out
@@ -33,7 +33,7 @@ class Evidence:
     exact: bool
     free: int
     chi2: float | None
-    robust: SetAside | None = None
+    robust: DownweightedReadings | None = None
     layout: Layout | None = None
     seed: int = 0
 

@@ -1,12 +1,41 @@
-"""What a fit can ask of its arithmetic: as much as the caller's precision allows, which need not be double."""
+"""When a fit has converged: as near to stationary as the caller's precision allows, which need not be double."""
+
+from typing import NamedTuple
 
 import jax
 import numpy as np
 
+from gonio.fitting.problem.domains import Domains, at_bounds
+from gonio.fitting.problem.normal_equations import NormalEquations
+
 DOUBLE, FLOAT = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)
-STATIONARY = 1e-6  # DESIGN's limit, in double precision
+STATIONARY = 1e-6  # largest projected gradient of a stationary fit, in double precision
 SINGLE = 16.0  # roundings of what is compared, from which on a gradient in single precision says nothing
 EXACT = 1e3  # of the rounding of the data: residuals up to there are none
+
+
+class Stationarity(NamedTuple):
+    """How stationary p (..., P) is. Parameters on an active bound or without sensitivity do not count in the first.
+
+    `projected_gradient`: max_j |J_jᵀr|/(‖J_j‖‖r‖); `active_bound` (..., P): on a bound that the cost pushes against;
+    `zero_sensitivity` (..., P): without any effect on the residuals.
+    """
+
+    projected_gradient: np.ndarray
+    active_bound: np.ndarray
+    zero_sensitivity: np.ndarray
+
+
+def stationarity(d: Domains, p: np.ndarray, equations: NormalEquations) -> Stationarity:
+    """The projected gradient at p, any leading axes."""
+    low, high = at_bounds(d, p)
+    active = (low & (equations.gradient >= 0)) | (high & (equations.gradient <= 0))
+    length2 = np.diagonal(equations.matrix, axis1=-2, axis2=-1)
+    silent = length2 <= 0
+    cost = np.maximum(np.asarray(equations.cost)[..., None], 1e-300)
+    scale = np.sqrt(np.where(silent, 1.0, length2) * 2.0 * cost)
+    share = np.where(active | silent, 0.0, np.abs(equations.gradient) / scale)
+    return Stationarity(np.max(share, axis=-1, initial=0.0), active, silent)
 
 
 def eps() -> float:
@@ -20,7 +49,7 @@ def is_double() -> bool:
 
 
 def stationary_limit(cost: float, target_norm_squared: float) -> float:
-    """Largest projected gradient of a stationary fit of this cost, ½‖r‖²; `size2`: ‖data‖².
+    """Largest projected gradient of a stationary fit of this cost, ½‖r‖².
 
     1e-6; in single precision no less than what the rounding of model and data makes of it, and no more than 1e-3.
     """

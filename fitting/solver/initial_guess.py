@@ -1,4 +1,4 @@
-"""Where descents begin: from what was said, from the data, and at random.
+"""Starting points of descents: from the expression, from the data, and at random.
 
 Shapes are guessed; what the model is proportional to (albedos, scales) then follows from the data by non-negative
 least squares, so that no descent begins with a lobe of the wrong strength.
@@ -9,126 +9,113 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gonio.fitting.problem.blocks import LANES, Samples
-from gonio.fitting.problem.domains import LINEAR, LOG, Domains, mapped
-from gonio.fitting.problem.losses import transform, uses_cosine
-from gonio.fitting.problem.normal_equations import sums
-from gonio.fitting.problem.parameterisation import Structure, count
-from gonio.fitting.problem.readings import Readings, in_blocks
+from gonio.fitting.problem.blocks import LANES
+from gonio.fitting.problem.domains import Domains, mapped, unmapped
+from gonio.fitting.problem.normal_equations import NormalEquations
+from gonio.fitting.problem.parameterisation import Parameterisation
+from gonio.fitting.problem.problem import FitProblem
 from gonio.models.expression.paths import last
 
 WIDTHS = (0.02, 0.06, 0.15, 0.35, 0.7)
-NARROWEST = 0.01  # of the widths drawn at random: a narrower lobe is found from there, a hidden one from nowhere
+APART = {"alpha_x": 0.8, "alpha_y": 1.25}  # widths along x and y begin apart: equal ones look alike from either side
+NARROWEST = 0.01  # of the random widths: a narrower lobe is reached from there, a hidden one from nowhere
 MOST_GUESSES = 12
-GUESS_SAMPLES = 2048
+DATA_STARTS = 3
 
 
-def _is_width(name: str) -> bool:
-    return last(name).startswith("alpha")
+def starting_points(problem: FitProblem, given: np.ndarray, random: int, seed: int) -> list[np.ndarray]:
+    """At most `DATA_STARTS` starts (P,) that suit the data best, and so many `random` ones; `given` NaN where open."""
+    s = problem.parameters
+    guesses = width_guesses(s, given)
+    same = all(g.linear for g in s.free)  # linear in all its free numbers: every start is the same
+    shapes = guesses + ([] if same else random_shapes(problem, given, random, seed))
+    solved = solve_linear(problem, shapes)
+    best = [p for p, _ in sorted(solved[: len(guesses)], key=lambda start: start[1])][:DATA_STARTS]
+    return best[:1] if same else best + [p for p, _ in solved[len(guesses) :]]
 
 
-def guesses(s: Structure, said: np.ndarray) -> list[np.ndarray]:
+def width_guesses(s: Parameterisation, given: np.ndarray) -> list[np.ndarray]:
     """Vectors (P,) of free numbers with shapes on a small grid of widths; linear numbers are still NaN."""
-    widths = [g for g in s.groups if _is_width(g.name) and np.isnan(said[g.first])]
+    widths = [g for g in s.free if g.is_width and np.isnan(given[g.first])]
     terms = sorted({g.term for g in widths})
     choices = list(itertools.product(WIDTHS, repeat=len(terms)))
     if len(terms) > 1:
         # Lobes of one kind are interchangeable: only rising widths, and never two equal ones.
         choices = [c for c in choices if all(a < b for a, b in itertools.pairwise(c))] or choices
-    step = max(1, -(-len(choices) // MOST_GUESSES))
-    found = []
-    for choice in choices[::step]:
-        p = said.copy()
-        for g in s.groups:
-            block = slice(g.first, g.first + count(s, g))
-            if g in widths:
-                # Widths along x and y begin apart: at equal ones the two directions of brushing look alike.
-                p[block] = choice[terms.index(g.term)] * {"alpha_x": 0.8, "alpha_y": 1.25}.get(last(g.name), 1.0)
-            elif not g.linear:
-                p[block] = np.where(np.isnan(p[block]), g.info.start, p[block])
-        found.append(np.where(np.isnan(p), p, np.clip(p, *_inside(s))))
-    return found
+    usual = s.each(lambda g: np.nan if g.linear else g.info.start)
+    low, high = (s.each(lambda g, b=b: getattr(g.info, b)) for b in ("low", "high"))
+    guesses = []
+    for choice in choices[:: max(1, -(-len(choices) // MOST_GUESSES))]:
+        p = given.copy()
+        for g in widths:
+            p[s.of(g)] = choice[terms.index(g.term)] * APART.get(last(g.path), 1.0)
+        p = np.where(np.isnan(p), usual, p)
+        guesses.append(np.where(np.isnan(p), p, np.clip(p, low, high)))
+    return guesses
 
 
-def _inside(s: Structure) -> tuple[np.ndarray, np.ndarray]:
-    low, high = (np.array([getattr(g.info, b) for g in s.groups for _ in range(count(s, g))]) for b in ("low", "high"))
-    return low, high
+def random_shapes(problem: FitProblem, given: np.ndarray, number: int, seed: int) -> list[np.ndarray]:
+    """Vectors (P,) with every shape at random in its domain, evenly in the coordinate of its map."""
+    s, d, rng = problem.parameters, problem.domains, np.random.default_rng(seed)
+    low = s.each(lambda g: max(g.info.low, NARROWEST) if g.is_width else g.info.low)
+    u_low, u_high = (mapped(d.kind, b) for b in (low, d.high))
+    shapes = (unmapped(d.kind, u_low + (u_high - u_low) * rng.random(s.size)) for _ in range(number))
+    return [np.where(s.linear, given, p) for p in shapes]
 
 
-def random_shapes(s: Structure, d: Domains, said: np.ndarray, number: int, seed: int) -> list[np.ndarray]:
-    """Vectors (P,) with every shape drawn at random in its domain, evenly in the coordinate of its map."""
-    rng = np.random.default_rng(seed)
-    low = np.array(
-        [max(g.info.low, NARROWEST) if _is_width(g.name) else g.info.low for g in s.groups for _ in range(count(s, g))]
-    )
-    high = d.high
-    u_low, u_high = (mapped(d.kind, b) for b in (low, high))
-    linear = np.array([g.linear for g in s.groups for _ in range(count(s, g))], dtype=bool)
-    found = []
-    for _ in range(number):
-        u = u_low + (u_high - u_low) * rng.random(s.size)
-        p = np.where(
-            d.kind == LINEAR,
-            u,
-            np.where(
-                d.kind == LOG, np.exp(np.where(d.kind == LINEAR, 0.0, u)), np.expm1(np.where(d.kind == LINEAR, 0.0, u))
-            ),
-        )
-        found.append(np.where(linear, said, p))
-    return found
+def solve_linear(problem: FitProblem, shapes: Sequence[np.ndarray]) -> list[tuple[np.ndarray, float]]:
+    """(p with its open linear numbers solved, weighted sum of squares) at each shape; ∞ where it is not finite.
 
-
-class LinearSolver:
-    """Non-negative least squares for the linear numbers of a model, at given shapes, on the samples of first descents.
-
-    In the measure of the loss, made linear at the readings.
+    Non-negative least squares in the measure of the loss, made linear at the readings.
     """
+    s, plain = problem.parameters, problem.linearised()
+    of_channel = np.sqrt(np.sum((plain.weight * problem.readings.f) ** 2, axis=0))
+    every = float(np.sqrt(np.sum(of_channel**2)))
+    # Size of the weighted readings that each free number acts on.
+    reach = np.array([of_channel[c] if g.per_channel else every for g in s.free for c in range(s.count(g))])
+    solved = []
+    for first in range(0, len(shapes), LANES):
+        solved += _solved(plain, np.stack(shapes[first : first + LANES]), reach)
+    return solved
 
-    def __init__(self, s: Structure, fixed, part: Readings, data: Samples, loss: str, weight: np.ndarray):
-        self.s, self.fixed, self.loss = s, fixed, loss
-        cosine = np.asarray(part.wi.z)[:, None] if uses_cosine(loss) else 1.0
-        with np.errstate(all="ignore"):
-            weight = weight * transform(loss, part.f * cosine, float(data.floor), np)[1] * cosine
-        self.reach = np.sqrt(np.sum((weight * part.f) ** 2, axis=0))
-        target, weight = (in_blocks(a, data.weight.shape) for a in (part.f, weight))
-        self.data = data._replace(target=target, weight=weight)
 
-    def __call__(self, shapes: Sequence[np.ndarray]) -> list[tuple[np.ndarray, float]]:
-        """(p with its unsaid linear numbers solved, weighted sum of squares) of each; ∞ where it is not finite."""
-        found = []
-        for first in range(0, len(shapes), LANES):
-            found += self._solved(np.stack(shapes[first : first + LANES]))
-        return found
+def _solved(plain: FitProblem, shapes: np.ndarray, reach: np.ndarray) -> list[tuple[np.ndarray, float]]:
+    s = plain.parameters
+    unknown = [g for g in s.free if g.linear and np.isnan(shapes[0][g.first])]
+    if all(s.count(g) == s.channels for g in unknown):  # channel by channel
+        at = np.array([[g.first + c for g in unknown] for c in range(s.channels)], int)
+    else:
+        at = np.array([[k for g in unknown for k in range(s.size)[s.of(g)]]], int)
+    p = np.where(np.isnan(shapes), 1.0, shapes)
+    return solve_amounts(plain.normal_equations(p, plain=True), p, at, reach, plain.domains)
 
-    def _solved(self, shapes: np.ndarray) -> list[tuple[np.ndarray, float]]:
-        s = self.s
-        unsaid = [g for g in s.groups if g.linear and np.isnan(shapes[0][g.first])]
-        if all(count(s, g) == s.channels for g in unsaid):  # channel by channel
-            at = np.array([[g.first + c for g in unsaid] for c in range(s.channels)], int)
-        else:
-            at = np.array([[g.first + c for g in unsaid for c in range(count(s, g))]], int)
-        p = np.where(np.isnan(shapes), 1.0, shapes)
-        total, _ = sums(s, self.loss, p, self.fixed, self.data, plain=True)
-        finite = np.isfinite(total.cost) & np.isfinite(total.gradient).all(1) & np.isfinite(total.matrix).all((1, 2))
-        matrix = np.where(finite[:, None, None], total.matrix, 0.0)[:, at[:, :, None], at[:, None, :]]
-        gradient, now = np.where(finite[:, None], total.gradient, 0.0)[:, at], p[:, at]
-        amount = _non_negative(matrix, np.einsum("sckl,scl->sck", matrix, now) - gradient)
-        change = amount - now
-        gain = np.sum(change * (gradient + 0.5 * np.einsum("sckl,scl->sck", matrix, change)), axis=(1, 2))
-        # Not at the bound itself: there a start would see no slope.
-        size = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1))
-        amount = np.maximum(amount, 1e-3 * self._reach()[at] / np.where(size > 0, size, np.inf))
-        low, high = _inside(s)
-        p[:, at] = np.clip(amount, low[at], high[at])
-        cost = np.where(finite, total.cost + gain, np.inf)
-        return list(zip(p, (2.0 * cost).tolist(), strict=True))
 
-    def _reach(self) -> np.ndarray:
-        """Size of the weighted readings that each free number acts on, (P,)."""
-        every = float(np.sqrt(np.sum(self.reach**2)))
-        return np.array(
-            [self.reach[c] if g.per_channel else every for g in self.s.groups for c in range(count(self.s, g))]
-        )
+def solve_amounts(
+    equations: NormalEquations, p: np.ndarray, at: np.ndarray, reach: np.ndarray, d: Domains
+) -> list[tuple[np.ndarray, float]]:
+    """(p with some numbers from non-negative least squares, weighted sum of squares) of each p (S, P).
+
+    Args:
+        equations: of a model that is linear in these numbers, at p.
+        p: numbers of S models.
+        at: indices of the numbers (G, K): G systems of K numbers that do not touch each other.
+        reach: size of the weighted readings that each number acts on, (P,).
+        d: domains of the numbers.
+    """
+    finite = np.isfinite(equations.cost) & np.isfinite(equations.gradient).all(1)
+    finite &= np.isfinite(equations.matrix).all((1, 2))
+    matrix = np.where(finite[:, None, None], equations.matrix, 0.0)[:, at[:, :, None], at[:, None, :]]
+    gradient, now = np.where(finite[:, None], equations.gradient, 0.0)[:, at], p[:, at]
+    amount = _non_negative(matrix, np.einsum("sckl,scl->sck", matrix, now) - gradient)
+    change = amount - now
+    gain = np.sum(change * (gradient + 0.5 * np.einsum("sckl,scl->sck", matrix, change)), axis=(1, 2))
+    # Not at the bound itself: there a start would see no slope.
+    size = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1))
+    amount = np.maximum(amount, 1e-3 * reach[at] / np.where(size > 0, size, np.inf))
+    p = p.copy()
+    p[:, at] = np.clip(amount, d.low[at], d.high[at])
+    cost = np.where(finite, equations.cost + gain, np.inf)
+    return list(zip(p, (2.0 * cost).tolist(), strict=True))
 
 
 def _non_negative(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
@@ -140,10 +127,10 @@ def _non_negative(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
     length2 = np.diagonal(matrix, axis1=1, axis2=2)
     kept, x = length2 > 0, np.zeros_like(vector)
     for _ in range(size):
-        held = np.where(kept[:, :, None] & kept[:, None, :], matrix, 0.0)
+        system = np.where(kept[:, :, None] & kept[:, None, :], matrix, 0.0)
         # A unit where nothing is asked; else a little more than nothing, for lobes that are the same.
-        held[:, range(size), range(size)] += np.where(kept, 1e-12 * length2, 1.0)
-        x = np.linalg.solve(held, np.where(kept, vector, 0.0)[..., None])[..., 0]
+        system[:, range(size), range(size)] += np.where(kept, 1e-12 * length2, 1.0)
+        x = np.linalg.solve(system, np.where(kept, vector, 0.0)[..., None])[..., 0]
         negative = x.min(axis=1) < 0
         if not negative.any():
             break

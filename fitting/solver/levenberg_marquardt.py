@@ -1,22 +1,21 @@
-"""Levenberg–Marquardt on streamed normal equations, several descents at once, made of Optimistix's own parts.
+"""Levenberg–Marquardt on streamed normal equations, several descents at once, made of Optimistix's own components.
 
 Optimistix's `LevenbergMarquardt` wants the residual vector and its Jacobian; for a full table these are gigabytes. Here
 its damped Newton descent and its trust region work on `FunctionInfo.EvalGradHessian`, which streaming supplies.
 """
 
 import contextlib
-import functools
-from typing import NamedTuple
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
 
-import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from gonio.fitting.problem.blocks import LANES, Samples, pages
-from gonio.fitting.problem.domains import Domains, to_parameters
-from gonio.fitting.problem.normal_equations import Sums, sums
-from gonio.fitting.problem.parameterisation import Structure, count
-from gonio.fitting.solver.convergence import eps, is_double
+from gonio.fitting.problem.blocks import LANES
+from gonio.fitting.problem.domains import Domains, to_parameters, to_unconstrained
+from gonio.fitting.problem.normal_equations import NormalEquations
+from gonio.fitting.solver.convergence import eps, is_double, stationarity
 from gonio.fitting.solver.lm_step import Normal, advance, fresh, packed_up, padded_size
 
 MAX_STEPS = 200
@@ -24,75 +23,143 @@ UNDAMPED, DAMPED = 1e8, 100.0  # the first step's size from near a minimum, and 
 HOPE = 4.0  # times as much as a Newton step promises: more will not come of a descent near a minimum
 
 
-class Problem(eqx.Module):
-    """All that the cost depends on besides the free numbers."""
+class LeastSquares(Protocol):
+    """A least-squares problem of P bounded parameters, as the solver takes it."""
 
-    structure: Structure = eqx.field(static=True)
-    loss: str = eqx.field(static=True)
-    fixed: tuple[dict, ...]
-    domains: Domains
-    data: Samples
-    target_norm_squared: Float[Array, ""]  # ‖data‖², of the weighted targets
+    @property
+    def domains(self) -> Domains:
+        """Closed domains, of shape (P,), or (S, P) for S descents."""
+        ...
+
+    @property
+    def linear(self) -> np.ndarray:
+        """Which parameters (P,) the model is proportional to."""
+        ...
+
+    @property
+    def target_norm_squared(self) -> float:
+        """‖data‖²."""
+        ...
+
+    def normal_equations(self, p: np.ndarray, active: np.ndarray | None = None) -> NormalEquations:
+        """At up to `LANES` vectors p (S, P), of the active ones (S,)."""
+        ...
 
 
-class Ends(NamedTuple):
-    """Where S descents ended: parameters, the sums there or one step before, and what was seen; S leading.
+@dataclasses.dataclass(frozen=True)
+class Descent:
+    """The end of one descent: parameters (P,), the normal equations there or one step before, how stationary.
 
-    Where the last step was not looked at any more, the cost is what it promised.
+    Where the last step was not evaluated any more, the cost is what it promised.
     """
 
     p: np.ndarray
-    total: Sums
+    equations: NormalEquations
+    stationarity: float
+    exact: bool
+    steps: int
+    successful: bool  # by the solver's own word
+
+    @property
+    def cost(self) -> float:
+        """½ Σ r²."""
+        return float(self.equations.cost)
+
+
+class _Ends(NamedTuple):
+    """The last accepted points of S descents."""
+
+    p: np.ndarray
+    cost: np.ndarray
+    gradient: np.ndarray
+    matrix: np.ndarray
     stationarity: np.ndarray
     exact: np.ndarray
-    steps: np.ndarray
-    successful: np.ndarray
+    promised: np.ndarray  # what an undamped Newton step takes off the cost
 
 
-def at_bounds(d: Domains, p: Float[Array, "*s p"], xp=np) -> tuple[Array, Array]:
-    """Which parameters lie on their lower, and which on their upper bound (to 1e-9 of the domain's size there)."""
-    span = xp.minimum(d.high - d.low, 1.0)
-    return p - d.low <= 1e-9 * span, d.high - p <= 1e-9 * span
+def minimise(
+    problem: LeastSquares,
+    starts: Sequence[np.ndarray] | Float[np.ndarray, "s p"],
+    near: bool = False,
+    rough: float = 1.0,
+    rivals: bool = False,
+    enough: float = 0.0,
+    most: int = MAX_STEPS,
+) -> list[Descent]:
+    """The ends of descents from parameters (P,), `LANES` of them side by side.
 
-
-def stationarity(d: Domains, p, total: Sums, xp=np) -> tuple[Float[Array, "*s"], Array, Array]:
-    """(max_j |J_jᵀr|/(‖J_j‖‖r‖), pinned, silent): pinned sit on a bound that the cost pushes against, and silent
-    parameters do not move the residuals at all; neither counts in the maximum. Any leading axes.
+    Args:
+        problem: what is minimised.
+        starts: parameters of each start.
+        near: the starts are near minima, and need no damping at first.
+        rough: factor by which the limits of stationarity are relaxed.
+        rivals: only the lowest end matters; a descent that will not reach it may stop where it is.
+        enough: decrease of the cost, promised by a Newton step, below which a descent may stop.
+        most: steps of each descent.
     """
-    low, high = at_bounds(d, p, xp)
-    pinned = (low & (total.gradient >= 0)) | (high & (total.gradient <= 0))
-    length2 = xp.diagonal(total.matrix, axis1=-2, axis2=-1)
-    silent = length2 <= 0
-    scale = xp.sqrt(xp.where(silent, 1.0, length2) * 2.0 * xp.maximum(xp.asarray(total.cost)[..., None], 1e-300))
-    share = xp.where(pinned | silent, 0.0, xp.abs(total.gradient) / scale)
-    return xp.max(share, axis=-1, initial=0.0), pinned, silent
+    if len(starts) > LANES:
+        return [
+            end
+            for first in range(0, len(starts), LANES)
+            for end in minimise(problem, starts[first : first + LANES], near, rough, rivals, enough, most)
+        ]
+    x = to_unconstrained(problem.domains, np.stack(list(starts)))
+    number, free = x.shape
+    size = padded_size(free)
+    start = np.zeros((LANES, size))
+    start[:number, :free] = x
+    lanes, trial = fresh(size, UNDAMPED if near else DAMPED, is_double())._replace(trial=start, y=start), x
+    active, steps = np.arange(LANES) < number, np.zeros(number, int)
+    ends: _Ends | None = None
+    target_norm_squared, relaxed = np.asarray(float(problem.target_norm_squared)), np.asarray(float(rough))
+    for _ in range(most):
+        now, normal = _evaluate(problem, trial, active[:number])
+        lanes, report = advance(lanes, packed_up(normal, size), active, target_norm_squared, relaxed)
+        report = np.asarray(report)[:number]
+        trial, (accepted, finished, refused, settled) = report[:, :free], report[:, size:].T > 0
+        taken = accepted & active[:number]
+        ends = now if ends is None else _Ends(
+            *(np.where(taken.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(now, ends, strict=True))
+        )  # fmt: skip
+        steps += active[:number]
+        active[:number] &= ~(finished | (taken & (now.promised < enough)))
+        if rivals:
+            active[:number] &= ~(ends.cost - HOPE * ends.promised > np.min(ends.cost))
+        if not active.any():
+            break
+    # So near, the last step is as good as taken.
+    settled = (settled | (ends.promised < enough)) & ~ends.exact
+    p = np.where(settled[:, None], to_parameters(problem.domains, trial, np)[0], ends.p)
+    cost = np.where(settled, ends.cost - ends.promised, ends.cost)
+    good = finished & ~refused
+    return [
+        Descent(
+            p[k], NormalEquations(cost[k], ends.gradient[k], ends.matrix[k]), float(ends.stationarity[k]),
+            bool(ends.exact[k]), int(steps[k]), bool(good[k]),
+        )
+        for k in range(number)
+    ]  # fmt: skip
 
 
-def normal_at(
-    problem: Problem, data: list[Samples], x: np.ndarray, active: np.ndarray
-) -> tuple[np.ndarray, Sums, Normal]:
-    """(parameters, sums, normal equations) at coordinates x (S, P), of the active ones; `data` in pages."""
+def _evaluate(problem: LeastSquares, x: np.ndarray, active: np.ndarray) -> tuple[_Ends, Normal]:
+    """The active points at coordinates x (S, P), by the parameters and by the coordinates."""
     d = problem.domains
     p, slope, curvature = to_parameters(d, x, np)
-    total, _ = sums(problem.structure, problem.loss, p, problem.fixed, data, active)
+    equations = problem.normal_equations(p, active)
     with np.errstate(all="ignore"):  # what is not finite is a rejected step
         # The map's curvature is exact and free; negative curvature would spoil positive definiteness and is left out.
-        bend = np.maximum(total.gradient * curvature, 0.0)
-        hessian = total.matrix * slope[:, :, None] * slope[:, None, :]
+        bend = np.maximum(equations.gradient * curvature, 0.0)
+        hessian = equations.matrix * slope[:, :, None] * slope[:, None, :]
         at = np.arange(x.shape[1])
         hessian[:, at, at] += bend
-        measure, _, _ = stationarity(d, p, total)
-        exact = 2.0 * total.cost <= (30.0 * eps()) ** 2 * float(problem.target_norm_squared)
-        gradient = total.gradient * slope
-        (_, projection), (left, gain) = _newton(hessian, gradient, _stepping(problem.structure))
-        return p, total, Normal(total.cost, gradient, hessian, measure, exact, left, projection, gain)
-
-
-@functools.lru_cache(maxsize=256)
-def _stepping(s: Structure) -> np.ndarray:
-    """All numbers, and the linear ones alone, (2, P)."""
-    linear = np.array([g.linear for g in s.groups for _ in range(count(s, g))], bool)
-    return np.stack([np.ones_like(linear), linear])
+        measure = stationarity(d, p, equations).projected_gradient
+        exact = 2.0 * equations.cost <= (30.0 * eps()) ** 2 * float(problem.target_norm_squared)
+        gradient = equations.gradient * slope
+        of = np.stack([np.ones_like(problem.linear), problem.linear])
+        (_, projection), (promised, gain) = _newton(hessian, gradient, of)
+        normal = Normal(equations.cost, gradient, hessian, measure, exact, promised, projection, gain)
+    return _Ends(p, *equations, measure, exact, promised), normal
 
 
 def _newton(hessian: np.ndarray, gradient: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -115,50 +182,3 @@ def _newton(hessian: np.ndarray, gradient: np.ndarray, of: np.ndarray) -> tuple[
         move = -np.linalg.solve(scaled, np.where(of[:, None], slope / lengths, 0.0)[..., None])[..., 0] / lengths
     move = np.where(np.isfinite(move), move, 0.0)
     return move, -0.5 * np.sum(move * slope, axis=-1)
-
-
-def minimise(
-    problem: Problem,
-    x: np.ndarray,
-    near: bool = False,
-    rough: float = 1.0,
-    rivals: bool = False,
-    enough: float = 0.0,
-    most: int = MAX_STEPS,
-) -> Ends:
-    """The ends of the descents from unconstrained coordinates x (S, P), at most `LANES` of them.
-
-    `near`: they begin near minima, and need no damping at first. `rough`: how much less stationary may do. `rivals`:
-    only the lowest end is asked for, and what will not come down to it may stop where it is. `enough`: of the cost may
-    be left to gain, by what a Newton step promises. `most`: steps.
-    """
-    number, free = x.shape
-    size = padded_size(free)
-    start = np.zeros((LANES, size))
-    start[:number, :free] = x
-    lanes, trial = fresh(size, UNDAMPED if near else DAMPED, is_double())._replace(trial=start, y=start), x
-    active, steps = np.arange(LANES) < number, np.zeros(number, int)
-    kept, data = None, pages(problem.data)
-    target_norm_squared, rough = np.asarray(float(problem.target_norm_squared)), np.asarray(float(rough))
-    for _ in range(most):
-        p, total, seen = normal_at(problem, data, trial, active[:number])
-        lanes, told = advance(lanes, packed_up(seen, size), active, target_norm_squared, rough)
-        told = np.asarray(told)[:number]
-        trial, (said_accepted, finished, refused, settled) = told[:, :free], told[:, size:].T > 0
-        accepted = said_accepted & active[:number]
-        now = (p, *total, seen.stationarity, seen.exact, seen.left)
-        kept = now if kept is None else tuple(
-            np.where(accepted.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(now, kept, strict=True)
-        )  # fmt: skip
-        steps += active[:number]
-        active[:number] &= ~(finished | (accepted & (seen.left < enough)))
-        if rivals:
-            active[:number] &= ~(kept[1] - HOPE * kept[-1] > np.min(kept[1]))
-        if not active.any():
-            break
-    p, cost, gradient, matrix, measure, exact, left = kept
-    # So near, the last step is as good as taken.
-    settled = (settled | (left < enough)) & ~exact
-    p = np.where(settled[:, None], to_parameters(problem.domains, trial, np)[0], p)
-    cost = np.where(settled, cost - left, cost)
-    return Ends(p, Sums(cost, gradient, matrix), measure, exact, steps, finished & ~refused)

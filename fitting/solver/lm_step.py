@@ -189,8 +189,8 @@ def padded_size(free: int) -> int:
     return max(8, 1 << (free - 1).bit_length())
 
 
-def prepare(free: int) -> None:
-    """Have the program of a step compiled for so many free numbers, before there is a model."""
+def compile_step(free: int) -> None:
+    """Compile the program of a step for so many free numbers, before there is a model."""
     size, no = padded_size(free), np.zeros(LANES, bool)
     lanes, none = fresh(size, 1.0, is_double()), np.zeros((LANES, 5 + size * (2 + size)))
     advance(lanes, none, no, np.asarray(1.0), np.asarray(1.0))[1].block_until_ready()

@@ -1,109 +1,80 @@
-"""Many starts on few samples, then the best on all: who agrees with whom."""
+"""Multi-start descents on levels of growing size: all starts on few cells, the best ends on more, the last on all."""
 
 import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
 
-from gonio.fitting.problem.blocks import LANES
-from gonio.fitting.problem.domains import Domains, to_unconstrained
-from gonio.fitting.problem.normal_equations import Sums
-from gonio.fitting.problem.parameterisation import Structure, count
+from gonio.fitting.problem.problem import FitProblem
+from gonio.fitting.problem.subsample import coarse_cells
 from gonio.fitting.solver.convergence import eps
-from gonio.fitting.solver.levenberg_marquardt import Problem, minimise
+from gonio.fitting.solver.initial_guess import starting_points
+from gonio.fitting.solver.levenberg_marquardt import Descent, minimise
 
+COARSE = 512
+EACH = 48  # samples for each free number, where these are many
+ROUGH = 1e4  # of the aim, where more readings follow
+MIDDLE = 1 << 16
+WORTHWHILE = 3  # times as many readings as a level has samples, for that level to spare anything
+CLOSE = 1.05  # of the best cost on the middle level: what may still be the best on all readings
 ROUNDINGS = 16.0  # of what is compared, by which two costs of one minimum may differ
 SAME_COST = 1e-6  # relative difference of two costs that are one minimum
 
 
 @dataclasses.dataclass(frozen=True)
-class Descent:
-    """One descent's end: parameters, cost, and how stationary it is."""
+class Search:
+    """The best descent on all readings; the ends of all starts on the coarse `cells`, and how many of them agree."""
 
-    p: np.ndarray
-    cost: float
-    stationarity: float
-    exact: bool
-    steps: int
-    said_successful: bool
-    total: Sums
-
-    @property
-    def stationary(self) -> bool:
-        """Stationary by the projected gradient, or exact; what the solver said of itself does not count."""
-        return self.exact or self.stationarity <= 1e-6
+    best: Descent
+    ends: list[Descent]
+    agreed: int
+    cells: np.ndarray
 
 
-def descend_all(
-    problem: Problem,
-    domains: Domains,
-    starts: Sequence[np.ndarray],
-    near: bool = False,
-    rough: float = 1.0,
-    rivals: bool = False,
-) -> list[Descent]:
-    """One descent from the parameters (P,) of each start, side by side; what else as `minimise` takes it."""
-    found = []
-    for first in range(0, len(starts), LANES):
-        x = np.stack([to_unconstrained(domains, p) for p in starts[first : first + LANES]])
-        ends = minimise(problem, x, near, rough, rivals)
-        for k in range(len(x)):
-            total = Sums(*(a[k] for a in ends.total))
-            found.append(
-                Descent(
-                    ends.p[k], float(total.cost), float(ends.stationarity[k]), bool(ends.exact[k]), int(ends.steps[k]),
-                    bool(ends.successful[k]), total,
-                )
-            )  # fmt: skip
-    return found
+def search(problem: FitProblem, given: np.ndarray, starts: int, seed: int) -> Search | None:
+    """The best descent from the starts of the data and random ones; None where no start has a finite cost.
 
-
-def descend(problem: Problem, domains: Domains, start: np.ndarray, near: bool = True) -> Descent:
-    """One descent from the parameters `start`, shape (P,), by default near a minimum."""
-    return descend_all(problem, domains, [start], near)[0]
-
-
-def agreeing(ends: list[Descent], best: Descent, target_norm_squared: float) -> int:
-    """How many descents ended at the best cost (to 1e-6 of it, or to rounding)."""
-    return sum(end.cost <= best.cost + _margin(best.cost, target_norm_squared) for end in ends)
-
-
-def _margin(cost: float, target_norm_squared: float) -> float:
-    return (
-        SAME_COST * cost
-        + 1e-20 * target_norm_squared
-        + ROUNDINGS * eps() * float(np.sqrt(max(cost, 0.0) * target_norm_squared))
-    )
+    Args:
+        problem: all readings.
+        given: start of each free number (P,), NaN where none is given.
+        starts: number of random starts.
+        seed: of the random starts and of the subsamples.
+    """
+    n = problem.weight.shape[0]
+    enough = max(COARSE, EACH * given.size)
+    cells = coarse_cells(problem.readings, enough, seed) if n > WORTHWHILE * enough else np.arange(n)
+    coarse = problem.subset(cells)
+    ends = minimise(coarse, starting_points(coarse, given, starts, seed), rough=1.0 if coarse is problem else ROUGH)
+    best = _best(ends)
+    if best is None:
+        return None
+    agreed = sum(end.cost <= best.cost + _margin(best.cost, coarse.target_norm_squared) for end in ends)
+    if coarse is problem:
+        return Search(best, ends, agreed, cells)
+    rest = distinct(ends, coarse.target_norm_squared)
+    if n > WORTHWHILE * MIDDLE:
+        some = np.sort(np.random.default_rng(seed).choice(n, MIDDLE, replace=False, shuffle=False))
+        rest = minimise(problem.subset(some), [e.p for e in rest], near=True, rough=ROUGH, rivals=True)
+        least = min(e.cost for e in rest)
+        rest = [e for e in distinct(rest, problem.target_norm_squared) if e.cost <= CLOSE * least] or rest
+    best = _best(minimise(problem, [e.p for e in rest], near=True, rivals=True)) or best
+    return Search(best, ends, agreed, cells)
 
 
 def distinct(ends: list[Descent], target_norm_squared: float, most: int = 3) -> list[Descent]:
     """The best descents of different cost, at most `most`, none more than half above the best."""
-    found: list[Descent] = []
+    kept: list[Descent] = []
     for end in sorted((e for e in ends if np.isfinite(e.cost)), key=lambda e: e.cost):
-        if found and end.cost > 1.5 * found[0].cost + 1e-20 * target_norm_squared:
+        if kept and end.cost > 1.5 * kept[0].cost + 1e-20 * target_norm_squared:
             break
-        if all(end.cost > f.cost + _margin(f.cost, target_norm_squared) for f in found):
-            found.append(end)
-    return found[:most]
+        if all(end.cost > other.cost + _margin(other.cost, target_norm_squared) for other in kept):
+            kept.append(end)
+    return kept[:most]
 
 
-def ordered_lobes(s: Structure, fixed: tuple[dict, ...], p: np.ndarray) -> np.ndarray:
-    """The same model with lobes of one kind in the order of their widths, narrow first: two fits then compare."""
+def _margin(cost: float, target_norm_squared: float) -> float:
+    rounding = ROUNDINGS * eps() * float(np.sqrt(max(cost, 0.0) * target_norm_squared))
+    return SAME_COST * cost + 1e-20 * target_norm_squared + rounding
 
-    def kind(t: int) -> tuple:
-        held = tuple((n, tuple(np.ravel(v))) for n, v in fixed[t].items())
-        return s.frames[t], held, tuple((g.name, g.per_channel) for g in s.groups if g.term == t)
 
-    def width(t: int) -> float:
-        return next((float(p[g.first]) for g in s.groups if g.term == t and g.name.startswith("alpha")), 0.0)
-
-    p = p.copy()
-    before = p.copy()
-    for same in {
-        kind(t): [u for u in range(len(s.frames)) if kind(u) == kind(t)] for t in range(len(s.frames))
-    }.values():
-        for place, taken in zip(same, sorted(same, key=width), strict=True):
-            ours, theirs = ([g for g in s.groups if g.term == t] for t in (place, taken))
-            for g, h in zip(ours, theirs, strict=True):
-                p[g.first : g.first + count(s, g)] = before[h.first : h.first + count(s, h)]
-    return p
+def _best(ends: list[Descent]) -> Descent | None:
+    return min((e for e in ends if np.isfinite(e.cost)), key=lambda e: e.cost, default=None)

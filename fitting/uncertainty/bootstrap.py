@@ -1,8 +1,8 @@
-"""Uncertainties that assume no form of the noise: refits to readings drawn again in blocks of neighbouring directions.
+"""Bootstrap over blocks of neighbouring directions: uncertainties that assume no form of the noise.
 
 Residuals that neighbours share (a model that leaves something out, a misaligned arm) are no independent noise: a block
-keeps them together. `residuals`: the directions stay, and the residuals of each block keep or change their sign [Wu
-1986; Cameron, Gelbach & Miller 2008]; `pairs`: blocks are drawn with repetition, readings and directions together.
+keeps them together. `wild`: the directions stay, and the residuals of each block keep or change their sign [Wu 1986;
+Cameron, Gelbach & Miller 2008]; `block_pairs`: blocks are resampled, readings and directions together.
 """
 
 import dataclasses
@@ -11,23 +11,22 @@ from typing import Any
 import numpy as np
 
 from gonio.fitting.problem.readings import Readings
-from gonio.fitting.problem.residuals import compared, retargeted, reweighed, weighted_residuals
 from gonio.fitting.residuals.pair_angles import neighbour_order
-from gonio.fitting.solver.multistart import descend, ordered_lobes
+from gonio.fitting.solver.levenberg_marquardt import minimise
 from gonio.fitting.solver.robust_weights import scales
 from gonio.fitting.uncertainty.covariance import NORMAL_95
-from gonio.models.errors import GonioError, nearest
+from gonio.fitting.uncertainty.optimum import Optimum
 
-KINDS = ("residuals", "pairs")
+KINDS = ("wild", "block_pairs")
 ALONE = 0.1  # correlation below which readings are not neighbours
 FEWEST_BLOCKS = 20
 PERCENTILES_FROM = 200  # refits; with fewer, intervals are normal ones
-MOST = 100_000
+STATIONARY = 1e-4  # projected gradient of a refit that counts
 
 
 @dataclasses.dataclass(frozen=True)
 class Bootstrap:
-    """Numbers of refits (N, P), and how the readings were drawn: blocks of so many cells, so many that failed."""
+    """Numbers of refits (N, P), and how the readings were resampled: blocks of so many cells, so many that failed."""
 
     kind: str
     numbers: np.ndarray
@@ -53,40 +52,39 @@ class Bootstrap:
         return np.clip(ends, low, high).T
 
 
-def require(number: int, kind: str) -> None:
-    """GonioError for a number of refits that cannot be, or a kind that is not known."""
-    if kind not in KINDS:
-        raise GonioError(f"Unknown bootstrap '{kind}'; {nearest(kind, KINDS)}")
-    if number != 0 and not 2 <= number <= MOST:
-        raise GonioError(f"A bootstrap of {number} refits came; expected from 2 to {MOST}, such as 200, or 0 for none.")
+def bootstrap(e: Optimum, number: int, kind: str, seed: int) -> Bootstrap:
+    """`number` refits of an optimum, each from its own numbers, by the compiled program of the fit itself.
 
-
-def bootstrap(e, readings: Readings, number: int, kind: str, seed: int) -> Bootstrap:
-    """`number` refits of an ending `e`, each from its own numbers, by the compiled program of the fit itself."""
-    residual = weighted_residuals(readings, e.problem.loss, float(e.problem.data.floor), e.weight, e.model_f)
-    used = e.weight > 0
+    Args:
+        e: the optimum.
+        number: refits.
+        kind: of `KINDS`.
+        seed: of the random signs or blocks.
+    """
+    problem, readings = e.problem, e.readings
+    residual, used = problem.residuals(e.model_f), problem.weight > 0
     block, size = blocks_of(readings, residual / scales(residual, e.model_f, used), used.any(axis=1))
     blocks = int(block.max()) + 1
     rng = np.random.default_rng([seed, 0x626F6F74])
-    model = compared(readings, e.problem.loss, float(e.problem.data.floor), e.model_f)
-    off = compared(readings, e.problem.loss, float(e.problem.data.floor), readings.f) - model
+    model = problem.compared(e.model_f)
+    deviation = problem.compared(readings.f) - model
     # Residuals of a fit are smaller than noise: it has used up as many as it has numbers.
-    grown = np.sqrt(readings.count / max(readings.count - e.p.size, 1))
-    found, failed = [], 0
+    enlarged = np.sqrt(readings.count / max(readings.count - e.p.size, 1))
+    refits, failed = [], 0
     for _ in range(number):
-        if kind == "pairs":
-            drawn = np.bincount(rng.integers(blocks, size=blocks), minlength=blocks)
-            again = reweighed(e.problem, e.weight * np.sqrt(drawn[block])[:, None])
+        if kind == "block_pairs":
+            times = np.bincount(rng.integers(blocks, size=blocks), minlength=blocks)
+            resampled = problem.reweighted(problem.weight * np.sqrt(times[block])[:, None])
         else:
             signs = rng.choice((-1.0, 1.0), blocks)
-            again = retargeted(e.problem, model + grown * signs[block][:, None] * off)
-        end = descend(again, e.domains, e.p)
-        if np.isfinite(end.cost) and (end.exact or end.stationarity <= 1e-4):
-            found.append(ordered_lobes(e.structure, e.fixed, end.p))
+            resampled = problem.retargeted(model + enlarged * signs[block][:, None] * deviation)
+        end = minimise(resampled, [e.p], near=True)[0]
+        if np.isfinite(end.cost) and (end.exact or end.stationarity <= STATIONARY):
+            refits.append(e.parameters.with_ordered_lobes(problem.fixed, end.p))
         else:
             failed += 1
-    numbers = np.array(found) if found else np.empty((0, e.p.size))
-    return Bootstrap(kind, numbers, size, blocks, failed, 1.0 if e.aside is None else e.aside.widening)
+    numbers = np.array(refits) if refits else np.empty((0, e.p.size))
+    return Bootstrap(kind, numbers, size, blocks, failed, 1.0 if e.downweighted is None else e.downweighted.widening)
 
 
 def blocks_of(readings: Readings, scaled: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, int]:
@@ -104,7 +102,7 @@ def blocks_of(readings: Readings, scaled: np.ndarray, used: np.ndarray) -> tuple
         t = np.clip(scaled[order], -3.0, 3.0)
         together = np.stack([np.bincount(block[order], c) for c in t.T])
         effect = float(np.sum(together**2) / max(float(np.sum(t * t)), 1e-300))
-        best = max(best, (effect, block, size), key=lambda found: found[0])
+        best = max(best, (effect, block, size), key=lambda order: order[0])
     return best[1], best[2]
 
 
@@ -119,25 +117,24 @@ def block_cells(scaled: np.ndarray) -> int:
     return min(max(2, 2 * lag), max(1, n // FEWEST_BLOCKS))
 
 
-def told(endings, drawn: list[Bootstrap], labels: list[str]) -> dict[str, Any]:
-    """What a result keeps of a bootstrap of its endings, whose free numbers have these labels in turn."""
-    numbers, at = [], 0
-    for e, b in zip(endings, drawn, strict=True):
-        u, ends = b.standard, b.intervals(e.p, np.asarray(e.domains.low), np.asarray(e.domains.high))
-        for k in range(e.p.size):
-            interval = [float(v) for v in ends[k]]
-            numbers.append({"name": labels[at], "standard_uncertainty": float(u[k]), "interval95": interval})
-            at += 1
-    every = [b.numbers for b in drawn]
+def bootstrap_summary(optima: list[Optimum], samples: list[Bootstrap], labels: list[str]) -> dict[str, Any]:
+    """What a result keeps of the bootstraps of its optima, whose free numbers have these labels in turn."""
+    numbers: list[dict[str, Any]] = []
+    for e, b in zip(optima, samples, strict=True):
+        ends = b.intervals(e.p, np.asarray(e.domains.low), np.asarray(e.domains.high))
+        for u, interval in zip(b.standard, ends, strict=True):
+            name = labels[len(numbers)]
+            numbers.append({"name": name, "standard_uncertainty": float(u), "interval95": [float(v) for v in interval]})
+    every = [b.numbers for b in samples]
     same = min(len(v) for v in every)
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = np.corrcoef(np.concatenate([v[:same] for v in every], axis=1).T) if same > 2 else None
     return {
-        "kind": drawn[0].kind,
-        "refits": sum(len(b.numbers) + b.failed for b in drawn),
-        "failed": sum(b.failed for b in drawn),
-        "blocks": [b.blocks for b in drawn],
-        "block_cells": [b.block_cells for b in drawn],
+        "kind": samples[0].kind,
+        "refits": sum(len(b.numbers) + b.failed for b in samples),
+        "failed": sum(b.failed for b in samples),
+        "blocks": [b.blocks for b in samples],
+        "block_cells": [b.block_cells for b in samples],
         "numbers": numbers,
         "correlation": None if correlation is None else np.atleast_2d(correlation),
     }

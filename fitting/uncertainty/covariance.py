@@ -1,9 +1,9 @@
-"""What the data say of each free number: covariance, intervals, what they leave open."""
+"""Covariance of the free numbers, and the combinations of them that the data leave open."""
 
 import dataclasses
 import math
-from collections.abc import Callable
 from statistics import NormalDist
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,13 +16,13 @@ LOST_ROUNDINGS = 100.0  # the same in other precisions
 FACTOR_OPEN = 2.0  # a number is open where its 95 % interval spans its domain, or a factor of e to this power
 PUSHED = 2.0  # standard uncertainties beyond its bound, from which on a number belongs there
 WIDE_OPEN = 2.0 * math.tanh(FACTOR_OPEN / 2)  # length of the interval [p(1 − t), p(1 + t)] over p, with that ratio
-LED = 0.9  # share of a number's variance that comes from an open combination, from which on it is open with it
+FOLLOWS = 0.9  # share of a number's variance that comes from an open combination, from which on it is open with it
 VAGUE = 0.15  # where it also has at least this relative uncertainty
 
 
 @dataclasses.dataclass(frozen=True)
 class Covariance:
-    """Covariance (P, P) of the free numbers: NaN rows for what is pinned, or what double precision cannot see.
+    """Covariance (P, P) of the free numbers: NaN rows where a bound holds a number, or without visible effect.
 
     `undetermined` (P,): numbers that the data leave open. `combinations` are (variance, change (P,)): a change of the
     numbers that is as large as what counts as open, and its variance in units of that change's square: at least 1, and
@@ -45,72 +45,75 @@ class Covariance:
             return self.matrix / np.outer(self.standard, self.standard)
 
     def scaled(self, variance: float, d: Domains, p: np.ndarray) -> "Covariance":
-        """The same with all variances multiplied, and judged again."""
+        """The same with all variances multiplied, and open numbers decided again."""
         lost = [(v, change) for v, change in self.combinations if not np.isfinite(v)]
         unseen = self.undetermined & np.isnan(np.diagonal(self.matrix))
         return judged(self.matrix * variance, unseen, lost, d, p)
 
 
-def covariance(
-    matrix: np.ndarray,
-    scatter: np.ndarray,
-    known_noise: bool,
-    open_numbers: np.ndarray,
-    d: Domains,
-    p: np.ndarray,
-    residuals: int,
-) -> Covariance:
-    """Covariance of the numbers that are `open_numbers` (not pinned to a bound, not silent).
+@dataclasses.dataclass(frozen=True)
+class CovarianceEstimate:
+    """What a covariance is made of: JᵀJ (P, P), the score covariance or None where the noise is known, domains, p.
 
-    With noise known, (JᵀJ)⁻¹; else the heteroscedasticity-consistent (JᵀJ)⁻¹ Jᵀdiag(r²)J (JᵀJ)⁻¹ [White 1980] with
-    its small-sample factor n/(n − P): the noise of a BRDF is rarely even in a loss.
+    With noise known it is (JᵀJ)⁻¹; else the heteroscedasticity-consistent (JᵀJ)⁻¹ Jᵀdiag(r²)J (JᵀJ)⁻¹ [White 1980] with
+    its small-sample factor n/(n − P): the noise of a BRDF is rarely even in a loss. `residuals` is n.
     """
-    size = p.size
-    full = np.full((size, size), np.nan)
-    silent = ~np.asarray(open_numbers, bool) & (np.diagonal(matrix) <= 0)
-    at = np.flatnonzero(open_numbers)
-    if not at.size:
-        return Covariance(full, silent, [])
-    lengths = np.sqrt(np.diagonal(matrix)[at])
-    scaled = matrix[np.ix_(at, at)] / np.outer(lengths, lengths)
-    values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
-    lost = values < max(LOST, LOST_ROUNDINGS * eps()) * at.size
-    inverse = (vectors[:, ~lost] / values[~lost]) @ vectors[:, ~lost].T
-    inverse = inverse / np.outer(lengths, lengths)
-    if not known_noise:
-        count = int(at.size)
-        inverse = inverse @ scatter[np.ix_(at, at)] @ inverse * (residuals / max(residuals - count, 1))
-    touched = (np.abs(vectors[:, lost]) > 0.1).any(axis=1) if lost.any() else np.zeros(at.size, bool)
-    inverse[touched, :] = inverse[:, touched] = np.nan
-    full[np.ix_(at, at)] = inverse
-    named = []
-    reach = open_from(d, p)
-    for vector in _sparse(vectors[:, lost]).T:
-        change = np.zeros(size)
-        change[at] = vector / lengths
-        named.append((np.inf, change / np.max(np.abs(change) / reach)))
-    unseen = silent.copy()
-    unseen[at[touched]] = True
-    return judged(full, unseen, named, d, p)
+
+    matrix: np.ndarray
+    scores: np.ndarray | None
+    residuals: int
+    domains: Domains
+    p: np.ndarray
+
+    def covariance(self, free: np.ndarray) -> Covariance:
+        """Covariance of the numbers that are `free` (P,): not held by a bound, and with an effect on the residuals."""
+        size, matrix = self.p.size, self.matrix
+        full = np.full((size, size), np.nan)
+        silent = ~np.asarray(free, bool) & (np.diagonal(matrix) <= 0)
+        at = np.flatnonzero(free)
+        if not at.size:
+            return Covariance(full, silent, [])
+        lengths = np.sqrt(np.diagonal(matrix)[at])
+        scaled = matrix[np.ix_(at, at)] / np.outer(lengths, lengths)
+        values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
+        lost = values < max(LOST, LOST_ROUNDINGS * eps()) * at.size
+        inverse = (vectors[:, ~lost] / values[~lost]) @ vectors[:, ~lost].T
+        inverse = inverse / np.outer(lengths, lengths)
+        if self.scores is not None:
+            small = self.residuals / max(self.residuals - int(at.size), 1)
+            inverse = inverse @ self.scores[np.ix_(at, at)] @ inverse * small
+        touched = (np.abs(vectors[:, lost]) > 0.1).any(axis=1)
+        inverse[touched, :] = inverse[:, touched] = np.nan
+        full[np.ix_(at, at)] = inverse
+        combinations, reach = [], open_from(self.domains, self.p)
+        for vector in _sparse(vectors[:, lost]).T:
+            change = np.zeros(size)
+            change[at] = vector / lengths
+            combinations.append((np.inf, change / np.max(np.abs(change) / reach)))
+        unseen = silent.copy()
+        unseen[at[touched]] = True
+        return judged(full, unseen, combinations, self.domains, self.p)
 
 
-def judged(full: np.ndarray, unseen: np.ndarray, lost: list, d: Domains, p: np.ndarray) -> Covariance:
+def judged(
+    full: np.ndarray, unseen: np.ndarray, lost: list[tuple[float, np.ndarray]], d: Domains, p: np.ndarray
+) -> Covariance:
     """The covariance with what it leaves open: each number by itself, and the combinations that they are open along."""
-    undetermined, named = unseen.copy(), list(lost)
+    undetermined, combinations = unseen.copy(), list(lost)
     at = np.flatnonzero(np.isfinite(np.diagonal(full)))
     reach = open_from(d, p)[at]
-    part = full[np.ix_(at, at)] / np.outer(reach, reach)
-    if at.size and np.isfinite(part).all() and (np.diagonal(part) > 1).any():
-        undetermined[at[np.diagonal(part) > 1]] = True
-        values, vectors = np.linalg.eigh((part + part.T) / 2)
+    scaled = full[np.ix_(at, at)] / np.outer(reach, reach)
+    if at.size and np.isfinite(scaled).all() and (np.diagonal(scaled) > 1).any():
+        undetermined[at[np.diagonal(scaled) > 1]] = True
+        values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
         for k in np.flatnonzero(values > 1)[::-1]:
             change = np.zeros(p.size)
             change[at] = vectors[:, k] * reach
-            named.append((float(values[k]), change))
-            led = values[k] * vectors[:, k] ** 2 > LED * np.diagonal(part)
-            vague = np.sqrt(np.diagonal(part)) * reach > VAGUE * np.abs(p[at])
-            undetermined[at[led & vague]] = True
-    return Covariance(full, undetermined, named)
+            combinations.append((float(values[k]), change))
+            follows = values[k] * vectors[:, k] ** 2 > FOLLOWS * np.diagonal(scaled)
+            vague = np.sqrt(np.diagonal(scaled)) * reach > VAGUE * np.abs(p[at])
+            undetermined[at[follows & vague]] = True
+    return Covariance(full, undetermined, combinations)
 
 
 def _sparse(vectors: np.ndarray) -> np.ndarray:
@@ -141,30 +144,37 @@ def open_from(d: Domains, p: np.ndarray) -> np.ndarray:
     return np.where(kind == LINEAR, straight, curved) / (2 * NORMAL_95)
 
 
-def at_their_bounds(
-    total, spread_of: Callable[[np.ndarray], Covariance], pinned: np.ndarray, silent: np.ndarray
-) -> tuple[Covariance, np.ndarray, np.ndarray]:
-    """(covariance, which numbers (P,) a bound holds, how far inside of it these may lie with 95 % confidence (P,)).
+class BoundedCovariance(NamedTuple):
+    """Covariance, which numbers (P,) a bound holds, how far inside of it they may lie with 95 % confidence (P,)."""
 
-    `spread_of(free)` is the covariance with those numbers free. What pushes against its bound no more than noise does,
-    and is open without it, counts as free: others that go with it would seem to be known.
+    covariance: Covariance
+    active_bound: np.ndarray
+    reach: np.ndarray
+
+
+def at_bounds_covariance(
+    estimate: CovarianceEstimate, gradient: np.ndarray, active_bound: np.ndarray, zero_sensitivity: np.ndarray
+) -> BoundedCovariance:
+    """The covariance with bounds: a number counts as free where it pushes against its bound no more than noise does.
+
+    That is so where it would be open without the bound: others that go with it would seem to be known.
     """
-    pinned, reach = pinned.copy(), np.full(pinned.size, np.nan)
-    spread = spread_of(~pinned & ~silent)
-    for k in np.flatnonzero(pinned & ~silent):
-        free = ~pinned & ~silent
+    active, reach = active_bound.copy(), np.full(active_bound.size, np.nan)
+    spread = estimate.covariance(~active & ~zero_sensitivity)
+    for k in np.flatnonzero(active & ~zero_sensitivity):
+        free = ~active & ~zero_sensitivity
         others = np.flatnonzero(free)
         free[k] = True
-        around = spread_of(free)
+        around = estimate.covariance(free)
         if around.undetermined[k] and np.isnan(around.matrix[k, k]):
             reach[k] = np.inf
             continue
-        beyond, limit = beyond_bound(total.matrix, total.gradient, around.matrix, k, others)
+        beyond, limit = beyond_bound(estimate.matrix, gradient, around.matrix, k, others)
         if around.undetermined[k] and beyond < PUSHED:
-            pinned[k], spread = False, around
+            active[k], spread = False, around
         else:
             reach[k] = limit
-    return spread, pinned, reach
+    return BoundedCovariance(spread, active, reach)
 
 
 def beyond_bound(

@@ -1,22 +1,63 @@
-"""Combinations of numbers that the data leave open, in the words of whoever asked for them."""
+"""Sentences about numbers, and combinations of numbers, that the data leave open."""
+
+import re
 
 import numpy as np
+
+from gonio.fitting.result import ParameterEstimate
+from gonio.fitting.uncertainty.informative_directions import advice
+from gonio.fitting.uncertainty.optimum import Optimum
 
 SMALL = 0.1  # of the largest change, below which a number is no part of a combination
 ALIKE = 0.1  # difference of two relative changes, or of an exponent from ±1, that words pass over
 
 
-def in_words(variance: float, change: np.ndarray, p: np.ndarray, names: list[str], linear: np.ndarray) -> str:
+def undetermined_sentences(e: Optimum, estimates: list[ParameterEstimate]) -> list[str]:
+    """What an optimum leaves open, and which readings would determine it; `estimates` of its free numbers in turn."""
+    names = [p.label for p in estimates]
+    sentences = [
+        f"{describe_combination(variance, change, e.p, names, e.parameters.linear)}; {advice(e, k)}"
+        for k, (variance, change) in enumerate(e.covariance.combinations)
+    ]
+    silent = e.covariance.undetermined & (np.diagonal(np.asarray(e.equations.matrix)) <= 0)
+    sentences += [f"{names[k]} does not change the residuals at all" for k in np.flatnonzero(silent)]
+    return sentences + unnamed_numbers(estimates, sentences)
+
+
+def unnamed_numbers(estimates: list[ParameterEstimate], sentences: list[str]) -> list[str]:
+    """A sentence for the undetermined numbers that other sentences pass over: their shares of open combinations are
+    small beside another's, but not beside what is known of them.
+    """
+    every = "\n".join(sentences)
+
+    def named(p: ParameterEstimate) -> bool:
+        one, all_channels = re.escape(p.label), re.escape(f"{p.name} (every channel)")
+        return re.search(rf"(?<![\w.])(?:{one}(?![\w\[(]| \(every)|{all_channels})", every) is not None
+
+    rest = [p for p in estimates if p.status == "undetermined" and not named(p)]
+    if not rest:
+        return []
+    each = [f"{p.label} (95 % interval {p.interval95[0]:.3g} to {p.interval95[1]:.3g})" for p in rest]
+    return [f"{' and '.join(each)} {'is' if len(each) == 1 else 'are'} not determined by these readings either"]
+
+
+def describe_combination(
+    variance: float, change: np.ndarray, p: np.ndarray, names: list[str], linear: np.ndarray
+) -> str:
     """What is determined and what is not, as one sentence without its end.
 
-    `change` (P,): the open combination; `variance` as in `Covariance.combinations`; `names` such as ``ggx.scale[R]``;
-    `linear` (P,): numbers that f is proportional to.
+    Args:
+        variance: of the combination, as in `Covariance.combinations`.
+        change: the open combination (P,).
+        p: the numbers (P,).
+        names: of the numbers, such as ``ggx.scale[R]``.
+        linear: which of them f is proportional to.
     """
     members = _members(change, p, names)
-    said = list(members)
-    if len(said) == 1:
-        return f"{said[0]} is not determined by these readings"
-    if len(said) == 2:
+    first, *others = members
+    if not others:
+        return f"{first} is not determined by these readings"
+    if len(others) == 1:
         (a, (rate_a, i)), (b, (rate_b, j)) = members.items()
         both = f"{a} and {b} are not"
         if linear[i] and linear[j]:
@@ -27,12 +68,12 @@ def in_words(variance: float, change: np.ndarray, p: np.ndarray, names: list[str
                 return f"only the combination {a} + {factor}{b} is determined by these readings: {both}"
         elif rate_a and rate_b:
             return f"only the combination {_power(a, b, -rate_a / rate_b)} is determined by these readings: {both}"
-    lead = members[said[0]][0] or 1.0
-    others = ", ".join(f"{n} by {members[n][0] / lead:+.3g} %" for n in said[1:5])
-    more = f" and {len(said) - 5} more" if len(said) > 5 else ""
+    lead = members[first][0] or 1.0
+    rates = ", ".join(f"{n} by {members[n][0] / lead:+.3g} %" for n in others[:4])
+    more = f" and {len(others) - 4} more" if len(others) > 4 else ""
     how = "nothing" if not np.isfinite(variance) else "less in the residuals than noise does"
     return (
-        f"raising {said[0]} by 1 % together with {others}{more} changes {how}: only their combination is determined by "
+        f"raising {first} by 1 % together with {rates}{more} changes {how}: only their combination is determined by "
         "these readings"
     )
 
@@ -45,18 +86,18 @@ def _members(change: np.ndarray, p: np.ndarray, names: list[str]) -> dict[str, t
     groups: dict[str, list[int]] = {}
     for k in order:
         groups.setdefault(names[k].split("[")[0], []).append(k)
-    found: dict[str, tuple[float, int]] = {}
+    members: dict[str, tuple[float, int]] = {}
     for base, at in groups.items():
         every = [k for k, n in enumerate(names) if n.split("[")[0] == base]
         if len(at) == len(every) > 1 and np.ptp(rate[at]) < ALIKE * np.max(np.abs(rate[at])):
-            found[f"{base} (every channel)"] = (float(np.mean(rate[at])), at[0])
+            members[f"{base} (every channel)"] = (float(np.mean(rate[at])), at[0])
         else:
-            found |= {names[k]: (float(rate[k]), k) for k in at}
-    return found
+            members |= {names[k]: (float(rate[k]), k) for k in at}
+    return members
 
 
 def _power(a: str, b: str, exponent: float) -> str:
-    # What stays while a rises by r_a and b by r_b is a·b^(−r_a/r_b).
+    """What stays while a rises by r_a and b by r_b: a·b^(−r_a/r_b)."""
     if abs(abs(exponent) - 1) < ALIKE:
         return f"{a}·{b}" if exponent > 0 else f"{a}/{b}"
     return f"{a}·{b}^{exponent:.2g}" if exponent > 0 else f"{a}/{b}^{-exponent:.2g}"

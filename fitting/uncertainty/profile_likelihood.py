@@ -1,8 +1,8 @@
 """Intervals of numbers known so vaguely that their cost is no parabola: profile likelihood [James & Roos 1975].
 
-A number is held at a value and all others are fitted again; its interval ends where the cost has risen by what 95 %
+A number is fixed at a value and all others are fitted again; its interval ends where the cost has risen by what 95 %
 confidence allows. In a valley that bends, the covariance at its bottom says little about its ends. The ends of all
-numbers are looked for side by side, each fit from the last one, no better than the ends need, and with a budget: where
+numbers are searched side by side, each fit from the last one, no better than the ends need, and with a budget: where
 that is spent, intervals are those of the covariance, and the result says so.
 """
 
@@ -11,15 +11,16 @@ import dataclasses
 import numpy as np
 
 from gonio.fitting.problem.blocks import LANES
-from gonio.fitting.problem.domains import LINEAR, LOG, Domains, to_unconstrained
+from gonio.fitting.problem.domains import LINEAR, LOG, Domains
 from gonio.fitting.solver.levenberg_marquardt import minimise
 from gonio.fitting.uncertainty.covariance import FACTOR_OPEN, NORMAL_95, WIDE_OPEN, Covariance, open_from
+from gonio.fitting.uncertainty.optimum import Optimum
 
 VAGUE = 0.15  # of the standard uncertainty that counts as open, from which on the profile is followed
 ALONG = 0.95  # correlation of numbers that go together
 CLOSE = 0.03  # relative error of an interval's end
 TRIALS = 10
-ENOUGH = 2e-3  # of the rise that is looked for: what a fit with a number held may leave
+ENOUGH = 2e-3  # of the allowed rise: what a fit with a number fixed may leave
 STEPS = 40  # of such a fit
 BUDGET = 3e7  # evaluations of the model at a sample: about three seconds on one thread
 FAR = 3.0  # standard deviations, and the factor of e to this power that is open there: for a parabola, the same thing
@@ -27,38 +28,42 @@ FAR_OPEN = FACTOR_OPEN * FAR / NORMAL_95
 MOST = 6  # numbers that are followed
 
 
-def with_profiles(e):
-    """The ending with profile intervals of its vague numbers, those that are open after all called undetermined."""
-    u, reach = e.covariance.standard, open_from(e.domains, e.p)
-    with np.errstate(invalid="ignore"):
-        vague = (u > VAGUE * reach) & ~e.pinned
-        # What goes with a vague number is as vague in its own size, however small that is beside its domain.
-        along = (np.abs(e.covariance.correlation) > ALONG)[:, vague].any(axis=1) & (u > VAGUE * np.abs(e.p) / 2)
-    vague = np.flatnonzero(vague | (along & ~e.pinned))
-    if not vague.size or e.exact or not e.converged:
+def with_profiles(e: Optimum) -> Optimum:
+    """The optimum with profile intervals of its vague numbers, those that are open after all called undetermined."""
+    reach, vague = open_from(e.domains, e.p), vague_numbers(e)
+    if not vague or e.exact or not e.converged:
         return e
-    vague = [int(k) for k in vague[np.argsort(-(u / reach)[vague])]]
     followed = {k: _searches(e, k) for k in vague[:MOST]}
-    spent = _follow(e, [s for pair in followed.values() for s in pair], 0)
-    found, far, covariance = {}, {}, e.covariance
-    for k, pair in followed.items():
-        ends = (float(pair[0].end), float(pair[1].end))
-        if not all(np.isfinite(ends)):
-            continue
-        found[k] = ends
-        if not is_open(e.domains, k, ends, float(e.p[k])):
-            # Noise may seem to decide where a bent valley hardly does: three standard deviations see its far side.
-            far[k] = [s.farther(FAR) for s in pair]
-    _follow(e, [s for pair in far.values() for s in pair], spent)
-    for k, ends in found.items():
+    budget = _follow(e, [s for pair in followed.values() for s in pair], BUDGET)
+    profile = {k: (low.end, high.end) for k, (low, high) in followed.items() if np.isfinite([low.end, high.end]).all()}
+    # Noise may seem to decide where a bent valley hardly does: three standard deviations see its far side.
+    far = {
+        k: [s.farther(FAR) for s in followed[k]]
+        for k, ends in profile.items()
+        if not is_open(e.domains, k, ends, float(e.p[k]))
+    }
+    _follow(e, [s for pair in far.values() for s in pair], budget)
+    covariance = e.covariance
+    for k, ends in profile.items():
         opened = k not in far
         if not opened:
-            ends = (float(far[k][0].end), float(far[k][1].end))
-            opened = all(np.isfinite(ends)) and is_open(e.domains, k, ends, float(e.p[k]), FAR_OPEN)
+            ends = (far[k][0].end, far[k][1].end)
+            opened = bool(np.isfinite(ends).all()) and is_open(e.domains, k, ends, float(e.p[k]), FAR_OPEN)
         if opened:
             covariance = _opened(covariance, k, ends, reach, e.p)
-    left = tuple(k for k in vague if k not in found)
-    return dataclasses.replace(e, profile=found, covariance=covariance, unfollowed=left)
+    unfollowed = tuple(k for k in vague if k not in profile)
+    return dataclasses.replace(e, profile=profile, covariance=covariance, unfollowed=unfollowed)
+
+
+def vague_numbers(e: Optimum) -> list[int]:
+    """Numbers whose intervals the covariance may not describe, the vaguest first."""
+    u, reach = e.covariance.standard, open_from(e.domains, e.p)
+    with np.errstate(invalid="ignore"):
+        vague = (u > VAGUE * reach) & ~e.active_bound
+        # What goes with a vague number is as vague in its own size, however small that is beside its domain.
+        along = (np.abs(e.covariance.correlation) > ALONG)[:, vague].any(axis=1) & (u > VAGUE * np.abs(e.p) / 2)
+    indices = np.flatnonzero(vague | (along & ~e.active_bound))
+    return [int(k) for k in indices[np.argsort(-(u / reach)[indices])]]
 
 
 def is_open(d: Domains, k: int, ends: tuple[float, float], value: float, factor: float = FACTOR_OPEN) -> bool:
@@ -106,99 +111,106 @@ class _Search:
     column: np.ndarray  # change of all numbers a unit of this one, along the valley's bottom
     value: float
     room: float  # to the bound
-    away: float
-    start: np.ndarray  # numbers of the last fit that rose less, and how far away that was
-    within: tuple[float, float] = (0.0, 0.0)
+    distance: float  # of the next trial from the value
+    start: np.ndarray  # numbers of the last fit that rose less, at the distance `within[0]`
+    within: tuple[float, float] = (0.0, 0.0)  # distance, and rise as a share of what is allowed
     beyond: tuple[float, float] | None = None
-    end: float | None = None
+    end: float = np.nan
+    done: bool = False
     trials: int = 0
 
-    def held(self) -> float:
-        return self.value + self.sign * self.away
+    @property
+    def trial(self) -> float:
+        """The value that the number is fixed at next."""
+        return self.value + self.sign * self.distance
 
     def guess(self, d: Domains) -> np.ndarray:
         """Numbers to begin at: from the last ones straight on."""
-        p = self.start + self.sign * (self.away - self.within[0]) * self.column
+        p = self.start + self.sign * (self.distance - self.within[0]) * self.column
         p = np.clip(p, d.low, d.high)
-        p[self.k] = self.held()
+        p[self.k] = self.trial
         return p
 
     def learn(self, p: np.ndarray, above: float) -> None:
-        """What the fit with the number held gave: numbers, and its cost above the minimum's."""
+        """Take in the fit with the number fixed: its numbers, and its cost above the minimum's."""
         self.trials += 1
         if not np.isfinite(above):
-            self.end = float("nan")
+            self.done = True
             return
         rise = np.sqrt(max(above, 0.0) / self.allowed) / self.deviations
-        bound = self.away >= self.room * (1 - 1e-12)
+        bound = self.distance >= self.room * (1 - 1e-12)
         if abs(rise - 1.0) < CLOSE or (rise < 1.0 and bound):
-            self.end, self.within, self.start = self.held(), (self.away, rise), p
+            self.within, self.start = (self.distance, rise), p
+            self.finish()
             return
         if rise < 1.0:
-            self.within, self.start = (self.away, rise), p
+            self.within, self.start = (self.distance, rise), p
         else:
-            self.beyond = (self.away, rise)
+            self.beyond = (self.distance, rise)
         if self.beyond is None:
             # A rise that slows down would be chased for ever: at most three times as far at once.
-            self.away = min(self.away * min(3.0, 1.0 / max(rise, 1e-3)), self.room)
+            self.distance = min(self.distance * min(3.0, 1.0 / max(rise, 1e-3)), self.room)
         else:
             (a, rise_a), (b, rise_b) = self.within, self.beyond
-            self.away = a + float(np.clip((1.0 - rise_a) / (rise_b - rise_a), 0.1, 0.9)) * (b - a)
+            self.distance = a + float(np.clip((1.0 - rise_a) / (rise_b - rise_a), 0.1, 0.9)) * (b - a)
         if self.trials >= TRIALS:
-            self.end = self.held()
+            self.finish()
+
+    def finish(self) -> None:
+        """End here."""
+        self.end, self.done = self.trial, True
 
     def farther(self, deviations: float) -> "_Search":
         """The search for more standard deviations, from where this one ended."""
-        away, rise = self.within
+        distance, rise = self.within
         share = self.deviations / deviations
-        there = min(max(abs(self.end - self.value), away) / share, self.room)
+        there = min(max(abs(self.end - self.value), distance) / share, self.room)
         return dataclasses.replace(
-            self, deviations=deviations, away=there, within=(away, rise * share), beyond=None, end=None, trials=0
-        )
+            self, deviations=deviations, distance=there, within=(distance, rise * share), beyond=None, end=np.nan,
+            done=False, trials=0,
+        )  # fmt: skip
 
 
-def _searches(e, k: int) -> list[_Search]:
+def _searches(e: Optimum, k: int) -> list[_Search]:
     variance, value = float(e.covariance.matrix[k, k]), float(e.p[k])
-    column, found = np.nan_to_num(e.covariance.matrix[:, k]) / variance, []
+    column, searches = np.nan_to_num(e.covariance.matrix[:, k]) / variance, []
     for sign, bound in ((-1.0, e.domains.low[k]), (1.0, e.domains.high[k])):
         room = abs(float(bound) - value)
-        away = min(NORMAL_95 * np.sqrt(variance), room)
-        found.append(_Search(k, sign, NORMAL_95, 0.5 * _unit(e, k), column, value, room, away, e.p))
+        distance = min(NORMAL_95 * np.sqrt(variance), room)
+        search = _Search(k, sign, NORMAL_95, 0.5 * _unit_variance(e, k), column, value, room, distance, e.p)
         if room <= 0:
-            found[-1].end = float(bound)
-    return found
+            search.end, search.done = float(bound), True
+        searches.append(search)
+    return searches
 
 
-def _follow(e, searches: list[_Search], spent: int) -> int:
-    """Bring the searches to their ends, all of them side by side; evaluations of the model spent, of those given."""
-    samples = int(e.problem.data.blocks) * e.problem.data.wi.z.shape[1]
-    base, d = float(e.total.cost), e.domains
-    while going := [s for s in searches if s.end is None]:
-        for some in (going[first : first + LANES] for first in range(0, len(going), LANES)):
-            if spent > BUDGET:
-                for s in going:
-                    s.end = float("nan")
-                return spent
+def _follow(e: Optimum, searches: list[_Search], budget: float) -> float:
+    """Bring the searches to their ends, all of them side by side; evaluations of the model that are left."""
+    samples = int(e.problem.samples.blocks) * e.problem.samples.wi.z.shape[1]
+    d = e.domains
+    while pending := [s for s in searches if not s.done]:
+        for some in (pending[first : first + LANES] for first in range(0, len(pending), LANES)):
+            if budget < 0:
+                for s in pending:
+                    s.done = True
+                return budget
             low, high = (np.tile(np.asarray(bound, float), (len(some), 1)) for bound in (d.low, d.high))
             for lane, s in enumerate(some):
-                low[lane, s.k] = high[lane, s.k] = s.held()
-            held = d._replace(low=low, high=high)
-            starts = np.stack([s.guess(d) for s in some])
+                low[lane, s.k] = high[lane, s.k] = s.trial
+            problem = dataclasses.replace(e.problem, domains=d._replace(low=low, high=high))
             enough = ENOUGH * min(s.allowed * s.deviations**2 for s in some)
-            ends = minimise(
-                dataclasses.replace(e.problem, domains=held), to_unconstrained(held, starts), near=True,
-                enough=enough, most=STEPS,
-            )  # fmt: skip
-            spent += int(ends.steps.sum()) * samples
-            for lane, s in enumerate(some):
-                s.learn(ends.p[lane], float(ends.total.cost[lane]) - base)
-    return spent
+            starts = [s.guess(d) for s in some]
+            ends = minimise(problem, starts, near=True, enough=enough, most=STEPS)
+            budget -= sum(end.steps for end in ends) * samples
+            for s, end in zip(some, ends, strict=True):
+                s.learn(end.p, end.cost - e.cost)
+    return budget
 
 
-def _unit(e, k: int) -> float:
+def _unit_variance(e: Optimum, k: int) -> float:
     """Variance of number k over that of a unit noise: 1 where the noise is known."""
     at = np.flatnonzero(np.isfinite(np.diagonal(e.covariance.matrix)))
-    matrix = np.asarray(e.total.matrix)[np.ix_(at, at)]
+    matrix = np.asarray(e.equations.matrix)[np.ix_(at, at)]
     lengths = np.sqrt(np.diagonal(matrix))
     inverse = np.linalg.pinv(matrix / np.outer(lengths, lengths), rcond=1e-14, hermitian=True)
     place = int(np.flatnonzero(at == k)[0])

@@ -86,7 +86,7 @@ def _write_outcome(job: Job, outcome: Any, count: str, force: bool) -> int:
     content = outcome.to_material_dict(job.target.name.removesuffix(SUFFIX)) | {"recipe": job.recipe}
     write_text(str(job.target), tomli_w.dumps(content), force)
     show(
-        f"{start}{'converged' if outcome.converged else 'NOT converged'}, {outcome.asked}, relative rms "
+        f"{start}{'converged' if outcome.converged else 'NOT converged'}, {outcome.requested}, relative rms "
         f"{outcome.metrics['relative_rms']:.3g}, {outcome.starts_agreed} of {outcome.starts} starts agree, "
         f"{outcome.seconds['fit']:.2f} s"
     )

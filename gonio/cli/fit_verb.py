@@ -54,7 +54,7 @@ def _add_weighting(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add(
         "--bootstrap-kind", metavar="KIND",
-        help="residuals (default: the directions stay) or pairs (directions are resampled with their readings)",
+        help="wild (default: random signs of residuals) or block_pairs (directions are resampled with their readings)",
     )  # fmt: skip
 
 
@@ -96,13 +96,13 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
 
     from gonio.data.serialise import plain
     from gonio.fitting.fit_table import fit
-    from gonio.fitting.solver.lm_step import padded_size, prepare
+    from gonio.fitting.solver.lm_step import compile_step, padded_size
     from gonio.fitting.solver.precompile import ahead
 
     # To load the program of a step takes as long as to read a large file; what goes into it is known already.
-    ahead(("step", padded_size(0)), lambda: prepare(0))
+    ahead(("step", padded_size(0)), lambda: compile_step(0))
     progress = log if not args.model or len(args.model) > 1 else lambda line: None
-    result = fit(table_of(file, args), args.model, say=progress, **_options(args))
+    result = fit(table_of(file, args), args.model, log=progress, **_options(args))
     content = result.to_material_dict(Path(output).name.removesuffix(".toml").removesuffix(".fit"))
     write_text(output, tomli_w.dumps(content), args.force)
     if args.json:

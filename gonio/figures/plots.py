@@ -152,7 +152,7 @@ def plot_residuals(
             raise GonioError(
                 f"there is no map of residuals by {angles!r}; give theta_h and theta_d, or theta_i and theta_o"
             )
-        ax.set_title(_title(f"{result.asked}, fitted to {result.table or 'a table'}"), fontsize=10)
+        ax.set_title(_title(f"{result.requested}, fitted to {result.table or 'a table'}"), fontsize=10)
     return ax
 
 

@@ -40,9 +40,9 @@ def test_options_reach_the_fit(table, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_table("t.h5", table)
     base = ["fit", "t.h5", "-m", "lambert + ggx", "--starts", "0", "-o", "t.fit.toml", "--force"]
-    assert main([*base, "--robust", "--bootstrap", "4", "--bootstrap-kind", "pairs", "--weight", "cosine"]) == 0
+    assert main([*base, "--robust", "--bootstrap", "4", "--bootstrap-kind", "block_pairs", "--weight", "cosine"]) == 0
     said = capsys.readouterr().out
-    assert "weight cosine, robust tukey" in said and "bootstrap (pairs): 4 refits" in said
+    assert "weight cosine, robust tukey" in said and "bootstrap (block_pairs): 4 refits" in said
     for bad, word in (
         (["--robust", "tuky"], "tukey"),
         (["--bootstrap", "1"], "from 2"),
@@ -62,5 +62,5 @@ def test_the_report_page_shows_it_too(table):
     for sentence in result.residuals.sentences:
         assert sentence[1:40] in page
     text = re.sub(r"<[^>]*>", "", page)
-    assert "Bootstrap (residuals): 5 refits" in text and "95 % of refits" in text
+    assert "Bootstrap (wild): 5 refits" in text and "95 % of refits" in text
     assert f"CIEDE2000 {result.colour_difference['mean']:#.3g}" in text and "robust tukey" in text

@@ -68,7 +68,7 @@ def test_a_scene_takes_the_cheapest_model_that_it_allows():
     above = Range((0.0, np.radians(60)), (0.0, 2 * np.pi), 1.0, fills=True)
     view = Range((0.0, np.radians(70)), (0.0, 2 * np.pi), 1.0)
     loose, strict = (fit(table, scene=Scene("room", t, (above,), (view,)), starts=0) for t in (0.1, 0.003))
-    assert loose.asked == "lambert" and strict.asked != "lambert" and loose.weight == "scene"
+    assert loose.requested == "lambert" and strict.requested != "lambert" and loose.weight == "scene"
     assert "error of the reflected radiance" in loose.notes[0] and "lambert + ggx(f0=0.04)" in loose.notes[0]
     chosen = next(row for row in loose.alternatives if row["verdict"].startswith("chosen"))
     assert chosen["scene_error"] <= 0.1 and chosen["model"] == "lambert"

@@ -172,7 +172,7 @@ def test_apertures_that_widen_a_lobe_are_said():
 def test_models_are_ranked_by_bic():
     table = table_of("lambert(rho=.2)+0.5*ggx(alpha=0.2)", noise=0.02)
     result = fit(table, ["lambert", "lambert + ggx", "lambert + ggx + ggx"], starts=2)
-    assert result.asked == "lambert + ggx"
+    assert result.requested == "lambert + ggx"
     assert result.alternatives[0]["model"] == "lambert + ggx" and len(result.alternatives) == 3
     assert result.alternatives[0]["bic_above_best"] == 0 < result.alternatives[1]["bic_above_best"]
 
@@ -243,3 +243,10 @@ def test_a_fitted_material_measures_again(seven, tmp_path):
     path.write_text(tomli_w.dumps(result.to_material_dict("seven")))
     again = load_material(path)
     assert again.expression == result.expression and again.meta["fit"]["converged"] is True
+
+
+def test_a_model_without_a_finite_value_is_refused():
+    layout = layouts.in_plane(np.radians([10, 40]), np.radians([-30, 30]))
+    masked_beyond_all_numbers = "1 * sgd(alpha=?, p=0.5, kappa=10, f0=0.5, f1=0, lam=3, c=1e120, k=15, theta_0=0)"
+    with pytest.raises(GonioError, match="no finite value at any start"):
+        fit(whole_table_of_values(layout, np.full(layout.shape, 0.1)), masked_beyond_all_numbers, loss="linear")

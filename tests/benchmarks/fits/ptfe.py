@@ -35,7 +35,7 @@ def main(path: str) -> None:
     best = min(r.bic for r in results)
     for r in sorted(results, key=lambda r: r.bic):
         relative, status = r.metrics["relative_rms"], "" if r.converged else r.reason
-        print(f"{r.asked:40} {relative:12.4f} {r.metrics['median_relative']:12.4f} {r.bic - best:15.0f}  {status}")
+        print(f"{r.requested:40} {relative:12.4f} {r.metrics['median_relative']:12.4f} {r.bic - best:15.0f}  {status}")
         print("   ", r.expression)
 
 

@@ -65,7 +65,7 @@ def one(path: str, starts: int) -> None:
     more = min(larger, key=lambda a: a["held_out_above_best"], default=None)
     m = result.metrics
     name = pathlib.Path(path).stem.removesuffix("_rgb")
-    print(f"{name}: {result.asked}{'' if result.converged else '  NOT converged: ' + result.reason}")
+    print(f"{name}: {result.requested}{'' if result.converged else '  NOT converged: ' + result.reason}")
     print("   " + ", ".join(f"{k.replace('_', ' ')} {v:.4g}" for k, v in m.items() if isinstance(v, float)))
     tried = len(result.alternatives)
     print(f"   {seconds:.1f} CPU s in all ({result.seconds['select']:.1f} s wall to choose of {tried})")

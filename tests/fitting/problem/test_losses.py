@@ -2,10 +2,15 @@
 
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 
-from gonio.fitting.problem.losses import LOSSES, floor_of, transform, uses_cosine
+from gonio.data import layouts
+from gonio.data.table import whole_table_of_values
+from gonio.fitting.problem.losses import LOSSES, floor_of, inverse_cube_root, transform, uses_cosine
+from gonio.fitting.problem.readings import readings_of
+from gonio.fitting.problem.weights import loss_floor
 
 
 @pytest.mark.parametrize("loss", LOSSES)
@@ -37,11 +42,6 @@ def test_floor_follows_the_data():
 
 def test_floor_is_the_noise_where_it_is_known():
     """Readings within their noise count evenly: the slope of the loss falls by no more than half up to there."""
-    from gonio.data import layouts
-    from gonio.data.table import whole_table_of_values
-    from gonio.fitting.problem.loss_floor import loss_floor
-    from gonio.fitting.problem.readings import readings_of
-
     angles = np.radians([[60.0] * 50, [0.0] * 50, np.linspace(1, 80, 50), [180.0] * 50])
     layout = layouts.scattered(*angles)
     f = np.linspace(0.1, 1, 50)[:, None]
@@ -58,3 +58,17 @@ def test_floor_is_the_noise_where_it_is_known():
 def test_log_with_a_floor_is_relative_far_above_it():
     value, _ = transform("log", np.array([1.0, 2.0]), 1e-9, np)
     assert value[1] - value[0] == pytest.approx(np.log(2), rel=1e-8)
+
+
+def test_inverse_cube_root_is_right_to_rounding():
+    s = np.concatenate([[1.0, 8.0, 1e-300, 1e300], 10 ** np.random.default_rng(0).uniform(-200, 200, 400)])
+    with mpmath.workdps(40):
+        truth = np.array([float(mpmath.cbrt(1 / mpmath.mpf(float(v)))) for v in s])
+    np.testing.assert_allclose(inverse_cube_root(s), truth, rtol=4e-16)
+
+
+def test_its_slope_and_other_precisions():
+    slope = jax.vmap(jax.grad(inverse_cube_root))(jnp.array([0.3, 5.0, 2e-9]))
+    np.testing.assert_allclose(slope, -(np.array([0.3, 5.0, 2e-9]) ** (-4 / 3)) / 3, rtol=1e-14)
+    single = inverse_cube_root(jnp.asarray(8.0, jnp.float32))
+    assert single.dtype == jnp.float32 and abs(float(single) - 0.5) < 1e-7

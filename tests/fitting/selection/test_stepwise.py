@@ -73,10 +73,10 @@ def test_what_neighbours_share_does_not_buy_numbers():
 
 def test_a_fit_without_a_model_says_what_it_tried_and_fits_the_chosen():
     heard = []
-    result = fit(table_of(ONE), starts=1, say=heard.append)
+    result = fit(table_of(ONE), starts=1, log=heard.append)
     rows = {row["model"]: row for row in result.alternatives}
-    assert result.asked == "lambert + ggx(f0=0.04)" and result.converged
-    assert rows[result.asked]["verdict"] == "chosen" and rows[result.asked]["bic_above_best"] == 0
+    assert result.requested == "lambert + ggx(f0=0.04)" and result.converged
+    assert rows[result.requested]["verdict"] == "chosen" and rows[result.requested]["bic_above_best"] == 0
     assert rows["lambert"]["bic_above_best"] > 100 and rows["lambert"]["held_out_above_best"] > 0.5
     assert rows["lambert + ggx(f0=0.04) + ggx(f0=0.04)"]["verdict"] != "chosen"
     assert rows["lambert"]["free"] == 3 and len(heard) == 2
@@ -93,4 +93,4 @@ def test_azimuth_is_asked_about_only_where_it_was_turned():
 def test_few_readings_choose_what_they_can_bear():
     layout = layouts.in_plane(np.radians([30.0]), np.radians([0.0, 30, 60]))
     f = np.array([[0.1, 0.12, 0.09]])[..., None]
-    assert fit(whole_table_of_values(layout, f, channels=Channels.grey())).asked == "lambert"
+    assert fit(whole_table_of_values(layout, f, channels=Channels.grey())).requested == "lambert"

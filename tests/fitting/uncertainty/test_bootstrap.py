@@ -19,7 +19,7 @@ def linear_table(noise):
     return dataclasses.replace(table, f=np.where(table.flag == Flag.VALID, table.f + noise, np.nan))
 
 
-@pytest.mark.parametrize("kind", ["residuals", "pairs"])
+@pytest.mark.parametrize("kind", ["wild", "block_pairs"])
 def test_independent_noise_gives_the_standard_error_of_a_mean(kind):
     noise = 0.01 * np.random.default_rng(0).standard_normal((*ISOTROPIC.shape, 1))
     result = fit(linear_table(noise), "lambert", loss="linear", bootstrap=REFITS, bootstrap_kind=kind)
@@ -71,5 +71,5 @@ def test_what_cannot_be_drawn_is_one_sentence():
     table = table_of("lambert(rho=0.5)")
     with pytest.raises(GonioError, match="from 2 to"):
         fit(table, "lambert", bootstrap=1)
-    with pytest.raises(GonioError, match="residuals"):
-        fit(table, "lambert", bootstrap=20, bootstrap_kind="residual")
+    with pytest.raises(GonioError, match="wild"):
+        fit(table, "lambert", bootstrap=20, bootstrap_kind="wlid")

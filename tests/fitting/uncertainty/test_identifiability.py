@@ -5,12 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from gonio.fitting.assemble_result import _unnamed
 from gonio.fitting.fit_table import fit
 from gonio.fitting.problem.domains import Domains
 from gonio.fitting.result import ParameterEstimate
-from gonio.fitting.uncertainty.covariance import beyond_bound, covariance, open_from
-from gonio.fitting.uncertainty.identifiability import in_words
+from gonio.fitting.uncertainty.covariance import CovarianceEstimate, beyond_bound, open_from
+from gonio.fitting.uncertainty.identifiability import describe_combination, unnamed_numbers
 from support.fit_tables import table_of
 
 FREE = "0.6*ggx(alpha=0.3, f0=0.1)+lambert(rho=.2)"
@@ -19,7 +18,7 @@ FREE = "0.6*ggx(alpha=0.3, f0=0.1)+lambert(rho=.2)"
 def words(change, p, names, linear=None):
     p = np.asarray(p, float)
     linear = np.zeros(p.size, bool) if linear is None else np.asarray(linear)
-    return in_words(np.inf, np.asarray(change, float), p, names, linear)
+    return describe_combination(np.inf, np.asarray(change, float), p, names, linear)
 
 
 def test_products_quotients_and_sums_are_named():
@@ -71,7 +70,7 @@ def test_what_no_reading_separates_is_said_so():
     assert "no readings would separate them" in said
 
 
-def test_no_open_number_goes_unnamed():
+def test_no_open_number_goesunnamed_numbers():
     """What is a small part of an open combination is a sentence of its own; channels are named all at once or each."""
     numbers = [
         ParameterEstimate(name, channel, 1.0, 9.0, (0.01, 20.0), status, "", 0.0, 50.0)
@@ -83,12 +82,16 @@ def test_no_open_number_goes_unnamed():
         )
     ]
     said = ["ggx.k is not determined by these readings; hold it at a known value (name=value)"]
-    (more,) = _unnamed(numbers, said)
+    (more,) = unnamed_numbers(numbers, said)
     assert more.startswith("ggx.eta (95 % interval 0.01 to 20) and ggx.scale[R]") and more.count("ggx.") == 2
     spectral = [dataclasses.replace(numbers[2], channel=c) for c in ("550 nm", "650 nm")]
-    (more,) = _unnamed(spectral, ["only the combination ggx.scale[550 nm]·ggx.f0 is determined by these readings"])
+    (more,) = unnamed_numbers(
+        spectral, ["only the combination ggx.scale[550 nm]·ggx.f0 is determined by these readings"]
+    )
     assert more.startswith("ggx.scale[650 nm] ") and "550" not in more
-    assert _unnamed(numbers[:1], said) == [] == _unnamed(numbers[2:], ["ggx.scale (every channel) is not"])
+    assert (
+        unnamed_numbers(numbers[:1], said) == [] == unnamed_numbers(numbers[2:], ["ggx.scale (every channel) is not"])
+    )
 
 
 def test_strong_correlation_alone_is_not_undetermined():
@@ -96,7 +99,7 @@ def test_strong_correlation_alone_is_not_undetermined():
     d = Domains(np.zeros(2, int), np.zeros(2), np.ones(2))
     matrix = np.array([[1.0, 1 - 1e-7], [1 - 1e-7, 1.0]]) * 1e20
     p = np.array([0.5, 0.5])
-    good = covariance(matrix, matrix, True, np.ones(2, bool), d, p, 100)
+    good = CovarianceEstimate(matrix, None, 100, d, p).covariance(np.ones(2, bool))
     assert not good.undetermined.any() and not good.combinations
     bad = good.scaled(1e14, d, p)
     assert bad.undetermined.all() and len(bad.combinations) == 1

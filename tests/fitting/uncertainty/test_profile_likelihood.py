@@ -67,7 +67,7 @@ def test_a_spent_budget_is_said(monkeypatch):
     monkeypatch.setattr(profile, "BUDGET", -1)
     result = fit(few_readings(0)[2], "lambert + ggx", starts=4)
     alpha = free(result)["ggx.alpha"]
-    assert any("ggx.alpha" in note and "by the covariance" in note for note in result.notes)
+    assert any("ggx.alpha" in note and "come from the covariance matrix" in note for note in result.notes)
     low, high = (alpha.value + s * NORMAL_95 * alpha.standard_uncertainty for s in (-1, 1))
     assert alpha.interval95 == pytest.approx((low, min(1.0, high)))
 

@@ -1,0 +1,136 @@
+"""The optimum of a fit: where it ended, how stationary it is, and what the data say of each free number there."""
+
+import dataclasses
+
+import numpy as np
+
+from gonio.fitting.problem.domains import Domains, at_bounds
+from gonio.fitting.problem.normal_equations import NormalEquations
+from gonio.fitting.problem.parameterisation import Parameterisation
+from gonio.fitting.problem.problem import Evaluation, FitProblem
+from gonio.fitting.problem.readings import Readings
+from gonio.fitting.solver.convergence import EXACT, eps, is_exact, stationarity, stationary_limit
+from gonio.fitting.solver.robust_weights import DownweightedReadings
+from gonio.fitting.uncertainty.covariance import Covariance, CovarianceEstimate, at_bounds_covariance
+
+TOO_FEW = "there are no more readings than free numbers: nothing is left to judge their uncertainty by"
+
+
+@dataclasses.dataclass(frozen=True)
+class Optimum:
+    """Statistics at the end of a fit of one problem with P free numbers, n cells and C channels.
+
+    Attributes:
+        problem: what was minimised, with its final weights.
+        p: the free numbers (P,).
+        model_f: the model's values (n, C).
+        equations: normal equations at p.
+        covariance: of the free numbers.
+        active_bound: which numbers (P,) a bound holds.
+        reach: how far inside its bound such a number may lie, with 95 % confidence (P,).
+        projected_gradient: see `convergence.stationarity`.
+        starts, agreed: number of descents, and of those that ended here.
+        likelihood: the cost is the noise's own likelihood.
+        notes: sentences for the result.
+        downweighted: what a robust fit counts less.
+        profile: 95 % intervals of vague numbers, by index.
+        unfollowed: vague numbers whose intervals are those of the covariance matrix all the same.
+    """
+
+    problem: FitProblem
+    p: np.ndarray
+    model_f: np.ndarray
+    equations: NormalEquations
+    covariance: Covariance
+    active_bound: np.ndarray
+    reach: np.ndarray
+    projected_gradient: float
+    starts: int
+    agreed: int
+    likelihood: bool
+    notes: list[str]
+    downweighted: DownweightedReadings | None = None
+    profile: dict[int, tuple[float, float]] = dataclasses.field(default_factory=dict)
+    unfollowed: tuple[int, ...] = ()
+
+    @property
+    def parameters(self) -> Parameterisation:
+        """The model with its free numbers taken out."""
+        return self.problem.parameters
+
+    @property
+    def domains(self) -> Domains:
+        """Closed domains of the free numbers."""
+        return self.problem.domains
+
+    @property
+    def readings(self) -> Readings:
+        """What was fitted."""
+        return self.problem.readings
+
+    @property
+    def cost(self) -> float:
+        """½ Σ r²."""
+        return float(self.equations.cost)
+
+    @property
+    def log_weight(self) -> float:
+        """Σ ln w over the readings: what a likelihood adds where weights are the model's; 0 without one."""
+        weight = self.problem.weight
+        return float(np.sum(np.log(weight[weight > 0]))) if self.likelihood else 0.0
+
+    @property
+    def exact(self) -> bool:
+        """‖r‖ ≤ 10³ eps ‖data‖: the residual is rounding."""
+        return is_exact(self.cost, self.problem.target_norm_squared)
+
+    @property
+    def limit(self) -> float:
+        """Largest projected gradient that counts as stationary."""
+        return stationary_limit(self.cost, self.problem.target_norm_squared)
+
+    @property
+    def converged(self) -> bool:
+        """Stationary or exact, at a finite cost."""
+        return bool(np.isfinite(self.cost)) and (self.exact or self.projected_gradient <= self.limit)
+
+    def widened(self, variance: float) -> "Optimum":
+        """The same with all variances multiplied."""
+        spread = self.covariance.scaled(variance, self.domains, self.p)
+        return dataclasses.replace(self, covariance=spread, reach=self.reach * np.sqrt(variance))
+
+
+def optimum_at(
+    problem: FitProblem,
+    p: np.ndarray,
+    at: Evaluation,
+    agreement: tuple[int, int],
+    likelihood: bool,
+    notes: list[str],
+    downweighted: DownweightedReadings | None,
+) -> Optimum:
+    """The optimum of a problem at p (P,), from its evaluation there; `agreement`: starts, and how many agree."""
+    d, count, equations, scores = problem.domains, problem.readings.count, at.equations, at.scores
+    measure = stationarity(d, p, equations)
+    active, target = measure.active_bound, problem.target_norm_squared
+    exact = is_exact(float(equations.cost), target)
+    if exact:
+        # The gradient of a rounding residual points anywhere: a bound is active where the number lies on it.
+        active = np.logical_or(*at_bounds(d, p))
+    notes = list(notes)
+    if not likelihood and p.size and count <= p.size and not exact:
+        notes.append(TOO_FEW)
+        scores = np.full_like(scores, np.nan)
+    estimate = CovarianceEstimate(equations.matrix, None if likelihood else scores, count, d, p)
+    spread, active, reach = at_bounds_covariance(estimate, equations.gradient, active, measure.zero_sensitivity)
+    if exact and not likelihood:
+        # What a fit without residual knows a number to is what it calls a residual of rounding.
+        rounding = (EXACT * eps()) ** 2 * target / max(count, 1)
+        known = dataclasses.replace(estimate, scores=None)
+        spread = known.covariance(~active & ~measure.zero_sensitivity).scaled(rounding, d, p)
+    if downweighted is not None:
+        spread = spread.scaled(downweighted.widening**2, d, p)
+    return Optimum(
+        problem, p, at.f, equations, spread, active, reach, float(measure.projected_gradient),
+        *agreement, likelihood, notes, downweighted,
+    )  # fmt: skip

@@ -1,0 +1,71 @@
+"""The solver on problems that are not models: whatever has normal equations and domains."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from gonio.fitting.problem.domains import LINEAR, LOG, Domains
+from gonio.fitting.problem.normal_equations import NormalEquations
+from gonio.fitting.solver.levenberg_marquardt import minimise
+
+DOMAINS = Domains(np.array([LINEAR, LOG]), np.array([0.0, 1e-3]), np.array([10.0, 1e3]))
+
+
+@dataclasses.dataclass
+class Exponential:
+    """a·exp(−t/b) to readings y (n,), with a ≥ 0 linear; nothing finite where b > `cliff`."""
+
+    y: np.ndarray
+    cliff: float = np.inf
+    refused: int = 0
+
+    domains = DOMAINS
+    linear = np.array([True, False])
+
+    @property
+    def target_norm_squared(self):
+        return float(np.sum(self.y**2))
+
+    def normal_equations(self, p, active=None):
+        t = np.arange(self.y.size)
+        shape = np.exp(-t / p[:, 1:])
+        rows = np.stack([shape, p[:, :1] * shape * t / p[:, 1:] ** 2], axis=-1)
+        r = p[:, :1] * shape - self.y
+        off = p[:, 1] > self.cliff
+        self.refused += int(np.count_nonzero(off))
+        r[off] = np.nan
+        cost = 0.5 * np.sum(r * r, axis=1)
+        return NormalEquations(cost, np.einsum("snp,sn->sp", rows, r), np.einsum("snp,snq->spq", rows, rows))
+
+
+DECAY = 0.7 * np.exp(-np.arange(30) / 4.0)
+
+
+def test_descents_side_by_side_arrive():
+    """More starts than the solver takes at a time."""
+    rng = np.random.default_rng(0)
+    starts = np.stack([rng.uniform(0, 10, 20), 10 ** rng.uniform(0, 1.2, 20)], axis=1)
+    ends = minimise(Exponential(DECAY), starts)
+    assert all(e.successful for e in ends)
+    np.testing.assert_allclose([e.p for e in ends], [[0.7, 4.0]] * 20, rtol=1e-7)
+
+
+def test_a_value_that_is_no_number_is_a_refused_step():
+    """A model that breaks down beyond some value: the descent turns back and arrives."""
+    problem = Exponential(DECAY, cliff=6.0)
+    ends = minimise(problem, np.array([[0.5, 1.5], [3.0, 5.9]]))
+    assert problem.refused and all(e.successful for e in ends)
+    np.testing.assert_allclose([e.p for e in ends], [[0.7, 4.0]] * 2, rtol=1e-7)
+
+
+def test_a_bound_is_reached():
+    ends = minimise(Exponential(-DECAY), [np.array([1.0, 2.0])])
+    assert ends[0].p[0] == pytest.approx(0.0, abs=1e-9) and ends[0].successful
+
+
+def test_rivals_that_cannot_win_stop_early():
+    """A descent that begins at the minimum ends the others."""
+    starts = [np.array([0.7, 4.0]), np.array([9.0, 500.0])]
+    alone, rivals = (minimise(Exponential(DECAY + 0.01), starts, near=True, rivals=r) for r in (False, True))
+    assert rivals[0].cost == pytest.approx(alone[0].cost) and rivals[1].steps <= alone[1].steps
