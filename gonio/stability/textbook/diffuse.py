@@ -1,34 +1,31 @@
-"""Textbook forms of the diffuse models."""
+"""Textbook forms of the diffuse models, and of the standard of reflection 1."""
 
-from mpmath import mp, mpf
-
-from gonio.stability.textbook.frame import above_horizon, delta_phi, theta, theta_d
+from gonio.stability.textbook.frame import Options, Pair, Params, TextbookForm, Vector, mp, mpf, theta
 
 
-@above_horizon
-def lambert(params, options, wi, wo):
+@TextbookForm
+def lambert(params: Params, options: Options, pair: Pair) -> mpf:
     """ρ/π [Lambert 1760]."""
     return params["rho"] / mp.pi
 
 
-def _fujii_a(r):
+def _fujii_a(r: mpf) -> mpf:
     return 1 / (1 + (mpf(1) / 2 - 2 / (3 * mp.pi)) * r)
 
 
-def _fujii_shape(r, wi, wo):
-    """A (1 + r s/t), s = sin θi sin θo cos Δφ, t = max(μi, μo) where s > 0, else 1."""
-    s = mp.sin(theta(wi)) * mp.sin(theta(wo)) * mp.cos(delta_phi(wi, wo))
-    t = max(wi[2], wo[2]) if s > 0 else 1
-    return _fujii_a(r) * (1 + r * s / t)
+@TextbookForm
+def fujii(params: Params, options: Options, pair: Pair) -> mpf:
+    """ρ/π A (1 + r s/t), s = sin θi sin θo cos Δφ, t = max(μi, μo) where s > 0, else 1.
+
+    [Fujii's Oren-Nayar, as in Portsmouth, Kutz & Hill 2024].
+    """
+    r = params["r"]
+    s = mp.sin(pair.theta_i) * mp.sin(pair.theta_o) * mp.cos(pair.delta_phi)
+    t = max(pair.mu_i, pair.mu_o) if s > 0 else 1
+    return params["rho"] / mp.pi * _fujii_a(r) * (1 + r * s / t)
 
 
-@above_horizon
-def fujii(params, options, wi, wo):
-    """ρ/π A (1 + r s/t) [Fujii's Oren-Nayar, as in Portsmouth, Kutz & Hill 2024]."""
-    return params["rho"] / mp.pi * _fujii_shape(params["r"], wi, wo)
-
-
-def _fujii_albedo(r, w):
+def _fujii_albedo(r: mpf, w: Vector) -> mpf:
     """E(θ) = A + (r A/π) G, G = S (θ − S μ) + (2/3)((S/μ)(1 − S³) − S), S = sin θ."""
     angle = theta(w)
     s, mu = mp.sin(angle), mp.cos(angle)
@@ -36,27 +33,27 @@ def _fujii_albedo(r, w):
     return _fujii_a(r) * (1 + r / mp.pi * g)
 
 
-@above_horizon
-def eon(params, options, wi, wo):
+@TextbookForm
+def eon(params: Params, options: Options, pair: Pair) -> mpf:
     """Fujii's single scattering plus ρ_ms/π (1 − E(μi))(1 − E(μo))/(1 − E_avg) [Portsmouth, Kutz & Hill 2024]."""
     rho, r = params["rho"], params["r"]
-    single = rho / mp.pi * _fujii_shape(r, wi, wo)
+    single = fujii.formula(params, options, pair)
     if r == 0:  # Lambert: nothing is lost, 1 - E_avg = 0
         return single
     average = _fujii_a(r) * (1 + (mpf(2) / 3 - mpf(28) / (15 * mp.pi)) * r)
     rho_ms = rho**2 * average / (1 - rho * (1 - average))
-    return single + rho_ms / mp.pi * (1 - _fujii_albedo(r, wi)) * (1 - _fujii_albedo(r, wo)) / (1 - average)
+    lost = (1 - _fujii_albedo(r, pair.wi)) * (1 - _fujii_albedo(r, pair.wo))
+    return single + rho_ms / mp.pi * lost / (1 - average)
 
 
-@above_horizon
-def oren_nayar(params, options, wi, wo):
+@TextbookForm
+def oren_nayar(params: Params, options: Options, pair: Pair) -> mpf:
     """Oren & Nayar 1994: their full model (C1, C2, C3 and interreflection) or their qualitative one.
 
     Both with σ²/(σ² + 0.33) in the first coefficient, as printed; the footnote's 0.57 is not used.
     """
-    rho, s2 = params["rho"], params["sigma"] ** 2
-    theta_i, theta_o, cos_phi = theta(wi), theta(wo), mp.cos(delta_phi(wi, wo))
-    alpha, beta = max(theta_i, theta_o), min(theta_i, theta_o)
+    rho, s2, cos_phi = params["rho"], params["sigma"] ** 2, mp.cos(pair.delta_phi)
+    beta, alpha = sorted((pair.theta_i, pair.theta_o))
     c1 = 1 - s2 / (s2 + mpf("0.33")) / 2
     c2 = mpf("0.45") * s2 / (s2 + mpf("0.09"))
     if options.get("form", "full") == "qualitative":
@@ -68,22 +65,34 @@ def oren_nayar(params, options, wi, wo):
     return rho / mp.pi * single + rho**2 / mp.pi * twice
 
 
-@above_horizon
-def minnaert(params, options, wi, wo):
+@TextbookForm
+def minnaert(params: Params, options: Options, pair: Pair) -> mpf:
     """ρ (k + 1)/(2π) (μi μo)^(k − 1) [Minnaert 1941]."""
     k = params["k"]
-    return params["rho"] * (k + 1) / (2 * mp.pi) * (wi[2] * wo[2]) ** (k - 1)
+    return params["rho"] * (k + 1) / (2 * mp.pi) * (pair.mu_i * pair.mu_o) ** (k - 1)
 
 
-@above_horizon
-def burley_diffuse(params, options, wi, wo):
+@TextbookForm
+def burley_diffuse(params: Params, options: Options, pair: Pair) -> mpf:
     """ρ/π (1 + (F90 − 1)(1 − μi)⁵)(1 + (F90 − 1)(1 − μo)⁵), F90 = ½ + 2 roughness cos²θd [Burley 2012]."""
-    f90 = mpf(1) / 2 + 2 * params["roughness"] * mp.cos(theta_d(wi, wo)) ** 2
-    return params["rho"] / mp.pi * (1 + (f90 - 1) * (1 - wi[2]) ** 5) * (1 + (f90 - 1) * (1 - wo[2]) ** 5)
+    f90 = mpf(1) / 2 + 2 * params["roughness"] * pair.cos_d**2
+    return params["rho"] / mp.pi * (1 + (f90 - 1) * (1 - pair.mu_i) ** 5) * (1 + (f90 - 1) * (1 - pair.mu_o) ** 5)
 
 
-@above_horizon
-def ashikhmin_shirley_diffuse(params, options, wi, wo):
+@TextbookForm
+def ashikhmin_shirley_diffuse(params: Params, options: Options, pair: Pair) -> mpf:
     """28 Rd/(23π) (1 − Rs)(1 − (1 − μi/2)⁵)(1 − (1 − μo/2)⁵) [Ashikhmin & Shirley 2000]."""
     scale = 28 * params["rd"] / (23 * mp.pi) * (1 - params["rs"])
-    return scale * (1 - (1 - wi[2] / 2) ** 5) * (1 - (1 - wo[2] / 2) ** 5)
+    return scale * (1 - (1 - pair.mu_i / 2) ** 5) * (1 - (1 - pair.mu_o / 2) ** 5)
+
+
+def _white_loss(mu: mpf) -> mpf:
+    return mu * mp.log(1 + 1 / mu)
+
+
+@TextbookForm
+def white_standard(params: Params, options: Options, pair: Pair) -> mpf:
+    """1/(2π(μi + μo)) + R(μi) R(μo)/(π(1 − E_avg)), R = μ ln(1 + 1/μ), E_avg = (4/3)(1 − ln 2)."""
+    average = mpf(4) / 3 * (1 - mp.log(2))
+    lost = _white_loss(pair.mu_i) * _white_loss(pair.mu_o) / (mp.pi * (1 - average))
+    return 1 / (2 * mp.pi * (pair.mu_i + pair.mu_o)) + lost

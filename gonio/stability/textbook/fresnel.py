@@ -1,13 +1,13 @@
 """Fresnel reflectance of unpolarised light in textbook form."""
 
-from mpmath import mp, mpf
+from gonio.stability.textbook.frame import Params, mp, mpf
 
 
-def schlick1994(cos_d, f0):
+def schlick1994(cos_d: mpf, f0: mpf) -> mpf:
     return f0 + (1 - f0) * (1 - cos_d) ** 5
 
 
-def exact(cos_d, eta, k=0):
+def exact(cos_d: mpf, eta: mpf, k: mpf | int = 0) -> mpf:
     """Mean of |r_s|² and |r_p|² with Snell's refracted cosine, for the index η + ik relative to the outside."""
     n = mp.mpc(eta, k) if k else eta
     cos_t = mp.sqrt(1 - (1 - cos_d**2) / n**2)
@@ -16,7 +16,7 @@ def exact(cos_d, eta, k=0):
     return (abs(r_s) ** 2 + abs(r_p) ** 2) / 2
 
 
-def fresnel(cos_d, params):
+def fresnel(cos_d: mpf, params: Params) -> mpf:
     """By the parameters given: Schlick's with f0, the exact one with eta (and k), else 1."""
     if "f0" in params:
         return schlick1994(cos_d, params["f0"])
@@ -25,12 +25,12 @@ def fresnel(cos_d, params):
     return mpf(1)
 
 
-def average(params):
+def average(params: Params) -> mpf:
     """F_avg = 2 ∫ F(μ) μ dμ; Schlick's is F0 + (1 − F0)/21."""
     if "f0" in params:
         return params["f0"] + (1 - params["f0"]) / 21
     if "eta" not in params:
         return mpf(1)
-    eta, k = params["eta"], params.get("k", 0)
+    eta = params["eta"]
     critical = [mp.sqrt(1 - eta**2)] if eta < 1 else []  # below it dielectrics reflect totally
-    return 2 * mp.quad(lambda mu: exact(mu, eta, k) * mu, [0, *critical, 1])
+    return 2 * mp.quad(lambda mu: fresnel(mu, params) * mu, [0, *critical, 1])

@@ -1,16 +1,15 @@
 """Textbook form of the physical-optics model of He, Torrance, Sillion & Greenberg 1991."""
 
 import math
+from collections.abc import Callable
 
-from mpmath import mp, mpf
-
-from gonio.stability.textbook.frame import above_horizon, projected_distance2, theta, theta_d
+from gonio.stability.textbook.frame import Options, Pair, Params, TextbookForm, mp, mpf
 from gonio.stability.textbook.fresnel import fresnel
 
 WIDE = 20  # standard deviations of m beyond which the sum over m is sampled, not added term by term
 
 
-def _shadowing(form, slope, angle):
+def shadowing(form: str, slope: mpf, angle: mpf) -> mpf:
     """S(θ) = (1 − ½ erfc(s))/(1 + Λ), s = τ cot θ/(2σ) [eq. 23 to 25].
 
     Λ = exp(−s²)/(2√π s) − erfc(s)/2; the printed paper, "1991", lacks the exponential.
@@ -23,16 +22,17 @@ def _shadowing(form, slope, angle):
     return (1 - missing) / (1 + gauss / (2 * mp.sqrt(mp.pi) * s) - missing)
 
 
-def _apparent_roughness(sigma, slope, angles):
+def _apparent_roughness(sigma: mpf, slope: mpf, angles: tuple[mpf, mpf]) -> mpf:
     """σ0/√(1 + x²), x exp(x²/2) = (Ki + Ko)/√(8π), K = tan θ erfc(τ cot θ/(2σ)) [eq. 80 to 83].
 
     The equation's solution is x² = W((Ki + Ko)²/(8π)), W Lambert's function.
     """
-    k = sum(mp.tan(angle) * mp.erfc(mp.cot(angle) / slope) for angle in angles if angle > 0)
+    k = mp.fsum(mp.tan(angle) * mp.erfc(mp.cot(angle) / slope) for angle in angles if angle > 0)
     return sigma / mp.sqrt(1 + mp.lambertw(k**2 / (8 * mp.pi)).real)
 
 
-def _sum_by_terms(g, c):
+def sum_by_terms(g: mpf, c: mpf) -> mpf:
+    """The sum of eq. 78 term by term."""
     total, power, m = mpf(0), mp.exp(-g), 1
     last = mpf(0)
     while True:
@@ -44,7 +44,7 @@ def _sum_by_terms(g, c):
         last, m = term, m + 1
 
 
-def interference_sum(g, c):
+def interference_sum(g: mpf, c: mpf) -> mpf:
     """Σ_{m ≥ 1} gᵐ e^(−g)/(m! m) exp(−c/m), the sum of eq. 78 to all digits.
 
     Its terms are a smooth bump over m; where that is wide, a sum over every few m with Γ(m + 1) for m! has the same
@@ -52,29 +52,19 @@ def interference_sum(g, c):
     """
     if g == 0:
         return mpf(0)
-    low, high = 1.0, 2.0
     g64, c64 = float(g), float(c)
-
-    def slope(m):  # of the terms' logarithm
-        return math.log(g64 / m) + c64 / m**2
-
-    while slope(high) > 0:
-        low, high = high, 2 * high
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if slope(middle) > 0 else (low, middle)
-    width = 1 / math.sqrt(1 / low + 2 * c64 / low**3)
+    peak = _bracketed_root(lambda m: math.log(g64 / m) + c64 / m**2)  # of the terms' logarithmic slope
+    width = 1 / math.sqrt(1 / peak + 2 * c64 / peak**3)
     if width < WIDE:
-        return _sum_by_terms(g, c)
-
+        return sum_by_terms(g, c)
     log_g, step = mp.log(g), mpf(width) / 3
 
-    def term(m):
+    def term(m: mpf) -> mpf:
         return mp.exp(m * log_g - g - c / m - mp.loggamma(m + 1)) / m
 
-    total = term(mpf(low))
+    total = term(mpf(peak))
     for side in (step, -step):
-        m = mpf(low) + side
+        m = mpf(peak) + side
         while m > 0:
             value = term(m)
             total += value
@@ -84,8 +74,18 @@ def interference_sum(g, c):
     return total * step
 
 
-@above_horizon
-def he_torrance(params, options, wi, wo):
+def _bracketed_root(falling: Callable[[float], float]) -> float:
+    low, high = 1.0, 2.0
+    while falling(high) > 0:
+        low, high = high, 2 * high
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if falling(middle) > 0 else (low, middle)
+    return low
+
+
+@TextbookForm
+def he_torrance(params: Params, options: Options, pair: Pair) -> mpf:
     """F G S D/(π μi μo), the directional-diffuse part for unpolarised light [He et al. 1991, eq. 71 to 84].
 
     D = π² τ²/(4 λ²) Σ gᵐ e^(−g)/(m! m) exp(−v² τ²/(4m)), g = (2π σ (μi + μo)/λ)² with the apparent roughness σ, summed
@@ -97,14 +97,13 @@ def he_torrance(params, options, wi, wo):
     if sigma == 0:
         return mpf(0)
     form = options.get("form", "1991")
-    angles, slope = (theta(wi), theta(wo)), 2 * sigma / tau
-    shadowing = _shadowing(form, slope, angles[0]) * _shadowing(form, slope, angles[1])
+    angles, slope = (pair.theta_i, pair.theta_o), 2 * sigma / tau
     apparent = _apparent_roughness(sigma, slope, angles)
-    g = (2 * mp.pi * apparent * (wi[2] + wo[2]) / wavelength) ** 2
-    c = projected_distance2(wi, wo) * tau**2 / 4
+    g = (2 * mp.pi * apparent * (pair.mu_i + pair.mu_o) / wavelength) ** 2
+    c = pair.projected_distance2 * tau**2 / 4
     if form == "westin":
         c *= (2 * mp.pi / wavelength) ** 2
     d = (mp.pi * tau / (2 * wavelength)) ** 2 * interference_sum(g, c)
-    x, y, z = (i + o for i, o in zip(wi, wo, strict=True))
-    geometry = ((x**2 + y**2 + z**2) / z) ** 2
-    return fresnel(mp.cos(theta_d(wi, wo)), params) * geometry * shadowing * d / (mp.pi * wi[2] * wo[2])
+    geometry = (pair.sum2 / pair.sum[2]) ** 2
+    visible = shadowing(form, slope, angles[0]) * shadowing(form, slope, angles[1])
+    return fresnel(pair.cos_d, params) * geometry * visible * d / (mp.pi * pair.mu_i * pair.mu_o)
