@@ -9,6 +9,7 @@ from gonio.data.files import new_file
 from gonio.data.table import Channels
 from gonio.data.toml_file import FORMAT, read_toml
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.display import Displayed, listed
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import channel_count
 from gonio.models.expression.builder import build, to_expression
@@ -20,8 +21,8 @@ REFERENCE_FOLDER = Path(__file__).parent / "materials"
 _KEYS = ("gonio_material", "name", "description", "model", "channels", "wavelengths_nm", "source", "fit")
 
 
-@dataclasses.dataclass(frozen=True)
-class Material:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Material(Displayed):
     """A BRDF that knows what it is: whatever takes a material takes this.
 
     `expression` is None where the model has none (an interpolated table). `channels` are those of the model's values;
@@ -35,6 +36,15 @@ class Material:
     description: str = ""
     source: str = ""
     meta: dict = dataclasses.field(default_factory=dict)
+
+    def facts(self) -> dict[str, str]:
+        """Name, model, channels and source."""
+        return {
+            "name": self.name,
+            "model": self.expression or self.description or type(self.brdf).__name__,
+            "channels": f"{len(self.channels)}: {listed(self.channels.names)}",
+            "source": self.source,
+        }
 
 
 def reference_materials() -> list[str]:

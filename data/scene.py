@@ -29,6 +29,7 @@ from typing import Any
 import numpy as np
 
 from gonio.data.toml_file import read_toml, require_keys
+from gonio.models.display import Displayed, listed
 from gonio.models.errors import GonioError, nearest
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.low_discrepancy import low_discrepancy
@@ -58,6 +59,11 @@ class Range:
         phi = self.phi[0] + (self.phi[1] - self.phi[0]) * v
         s = np.sqrt(np.maximum(0.0, 1.0 - z * z))
         return Direction(s * np.cos(phi), s * np.sin(phi), z)
+
+    def __str__(self) -> str:
+        low, high, first, last = (math.degrees(a) for a in (*self.theta, *self.phi))
+        text = f"θ {low:g}–{high:g}°" + ("" if last - first == 360 else f", φ {first:g}–{last:g}°")
+        return f"{text}{', filled' * self.fills}, weight {self.weight:g}"
 
     @property
     def solid_angle(self) -> float:
@@ -100,7 +106,7 @@ class ScenePairs:
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Scene:
+class Scene(Displayed):
     """Lights, views, channels that matter (None: all) and the tolerance on the reflected radiance."""
 
     name: str
@@ -110,12 +116,16 @@ class Scene:
     channels: tuple[str, ...] | None = None
     description: str = ""
 
-    def __repr__(self) -> str:
-        channels = "all channels" if self.channels is None else f"channels {', '.join(self.channels)}"
-        return (
-            f"Scene({self.name!r}: tolerance {100 * self.tolerance:g} %, {len(self.lights)} lights, "
-            f"{len(self.views)} views, {channels})"
-        )
+    def facts(self) -> dict[str, str]:
+        """Name, tolerance, lights, views and channels."""
+        return {
+            "name": self.name,
+            "tolerance": f"{self.tolerance:g} of the rms radiance",
+            "lights": "; ".join(map(str, self.lights)),
+            "views": "; ".join(map(str, self.views)),
+            "channels": listed(self.channels or ["all"]),
+            "description": self.description,
+        }
 
     def channels_of(self, names: Sequence[str]) -> list[str] | None:
         """The channels of a table that matter in the scene, None for all; GonioError where the table lacks one."""

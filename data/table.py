@@ -9,6 +9,7 @@ import numpy as np
 
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout
+from gonio.models.display import Displayed, listed
 from gonio.models.errors import GonioError, nearest
 
 if TYPE_CHECKING:
@@ -70,8 +71,8 @@ class Block(NamedTuple):
     """uint8, see `Flag`."""
 
 
-@dataclasses.dataclass
-class Table:
+@dataclasses.dataclass(repr=False)
+class Table(Displayed):
     """BRDF readings on a layout.
 
     `f` (1/sr, without the cosine) and `flag` (uint8 `Flag`) have the shape ``layout.shape + (channels,)``; so
@@ -103,6 +104,22 @@ class Table:
             values = getattr(self, what)
             if values is not None and tuple(values.shape) != shape:
                 raise GonioError(f"{what} has shape {tuple(values.shape)}, but layout and channels make {shape}")
+
+    def facts(self) -> dict[str, str]:
+        """Layout, axes, channels, readings by what became of them, and where they come from."""
+        counts = self.counts() if isinstance(self.f, np.ndarray) else {}
+        kinds = [f"{n:,} {kind.replace('_', ' ')}" for kind, n in counts.items() if n and kind != "cells"]
+        axes = [f"{name} {len(axis)}" for name, axis in self.layout.axes.items()]
+        seed = self.provenance.get("seed")
+        simulated = f"simulated, seed {seed}" if "instrument" in self.provenance else ""
+        return {
+            "name": self.name,
+            "layout": f"{self.layout.name}, {self.layout.size:,} cells: {', '.join(axes)}",
+            "channels": f"{len(self.channels)}: {listed(self.channels.names)}",
+            "readings": ", ".join(kinds),
+            "uncertainty": "not stated" if self.u_f is None else "stored for each reading",
+            "source": str(self.provenance.get("source", simulated)),
+        }
 
     def only(self, names: Sequence[str]) -> "Table":
         """The same table with these channels alone, in this order. Raises GonioError for a channel it does not have."""

@@ -16,9 +16,11 @@ from gonio.fitting.residuals.colour_difference import sphere_difference
 from gonio.fitting.residuals.summary import Evidence, ResidualSummary, summarise
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import renamed_attribute
+from gonio.models.display import Displayed
 
 CORRELATED = 0.95  # from which on a correlation is reported
 MOST_CORRELATED = 5
+MOST_SHOWN = 7  # numbers in a repr
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,8 +43,8 @@ class ParameterEstimate:
         return self.name if self.channel is None else f"{self.name}[{self.channel}]"
 
 
-@dataclasses.dataclass(frozen=True)
-class FitResult:
+@dataclasses.dataclass(frozen=True, repr=False)
+class FitResult(Displayed):
     """A fitted model with everything that is known of it; a subject of every verb, as its `material` is.
 
     Attributes:
@@ -98,6 +100,17 @@ class FitResult:
 
     asked = renamed_attribute("asked", "requested")
     spelling = renamed_attribute("spelling", "expression")
+
+    def facts(self) -> dict[str, str]:
+        """Verdict, model, the first free numbers with their standard uncertainties, and how well they fit."""
+        free = [p for p in self.parameters if p.status != "fixed"]
+        numbers = {p.label: f"{p.value:.6g} ± {p.standard_uncertainty:.2g}, {p.status}" for p in free[:MOST_SHOWN]}
+        verdict = "converged" if self.converged else "NOT converged"
+        more = {"…": f"{len(free) - MOST_SHOWN} more"} if len(free) > MOST_SHOWN else {}
+        metrics = (
+            f"relative rms {self.metrics['relative_rms']:.3g}, {self.samples:,} readings of {self.table or 'a table'}"
+        )
+        return {"verdict": f"{verdict}: {self.reason}", "model": self.requested, **numbers, **more, "fit": metrics}
 
     @functools.cached_property
     def residuals(self) -> ResidualSummary | None:

@@ -13,6 +13,8 @@ The verbs and classes are loaded when they are first used, so that `import gonio
 
 from typing import TYPE_CHECKING, Any
 
+from gonio.models import display
+
 if TYPE_CHECKING:
     from gonio.charts.diagrams import chart as chart
     from gonio.checks.certificate import Certificate as Certificate
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
     open = _read
 
 __version__ = "0.1.0"
+
+display.drawings = "gonio.figures.display"
 
 _PUBLIC = {  # public name: its module, and its name there; the imports above are the same, for type checkers
     "Certificate": ("gonio.checks.certificate", "Certificate"),

@@ -13,6 +13,7 @@ from gonio.data.reduction.thin_grid import Base, Thinning
 from gonio.data.scene import Scene, load_scene
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Channels, Table
+from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction, rotate_z
@@ -24,8 +25,8 @@ MOST_TURNS = 8  # azimuths of the light over which an anisotropic table is avera
 TIGHTER = (0.97, 0.85, 0.6, 0.3)  # of the tolerance: targets of the search, until the measured error is within it
 
 
-@dataclasses.dataclass(frozen=True)
-class Reduction:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Reduction(Displayed):
     """A reduced table, its error as measured against the whole one in the scene, and what was left out, in words."""
 
     table: Table
@@ -34,6 +35,14 @@ class Reduction:
     left_out: tuple[str, ...]
     cells: tuple[int, int]
     """Readings of the whole table, and of the reduced one."""
+
+    def facts(self) -> dict[str, str]:
+        """Readings, error and tolerance, and what is left out."""
+        return {
+            "table": f"{self.table.name}: {self.cells[1]:,} of {self.cells[0]:,} readings",
+            "error": f"{self.error:.3g} of the rms radiance; tolerance {self.tolerance:.3g}",
+            "left out": "; ".join(self.left_out),
+        }
 
 
 def reduce_table(

@@ -5,6 +5,7 @@ import json
 from typing import Any
 
 from gonio.data.serialise import plain
+from gonio.models.display import Displayed
 
 PASS, FAIL, UNDECIDED, NOT_APPLICABLE = "pass", "fail", "undecided", "not applicable"
 EXIT_STATUS = {PASS: 0, FAIL: 1, UNDECIDED: 3}
@@ -48,18 +49,27 @@ class Property:
     tolerance: float | None
     where: dict[str, Any] = dataclasses.field(default_factory=dict)
     detail: str = ""
-    facts: dict[str, Any] = dataclasses.field(default_factory=dict)
-    series: dict[str, list] = dataclasses.field(default_factory=dict)
+    facts: dict[str, Any] = dataclasses.field(default_factory=dict, repr=False)
+    series: dict[str, list] = dataclasses.field(default_factory=dict, repr=False)
 
 
-@dataclasses.dataclass
-class Certificate:
+@dataclasses.dataclass(repr=False)
+class Certificate(Displayed):
     """What `gonio.check` found about a model or a table (`kind`)."""
 
     subject: str
     kind: str
     properties: list[Property]
     strict: bool = False
+
+    def facts(self) -> dict[str, str]:
+        """The overall verdict and each property's, with residual, bound and tolerance."""
+        rows = {}
+        for p in self.properties:
+            numbers = zip(("residual", "bound", "tolerance"), (p.residual, p.bound, p.tolerance), strict=True)
+            known = ", ".join(f"{name} {value:.3g}" for name, value in numbers if value is not None)
+            rows[p.name] = f"{p.verdict}{': ' * bool(known)}{known}"
+        return {self.kind: f"{self.subject}: {self.overall.upper()}", **rows}
 
     @property
     def overall(self) -> str:

@@ -70,7 +70,7 @@ def plot_lobe(
     s = resolve_subject(subject)
     curves = _lobe_curves(s, _degrees(theta_i), _channel(s, channel))
     with styled():
-        ax = _axes(ax)
+        ax = new_axes(ax)
         (draw_polar if polar else draw_in_plane)(ax, curves, log)
         ax.set_title(_title(s.name), fontsize=10, pad=_above_legend(ax))
     return ax
@@ -81,7 +81,7 @@ def plot_slice(subject: SubjectLike, *, channel: str | int | None = None, ax: Ax
     s = resolve_subject(subject)
     k = _channel(s, channel)
     with styled():
-        ax = _axes(ax)
+        ax = new_axes(ax)
         if s.table is None:
             f = _of_channel(slice_values(s.brdf), k)
             draw_slice(ax, f, slice_range([f]))
@@ -101,7 +101,7 @@ def plot_sphere(subject: SubjectLike, *, channel: str | int | None = None, ax: A
     s = resolve_subject(subject)
     pixels = [sphere_pixels(p) for p in _sphere(s, _channel(s, channel))]
     with styled():
-        ax = _axes(ax, spheres_size(1))
+        ax = new_axes(ax, spheres_size(1))
         draw_spheres(ax, [("" if s.table is None else "readings, interpolated", pixels)])
         ax.set_title(_title(s.name), fontsize=10, pad=_above_legend(ax))
     return ax
@@ -116,7 +116,7 @@ def plot_albedo(subject: SubjectLike, *, ax: Axes | None = None) -> Axes:
     s = resolve_subject(subject)
     curves = _albedo_curves(s)
     with styled():
-        ax = _axes(ax)
+        ax = new_axes(ax)
         draw_albedo(ax, curves)
         ax.set_title(_title(s.name), fontsize=10, pad=_above_legend(ax))
     return ax
@@ -141,7 +141,7 @@ def plot_residuals(
     valid = readings.valid & (readings.f != 0)
     relative = ((model - readings.f) / np.where(valid, np.abs(readings.f), 1.0))[valid]
     with styled():
-        ax = _axes(ax)
+        ax = new_axes(ax)
         if angles is None:
             draw_residual_histogram(ax, 100 * relative, in_sigma=False, colour=PALETTE[0])
         elif tuple(angles) in (("theta_h", "theta_d"), ("theta_i", "theta_o")):
@@ -164,7 +164,8 @@ def thumbnail_svg(subject: SubjectLike) -> str:
     return small.svg().replace("<svg ", '<svg width="240" height="174" ', 1)
 
 
-def _axes(ax: Axes | None, size: tuple[float, float] = (WIDTH, HEIGHT)) -> Axes:
+def new_axes(ax: Axes | None, size: tuple[float, float] = (WIDTH, HEIGHT)) -> Axes:
+    """The axes themselves, or those of a new figure of this size in inches."""
     if ax is not None:
         return ax
     from matplotlib import pyplot

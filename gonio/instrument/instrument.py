@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 
 HALF_ANGLE_MAX = math.radians(45)
@@ -46,8 +47,8 @@ class Systematic:
 ANGLES = ("source_half_angle", "detector_half_angle", "misalignment", "shadow")  # in radians; people hear degrees
 
 
-@dataclasses.dataclass(frozen=True)
-class Instrument:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Instrument(Displayed):
     """A gonioreflectometer; the default is ideal: point apertures, no noise, no error.
 
     A reading is what the detector's radiance over the sample's irradiance is: with apertures the average of f over
@@ -123,6 +124,25 @@ class Instrument:
                 raise GonioError(f"{', '.join(counted)} is in counts; give photons too, which says what a count is")
         if not self.tolerance > 0:
             raise GonioError("the instrument's tolerance is 0; give the relative error that is allowed, such as 1e-3")
+
+    def facts(self) -> dict[str, str]:
+        """Apertures, noise and systematic errors, as far as they are not ideal."""
+        source, detector, shadow = (
+            math.degrees(a) for a in (self.source_half_angle, self.detector_half_angle, self.shadow)
+        )
+        names = ("photons", "ambient", "dark", "read_noise", "noise", "saturation")
+        noise = [f"{name} {value:g}" for name in names if (value := getattr(self, name))]
+        errors = [f"misalignment {math.degrees(self.misalignment):g}°"] * bool(self.misalignment)
+        errors += [f"calibration {self.calibration:g}"] * bool(self.calibration)
+        errors += [str(self.systematic)] * (self.systematic is not None)
+        return {
+            "apertures": f"source {source:g}°, detector {detector:g}° (half-angles)"
+            if self.has_apertures
+            else "points",
+            "noise": ", ".join(noise) or "none",
+            "errors": ", ".join(errors) or "none",
+            "shadow": f"{shadow:g}°" if shadow else "",
+        }
 
     @property
     def has_apertures(self) -> bool:

@@ -14,6 +14,7 @@ from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table, whole_table_of_values
+from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 
 MOST_VALUES = 60_000_000
@@ -26,8 +27,8 @@ ROOM = 1e-6
 """Albedos are held this far below 1: single precision may store the table."""
 
 
-@dataclasses.dataclass
-class Repaired:
+@dataclasses.dataclass(repr=False)
+class Repaired(Displayed):
     """A repaired table, certificates before and after, and how far its readings moved (`moved`, JSON-able)."""
 
     table: Table
@@ -36,6 +37,14 @@ class Repaired:
     moved: dict
     remark: str = ""
     """What a user should know: that the table was first read on a grid, say."""
+
+    def facts(self) -> dict[str, str]:
+        """The verdicts before and after, and how far the readings moved."""
+        return {
+            "table": f"{self.table.name}{', ' * bool(self.remark)}{self.remark}",
+            "verdict": f"{self.before.overall} before, {self.after.overall} after",
+            "moved": f"{self.moved['readings']:,} readings by {self.moved['relative_rms']:.2%} (rms)",
+        }
 
 
 def repair(
