@@ -7,12 +7,15 @@ lobe, two lobes, brushed or not, with one width or one for each channel, all com
 
 import dataclasses
 import functools
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from gonio.fitting.problem.domains import Domains, domain_kind
 from gonio.fitting.problem.losses import transform, uses_cosine
+from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.models.catalog import MODELS
 from gonio.models.expression.builder import Frame, assemble
 from gonio.models.expression.paths import FACTOR
@@ -24,8 +27,6 @@ NO_FRESNEL, DIELECTRIC = 1.0, 0.04  # Schlick's F₀ = 1 is F = 1
 _ARGUMENTS = {"eon": ("rho", "r"), "std": ("alpha_x", "alpha_y", "f0", "gamma")}
 _MICROFACET = ("alpha_x", "alpha_y", "f0")
 NARROWEST = 1e-3
-STEPS = 80
-SETTLED = 1e-9  # relative change of the cost below which a descent ends
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,6 +75,11 @@ class Number:
     high: float
     log: bool
 
+    @property
+    def linear(self) -> bool:
+        """Whether f is proportional to it."""
+        return self.name in (FACTOR, "rho")
+
 
 @functools.lru_cache(maxsize=512)
 def numbers_of(parts: tuple[Part, ...], channels: int) -> tuple[Number, ...]:
@@ -83,7 +89,7 @@ def numbers_of(parts: tuple[Part, ...], channels: int) -> tuple[Number, ...]:
         known = parameters_of(MODELS[part.model])
         each = [None] if part.grey or channels == 1 else list(range(channels))
         if part.lobe:
-            found += [Number(k, FACTOR, c, 0.0, 1e6, False) for c in each]
+            found += [Number(k, FACTOR, c, 0.0, 1e6, True) for c in each]
             widths = ("alpha_x", "alpha_y") if part.brushed else ("alpha",)
             every = list(range(channels)) if part.spread and channels > 1 else [None]
             found += [Number(k, n, c, NARROWEST, known[n].high, True) for n in widths for c in every]
@@ -147,11 +153,10 @@ def arguments(part: Part) -> tuple[str, ...]:
     return _ARGUMENTS.get(part.model, _MICROFACET)
 
 
-def values(parts: tuple[Part, ...], x: np.ndarray, s: Scenery) -> tuple[np.ndarray, np.ndarray]:
-    """(f (n, C), ∂f/∂x (n, C, P)) of a sketch at its vector x (see `to_x`)."""
+def values(parts: tuple[Part, ...], p: np.ndarray, s: Scenery) -> tuple[np.ndarray, np.ndarray]:
+    """(f (n, C), ∂f/∂p (n, C, P)) of a sketch at its numbers p (P,)."""
     n, channels = s.target.shape
     of = numbers_of(parts, channels)
-    p = to_p(of, x)
     f, rows = np.zeros((n, channels)), np.zeros((n, channels, len(of)))
     for k, part in enumerate(parts):
         mine = [(j, u) for j, u in enumerate(of) if u.part == k]
@@ -184,63 +189,74 @@ def values(parts: tuple[Part, ...], x: np.ndarray, s: Scenery) -> tuple[np.ndarr
                     rows[:, c, j] = strength * (slopes[:, names.index("alpha_x")] + slopes[:, names.index("alpha_y")])
                 else:
                     rows[:, c, j] = strength * slopes[:, names.index(name)]
-    # By x, not by p: dp/dx is p where the step is in the logarithm.
-    return f, rows * np.where([u.log for u in of], p, 1.0)
+    return f, rows
 
 
-def to_p(of: tuple[Number, ...], x: np.ndarray) -> np.ndarray:
-    """The numbers themselves, shape (P,)."""
-    return np.where([u.log for u in of], np.exp(np.where([u.log for u in of], x, 0.0)), x)
-
-
-def to_x(of: tuple[Number, ...], p: np.ndarray) -> np.ndarray:
-    """The vector that descents step in: logarithms of widths, the other numbers as they are."""
-    p = np.clip(p, [u.low for u in of], [u.high for u in of])
-    log = np.array([u.log for u in of])
-    return np.where(log, np.log(np.where(log, p, 1.0)), p)
-
-
-def residuals(parts: tuple[Part, ...], x: np.ndarray, s: Scenery) -> tuple[np.ndarray, np.ndarray]:
-    """(r (n, C), ∂r/∂x (n, C, P)), zero where a reading is not used."""
-    f, rows = values(parts, x, s)
+def residuals(parts: tuple[Part, ...], p: np.ndarray, s: Scenery) -> tuple[np.ndarray, np.ndarray]:
+    """(r (n, C), ∂r/∂p (n, C, P)), zero where a reading is not used."""
+    f, rows = values(parts, p, s)
     value, slope = transform(s.loss, f * s.cosine, s.floor, np)
     return s.weight * (value - s.target), (s.weight * slope * s.cosine)[:, :, None] * rows
 
 
-def descend(parts: tuple[Part, ...], x: np.ndarray, s: Scenery) -> tuple[np.ndarray, float]:
-    """(x, Σr²) at the end of a projected Levenberg–Marquardt descent within the bounds [Kanzow et al. 2004]."""
-    of = numbers_of(parts, s.target.shape[1])
-    low, high = (to_x(of, np.array([getattr(u, b) for u in of])) for b in ("low", "high"))
-    x, damping = np.clip(x, low, high), 1e-3
-    cost, matrix, gradient = _sums(parts, x, s)
-    for _ in range(STEPS):
-        held = ((x <= low) & (gradient >= 0)) | ((x >= high) & (gradient <= 0)) | (np.diagonal(matrix) <= 0)
-        at = np.flatnonzero(~held)
-        if not at.size:
-            break
-        inner = matrix[np.ix_(at, at)]
-        step = np.zeros_like(x)
-        try:
-            step[at] = -np.linalg.solve(inner + damping * np.diag(np.diagonal(inner)), gradient[at])
-        except np.linalg.LinAlgError:
-            damping *= 10.0
-            continue
-        trial = np.clip(x + np.clip(step, -2.0, np.where([u.log for u in of], 2.0, np.inf)), low, high)
-        after = _sums(parts, trial, s)
-        if after[0] < cost:
-            settled = cost - after[0] <= SETTLED * cost
-            x, damping = trial, max(damping / 5.0, 1e-12)
-            cost, matrix, gradient = after
-            if settled:
-                break
-        else:
-            damping *= 5.0
-            if damping > 1e8:
-                break
-    return x, cost
+@dataclasses.dataclass(frozen=True)
+class CandidateProblem:
+    """The least-squares problem of a sketch, for the solver of all fits."""
 
+    parts: tuple[Part, ...]
+    scenery: Scenery
 
-def _sums(parts, x, s):
-    r, rows = residuals(parts, x, s)
-    flat = rows.reshape(r.size, rows.shape[2])
-    return float(np.sum(r * r)), flat.T @ flat, flat.T @ r.ravel()
+    @functools.cached_property
+    def numbers(self) -> tuple[Number, ...]:
+        """The free numbers, in their order."""
+        return numbers_of(self.parts, self.scenery.target.shape[1])
+
+    @functools.cached_property
+    def domains(self) -> Domains:
+        """Closed domains of the numbers."""
+        low, high = (np.array([getattr(u, b) for u in self.numbers], float) for b in ("low", "high"))
+        return Domains(np.array([domain_kind(u.low, u.log) for u in self.numbers], int), low, high)
+
+    @functools.cached_property
+    def linear(self) -> np.ndarray:
+        """Which numbers (P,) f is proportional to."""
+        return np.array([u.linear for u in self.numbers], bool)
+
+    @functools.cached_property
+    def target_norm_squared(self) -> float:
+        """‖data‖² of the weighted targets."""
+        return float(np.sum((self.scenery.weight * self.scenery.target) ** 2))
+
+    @functools.cached_property
+    def slope(self) -> np.ndarray:
+        """Slope of the residuals by f at the readings, (n, C)."""
+        s = self.scenery
+        return s.weight * transform(s.loss, s.f * s.cosine, s.floor, np)[1] * s.cosine
+
+    def normal_equations(self, p: np.ndarray, active: np.ndarray | None = None) -> NormalEquations:
+        """At vectors p (S, P), of the active ones."""
+        return self._summed(p, active, lambda q: residuals(self.parts, q, self.scenery))
+
+    def linearised_equations(self, p: np.ndarray) -> NormalEquations:
+        """Those of f itself at p (S, P), the loss being linear about the readings."""
+        slope, y = self.slope, self.scenery.f
+
+        def linearised(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            f, rows = values(self.parts, q, self.scenery)
+            return slope * (f - y), slope[:, :, None] * rows
+
+        return self._summed(p, None, linearised)
+
+    def _summed(
+        self,
+        p: np.ndarray,
+        active: np.ndarray | None,
+        at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    ) -> NormalEquations:
+        number, size = p.shape
+        total = NormalEquations(np.zeros(number), np.zeros((number, size)), np.zeros((number, size, size)))
+        for k in range(number) if active is None else np.flatnonzero(active):
+            r, rows = at(p[k])
+            j = rows.reshape(r.size, size)
+            total.cost[k], total.gradient[k], total.matrix[k] = 0.5 * np.sum(r * r), j.T @ r.ravel(), j.T @ j
+        return total

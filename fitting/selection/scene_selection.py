@@ -8,7 +8,7 @@ from gonio.data.scene import Scene, ScenePairs
 from gonio.fitting.problem.losses import transform
 from gonio.fitting.problem.readings import Readings
 from gonio.fitting.selection.candidate import Choice, Tried
-from gonio.fitting.selection.candidate_model import Scenery, numbers_of, to_x, values
+from gonio.fitting.selection.candidate_model import Scenery, values
 from gonio.fitting.selection.criteria import neighbourhood, noise_deviation
 from gonio.fitting.selection.warm_start import fitted
 from gonio.models.errors import GonioError
@@ -121,7 +121,7 @@ def allowed(choice: Choice, look: Seen) -> list[Allowed]:
     found = []
     for t in choice.tried:
         p, _ = fitted(t.parts, t.p, mine)
-        f = values(t.parts, to_x(numbers_of(t.parts, choice.channels), p), mine)[0]
+        f = values(t.parts, p, mine)[0]
         error = look.error(f, s.f, noise)
         found.append(Allowed(dataclasses.replace(t, p=p), error, cost(t)))
     return sorted(found, key=lambda a: (a.cost, a.tried.size, a.error))

@@ -24,7 +24,6 @@ from gonio.fitting.selection.candidate_model import (
     Scenery,
     numbers_of,
     residuals,
-    to_x,
     values,
 )
 from gonio.fitting.selection.warm_start import carried, fitted
@@ -61,13 +60,12 @@ class _Search:
         if start is None:
             start = carried(out_of.parts, out_of.p, parts, self.channels) if out_of else np.full(len(of), np.nan)
         p, cost = fitted(parts, start, self.s)
-        x = to_x(of, p)
-        r, rows = residuals(parts, x, self.s)
-        low, high = (to_x(of, np.array([getattr(u, b) for u in of])) for b in ("low", "high"))
+        r, rows = residuals(parts, p, self.s)
+        low, high = (np.array([getattr(u, b) for u in of]) for b in ("low", "high"))
         gradient = np.einsum("ncp,nc->p", rows, r)
-        inside = ~(((x <= low) & (gradient >= 0)) | ((x >= high) & (gradient <= 0)))
+        inside = ~(((p <= low) & (gradient >= 0)) | ((p >= high) & (gradient <= 0)))
         held = criteria.held_out(r, rows, inside, self.near.groups)
-        f = np.where(self.used, values(parts, x, self.s)[0], 0.0)
+        f = np.where(self.used, values(parts, p, self.s)[0], 0.0)
         y = np.where(self.used, self.s.f, 0.0)
         rms = float(np.sqrt(np.sum((f - y) ** 2) / max(float(np.sum(y**2)), 1e-300)))
         chi2 = cost if np.isfinite(cost) and np.isfinite(held).all() else NEVER
@@ -228,6 +226,6 @@ def choose(
 
 def _by_noise(s: Scenery, t: Tried, near: criteria.Neighbourhood) -> np.ndarray:
     used = s.weight > 0
-    bare = residuals(t.parts, to_x(numbers_of(t.parts, s.target.shape[1]), t.p), s.weighted(used.astype(float)))[0]
+    bare = residuals(t.parts, t.p, s.weighted(used.astype(float)))[0]
     # By the model's own size: weights from noisy readings would favour those that came out low.
     return np.where(used, 1.0 / criteria.noise_deviation(bare, np.abs(s.target + bare), used, near), 0.0)

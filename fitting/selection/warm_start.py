@@ -2,14 +2,15 @@
 
 import numpy as np
 
-from gonio.fitting.problem.losses import transform
-from gonio.fitting.selection.candidate_model import Number, Part, Scenery, descend, numbers_of, to_p, to_x, values
+from gonio.fitting.problem.domains import snapped
+from gonio.fitting.selection.candidate_model import CandidateProblem, Number, Part, Scenery, numbers_of
+from gonio.fitting.solver.initial_guess import APART, WIDTHS, solve_amounts
+from gonio.fitting.solver.levenberg_marquardt import minimise
 from gonio.models.expression.paths import FACTOR
 
-WIDTHS = (0.02, 0.06, 0.15, 0.35, 0.7)
 NEW = {"f0": 0.1, "gamma": 2.2, "r": 0.3, "rho": 0.3, FACTOR: 0.1, "alpha": 0.3, "alpha_x": 0.25, "alpha_y": 0.4}
-APART = {"alpha_x": 0.8, "alpha_y": 1.25}  # widths along x and y begin apart: equal ones look alike from either side
 REFINED = 2
+STEPS, ROUGH = 80, 1e4  # of a descent, which ends where a step promises less than 1e-9 of the cost
 
 
 def carried(old: tuple[Part, ...], p: np.ndarray, new: tuple[Part, ...], channels: int) -> np.ndarray:
@@ -32,40 +33,35 @@ def carried(old: tuple[Part, ...], p: np.ndarray, new: tuple[Part, ...], channel
     return np.array([value(u) for u in numbers_of(new, channels)])
 
 
-def solved(parts: tuple[Part, ...], p: np.ndarray, s: Scenery) -> tuple[np.ndarray, float]:
-    """(p with its albedos and scales from the data at given shapes, Σr² of it): least squares, made non-negative.
-
-    The loss is taken as linear about the readings. A number that all channels share stays as it is.
-    """
-    channels = s.target.shape[1]
-    of = numbers_of(parts, channels)
-    f, rows = values(parts, to_x(of, p), s)
-    slope = s.weight * transform(s.loss, s.f * s.cosine, s.floor, np)[1] * s.cosine
-    p, total = p.copy(), 0.0
-    for c in range(channels):
-        at = [j for j, u in enumerate(of) if u.name in (FACTOR, "rho") and (u.channel == c or channels == 1)]
-        w, basis = slope[:, c], rows[:, c, at]
-        rest = s.f[:, c] - (f[:, c] - basis @ p[at])
-        amount = np.linalg.lstsq(basis * w[:, None], rest * w, rcond=None)[0] if at else np.empty(0)
-        least = 1e-3 * np.max(np.abs(amount), initial=1e-6)
-        amount = np.clip(amount, np.minimum(least, [of[j].high for j in at]), [of[j].high for j in at])
-        p[at] = amount
-        total += float(np.sum((w * (basis @ amount - rest)) ** 2))
-    return p, total
-
-
 def fitted(parts: tuple[Part, ...], p: np.ndarray, s: Scenery) -> tuple[np.ndarray, float]:
     """(numbers (P,), Σr²) of a sketch from the numbers p; a new lobe (NaN) begins at the likeliest of some widths."""
-    of = numbers_of(parts, s.target.shape[1])
+    problem = CandidateProblem(parts, s)
     missing = np.isnan(p)
-    if not missing.any():
-        starts = [p]
-    else:
-        guessed = []
-        for width in WIDTHS if any(of[j].name.startswith("alpha") for j in np.flatnonzero(missing)) else (0.3,):
-            new = [width * APART.get(u.name, 1.0) if u.name.startswith("alpha") else NEW[u.name] for u in of]
-            guessed.append(solved(parts, np.where(missing, new, p), s))
-        starts = [q for q, _ in sorted(guessed, key=lambda found: found[1])[:REFINED]]
-    ends = [descend(parts, to_x(of, q), s) for q in starts]
-    x, cost = min(ends, key=lambda end: end[1] if np.isfinite(end[1]) else np.inf)
-    return to_p(of, x), cost
+    starts = [p]
+    if missing.any():
+        new_width = any(u.name.startswith("alpha") for u, yes in zip(problem.numbers, missing, strict=True) if yes)
+        starts = []
+        for width in WIDTHS if new_width else (NEW["alpha"],):
+            new = [
+                width * APART.get(u.name, 1.0) if u.name.startswith("alpha") else NEW[u.name] for u in problem.numbers
+            ]
+            starts.append(np.where(missing, new, p))
+        starts = _with_amounts(problem, np.stack(starts))[:REFINED]
+    ends = minimise(problem, starts, rough=ROUGH, most=STEPS)
+    best = min(ends, key=lambda end: end.cost if np.isfinite(end.cost) else np.inf)
+    return snapped(problem.domains, best.p), 2.0 * best.cost
+
+
+def _with_amounts(problem: CandidateProblem, p: np.ndarray) -> list[np.ndarray]:
+    """Vectors p (S, P) with their albedos and scales from the data at given shapes, the best first.
+
+    A number that all channels share stays as it is.
+    """
+    numbers, channels = problem.numbers, problem.scenery.target.shape[1]
+    free = [
+        [j for j, u in enumerate(numbers) if u.linear and (u.channel == c or channels == 1)] for c in range(channels)
+    ]
+    size = np.sqrt(np.sum((problem.slope * problem.scenery.f) ** 2, axis=0))
+    reach = np.array([size[u.channel or 0] for u in numbers])
+    solved = solve_amounts(problem.linearised_equations(p), p, np.array(free, int), reach, problem.domains)
+    return [q for q, _ in sorted(solved, key=lambda start: start[1])]

@@ -21,7 +21,7 @@ from gonio.data.formats.nist_ptfe import read_nist
 from gonio.fitting.problem.losses import floor_of
 from gonio.fitting.problem.readings import readings_of
 from gonio.fitting.selection.automatic import turned
-from gonio.fitting.selection.candidate_model import Scenery, numbers_of, residuals, to_x
+from gonio.fitting.selection.candidate_model import Scenery, numbers_of, residuals
 from gonio.fitting.selection.stepwise import choose
 
 THETA_MAX = math.radians(80)
@@ -33,8 +33,8 @@ def scipy_best(parts, readings, starts: int) -> tuple[float, float]:
     floor = floor_of("cbrt", (readings.f * cosine)[readings.valid])
     s = Scenery.of(readings.wi, readings.wo, readings.f, readings.valid.astype(float), "cbrt", floor)
     of = numbers_of(parts, readings.f.shape[1])
-    high = np.array([min(u.high, 1e3) for u in of])
-    low, high = to_x(of, np.array([u.low for u in of])), to_x(of, high)
+    low, high = np.array([u.low for u in of]), np.array([min(u.high, 1e3) for u in of])
+    width = np.array([u.name.startswith("alpha") for u in of])
     rng, best, began = np.random.default_rng(0), math.inf, time.process_time()
     last: dict[bytes, tuple] = {}
 
@@ -46,7 +46,8 @@ def scipy_best(parts, readings, starts: int) -> tuple[float, float]:
 
     for _ in range(starts):
         top = np.where(high > 100, 1.0, high)
-        x0 = low + (top - low) * rng.random(low.size)
+        u = rng.random(low.size)
+        x0 = np.where(width, np.where(width, low, 1.0) ** (1 - u) * top**u, low + (top - low) * u)
         found = least_squares(
             lambda x: both(x)[0].ravel(), x0,
             jac=lambda x: both(x)[1].reshape(-1, x.size),

@@ -5,7 +5,7 @@ import pytest
 
 from gonio.data import layouts
 from gonio.fitting.selection import criteria
-from gonio.fitting.selection.candidate_model import Part, Scenery, descend, numbers_of, residuals, to_p, to_x, values
+from gonio.fitting.selection.candidate_model import Part, Scenery, residuals, values
 from gonio.fitting.selection.warm_start import carried, fitted
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
@@ -24,7 +24,7 @@ SEVEN_P = np.array([0.1, 0.2, 0.4, 0.9, 0.8, 0.7, 0.3])
 
 
 def scenery(parts, p, noise=0.0, loss="linear", seed=0):
-    f = values(parts, to_x(numbers_of(parts, 3), p), Scenery.of(WI, WO, np.ones((LAYOUT.size, 3)), 1.0, loss, 1e-3))[0]
+    f = values(parts, p, Scenery.of(WI, WO, np.ones((LAYOUT.size, 3)), 1.0, loss, 1e-3))[0]
     f = f * (1 + noise * np.random.default_rng(seed).standard_normal(f.shape))
     return Scenery.of(WI, WO, f, np.ones_like(f), loss, 1e-3)
 
@@ -33,27 +33,27 @@ def test_a_sketch_is_the_model_it_is_spelled_as():
     assert "+".join(part.spelled() for part in MIXED) == (
         "lambert(rho=shared)+ggx(alpha=each, f0=0.04)+ggx(alpha_x=?, alpha_y=?, f0=?)"
     )
-    f = values(MIXED, to_x(numbers_of(MIXED, 3), MIXED_P), scenery(SEVEN, SEVEN_P))[0]
+    f = values(MIXED, MIXED_P, scenery(SEVEN, SEVEN_P))[0]
     np.testing.assert_allclose(f, evaluate(build(MIXED_SPELLED), WI, WO), rtol=1e-12)
 
 
 def test_derivatives_are_those_of_finite_differences():
-    s, x = scenery(SEVEN, SEVEN_P, loss="cbrt"), to_x(numbers_of(MIXED, 3), MIXED_P)
-    rows = residuals(MIXED, x, s)[1]
-    for j in range(x.size):
-        step = np.eye(x.size)[j] * 1e-6
-        slope = (residuals(MIXED, x + step, s)[0] - residuals(MIXED, x - step, s)[0]) / 2e-6
+    s, p = scenery(SEVEN, SEVEN_P, loss="cbrt"), MIXED_P
+    rows = residuals(MIXED, p, s)[1]
+    for j in range(p.size):
+        step = np.eye(p.size)[j] * 1e-6
+        slope = (residuals(MIXED, p + step, s)[0] - residuals(MIXED, p - step, s)[0]) / 2e-6
         np.testing.assert_allclose(rows[:, :, j], slope, rtol=1e-5, atol=1e-7)
 
 
 def test_a_descent_finds_the_truth_and_stops_on_bounds():
-    s, of = scenery(SEVEN, SEVEN_P, loss="cbrt"), numbers_of(SEVEN, 3)
-    x, cost = descend(SEVEN, to_x(of, np.array([0.3, 0.3, 0.3, 0.2, 0.2, 0.2, 0.6])), s)
-    np.testing.assert_allclose(to_p(of, x), SEVEN_P, rtol=1e-6)
+    s = scenery(SEVEN, SEVEN_P, loss="cbrt")
+    p, cost = fitted(SEVEN, np.array([0.3, 0.3, 0.3, 0.2, 0.2, 0.2, 0.6]), s)
+    np.testing.assert_allclose(p, SEVEN_P, rtol=1e-6)
     assert cost < 1e-12
     bare = scenery((Part("lambert"),), np.array([0.0, 0.2, 0.4]))
-    x, _ = descend(SEVEN, to_x(of, SEVEN_P), bare)
-    assert to_p(of, x)[0] == 0.0 and (to_p(of, x)[:3] <= 1).all()
+    p, _ = fitted(SEVEN, SEVEN_P, bare)
+    assert p[0] == 0.0 and (p[:3] <= 1).all()
 
 
 def test_a_new_lobe_begins_where_the_data_put_it():
@@ -68,12 +68,12 @@ def test_held_out_readings_are_those_of_a_fit_without_them():
     s = scenery(SEVEN, SEVEN_P, noise=0.05)
     groups = criteria.neighbourhood(WI, WO).groups
     for parts, p, tolerance in (((Part("lambert"),), SEVEN_P[:3], 1e-6), (SEVEN, SEVEN_P, 0.05)):
-        x, _ = descend(parts, to_x(numbers_of(parts, 3), p), s)
-        r, rows = residuals(parts, x, s)
-        guess = criteria.held_out(r, rows, np.ones(x.size, bool), groups)
+        p, _ = fitted(parts, p, s)
+        r, rows = residuals(parts, p, s)
+        guess = criteria.held_out(r, rows, np.ones(p.size, bool), groups)
         for g in (0, 4, int(groups.max())):
             inside = (groups != g).astype(float)[:, None] * np.ones((1, 3))
-            without, _ = descend(parts, x, s.weighted(inside))
+            without, _ = fitted(parts, p, s.weighted(inside))
             truth = np.sum(residuals(parts, without, s)[0][groups == g] ** 2)
             assert guess[g] == pytest.approx(truth, rel=tolerance)
 
