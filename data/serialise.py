@@ -1,39 +1,31 @@
-"""Values as JSON can hold them."""
+"""Values as files can hold them: Python's own containers, numbers and texts."""
 
 import math
+from collections.abc import Callable
 from typing import Any
-
-import numpy as np
-
-
-def plain(value: Any) -> Any:
-    """`value` made of what JSON can hold: arrays become lists, numbers that are not finite None."""
-    if isinstance(value, dict):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, int | np.integer):
-        return int(value)
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value
 
 
 def unboxed(value: Any) -> Any:
-    """NumPy out of nested containers: lists, dicts, numbers (NaN too, which TOML knows) and strings only."""
-    if isinstance(value, dict):
-        return {str(k): unboxed(v) for k, v in value.items()}
-    if isinstance(value, list | tuple | np.ndarray):
-        return [unboxed(v) for v in (value.tolist() if isinstance(value, np.ndarray) else value)]
-    return value.item() if isinstance(value, np.generic) else value
+    """`value` with arrays as lists and NumPy's scalars as numbers, NaN too; keys of dicts are texts."""
+    return _walked(value, lambda leaf: leaf)
 
 
-def without_none(value: Any) -> Any:
-    """Nested containers less their empty entries, which TOML cannot hold."""
+def plain(value: Any) -> Any:
+    """`unboxed`, as JSON can hold it: numbers that are not finite become None."""
+    return _walked(value, lambda leaf: None if isinstance(leaf, float) and not math.isfinite(leaf) else leaf)
+
+
+def toml_values(value: Any) -> Any:
+    """`unboxed`, as TOML can hold it: entries that are None are left out, other objects become texts."""
+    return _walked(value, lambda leaf: leaf if isinstance(leaf, bool | int | float | str) else str(leaf), True)
+
+
+def _walked(value: Any, leaf: Callable[[Any], Any], without_none: bool = False) -> Any:
+    if hasattr(value, "tolist"):
+        value = value.tolist()
     if isinstance(value, dict):
-        return {k: without_none(v) for k, v in value.items() if v is not None}
-    return [without_none(v) for v in value] if isinstance(value, list) else value
+        items = ((str(k), v) for k, v in value.items() if not (without_none and v is None))
+        return {k: _walked(v, leaf, without_none) for k, v in items}
+    if isinstance(value, list | tuple):
+        return [_walked(v, leaf, without_none) for v in value if not (without_none and v is None)]
+    return leaf(value)

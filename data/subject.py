@@ -8,17 +8,8 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
 from gonio.data.files import is_there
-from gonio.data.formats.bbm_fits import SUFFIX, published_spelling
-from gonio.data.formats.registry import read
-from gonio.data.material import (
-    REFERENCE_FOLDER,
-    Material,
-    channels_of,
-    is_material_file,
-    material_of,
-    read_material,
-    reference_materials,
-)
+from gonio.data.formats.registry import load, read, split_entry
+from gonio.data.material import REFERENCE_FOLDER, Material, channels_of, material_of, reference_materials
 from gonio.data.table import Channels, Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.catalog import MODELS
@@ -123,14 +114,11 @@ def _named(given: str | os.PathLike, options: dict[str, Any]) -> Subject:
     text = os.fspath(given)
     if text in reference_materials():
         # Where this gonio is installed is nobody's provenance: a reference material is known by its name.
-        material = read_material(REFERENCE_FOLDER / f"{text}.toml")
+        material = load(REFERENCE_FOLDER / f"{text}.toml")
+        assert isinstance(material, Material)
         return _of_material(dataclasses.replace(material, meta={"reference": text}))
-    file, colon, entry = text.rpartition(":")
-    published = colon and file.endswith(SUFFIX)
-    if is_there(text) or (isinstance(given, os.PathLike) and not published):
+    if is_there(text) or isinstance(given, os.PathLike) or split_entry(text)[1] is not None:
         return _file(Path(text), options)
-    if published:
-        return _of_material(_published(file, entry))
     if "(" in text:
         brdf = build(text)
         return _of_material(Material(text, brdf, text, channels_of(brdf), "spelled on the spot"))
@@ -142,20 +130,10 @@ def _named(given: str | os.PathLike, options: dict[str, Any]) -> Subject:
 
 
 def _file(path: Path, options: dict[str, Any]) -> Subject:
-    if is_material_file(path):
-        return _of_material(read_material(path))
-    table = read(path, **options)
-    return Subject("table", table.name or path.stem, table.channels, table, file=os.fspath(path))
-
-
-def _published(file: str, entry: str) -> Material:
-    expression = published_spelling(file, entry)
-    try:
-        brdf = build(expression)
-    except GonioError as error:
-        raise GonioError(f"{file}, {entry}: {error}") from None
-    source = f"published fit of {entry} in {Path(file).name}"
-    return Material(entry, brdf, expression, channels_of(brdf), source, source, {"file": file, "entry": entry})
+    found = load(path, **options)
+    if isinstance(found, Material):
+        return _of_material(found)
+    return Subject("table", found.name or path.stem, found.channels, found, file=os.fspath(path))
 
 
 def _stream(stream: BinaryIO, options: dict[str, Any]) -> Subject:

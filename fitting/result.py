@@ -10,7 +10,7 @@ import numpy as np
 
 from gonio.data.files import new_file
 from gonio.data.material import Material
-from gonio.data.serialise import unboxed, without_none
+from gonio.data.serialise import toml_values, unboxed
 from gonio.data.table import Channels
 from gonio.fitting.residuals.colour_difference import sphere_difference
 from gonio.fitting.residuals.summary import Evidence, ResidualSummary, summarise
@@ -197,5 +197,5 @@ class FitResult(Displayed):
         content["source"] = {"text": f"gonio fit of '{self.requested}' to {self.table or 'a table'}"}
         fit = self.to_dict()
         fit.pop("spelling")
-        content["fit"] = without_none(fit)
+        content["fit"] = toml_values(fit)
         return content

@@ -11,7 +11,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 FLOORS = {"models": "gonio.models", "data": "gonio.data", "fitting": "gonio.fitting", "gonio": "gonio"}  # upwards
 ROOMS = ("instrument", "checks", "figures", "stability", "charts", "reports", "cli")  # of the top floor, upwards
 CIRCLES = {  # being opened: to be emptied, never to grow
-    "gonio.checks.model", "gonio.checks.table", "gonio.data.formats", "gonio.data.interpolation",
+    "gonio.checks.model", "gonio.checks.table",
 }  # fmt: skip
 VERBS = {"material", "measure", "open", "fit", "fit_many", "check", "chart", "stress", "reduce", "repair", "report"}
 

@@ -9,9 +9,14 @@ import math
 import os
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gonio.data.files import input_size
+from gonio.data.formats.base import Format
 from gonio.models.errors import GonioError, nearest
+
+if TYPE_CHECKING:
+    from gonio.data.material import Material
 
 LARGEST = 4 << 20
 SUFFIX = ".fit"
@@ -110,6 +115,24 @@ def published_spelling(path: str | os.PathLike, name: str) -> str:
         raise GonioError(f"{path}, {name}: {error}") from None
 
 
+def read_published(path: str | os.PathLike, entry: str | None = None) -> "Material":
+    """One material of a file of published fits. Raises GonioError, naming some, where no `entry` is given."""
+    from gonio.data.material import Material, channels_of
+    from gonio.models.expression.builder import build
+
+    if entry is None:
+        first = published_names(path)[0]
+        raise GonioError(f"{path} holds published fits; name one of them, as in '{path}:{first}' (see gonio info)")
+    expression = published_spelling(path, entry)
+    try:
+        brdf = build(expression)
+    except GonioError as error:
+        raise GonioError(f"{path}, {entry}: {error}") from None
+    source = f"published fit of {entry} in {Path(path).name}"
+    meta = {"file": os.fspath(path), "entry": entry}
+    return Material(entry, brdf, expression, channels_of(brdf), source, source, meta)
+
+
 def _lines(path: str | os.PathLike) -> dict[str, str]:
     if input_size(path) > LARGEST:
         raise GonioError(f"{path} has more than {LARGEST} bytes; a file of published fits is smaller")
@@ -193,3 +216,9 @@ def _text(value) -> str:
     if isinstance(value, float):
         return repr(value)
     raise GonioError(f"{value!r} came where a number or a list of them was expected")
+
+
+FORMAT = Format(
+    "published fits", "published fits (.fit)", "model", lambda head: head.suffix == SUFFIX, read_published,
+    options=("entry",), suffixes=(SUFFIX,), entries=published_names,
+)  # fmt: skip

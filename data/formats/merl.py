@@ -13,6 +13,7 @@ import numpy as np
 from gonio.data import layouts
 from gonio.data.files import input_size, new_file
 from gonio.data.flags import Flag
+from gonio.data.formats.base import FileHead, Format
 from gonio.data.formats.round_trip import RoundTrip, compare, compare_cells
 from gonio.data.layouts import Layout
 from gonio.data.table import Channels, Table
@@ -34,9 +35,13 @@ def header_counts(start: bytes, size: int) -> tuple[int, int, int] | None:
     return counts if min(counts) > 0 and size == 12 + 3 * 8 * math.prod(counts) else None
 
 
-def looks_like_merl(start: bytes) -> bool:
-    """Whether a header has MERL's own counts, so that a wrong file size is worth a word of its own."""
-    return len(start) >= 12 and tuple(np.frombuffer(start[:8], HEADER)) == (90, 90)
+def looks_like_merl(head: FileHead) -> bool:
+    """Whether a file has MERL's header, its own counts (with a wrong size), or is a binary of its suffix.
+
+    The reader says what is wrong with the latter two.
+    """
+    own_counts = len(head.start) >= 12 and tuple(np.frombuffer(head.start[:8], HEADER)) == (90, 90)
+    return bool(header_counts(head.start, head.size)) or own_counts or (head.binary and head.suffix == ".binary")
 
 
 def read_merl(path: str | os.PathLike, nodes: str = "lower") -> Table:
@@ -135,3 +140,8 @@ def _on_merl_grid(source, nodes) -> tuple[Table, bool]:
     grid = layouts.merl(nodes)
     brdf = as_material(source) if isinstance(source, Table) else source
     return whole_table_of_values(grid, grid_values(brdf, grid)), not isinstance(source, Table)
+
+
+FORMAT = Format(
+    "MERL", "MERL .binary", "table", looks_like_merl, read_merl, write_merl, options=("nodes",), suffixes=(".binary",)
+)

@@ -5,6 +5,7 @@ import os
 import numpy as np
 
 from gonio.data import layouts
+from gonio.data.formats.base import FileHead, Format
 from gonio.data.formats.csv_columns import CsvText
 from gonio.data.table import Channels, Table
 from gonio.models.errors import GonioError
@@ -20,9 +21,9 @@ ALIASES = {
 WAVELENGTH_TOLERANCE_NM = 0.5
 
 
-def looks_like_nist(names: list[str]) -> bool:
+def looks_like_nist(head: FileHead) -> bool:
     """Whether a header is that of NIST's files."""
-    return all(any(a in names for a in aliases) for aliases in ALIASES.values())
+    return all(any(a in head.columns for a in aliases) for aliases in ALIASES.values())
 
 
 def read_nist(path: str | os.PathLike, wavelength_nm: float | None = None) -> Table:
@@ -77,3 +78,6 @@ def read_nist(path: str | os.PathLike, wavelength_nm: float | None = None) -> Ta
     name = os.path.splitext(os.path.basename(path))[0]
     flag = np.zeros(f.shape, np.uint8)
     return Table(grid, f, flag, Channels.of_wavelengths(wavelengths), provenance=provenance, name=name)
+
+
+FORMAT = Format("NIST", "NIST's PTFE CSV", "table", looks_like_nist, read_nist, options=("wavelength_nm",))

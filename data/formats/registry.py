@@ -1,78 +1,97 @@
-"""Any file that gonio can read, known by what is in it, not by its name."""
+"""Any file that gonio can read, known by what is in it, not by its name: the one list of formats."""
 
 import os
+from typing import TYPE_CHECKING, Any
 
-from gonio.data.files import input_size
-from gonio.data.formats import bbm_fits as published
-from gonio.data.formats import csv as csv_table
-from gonio.data.formats import merl, tensor_file
-from gonio.data.formats import nist_ptfe as nist
-from gonio.data.formats.csv_columns import CsvText
+from gonio.data.files import is_there
+from gonio.data.formats import bbm_fits, csv, hdf5_file, material_file, merl, nist_ptfe, rgl_file
+from gonio.data.formats.base import FileHead, Format, file_head
+from gonio.data.formats.round_trip import RoundTrip
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 
-HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-KINDS = ("HDF5", "MERL", "RGL", "NIST", "CSV")
+if TYPE_CHECKING:
+    from gonio.data.material import Material
+
+FORMATS: tuple[Format, ...] = (
+    material_file.FORMAT,
+    bbm_fits.FORMAT,
+    hdf5_file.FORMAT,
+    rgl_file.FORMAT,
+    merl.FORMAT,
+    nist_ptfe.FORMAT,
+    csv.FORMAT,
+)
+"""In the order in which files are tried."""
 
 
-def sniff(path: str | os.PathLike) -> str:
-    """Which of `KINDS` a file is. Raises GonioError, in one sentence, where it is none of them or cannot be read."""
-    _refuse_published(path)
-    size = input_size(path)
-    with open(path, "rb") as file:
-        start = file.read(4096)
-    if start.startswith(HDF5_SIGNATURE):
-        return "HDF5"
-    if start.startswith(tensor_file.MAGIC):
-        return "RGL"
-    if merl.header_counts(start, size) or merl.looks_like_merl(start):
-        return "MERL"
-    if b"\0" in start and os.fspath(path).lower().endswith(".binary"):
-        return "MERL"  # whose reader says what its header claims
-    if b"\0" in start:
-        _unknown(path, "binary")
-    names = CsvText(path, limit=1 << 16).names
-    if nist.looks_like_nist(names):
-        return "NIST"
-    if csv_table.looks_like_csv(names):
-        return "CSV"
-    if len(names) > 1 and not _number(names[0]):
-        csv_table.read_directions(path)  # says which columns are missing
-    return _unknown(path, "text")
+def sniff(path: str | os.PathLike) -> Format:
+    """The format of a file. Raises GonioError, in one sentence, for an unknown one and for what cannot be read."""
+    head = file_head(path)
+    for known in FORMATS:
+        if known.sniff(head):
+            return known
+    names = head.columns
+    if len(names) > 1 and not _is_number(names[0]):
+        csv.read_directions(path)  # raises, naming the columns that are missing
+    return _refuse(head)
 
 
-def read(path: str | os.PathLike, **options) -> Table:
-    """The table of a file: gonio's HDF5, MERL, RGL, NIST's PTFE CSV or plain CSV.
+def load(path: str | os.PathLike, **options: Any) -> "Table | Material":
+    """The table or the material of a file, or of one entry of it, ``FILE:NAME``.
 
-    Options: `nodes` ("lower" or "centre") for MERL, `wavelength_nm` for NIST. Raises GonioError for a file
-    that is damaged or unknown, and for an option that its format does not have.
+    `options`: `nodes` ("lower" or "centre") for MERL, `wavelength_nm` for NIST. Raises GonioError for a file that is
+    damaged or unknown, and for an option that its format does not have.
     """
-    kind = sniff(path)
-    allowed = {"MERL": {"nodes"}, "NIST": {"wavelength_nm"}}.get(kind, set())
-    if unknown := sorted(set(options) - allowed):
-        raise GonioError(f"{path} is a {kind} file, which has no option {unknown[0]!r}; leave it out")
-    if kind == "HDF5":
-        from gonio.data.hdf5.writer import open_table
-
-        return open_table(path)
-    if kind == "RGL":
-        from gonio.data.formats.rgl_file import read_rgl
-
-        return read_rgl(path)
-    return {"MERL": merl.read_merl, "NIST": nist.read_nist, "CSV": csv_table.read_csv}[kind](path, **options)
+    file, entry = split_entry(path)
+    found = sniff(file)
+    if entry is not None:
+        options["entry"] = entry
+    if unknown := sorted(set(options) - set(found.options)):
+        raise GonioError(f"{path} is a {found.name} file, which has no option {unknown[0]!r}; leave it out")
+    return found.read(file, **options)
 
 
-def _refuse_published(path) -> None:
-    # Published fits are models: a table can be measured of one of them.
-    file, sign, _ = os.fspath(path).partition(published.SUFFIX + ":")
-    if sign and not os.path.exists(path):
+def read(path: str | os.PathLike, **options: Any) -> Table:
+    """The table of a file; options and errors are those of `load`. Raises GonioError for a model, with the remedy."""
+    table = load(path, **options)
+    if not isinstance(table, Table):
         raise GonioError(f"{path} is a model, not a table; measure it first: gonio measure '{path}' -o T.h5")
-    if not sign and file.endswith(published.SUFFIX):
-        first = published.published_names(path)[0]
-        raise GonioError(f"{path} holds published fits; name one of them, as in '{path}:{first}' (see gonio info)")
+    return table
 
 
-def _number(text: str) -> bool:
+def split_entry(path: str | os.PathLike) -> tuple[str, str | None]:
+    """(file, entry) of ``FILE:NAME`` where FILE is of a format with entries; (path, None) of any other path."""
+    text = os.fspath(path)
+    file, colon, entry = text.rpartition(":")
+    if not colon or is_there(text):
+        return text, None
+    suffixes = {suffix for known in FORMATS if known.entries for suffix in known.suffixes}
+    return (file, entry) if os.path.splitext(file)[1].lower() in suffixes else (text, None)
+
+
+def writable(path: str | os.PathLike) -> Format:
+    """The format in which an output of this name is written. Raises GonioError, naming the endings, for others."""
+    suffix = os.path.splitext(path)[1].lower()
+    writers = [known for known in FORMATS if known.write is not None]
+    for known in writers:
+        if suffix in known.suffixes:
+            return known
+    *first, last = (f"{known.suffixes[0]} ({known.name})" for known in writers)
+    raise GonioError(f"{path} ends in '{suffix}'; give {', '.join(first)} or {last} to say the format")
+
+
+def write(path: str | os.PathLike, table: Table, force: bool = False) -> RoundTrip:
+    """Writes a table in the format of the path's ending, and returns what reading it again shows to be lost.
+
+    Raises GonioError for another ending, where `path` exists (unless `force`), and where it cannot be written.
+    """
+    writer = writable(path).write
+    assert writer is not None
+    return writer(path, table, force=force)
+
+
+def _is_number(text: str) -> bool:
     try:
         float(text)
     except ValueError:
@@ -80,8 +99,7 @@ def _number(text: str) -> bool:
     return True
 
 
-def _unknown(path, what: str):
-    raise GonioError(
-        f"{path} is {what} of an unknown kind; expected a table of gonio (HDF5), MERL .binary, RGL .bsdf, "
-        "NIST's PTFE CSV, or CSV with a header (theta_i,phi_i,theta_o,phi_o,f)"
-    )
+def _refuse(head: FileHead) -> Format:
+    *first, last = (known.title for known in FORMATS if known.holds == "table")
+    kind = "binary" if head.binary else "text"
+    raise GonioError(f"{head.path} is {kind} of an unknown kind; expected {', '.join(first)}, or {last}")

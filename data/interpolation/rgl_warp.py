@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from gonio.data.formats.rgl_file import RGLData
+from gonio.data.interpolation.rgl_data import RGLData
 from gonio.data.layouts import HORIZON
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, half_vector, to_spherical

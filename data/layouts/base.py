@@ -4,9 +4,8 @@ Conventions as in `gonio.models.geometry.directions`: radians, +z the normal, `w
 """
 
 import abc
-import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -56,7 +55,6 @@ class OutgoingGrid(NamedTuple):
     """Azimuths of the detector, relative to the surface or, for `phi_i` = 0 alone, to the light."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
 class Layout(abc.ABC):
     """The cells of a table: axes of angles, float64 radians, in the order of the dimensions.
 
@@ -65,8 +63,6 @@ class Layout(abc.ABC):
 
     Raises GonioError where an axis is missing, empty, not finite, out of its domain or out of order.
     """
-
-    axes: dict[str, np.ndarray]
 
     name: ClassVar[str]
     """As in files."""
@@ -83,12 +79,11 @@ class Layout(abc.ABC):
     pole_axes: ClassVar[tuple[tuple[str, str], ...]] = ()
     """(polar angle, azimuth) whose azimuth has no meaning where the polar angle is 0."""
 
-    def __post_init__(self) -> None:
+    def __init__(self, axes: Mapping[str, Angles]) -> None:
         names = [kind.name for kind in self.axis_kinds]
-        if not set(names) - self.optional_axes <= set(self.axes) <= set(names):
-            raise GonioError(f"layout {self.name} has axes {', '.join(self.axes)}; give it {', '.join(names)}")
-        axes = {k.name: self._checked_axis(k, self.axes[k.name]) for k in self.axis_kinds if k.name in self.axes}
-        object.__setattr__(self, "axes", axes)
+        if not set(names) - self.optional_axes <= set(axes) <= set(names):
+            raise GonioError(f"layout {self.name} has axes {', '.join(axes)}; give it {', '.join(names)}")
+        self.axes = {k.name: self._checked_axis(k, axes[k.name]) for k in self.axis_kinds if k.name in axes}
 
     def _checked_axis(self, kind: AxisKind, values: Angles) -> np.ndarray:
         what = f"axis {kind.name} of a {self.name} layout"
@@ -124,7 +119,7 @@ class Layout(abc.ABC):
             lines.append(f"  {name:<10}{np.degrees(a.min()):.6g}° to {np.degrees(a.max()):.6g}°, {a.size} values")
         return "\n".join(lines)
 
-    def with_axes(self, axes: dict[str, np.ndarray]) -> Self:
+    def with_axes(self, axes: Mapping[str, Angles]) -> Self:
         """A layout of this kind with other axes."""
         return type(self)(axes)
 

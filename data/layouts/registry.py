@@ -1,8 +1,8 @@
 """The layouts by the names that files have for them: the one list of all."""
 
-import numpy as np
+from collections.abc import Mapping
 
-from gonio.data.layouts.base import Layout
+from gonio.data.layouts.base import Angles, Layout
 from gonio.data.layouts.half_difference_grid import HalfDifferenceGrid
 from gonio.data.layouts.in_plane_grid import InPlaneGrid
 from gonio.data.layouts.isotropic_grid import IsotropicGrid
@@ -15,13 +15,8 @@ LAYOUTS: dict[str, type[Layout]] = {
 }
 
 
-def layout_kind(name: str) -> type[Layout]:
-    """The class of the layouts of a name. Raises GonioError for one that is unknown."""
+def layout_of(name: str, axes: Mapping[str, Angles]) -> Layout:
+    """The layout of a name and its axes, radians. Raises GonioError for an unknown name, or axes that do not fit."""
     if name not in LAYOUTS:
         raise GonioError(f"layout {name!r} is unknown; expected one of {', '.join(LAYOUTS)}")
-    return LAYOUTS[name]
-
-
-def layout_of(name: str, axes: dict[str, np.ndarray]) -> Layout:
-    """The layout of a name and its axes, radians. Raises GonioError for an unknown name, or axes that do not fit."""
-    return layout_kind(name)(axes)
+    return LAYOUTS[name](axes)

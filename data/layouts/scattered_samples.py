@@ -1,5 +1,6 @@
 """Samples at any directions, without a grid."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,8 +22,8 @@ class ScatteredSamples(Layout):
     pair = staticmethod(pair_by_angles)
     coordinates = staticmethod(angles_of_pair)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def __init__(self, axes: Mapping[str, Angles]) -> None:
+        super().__init__(axes)
         if len({a.size for a in self.axes.values()}) > 1:
             sizes = ", ".join(f"{n} {a.size}" for n, a in self.axes.items())
             raise GonioError(f"a scattered layout needs axes of one length, but they have {sizes} angles")

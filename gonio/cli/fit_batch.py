@@ -113,10 +113,9 @@ def _is_table(path: Path) -> bool:
     from gonio.data.formats.registry import sniff
 
     try:
-        sniff(path)
+        return sniff(path).holds == "table"
     except GonioError:
         return False
-    return True
 
 
 def _targets(files: Sequence[Path], folder: Path) -> list[Path]:

@@ -2,12 +2,12 @@
 
 import argparse
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gonio.text import columns, show
 
 if TYPE_CHECKING:
+    from gonio.data.material import Material
     from gonio.data.table import Table
 
 FIT_FACTS = ("converged", "reason", "loss", "samples", "starts_agreed", "starts")
@@ -21,8 +21,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    kind = ".toml" if ".fit:" in args.file else Path(args.file).suffix.lower()
-    facts = {".toml": _material, ".fit": _published}.get(kind, _table)(args.file)
+    from gonio.data.formats.registry import load, sniff, split_entry
+    from gonio.data.table import Table
+
+    file, entry = split_entry(args.file)
+    entries = sniff(file).entries
+    if entry is None and entries is not None:
+        names = entries(file)
+        facts = {"kind": sniff(file).name, "file": file, "materials": len(names), "names": ", ".join(names)}
+    else:
+        found = load(args.file)
+        facts = _table(found) if isinstance(found, Table) else _material(found)
     if args.json:
         show(json.dumps(facts, indent=2, ensure_ascii=False))
         return 0
@@ -30,18 +39,9 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _published(path: str) -> dict[str, Any]:
-    from gonio.data.formats.bbm_fits import published_names
-
-    names = published_names(path)
-    return {"kind": "published fits", "file": path, "materials": len(names), "names": ", ".join(names)}
-
-
-def _material(path: str) -> dict[str, Any]:
-    from gonio.data.subject import load_material
+def _material(m: "Material") -> dict[str, Any]:
     from gonio.models.expression.builder import to_expression
 
-    m = load_material(path if ".fit:" in path else Path(path))
     facts = {"kind": "material", "name": m.name, "description": m.description}
     facts |= {"model": m.expression or to_expression(m.brdf), "channels": list(m.channels.names), "source": m.source}
     fit = m.meta.get("fit", {})
@@ -49,12 +49,9 @@ def _material(path: str) -> dict[str, Any]:
     return facts | {f"fit {k}": v for k, v in known.items()}
 
 
-def _table(path: str) -> dict[str, Any]:
+def _table(t: "Table") -> dict[str, Any]:
     import numpy as np
 
-    from gonio.data.formats.registry import read
-
-    t = read(path)
     facts = {"kind": "table", "name": t.name, "layout": t.layout.name, "cells": t.layout.size}
     facts["dimensions"] = ", ".join(f"{n} {s}" for n, s in zip(t.layout.dims, t.layout.shape, strict=True))
     for name, axis in t.layout.axes.items():

@@ -17,7 +17,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from gonio.data.material import material_text, reference_materials
+    from gonio.data.formats.material_file import material_text
+    from gonio.data.material import reference_materials
     from gonio.data.subject import load_material
 
     known = reference_materials()

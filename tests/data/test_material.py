@@ -9,8 +9,9 @@ import pytest
 
 from gonio.data import layouts
 from gonio.data import material as mat
+from gonio.data.formats.material_file import LARGEST, write_material
 from gonio.data.hdf5.writer import write_table
-from gonio.data.material import Material, reference_materials, write_material
+from gonio.data.material import Material, reference_materials
 from gonio.data.subject import load_material
 from gonio.data.table import Channels, Table
 from gonio.models.albedo import directional_albedo
@@ -175,7 +176,7 @@ def test_a_material_file_is_known_by_its_content_too(tmp_path):
 def test_a_huge_file_is_refused_before_it_is_read(tmp_path):
     path = tmp_path / "huge.toml"
     with path.open("wb") as file:
-        file.truncate(mat.LARGEST + 1)
+        file.truncate(LARGEST + 1)
     with pytest.raises(GonioError, match="at most"):
         load_material(path)
 

@@ -10,8 +10,9 @@ import pytest
 
 import gonio
 from gonio.data import layouts
+from gonio.data.formats.material_file import write_material
 from gonio.data.hdf5.writer import write_table
-from gonio.data.material import Material, material_of, write_material
+from gonio.data.material import Material, material_of
 from gonio.data.subject import LARGEST_STREAM, load_material, resolve_subject
 from gonio.data.table import whole_table_of_values
 from gonio.models.errors import GonioError
