@@ -11,6 +11,8 @@ from gonio.models.geometry.directions import Direction
 
 BLOCK = 1 << 17
 """Pairs of one pass: what a formula of several loops, a quadrature or channels puts aside stays in the cache."""
+SMALL_BLOCK = 8192
+"""Pairs of one pass where their number changes from call to call."""
 
 
 @wide_jit
@@ -49,6 +51,20 @@ def evaluate(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> jax.Array:
     wi, wo, shape = flat_pair(wi, wo)
     values = _values(brdf, wi, wo)
     return values.reshape(shape + values.shape[1:])
+
+
+def evaluate_in_blocks(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> np.ndarray:
+    """f, 1/sr, of n pairs: shape (n, channels), one channel where the model has none.
+
+    Blocks of one size, so that one compilation serves any number of pairs.
+    """
+    parts = np.broadcast_arrays(*(np.asarray(c, float) for c in (*wi, *wo)))
+    n, values = parts[0].size, []
+    for start in range(0, n, SMALL_BLOCK):
+        block = [np.resize(c[start : start + SMALL_BLOCK], SMALL_BLOCK) for c in parts]
+        f = np.asarray(evaluate(brdf, Direction(*block[:3]), Direction(*block[3:])), float)
+        values.append(f.reshape(SMALL_BLOCK, -1)[: n - start])
+    return np.concatenate(values)
 
 
 def channel_count(brdf: AbstractBRDF) -> int | None:

@@ -8,6 +8,8 @@ Beyond its outermost nodes an axis is held constant; azimuths are periodic. Scat
 import dataclasses
 import math
 from functools import partial
+from types import ModuleType
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -32,29 +34,29 @@ class InterpolationAxis(eqx.Module):
     warp: bool = eqx.field(static=True)
     fold: bool = eqx.field(static=True)
 
-    def bracket(self, x):
-        """((lower, upper) node numbers, their weights) of one value of the coordinate, radians."""
-        n = self.nodes.shape[0]
+    def bracket(self, x: Any, xp: ModuleType = jnp) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+        """((lower, upper) node numbers, their weights) of values of the coordinate, radians; `xp`: JAX or NumPy."""
+        nodes, n = xp.asarray(self.nodes), self.nodes.shape[0]
         if self.fold:
-            x = jnp.minimum(x, 2 * jnp.pi - x)
+            x = xp.minimum(x, 2 * xp.pi - x)
         if self.warp:
-            x = jnp.sqrt(jnp.maximum(x, 0.0))
+            x = xp.sqrt(xp.maximum(x, 0.0))
         if n == 1:
-            zero = jnp.zeros((), jnp.int32)
-            return (zero, zero), (jnp.ones_like(x), jnp.zeros_like(x))
-        first = self.nodes[0]
+            zero = xp.zeros(xp.shape(x), xp.int32)
+            return (zero, zero), (xp.ones_like(x), xp.zeros_like(x))
+        first = nodes[0]
         if self.period is not None:
-            x = first + jnp.mod(x - first, self.period)
+            x = first + xp.mod(x - first, self.period)
         if self.step is not None:
-            low = jnp.clip(jnp.floor((x - first) / self.step), 0, n - 1).astype(jnp.int32)
+            low = xp.clip(xp.floor((x - first) / self.step), 0, n - 1).astype(xp.int32)
         else:
-            low = jnp.clip(jnp.searchsorted(self.nodes, x, side="right") - 1, 0, n - 1).astype(jnp.int32)
-        high = (low + 1) % n if self.period is not None else jnp.minimum(low + 1, n - 1)
-        start, stop = self.nodes[low], self.nodes[high]
+            low = xp.clip(xp.searchsorted(nodes, x, side="right") - 1, 0, n - 1).astype(xp.int32)
+        high = (low + 1) % n if self.period is not None else xp.minimum(low + 1, n - 1)
+        start, stop = nodes[low], nodes[high]
         if self.period is not None:
-            stop = jnp.where(high == 0, first + self.period, stop)
+            stop = xp.where(high == 0, first + self.period, stop)
         width = stop - start
-        w = jnp.clip((x - start) / jnp.where(width > 0, width, 1.0), 0.0, 1.0)
+        w = xp.clip((x - start) / xp.where(width > 0, width, 1.0), 0.0, 1.0)
         return (low, high), (1.0 - w, w)
 
 

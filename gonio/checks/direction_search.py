@@ -9,12 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.evaluation import evaluate
+from gonio.models.evaluation import SMALL_BLOCK as BLOCK
+from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.low_discrepancy import low_discrepancy
 
-BLOCK = 8192
-"""Pairs in one call of the compiled model: one compilation serves all probes and integrals of a check."""
+values = evaluate_in_blocks
+"""f of pairs, in calls of one size: one compilation serves all probes and integrals of a check."""
 
 EDGE_ANGLES = np.radians([0.0, 1e-4, 0.5, 15, 30, 45, 60, 75, 85, 89, 89.9, 89.999, 90 - 1e-7])
 NEAREST = 1e-12
@@ -33,18 +34,6 @@ def directions(theta: np.ndarray, phi: np.ndarray) -> Direction:
     """Unit directions of polar angles in [0, π/2] and azimuths, radians (NumPy, float64)."""
     sin_t = np.sin(theta)
     return Direction(sin_t * np.cos(phi), sin_t * np.sin(phi), np.cos(theta) + 0.0 * phi)
-
-
-def values(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> np.ndarray:
-    """f, 1/sr, of n pairs: shape (n, channels), one channel where the model has none; in blocks of one size."""
-    parts = np.broadcast_arrays(*(np.asarray(c, float) for c in (*wi, *wo)))
-    n = parts[0].size
-    out = []
-    for start in range(0, n, BLOCK):
-        block = [np.resize(c[start : start + BLOCK], BLOCK) for c in parts]
-        f = np.asarray(evaluate(brdf, Direction(*block[:3]), Direction(*block[3:])), float)
-        out.append(f.reshape(BLOCK, -1)[: n - start])
-    return np.concatenate(out)
 
 
 @dataclasses.dataclass(frozen=True)

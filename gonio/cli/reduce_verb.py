@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
 
     scene = load_scene(args.scene)
     table = read_table(args.table, args.merl_nodes)
-    reduced = reduce_table(table, scene, args.tolerance, say=log)
+    reduced = reduce_table(table, scene, args.tolerance, log)
     write_table(args.output, reduced.table, force=args.force)
     before, after = (Path(p).stat().st_size for p in (args.table, args.output))
     show(f"{table.name} in the scene '{scene.name}':")

@@ -5,9 +5,10 @@ import pytest
 
 from gonio.data import layouts
 from gonio.data.interpolation.multilinear import as_material
-from gonio.data.reduction import coarsest_table as reducing
+from gonio.data.reduction import coarsest_table, start_grids
 from gonio.data.reduction.coarsest_table import reduce_table
-from gonio.data.reduction.thin_grid import Base, Thinning
+from gonio.data.reduction.start_grids import StartGrid
+from gonio.data.reduction.thin_grid import SceneValues, Thinning
 from gonio.data.scene import Range, Scene
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
@@ -26,9 +27,9 @@ SUN = Scene("sun", 0.05, (Range((0.9, 1.2), ROUND_ABOUT, 1.0),), (Range((0.0, 1.
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
     """Fewer directions and coarser grids to start from: the rules are the same."""
-    monkeypatch.setattr(reducing, "PAIRS", 2500)
-    monkeypatch.setattr(reducing, "CHECKED", 9000)
-    monkeypatch.setattr(reducing, "HALF_DIFFERENCE", (18, 12, 8))
+    monkeypatch.setattr(coarsest_table, "SEARCH", 2500)
+    monkeypatch.setattr(coarsest_table, "CHECK", 9000)
+    monkeypatch.setattr(start_grids, "HALF_DIFFERENCE", (18, 12, 8))
 
 
 def error_of(reduced, whole, scene):
@@ -45,8 +46,8 @@ def whole():
 def test_a_trial_is_what_the_interpolant_of_the_thinned_table_says(whole):
     pairs = SUN.pairs(500)
     truth = np.asarray(evaluate(as_material(whole), pairs.wi, pairs.wo))
-    thinning = Thinning(Base(whole.layout, whole.f, np.isfinite(whole.f)), pairs, truth)
-    assert thinning.error(thinning.whole) < 1e-6  # single precision
+    thinning = Thinning(StartGrid(whole.layout, whole.f, np.isfinite(whole.f)), SceneValues(pairs, truth))
+    assert thinning.error(thinning.grid.nodes) < 1e-6  # single precision
     kept = (np.array([0, 3, 4, 8]), np.array([1, 5]), np.array([0, 2, 7, 11]))
     axes = {n: a[k] for (n, a), k in zip(GRID.axes.items(), kept, strict=True)}
     small = np.asarray(
