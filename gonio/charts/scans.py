@@ -74,7 +74,7 @@ def points(settings: Settings) -> Iterator[Point]:
 def _one(truth, light, scan: Layout, photons: float, settings: Settings) -> tuple[dict[str, float], str]:
     errors, refused = [], 0
     for seed in range(QUICK_SEEDS if settings.quick else SEEDS):
-        table = measure(truth, Instrument(photons=photons), scan, seed=seed, say=lambda text: None)
+        table = measure(truth, Instrument(photons=photons), scan, seed=seed, log=lambda text: None)
         try:
             result = fit(table, ASKED)
         except GonioError:  # fewer usable readings than numbers

@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
         progress=args.progress or sys.stderr.isatty(),
         force=args.force,
         dtype="float32" if args.float32 else None,
-        say=log,
+        log=log,
         command=shlex.join(["gonio", *sys.argv[1:]]),
     )
     show(f"written: {args.output}")

@@ -1,3 +1,5 @@
 """The instrument: apertures, noise, scans, and the measurement."""
 
-from gonio.instrument.instrument import Instrument as Instrument
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

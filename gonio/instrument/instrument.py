@@ -1,12 +1,14 @@
-"""The instrument: a disc source, a disc detector, a counting signal chain, and what is wrong with them."""
+"""The instrument: a disc source, a disc detector, a counting signal chain, and their systematic errors."""
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
+from gonio.models.geometry.directions import Direction
 
 HALF_ANGLE_MAX = math.radians(45)
 PHOTONS_MAX = 1e15
@@ -29,33 +31,68 @@ class Systematic:
     phi: float = 0.0
     gain: float = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, value in dataclasses.asdict(self).items():
             limit = 1e6 if name == "gain" else math.pi / 2
             if not (math.isfinite(value) and abs(value) <= limit and (name != "gain" or value > 0)):
-                raise GonioError(
-                    f"the systematic error {name} is {value!r}; "
-                    + ("give a factor above 0" if name == "gain" else "give radians within ±π/2")
-                )
+                domain = "give a factor above 0" if name == "gain" else "give radians within ±π/2"
+                raise GonioError(f"the systematic error {name} is {value!r}; {domain}")
 
     @property
     def aligned(self) -> bool:
         """Whether the directions are what the table says."""
         return not (self.tilt_x or self.tilt_y or self.theta_i or self.theta_o or self.phi)
 
+    def to_dict(self) -> dict[str, float]:
+        """For a table's provenance: angles in degrees."""
+        values = dataclasses.asdict(self)
+        gain = values.pop("gain")
+        return {f"{name}_deg": math.degrees(angle) for name, angle in values.items()} | {"gain": gain}
 
-ANGLES = ("source_half_angle", "detector_half_angle", "misalignment", "shadow")  # in radians; people hear degrees
+    def true_directions(self, angles: Sequence[np.ndarray]) -> tuple[Direction, Direction]:
+        """(wi, wo) in the sample's own frame where the table states (theta_i, phi_i, theta_o, phi_o), radians."""
+        theta_i, phi_i, theta_o, phi_o = angles
+        return (
+            self._in_sample_frame(theta_i + self.theta_i, phi_i),
+            self._in_sample_frame(theta_o + self.theta_o, phi_o + self.phi),
+        )
+
+    def _in_sample_frame(self, theta: np.ndarray, phi: np.ndarray) -> Direction:
+        x, y, z = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
+        # The normal is R_y R_x e_z, so a direction of the room is R_x⁻¹ R_y⁻¹ w for the sample.
+        cos_y, sin_y = math.cos(self.tilt_y), math.sin(self.tilt_y)
+        x, z = cos_y * x - sin_y * z, sin_y * x + cos_y * z
+        cos_x, sin_x = math.cos(self.tilt_x), math.sin(self.tilt_x)
+        return Direction(x, cos_x * y + sin_x * z, cos_x * z - sin_x * y)
+
+
+ANGLES = ("source_half_angle", "detector_half_angle", "misalignment", "shadow")
+"""Radians; users read degrees beside them."""
+LIMITS = {
+    "source_half_angle": HALF_ANGLE_MAX,
+    "detector_half_angle": HALF_ANGLE_MAX,
+    "photons": math.inf,
+    "ambient": 1e6,
+    "dark": PHOTONS_MAX,
+    "read_noise": PHOTONS_MAX,
+    "noise": 1.0,
+    "misalignment": math.pi / 4,
+    "calibration": 0.3,
+    "saturation": math.inf,
+    "shadow": math.pi,
+    "tolerance": 1.0,
+}
+"""Largest values; the smallest is 0."""
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Instrument(Displayed):
     """A gonioreflectometer; the default is ideal: point apertures, no noise, no error.
 
-    A reading is what the detector's radiance over the sample's irradiance is: with apertures the average of f over
-    both discs, weighted by cosθi dωi and cosθo dωo, of what lies above the horizon. The detector looks at an evenly lit
-    patch, so that its signal is proportional to radiance: a reading of f in an irradiance E counts
-    photons·π·f·E/E(normal incidence). Light that is there without the source is read with the source off and
-    subtracted: f is defined by what the source adds, dL/dE.
+    A reading is the detector's radiance over the sample's irradiance: with apertures the average of f over both discs
+    above the horizon, weighted by cosθi dωi and cosθo dωo. The detector looks at an evenly lit patch, so that its
+    signal is proportional to radiance: a reading of f in an irradiance E counts photons·π·f·E/E(normal incidence).
+    Light that is there without the source is read with the source off and subtracted: f = dL/dE.
 
     Domains: half-angles in [0, π/4] and `shadow` in [0, π], radians; standard deviations and counts ≥ 0. Raises
     GonioError outside them, and where counts are asked for without `photons`.
@@ -89,27 +126,14 @@ class Instrument(Displayed):
     """Error allowed to the average over the apertures, relative to the reading, as two rules differ: what the finer of
     them is wrong by is commonly a hundredth of that."""
 
-    def __post_init__(self):
-        limits = {
-            "source_half_angle": HALF_ANGLE_MAX,
-            "detector_half_angle": HALF_ANGLE_MAX,
-            "photons": math.inf,
-            "ambient": 1e6,
-            "dark": PHOTONS_MAX,
-            "read_noise": PHOTONS_MAX,
-            "noise": 1.0,
-            "misalignment": math.pi / 4,
-            "calibration": 0.3,
-            "saturation": math.inf,
-            "shadow": math.pi,
-            "tolerance": 1.0,
-        }
-        for name, high in limits.items():
+    def __post_init__(self) -> None:
+        for name, high in LIMITS.items():
             value = getattr(self, name)
             if value is None:
                 continue
             if not (isinstance(value, int | float | np.number) and 0 <= value <= high):
-                raise GonioError(f"the instrument's {name} is {_said(name, value)}; give from 0 to {_said(name, high)}")
+                came, most = (_with_unit(name, v) for v in (value, high))
+                raise GonioError(f"the instrument's {name} is {came}; give from 0 to {most}")
             object.__setattr__(self, name, float(value))
         if self.photons == math.inf:
             object.__setattr__(self, "photons", None)
@@ -127,22 +151,16 @@ class Instrument(Displayed):
 
     def facts(self) -> dict[str, str]:
         """Apertures, noise and systematic errors, as far as they are not ideal."""
-        source, detector, shadow = (
-            math.degrees(a) for a in (self.source_half_angle, self.detector_half_angle, self.shadow)
-        )
-        names = ("photons", "ambient", "dark", "read_noise", "noise", "saturation")
-        noise = [f"{name} {value:g}" for name in names if (value := getattr(self, name))]
-        errors = [f"misalignment {math.degrees(self.misalignment):g}°"] * bool(self.misalignment)
-        errors += [f"calibration {self.calibration:g}"] * bool(self.calibration)
-        errors += [str(self.systematic)] * (self.systematic is not None)
-        return {
-            "apertures": f"source {source:g}°, detector {detector:g}° (half-angles)"
-            if self.has_apertures
-            else "points",
-            "noise": ", ".join(noise) or "none",
-            "errors": ", ".join(errors) or "none",
-            "shadow": f"{shadow:g}°" if shadow else "",
+        values = self.to_dict()
+        groups = {
+            "apertures": ("source_half_angle", "detector_half_angle", "shadow"),
+            "noise": ("photons", "ambient", "dark", "read_noise", "noise", "saturation"),
+            "errors": ("misalignment", "calibration", "tolerance"),
         }
+        facts = {group: _listed({n: v for n, v in values.items() if n.removesuffix("_deg") in names})
+                 for group, names in groups.items()}  # fmt: skip
+        errors = {n: v for n, v in values.get("systematic", {}).items() if v != (n == "gain")}
+        return {"kind": "" if values else "ideal: points, no noise, no error"} | facts | {"systematic": _listed(errors)}
 
     @property
     def has_apertures(self) -> bool:
@@ -158,59 +176,33 @@ class Instrument(Displayed):
         """The errors of a measurement with this seed: `systematic` if given, else drawn with the stated deviations."""
         if self.systematic is not None:
             return self.systematic
-        # A stream of its own: noise is drawn by cell, from other keys.
+        # A separate stream: noise is drawn by cell, from other keys.
         draw = np.random.default_rng([seed, 0x5EED]).standard_normal(6)
         angles = (draw[:5] * self.misalignment).tolist()
         gain = 1.0 + self.calibration * float(np.clip(draw[5], -3.0, 3.0))
         return Systematic(*angles, gain=gain)
 
     def to_dict(self) -> dict:
-        """What is not ideal about it, for JSON: angles in degrees, counts and shares as given."""
-        given = {}
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            if field.name == "systematic" or value == field.default:
-                continue
-            angle = field.name in ANGLES
-            given[f"{field.name}_deg" if angle else field.name] = math.degrees(value) if angle else value
-        if self.systematic is not None:
-            given["systematic"] = systematic_to_dict(self.systematic)
-        return given
+        """The fields that are not ideal, for JSON: angles in degrees, counts and shares as given."""
+        changed = [f for f in dataclasses.fields(self) if getattr(self, f.name) != f.default and f.name != "systematic"]
+        values: dict = {}
+        for f in changed:
+            value = getattr(self, f.name)
+            values |= {f"{f.name}_deg": math.degrees(value)} if f.name in ANGLES else {f.name: value}
+        return values if self.systematic is None else values | {"systematic": self.systematic.to_dict()}
 
     def solid_angles(self) -> tuple[float, float]:
         """Solid angles of source and detector, sr; 0 for points."""
-        return _cap(self.source_half_angle), _cap(self.detector_half_angle)
+        return tuple(4 * math.pi * math.sin(s / 2) ** 2 for s in (self.source_half_angle, self.detector_half_angle))
 
 
-def _said(name: str, value) -> str:
+def _with_unit(name: str, value: object) -> str:
     if not isinstance(value, int | float | np.number):
         return repr(value)
-    return f"{math.degrees(value):.6g}°" if name in ANGLES else f"{value:g}"
+    return f"{value:.6g} rad ({math.degrees(value):.6g}°)" if name in ANGLES else f"{value:g}"
 
 
-def systematic_to_dict(errors: Systematic) -> dict:
-    """Systematic errors for a table's provenance: angles in degrees."""
-    angles = ("tilt_x", "tilt_y", "theta_i", "theta_o", "phi")
-    return {f"{n}_deg": math.degrees(getattr(errors, n)) for n in angles} | {"gain": errors.gain}
-
-
-def true_directions(errors: Systematic, angles: tuple[np.ndarray, ...]) -> tuple[tuple, tuple]:
-    """Components of (wi, wo), in the sample's own frame, where the table says (theta_i, phi_i, theta_o, phi_o)."""
-    theta_i, phi_i, theta_o, phi_o = angles
-    return (
-        _in_sample_frame(errors, theta_i + errors.theta_i, phi_i),
-        _in_sample_frame(errors, theta_o + errors.theta_o, phi_o + errors.phi),
-    )
-
-
-def _in_sample_frame(errors, theta, phi):
-    x, y, z = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
-    # The normal is R_y R_x e_z, so a direction of the room is R_x⁻¹ R_y⁻¹ w for the sample.
-    cos_y, sin_y = math.cos(errors.tilt_y), math.sin(errors.tilt_y)
-    x, z = cos_y * x - sin_y * z, sin_y * x + cos_y * z
-    cos_x, sin_x = math.cos(errors.tilt_x), math.sin(errors.tilt_x)
-    return x, cos_x * y + sin_x * z, cos_x * z - sin_x * y
-
-
-def _cap(half_angle):
-    return 4 * math.pi * math.sin(half_angle / 2) ** 2
+def _listed(values: dict[str, float]) -> str:
+    """Names with their values, angles in degrees."""
+    units = {name: "°" if name.endswith("_deg") else "" for name in values}
+    return ", ".join(f"{n.removesuffix('_deg').replace('_', ' ')} {v:g}{units[n]}" for n, v in values.items())

@@ -12,6 +12,7 @@ values) counts down: −Poisson(|S|).
 
 import functools
 import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -43,7 +44,7 @@ def standard_uncertainty(
 
 
 def _mean_magnitude(sd: float) -> float:
-    """E|1 + sd·g| for a standard normal g: a source that fluctuates so much that it turns negative still counts."""
+    """E|1 + sd·g| for a standard normal g: a source so noisy that it turns negative still counts."""
     if sd == 0:
         return 1.0
     return sd * math.sqrt(2 / math.pi) * math.exp(-0.5 / sd**2) + math.erf(1 / (sd * math.sqrt(2)))
@@ -65,51 +66,64 @@ def read(
         return expected, np.zeros(expected.shape, bool)
     cells, channels = expected.shape
     number = np.arange(start * channels, (start + cells) * channels, dtype=np.uint64)
-    flat = expected.reshape(-1), np.repeat(irradiance, channels)
-    made, full = np.empty(number.size, expected.dtype), np.empty(number.size, bool)
+    low, high = (number & 0xFFFFFFFF).astype(np.uint32), (number >> 32).astype(np.uint32)
+    inputs = (low, high, expected.reshape(-1), np.repeat(irradiance, channels))
     key = jax.random.fold_in(jax.random.key(seed & 0xFFFFFFFF, impl="threefry2x32"), seed >> 32)
     key = jax.random.fold_in(key, STREAM)
-    settings = _settings(instrument, gain)
-    for at in range(0, number.size, BATCH):
-        part = slice(at, min(at + BATCH, number.size))
-        inputs = [_padded(a[part]) for a in (number & 0xFFFFFFFF, number >> 32, *flat)]
-        answer = _batch(instrument.photons is not None, key, settings, *inputs)
-        for whole, values in zip((made, full), answer, strict=True):
-            whole[part] = np.asarray(values)[: part.stop - at]
-    return made.reshape(expected.shape), full.reshape(expected.shape)
+    chain = _signal_chain(instrument, gain)
+    readings, full = np.empty(number.size, expected.dtype), np.empty(number.size, bool)
+    for first in range(0, number.size, BATCH):
+        part = slice(first, min(first + BATCH, number.size))
+        padded = (np.pad(a[part], (0, BATCH - part.stop + first), mode="edge") for a in inputs)
+        batch = _batch(instrument.photons is not None, key, chain, *padded)
+        for whole, values in zip((readings, full), batch, strict=True):
+            whole[part] = np.asarray(values)[: part.stop - first]
+    return readings.reshape(expected.shape), full.reshape(expected.shape)
 
 
-def _padded(values):
-    if values.dtype == np.uint64:
-        values = values.astype(np.uint32)
-    return np.pad(values, (0, BATCH - values.size), mode="edge")
+class SignalChain(NamedTuple):
+    """Numbers of the law: standard deviations, counts a unit of f·E, background counts, saturation."""
+
+    noise: jax.Array
+    scale: jax.Array
+    background: jax.Array
+    read_noise: jax.Array
+    saturation: jax.Array
 
 
-def _settings(instrument, gain):
-    counted = instrument.photons is not None
-    background = instrument.ambient * instrument.photons + instrument.dark if counted else 0.0
-    settings = {
-        "noise": instrument.noise,
-        "scale": instrument.photons * math.pi / gain if counted else 1.0,
-        "background": background,
-        "read_noise": instrument.read_noise,
-        "saturation": math.inf if instrument.saturation is None else instrument.saturation,
-    }
-    return {name: jnp.asarray(value, jnp.result_type(float)) for name, value in settings.items()}
+def _signal_chain(instrument: Instrument, gain: float) -> SignalChain:
+    photons = instrument.photons
+    values = SignalChain(
+        instrument.noise,
+        1.0 if photons is None else photons * math.pi / gain,
+        0.0 if photons is None else instrument.ambient * photons + instrument.dark,
+        instrument.read_noise,
+        math.inf if instrument.saturation is None else instrument.saturation,
+    )
+    return SignalChain(*(jnp.asarray(value, jnp.result_type(float)) for value in values))
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def _batch(counted, key, settings, low, high, expected, irradiance):
+def _batch(
+    counted: bool,
+    key: jax.Array,
+    chain: SignalChain,
+    low: jax.Array,
+    high: jax.Array,
+    expected: jax.Array,
+    irradiance: jax.Array,
+) -> tuple[jax.Array, jax.Array]:
+    """(readings, whether the detector was full); `low` and `high` are the halves of the readings' numbers."""
     keys = jax.vmap(lambda lo, hi: jax.random.fold_in(jax.random.fold_in(key, hi), lo))(low, high)
     streams = jax.vmap(lambda k: jax.vmap(functools.partial(jax.random.fold_in, k))(jnp.arange(4)))(keys)
     g = jax.vmap(lambda k: jax.random.normal(k, (3,)))(streams[:, 0])
-    lit = expected * (1 + settings["noise"] * g[:, 0])
+    lit = expected * (1 + chain.noise * g[:, 0])
     if not counted:
         return lit, jnp.zeros(lit.shape, bool)
-    scale = settings["scale"] * irradiance
+    scale = chain.scale * irradiance
     signal = lit * scale
-    background = jnp.broadcast_to(settings["background"], lit.shape)
+    background = jnp.broadcast_to(chain.background, lit.shape)
     on = jnp.sign(signal) * poisson(streams[:, 1], jnp.abs(signal)) + poisson(streams[:, 2], background)
     off = poisson(streams[:, 3], background)
-    on, off = (count + settings["read_noise"] * g[:, k] for k, count in ((1, on), (2, off)))
-    return (on - off) / scale, jnp.maximum(on, off) >= settings["saturation"]
+    on, off = (count + chain.read_noise * g[:, k] for k, count in ((1, on), (2, off)))
+    return (on - off) / scale, jnp.maximum(on, off) >= chain.saturation

@@ -23,12 +23,13 @@ def poisson(keys: jax.Array, expected: jax.Array) -> jax.Array:
     return jnp.where(few, searched, _reject(keys, jnp.where(few, SEARCHED, expected), few))
 
 
-def _uniform(keys, number, count):
+def _uniform(keys: jax.Array, number: jax.Array | int, count: int) -> jax.Array:
     draw = jax.vmap(lambda key: jax.random.uniform(jax.random.fold_in(key, number), (count,)))
     return draw(keys).T
 
 
-def _search(keys, expected):
+def _search(keys: jax.Array, expected: jax.Array) -> jax.Array:
+    """Inversion of the distribution."""
     (u,) = _uniform(keys, 0, 1)
 
     def step(state):
@@ -45,7 +46,8 @@ def _search(keys, expected):
     return jax.lax.while_loop(going, step, (0, zero, jnp.exp(-expected), zero))[1]
 
 
-def _reject(keys, expected, done):
+def _reject(keys: jax.Array, expected: jax.Array, done: jax.Array) -> jax.Array:
+    """Transformed rejection; nothing is done where `done`."""
     b = 0.931 + 2.53 * jnp.sqrt(expected)
     a = -0.059 + 0.02483 * b
     inverse_alpha = 1.1239 + 1.1328 / (b - 3.4)

@@ -1,57 +1,26 @@
-"""A progress bar for people: rate and time left, on standard error."""
+"""A progress bar with rate and time left: on standard error, or in a notebook's cell."""
 
-import sys
+import importlib.util
 import time
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 PATIENCE = 0.5
-"""Seconds of work before a bar is worth its while."""
+"""Seconds of work before a bar is shown."""
 
 
-class Progress:
-    """A context that counts cells; it shows a bar if asked to, or if a person may be watching a long job."""
+class CellCount:
+    """A context that counts measured cells; with `bar` it shows a progress bar of a long job."""
 
-    def __init__(self, cells: int, asked: bool):
-        self.cells, self.counted, self.fresh = cells, 0, 0
-        self.shown = asked
+    def __init__(self, cells: int, already: int, bar: bool):
+        self.cells, self.already, self.fresh = cells, already, 0
         self.started = time.perf_counter()
-        self.bar = None
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        if self.bar is not None:
-            self.bar.stop()
-
-    def begin(self, cells: int) -> None:
-        """Says that so many cells were there before."""
-        self.counted = cells
-
-    def done(self, cells: int) -> None:
-        """Counts cells that have just been measured."""
-        self.counted += cells
-        self.fresh += cells
-        if not self.shown:
-            return
-        if self.bar is None and self.counted < self.cells and time.perf_counter() - self.started > PATIENCE:
-            self._open()
-        if self.bar is not None:
-            rate = self.fresh / max(time.perf_counter() - self.started, 1e-9)
-            self.bar.update(self.task, completed=self.counted, rate=f"{_count(rate)} cells/s")
-
-    def sentence(self, channels: int) -> str:
-        """Cells, seconds and rate, in words."""
-        seconds = time.perf_counter() - self.started
-        rate = self.fresh / max(seconds, 1e-9)
-        many = f" × {channels} channels" if channels > 1 else ""
-        return f"{self.fresh} cells{many} in {seconds:.2f} s, {_count(rate)} cells/s"
-
-    def _open(self):
-        from rich.console import Console
-        from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-        from rich.progress import Progress as Bar
-
-        self.bar = Bar(
+        console = Console(stderr=True)
+        notebook = console.is_jupyter and importlib.util.find_spec("ipywidgets") is not None
+        self._shown = bar and (console.is_terminal or notebook)
+        self._bar = Progress(
             TextColumn("measuring"),
             BarColumn(),
             TextColumn("{task.percentage:3.0f} %"),
@@ -59,15 +28,39 @@ class Progress:
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
-            console=Console(file=sys.stderr),
+            console=console,
             transient=True,
         )
-        self.task = self.bar.add_task("measuring", total=self.cells, completed=self.counted, rate="")
-        self.bar.start()
+        self._task = self._bar.add_task("measuring", total=cells, completed=already, rate="")
 
+    def __enter__(self) -> Self:
+        return self
 
-def _count(rate: float) -> str:
-    for unit, size in (("M", 1e6), ("k", 1e3)):
-        if rate >= size:
-            return f"{rate / size:.3g} {unit}"
-    return f"{rate:.3g}"
+    def __exit__(self, *_: object) -> None:
+        if self._bar.live.is_started:
+            self._bar.stop()
+
+    @property
+    def seconds(self) -> float:
+        """Seconds since the beginning."""
+        return time.perf_counter() - self.started
+
+    def add(self, cells: int) -> None:
+        """Counts cells that have just been measured."""
+        self.fresh += cells
+        completed = self.already + self.fresh
+        if self._shown and not self._bar.live.is_started and completed < self.cells and self.seconds > PATIENCE:
+            self._bar.start()
+        self._bar.update(self._task, completed=completed, rate=f"{self._rate()} cells/s")
+
+    def summary(self, channels: int) -> str:
+        """Cells, seconds and rate, as text."""
+        times = f" × {channels} channels" if channels > 1 else ""
+        return f"{self.fresh} cells{times} in {self.seconds:.2f} s, {self._rate()} cells/s"
+
+    def _rate(self) -> str:
+        rate = self.fresh / max(self.seconds, 1e-9)
+        for unit, size in (("M", 1e6), ("k", 1e3)):
+            if rate >= size:
+                return f"{rate / size:.3g} {unit}"
+        return f"{rate:.3g}"

@@ -1,7 +1,8 @@
-"""What an instrument reads in some cells of a layout: values, uncertainties and flags."""
+"""Readings of an instrument in some cells of a layout: values, uncertainties and flags."""
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +12,7 @@ from gonio.data.layouts import HORIZON, Layout
 from gonio.data.material import Material
 from gonio.data.tabulate import grid_values
 from gonio.instrument import aperture, noise
-from gonio.instrument.instrument import Instrument, true_directions
+from gonio.instrument.instrument import Instrument
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 
@@ -35,11 +36,13 @@ class WorstAverage:
     theta_o_deg: float
 
     def to_dict(self) -> dict:
+        """For a table's provenance."""
         return dataclasses.asdict(self)
 
     @classmethod
-    def from_dict(cls, told: dict | None) -> "WorstAverage | None":
-        return None if told is None else cls(**told)
+    def from_dict(cls, values: dict | None) -> "WorstAverage | None":
+        """The inverse of `to_dict`; None for None."""
+        return None if values is None else cls(**values)
 
     @staticmethod
     def of(a: "WorstAverage | None", b: "WorstAverage | None") -> "WorstAverage | None":
@@ -49,12 +52,32 @@ class WorstAverage:
         return min(a, b, key=lambda w: (-w.excess, w.cell))
 
     def sentence(self) -> str:
-        """What a user should know of it."""
+        """A remark for the user."""
         return (
             f"the average over the apertures is not resolved everywhere: at theta_i = {self.theta_i_deg:.4g}°, "
             f"theta_o = {self.theta_o_deg:.4g}° its error is {100 * self.relative:.2g} % of the reading, "
             f"{self.excess:.2g} times what is allowed; use smaller apertures, or a larger tolerance"
         )
+
+
+class BlockReadings(NamedTuple):
+    """Readings of some cells, each (n, channels), and their worst aperture average.
+
+    `u_f` is None for an instrument without noise: 0 everywhere.
+    """
+
+    f: np.ndarray
+    u_f: np.ndarray | None
+    flag: np.ndarray
+    worst: WorstAverage | None
+
+
+class Expected(NamedTuple):
+    """Expected readings but for the gain (n, channels), irradiance by the table's angle (n,), the worst average."""
+
+    values: np.ndarray
+    irradiance: np.ndarray
+    worst: WorstAverage | None
 
 
 class Reader:
@@ -69,30 +92,27 @@ class Reader:
         # Where nothing but the model is to be evaluated, whole rows of the layout go to the quick kernel.
         self.by_rows = not instrument.has_apertures and self.errors.aligned
 
-    def read(self, start: int, stop: int) -> tuple[np.ndarray, np.ndarray | None, np.ndarray, WorstAverage | None]:
-        """(f, u_f, flag) of the cells start..stop, each (n, channels), and the worst aperture average.
-
-        `u_f` is None for an instrument without noise: 0 everywhere. With `by_rows` start and stop are whole rows.
-        """
+    def read(self, start: int, stop: int) -> BlockReadings:
+        """The readings of the cells start..stop; with `by_rows` these are whole rows."""
         flag = self._flags(start, stop)
         usable = flag == Flag.VALID
-        expected, irradiance, worst = self._expected(start, stop, usable)
-        expected = self.errors.gain * np.broadcast_to(expected, (stop - start, self.channels))
+        values, irradiance, worst = self._expected(start, stop, usable)
+        expected = self.errors.gain * np.broadcast_to(values, (stop - start, self.channels))
         flag = np.repeat(flag[:, None], self.channels, axis=1)
-        found = np.isfinite(expected)
-        if not found.all():
+        finite = np.isfinite(expected)
+        if not finite.all():
             # An interpolated table answers NaN where nobody looked.
             missing = Flag.NOT_MEASURED if self.material.expression is None else Flag.INVALID
-            flag[~found & usable[:, None]] = missing
-            expected = np.where(found, expected, 0.0)
+            flag[~finite & usable[:, None]] = missing
+            expected = np.where(finite, expected, 0.0)
         if not self.noisy:
-            return _masked(expected, flag), None, flag, worst
-        made, full = noise.read(self.instrument, self.seed, start, expected, irradiance, self.errors.gain)
+            return BlockReadings(_masked(expected, flag), None, flag, worst)
+        readings, full = noise.read(self.instrument, self.seed, start, expected, irradiance, self.errors.gain)
         u_f = noise.standard_uncertainty(self.instrument, expected, irradiance, self.errors.gain)
         flag[full & (flag == Flag.VALID)] = Flag.SATURATED
-        return _masked(made, flag), _masked(u_f, flag), flag, worst
+        return BlockReadings(_masked(readings, flag), _masked(u_f, flag), flag, worst)
 
-    def _flags(self, start, stop):
+    def _flags(self, start: int, stop: int) -> np.ndarray:
         if not self.instrument.shadow:
             above = self.layout.above_horizon(start, stop)
             return np.where(above, np.uint8(Flag.VALID), np.uint8(Flag.BELOW_HORIZON))
@@ -102,57 +122,60 @@ class Reader:
         flag[~((wi.z > HORIZON) & (wo.z > HORIZON))] = Flag.BELOW_HORIZON
         return flag
 
-    def _expected(self, start, stop, usable):
-        """(expected reading but for the gain, irradiance by the table's angle, worst average or None)."""
+    def _expected(self, start: int, stop: int, usable: np.ndarray) -> Expected:
         brdf, layout = self.material.brdf, self.layout
         if self.by_rows:
             rows = slice(start // layout.row_size, -(-stop // layout.row_size))
             values = grid_values(brdf, layout, rows.start, rows.stop).reshape(stop - start, -1)
-            if not self.noisy:
-                return values, None, None
-            return values, np.where(usable, layout.cosines(start, stop)[0], 1.0).astype(self.dtype), None
+            cosine = layout.cosines(start, stop)[0] if self.noisy else np.ones(1)
+            return Expected(values, np.where(usable, cosine, 1.0).astype(self.dtype), None)
         source = self.instrument.source_half_angle
         wi, wo = layout.directions(start, stop)
-        reckoned = np.where(usable, aperture.irradiance(wi.z, source), 1.0)
+        nominal = np.where(usable, aperture.irradiance(wi.z, source), 1.0)
         share = np.ones(stop - start)
         if not self.errors.aligned:
-            wi, wo = (Direction(*w) for w in true_directions(self.errors, layout.angles(start, stop)))
-            share = aperture.irradiance(wi.z, source) / reckoned
-        at = np.flatnonzero(usable)
-        wi, wo = (Direction(*(np.asarray(c)[at] for c in w)) for w in (wi, wo))
-        values, worst = self._values(wi, wo, reckoned[at], start + at)
-        whole = np.zeros((stop - start, values.shape[1]), self.dtype)
-        whole[at] = values * share[at, None]
-        return whole, reckoned.astype(self.dtype), worst
+            wi, wo = self.errors.true_directions(layout.angles(start, stop))
+            share = aperture.irradiance(wi.z, source) / nominal
+        cells = np.flatnonzero(usable)
+        wi, wo = (Direction(*(np.asarray(c)[cells] for c in w)) for w in (wi, wo))
+        values, worst = self._values(wi, wo, nominal[cells], start + cells)
+        every = np.zeros((stop - start, values.shape[1]), self.dtype)
+        every[cells] = values * share[cells, None]
+        return Expected(every, nominal.astype(self.dtype), worst)
 
-    def _values(self, wi, wo, irradiance, cells):
+    def _values(
+        self, wi: Direction, wo: Direction, irradiance: np.ndarray, cells: np.ndarray
+    ) -> tuple[np.ndarray, WorstAverage | None]:
         instrument = self.instrument
         if not instrument.has_apertures:
             return self._point_values(wi, wo), None
-        half = instrument.source_half_angle, instrument.detector_half_angle
+        half_angles = instrument.source_half_angle, instrument.detector_half_angle
 
-        def allowed(values, at):
-            return self._allowed(values, irradiance[at])
+        def tolerance(values: np.ndarray, k: np.ndarray) -> np.ndarray:
+            return self._tolerance(values, irradiance[k])
 
-        values, error = aperture.average(self.material.brdf, wi, wo, *half, allowed)
-        return values, self._worst(cells, values, error, self._allowed(values, irradiance))
+        values, error = aperture.average(self.material.brdf, wi, wo, *half_angles, tolerance)
+        return values, self._worst(cells, values, error, self._tolerance(values, irradiance))
 
-    def _point_values(self, wi, wo):
+    def _point_values(self, wi: Direction, wo: Direction) -> np.ndarray:
         count = wi.x.size
-        parts = [np.zeros((0, self.channels), self.dtype)]
-        for at in range(0, count, FLAT_BATCH):
-            batch = [Direction(*(_padded(c[at : at + FLAT_BATCH]) for c in w)) for w in (wi, wo)]
+        pieces = [np.zeros((0, self.channels), self.dtype)]
+        for start in range(0, count, FLAT_BATCH):
+            batch = [Direction(*(_padded(c[start : start + FLAT_BATCH]) for c in w)) for w in (wi, wo)]
             values = np.asarray(evaluate(self.material.brdf, *batch)).reshape(FLAT_BATCH, -1)
-            parts.append(np.broadcast_to(values, (FLAT_BATCH, self.channels)))
-        return np.concatenate(parts)[:count]
+            pieces.append(np.broadcast_to(values, (FLAT_BATCH, self.channels)))
+        return np.concatenate(pieces)[:count]
 
-    def _allowed(self, values, irradiance):
+    def _tolerance(self, values: np.ndarray, irradiance: np.ndarray) -> np.ndarray:
+        """Error allowed to averages, 1/sr."""
         allowed = self.instrument.tolerance * np.maximum(np.abs(values), FLOOR)
         if not self.noisy:
             return allowed
         return np.maximum(allowed, SHARE_OF_NOISE * noise.standard_uncertainty(self.instrument, values, irradiance))
 
-    def _worst(self, cells, values, error, allowed):
+    def _worst(
+        self, cells: np.ndarray, values: np.ndarray, error: np.ndarray, allowed: np.ndarray
+    ) -> WorstAverage | None:
         if not cells.size:
             return None
         excess = error / allowed
@@ -164,9 +187,9 @@ class Reader:
         return WorstAverage(float(excess[k, channel]), relative, cell, theta_i, theta_o)
 
 
-def _padded(values):
+def _padded(values: np.ndarray) -> np.ndarray:
     return np.pad(values, (0, FLAT_BATCH - values.size), mode="edge")
 
 
-def _masked(values, flag):
+def _masked(values: np.ndarray, flag: np.ndarray) -> np.ndarray:
     return np.where(flag == Flag.VALID, values, np.asarray(np.nan, values.dtype))

@@ -2,8 +2,9 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 
-NAMES = ("isotropic", "spherical", "half-difference", "merl", "in-plane")
 MAX_CELLS = 1 << 31
 """A table of so many cells fills tens of gigabytes in one channel."""
 STEP = {
@@ -32,14 +32,14 @@ INCIDENCES = tuple(math.radians(t) for t in (0, 15, 30, 45, 60, 75))
 def isotropic(step: float = STEP["isotropic"], theta_max: float = THETA_MAX, phi_step: float | None = None) -> Layout:
     """Both polar angles from 0 to `theta_max` by `step`, delta_phi once round by `phi_step` (or `step`)."""
     polar, azimuth = _polar(step, theta_max), _azimuth(phi_step or step)
-    _bounded(polar.size**2 * azimuth.size)
+    _require_cells(polar.size**2 * azimuth.size)
     return layouts.isotropic(polar, polar, azimuth)
 
 
 def spherical(step: float = STEP["spherical"], theta_max: float = THETA_MAX, phi_step: float | None = None) -> Layout:
     """All four angles, polar ones by `step`, azimuths by `phi_step` (or `step`): for anisotropic surfaces too."""
     polar, azimuth = _polar(step, theta_max), _azimuth(phi_step or step)
-    _bounded((polar.size * azimuth.size) ** 2)
+    _require_cells((polar.size * azimuth.size) ** 2)
     return layouts.spherical(polar, azimuth, polar, azimuth)
 
 
@@ -50,10 +50,10 @@ def half_difference(step: float = STEP["half-difference"], phi_step: float | Non
     """
     counts = _count(math.pi / 2, step), _count(math.pi / 2, step), _count(math.pi, step)
     if phi_step is None:
-        _bounded(math.prod(counts))
+        _require_cells(math.prod(counts))
         return layouts.merl(counts=counts)
     turns = _azimuth(phi_step)
-    _bounded(math.prod(counts) * turns.size)
+    _require_cells(math.prod(counts) * turns.size)
     axes = layouts.merl(counts=counts).axes
     return layouts.half_difference(axes["theta_h"], axes["theta_d"], axes["phi_d"], turns)
 
@@ -68,7 +68,7 @@ def in_plane(
 ) -> Layout:
     """The plane of incidence: the incidences `theta_i`, the detector from −`theta_max` to `theta_max` by `step`."""
     polar = _polar(step, theta_max)
-    _bounded(len(theta_i) * 2 * polar.size)
+    _require_cells(len(theta_i) * 2 * polar.size)
     return layouts.in_plane(sorted(theta_i), np.concatenate([-polar[:0:-1], polar]))
 
 
@@ -82,12 +82,12 @@ def listed(path: str | os.PathLike) -> Layout:
 
 
 def default_name(brdf: AbstractBRDF) -> str:
-    """The scan for who names none: isotropic for a material that looks the same all round, else spherical."""
+    """The default scan: isotropic for a material that looks the same all round, else spherical."""
     return "isotropic" if is_isotropic(brdf) else "spherical"
 
 
 def isotropy_remark(grid: Layout, brdf: AbstractBRDF) -> str | None:
-    """What to tell a user whose scan never turns an anisotropic sample; None for all others."""
+    """A remark on a scan that never turns an anisotropic sample; None for all others."""
     if grid.has_azimuth_of_light or is_isotropic(brdf):
         return None
     return (
@@ -97,7 +97,7 @@ def isotropy_remark(grid: Layout, brdf: AbstractBRDF) -> str | None:
 
 
 def is_isotropic(brdf: AbstractBRDF) -> bool:
-    """Whether f stays the same when both directions are turned about the normal: seen in 64 pairs, unless spelled."""
+    """Whether f stays the same when both directions are turned about the normal: by 64 pairs for a foreign model."""
     if is_ours(brdf):  # narrow lobes would be missed by all pairs
         return brdf.isotropic
     rng = np.random.default_rng(0)
@@ -105,54 +105,58 @@ def is_isotropic(brdf: AbstractBRDF) -> bool:
     phi, turn = rng.uniform(0, 2 * math.pi, (2, 64)), rng.uniform(0.3, 6.0, 64)
     # Some pairs near mirror reflection, where a narrow lobe is.
     phi[1, :48], z[1, :48] = phi[0, :48] + math.pi + rng.normal(0, 0.1, 48), z[0, :48]
+    azimuth = np.stack([phi, phi + turn])  # (as it is or turned, wi or wo, pairs)
     r = np.sqrt(1 - z**2)
-    turned = np.stack([phi, phi + turn])
-    pairs = [
-        Direction(r[k] * np.cos(turned[:, k]), r[k] * np.sin(turned[:, k]), z[k] + 0 * turned[:, k]) for k in (0, 1)
-    ]
-    there, here = np.nan_to_num(np.asarray(evaluate(brdf, *pairs)))
-    return bool(np.allclose(there, here, rtol=1e-3, atol=1e-9))
+    x, y = r * np.cos(azimuth), r * np.sin(azimuth)
+    pairs = [Direction(x[:, k], y[:, k], np.broadcast_to(z[k], (2, 64))) for k in (0, 1)]
+    still, turned = np.nan_to_num(np.asarray(evaluate(brdf, *pairs)))
+    return bool(np.allclose(still, turned, rtol=1e-3, atol=1e-9))
 
 
-def scan(
-    what: str | os.PathLike,
-    *,
-    step: float | None = None,
-    phi_step: float | None = None,
-    theta_max: float | None = None,
-    theta_i: Sequence[float] | None = None,
-) -> Layout:
-    """The layout that a scan's name, or the path of a list of directions, means; radians.
+class ScanOptions(TypedDict, total=False):
+    """Angles of a named scan, radians: steps of all angles or of azimuths, the largest polar angle, incidences."""
 
-    Raises GonioError for an unknown name, an option that the scan does not have, and more than `MAX_CELLS` cells.
+    step: float | None
+    phi_step: float | None
+    theta_max: float | None
+    theta_i: Sequence[float] | None
+
+
+SCANS: dict[str, tuple[Callable[..., Layout], tuple[str, ...]]] = {
+    "isotropic": (isotropic, ("step", "phi_step", "theta_max")),
+    "spherical": (spherical, ("step", "phi_step", "theta_max")),
+    "half-difference": (half_difference, ("step", "phi_step")),
+    "merl": (merl, ()),
+    "in-plane": (in_plane, ("step", "theta_max", "theta_i")),
+}
+"""Constructor and options of each scan."""
+
+
+def scan(name: str | os.PathLike, **options: Unpack[ScanOptions]) -> Layout:
+    """The layout of a named scan, or of a CSV file of directions; angles in radians.
+
+    Raises:
+        GonioError: for an unknown name, an option that the scan does not have, an angle out of range, and more than
+            `MAX_CELLS` cells.
     """
-    options = {"step": step, "phi_step": phi_step, "theta_max": theta_max, "theta_i": theta_i}
-    given = {name: value for name, value in options.items() if value is not None}
-    name = os.fspath(what).replace("_", "-")
-    makers = {
-        "isotropic": (isotropic, ("step", "phi_step", "theta_max")),
-        "spherical": (spherical, ("step", "phi_step", "theta_max")),
-        "half-difference": (half_difference, ("step", "phi_step")),
-        "merl": (merl, ()),
-        "in-plane": (in_plane, ("step", "theta_max", "theta_i")),
-    }
-    if name in makers:
-        make, known = makers[name]
-    elif Path(what).suffix or os.sep in os.fspath(what) or Path(what).exists():
-        make, known = (lambda: listed(what)), ()
+    given = {option: value for option, value in options.items() if value is not None}
+    text = os.fspath(name).replace("_", "-")
+    if text in SCANS:
+        make, known = SCANS[text]
+    elif Path(name).suffix or os.sep in os.fspath(name) or Path(name).exists():
+        make, known = (lambda: listed(name)), ()
     else:
-        raise GonioError(f"scan {os.fspath(what)!r} is unknown; give {', '.join(NAMES)}, or a CSV file of directions")
-    unknown = [option for option in given if option not in known]
-    if unknown:
+        raise GonioError(f"scan {os.fspath(name)!r} is unknown; give {', '.join(SCANS)}, or a CSV file of directions")
+    if unknown := [option for option in given if option not in known]:
         takes = f"it takes {', '.join(known)}" if known else "its directions are fixed"
-        raise GonioError(f"scan {name} has no {', '.join(unknown)}; {takes}")
+        raise GonioError(f"scan {text} has no {', '.join(unknown)}; {takes}")
     return make(**given)
 
 
 def _polar(step: float, theta_max: float) -> np.ndarray:
     if not 0 < theta_max <= math.pi / 2:
-        raise GonioError(f"theta_max is {math.degrees(theta_max):g}°; give more than 0° and at most 90°")
-    _bounded_step(step, theta_max)
+        raise GonioError(f"theta_max is {_angle(theta_max)}; give more than 0 and at most π/2 rad (90°)")
+    _require_step(step, theta_max)
     # A step that divides theta_max reaches it, whatever the rounding.
     polar = np.arange(math.floor(theta_max / step + 1e-9) + 1) * step
     return np.minimum(polar, math.pi / 2)
@@ -164,25 +168,29 @@ def _azimuth(step: float) -> np.ndarray:
 
 def _count(whole: float, step: float) -> int:
     """Steps that make up a whole; a grid that does not close would measure one seam more densely than the rest."""
-    _bounded_step(step, whole)
+    _require_step(step, whole)
     count = round(whole / step)
     if abs(count * step - whole) > 1e-9 * whole:
         raise GonioError(
-            f"a step of {math.degrees(step):g}° does not divide {math.degrees(whole):g}°; give one that does, "
-            f"such as {math.degrees(whole) / count:g}°"
+            f"a step of {_angle(step)} does not divide {math.degrees(whole):g}°; give one that does, such as "
+            f"{_angle(whole / count)}"
         )
     return count
 
 
-def _bounded_step(step, whole):
+def _require_step(step: float, whole: float) -> None:
     if not step > 0:
-        raise GonioError(f"a step of {math.degrees(step):g}° came; give one above 0°")
+        raise GonioError(f"a step of {_angle(step)} came; give one above 0")
     if step < whole / 1e6:
-        raise GonioError(f"a step of {math.degrees(step):g}° makes more cells than can be measured; give a larger one")
+        raise GonioError(f"a step of {_angle(step)} makes more cells than can be measured; give a larger one")
     if step > whole:
-        raise GonioError(f"a step of {math.degrees(step):g}° does not fit {math.degrees(whole):g}°; give a smaller one")
+        raise GonioError(f"a step of {_angle(step)} does not fit {math.degrees(whole):g}°; give a smaller one")
 
 
-def _bounded(cells: int) -> None:
+def _angle(value: float) -> str:
+    return f"{math.degrees(value):g}° ({value:.6g} rad)"
+
+
+def _require_cells(cells: int) -> None:
     if cells > MAX_CELLS:
         raise GonioError(f"this scan has {cells:.3g} cells, more than {MAX_CELLS:.3g}; give a larger step")

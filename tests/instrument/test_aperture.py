@@ -196,10 +196,10 @@ def test_a_values_bits_do_not_depend_on_its_neighbours():
 def test_irradiance_is_the_discs_projected_solid_angle():
     s = math.radians(4)
     theta = np.radians([0.0, 30.0, 85.0, 87.0, 90.0, 93.0])
-    found = irradiance(np.cos(theta), s)
-    np.testing.assert_allclose(found[:3], np.cos(theta[:3]), rtol=1e-14)
+    relative_irradiance = irradiance(np.cos(theta), s)
+    np.testing.assert_allclose(relative_irradiance[:3], np.cos(theta[:3]), rtol=1e-14)
     polar, azimuth = np.meshgrid((np.arange(800) + 0.5) / 800 * s, (np.arange(800) + 0.5) / 800 * 2 * np.pi)
     for k in (3, 4, 5):
         z = np.cos(theta[k]) * np.cos(polar) + np.sin(theta[k]) * np.sin(polar) * np.cos(azimuth)
         above = np.mean(np.sin(polar) * np.maximum(z, 0)) * s * 2 * np.pi / (np.pi * math.sin(s) ** 2)
-        assert found[k] == pytest.approx(above, rel=1e-4)
+        assert relative_irradiance[k] == pytest.approx(above, rel=1e-4)

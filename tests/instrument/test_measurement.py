@@ -3,6 +3,7 @@
 import itertools
 import json
 import math
+import re
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +14,8 @@ from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.hdf5.writer import open_table
 from gonio.data.material import material_of
-from gonio.data.table import Table, whole_table_of_values
+from gonio.data.subject import resolve_subject
+from gonio.data.table import whole_table_of_values
 from gonio.instrument import scans
 from gonio.instrument.instrument import Instrument, Systematic
 from gonio.instrument.measurement import measure
@@ -50,8 +52,7 @@ def small_list():
 
 
 def test_a_material_may_come_in_any_form(tmp_path):
-    asked = [PAINT, build(PAINT), gonio.material(PAINT)]
-    tables = [measure(m, scan=SMALL) for m in asked]
+    tables = [measure(m, scan=SMALL) for m in (PAINT, build(PAINT), gonio.material(PAINT))]
     for table in tables:
         np.testing.assert_array_equal(table.f, tables[0].f)
     # On its own nodes an interpolated table is itself.
@@ -92,16 +93,16 @@ def test_the_uncertainty_is_that_of_the_expected_reading_not_of_the_noisy_one():
 def test_blocks_change_no_bit(settings):
     grid = scans.isotropic(math.radians(15), theta_max=math.radians(90), phi_step=math.radians(40))
     reader = Reader(material_of(build(PAINT)), Instrument(**settings), grid, 9)
-    f, u_f, flag, worst = reader.read(0, grid.size)
+    whole = reader.read(0, grid.size)
     cuts = [0, 63, 126, 252, grid.size] if reader.by_rows else [0, 1, 50, 51, 300, grid.size]
-    seen = None
+    worst = None
     for a, b in reversed(list(itertools.pairwise(cuts))):
-        part = reader.read(a, b)
-        for whole, block in zip((f, u_f, flag), part, strict=False):
-            if block is not None:
-                np.testing.assert_array_equal(whole[a:b], block)
-        seen = WorstAverage.of(seen, part[3])
-    assert seen == worst
+        block = reader.read(a, b)
+        for name in ("f", "u_f", "flag"):
+            if getattr(block, name) is not None:
+                np.testing.assert_array_equal(getattr(whole, name)[a:b], getattr(block, name))
+        worst = WorstAverage.of(worst, block.worst)
+    assert worst == whole.worst
 
 
 def test_the_file_holds_what_memory_holds_in_either_precision(tmp_path):
@@ -124,16 +125,18 @@ def test_the_file_holds_what_memory_holds_in_either_precision(tmp_path):
 def test_the_provenance_says_all_that_is_needed_to_make_it_again():
     instrument = Instrument(**REAL, **DISCS, misalignment=math.radians(0.1), calibration=0.01)
     table = measure(PAINT, instrument, SMALL, seed=12, command="gonio measure ...")
-    told = json.loads(json.dumps(table.provenance))
-    assert told["seed"] == 12 and told["command"] == "gonio measure ..."
-    assert told["instrument"]["photons"] == 3e4 and told["instrument"]["misalignment_deg"] == pytest.approx(0.1)
-    assert set(told["versions"]) == {"gonio", "jax", "numpy", "python"}
-    assert set(told["systematic"]) >= {"tilt_x_deg", "phi_deg", "gain"} and told["systematic"]["gain"] != 1
-    assert 0 < told["aperture_error"]["relative"] < 1e-3
-    drawn = {name.removesuffix("_deg"): value for name, value in told["systematic"].items()}
-    drawn = {name: value if name == "gain" else math.radians(value) for name, value in drawn.items()}
-    again = Instrument(**REAL, **DISCS, systematic=Systematic(**drawn))
-    remade = measure(told["material"]["spelling"], again, table.layout, seed=told["seed"])
+    provenance = json.loads(json.dumps(table.provenance))
+    assert provenance["seed"] == 12 and provenance["command"] == "gonio measure ..."
+    assert provenance["instrument"]["photons"] == 3e4 and provenance["instrument"]["misalignment_deg"] == pytest.approx(
+        0.1
+    )
+    assert set(provenance["versions"]) == {"gonio", "jax", "numpy", "python"}
+    assert set(provenance["systematic"]) >= {"tilt_x_deg", "phi_deg", "gain"} and provenance["systematic"]["gain"] != 1
+    assert 0 < provenance["aperture_error"]["relative"] < 1e-3
+    errors = {name.removesuffix("_deg"): value for name, value in provenance["systematic"].items()}
+    errors = {name: value if name == "gain" else math.radians(value) for name, value in errors.items()}
+    again = Instrument(**REAL, **DISCS, systematic=Systematic(**errors))
+    remade = measure(provenance["material"]["spelling"], again, table.layout, seed=provenance["seed"])
     np.testing.assert_allclose(remade.f, table.f, rtol=1e-9)
     assert table.source_solid_angle == pytest.approx(math.pi * math.radians(1) ** 2, rel=1e-4)
     assert measure(PAINT, scan=SMALL).provenance["instrument"] == "ideal"
@@ -163,8 +166,8 @@ def test_flags_say_why_a_cell_has_no_value():
 
 def test_where_a_table_has_nothing_nothing_is_measured():
     plane = scans.in_plane(math.radians(10))
-    looked = whole_table_of_values(plane, np.ones(plane.shape))
-    table = measure(looked, Instrument(**REAL), SMALL)
+    ones = whole_table_of_values(plane, np.ones(plane.shape))
+    table = measure(ones, Instrument(**REAL), SMALL)
     delta = SMALL.angles()[3]
     in_plane = (np.abs(np.sin(delta)) < 1e-9) | (SMALL.angles()[2] == 0)
     np.testing.assert_array_equal(table.flag.ravel() == Flag.VALID, in_plane | (SMALL.angles()[0] == 0))
@@ -186,7 +189,7 @@ def test_negative_readings_are_kept():
     assert abs(np.mean(z**2) - 1) < 4 * math.sqrt(2 / z.size) + 0.05
 
 
-def test_what_the_rays_cannot_resolve_is_said():
+def test_averages_that_the_rays_do_not_resolve_are_reported():
     grid = layouts.in_plane([math.radians(85)], [math.radians(70), math.radians(85)])
     discs = Instrument(source_half_angle=0.05, detector_half_angle=0.05)
     with pytest.warns(UserWarning, match=r"not resolved everywhere: at theta_i = 85°, theta_o = 85°"):
@@ -201,22 +204,13 @@ def test_an_anisotropic_sample_is_turned_or_a_remark_made():
     assert scans.default_name(build("ward(alpha_x=0.0001, alpha_y=0.0002)")) == "spherical", "too narrow for any pair"
     with pytest.warns(UserWarning, match="never turns the sample"):
         one_way = measure(brushed, scan=SMALL)
-    assert not scans.is_isotropic(named_table(measure(brushed, scan=turned())))
-    assert scans.is_isotropic(named_table(one_way)), "an isotropic layout answers alike all round"
-
-
-def turned():
-    return scans.spherical(math.radians(30), theta_max=math.radians(60))
-
-
-def named_table(table: Table) -> AbstractBRDF:
-    from gonio.data.interpolation.multilinear import as_material
-
-    return as_material(table)
+    turned = measure(brushed, scan=scans.spherical(math.radians(30), theta_max=math.radians(60)))
+    assert not scans.is_isotropic(resolve_subject(turned).brdf)
+    assert scans.is_isotropic(resolve_subject(one_way).brdf), "an isotropic layout answers alike all round"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         ({"seed": -1}, "the seed is -1"),
         ({"seed": 1.5}, "the seed is 1.5"),
@@ -225,8 +219,8 @@ def named_table(table: Table) -> AbstractBRDF:
         ({"scan": scans.spherical(math.radians(0.75), theta_max=math.radians(45))}, "GB of memory; give an output"),
     ],
 )
-def test_what_cannot_be_measured_is_said_in_a_sentence(arguments, said):
-    with pytest.raises(GonioError, match=said) as error:
+def test_what_cannot_be_measured_is_refused_in_a_sentence(arguments, message):
+    with pytest.raises(GonioError, match=message) as error:
         measure("lambert(rho=0.5)", **arguments)
     assert "\n" not in str(error.value)
 
@@ -238,3 +232,26 @@ def test_an_output_is_not_overwritten(tmp_path):
         measure("lambert(rho=0.6)", scan=SMALL, output=path)
     measure("lambert(rho=0.6)", scan=SMALL, output=path, force=True)
     assert open_table(path).f[0, 0, 0, 0] == pytest.approx(0.6 / math.pi)
+
+
+def test_remarks_and_the_rate_are_logged_and_the_old_name_of_the_option_works():
+    lines = []
+    measure("ggx(alpha_x=0.1, alpha_y=0.3)", scan=SMALL, log=lines.append)
+    assert "never turns the sample" in lines[0] and re.fullmatch(r"648 cells in .* s, .* cells/s", lines[-1])
+    with pytest.warns(DeprecationWarning, match="say is called log now") as warned:
+        measure("lambert(rho=0.5)", scan=SMALL, say=lines.append)
+    assert len(warned) == 1 and len(lines) == 3
+    with pytest.raises(TypeError, match="measure has no option 'seeds'; did you mean 'seed'"):
+        measure("lambert(rho=0.5)", scan=SMALL, seeds=3)
+
+
+def test_no_bar_is_written_where_no_terminal_is(capfd):
+    from gonio.instrument import progress
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(progress, "PATIENCE", 0.0)
+        measure("lambert(rho=0.5)", Instrument(source_half_angle=0.01), SMALL, progress=True)
+        assert capfd.readouterr() == ("", "")
+        patch.setenv("FORCE_COLOR", "1")  # a terminal, for rich
+        measure("lambert(rho=0.5)", Instrument(source_half_angle=0.01), scans.isotropic(math.radians(5)), progress=True)
+        assert "cells/s" in capfd.readouterr().err

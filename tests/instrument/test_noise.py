@@ -30,11 +30,11 @@ SOURCES = {
 
 
 @pytest.mark.parametrize("source", SOURCES)
-def test_readings_vary_as_their_uncertainty_says(source):
+def test_readings_vary_as_their_uncertainty_states(source):
     instrument, expected = SOURCES[source]
-    made, full = read(instrument, 11, 0, expected, COS, GAIN)
+    readings, full = read(instrument, 11, 0, expected, COS, GAIN)
     u_f = standard_uncertainty(instrument, expected, COS, GAIN)
-    z = (made - expected) / u_f
+    z = (readings - expected) / u_f
     n = z.size
     # The sampling error of a mean square is set by its own fourth moment, which Poisson's law makes large.
     chi2, spread = np.mean(z**2), np.std(z**2) / math.sqrt(n)
@@ -45,8 +45,8 @@ def test_readings_vary_as_their_uncertainty_says(source):
 
 
 def test_an_ideal_reading_is_its_expectation_and_exact():
-    made, full = read(Instrument(), 1, 0, BRIGHT, COS)
-    assert made is BRIGHT and not full.any()
+    readings, full = read(Instrument(), 1, 0, BRIGHT, COS)
+    assert readings is BRIGHT and not full.any()
     assert not standard_uncertainty(Instrument(), BRIGHT, COS).any()
 
 
@@ -64,7 +64,7 @@ def test_the_cut_into_blocks_changes_no_bit_and_the_seed_every_reading(source):
     assert np.mean(beyond == whole) < 0.01
 
 
-def test_a_full_detector_says_so():
+def test_a_full_detector_is_flagged():
     instrument = Instrument(photons=1000, saturation=500)
     expected = np.full((CELLS, 1), 1 / math.pi)
     _, full = read(instrument, 2, 0, expected, COS)
@@ -77,7 +77,7 @@ def test_ambient_light_is_subtracted_and_only_adds_noise():
     expected = np.full((CELLS, 1), 0.1)
     calm = standard_uncertainty(Instrument(photons=1e4), expected, COS)
     lit = Instrument(photons=1e4, ambient=3.0)
-    made, _ = read(lit, 4, 0, expected, COS)
+    readings, _ = read(lit, 4, 0, expected, COS)
     u_f = standard_uncertainty(lit, expected, COS)
     assert (u_f > 3 * calm).all()
-    assert abs(np.mean((made - expected) / u_f)) < 4 / math.sqrt(CELLS)
+    assert abs(np.mean((readings - expected) / u_f)) < 4 / math.sqrt(CELLS)

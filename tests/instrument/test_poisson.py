@@ -25,9 +25,9 @@ def test_counts_have_poissons_probabilities(expected):
     # Bins of about equal probability, at least 50 counts in each.
     edges = np.unique(law.ppf(np.linspace(0, 1, 60)[1:-1]))
     probability = np.diff(np.concatenate([[0.0], law.cdf(edges), [1.0]]))
-    seen = np.bincount(np.searchsorted(edges, count), minlength=edges.size + 1)
+    observed = np.bincount(np.searchsorted(edges, count), minlength=edges.size + 1)
     keep = probability * N > 50
-    chi2 = np.sum((seen - N * probability)[keep] ** 2 / (N * probability[keep]))
+    chi2 = np.sum((observed - N * probability)[keep] ** 2 / (N * probability[keep]))
     assert stats.chi2.sf(chi2, keep.sum() - 1) > 1e-4
 
 
