@@ -98,8 +98,8 @@ def _beams(shown: Scene | Instrument) -> list[Beam]:
             Beam(-SOURCE_ANGLE - source, -SOURCE_ANGLE + source, light, "source"),
             Beam(DETECTOR_ANGLE - detector, DETECTOR_ANGLE + detector, view, "detector"),
         ]
-    lights = [Beam(*(-math.degrees(t) for t in reversed(r.theta)), light, "lights") for r in shown.lights]
-    return lights + [Beam(*(math.degrees(t) for t in r.theta), view, "views") for r in shown.views]
+    lights = [Beam(-math.degrees(r.theta[1]), -math.degrees(r.theta[0]), light, "lights") for r in shown.lights]
+    return lights + [Beam(math.degrees(r.theta[0]), math.degrees(r.theta[1]), view, "views") for r in shown.views]
 
 
 def _draw_beams(ax: Axes, beams: Sequence[Beam]) -> None:

@@ -50,21 +50,3 @@ def test_stored_uncertainties_are_tested_at_the_level_and_the_place_is_said(tmp_
     assert "θ 60–70°" in printed
     status = main(["check", str(tmp_path / "t.h5"), "--against", "lambert(rho=0.5)", "--tol-agreement", "0.01"])
     assert status == 1 and "agreement" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["nonsense"],
-        ["lambert(rho=0.5)", "--tol-energy", "-1"],
-        ["lambert(rho=0.5)", "--feature-width", "100"],
-        ["lambert(rho=0.5)", "--level", "0"],
-        ["lambert(rho=0.5)", "--against", "nonsense"],
-        ["lambert(rho=0.5)", "--self-test"],
-        [],
-    ],
-)
-def test_bad_input_is_one_line_and_status_2(arguments, capsys):
-    assert main(["check", *arguments]) == 2
-    said = capsys.readouterr()
-    assert said.err.startswith("gonio: ") and said.err.count("\n") == 1 and said.out == ""

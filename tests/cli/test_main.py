@@ -1,4 +1,4 @@
-"""The command line as a user meets it: what it prints, what it refuses, and that a refusal leaves nothing behind."""
+"""The command line as a user meets it: what it prints and writes."""
 
 import csv
 import io
@@ -11,31 +11,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from gonio.__main__ import VERBS, main
-from gonio.data import layouts
-from gonio.data.hdf5.writer import write_table
-from gonio.data.table import whole_table_of_values
-
-DIRECTIONS = "theta_i,phi_i,theta_o,phi_o\n30,0,30,180\n0,0,45,10\n"
-
-
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "d.csv").write_text(DIRECTIONS)
-    theta, phi = np.radians(np.arange(0, 86, 15.0)), np.radians(np.arange(0, 360, 45.0))
-    layout = layouts.isotropic(theta, theta, phi)
-    write_table(tmp_path / "t.h5", whole_table_of_values(layout, np.full(layout.shape, 0.25 / np.pi), name="t"))
-    return tmp_path
-
-
-def refused(here, capsys, command):
-    before = {p: p.stat().st_mtime_ns for p in here.iterdir()}
-    assert main(command) == 2
-    out, err = capsys.readouterr()
-    assert out == "" and err.startswith("gonio: ") and err.count("\n") == 1 and "Traceback" not in err
-    assert {p: p.stat().st_mtime_ns for p in here.iterdir()} == before
-    return err
+from gonio.__main__ import main
 
 
 def test_eval_writes_its_columns_back(here, capsys):
@@ -102,75 +78,10 @@ def test_fit_writes_a_material(here, capsys):
     assert main(["eval", "f.toml", "--directions", "d.csv"]) == 0
 
 
-def test_convert_says_its_round_trip(here, capsys):
+def test_convert_prints_the_round_trip_error(here, capsys):
     assert main(["convert", "t.h5", "t.csv"]) == 0
     assert "round trip over 288 readings: largest difference 0" in capsys.readouterr().out
     assert main(["convert", "t.csv", "back.h5"]) == 0
-
-
-@pytest.mark.parametrize(
-    ("command", "words"),
-    [
-        ("eval lambrt(rho=0.1) --directions d.csv", "lambert"),
-        ("eval gld --directions d.csv", "gold"),
-        ("eval lambert(rho=1.5) --directions d.csv", "domain"),
-        ("eval lambert(rho=0.5) --directions absent.csv", "absent.csv"),
-        ("eval lambert(rho=0.5) --directions d.csv -o d.csv", "exists"),
-        ("eval lambert(rho=0.5) --directions d.csv -o d.csv --force", "input"),
-        ("eval lambert(rho=0.5) --directions d.csv -o no/where.csv", "folder"),
-        ("eval lambert(rho=0.5) --directions empty.csv", "empty"),
-        ("eval lambert(rho=0.5) --directions text.csv", "line 3"),
-        ("eval lambert(rho=0.5) --directions nan.csv", "line 2"),
-        ("eval lambert(rho=0.5) --directions below.csv", "below the horizon"),
-        ("info broken.h5", "broken.h5"),
-        ("info foreign.h5", "foreign.h5"),
-        ("info noise.bin", "noise.bin"),
-        ("info merl.binary", "merl.binary"),
-        ("info warp.bsdf", "warp.bsdf"),
-        ("fit t.h5 -m lambert -o d.csv", "exists"),
-        ("fit t.h5 -m ggy", "ggx"),
-        ("fit t.h5 -m lambert --loss cube", "cbrt"),
-        ("fit t.h5 -m lambert --theta-max 120", "90"),
-        ("fit few.csv -m lambert+ggx", "more are needed"),
-        ("convert t.h5 t.xyz", ".h5"),
-        ("convert t.h5 t.h5 --force", "input"),
-        ("measure t.h5 -o t.h5 --force", "input"),
-        ("measure gold -o new.h5 --step -5", "above 0"),
-        ("measure gold -o new.h5 --source-half-angle 80", "45°"),
-        ("measure gold -o no/new.h5", "folder"),
-        ("report t.h5 -o t.h5 --force", "input"),
-        ("check absent.h5", "absent.h5"),
-        ("models gxx", "ggx"),
-        ("materials silvr", "silver"),
-    ],
-)
-def test_bad_input_is_one_sentence_and_leaves_nothing(here, capsys, command, words):
-    import h5py
-
-    (here / "empty.csv").write_text("")
-    (here / "text.csv").write_text(DIRECTIONS + "ten,0,20,0\n".replace("ten", "x"))
-    (here / "text.csv").write_text("theta_i,phi_i,theta_o,phi_o\n1,2,3,4\nx,0,20,0\n")
-    (here / "nan.csv").write_text("theta_i,phi_i,theta_o,phi_o\nnan,0,20,0\n")
-    (here / "below.csv").write_text("theta_i,phi_i,theta_o,phi_o\n10,0,120,0\n")
-    (here / "few.csv").write_text("theta_i,phi_i,theta_o,phi_o,f\n10,0,20,0,0.1\n20,0,20,0,0.1\n")
-    (here / "broken.h5").write_bytes((here / "t.h5").read_bytes()[:900])
-    with h5py.File(here / "foreign.h5", "w") as file:
-        file["x"] = np.arange(5)
-    (here / "noise.bin").write_bytes(np.random.default_rng(0).bytes(5000))
-    (here / "merl.binary").write_bytes(np.array([2**31 - 1, -90, 180], "<i4").tobytes() + bytes(800))
-    (here / "warp.bsdf").write_bytes(b"tensor_file\0" + bytes([1, 0]) + (2**32 - 1).to_bytes(4, "little") + bytes(90))
-    assert words in refused(
-        here,
-        capsys,
-        command.replace("lambert+ggx", "lambert + ggx").split(" ") if "+" not in command else command.split(" "),
-    )
-
-
-def test_unknown_verbs_and_options_are_one_line(capsys):
-    for command in (["mesure"], ["fit"], ["eval", "gold", "--direction", "x", "--bogus"]):
-        with pytest.raises(SystemExit) as stop:
-            main(command)
-        assert stop.value.code == 2 and capsys.readouterr().err.count("\n") == 1
 
 
 def test_every_verb_has_help_without_loading_jax():
