@@ -73,8 +73,6 @@ def _add_selection(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    if args.starts < 0 or (args.samples is not None and args.samples < 1):
-        raise GonioError("--starts takes 0 or more and --samples 1 or more; give a larger number.")
     if args.theta_max == 0:
         raise GonioError("--theta-max is 0; give degrees above 0 and up to 90")
     require_range("--theta-max", args.theta_max, 0, 90)
@@ -85,7 +83,11 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
     names = ("loss", "weight", "relative_noise", "robust", "bootstrap", "per_channel", "samples", "starts", "scene")
     options = {name: getattr(args, name) for name in (*names, "seed")}
     if args.bootstrap_kind is not None:
-        options["bootstrap_kind"] = args.bootstrap_kind
+        from gonio.fitting.options import OLD_KINDS
+
+        options["bootstrap_kind"] = OLD_KINDS.get(args.bootstrap_kind, args.bootstrap_kind)
+        if args.bootstrap_kind in OLD_KINDS:
+            log(f"gonio: --bootstrap-kind {args.bootstrap_kind} is called {options['bootstrap_kind']} now")
     return {**options, "theta_max": None if args.theta_max is None else math.radians(args.theta_max)}
 
 

@@ -1,18 +1,9 @@
 """A folder to work in, with a table and directions, as a user has it."""
 
-import numpy as np
 import pytest
 
-from gonio.data import layouts
 from gonio.data.hdf5.writer import write_table
-from gonio.data.table import whole_table_of_values
-
-
-def grey_table(step: float = 15.0, phi_step: float = 45.0, rho: float = 0.25, **options):
-    """A table of a Lambertian surface on an isotropic grid, steps in degrees."""
-    polar = np.radians(np.arange(0, 86, step))
-    layout = layouts.isotropic(polar, polar, np.radians(np.arange(0, 360, phi_step)))
-    return whole_table_of_values(layout, np.full(layout.shape, rho / np.pi), **options)
+from support.tables import grey_table
 
 
 @pytest.fixture

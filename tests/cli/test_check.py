@@ -1,7 +1,6 @@
 import json
 
 import numpy as np
-import pytest
 
 from gonio.__main__ import main
 from gonio.data import layouts

@@ -7,13 +7,11 @@ import sys
 import time
 import tomllib
 
-import numpy as np
 import pytest
 
 from gonio.__main__ import main
-from gonio.data import layouts
 from gonio.data.hdf5.writer import write_table
-from gonio.data.table import whole_table_of_values
+from support.tables import grey_table
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from gonio.__main__ import main
+from gonio.__main__ import VERBS, main
 
 
 def test_eval_writes_its_columns_back(here, capsys):

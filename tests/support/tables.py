@@ -4,7 +4,7 @@ import numpy as np
 
 from gonio.data import layouts
 from gonio.data.flags import Flag
-from gonio.data.table import Channels, Table
+from gonio.data.table import Channels, Table, whole_table_of_values
 
 LAYOUTS = {
     "spherical": layouts.spherical([0.1, 0.5], [0, 1, 2], [0.2, 0.4], [0.0, 3.0]),
@@ -25,6 +25,13 @@ def random_table(grid, dtype=np.float64, u_f="stored", seed=0):
     values = {"stored": rng.random(shape).astype(dtype), "exact": np.zeros(shape, dtype), "unknown": None}[u_f]
     channels = Channels(("a", "b", "µ"), (450.0, 550.5, 632.8))
     return Table(grid, f, flag, channels, values, PROVENANCE, 1e-3, None, "a name")
+
+
+def grey_table(rho: float = 0.25, step: float = 15.0, phi_step: float = 45.0, **options) -> Table:
+    """A Lambertian surface on an isotropic grid, steps in degrees."""
+    polar = np.radians(np.arange(0, 86, step))
+    layout = layouts.isotropic(polar, polar, np.radians(np.arange(0, 360, phi_step)))
+    return whole_table_of_values(layout, np.full(layout.shape, rho / np.pi), **options)
 
 
 def assert_same(a: Table, b: Table):
