@@ -1,6 +1,11 @@
 from . import layouts as layouts
+from .channels import Channels as Channels
 from .flags import Flag as Flag
+from .formats.material_file import write_material as write_material
 from .formats.registry import read as read
+from .formats.registry import write as write
+from .hdf5.dataset import from_dataset as from_dataset
+from .hdf5.dataset import to_dataset as to_dataset
 from .layouts import Layout as Layout
 from .material import Material as Material
 from .material import reference_materials as reference_materials
@@ -9,5 +14,4 @@ from .scene import load_scene as load_scene
 from .subject import load_material as load_material
 from .subject import resolve_subject as resolve_subject
 from .table import Block as Block
-from .table import Channels as Channels
 from .table import Table as Table

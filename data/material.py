@@ -1,14 +1,26 @@
 """Materials: a model with its name, channels and source; from a name, a file or an expression, and to a file."""
 
 import dataclasses
+import math
+import os
 from pathlib import Path
 
-from gonio.data.table import Channels
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gonio.data.angles import as_numbers, broadcast, radian_arrays
+from gonio.data.channels import Channels
+from gonio.data.layouts import spherical_angles
+from gonio.data.layouts.spherical_grid import pair_by_angles
+from gonio.models.albedo import Estimate, directional_albedo
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.deprecation import renamed_attribute
 from gonio.models.display import Displayed, listed
 from gonio.models.errors import GonioError
-from gonio.models.evaluation import channel_count
+from gonio.models.evaluation import channel_count, evaluate, flat_pair, sampled_directions, sampling_density
 from gonio.models.expression.builder import to_expression
+from gonio.models.expression.derivatives import parameter_derivatives
+from gonio.models.geometry.directions import Direction
 
 REFERENCE_FOLDER = Path(__file__).parent / "materials"
 
@@ -29,6 +41,110 @@ class Material(Displayed):
     source: str = ""
     meta: dict = dataclasses.field(default_factory=dict)
 
+    spelling = renamed_attribute("spelling", "expression")
+
+    def f(
+        self, theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike, degrees: bool = False
+    ) -> np.ndarray:
+        """BRDF values, 1/sr, without the cosine.
+
+        Args:
+            theta_i: polar angle of the direction to the light, [0, π/2].
+            phi_i: its azimuth.
+            theta_o: polar angle of the direction to the detector, [0, π]: what `sample` draws may lie below the
+                horizon, where f is 0.
+            phi_o: its azimuth.
+            degrees: whether the angles are degrees; else radians.
+
+        Returns:
+            Array of the angles' broadcast shape + (channels,); the last axis has length 1 for a grey material.
+
+        Raises:
+            GonioError: angles out of range, or shapes that do not broadcast.
+        """
+        wi, wo = _pair(radian_arrays(degrees, True, theta_i=theta_i, phi_i=phi_i, theta_o=theta_o, phi_o=phi_o))
+        return self._by_channel(evaluate(self.brdf, wi, wo), wi.z.shape)
+
+    def sample(
+        self, theta_i: ArrayLike, phi_i: ArrayLike, u1: ArrayLike, u2: ArrayLike, degrees: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(theta_o, phi_o) that the importance sampler draws for uniform numbers u1, u2 in [0, 1].
+
+        Angles come and go in radians, or in degrees; all arguments broadcast to the shape of both results. theta_o may
+        lie below the horizon. Raises GonioError as `f` does, for u1 or u2 out of range, and without a sampler.
+        """
+        angles = radian_arrays(degrees, theta_i=theta_i, phi_i=phi_i)
+        uniform = {name: as_numbers(name, u) for name, u in (("u1", u1), ("u2", u2))}
+        for name, u in uniform.items():
+            if not ((u >= 0) & (u <= 1)).all():
+                raise GonioError(f"{name} leaves [0, 1]; give uniform random numbers")
+        theta, phi, first, second = broadcast(theta_i=angles[0], phi_i=angles[1], **uniform)
+        wi = Direction(*(c.ravel() for c in _pair([theta, phi, theta, phi])[0]))
+        try:
+            drawn = sampled_directions(self.brdf, wi, first.ravel(), second.ravel())
+        except NotImplementedError:
+            raise GonioError(f"{self.name} has no sampler; evaluate it with f") from None
+        result = spherical_angles(*(np.asarray(c, np.float64).reshape(theta.shape) for c in drawn))
+        return (np.degrees(result[0]), np.degrees(result[1])) if degrees else result
+
+    def pdf(
+        self, theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike, degrees: bool = False
+    ) -> np.ndarray:
+        """Density, per steradian, of the directions that `sample` draws; arguments and errors are those of `f`."""
+        wi, wo = _pair(radian_arrays(degrees, True, theta_i=theta_i, phi_i=phi_i, theta_o=theta_o, phi_o=phi_o))
+        return np.asarray(sampling_density(self.brdf, wi, wo))
+
+    def albedo(
+        self, theta_i: ArrayLike, phi_i: ArrayLike = 0.0, degrees: bool = False, tolerance: float = 1e-6
+    ) -> Estimate:
+        """Share of the light from (theta_i, phi_i) that is reflected, with a bound on the error of the integral.
+
+        Args:
+            theta_i: polar angle of incidence, [0, π/2).
+            phi_i: its azimuth.
+            degrees: whether the angles are degrees; else radians.
+            tolerance: absolute error asked for; a larger `bound` says that it was not met.
+
+        Returns:
+            `value` and `bound` of the angles' broadcast shape + (channels,), and the `evaluations` of f.
+        """
+        theta, phi = radian_arrays(degrees, theta_i=theta_i, phi_i=phi_i)
+        if (theta >= math.pi / 2).any():
+            raise GonioError("theta_i reaches the horizon, where no light arrives; give angles below 90 degrees")
+        found = directional_albedo(self.brdf, theta, phi, tolerance)
+        value, bound = (self._by_channel(a, theta.shape) for a in (found.value, found.bound))
+        return found._replace(value=value, bound=bound)
+
+    def gradient(
+        self, theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike, degrees: bool = False
+    ) -> dict[str, np.ndarray]:
+        """Derivatives of f by the model's parameters; arguments and errors are those of `f`.
+
+        Returns:
+            Arrays of the shape of `f`, by the parameter's name, such as 'ggx.alpha'. Of a parameter with one value for
+            each channel: each channel's derivative by its own value. Empty for an interpolated table.
+        """
+        wi, wo = _pair(radian_arrays(degrees, True, theta_i=theta_i, phi_i=phi_i, theta_o=theta_o, phi_o=phi_o))
+        if self.expression is None:
+            return {}
+        flat_i, flat_o, shape = flat_pair(wi, wo)
+        derivatives = parameter_derivatives(self.brdf, flat_i, flat_o)
+        return {k: self._by_channel(d.reshape(shape + d.shape[1:]), shape) for k, d in derivatives.items()}
+
+    def save(self, path: str | os.PathLike, force: bool = False) -> Path:
+        """Writes the material as TOML, whole or not at all, and returns the path.
+
+        Raises GonioError where `path` exists (unless `force`) or cannot be written, and for a table's interpolant.
+        """
+        from gonio import data
+
+        return data.write_material(path, self, force)
+
+    def _by_channel(self, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
+        array = np.asarray(values)
+        array = array[..., None] if array.ndim == len(shape) else array
+        return np.array(np.broadcast_to(array, (*shape, len(self.channels))))
+
     def facts(self) -> dict[str, str]:
         """Name, model, channels and source."""
         return {
@@ -37,6 +153,11 @@ class Material(Displayed):
             "channels": f"{len(self.channels)}: {listed(self.channels.names)}",
             "source": self.source,
         }
+
+
+def _pair(angles: list[np.ndarray]) -> tuple[Direction, Direction]:
+    wi, wo = pair_by_angles([(np.cos(a), np.sin(a)) for a in angles])
+    return Direction(*wi), Direction(*wo)
 
 
 def reference_materials() -> list[str]:

@@ -7,10 +7,11 @@ import tempfile
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
+from gonio.data.channels import Channels
 from gonio.data.files import is_there
 from gonio.data.formats.registry import load, read, split_entry
 from gonio.data.material import REFERENCE_FOLDER, Material, channels_of, material_of, reference_materials
-from gonio.data.table import Channels, Table
+from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError, nearest

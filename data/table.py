@@ -3,59 +3,39 @@
 import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypedDict, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from gonio.data.angles import as_numbers, radian_arrays
+from gonio.data.channels import Channels as Channels
 from gonio.data.flags import Flag
-from gonio.data.layouts import Layout
+from gonio.data.layouts import Layout, scattered
 from gonio.models.display import Displayed, listed
 from gonio.models.errors import GonioError, nearest
 
 if TYPE_CHECKING:
+    import os
+
+    import xarray
+
+    from gonio.data.round_trip import RoundTrip
+    from gonio.models.brdf import AbstractBRDF
     from gonio.models.geometry.directions import Direction
 
 
-@dataclasses.dataclass(frozen=True)
-class Channels:
-    """Names of the channels and, where they are monochromatic, their wavelengths in nm."""
+class ArrayOptions(TypedDict, total=False):
+    """Options of `Table.from_arrays`."""
 
-    names: tuple[str, ...]
-    wavelengths_nm: tuple[float, ...] | None = None
-
-    def __post_init__(self):
-        object.__setattr__(self, "names", tuple(str(n) for n in self.names))
-        if not self.names:
-            raise GonioError("a table has no channel; name at least one")
-        if self.wavelengths_nm is not None:
-            object.__setattr__(self, "wavelengths_nm", tuple(float(w) for w in self.wavelengths_nm))
-            if len(self.wavelengths_nm) != len(self.names):
-                raise GonioError(
-                    f"{len(self.names)} channels have {len(self.wavelengths_nm)} wavelengths; give one each"
-                )
-
-    def __len__(self):
-        return len(self.names)
-
-    @classmethod
-    def grey(cls) -> "Channels":
-        """A single channel of no stated wavelength."""
-        return cls(("grey",))
-
-    @classmethod
-    def rgb(cls) -> "Channels":
-        """Red, green, blue."""
-        return cls(("R", "G", "B"))
-
-    @classmethod
-    def of_wavelengths(cls, wavelengths_nm) -> "Channels":
-        """One monochromatic channel for each wavelength, nm."""
-        return cls(tuple(f"{w:g} nm" for w in wavelengths_nm), tuple(wavelengths_nm))
-
-    @classmethod
-    def of_count(cls, count: int) -> "Channels":
-        """Channels of which only the number is known: grey, RGB if three, else numbered from 1."""
-        return {1: cls.grey, 3: cls.rgb}.get(count, lambda: cls(tuple(f"channel {k + 1}" for k in range(count))))()
+    wavelengths_nm: Sequence[float] | None
+    """One monochromatic channel for each, nm."""
+    channels: Sequence[str] | None
+    """Names of the channels; by default grey, R, G, B, or numbers."""
+    degrees: bool
+    """Whether the angles are degrees; else radians."""
+    name: str
+    """What the table is called."""
 
 
 class Block(NamedTuple):
@@ -75,12 +55,22 @@ class Block(NamedTuple):
 class Table(Displayed):
     """BRDF readings on a layout.
 
-    `f` (1/sr, without the cosine) and `flag` (uint8 `Flag`) have the shape ``layout.shape + (channels,)``; so
-    has `u_f`, the standard uncertainty of the expected reading (NaN unknown, 0 exact), or it is None: unknown
-    everywhere. They are NumPy arrays, or h5py datasets for a table larger than memory. Solid angles are those
-    of the apertures, sr; None where nobody said. `provenance` is anything JSON can hold. Raises GonioError
-    where shapes disagree.
+    Attributes:
+        layout: where the cells are.
+        f: readings, 1/sr, without the cosine; an array of shape `shape`, or an h5py dataset larger than memory.
+        flag: uint8 `Flag` of the same shape.
+        channels: names and wavelengths of the last dimension.
+        u_f: standard uncertainty of the expected reading, 1/sr, of the same shape (NaN unknown, 0 exact), or None.
+        provenance: how the table came about; anything that JSON can hold.
+        source_solid_angle, receiver_solid_angle: of the apertures, sr; None if unknown.
+        name: what a person calls it.
+
+    Raises:
+        GonioError: shapes disagree.
     """
+
+    value_dims: ClassVar[tuple[str, ...]] = ("channel",)
+    """Names of the dimensions of one cell's value; they follow those of the layout."""
 
     layout: Layout
     f: Any
@@ -91,19 +81,100 @@ class Table(Displayed):
     source_solid_angle: float | None = None
     receiver_solid_angle: float | None = None
     name: str = ""
-    interpolant: Callable | None = None
+    interpolant: "Callable[..., AbstractBRDF] | None" = None
     """Makes the BRDF by which the file's format itself reads between the cells; None: `multilinear`.
 
     Called with ``coarse=True`` it makes one of half the nodes, from which the error of the whole one is
     estimated.
     """
 
-    def __post_init__(self):
-        shape = (*self.layout.shape, len(self.channels))
+    def __post_init__(self) -> None:
         for what in ("f", "flag", "u_f"):
             values = getattr(self, what)
-            if values is not None and tuple(values.shape) != shape:
-                raise GonioError(f"{what} has shape {tuple(values.shape)}, but layout and channels make {shape}")
+            if values is not None and tuple(values.shape) != self.shape:
+                raise GonioError(f"{what} has shape {tuple(values.shape)}, but layout and channels make {self.shape}")
+
+    @property
+    def value_shape(self) -> tuple[int, ...]:
+        """Sizes of `value_dims`."""
+        return (len(self.channels),)
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Names of all dimensions: the layout's, then `value_dims`."""
+        return (*self.layout.dims, *self.value_dims)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Sizes of `dims`."""
+        return (*self.layout.shape, *self.value_shape)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        theta_i: ArrayLike,
+        phi_i: ArrayLike,
+        theta_o: ArrayLike,
+        phi_o: ArrayLike,
+        f: ArrayLike,
+        u_f: ArrayLike | None = None,
+        **options: Unpack[ArrayOptions],
+    ) -> "Table":
+        """A table of scattered readings.
+
+        Args:
+            theta_i, phi_i: polar angle in [0, π/2] and azimuth of the direction to the light.
+            theta_o, phi_o: those of the direction to the detector; all four broadcast to one shape S.
+            f: BRDF, 1/sr, without the cosine, of shape S, or S + (channels,). NaN and infinite values become INVALID,
+                readings at the horizon BELOW_HORIZON.
+            u_f: standard uncertainties, 1/sr, of the shape of `f` (NaN unknown, 0 exact).
+            options: see `ArrayOptions`.
+
+        Raises:
+            GonioError: angles out of range, shapes or channels that do not fit, negative uncertainties.
+        """
+        if unknown := sorted(set(options) - set(ArrayOptions.__annotations__)):
+            raise TypeError(
+                f"from_arrays has no option '{unknown[0]}'; {nearest(unknown[0], ArrayOptions.__annotations__)}"
+            )
+        degrees = options.get("degrees", False)
+        angles = radian_arrays(degrees, theta_i=theta_i, phi_i=phi_i, theta_o=theta_o, phi_o=phi_o)
+        layout = scattered(*(a.ravel() % (2 * np.pi) for a in angles))
+        values = _readings("f", f, angles[0].shape)
+        uncertainty = None if u_f is None else np.broadcast_to(_readings("u_f", u_f, angles[0].shape), values.shape)
+        if uncertainty is not None and (uncertainty < 0).any():
+            raise GonioError("u_f is negative; give standard uncertainties, 0 (exact) or NaN (unknown)")
+        names, wavelengths = options.get("channels"), options.get("wavelengths_nm")
+        channels = Channels.of_count(values.shape[-1]) if wavelengths is None else Channels.of_wavelengths(wavelengths)
+        if names is not None:
+            channels = Channels(tuple(names), channels.wavelengths_nm)
+        return whole_table_of_values(layout, values, channels, u_f=uncertainty, name=options.get("name", ""))
+
+    @classmethod
+    def from_xarray(cls, dataset: "xarray.Dataset") -> "Table":
+        """The table of a dataset that `to_xarray` made, or that was opened from a table's file. Raises GonioError."""
+        from gonio import data
+
+        return data.from_dataset(dataset)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """f, u_f and flag with named dimensions, as xarray opens the table's file. Raises GonioError without xarray."""
+        from gonio import data
+
+        return data.to_dataset(self)
+
+    def save(self, path: "str | os.PathLike", force: bool = False) -> "RoundTrip":
+        """Writes the table in the format of the path's ending (.h5, .csv, .binary), whole or not at all.
+
+        Returns:
+            What reading the file again shows to be lost.
+
+        Raises:
+            GonioError: another ending, a path that exists (unless `force`) or cannot be written.
+        """
+        from gonio import data
+
+        return data.write(path, self, force)
 
     def facts(self) -> dict[str, str]:
         """Layout, axes, channels, readings by what became of them, and where they come from."""
@@ -126,12 +197,11 @@ class Table(Displayed):
         for name in names:
             if name not in self.channels.names:
                 raise GonioError(f"there is no channel {name!r}; {nearest(name, self.channels.names)}")
-        at = [self.channels.names.index(name) for name in names]
+        numbers = [self.channels.names.index(name) for name in names]
         wavelengths = self.channels.wavelengths_nm
-        kept = Channels(tuple(names), None if wavelengths is None else tuple(wavelengths[k] for k in at))
-        parts = {what: getattr(self, what) for what in ("f", "flag", "u_f")}
-        parts = {what: None if values is None else np.asarray(values)[..., at] for what, values in parts.items()}
-        return dataclasses.replace(self, **parts, channels=kept, interpolant=None)
+        channels = Channels(tuple(names), None if wavelengths is None else tuple(wavelengths[k] for k in numbers))
+        f, flag, u_f = (None if a is None else np.asarray(a)[..., numbers] for a in (self.f, self.flag, self.u_f))
+        return dataclasses.replace(self, f=f, flag=flag, u_f=u_f, channels=channels, interpolant=None)
 
     def blocks(self, max_cells: int = 1 << 20) -> Iterator[tuple[int, int]]:
         """Ranges (start, stop) of cells in C order: whole rows of the first axis if they fit `max_cells`."""
@@ -150,11 +220,8 @@ class Table(Displayed):
         """`f`, `u_f` and `flag` of the cells start..stop, each ``(cells, channels)``: `read` without directions."""
         stop = self.layout.size if stop is None else stop
         flag = self._flat("flag", start, stop)
-        return {
-            "f": self._flat("f", start, stop),
-            "u_f": self._uncertainty(start, stop, flag.shape),
-            "flag": flag,
-        }
+        u_f = np.broadcast_to(np.nan, flag.shape) if self.u_f is None else self._flat("u_f", start, stop)
+        return {"f": self._flat("f", start, stop), "u_f": u_f, "flag": flag}
 
     def counts(self) -> dict[str, int]:
         """Number of `cells`; of readings (cells × channels): those of each flag, and the `negative` valid."""
@@ -175,41 +242,41 @@ class Table(Displayed):
         cells = np.concatenate([self._usable(start, stop, theta_max) for start, stop in self.blocks()])
         if limit is not None and limit < cells.size:
             cells = np.sort(np.random.default_rng(seed).choice(cells, limit, replace=False, shuffle=False))
-        wi, wo = self.layout.directions_at(cells)
-        parts = {what: [] for what in ("f", "flag", "u_f")}
+        pieces = [self.read_values(0, 0).values()]
         for start, stop in self.blocks():
             first, last = np.searchsorted(cells, (start, stop))
             if first < last:
-                at = cells[first:last] - start
-                flag = self._flat("flag", start, stop)
-                parts["flag"].append(flag[at])
-                parts["f"].append(self._flat("f", start, stop)[at])
-                if self.u_f is not None:
-                    parts["u_f"].append(self._flat("u_f", start, stop)[at])
-        empty = {"flag": np.uint8, "f": self.f.dtype, "u_f": np.float64}
-        whole = {
-            what: np.concatenate(p) if p else np.empty((0, len(self.channels)), empty[what])
-            for what, p in parts.items()
-        }
-        u_f = np.broadcast_to(np.nan, whole["f"].shape) if self.u_f is None else whole["u_f"]
-        return Block(wi, wo, whole["f"], u_f, whole["flag"])
+                rows = cells[first:last] - start
+                pieces.append([values[rows] for values in self.read_values(start, stop).values()])
+        f, u_f, flag = (np.concatenate(p) for p in zip(*pieces, strict=True))
+        return Block(*self.layout.directions_at(cells), f, u_f, flag)
 
-    def _usable(self, start, stop, theta_max):
+    def _usable(self, start: int, stop: int, theta_max: float | None) -> np.ndarray:
         usable = (self._flat("flag", start, stop) == Flag.VALID).any(axis=1)
         if theta_max is not None:
             cos_i, cos_o = self.layout.cosines(start, stop)
             usable &= np.minimum(cos_i, cos_o) > math.cos(theta_max)
         return start + np.flatnonzero(usable)
 
-    def _uncertainty(self, start, stop, shape):
-        return np.broadcast_to(np.nan, shape) if self.u_f is None else self._flat("u_f", start, stop)
-
     def _flat(self, what: str, start: int, stop: int) -> np.ndarray:
-        values, channels = getattr(self, what), len(self.channels)
+        values = getattr(self, what)
         if isinstance(values, np.ndarray):
-            return values.reshape(-1, channels)[start:stop]
-        parts = [values[box].reshape(-1, channels) for box in boxes(self.layout.shape, start, stop)]
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+            return values.reshape(-1, *self.value_shape)[start:stop]
+        pieces = [values[box].reshape(-1, *self.value_shape) for box in boxes(self.layout.shape, start, stop)]
+        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+
+
+def _readings(name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
+    """Values of the shape S of the directions, or S + (channels,), as (readings, channels)."""
+    array = as_numbers(name, values)
+    channels = array.shape[-1:] if array.ndim == len(shape) + 1 else ()
+    try:
+        return np.broadcast_to(array, (*shape, *channels)).reshape(math.prod(shape), -1)
+    except ValueError:
+        raise GonioError(
+            f"{name} has shape {array.shape}, but the angles make {shape}; give one value for each pair of directions,"
+            " or one for each channel on a last axis"
+        ) from None
 
 
 def boxes(shape: tuple[int, ...], start: int, stop: int) -> Iterator[tuple[slice, ...]]:
@@ -231,13 +298,12 @@ def boxes(shape: tuple[int, ...], start: int, stop: int) -> Iterator[tuple[slice
         yield from ((slice(last, last + 1), *box) for box in boxes(shape[1:], 0, tail))
 
 
-def whole_table_of_values(layout: Layout, f: np.ndarray, channels: Channels | None = None, **fields) -> Table:
+def whole_table_of_values(layout: Layout, f: np.ndarray, channels: Channels | None = None, **fields: Any) -> Table:
     """A table of bare values `f` (``layout.shape`` or ``layout.shape + (channels,)``): flags by the geometry.
 
     Cells below the horizon are flagged so, values that are NaN or infinite INVALID; both are stored as NaN.
     """
-    f = np.asarray(f)
-    f = f.reshape(*layout.shape, -1)
+    f = np.asarray(f).reshape(*layout.shape, -1)
     flag = np.where(np.isfinite(f), np.uint8(Flag.VALID), np.uint8(Flag.INVALID))
     flag[~layout.above_horizon().reshape(layout.shape)] = Flag.BELOW_HORIZON
     f = np.where(flag == Flag.VALID, f, np.asarray(np.nan, f.dtype))

@@ -67,6 +67,29 @@ def evaluate_in_blocks(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> np.n
     return np.concatenate(values)
 
 
+@wide_jit
+def _samples(brdf: AbstractBRDF, wi: Direction, u1: jax.Array, u2: jax.Array) -> Direction:
+    return jax.vmap(brdf.sample)(wi, u1, u2)
+
+
+@wide_jit
+def _densities(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> jax.Array:
+    return jax.vmap(lambda i, o: jnp.asarray(brdf.pdf(i, o)))(wi, wo)
+
+
+def sampled_directions(brdf: AbstractBRDF, wi: Direction, u1: np.ndarray, u2: np.ndarray) -> Direction:
+    """The directions that the importance sampler draws for u1, u2 in [0, 1); all of one shape (n,)."""
+    dtype = jnp.result_type(float)
+    w = Direction(*(jnp.asarray(c, dtype) for c in wi))
+    return Direction(*_samples(brdf, w, jnp.asarray(u1, dtype), jnp.asarray(u2, dtype)))
+
+
+def sampling_density(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> jax.Array:
+    """Density, 1/sr, of the sampler's directions, for pairs of any broadcastable shape."""
+    wi, wo, shape = flat_pair(wi, wo)
+    return _densities(brdf, wi, wo).reshape(shape)
+
+
 def channel_count(brdf: AbstractBRDF) -> int | None:
     """Number of channels of a model, or None where f is a single number."""
     d = Direction(*(jax.ShapeDtypeStruct((), jnp.result_type(float)) for _ in range(3)))

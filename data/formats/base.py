@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from gonio.data.files import input_size
 from gonio.data.formats.csv_columns import CsvText
-from gonio.data.formats.round_trip import RoundTrip
+from gonio.data.round_trip import RoundTrip
 from gonio.data.table import Table
 
 if TYPE_CHECKING:

@@ -12,13 +12,14 @@ import re
 import numpy as np
 
 from gonio.data import layouts
+from gonio.data.channels import Channels
 from gonio.data.files import new_file
 from gonio.data.flags import FLAG_MEANINGS, Flag
 from gonio.data.formats.base import FileHead, Format
 from gonio.data.formats.csv_columns import CsvText, write_columns
-from gonio.data.formats.round_trip import RoundTrip, compare
 from gonio.data.layouts import spherical_angles
-from gonio.data.table import Channels, Table
+from gonio.data.round_trip import RoundTrip, compare
+from gonio.data.table import Table
 from gonio.models.errors import GonioError
 
 ANGLES = ("theta_i", "phi_i", "theta_o", "phi_o")

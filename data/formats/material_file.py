@@ -4,10 +4,10 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gonio.data.channels import Channels
 from gonio.data.files import new_file
 from gonio.data.formats.base import FileHead, Format
 from gonio.data.serialise import toml_values
-from gonio.data.table import Channels
 from gonio.data.toml_file import FORMAT as VERSION
 from gonio.data.toml_file import read_toml
 from gonio.models.errors import GonioError
@@ -123,12 +123,15 @@ def material_text(material: "Material") -> str:
     return tomli_w.dumps(data)
 
 
-def write_material(path: str | os.PathLike, material: "Material", force: bool = False) -> None:
-    """Writes a material file, whole or not at all. Raises GonioError where `path` exists (unless `force`), cannot be
-    written, or the material's model has no expression."""
+def write_material(path: str | os.PathLike, material: "Material", force: bool = False) -> Path:
+    """Writes a material file, whole or not at all, and returns its path.
+
+    Raises GonioError where `path` exists (unless `force`), cannot be written, or the model has no expression.
+    """
     text = material_text(material)
     with new_file(path, force) as temporary:
         temporary.write_text(text, encoding="utf-8")
+    return Path(path)
 
 
 FORMAT = Format("material", "a material (.toml)", "model", looks_like_material, read_material, suffixes=(".toml",))

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gonio.data import layouts
+from gonio.data.channels import Channels
 from gonio.data.files import input_size, new_file
 from gonio.data.flags import Flag
 from gonio.data.formats.base import FileHead, Format
-from gonio.data.formats.round_trip import RoundTrip, compare, compare_cells
 from gonio.data.layouts import Layout
-from gonio.data.table import Channels, Table
+from gonio.data.round_trip import RoundTrip, compare, compare_cells
+from gonio.data.table import Table
 from gonio.models.errors import GonioError
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def write_merl(
             file.write(np.ascontiguousarray(raw.T, "<f8").data)
         read = read_merl(temporary, nodes)
     if direct:
-        return compare_cells(table, read, f"nodes {nodes}")
+        return compare_cells(table.read_values(), read.read_values(), f"nodes {nodes}")
     sample = source.samples(limit=100_000)
     from gonio.models.evaluation import evaluate
 

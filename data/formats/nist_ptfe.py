@@ -5,9 +5,10 @@ import os
 import numpy as np
 
 from gonio.data import layouts
+from gonio.data.channels import Channels
 from gonio.data.formats.base import FileHead, Format
 from gonio.data.formats.csv_columns import CsvText
-from gonio.data.table import Channels, Table
+from gonio.data.table import Table
 from gonio.models.errors import GonioError
 
 ALIASES = {

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from gonio.data.files import is_there
 from gonio.data.formats import bbm_fits, csv, hdf5_file, material_file, merl, nist_ptfe, rgl_file
 from gonio.data.formats.base import FileHead, Format, file_head
-from gonio.data.formats.round_trip import RoundTrip
+from gonio.data.round_trip import RoundTrip
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 

@@ -5,12 +5,13 @@ import os
 import numpy as np
 
 from gonio.data import layouts
+from gonio.data.channels import Channels
 from gonio.data.flags import Flag
 from gonio.data.formats.base import FileHead, Format
 from gonio.data.formats.tensor_file import MAGIC, read_tensors
 from gonio.data.interpolation.rgl_data import RGLData, coarser, samples_of
 from gonio.data.layouts import spherical_angles
-from gonio.data.table import Channels, Table
+from gonio.data.table import Table
 from gonio.models.errors import GonioError
 
 FLOAT32_HORIZON = 1e-6

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
+from gonio.data.channels import Channels
 from gonio.data.files import output_errors, publish, refuse_existing
 from gonio.data.hdf5 import schema as hdf5_format
 from gonio.data.layouts import Layout
-from gonio.data.table import Channels
 from gonio.models.errors import GonioError
 
 try:

@@ -7,13 +7,14 @@ import os
 import h5py
 import numpy as np
 
+from gonio.data.channels import Channels
 from gonio.data.files import input_size
 from gonio.data.hdf5.block_writer import FOOTER, MAGIC, RECORD
 from gonio.data.hdf5.heap_check import damaged_heap
 from gonio.data.hdf5.schema import GONIO_FORMAT
 from gonio.data.layouts.base import Layout
 from gonio.data.layouts.registry import LAYOUTS
-from gonio.data.table import Channels, Table
+from gonio.data.table import Table
 from gonio.models.errors import GonioError
 
 LAZY_BYTES = 256 << 20

@@ -13,9 +13,9 @@ import os
 import h5py
 import numpy as np
 
+from gonio.data.channels import Channels
 from gonio.data.flags import FLAG_MEANINGS, Flag
 from gonio.data.layouts import Layout
-from gonio.data.table import Channels
 
 GONIO_FORMAT = 1
 PROVENANCE_ROOM = 512

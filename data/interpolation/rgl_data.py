@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
+from gonio.data.channels import Channels
 from gonio.data.layouts import HORIZON
-from gonio.data.table import Channels
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from gonio.fitting.problem.domains import Domains, domain_kind
 from gonio.models.catalog import MODELS
 from gonio.models.expression.builder import Frame, frame
+from gonio.models.expression.labels import number_label
 from gonio.models.expression.parser import Call, Term, Value, needed
 from gonio.models.expression.paths import Number, changed, last, numbers
 from gonio.models.parameters import ParameterInfo, parameters_of
@@ -69,21 +70,12 @@ class Parameterisation:
         low, high = (self.each(lambda g, b=b: getattr(g.info, b)) for b in ("low", "high"))
         return Domains(kind.astype(int), low.astype(float), high.astype(float))
 
-    def label(self, term: int, path: str) -> str:
-        """A number's name for people: 'ggx.alpha', or 'coat.base.lambert.rho' inside another model."""
-        frames, words, steps = self.frames, [_model_names(self.frames)[term]], path.split(".")
-        inside = frames[term]
-        while len(steps) > 1:
-            field, index, *steps = steps
-            frames = dict(inside.inside)[field]
-            inside = frames[int(index)]
-            words += [field, _model_names(frames)[int(index)]]
-        return ".".join([*words, *steps])
-
     def labels(self) -> list[tuple[str, int | None]]:
         """(name such as 'ggx.alpha', channel or None) of each free number."""
         return [
-            (self.label(g.term, g.path), c if g.per_channel else None) for g in self.free for c in range(self.count(g))
+            (number_label(self.frames, g.term, g.path), c if g.per_channel else None)
+            for g in self.free
+            for c in range(self.count(g))
         ]
 
     def with_ordered_lobes(self, fixed: FixedValues, p: np.ndarray) -> np.ndarray:
@@ -177,9 +169,3 @@ def _domain(n: Number) -> ParameterInfo:
         info = dataclasses.replace(info, low=max(info.low, 1.0))
     # What stands inside another model is not what f is proportional to.
     return dataclasses.replace(info, linear=False) if "." in n.path else info
-
-
-def _model_names(frames: tuple[Frame, ...]) -> list[str]:
-    """A name for each model of a sum: its own, numbered where a model comes more than once."""
-    names = [f.name for f in frames]
-    return [n if names.count(n) == 1 else f"{n}{names[: i + 1].count(n)}" for i, n in enumerate(names)]

@@ -1,11 +1,11 @@
 """What a table loses in a file of another format, measured by reading the file again."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
 from gonio.data.flags import Flag
-from gonio.data.table import Table
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,7 +23,7 @@ class RoundTrip:
     """Valid readings that the file could not hold."""
     note: str = ""
 
-    def __str__(self):
+    def __str__(self) -> str:
         lost = f", {self.lost} readings lost" if self.lost else ""
         note = f" ({self.note})" if self.note else ""
         return (
@@ -32,7 +32,9 @@ class RoundTrip:
         )
 
 
-def compare(written: np.ndarray, read: np.ndarray, was_valid: np.ndarray, is_valid: np.ndarray, note="") -> RoundTrip:
+def compare(
+    written: np.ndarray, read: np.ndarray, was_valid: np.ndarray, is_valid: np.ndarray, note: str = ""
+) -> RoundTrip:
     """The round trip of values ``(n, channels)`` with their validity, cell by cell."""
     both = was_valid & is_valid
     a, b = (np.asarray(v, np.float64)[both] for v in (written, read))
@@ -52,8 +54,8 @@ def compare(written: np.ndarray, read: np.ndarray, was_valid: np.ndarray, is_val
     )
 
 
-def compare_cells(table: Table, read: Table, note: str = "") -> RoundTrip:
-    """The round trip of a table into one with the same cells in the same order."""
-    a, b = (t.read_values() for t in (table, read))
-    f = np.broadcast_to(a["f"], b["f"].shape)
-    return compare(f, b["f"], np.broadcast_to(a["flag"] == Flag.VALID, f.shape), b["flag"] == Flag.VALID, note)
+def compare_cells(written: Mapping[str, np.ndarray], read: Mapping[str, np.ndarray], note: str = "") -> RoundTrip:
+    """The round trip of the values of a table (`Table.read_values`) into one with the same cells in the same order."""
+    f = np.broadcast_to(written["f"], read["f"].shape)
+    valid = np.broadcast_to(written["flag"] == Flag.VALID, f.shape)
+    return compare(f, read["f"], valid, read["flag"] == Flag.VALID, note)
