@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gonio.charts.diagrams import chart as chart
     from gonio.checks.certificate import Certificate as Certificate
     from gonio.checks.certify import check as check
-    from gonio.checks.repair.nearest_table import repair as repair
+    from gonio.checks.repairs.nearest_table import repair as repair
     from gonio.data.formats.registry import read as _read
     from gonio.data.material import Material as Material
     from gonio.data.reduction.coarsest_table import reduce_table as reduce
@@ -57,7 +57,7 @@ _PUBLIC = {  # public name: its module, and its name there; the imports above ar
     "measure": ("gonio.instrument.measurement", "measure"),
     "open": ("gonio.data.formats.registry", "read"),
     "reduce": ("gonio.data.reduction.coarsest_table", "reduce_table"),
-    "repair": ("gonio.checks.repair.nearest_table", "repair"),
+    "repair": ("gonio.checks.repairs.nearest_table", "repair"),
     "report": ("gonio.reports.build", "report"),
     "stress": ("gonio.stability", "stress"),
 }

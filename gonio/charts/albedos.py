@@ -66,6 +66,7 @@ def _grid(brdf, step: float) -> Albedo:
 
     def call():
         found = table_albedos(table)
+        assert not isinstance(found, str), found
         return found.value[:, 0], np.maximum(found.above, found.below)[:, 0]
 
     return call

@@ -1,21 +1,18 @@
-"""The certificate: what a check found, property by property, with the error of the finding beside it."""
+"""The certificate: the verdict on each property, with its residual, the error of that residual, and the worst place."""
 
 import dataclasses
 import json
 from typing import Any
 
+import numpy as np
+
+from gonio.checks.properties import PROPERTIES
 from gonio.data.serialise import plain
 from gonio.models.display import Displayed
 
 PASS, FAIL, UNDECIDED, NOT_APPLICABLE = "pass", "fail", "undecided", "not applicable"
 EXIT_STATUS = {PASS: 0, FAIL: 1, UNDECIDED: 3}
-ESSENTIAL = ("reciprocity", "energy", "agreement")
-"""What the overall verdict is about, where it was checked; the other properties count with `strict`."""
-
-REPORTED = ("isotropy",)
-"""What no law asks for: it never counts."""
-
-NAMES = ("reciprocity", "energy", "positivity", "symmetry", "isotropy", "pole", "horizon", "agreement")
+SYMBOLS = {"theta_i": "θi", "phi_i": "φi", "theta_o": "θo", "phi_o": "φo"}
 
 
 def verdict_of(residual: float, bound: float, tolerance: float) -> str:
@@ -26,11 +23,34 @@ def verdict_of(residual: float, bound: float, tolerance: float) -> str:
 
 
 def worst(verdicts: list[str]) -> str:
-    """fail before undecided before pass; "not applicable" does not count, and nothing left is undecided."""
+    """fail before undecided before pass; "not applicable" does not count, and an empty list is undecided."""
     for verdict in (FAIL, UNDECIDED, PASS):
         if verdict in verdicts:
             return verdict
     return UNDECIDED
+
+
+def relative_difference(a: np.ndarray, b: np.ndarray, floor: float = 0.0) -> np.ndarray:
+    """2|a − b| / (|a| + |b| + floor); 0 where both are 0."""
+    scale = np.abs(a) + np.abs(b) + floor
+    return np.where(scale > 0, 2 * np.abs(a - b) / np.where(scale > 0, scale, 1.0), 0.0)
+
+
+def place_of(angles: np.ndarray, channel: int | str | None = None) -> dict[str, Any]:
+    """Where a pair of directions is: its four angles, given in radians, in degrees, and the channel if there is one."""
+    degrees = np.degrees(angles) % np.array([361.0, 360.0, 361.0, 360.0])
+    place = dict(zip(SYMBOLS, (float(d) for d in degrees), strict=True))
+    return place if channel is None else {**place, "channel": channel}
+
+
+def place_in_words(place: dict[str, Any]) -> str:
+    """θi 40°, φi 0°, ...; or the band of polar angles θ 40–50°; then the channel. Empty for no place."""
+    words = [f"{symbol} {place[name]:.4g}°" for name, symbol in SYMBOLS.items() if name in place]
+    if "theta_from" in place:
+        words.append(f"θ {place['theta_from']:g}–{place['theta_to']:g}°")
+    if "channel" in place:
+        words.append(f"channel {place['channel']}")
+    return ", ".join(words)
 
 
 @dataclasses.dataclass
@@ -50,12 +70,17 @@ class Property:
     where: dict[str, Any] = dataclasses.field(default_factory=dict)
     detail: str = ""
     facts: dict[str, Any] = dataclasses.field(default_factory=dict, repr=False)
-    series: dict[str, list] = dataclasses.field(default_factory=dict, repr=False)
+    series: dict[str, Any] = dataclasses.field(default_factory=dict, repr=False)
+
+
+def without_residual(name: str, verdict: str, tolerance: float, detail: str, **facts: Any) -> Property:
+    """A property of which nothing could be computed, and why."""
+    return Property(name, verdict, None, None, tolerance, detail=detail, facts=facts)
 
 
 @dataclasses.dataclass(repr=False)
 class Certificate(Displayed):
-    """What `gonio.check` found about a model or a table (`kind`)."""
+    """The judged properties of a model or a table (`kind`)."""
 
     subject: str
     kind: str
@@ -68,16 +93,28 @@ class Certificate(Displayed):
         for p in self.properties:
             numbers = zip(("residual", "bound", "tolerance"), (p.residual, p.bound, p.tolerance), strict=True)
             known = ", ".join(f"{name} {value:.3g}" for name, value in numbers if value is not None)
-            rows[p.name] = f"{p.verdict}{': ' * bool(known)}{known}"
+            rows[p.name] = f"{p.verdict}: {known}" if known else p.verdict
         return {self.kind: f"{self.subject}: {self.overall.upper()}", **rows}
+
+    @property
+    def counted(self) -> list[str]:
+        """Names of the properties that make the overall verdict."""
+        counts = ("always", "strict") if self.strict else ("always",)
+        return [p.name for p in self.properties if PROPERTIES[p.name].counts in counts]
 
     @property
     def overall(self) -> str:
         """The worst verdict of reciprocity, energy and agreement; of all but isotropy if `strict`."""
-        counted = [
-            p.verdict for p in self.properties if p.name in ESSENTIAL or (self.strict and p.name not in REPORTED)
-        ]
-        return worst(counted)
+        return worst([self[name].verdict for name in self.counted])
+
+    @property
+    def basis(self) -> str:
+        """What the overall verdict is the worst of, in words."""
+        if self.strict:
+            never = [name for name, spec in PROPERTIES.items() if spec.counts == "never"]
+            return f"all properties but {', '.join(never)}"
+        *first, last = self.counted
+        return f"{', '.join(first)} and {last}" if first else last
 
     @property
     def exit_status(self) -> int:
@@ -85,14 +122,14 @@ class Certificate(Displayed):
         return EXIT_STATUS[self.overall]
 
     def __getitem__(self, name: str) -> Property:
-        """The property of that name; KeyError where the check had none such."""
+        """The property of that name; KeyError where it was not judged."""
         for p in self.properties:
             if p.name == name:
                 return p
         raise KeyError(name)
 
-    def to_dict(self) -> dict:
-        """Everything, as JSON can hold it: what is not a finite number is None."""
+    def to_dict(self) -> dict[str, Any]:
+        """The whole certificate as JSON can hold it: what is not a finite number is None."""
         return plain(
             {
                 "gonio_certificate": 1,

@@ -2,8 +2,8 @@
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from gonio.text import columns, show
 
@@ -12,14 +12,15 @@ if TYPE_CHECKING:
 
 COLOURS = {"pass": "green", "fail": "red", "undecided": "yellow", "not applicable": "dim"}
 HEADINGS = ("property", "verdict", "residual", "bound", "tolerance", "worst at")
-ANGLES = {"theta_i": "θi", "phi_i": "φi", "theta_o": "θo", "phi_o": "φo"}
 
 
 def print_certificate(certificate: "Certificate") -> None:
     """Prints a certificate; verdicts are coloured on a terminal."""
+    from gonio.checks.certificate import place_in_words
+
     title = f"{certificate.subject} ({certificate.kind}): {certificate.overall.upper()}"
     rows = [
-        (p.name, p.verdict, *(_number(v) for v in (p.residual, p.bound, p.tolerance)), _place(p.where))
+        (p.name, p.verdict, *(_number(v) for v in (p.residual, p.bound, p.tolerance)), place_in_words(p.where) or "-")
         for p in certificate.properties
     ]
     if sys.stdout.isatty():
@@ -28,12 +29,7 @@ def print_certificate(certificate: "Certificate") -> None:
         show(f"{title}\n\n{columns(rows, HEADINGS)}\n")
     for p in certificate.properties:
         show(f"{p.name}: {p.detail}")
-    counted = "reciprocity and energy"
-    if certificate.strict:
-        counted = "all properties but isotropy"
-    elif any(p.name == "agreement" for p in certificate.properties):
-        counted = "reciprocity, energy and agreement"
-    show(f"The overall verdict is the worst of {counted}.")
+    show(f"The overall verdict is the worst of {certificate.basis}.")
 
 
 def _print_coloured(title: str, rows: Sequence[tuple[str, ...]]) -> None:
@@ -51,12 +47,3 @@ def _number(value: float | None) -> str:
     if value is None:
         return "-"
     return "no bound" if math.isinf(value) else f"{value:.3g}"
-
-
-def _place(where: Mapping[str, Any]) -> str:
-    words = [f"{ANGLES[k]} {v:.4g}°" for k, v in where.items() if k in ANGLES]
-    if "theta_from" in where:
-        words = [f"θ {where['theta_from']:g}–{where['theta_to']:g}°"]
-    if "channel" in where:
-        words.append(f"channel {where['channel']}")
-    return " ".join(words) or "-"

@@ -3,20 +3,10 @@
 import argparse
 import math
 
+from gonio.checks.properties import PROPERTIES
 from gonio.cli.arguments import add_force, refuse_outputs, require_range, write_text
 from gonio.cli.certificate_text import print_certificate
 from gonio.models.errors import GonioError
-
-TOLERANCES = {
-    "reciprocity": "relative difference",
-    "energy": "albedo above 1",
-    "positivity": "negative part",
-    "symmetry": "relative difference",
-    "isotropy": "relative difference",
-    "pole": "relative difference",
-    "horizon": "share of the flux, or e-folds",
-    "agreement": "relative difference",
-}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,8 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="judge models and tables whose verdicts are known, some with mistakes; exit status 0 if all are right",
     )  # fmt: skip
     add("--strict", action="store_true", help="all properties but isotropy count")
-    for name, unit in TOLERANCES.items():
-        add(f"--tol-{name}", type=float, metavar="T", help=f"tolerance of {name}: {unit}")
+    for name, spec in PROPERTIES.items():
+        add(f"--tol-{name}", type=float, metavar="T", help=f"tolerance of {name}: {spec.unit}")
     add(
         "--feature-width", type=float, default=0.0, metavar="DEG",
         help="tables: no lobe is narrower than this, so a grid that leaves out the mirror direction may be judged",
@@ -61,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
 
         return run_self_test(args.json, args.force)
     options = {
-        "tolerances": {name: getattr(args, f"tol_{name}") for name in TOLERANCES},
+        "tolerances": {name: getattr(args, f"tol_{name}") for name in PROPERTIES},
         "feature_width": math.radians(args.feature_width),
         "level": args.level,
     }

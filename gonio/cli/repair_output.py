@@ -9,12 +9,12 @@ from gonio.cli.certificate_text import print_certificate
 from gonio.text import show
 
 if TYPE_CHECKING:
-    from gonio.checks.repair.nearest_table import Repaired
+    from gonio.checks.repairs.nearest_table import Repaired
 
 
 def run_repair(args: argparse.Namespace, options: dict[str, Any]) -> int:
     """Repairs, prints and writes; the exit status is that of the repaired table."""
-    from gonio.checks.repair.nearest_table import repair
+    from gonio.checks.repairs.nearest_table import repair
     from gonio.data.hdf5.writer import write_table
 
     result = repair(args.subject, nonnegative=args.nonnegative, step=args.step, **options)

@@ -1,6 +1,5 @@
 """`gonio check --self-test`: the confusion table of the checks themselves."""
 
-import dataclasses
 import json
 
 from gonio.cli.arguments import write_text
@@ -19,13 +18,13 @@ def run_self_test(path: str | None, force: bool) -> int:
     for one in self_test():
         judged.append(one)
         mark = "right" if one.right else "WRONG"
-        out(f"{mark}  {one.kind:12}  {one.subject[:64]:64}  expected {one.expected:12}  found {one.found}")
+        out(f"{mark}  {one.kind:12}  {one.subject[:64]:64}  expected {one.expected:12}  found {one.outcome}")
     table = confusion(judged)
     wrong = sum(row["wrong"] for row in table.values())
     rows = [(name, str(row["right"]), str(row["wrong"])) for name, row in table.items()]
     out(f"\n{columns(rows, ('subjects: expected', 'right', 'wrong'))}\n")
     out(f"{len(judged)} subjects, {wrong} judged wrongly.")
     if path:
-        content = {"gonio_self_test": 1, "confusion": table, "judged": [dataclasses.asdict(one) for one in judged]}
+        content = {"gonio_self_test": 1, "confusion": table, "judged": [one.to_dict() for one in judged]}
         write_text(path, json.dumps(content, indent=2, ensure_ascii=False) + "\n", force)
     return 1 if wrong else 0

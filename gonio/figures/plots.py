@@ -248,11 +248,14 @@ def _slice_readings(table: Table, channel: int) -> tuple[np.ndarray, np.ndarray,
 
 
 def _albedo_curves(s: Subject) -> list[AlbedoCurve]:
-    from gonio.checks.model.energy import model_energy
-    from gonio.checks.table.energy import table_energy
+    from gonio.checks.model.energy import ModelEvidence, model_energy
+    from gonio.checks.table.energy import TableEvidence, table_energy
 
-    found = model_energy(s.brdf, ALBEDO_TOLERANCE) if s.table is None else table_energy(s.table, ALBEDO_TOLERANCE)
-    series = albedo_series(found, s.channels)
+    if s.table is None:
+        energy = model_energy(ModelEvidence(s.brdf), ALBEDO_TOLERANCE)
+    else:
+        energy = table_energy(TableEvidence(s.table), ALBEDO_TOLERANCE)
+    series = albedo_series(energy, s.channels)
     if series is None:
-        raise GonioError(found.detail.rstrip("."))
+        raise GonioError(energy.detail.rstrip("."))
     return series.curves(PALETTE[0], None if s.table is None else "o")

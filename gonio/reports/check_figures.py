@@ -111,23 +111,18 @@ def _p_values(s: ReportSubject, verdict: Property) -> list[ReportFigure]:
 
 
 def _pairs(s: ReportSubject) -> ReciprocityPairs | None:
-    from gonio.checks.direction_search import directions, values
-    from gonio.checks.table.reciprocity import reciprocal_pairs
-    from gonio.checks.table.scattered_pairs import random_angles
+    from gonio.checks.table.evidence import reciprocal_pairs
+    from gonio.checks.table.scattered_pairs import both_ways, random_angles
 
     if s.table is not None:
-        reciprocal = reciprocal_pairs(s.table)
-        if reciprocal is None:
-            return None
-        pairs, _, choice = reciprocal
-        return ReciprocityPairs(pairs.a[:, s.shown], pairs.b[:, s.shown], choice)
+        pairs = reciprocal_pairs(s.table)
+        return None if isinstance(pairs, str) else ReciprocityPairs(pairs.a[:, s.shown], pairs.b[:, s.shown], pairs.how)
     angles = random_angles(np.radians(85.0), 2 * MOST_PAIRS)
     # Every second pair about the mirror direction, where lobes are.
     turn = np.random.default_rng(0).standard_normal((MOST_PAIRS, 2)) * np.radians(6.0)
     angles[::2, 2] = np.clip(np.abs(angles[::2, 0] + turn[:, 0]), 0, np.radians(88))
     angles[::2, 3] = angles[::2, 1] + np.pi + turn[:, 1]
-    wi, wo = directions(angles[:, 0], angles[:, 1]), directions(angles[:, 2], angles[:, 3])
-    a, b = values(s.model, wi, wo), values(s.model, wo, wi)
+    a, b = both_ways(s.model, angles)
     k = s.shown if a.shape[1] > 1 else 0
     return ReciprocityPairs(a[:, k], b[:, k], "random pairs, half of them about the mirror direction")
 

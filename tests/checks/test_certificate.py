@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from gonio.checks.certificate import Certificate, Property, verdict_of, worst
+from gonio.checks.certificate import Certificate, Property, place_in_words, place_of, verdict_of, worst
 
 
 def prop(name, verdict):
@@ -62,3 +62,23 @@ def test_a_property_is_found_by_its_name():
     assert certificate["energy"].verdict == "pass"
     with pytest.raises(KeyError):
         certificate["colour"]
+
+
+def test_a_certificate_says_what_its_verdict_is_the_worst_of():
+    properties = [prop(name, "pass") for name in ("reciprocity", "energy", "isotropy", "agreement")]
+    assert Certificate("a", "model", properties).basis == "reciprocity, energy and agreement"
+    assert Certificate("a", "model", properties[:2]).basis == "reciprocity and energy"
+    strict = Certificate("a", "model", properties, strict=True)
+    assert strict.counted == ["reciprocity", "energy", "agreement"] and "but isotropy" in strict.basis
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        (place_of(np.radians([40.0, 0.0, 50.0, 400.0]), "R"), "θi 40°, φi 0°, θo 50°, φo 40°, channel R"),
+        ({"theta_from": 10.0, "theta_to": 20.0}, "θ 10–20°"),
+        ({}, ""),
+    ],
+)
+def test_a_place_in_words(place, words):
+    assert place_in_words(place) == words

@@ -1,4 +1,4 @@
-"""Models whose verdicts are known: published formulas that break a law, that lose energy, and that do neither."""
+"""Models whose verdicts are known: published formulas that violate a law, that lose energy, and that do neither."""
 
 LIARS = {
     "minnaert(rho=1, k=0.7)": "energy",
@@ -25,13 +25,13 @@ LIARS = {
     "sgd(alpha=0.1, p=0.7, kappa=5, f0=0.04, f1=0, lam=3, c=0.0001, k=15, theta_0=0)": "energy",
     "he_torrance(sigma=0.2, tau=3, wavelength=0.55)": "energy",
 }
-"""Published models, by the law that they break."""
+"""Published models, by the law that they violate."""
 
 LOSERS = ("ward(alpha=0.1)", "ashikhmin_shirley(n=10)", "blinn_phong(n=10)", "ggx(alpha=1)", "beckmann(alpha=1)")
 """Lawful models that lose energy without a reason: they pass, and the loss is named."""
 
-SEEN_LOSS = 0.05
-"""Least loss of each of `LOSERS`."""
+LEAST_LOSS = 0.05
+"""Every one of `LOSERS` loses more than this."""
 
 HONEST = (
     "lambert(rho=1)", "fujii(rho=1, r=1)", "eon(rho=1, r=1)", "white_standard()", "phong(n=100)",

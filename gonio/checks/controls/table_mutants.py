@@ -15,6 +15,9 @@ from gonio.models.expression.builder import build
 NOISE = 0.01
 """Relative standard uncertainty of the readings, which the tables state."""
 
+Mistake = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""Readings made of f, theta_i and theta_o, all of the grid's shape."""
+
 
 class TableMutant(NamedTuple):
     """A mistake, the table that has it, and the property that fails."""
@@ -31,7 +34,7 @@ def grid() -> Layout:
 
 
 def material() -> AbstractBRDF:
-    """What the tables were measured of: it reflects three quarters."""
+    """The material of the tables: it reflects three quarters."""
     return build("0.5 * ggx(alpha=0.4) + lambert(rho=0.3)")
 
 
@@ -40,39 +43,32 @@ def honest_table() -> Table:
     return _table(lambda f, *_: f)
 
 
-def _table(change: Callable) -> Table:
+def _table(mistake: Mistake) -> Table:
     layout = grid()
-    f = grid_values(material(), layout)[..., 0]
-    angles = [a.reshape(layout.shape) for a in layout.angles()]
-    f = change(f, angles[0], angles[2], angles[3])
-    u = NOISE * np.abs(f)[..., None]
+    theta_i, _, theta_o, _ = (a.reshape(layout.shape) for a in layout.angles())
+    f = mistake(grid_values(material(), layout)[..., 0], theta_i, theta_o)
     noise = np.random.default_rng(7).standard_normal(f.shape)
-    return whole_table_of_values(layout, f * (1 + NOISE * noise), u_f=u)
+    return whole_table_of_values(layout, f * (1 + NOISE * noise), u_f=NOISE * np.abs(f)[..., None])
 
 
-def _clipped(f, *_):
-    return np.minimum(f, 0.2)
-
-
-def _rescaled(f, *_):
-    # Each incidence by a factor of its own, as if its albedo were to be one half: the relative readings lose their tie.
-    return f / f.max(axis=(1, 2), keepdims=True)
+MISTAKES: dict[str, tuple[str, Mistake]] = {
+    "f cosθo kept for f": ("reciprocity", lambda f, ti, to: f * np.cos(to)),
+    "polar angles of the detector off by a step": ("reciprocity", lambda f, *_: np.roll(f, 1, axis=1)),
+    "axes in another order (Fortran's for C's)":
+        ("reciprocity", lambda f, *_: f.ravel().reshape(f.shape[::-1]).transpose()),
+    # As if the albedo of each incidence were to be one half: the relative readings lose their tie.
+    "each incidence rescaled by its own peak": ("reciprocity", lambda f, *_: f / f.max(axis=(1, 2), keepdims=True)),
+    "the source fading during the scan": ("reciprocity", lambda f, ti, to: f * (1 - 0.6 * ti / np.pi * 2)),
+    "readings scaled by two": ("energy", lambda f, *_: 2 * f),
+    "azimuths off by two steps": ("symmetry", lambda f, *_: np.roll(f, 2, axis=2)),
+    "a dark level subtracted that was not there": ("positivity", lambda f, *_: f - 1.2 * f.min()),
+    "a saturated lobe": (TRUTH, lambda f, *_: np.minimum(f, 0.2)),
+    "azimuth differences counted from the mirror direction": (TRUTH, lambda f, *_: np.roll(f, 36, axis=2)),
+    "readings scaled by one half": (TRUTH, lambda f, *_: f / 2),
+}  # fmt: skip
+"""Each mistake once: the property that fails, and the readings that it makes."""
 
 
 def table_mutants() -> list[TableMutant]:
-    """Each mistake once."""
-    mistakes = [
-        ("f cosθo kept for f", lambda f, ti, to, p: f * np.cos(to), "reciprocity"),
-        ("polar angles of the detector off by a step", lambda f, *_: np.roll(f, 1, axis=1), "reciprocity"),
-        ("axes in another order (Fortran's for C's)",
-         lambda f, *_: f.ravel().reshape(f.shape[::-1]).transpose(), "reciprocity"),
-        ("each incidence rescaled by its own peak", _rescaled, "reciprocity"),
-        ("the source fading during the scan", lambda f, ti, to, p: f * (1 - 0.6 * ti / np.pi * 2), "reciprocity"),
-        ("readings scaled by two", lambda f, *_: 2 * f, "energy"),
-        ("azimuths off by two steps", lambda f, *_: np.roll(f, 2, axis=2), "symmetry"),
-        ("a dark level subtracted that was not there", lambda f, *_: f - 1.2 * f.min(), "positivity"),
-        ("a saturated lobe", _clipped, TRUTH),
-        ("azimuth differences counted from the mirror direction", lambda f, *_: np.roll(f, 36, axis=2), TRUTH),
-        ("readings scaled by one half", lambda f, *_: f / 2, TRUTH),
-    ]  # fmt: skip
-    return [TableMutant(mistake, _table(change), law) for mistake, change, law in mistakes]
+    """A table of each mistake."""
+    return [TableMutant(mistake, _table(change), law) for mistake, (law, change) in MISTAKES.items()]

@@ -2,13 +2,15 @@
 
 Adaptive product Gauss–Kronrod rules over the hemisphere of outgoing directions, in (θo, φo): the cell with errors is
 split until the sum of the errors is small. Where the search for peaks (the mirror direction, back to the light,
-directions that the model's sampler draws, the largest values seen) finds one that the nodes of its cell do not see,
-that cell is split too. What is left of the errors is the bound.
+directions that the model's sampler draws, the largest values so far) finds one that the nodes of its cell miss,
+that cell is split too. What remains of the errors is the bound.
 """
+
+import dataclasses
 
 import numpy as np
 
-from gonio.checks.direction_search import directions, precision, sampled_angles, values
+from gonio.checks.direction_search import directions, keep_best, precision, sampled_angles, values
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.low_discrepancy import low_discrepancy
 
@@ -45,6 +47,54 @@ PEAK_POINTS = 2000
 """Points near peaks that the nodes of the cells are held against."""
 
 
+@dataclasses.dataclass(frozen=True)
+class _Light:
+    """A model lit from one direction; azimuths of outgoing directions count from the light's."""
+
+    brdf: AbstractBRDF
+    theta_i: float
+    phi_i: float
+
+    def value(self, theta: np.ndarray, phi: np.ndarray) -> np.ndarray:
+        """f at n outgoing directions, (n, channels)."""
+        wi = directions(np.array(self.theta_i), np.array(self.phi_i))
+        return values(self.brdf, wi, directions(theta, phi + self.phi_i))
+
+    def flux(self, angles: np.ndarray) -> np.ndarray:
+        """The largest |f cosθo| of the channels at n directions (n, 2); 0 where it is not finite."""
+        largest = np.max(np.abs(self.value(angles[:, 0], angles[:, 1])), axis=-1)
+        return np.nan_to_num(largest) * np.cos(angles[:, 0])
+
+
+@dataclasses.dataclass(frozen=True)
+class _Cells:
+    """Rectangles in (θo, φo), their Kronrod sums, the errors of these, and what their nodes miss."""
+
+    corner: np.ndarray
+    size: np.ndarray
+    value: np.ndarray
+    error: np.ndarray
+    top: np.ndarray
+    """(n,): the largest |f cosθ| at a node."""
+
+    def misses(self, peaks: np.ndarray, heights: np.ndarray) -> np.ndarray:
+        """(n,): whether a peak lies in the cell that is much higher than all of its nodes."""
+        low, high = self.corner[:, None], (self.corner + self.size)[:, None]
+        inside = ((peaks >= low) & (peaks <= high)).all(-1)
+        return (inside & (heights > 1.5 * self.top[:, None] + 1e-12)).any(axis=1)
+
+    def quarters(self, light: _Light, chosen: np.ndarray) -> "_Cells":
+        """The chosen cells, each cut in four."""
+        half = self.size[chosen] / 2
+        corners = [self.corner[chosen] + half * [i, j] for i in (0, 1) for j in (0, 1)]
+        return _integrated(light, np.concatenate(corners), np.tile(half, (4, 1)))
+
+    def replaced(self, chosen: np.ndarray, new: "_Cells") -> "_Cells":
+        """With new cells, at the end, for the chosen ones."""
+        fields = [f.name for f in dataclasses.fields(self)]
+        return _Cells(*(np.concatenate([getattr(self, f)[~chosen], getattr(new, f)]) for f in fields))
+
+
 def cubature_albedo(
     brdf: AbstractBRDF, theta_i: float, phi_i: float, tolerance: float = 1e-7, limit: float | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -53,103 +103,66 @@ def cubature_albedo(
     With a `limit`, an albedo that is known to 1e-4 and lies clear of it is not refined further.
 
     The bound holds for what the nodes and the search for peaks see; a peak narrower than the first nodes' distance
-    that is neither where mirrors, retroreflectors nor the model's sampler send light would go unseen.
+    that is neither where mirrors, retroreflectors nor the model's sampler send light would go unnoticed.
     """
-    wi = directions(np.array(theta_i), np.array(phi_i))
+    light = _Light(brdf, theta_i, phi_i)
     t, p = (np.linspace(0, top, n + 1) for top, n in ((np.pi / 2, CELLS[0]), (2 * np.pi, CELLS[1])))
-    cells = np.stack(
-        [c.ravel() for c in np.meshgrid(t[:-1], p[:-1], indexing="ij")]
-        + [np.full(CELLS[0] * CELLS[1], a[1]) for a in (t, p)],
-        -1,
-    )
-    value, error, top = _rules(brdf, wi, phi_i, cells)
-    peaks, heights = _peaks(brdf, wi, theta_i, phi_i, cells, top)
+    corner = np.stack([c.ravel() for c in np.meshgrid(t[:-1], p[:-1], indexing="ij")], -1)
+    cells = _integrated(light, corner, np.tile([t[1], p[1]], (len(corner), 1)))
+    peaks, heights = _peaks(light, cells)
+    missing = cells.misses(peaks, heights)
     rounding = 64 * precision()
-    unseen = _unseen(cells, top, peaks, heights)
     while True:
-        total, left = value.sum(0), error.sum(0) + rounding * np.abs(value).sum(0)
-        worst = np.max(error, axis=-1)
-        clear = limit is not None and np.all((left <= CLEAR) & (np.abs(total - limit) > 10 * left))
-        if ((clear or np.all(left <= tolerance)) and not unseen.any()) or len(cells) >= MAX_CELLS:
+        total, error = cells.value.sum(0), cells.error.sum(0) + rounding * np.abs(cells.value).sum(0)
+        clear = limit is not None and np.all((error <= CLEAR) & (np.abs(total - limit) > 10 * error))
+        if ((clear or np.all(error <= tolerance)) and not missing.any()) or len(cells.corner) >= MAX_CELLS:
             break
         # The cells that hold the larger part of the error at once, so that few calls are needed.
+        worst = np.max(cells.error, axis=-1)
         order = np.argsort(worst)[::-1]
-        split = np.zeros(len(cells), bool)
-        split[order[: 1 + np.searchsorted(np.cumsum(worst[order]), 0.9 * worst.sum())][:36]] = True
-        split |= unseen
-        new = _quartered(cells[split])
-        v, e, m = _rules(brdf, wi, phi_i, new)
-        fresh = (new, v, e, m, _unseen(new, m, peaks, heights))
-        cells, value, error, top, unseen = (
-            np.concatenate([old[~split], more])
-            for old, more in zip((cells, value, error, top, unseen), fresh, strict=True)
-        )
-    if len(cells) >= MAX_CELLS:
+        chosen = missing.copy()
+        chosen[order[: 1 + np.searchsorted(np.cumsum(worst[order]), 0.9 * worst.sum())][:36]] = True
+        new = cells.quarters(light, chosen)
+        cells, missing = cells.replaced(chosen, new), np.concatenate([missing[~chosen], new.misses(peaks, heights)])
+    if len(cells.corner) >= MAX_CELLS:
         # A lobe that needs more cells than there are may also lie in part where none of its nodes is.
-        left = np.where(unseen.any(), np.inf, UNFINISHED * left)
-    return total, np.where(np.isfinite(total), left, np.inf)
+        error = np.where(missing.any(), np.inf, UNFINISHED * error)
+    return total, np.where(np.isfinite(total), error, np.inf)
 
 
-def _rules(brdf, wi, phi_i, cells):
-    # Kronrod's sum, its distance from Gauss's, and the largest |f cosθ| at a node of each cell.
-    theta = cells[:, 0, None] + cells[:, 2, None] * (X + 1) / 2
-    phi = cells[:, 1, None] + cells[:, 3, None] * (X + 1) / 2 + phi_i
+def _integrated(light: _Light, corner: np.ndarray, size: np.ndarray) -> _Cells:
+    """Kronrod's sums over cells, their distances from Gauss's, and the largest |f cosθ| at a node of each."""
+    theta, phi = (corner[:, k, None] + size[:, k, None] * (X + 1) / 2 for k in (0, 1))
     theta, phi = np.broadcast_arrays(theta[:, :, None], phi[:, None, :])
-    wo = directions(theta.ravel(), phi.ravel())
-    f = values(brdf, wi, wo).reshape(len(cells), 15, 15, -1)
+    f = light.value(theta.ravel(), phi.ravel()).reshape(*theta.shape, -1)
     flux = f * np.cos(theta)[..., None]
-    area = (cells[:, 2] * cells[:, 3] / 4)[:, None]
+    area = (size[:, 0] * size[:, 1] / 4)[:, None]
     integrand = flux * np.sin(theta)[..., None]
-    fine = np.einsum("nijc,i,j->nc", integrand, W_K, W_K) * area
-    coarse = np.einsum("nijc,i,j->nc", integrand, W_G, W_G) * area
-    return fine, np.abs(fine - coarse), np.abs(flux).max(axis=(1, 2, 3))
+    fine, coarse = (np.einsum("nijc,i,j->nc", integrand, w, w) * area for w in (W_K, W_G))
+    return _Cells(corner, size, fine, np.abs(fine - coarse), np.abs(flux).max(axis=(1, 2, 3)))
 
 
-def _quartered(cells):
-    half = cells[:, 2:] / 2
-    return np.concatenate(
-        [np.concatenate([cells[:, :2] + half * [i, j], half], axis=-1) for i in (0, 1) for j in (0, 1)]
-    )
-
-
-def _flux(brdf, wi, phi_i, angles):
-    wo = directions(angles[:, 0], angles[:, 1] + phi_i)
-    return np.nan_to_num(np.max(np.abs(values(brdf, wi, wo)), axis=-1)) * np.cos(angles[:, 0])
-
-
-def _peaks(brdf, wi, theta_i, phi_i, cells, top):
-    # What a search for peaks of f cosθo saw, near where lobes are wont to be: (θo, φo − φi) and the heights there.
-    drawn = sampled_angles(brdf, np.full(64, theta_i), np.full(64, phi_i))
-    starts = [[theta_i, np.pi], [theta_i, 0.0], [0.0, 0.0]]
-    starts += [[a, b - phi_i] for a, b in zip(*drawn, strict=True) if a < np.pi / 2]
-    starts += [cells[k, :2] + cells[k, 2:] / 2 for k in np.argsort(top)[::-1][:8]]
-    best = np.array(starts)
-    height = _flux(brdf, wi, phi_i, best)
+def _peaks(light: _Light, cells: _Cells) -> tuple[np.ndarray, np.ndarray]:
+    """(θo, φo − φi) of points near peaks of f cosθo, by a search from where lobes are wont to be; their heights."""
+    theta, phi = sampled_angles(light.brdf, *(np.full(64, a) for a in (light.theta_i, light.phi_i)))
+    sampled = np.stack([theta, phi - light.phi_i], -1)[theta < np.pi / 2]
+    usual = [[light.theta_i, np.pi], [light.theta_i, 0.0], [0.0, 0.0]]
+    tallest = np.argsort(cells.top)[::-1][:8]
+    best = np.concatenate([usual, sampled, (cells.corner + cells.size / 2)[tallest]])
+    height = light.flux(best)
     keep = np.argsort(height)[::-1][:16]
     best, height = best[keep], height[keep]
-    seen = [(best, height)]
+    points, heights = [best.copy()], [height.copy()]
     u = low_discrepancy(400, 2)
     for size in 0.1 * 0.3 ** np.arange(6):
         r, a = size * np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
         step = np.stack([r * np.cos(a), r * np.sin(a)], -1)
-        step = step[None] / np.stack([np.ones(len(best)), np.maximum(np.sin(best[:, 0]), 0.05)], -1)[:, None]
-        trial = best[:, None] + step
+        trial = best[:, None] + step / np.stack([np.ones(len(best)), np.maximum(np.sin(best[:, 0]), 0.05)], -1)[:, None]
         trial[..., 0] = np.clip(np.abs(trial[..., 0]), 0, np.pi / 2)
-        flat = trial.reshape(-1, 2)
-        h = _flux(brdf, wi, phi_i, flat)
-        seen.append((flat, h))
-        by_start = h.reshape(len(best), -1)
-        at = np.argmax(by_start, axis=1)
-        better = by_start[np.arange(len(best)), at] > height
-        best[better] = trial[better, at[better]]
-        height = np.maximum(height, by_start.max(axis=1))
-    points, heights = (np.concatenate(part) for part in zip(*seen, strict=True))
-    tall = np.flatnonzero(heights > 1e-2 * heights.max())
-    tall = tall[:: max(1, tall.size // PEAK_POINTS)]
-    points, heights = np.concatenate([best, points[tall]]), np.concatenate([height, heights[tall]])
-    return points % np.array([np.pi, 2 * np.pi]), heights
-
-
-def _unseen(cells, top, peaks, heights):
-    inside = (peaks[None, :, :] >= cells[:, None, :2]) & (peaks[None, :, :] <= cells[:, None, :2] + cells[:, None, 2:])
-    return (inside.all(-1) & (heights[None] > 1.5 * top[:, None] + 1e-12)).any(axis=1)
+        points.append(trial.reshape(-1, 2))
+        heights.append(light.flux(points[-1]))
+        keep_best(best, height, trial, heights[-1].reshape(len(best), -1))
+    every, tall = np.concatenate(points), np.concatenate(heights)
+    near = np.flatnonzero(tall > 1e-2 * tall.max())
+    near = near[:: max(1, near.size // PEAK_POINTS)]
+    return np.concatenate([best, every[near]]) % np.array([np.pi, 2 * np.pi]), np.concatenate([height, tall[near]])

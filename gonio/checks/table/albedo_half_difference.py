@@ -4,10 +4,13 @@ dωo = 4 cosθd dωh [Walter 2007, eq. 14]: lobes are narrow in theta_h alone, w
 in the other angles only, in which it is smooth.
 """
 
+import dataclasses
+
 import numpy as np
 
-from gonio.checks.grid_resolution import excess, hat_weights, log_values, surprise
-from gonio.checks.table.albedo_on_grid import FLOOR, Albedos, no_albedo
+from gonio.checks.albedos import Albedos, Incidence, albedos_of
+from gonio.checks.grid_resolution import excess, hat_weights, log_values, prediction_error
+from gonio.checks.table.albedo_on_grid import MOST_MISSING, floor_of
 from gonio.data.flags import Flag
 from gonio.data.table import Table
 
@@ -20,139 +23,158 @@ COARSER = 1.5
 MOST_VALUES = 60_000_000
 """Values of a table that are held in memory at once."""
 
-
-def half_difference_albedos(table: Table, reach: float) -> Albedos:
-    """Albedos at polar angles of incidence 0, 5, ... 85° (and azimuths 0, 45, 90, 135° where there is a phi_h)."""
-    axes = table.layout.axes
-    if why := why_not(table):
-        return no_albedo(why)
-    valid = np.asarray(table.flag[...]) == Flag.VALID
-    f = np.where(valid, np.asarray(table.f[...], dtype=float), 0.0)
-    u = np.zeros(1) if table.u_f is None else np.nan_to_num(np.where(valid, np.asarray(table.u_f[...], float), 0.0))
-    period = table.layout.periods["phi_d"]
-    typical = _one(axes, period, f, None, u, valid, np.radians(40.0), 0.0)
-    if typical is None:
-        return no_albedo("too many of its cells have no reading")
-    floor = np.maximum(FLOOR * np.abs(typical[0]) / np.pi, 1e-300)
-    off = excess(f, floor, _surprises(f, valid, floor, table), _relative(u, f, floor)) * valid
-    found = [(t, p, _one(axes, period, f, off, u, valid, t, p)) for t, p in incidences(axes)]
-    found = [(t, p, o) for t, p, o in found if o is not None]
-    if not found:
-        return no_albedo("too many of its cells have no reading")
-    value, bound, noise = (np.stack([o[j] for *_, o in found]) for j in range(3))
-    bound += COARSER * np.stack([_coarser(axes, period, f, u, valid, t, p, o[0]) for t, p, o in found])
-    unseen = np.full(len(found), 2 * axes["theta_h"][0] > reach)
-    above = np.where(unseen[:, None], np.inf, bound)
-    method = "Integrated over half vectors at the table's own theta_h, interpolated in the other angles."
-    angles = (np.array([o[k] for o in found]) for k in (0, 1))
-    return Albedos(*angles, value, above, bound, noise, unseen, method)
+Corner = tuple[tuple[np.ndarray, ...], np.ndarray]
+"""The cells to read f from, by their indices, and their shares: one corner of the cells about half vectors."""
 
 
-def why_not(table: Table) -> str:
-    """Why a table has no albedo; nothing if it has."""
+@dataclasses.dataclass(frozen=True)
+class HalfVectorGrid:
+    """The axes of a half/difference layout and their periods, for integrals over half vectors."""
+
+    axes: dict[str, np.ndarray]
+    periods: dict[str, float | None]
+
+    def corners(self, theta_i: float, phi_i: float) -> tuple[np.ndarray, list[Corner]]:
+        """f cosθo dωo of each half vector, (theta_h, azimuths), and the cells to read f from."""
+        axes, theta_h = self.axes, self.axes["theta_h"]
+        phi_h = (np.arange(AZIMUTHS) + 0.5) * 2 * np.pi / AZIMUTHS
+        sin_h, cos_h = np.sin(theta_h)[:, None], np.cos(theta_h)[:, None]
+        c, s = np.cos(phi_h)[None], np.sin(phi_h)[None]
+        x, y, z = np.sin(theta_i) * np.cos(phi_i), np.sin(theta_i) * np.sin(phi_i), np.cos(theta_i)
+        along, across = x * c + y * s, -x * s + y * c
+        # The light in the half vector's frame: turned back by phi_h, then by theta_h.
+        d_x, d_z = along * cos_h - z * sin_h, along * sin_h + z * cos_h
+        cos_o = 2 * d_z * cos_h - z
+        theta_d = np.arctan2(np.hypot(d_x, across), d_z)
+        angles = {"theta_d": theta_d, "phi_d": np.arctan2(across, d_x), "phi_h": np.broadcast_to(phi_h, theta_d.shape)}
+        places = [_bracket(axes[name], x, self.periods[name]) for name, x in angles.items() if name in axes]
+        w_h = hat_weights(theta_h, 0.0, np.pi / 2, np.sin)[:, None] * (2 * np.pi / AZIMUTHS)
+        weight = np.where((d_z > 0) & (cos_o > 0), w_h * 4 * d_z * cos_o, 0.0)
+        row = np.broadcast_to(np.arange(theta_h.size)[:, None], weight.shape)
+        found: list[Corner] = []
+        for sides in np.ndindex(*[2] * len(places)):
+            chosen = [(nodes[k], shares[k]) for (nodes, shares), k in zip(places, sides, strict=True)]
+            found.append(((row, *(n for n, _ in chosen)), np.prod([s for _, s in chosen], axis=0)))
+        return weight, found
+
+    def incidences(self) -> list[tuple[float, float]]:
+        """(theta_i, phi_i), radians: 0, 5, ... 85° (and azimuths 0, 45, 90, 135° where there is a phi_h)."""
+        last = min(self.axes["theta_d"][-1], np.radians(85.0))
+        theta = np.arange(0, np.degrees(last) + 1e-9, 5.0) * np.pi / 180
+        azimuths = np.radians([0.0, 45.0, 90.0, 135.0]) if "phi_h" in self.axes else np.zeros(1)
+        return [(t, p) for t in theta for p in azimuths]
+
+
+def half_vector_grid(table: Table) -> HalfVectorGrid | str:
+    """The half vectors of a table that cover the hemisphere, or why they do not."""
     axes = table.layout.axes
     if table.layout.size * len(table.channels) > MOST_VALUES:
         return "it is too large to be integrated in memory"
     if axes["theta_h"].size < 4 or axes["theta_h"][-1] < np.radians(60) or axes["theta_d"].size < 4:
         return "its half vectors do not cover the hemisphere"
-    return ""
+    return HalfVectorGrid(axes, table.layout.periods)
 
 
-def incidences(axes: dict) -> list[tuple[float, float]]:
-    """(theta_i, phi_i), radians, at which albedos are integrated."""
-    last = min(axes["theta_d"][-1], np.radians(85.0))
-    theta = np.arange(0, np.degrees(last) + 1e-9, 5.0) * np.pi / 180
-    azimuths = np.radians([0.0, 45.0, 90.0, 135.0]) if "phi_h" in axes else np.zeros(1)
-    return [(t, p) for t in theta for p in azimuths]
+@dataclasses.dataclass(frozen=True)
+class _Readings:
+    """All readings of a table, of the shape of its cells and channels; `u` is None where no uncertainty is known."""
+
+    grid: HalfVectorGrid
+    f: np.ndarray
+    u: np.ndarray | None
+    valid: np.ndarray
+    off: np.ndarray | None = None
+    """What f may be off by near each node."""
+
+    def every_second(self, axis: int, first: int) -> "_Readings":
+        name, some = list(self.grid.axes)[axis], (slice(None),) * axis + (slice(first, None, 2),)
+        axes = {**self.grid.axes, name: self.grid.axes[name][first::2]}
+        u = None if self.u is None else self.u[some]
+        return _Readings(HalfVectorGrid(axes, self.grid.periods), self.f[some], u, self.valid[some])
+
+    def albedo(self, theta_i: float, phi_i: float) -> Incidence | None:
+        """The albedo with the bound that follows from `off`, the gaps and the noise; None where too much is missing."""
+        weight, corners = self.grid.corners(theta_i, phi_i)
+        weight = weight[..., None]
+        total, error, variance, have = np.zeros((4, *weight.shape[:2], self.f.shape[-1]))
+        for cells, share in corners:
+            w = share[..., None] * self.valid[cells]
+            have += w
+            total += w * self.f[cells]
+            if self.off is not None:
+                error += w * self.off[cells]
+            if self.u is not None:
+                variance += (w * self.u[cells]) ** 2
+        known = have > 1e-12
+        scale = np.where(known, have, 1.0)
+        gap = np.sum(weight * ~known, axis=(0, 1))
+        if np.max(gap) > MOST_MISSING * np.pi:
+            return None
+        mean = total / scale
+        # Where corners had no reading the others stood for them, as wrong as they may be.
+        guessed = np.sum(weight * np.abs(mean) * np.clip(1 - have, 0, 1), axis=(0, 1))
+        empty = gap * np.max(np.abs(mean * (weight > 0)), initial=0.0) * 0.05
+        noise = np.sqrt(np.sum(weight**2 * variance / scale**2, axis=(0, 1)))
+        bound = np.sum(weight * error / scale, axis=(0, 1)) + guessed + empty + 2 * noise
+        return Incidence(theta_i, phi_i, np.sum(weight * mean, axis=(0, 1)), bound, noise)
+
+    def change_by_coarser(self, exact: Incidence) -> np.ndarray:
+        """The largest change of an albedo by every second node of one axis: of theta_h by either half."""
+        changes = []
+        for k, (name, nodes) in enumerate(self.grid.axes.items()):
+            for first in (0, 1) if name == "theta_h" else (0,):
+                if nodes.size >= 6:
+                    rough = self.every_second(k, first).albedo(exact.theta_i, exact.phi_i)
+                    changes.append(
+                        np.full_like(exact.value, np.inf) if rough is None else np.abs(rough.value - exact.value)
+                    )
+        return np.max(changes, axis=0)
 
 
-def _relative(u, f, floor):
-    return u / np.maximum(f, floor) if u.size > 1 else 0.0
-
-
-def _surprises(f, valid, floor, table):
-    # Where a neighbour has no reading it says nothing about its node.
+def half_difference_albedos(table: Table, reach: float) -> Albedos | str:
+    """Albedos at the incidences of `HalfVectorGrid.incidences`."""
+    grid = half_vector_grid(table)
+    if isinstance(grid, str):
+        return grid
+    valid = np.asarray(table.flag[...]) == Flag.VALID
+    f = np.where(valid, np.asarray(table.f[...], dtype=float), 0.0)
+    u = None if table.u_f is None else np.nan_to_num(np.where(valid, np.asarray(table.u_f[...], float), 0.0))
+    readings = _Readings(grid, f, u, valid)
+    typical = readings.albedo(np.radians(40.0), 0.0)
+    if typical is None:
+        return "too many of its cells have no reading"
+    floor = floor_of(typical.value)
+    # A neighbour without a reading tells nothing of its node.
     logs = np.where(valid, log_values(f, floor), np.nan)
-    return [
-        np.nan_to_num(surprise(logs, nodes, k, table.layout.periods[name]))
-        for k, (name, nodes) in enumerate(table.layout.axes.items())
+    errors = [
+        np.nan_to_num(prediction_error(logs, nodes, k, grid.periods[name]))
+        for k, (name, nodes) in enumerate(grid.axes.items())
     ]
+    off = excess(f, floor, errors, 0.0 if u is None else u / np.maximum(f, floor)) * valid
+    readings = dataclasses.replace(readings, off=off)
+    rows = [readings.albedo(t, p) for t, p in grid.incidences()]
+    unseen = bool(2 * grid.axes["theta_h"][0] > reach)
+    rows = [
+        row._replace(bound=row.bound + COARSER * readings.change_by_coarser(row), unseen=unseen)
+        for row in rows
+        if row is not None
+    ]
+    return albedos_of(
+        rows, "Integrated over half vectors at the table's own theta_h, interpolated in the other angles."
+    )
 
 
-def _coarser(axes, period, f, u, valid, theta_i, phi_i, value):
-    """The largest change of an albedo by every second node of one axis: of theta_h by either half."""
-    changes = []
-    for k, name in enumerate(axes):
-        for first in (0, 1) if name == "theta_h" else (0,):
-            if axes[name].size < 6:
-                continue
-            at = (slice(None),) * k + (slice(first, None, 2),)
-            fewer = {**axes, name: axes[name][first::2]}
-            rougher = _one(fewer, period, f[at], None, u[at] if u.size > 1 else u, valid[at], theta_i, phi_i)
-            changes.append(np.full_like(value, np.inf) if rougher is None else np.abs(rougher[0] - value))
-    return np.max(changes, axis=0)
-
-
-def corners(axes: dict, period: float | None, theta_i: float, phi_i: float) -> tuple[np.ndarray, list]:
-    """f cosθo dωo of each half vector, (theta_h, azimuths), and the cells to read f from: (indices, shares)."""
-    theta_h = axes["theta_h"]
-    phi_h = (np.arange(AZIMUTHS) + 0.5) * 2 * np.pi / AZIMUTHS
-    sin_h, cos_h = np.sin(theta_h)[:, None], np.cos(theta_h)[:, None]
-    c, s = np.cos(phi_h)[None], np.sin(phi_h)[None]
-    x, y, z = np.sin(theta_i) * np.cos(phi_i), np.sin(theta_i) * np.sin(phi_i), np.cos(theta_i)
-    along, across = x * c + y * s, -x * s + y * c
-    # The light in the half vector's frame: turned back by phi_h, then by theta_h.
-    d_x, d_z = along * cos_h - z * sin_h, along * sin_h + z * cos_h
-    cos_o = 2 * d_z * cos_h - z
-    up = (d_z > 0) & (cos_o > 0)
-    theta_d = np.arctan2(np.hypot(d_x, across), d_z)
-    places = [_bracket(axes["theta_d"], theta_d, None), _bracket(axes["phi_d"], np.arctan2(across, d_x), period)]
-    if "phi_h" in axes:
-        places.append(_bracket(axes["phi_h"], np.broadcast_to(phi_h, theta_d.shape), 2 * np.pi))
-    w_h = hat_weights(theta_h, 0.0, np.pi / 2, np.sin)[:, None] * (2 * np.pi / AZIMUTHS)
-    weight = np.where(up, w_h * 4 * d_z * cos_o, 0.0)
-    row = np.broadcast_to(np.arange(theta_h.size)[:, None], weight.shape)
-    found = []
-    for corner in np.ndindex(*[2] * len(places)):
-        at = (row, *(p[0][k] for p, k in zip(places, corner, strict=True)))
-        found.append((at, np.prod([p[1][k] for p, k in zip(places, corner, strict=True)], axis=0)))
-    return weight, found
-
-
-def _one(axes, period, f, off, u, valid, theta_i, phi_i):
-    weight, cells = corners(axes, period, theta_i, phi_i)
-    weight = weight[..., None]
-    total, error, variance, have = 0.0, 0.0, 0.0, 0.0
-    for at, share in cells:
-        w = share[..., None] * valid[at]
-        have = have + w
-        total = total + w * f[at]
-        error = error + w * off[at] if off is not None else error
-        variance = variance + (w * u[at]) ** 2 if u.size > 1 else 0.0
-    known = have > 1e-12
-    scale = np.where(known, have, 1.0)
-    if np.max(np.sum(weight * ~known, axis=(0, 1))) > 0.2 * np.pi:
-        return None
-    value = np.sum(weight * total / scale, axis=(0, 1))
-    # Where corners had no reading the others stood for them, as wrong as they may be.
-    guessed = np.sum(weight * np.abs(total / scale) * np.clip(1 - have, 0, 1), axis=(0, 1))
-    empty = np.sum(weight * ~known, axis=(0, 1)) * np.max(np.abs(total / scale * (weight > 0)), initial=0.0) * 0.05
-    noise = np.sqrt(np.sum(weight**2 * variance / scale**2, axis=(0, 1)))
-    noise = np.broadcast_to(noise, value.shape)
-    return value, np.sum(weight * error / scale, axis=(0, 1)) + guessed + empty + 2 * noise, noise
-
-
-def _bracket(nodes, x, period):
+def _bracket(
+    nodes: np.ndarray, x: np.ndarray, period: float | None
+) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """((lower, upper) node numbers, their weights) of each x; beyond the outermost nodes constant, or periodic."""
     if nodes.size == 1:
         zero = np.zeros(x.shape, int)
         return (zero, zero), (np.ones(x.shape), np.zeros(x.shape))
-    if period is None:
-        low = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2)
-        t = np.clip((x - nodes[low]) / (nodes[low + 1] - nodes[low]), 0, 1)
-        return (low, low + 1), (1 - t, t)
-    x = nodes[0] + np.mod(x - nodes[0], period)
-    low = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 1)
-    high = (low + 1) % nodes.size
-    stop = np.where(high == 0, nodes[0] + period, nodes[high])
-    t = np.clip((x - nodes[low]) / (stop - nodes[low]), 0, 1)
-    return (low, high), (1 - t, t)
+    last = nodes.size - 2
+    if period is not None:
+        nodes = np.append(nodes, nodes[0] + period)
+        x, last = nodes[0] + np.mod(x - nodes[0], period), nodes.size - 2
+    low = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, last)
+    t = np.clip((x - nodes[low]) / (nodes[low + 1] - nodes[low]), 0, 1)
+    return (low, (low + 1) % (nodes.size - (period is not None))), (1 - t, t)

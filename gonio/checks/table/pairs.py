@@ -1,4 +1,4 @@
-"""Cells of a table that physics says are equal: the reciprocal one, and the mirror image."""
+"""Readings of a table that should be equal: of the exchanged pair, of the mirror image, turned, and at the pole."""
 
 import dataclasses
 from collections.abc import Callable
@@ -6,11 +6,22 @@ from collections.abc import Callable
 import numpy as np
 
 from gonio.data.flags import Flag
-from gonio.data.layouts import Layout
+from gonio.data.layouts import Layout, spherical_angles
 from gonio.data.table import Table
+from gonio.models.geometry.directions import Direction
+
+THETA_MAX = np.radians(70.0)
+"""Readings at polar angles beyond are not compared."""
+
+FEWEST = 12
+"""Pairs below which a median says nothing."""
+
 
 MOST_CELLS = 2_000_000
-"""Cells of a larger table are drawn at random."""
+"""Of a larger table so many cells are chosen at random."""
+
+TURN = np.pi / 2
+"""A brushed surface is the same after half a turn: a quarter shows most."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,10 +35,14 @@ class Pairs:
     angles: np.ndarray
     """(n, 4): theta_i, phi_i, theta_o, phi_o of a, radians."""
     eligible: int
-    """Cells that were asked for, with a partner or without."""
+    """Cells that should have a partner, with one or without."""
+    how: str = "measured pairs"
+    """How the partners came about, in words."""
+    error: float = 0.0
+    """Relative error of the values b that interpolation makes."""
 
 
-def gathered(table: Table, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def readings_of(table: Table, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(f, u_f) of cells in any order, each (n, channels), float64; f is NaN where it is not valid."""
     order = np.argsort(cells, kind="stable")
     wanted = cells[order]
@@ -36,39 +51,99 @@ def gathered(table: Table, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         first, last = np.searchsorted(wanted, (start, stop))
         if first == last:
             continue
-        block = table.read(start, stop)
-        at, here = wanted[first:last] - start, order[first:last]
-        f[here] = np.where(block.flag[at] == Flag.VALID, block.f[at], np.nan)
-        u[here] = block.u_f[at]
+        block = table.read_values(start, stop)
+        of_block, into = wanted[first:last] - start, order[first:last]
+        f[into] = np.where(block["flag"][of_block] == Flag.VALID, block["f"][of_block], np.nan)
+        u[into] = block["u_f"][of_block]
     return f, u
-
-
-def paired(table: Table, partner_of: Callable[[np.ndarray], np.ndarray | None], theta_max: float) -> Pairs:
-    """The readings of a gridded table whose polar angles are below `theta_max`, each with its partner."""
-    layout = table.layout
-    cells = np.arange(layout.size)
-    if cells.size > MOST_CELLS:
-        cells = np.sort(np.random.default_rng(0).choice(cells.size, MOST_CELLS, replace=False))
-    cells = cells[_inside(layout, cells, theta_max)]
-    partner = partner_of(cells)
-    if partner is None:
-        raise ValueError("the layout relates no cells so")
-    # A cell that is its own partner says nothing; a pair counts once.
-    use = (partner >= 0) & (partner > cells)
-    eligible = int(np.count_nonzero(partner != cells))
-    cells, partner = cells[use], partner[use]
-    (a, u_a), (b, u_b) = gathered(table, cells), gathered(table, partner)
-    return Pairs(a, b, u_a, u_b, angles_of(layout, cells), eligible)
 
 
 def angles_of(layout: Layout, cells: np.ndarray) -> np.ndarray:
     """theta_i, phi_i, theta_o, phi_o, radians, of some cells: shape (n, 4)."""
-    from gonio.data.layouts import spherical_angles
+    return pair_angles(*layout.directions_at(cells))
 
-    wi, wo = layout.directions_at(cells)
+
+def pair_angles(wi: Direction, wo: Direction) -> np.ndarray:
+    """theta_i, phi_i, theta_o, phi_o, radians, of pairs of directions: shape (n, 4)."""
     return np.stack([*spherical_angles(*wi), *spherical_angles(*wo)], axis=-1)
 
 
-def _inside(layout, cells, theta_max):
+def _pairs(table: Table, cells: np.ndarray, partner: np.ndarray, eligible: int, how: str = "measured pairs") -> Pairs:
+    (a, u_a), (b, u_b) = readings_of(table, cells), readings_of(table, partner)
+    return Pairs(a, b, u_a, u_b, angles_of(table.layout, cells), eligible, how)
+
+
+def _pairs_once(table: Table, partner_of: Callable[[np.ndarray], np.ndarray | None], how: str) -> Pairs:
+    """The readings whose polar angles are below `THETA_MAX`, each with its partner; a pair counts once."""
+    cells = np.arange(table.layout.size)
+    if cells.size > MOST_CELLS:
+        cells = np.sort(np.random.default_rng(0).choice(cells.size, MOST_CELLS, replace=False))
+    cells = cells[_inside(table.layout, cells)]
+    partner = partner_of(cells)
+    assert partner is not None
+    # A cell that is its own partner says nothing.
+    use = (partner >= 0) & (partner > cells)
+    return _pairs(table, cells[use], partner[use], int(np.count_nonzero(partner != cells)), how)
+
+
+def _inside(layout: Layout, cells: np.ndarray) -> np.ndarray:
     wi, wo = layout.directions_at(cells)
-    return np.minimum(wi.z, wo.z) > np.cos(theta_max)
+    return np.minimum(wi.z, wo.z) > np.cos(THETA_MAX)
+
+
+def exchanged_pairs(table: Table) -> Pairs | str:
+    """Readings of a grid with those of the exchanged directions; or why the layout cannot show a difference."""
+    layout = table.layout
+    if layout.reciprocal_by_construction:
+        return "the layout stores one value for phi_d and phi_d + 180°"
+    how = "measured pairs"
+    if layout.mirrored_axes:
+        how += ", taking the surface as mirror symmetric, as azimuth differences stop at 180°"
+    if layout.one_light_azimuth:
+        how += ", taking the surface as isotropic, as the light has one azimuth"
+    return _pairs_once(table, layout.exchanged, how)
+
+
+def mirrored_pairs(table: Table) -> Pairs | str:
+    """Readings with those of both directions mirrored at a plane through the normal; or why there are none."""
+    if table.layout.mirror_map() is None:
+        return "no readings on both sides of a plane"
+    pairs = _pairs_once(table, table.layout.mirrored, "measured pairs")
+    return pairs if len(pairs.a) >= FEWEST else "the grid has no mirrored nodes"
+
+
+def turned_pairs(table: Table) -> Pairs | str:
+    """Readings with those of both directions turned by about a quarter; or why there are none."""
+    layout = table.layout
+    if not layout.turning_axes or any(a not in layout.axes or layout.axes[a].size < 4 for a in layout.turning_axes):
+        return "the light has one azimuth only"
+    cells, name = np.arange(layout.size), layout.turning_axes[0]
+    # Of four turns two pairs are made, so that no reading is in two.
+    azimuth = layout.axes[name][np.unravel_index(cells, layout.shape)[layout.dims.index(name)]]
+    even = np.floor((azimuth - layout.axes[name][0]) / TURN + 1e-9) % 2 == 0
+    return _comparable(table, cells[even], layout.turned(cells, TURN)[even])
+
+
+def pole_pairs(table: Table) -> Pairs | str:
+    """Readings at the normal with those half of the azimuths further on; or why there are none."""
+    layout = table.layout
+    number = np.arange(layout.size).reshape(layout.shape)
+    cells, partners = [], []
+    for polar, azimuth in layout.pole_axes:
+        half = layout.axes[azimuth].size // 2
+        if layout.axes[polar][0] <= 1e-9 and half:
+            # The normal of both directions is one reading many times.
+            at_pole = np.moveaxis(number, [layout.dims.index(a) for a in (polar, azimuth)], (0, 1))[0]
+            cells.append(at_pole[:half].ravel())
+            partners.append(at_pole[half : 2 * half].ravel())
+    if not cells:
+        return "no readings at several azimuths of the normal"
+    chosen, once = np.unique(np.concatenate(cells), return_index=True)
+    return _comparable(table, chosen, np.concatenate(partners)[once])
+
+
+def _comparable(table: Table, cells: np.ndarray, partner: np.ndarray) -> Pairs | str:
+    use = (partner >= 0) & (partner != cells) & _inside(table.layout, cells)
+    if np.count_nonzero(use) < FEWEST:
+        return "too few readings of the grid can be compared"
+    return _pairs(table, cells[use], partner[use], int(np.count_nonzero(use)))

@@ -1,122 +1,129 @@
 """Pairs of readings where no grid has them: near partners, the format's own warp, or interpolation with its error."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import numpy as np
 
-from gonio.checks.direction_search import directions, values
-from gonio.checks.model.reciprocity import relative_difference
-from gonio.checks.table.pairs import Pairs, angles_of, gathered
+from gonio.checks.certificate import relative_difference
+from gonio.checks.direction_search import directions, everywhere, values
+from gonio.checks.table.pairs import THETA_MAX, Pairs, angles_of, pair_angles, readings_of
+from gonio.data.flags import Flag
 from gonio.data.table import Table
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 NEAR = np.radians(2.0)
 """A reading this close to the wanted pair of directions may stand for it; the error is estimated."""
 
+EXACT = 1e-6
 NEIGHBOURS = 4
-DRAWN = 16384
+LEAF = 16
+"""Points of a leaf of the trees; it decides between neighbours that are equally near."""
+
+WARPED = 16384
 """Random pairs where a warp answers anywhere."""
+
+INTERPOLATED = 20_000
 
 
 def isotropic_light(table: Table) -> bool:
     """Whether all readings of a scattered table have the light at one azimuth."""
     theta, phi = table.layout.axes["theta_i"], table.layout.axes["phi_i"]
     x, y = np.cos(phi)[theta > 1e-9], np.sin(phi)[theta > 1e-9]
-    return x.size == 0 or (np.ptp(x) < 1e-9 and np.ptp(y) < 1e-9)
+    return x.size == 0 or bool(np.ptp(x) < 1e-9 and np.ptp(y) < 1e-9)
 
 
-def features(angles: np.ndarray, isotropic: bool) -> np.ndarray:
+def _features(angles: np.ndarray, isotropic: bool) -> np.ndarray:
     """Points whose distances are about the angles, radians, between pairs of directions, (n, 3) or (n, 6)."""
     theta_i, phi_i, theta_o, phi_o = angles.T
     if isotropic:
         turn = np.abs(np.mod(phi_o - phi_i + np.pi, 2 * np.pi) - np.pi)
         return np.stack([theta_i, theta_o, np.sqrt(np.sin(theta_i) * np.sin(theta_o)) * turn], -1)
-    wi, wo = directions(theta_i, phi_i), directions(theta_o, phi_o)
-    return np.stack([*wi, *wo], -1)
+    return np.stack([*directions(theta_i, phi_i), *directions(theta_o, phi_o)], -1)
 
 
-def scattered_pairs(table: Table, theta_max: float, swap: bool) -> tuple[Pairs, float, str]:
+def scattered_pairs(table: Table) -> Pairs:
     """Readings with the mean of the readings nearest their reciprocal pair, and the error that nearness leaves."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     isotropic = isotropic_light(table)
     cells = np.arange(table.layout.size)
     angles = angles_of(table.layout, cells)
-    f, u = gathered(table, cells)
-    use = (np.maximum(angles[:, 0], angles[:, 2]) < theta_max) & np.isfinite(f).all(axis=1)
+    f, u = readings_of(table, cells)
+    use = (np.maximum(angles[:, 0], angles[:, 2]) < THETA_MAX) & np.isfinite(f).all(axis=1)
     angles, f, u = angles[use], f[use], u[use]
     how = "readings with a near partner" + (", taking the surface as isotropic" if isotropic else "")
     if len(f) <= NEIGHBOURS:
-        return Pairs(f[:0], f[:0], u[:0], u[:0], angles[:0], len(f)), 0.0, how
-    wanted = angles[:, [2, 3, 0, 1]] if swap else angles
-    here = features(angles, isotropic)
-    distance, near = cKDTree(here).query(features(wanted, isotropic), k=NEIGHBOURS)
-    # A reading must not be held against itself.
-    own = near[:, 0] == np.arange(len(near))
-    # Two readings that are each other's exact partners are one pair.
+        return Pairs(f[:0], f[:0], u[:0], u[:0], angles[:0], len(f), how)
+    tree = KDTree(_features(angles, isotropic), LEAF)
+    distance, near = tree.query(_features(angles[:, [2, 3, 0, 1]], isotropic), k=NEIGHBOURS)
     number = np.arange(len(near))
-    twice = (distance[:, 0] <= 1e-6) & (near[near[:, 0], 0] == number) & (near[:, 0] < number)
-    keep = (distance[:, 0] <= NEAR) & ~own & ~twice
-    distance, near = distance[keep], near[keep]
-    exact = distance[:, :1] <= 1e-6
-    weight = np.where(exact, distance <= 1e-6, 1 / np.maximum(distance, 1e-9) ** 2)
+    # A reading must not be compared with itself; two that are each other's exact partners are one pair.
+    twice = (distance[:, 0] <= EXACT) & (near[near[:, 0], 0] == number) & (near[:, 0] < number)
+    keep = (distance[:, 0] <= NEAR) & (near[:, 0] != number) & ~twice
+    distance, near, a = distance[keep], near[keep], f[keep]
+    exact = distance[:, :1] <= EXACT
+    weight = np.where(exact, distance <= EXACT, 1 / np.maximum(distance, 1e-9) ** 2)
     weight = (weight / weight.sum(axis=1, keepdims=True))[..., None]
-    partner = np.sum(weight * f[near], axis=1)
-    u_partner = np.sqrt(np.sum((weight * u[near]) ** 2, axis=1))
+    b = np.sum(weight * f[near], axis=1)
+    u_b = np.sqrt(np.sum((weight * u[near]) ** 2, axis=1))
     spread = np.where(exact, 0.0, np.ptp(f[near], axis=1) / 2)
-    a = f[keep]
-    size = np.maximum(np.abs(a) + np.abs(partner), 1e-300)
+    size = np.maximum(np.abs(a) + np.abs(b), 1e-300)
     error = float(np.max(np.median(2 * spread / size, axis=0))) if len(a) else 0.0
-    return Pairs(a, partner, u[keep], u_partner, angles[keep], len(f)), error, how
+    return Pairs(a, b, u[keep], u_b, angles[keep], len(f), how, error)
 
 
-def random_angles(theta_max: float, n: int = DRAWN) -> np.ndarray:
+def random_angles(theta_max: float, n: int = WARPED) -> np.ndarray:
     """Pairs of directions even in solid angle up to a polar angle: (n, 4)."""
     u = low_discrepancy(n, 4)
-    theta = np.arccos(1 - u[:, ::2] * (1 - np.cos(theta_max)))
-    return np.stack([theta[:, 0], 2 * np.pi * u[:, 1], theta[:, 1], 2 * np.pi * u[:, 3]], -1)
+    return everywhere(u, np.arccos(1 - u[:, ::2] * (1 - np.cos(theta_max))))
 
 
-def _both_ways(brdf, angles) -> tuple[np.ndarray, np.ndarray]:
-    wi, wo = directions(angles[:, 0], angles[:, 1]), directions(angles[:, 2], angles[:, 3])
+def both_ways(brdf: AbstractBRDF, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """f of n pairs of directions and of the exchanged pairs, each (n, channels)."""
+    wi, wo = (directions(angles[:, k], angles[:, k + 1]) for k in (0, 2))
     return values(brdf, wi, wo), values(brdf, wo, wi)
 
 
-def warped_pairs(table: Table, theta_max: float) -> tuple[Pairs, float, str]:
-    """Random pairs answered by the format's own warp; the error is that of every second incidence, by thirds."""
-    material = table.interpolant()
-    angles = random_angles(theta_max)
-    a, b = _both_ways(material, angles)
-    error = 0.0
-    if hasattr(material, "vndf") and material.theta_i.shape[0] > 4:
-        rougher, _ = _both_ways(half_the_incidences(material), angles)
-        error = float(np.max(np.median(relative_difference(a, rougher), axis=0))) / 3
-    nothing = np.full_like(a, np.nan)
-    return Pairs(a, b, nothing, nothing, angles, len(a)), error, "random pairs, read by the format's own warp"
-
-
-def half_the_incidences(material):
-    """The same warp with every second stored polar angle of incidence, the last one kept."""
-    n = material.theta_i.shape[0]
+def warp_of(interpolant: Callable[..., AbstractBRDF] | None) -> tuple[AbstractBRDF, AbstractBRDF | None]:
+    """A format's own warp, and the same with every second stored incidence, where it has more than four."""
+    assert interpolant is not None
+    warp = interpolant()
+    if not hasattr(warp, "vndf") or warp.theta_i.shape[0] <= 4:
+        return warp, None
+    n = warp.theta_i.shape[0]
     keep = np.unique(np.append(np.arange(0, n, 2), n - 1))
+    names = ("vndf", "conditional", "marginal", "spectra")
 
     def fields(m):
-        return m.theta_i, m.vndf, m.conditional, m.marginal, m.spectra
+        return m.theta_i, *(getattr(m, k) for k in names)
 
-    coarse = (material.theta_i[keep], *(getattr(material, k)[:, keep] for k in ("vndf", "conditional", "marginal")))
-    return eqx.tree_at(fields, material, (*coarse, material.spectra[:, keep]))
+    return warp, eqx.tree_at(fields, warp, (warp.theta_i[keep], *(getattr(warp, k)[:, keep] for k in names)))
 
 
-def interpolated_pairs(table: Table, theta_max: float) -> tuple[Pairs, float, str]:
+def warped_pairs(table: Table) -> Pairs:
+    """Random pairs answered by the format's own warp; the error is that of every second incidence, by thirds."""
+    warp, coarse = warp_of(table.interpolant)
+    angles = random_angles(THETA_MAX)
+    a, b = both_ways(warp, angles)
+    error = 0.0
+    if coarse is not None:
+        rough, _ = both_ways(coarse, angles)
+        error = float(np.max(np.median(relative_difference(a, rough), axis=0))) / 3
+    unknown = np.full_like(a, np.nan)
+    return Pairs(a, b, unknown, unknown, angles, len(a), "random pairs, read by the format's own warp", error)
+
+
+def interpolated_pairs(table: Table) -> Pairs:
     """Readings with the interpolated value of their reciprocal pair, and that interpolation's error."""
     from gonio.data.interpolation.multilinear import as_material, interpolation_error
 
-    drawn = table.samples(20_000, theta_max)
-    partner = values(as_material(table), drawn.wo, drawn.wi)
-    f = np.where(drawn.flag == 0, drawn.f, np.nan).astype(float)
-    error = interpolation_error(table, 20_000, theta_max).median
-    from gonio.data.layouts import spherical_angles
-
-    angles = np.stack([*spherical_angles(*drawn.wi), *spherical_angles(*drawn.wo)], -1)
-    u = np.asarray(drawn.u_f, float)
+    some = table.samples(INTERPOLATED, THETA_MAX)
+    partner = values(as_material(table), some.wo, some.wi)
+    f = np.where(some.flag == Flag.VALID, some.f, np.nan).astype(float)
+    angles = pair_angles(some.wi, some.wo)
+    u = np.asarray(some.u_f, float)
     # The error of the finer grid is a third of the difference between the two only where both resolve the lobe.
-    return Pairs(f, partner, u, u, angles, len(f)), 3 * error, "readings whose partners were interpolated"
+    error = 3 * interpolation_error(table, INTERPOLATED, THETA_MAX).median
+    return Pairs(f, partner, u, u, angles, len(f), "readings whose partners were interpolated", error)

@@ -13,7 +13,8 @@ jax.config.update("jax_enable_x64", True)
 import numpy as np  # noqa: E402
 
 import gonio  # noqa: E402
-from gonio.checks.table.reciprocity import table_reciprocity  # noqa: E402
+from gonio.checks.table.equal_readings import table_reciprocity  # noqa: E402
+from gonio.checks.table.evidence import TableEvidence  # noqa: E402
 from gonio.data import layouts  # noqa: E402
 from gonio.instrument.instrument import Instrument  # noqa: E402
 
@@ -37,7 +38,7 @@ def p_value(instrument, seed, violation=0.0):
     theta_i, _, theta_o, _ = (a.reshape(SCAN.shape) for a in SCAN.angles())
     factor = (1 + violation * np.sign(theta_i - theta_o) / 2)[..., None]
     table.f, table.u_f = table.f * factor, table.u_f * factor
-    return table_reciprocity(table, 0.05).facts["p_value"]
+    return table_reciprocity(TableEvidence(table), 0.05).facts["p_value"]
 
 
 def main() -> None:

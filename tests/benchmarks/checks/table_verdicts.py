@@ -13,6 +13,7 @@ jax.config.update("jax_enable_x64", True)
 import numpy as np  # noqa: E402
 
 from gonio.checks.table.energy import table_energy  # noqa: E402
+from gonio.checks.table.evidence import TableEvidence  # noqa: E402
 from gonio.data import layouts  # noqa: E402
 from gonio.data.table import whole_table_of_values  # noqa: E402
 from gonio.data.tabulate import grid_values  # noqa: E402
@@ -37,18 +38,19 @@ def main() -> None:
                 brdf = build(expression.format(a=alpha))
                 albedo = directional_albedo(brdf, THETA_I, tolerance=1e-7)
                 lawful = np.max(albedo.value) <= 1 + TOLERANCE
-                said = []
+                verdicts = []
                 for shift in (0.0, 0.5):
                     polar, azimuth = (np.radians(np.arange(a, b, step)) for a, b in ((shift * step, 89.9), (0, 360)))
                     layout = layouts.isotropic(THETA_I, polar, azimuth)
-                    found = table_energy(whole_table_of_values(layout, grid_values(brdf, layout)), TOLERANCE)
-                    right = found.verdict == ("pass" if lawful else "fail")
-                    outcome = "undecided" if found.verdict == "undecided" else "right" if right else "WRONG"
+                    table = whole_table_of_values(layout, grid_values(brdf, layout))
+                    energy = table_energy(TableEvidence(table), TOLERANCE)
+                    right = energy.verdict == ("pass" if lawful else "fail")
+                    outcome = "undecided" if energy.verdict == "undecided" else "right" if right else "WRONG"
                     if outcome == "WRONG":
-                        wrong.append((step, shift, brdf, found.detail))
+                        wrong.append((step, shift, brdf, energy.detail))
                     counts[step, outcome] += 1
-                    said.append(found.verdict)
-                cells.append(f"{'lawful' if lawful else 'lawless'}: {' / '.join(said)}")
+                    verdicts.append(energy.verdict)
+                cells.append(f"{'lawful' if lawful else 'lawless'}: {' / '.join(verdicts)}")
             print(f"{step:5g} {alpha:6g} " + "".join(f"{c:>42}" for c in cells), flush=True)
     print()
     for step in STEPS:

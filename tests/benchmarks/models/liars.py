@@ -7,7 +7,7 @@ jax.config.update("jax_enable_x64", True)
 import math  # noqa: E402
 
 from gonio import check  # noqa: E402
-from gonio.checks.controls.known_violations import HONEST, LIARS, LOSERS, SEEN_LOSS  # noqa: E402
+from gonio.checks.controls.known_violations import HONEST, LEAST_LOSS, LIARS, LOSERS  # noqa: E402
 from gonio.models.catalog import MODELS  # noqa: E402
 from gonio.models.expression.builder import build, example  # noqa: E402
 
@@ -34,7 +34,7 @@ def main() -> None:
             good = e.verdict == "pass" and r.verdict == "pass"
             outcome = "passes" if good else f"NOT PASSED ({e.verdict}, {r.verdict})"
             if kind == "loser":
-                outcome += ", loses" if loss > SEEN_LOSS else ", LOSS NOT SEEN"
+                outcome += ", loses" if loss > LEAST_LOSS else ", LOSS NOT SEEN"
         counts[kind, outcome] = counts.get((kind, outcome), 0) + 1
         print(
             f"{kind:8} {expression[:58]:58} {e.verdict:10} {r.verdict:12} {e.residual:11.4g} {loss:12.4g}  {outcome}",

@@ -2,14 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, skellam
 
-from gonio.checks.table.count_statistics import decimal_step, difference_p, family_p, quantum, sidak
-from gonio.checks.table.reciprocity import table_reciprocity
-from gonio.data.layouts import isotropic
-from gonio.data.table import whole_table_of_values
-
-POLAR = np.radians(np.arange(0, 86, 10.0))
-LAYOUT = isotropic(POLAR, POLAR, np.radians(np.arange(0, 360, 30.0)))
-ANGLES = [a.reshape(LAYOUT.shape) for a in LAYOUT.angles()]
+from gonio.checks.table.count_statistics import difference_p, family_p, quantum, sidak
 
 
 def one(*values):
@@ -51,79 +44,3 @@ def test_the_size_of_a_count_is_found():
     # Noise in proportion has no counts: what is found is too small to change a tail.
     q = quantum(np.zeros(4000), expected, 0.02 * expected)
     assert np.max(q / (0.02 * expected)) < 0.05
-
-
-def table(violation=0.0, relative=0.02, photons=None, seed=0):
-    rng = np.random.default_rng(seed)
-    theta_i, _, theta_o, phi = ANGLES
-    f = 0.1 + 0.3 * np.exp(-((theta_i - theta_o) ** 2 + 0.3 * (1 + np.cos(phi))) / 0.1)
-    f = f * (1 + violation * np.sign(theta_i - theta_o) / 2)
-    u, reading = relative * f, f * (1 + relative * rng.standard_normal(f.shape))
-    if photons:
-        scale = photons * np.cos(theta_i)
-        u, reading = np.sqrt(u**2 + f / scale), rng.poisson(reading * scale) / scale
-    return whole_table_of_values(LAYOUT, reading, u_f=u[..., None])
-
-
-@pytest.mark.parametrize(("photons", "least"), [(None, 3), (30, 0)])
-def test_honest_tables_are_called_wrong_as_often_as_stated(photons, least):
-    tables = (table(photons=photons, seed=k) for k in range(80))
-    alarms = sum(table_reciprocity(t, 0.05, level=0.2).facts["significant"] for t in tables)
-    # 16 expected of a continuous test, fewer of counts; 3.6 standard deviations.
-    assert least <= alarms <= 29
-
-
-@pytest.mark.parametrize(
-    ("violation", "relative", "verdict", "significant"),
-    [
-        (0.005, 0.001, "pass", True),  # significant but tiny
-        (0.0, 0.01, "pass", False),
-        (0.02, 0.15, "undecided", False),  # not significant because noisy
-        (0.10, 0.01, "fail", True),
-    ],
-)
-def test_small_and_noisy_are_told_apart(violation, relative, verdict, significant):
-    found = table_reciprocity(table(violation, relative), 0.05)
-    assert (found.verdict, found.facts["significant"]) == (verdict, significant)
-    assert found.facts["least_violation"] <= violation + 1e-9 <= found.facts["largest_violation"] + 1e-9
-    assert (found.facts["p_value"] < 0.01) == significant
-
-
-def test_a_single_wrong_pair_is_found_and_named():
-    one = table(0.0, 0.01)
-    one.f[5, 2, 3] *= 1.2
-    found = table_reciprocity(one, 0.05)
-    assert found.verdict == "fail"
-    assert sorted((found.where["theta_i"], found.where["theta_o"])) == pytest.approx([20, 50])
-    assert 0.05 < found.residual < 0.19
-    p = np.array(found.series["p_map"]["p"], float)
-    assert np.unravel_index(np.nanargmin(p), p.shape) in ((2, 5), (5, 2))
-
-
-def test_a_channel_that_is_wrong_is_named():
-    honest, wrong = table(0.0, 0.01), table(0.2, 0.01)
-    f, u = (np.concatenate([getattr(t, k) for t in (honest, wrong)], -1) for k in ("f", "u_f"))
-    found = table_reciprocity(whole_table_of_values(LAYOUT, f, u_f=u), 0.05)
-    good, bad = found.facts["p_value_by_channel"]
-    assert good > 0.01 and bad < 1e-9 and found.where["channel"] == 1
-
-
-def test_readings_that_were_rounded_are_not_called_wrong_for_it():
-    one = table(0.0, 1e-5)
-    assert not table_reciprocity(one, 0.05).facts["significant"]
-    one.f = np.round(one.f, 4)
-    assert decimal_step(one.f.ravel()) == pytest.approx(1e-4)
-    assert not table_reciprocity(one, 0.05).facts["significant"]
-    wrong = table(0.05, 1e-5)
-    wrong.f = np.round(wrong.f, 4)
-    assert table_reciprocity(wrong, 0.05).facts["significant"]
-    assert decimal_step(np.random.default_rng(0).random(100)) == 0 and decimal_step(np.full(100, 0.2)) == 0
-
-
-@pytest.mark.parametrize(("stated", "said"), [(0.01, ""), (0.004, "too small"), (0.03, "too large")])
-def test_uncertainties_that_do_not_fit_the_scatter_are_doubted(stated, said):
-    one = table(0.0, 0.01)
-    one.u_f = one.u_f * (stated / 0.01)
-    found = table_reciprocity(one, 0.05)
-    assert found.facts["scatter_in_uncertainties"] == pytest.approx(0.01 / stated, rel=0.15)
-    assert said in found.detail and ("stated too" in found.detail) == bool(said)

@@ -8,28 +8,18 @@ from scipy.optimize import minimize
 
 import gonio
 from gonio.__main__ import main
-from gonio.checks.repair.albedo_rows import albedo_rows
-from gonio.checks.repair.nearest_table import repair
-from gonio.checks.repair.projection import nearest
+from gonio.checks.repairs.albedo_rows import albedo_rows
+from gonio.checks.repairs.nearest_table import repair
+from gonio.checks.repairs.projection import nearest
 from gonio.checks.table.energy import table_albedos
 from gonio.data import layouts
 from gonio.data.hdf5.writer import open_table, write_table
 from gonio.data.interpolation.multilinear import as_material
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.models.errors import GonioError
+from support.check_tables import LAYOUTS, SQUARE, degrees
 
-
-def degrees(*range_):
-    return np.radians(np.arange(*range_))
-
-
-SQUARE = layouts.isotropic(degrees(0, 86, 10), degrees(0, 86, 10), degrees(0, 360, 30))
-LAYOUTS = {
-    "isotropic": SQUARE,
-    "half of the azimuths": layouts.isotropic(degrees(0, 86, 10), degrees(0, 86, 10), degrees(0, 181, 30)),
-    "spherical": layouts.spherical(degrees(0, 86, 15), degrees(0, 360, 60), degrees(0, 86, 15), degrees(0, 360, 30)),
-    "half/difference": layouts.half_difference(degrees(0, 90, 6), degrees(0, 90, 6), degrees(0, 360, 30)),
-}
+GRIDS = {name: LAYOUTS[name] for name in ("isotropic", "half of the azimuths", "spherical", "half/difference")}
 
 
 def lawless(layout, level=0.33, u=None, seed=0):
@@ -46,7 +36,7 @@ def test_the_projection_is_the_nearest_point(nonnegative):
     rng = np.random.default_rng(0)
     start, weight = rng.standard_normal(30) + 0.3, rng.uniform(0.5, 2, 30)
     rows = np.abs(rng.standard_normal((5, 30))) * (rng.random((5, 30)) < 0.5)
-    found = nearest(start, weight, sparse.csr_matrix(rows), np.full(5, 0.7), nonnegative)
+    repaired = nearest(start, weight, sparse.csr_matrix(rows), np.full(5, 0.7), nonnegative)
     other = minimize(
         lambda y: np.sum(weight * (y - start) ** 2),
         np.zeros(30),
@@ -56,38 +46,38 @@ def test_the_projection_is_the_nearest_point(nonnegative):
         method="SLSQP",
         options={"ftol": 1e-14, "maxiter": 500},
     )
-    np.testing.assert_allclose(found.point, other.x, atol=1e-5)
-    assert found.missed <= 1e-11 and found.steps < 50 and np.count_nonzero(found.multipliers) > 1
+    np.testing.assert_allclose(repaired.point, other.x, atol=1e-5)
+    assert repaired.missed <= 1e-11 and repaired.steps < 50 and np.count_nonzero(repaired.multipliers) > 1
 
 
-@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+@pytest.mark.parametrize("layout", GRIDS.values(), ids=GRIDS)
 def test_rows_are_the_albedos_that_the_check_integrates(layout):
     table = lawless(layout)
     rows = albedo_rows(table, 0)
     np.testing.assert_allclose(rows @ np.nan_to_num(table.f.ravel()), table_albedos(table).value[:, 0], rtol=1e-12)
 
 
-@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+@pytest.mark.parametrize("layout", GRIDS.values(), ids=GRIDS)
 def test_a_repaired_table_obeys_both_laws_at_once(layout):
     table = lawless(layout)
-    found = repair(table, feature_width=0.6)
-    assert found.before.overall == "fail"
-    assert found.after["reciprocity"].verdict == "pass" and found.after["reciprocity"].residual < 1e-12
-    assert np.max(table_albedos(found.table).value) <= 1 + 1e-9 < np.max(table_albedos(table).value)
-    assert 0 < found.moved["relative_rms"] < 0.2
-    assert found.after["energy"].verdict != "fail" and sum(found.moved["incidences_at_the_limit"]) > 0
-    again = repair(found.table)
-    np.testing.assert_allclose(again.table.f, found.table.f, rtol=1e-9)
+    repaired = repair(table, feature_width=0.6)
+    assert repaired.before.overall == "fail"
+    assert repaired.after["reciprocity"].verdict == "pass" and repaired.after["reciprocity"].residual < 1e-12
+    assert np.max(table_albedos(repaired.table).value) <= 1 + 1e-9 < np.max(table_albedos(table).value)
+    assert 0 < repaired.moved["relative_rms"] < 0.2
+    assert repaired.after["energy"].verdict != "fail" and sum(repaired.moved["incidences_at_the_limit"]) > 0
+    again = repair(repaired.table)
+    np.testing.assert_allclose(again.table.f, repaired.table.f, rtol=1e-9)
 
 
 def test_it_is_nearer_than_averaging_and_dimming():
     table = lawless(SQUARE, u=np.full((*SQUARE.shape, 1), 0.01))
-    found = repair(table)
+    repaired = repair(table)
     f = table.f[..., 0]
     mean = (f + f.transpose(1, 0, 2)[:, :, (-np.arange(12)) % 12]) / 2
     dimmed = mean / np.max(albedo_rows(table, 0) @ mean.ravel())
-    assert found.moved["rms_in_uncertainties"] < 0.9 * np.sqrt(np.mean(((dimmed - f) / 0.01) ** 2))
-    np.testing.assert_allclose(found.table.u_f[2, 4], 0.01 / np.sqrt(2), rtol=1e-12)
+    assert repaired.moved["rms_in_uncertainties"] < 0.9 * np.sqrt(np.mean(((dimmed - f) / 0.01) ** 2))
+    np.testing.assert_allclose(repaired.table.u_f[2, 4], 0.01 / np.sqrt(2), rtol=1e-12)
 
 
 def test_a_lawful_table_is_left_as_it_is_and_uncertain_readings_move_most():
@@ -119,14 +109,14 @@ def test_what_cannot_be_repaired_is_refused():
 
 
 def test_the_command_writes_another_file_with_its_provenance(tmp_path, capsys):
-    source, out, said = tmp_path / "a.h5", tmp_path / "b.h5", tmp_path / "c.json"
+    source, out, certificate = tmp_path / "a.h5", tmp_path / "b.h5", tmp_path / "c.json"
     write_table(source, lawless(SQUARE))
-    status = main(["check", str(source), "--repair", str(out), "--json", str(said), "--feature-width", "30"])
+    status = main(["check", str(source), "--repair", str(out), "--json", str(certificate), "--feature-width", "30"])
     printed = capsys.readouterr().out
     assert "readings moved by" in printed and "at the limit of 1" in printed
-    told = json.loads(said.read_text())
-    assert told["overall"] == "fail" and told["repair"]["after"]["exit_status"] == status
-    assert open_table(out).provenance["repaired"]["moved"] == told["repair"]["moved"]
+    content = json.loads(certificate.read_text())
+    assert content["overall"] == "fail" and content["repair"]["after"]["exit_status"] == status
+    assert open_table(out).provenance["repaired"]["moved"] == content["repair"]["moved"]
     assert main(["check", str(source), "--repair", str(source), "--force"]) == 2
     assert main(["check", str(source), "--nonnegative"]) == 2
     assert main(["check", str(source), "--step", "2"]) == 2
@@ -141,8 +131,8 @@ def test_a_table_between_directions_is_repaired_on_a_grid_of_the_step_asked_for(
     f = np.stack([lawless(SQUARE, level).f[..., 0] for level in (0.1, 0.2, 0.33)], axis=-1)
     table = whole_table_of_values(SQUARE, f, channels=Channels.rgb())
     write_table(path, table)
-    found = repair(path)
-    assert found.before["reciprocity"].where["channel"] in ("R", "G", "B")
+    repaired = repair(path)
+    assert repaired.before["reciprocity"].where["channel"] in ("R", "G", "B")
     warped = dataclasses.replace(table, interpolant=lambda: as_material(table))
     assert repair(warped, step=15).table.layout.shape == (6, 6, 24)
     for step in (0.5, 20, float("nan")):

@@ -5,7 +5,7 @@ import pytest
 from gonio.checks.certify import check
 from gonio.checks.controls import self_test as testing
 from gonio.checks.controls.model_mutants import mutants
-from gonio.checks.controls.self_test import Judged, _caught, _passed, confusion
+from gonio.checks.controls.self_test import Judgement, confusion, must_fail, must_pass
 from gonio.checks.controls.table_mutants import honest_table, material, table_mutants
 from gonio.cli import self_test_output as cli
 from gonio.models.errors import GonioError
@@ -13,15 +13,15 @@ from gonio.models.errors import GonioError
 
 def test_every_mutant_table_is_caught_by_what_gives_it_away_and_the_honest_one_passes():
     truth = material()
-    assert _passed("honest", "", check(honest_table(), against=truth)).right
-    judged = [_caught("", m.mistake, m.gives_away, check(m.table, against=truth)) for m in table_mutants()]
+    assert must_pass("honest", "", check(honest_table(), against=truth)).right
+    judged = [must_fail("", m.mistake, m.gives_away, check(m.table, against=truth)) for m in table_mutants()]
     assert [one.subject for one in judged if not one.right] == []
 
 
 @pytest.mark.parametrize("mistake", ["α taken for α²", "channels exchanged"])
 def test_mutant_models_are_caught_by_what_gives_them_away(mistake):
     m = next(m for m in mutants() if m.mistake == mistake)
-    assert _caught("", "", m.gives_away, check(m.model, against=m.meant)).right
+    assert must_fail("", "", m.gives_away, check(m.model, against=m.meant)).right
 
 
 def test_a_model_agrees_with_itself_and_counts_where_it_does_not():
@@ -37,9 +37,9 @@ def test_channels_that_cannot_be_compared_are_refused():
 
 @pytest.mark.parametrize(("right", "status"), [(True, 0), (False, 1)])
 def test_the_self_test_ends_well_only_if_every_verdict_is_right(monkeypatch, tmp_path, capsys, right, status):
-    found = [Judged("liar", "a", "energy", "energy", True), Judged("honest", "b", "pass", "energy", right)]
-    monkeypatch.setattr(testing, "self_test", lambda: iter(found))
+    judgements = [Judgement("liar", "a", "energy", "energy", True), Judgement("honest", "b", "pass", "energy", right)]
+    monkeypatch.setattr(testing, "self_test", lambda: iter(judgements))
     assert cli.run_self_test(str(tmp_path / "t.json"), False) == status
     assert "2 subjects" in capsys.readouterr().out
-    assert json.loads((tmp_path / "t.json").read_text())["confusion"] == confusion(found)
-    assert confusion(found)["honest: pass"] == {"right": int(right), "wrong": int(not right)}
+    assert json.loads((tmp_path / "t.json").read_text())["confusion"] == confusion(judgements)
+    assert confusion(judgements)["honest: pass"] == {"right": int(right), "wrong": int(not right)}

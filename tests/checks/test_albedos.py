@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
+from gonio.checks.albedos import Albedos, energy_property, hemispherical
 from gonio.checks.certify import check
-from gonio.checks.hemispherical_albedo import hemispherical
 from gonio.checks.model.energy import incidences
 
 
@@ -29,7 +29,22 @@ def test_few_incidences_have_no_bound_and_errors_of_the_albedos_are_carried_on()
     assert np.all(hemispherical(theta, flat, 0.01 * flat)[1] >= 0.005)
 
 
-def test_the_certificate_says_it():
+def test_the_certificate_states_the_albedo_under_uniform_light():
     energy = check("lambert(rho=[0.2, 0.6])")["energy"]
     np.testing.assert_allclose(energy.facts["hemispherical_albedo"], [0.2, 0.6], rtol=1e-6)
     assert "uniform light" in energy.detail
+
+
+@pytest.mark.parametrize(
+    ("value", "bound", "verdict", "residual"),
+    [
+        ([1.5, 1.1], [9.0, 0.01], "fail", 0.1),
+        ([1.0, 0.6], [np.inf, 0.01], "undecided", 0.0),
+        ([0.9, 0.6], [0.0, 0.2], "pass", -0.1),
+        ([np.nan, 0.6], [0.0, 0.2], "undecided", np.nan),
+    ],
+)
+def test_the_verdict_takes_the_place_that_decides_it(value, bound, verdict, residual):
+    value, bound = (np.array(a)[:, None] for a in (value, bound))
+    energy = energy_property(Albedos(np.zeros(2), np.zeros(2), value, bound, bound, ""), 1e-6, {})
+    assert energy.verdict == verdict and energy.residual == pytest.approx(residual, nan_ok=True)

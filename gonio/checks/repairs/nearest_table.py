@@ -7,9 +7,9 @@ import numpy as np
 from scipy import sparse
 
 from gonio.checks.certificate import Certificate
-from gonio.checks.repair.albedo_rows import albedo_rows
-from gonio.checks.repair.projection import Projection, nearest
-from gonio.checks.table.significance import LEVEL
+from gonio.checks.repairs.albedo_rows import albedo_rows
+from gonio.checks.repairs.projection import Projection, nearest
+from gonio.checks.table.evidence import LEVEL
 from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.subject import SubjectLike, resolve_subject

@@ -1,0 +1,147 @@
+"""Directional albedos with the bounds on their errors, and what they say: energy conservation, and uniform light."""
+
+import dataclasses
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from gonio.checks.certificate import FAIL, PASS, UNDECIDED, Property, verdict_of
+
+SENTENCE = {
+    PASS: "The surface reflects no more than it receives",
+    FAIL: "The surface reflects more than it receives",
+    UNDECIDED: "The error of the albedo is too large for a verdict",
+}
+
+
+@dataclasses.dataclass
+class Albedos:
+    """Directional albedos (n, channels) of n incidences; how much larger and smaller they may be; how they came."""
+
+    theta_i: np.ndarray
+    phi_i: np.ndarray
+    value: np.ndarray
+    above: np.ndarray
+    """(n, channels): bound on how much larger an albedo may be."""
+    below: np.ndarray
+    method: str
+    channels: tuple[str, ...] = ()
+    """Their names, where known."""
+    noise: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
+    """(n, channels): standard uncertainty that the readings' own make; of tables only, as what follows."""
+    unseen: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0, bool))
+    """(n,): whether the readings leave out the mirror direction, so that a narrow lobe may hide there."""
+    step_needed: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))
+    """(n,): about the step, radians, at which a lobe such as the readings suggest would be resolved; NaN: unknown."""
+
+    def deciding(self, tolerance: float) -> tuple[int, int]:
+        """(incidence, channel) of what decides: not finite; else surely above 1; else the one that may be largest."""
+        with np.errstate(invalid="ignore"):
+            surely, perhaps = self.value - self.below, self.value + self.above
+        surely = np.nan_to_num(surely, nan=-np.inf)
+        wild = ~np.isfinite(self.value)
+        if wild.any():
+            deciding = wild
+        elif surely.max() > 1 + tolerance:
+            deciding = surely
+        else:
+            deciding = np.where(perhaps == perhaps.max(), self.value, -np.inf)
+        i, c = np.unravel_index(np.argmax(deciding), self.value.shape)
+        return int(i), int(c)
+
+
+class Incidence(NamedTuple):
+    """The albedo of one incidence of a table, (channels,), its bound, and the standard uncertainty of the readings."""
+
+    theta_i: float
+    phi_i: float
+    value: np.ndarray
+    bound: np.ndarray
+    noise: np.ndarray
+    unseen: bool = False
+    step_needed: float = np.nan
+
+
+def albedos_of(rows: Iterable[Incidence | None], method: str) -> Albedos | str:
+    """The albedos of those incidences that have one; or why there are none.
+
+    Where the mirror direction is not among the readings an albedo may be larger without a bound.
+    """
+    known = [row for row in rows if row is not None]
+    if not known:
+        return "too many of its cells have no reading"
+    theta, phi, value, bound, noise, unseen, step = (np.array(column) for column in zip(*known, strict=True))
+    above = np.where(unseen[:, None], np.inf, bound)
+    return Albedos(theta, phi, value, above, bound, method, (), noise, unseen, step)
+
+
+def energy_property(albedos: Albedos, tolerance: float, series: dict[str, Any]) -> Property:
+    """Energy conservation: how far a directional albedo exceeds 1, with the bound on its error at that side."""
+    value, at = albedos.value, albedos.deciding(tolerance)
+    finite = np.isfinite(value)
+    fails = finite.all() and value[at] - albedos.below[at] > 1 + tolerance
+    bound = np.inf if not finite.all() else float((albedos.below if fails else albedos.above)[at])
+    residual = float(value[at] - 1)
+    verdict = verdict_of(residual, bound, tolerance) if finite.all() else UNDECIDED
+    where = {
+        "theta_i": float(np.degrees(albedos.theta_i[at[0]])),
+        "phi_i": float(np.degrees(albedos.phi_i[at[0]]) % 360),
+    }
+    if value.shape[1] > 1:
+        where["channel"] = albedos.channels[at[1]] if albedos.channels else at[1]
+    least = np.unravel_index(np.nanargmin(np.where(finite, value, np.inf)), value.shape)
+    facts = {
+        "incidences": len(value),
+        "largest_albedo": float(np.max(np.where(finite, value, -np.inf))),
+        "least_albedo": float(value[least]),
+        "largest_loss": float(1 - value[least]),
+        "loss_at_theta_i_deg": float(np.degrees(albedos.theta_i[least[0]])),
+    }
+    size = f"±{bound:.2g}" if np.isfinite(bound) else "with an error that has no bound"
+    detail = (
+        f"{SENTENCE[verdict]}: albedo {value[at]:.6g} ({size}) at θi {where['theta_i']:.4g}°; it loses up to"
+        f" {max(facts['largest_loss'], 0.0):.3g} (at θi {facts['loss_at_theta_i_deg']:.4g}°). {albedos.method}"
+    )
+    return Property("energy", verdict, residual, bound, tolerance, where, detail, facts, series)
+
+
+def with_hemispherical(judged: Property, albedos: Albedos) -> Property:
+    """The same property with the albedo under uniform light, where all albedos are finite and its error has a bound."""
+    if not np.isfinite(albedos.value).all():
+        return judged
+    value, bound = hemispherical(albedos.theta_i, albedos.value, np.maximum(albedos.above, albedos.below))
+    judged.facts |= {"hemispherical_albedo": value.tolist(), "hemispherical_bound": bound.tolist()}
+    if np.isfinite(bound).all():
+        numbers = ", ".join(f"{v:.4g} (±{b:.1g})" for v, b in zip(value, bound, strict=True))
+        judged.detail += f" Under uniform light it reflects {numbers}."
+    return judged
+
+
+def hemispherical(theta: np.ndarray, value: np.ndarray, bound: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(bihemispherical albedo, bound), each (channels,): ∫ E d(sin²θ) over the incidences, and how far it may be off.
+
+    `theta` (n,), radians, `value` and `bound` (n, channels), finite; incidences given several times (azimuths) are
+    averaged. Monotone cubics between the incidences [Fritsch & Carlson 1980]; the error is that of every second one.
+    Below the first incidence and beyond the last E is held constant, and may there be anything from 0 to 1, or to
+    itself where it is larger. Fewer than four incidences have an infinite bound.
+    """
+    nodes, group = np.unique(np.round(theta, 9), return_inverse=True)
+    count = np.bincount(group)[:, None]
+    e, b = (np.stack([np.bincount(group, c) for c in v.T], -1) / count for v in (value, bound))
+    if nodes.size < 4:
+        return e.mean(axis=0), np.full(e.shape[1], np.inf)
+    t = np.sin(nodes) ** 2
+    beyond = t[0] + 1 - t[-1]
+    total = _between(t, e) + t[0] * e[0] + (1 - t[-1]) * e[-1]
+    rough = np.unique(np.append(np.arange(0, t.size, 2), t.size - 1))
+    missed = np.abs(_between(t, e) - _between(t[rough], e[rough]))
+    # Of a monotone cubic through twice as many nodes a quarter remains, at the least.
+    edge = t[0] * np.maximum(np.abs(e[0]), 1) + (1 - t[-1]) * np.maximum(np.abs(e[-1]), 1)
+    inner = np.sum((b[1:] + b[:-1]) / 2 * np.diff(t)[:, None], axis=0) + beyond * b.max(axis=0)
+    return total, missed / 2 + edge + inner
+
+
+def _between(t: np.ndarray, e: np.ndarray) -> np.ndarray:
+    return PchipInterpolator(t, e, axis=0).integrate(t[0], t[-1])

@@ -1,0 +1,57 @@
+"""The rim of a table: the last ring of readings against the two before it."""
+
+import numpy as np
+
+from gonio.checks.certificate import NOT_APPLICABLE, Property, verdict_of, without_residual
+from gonio.checks.table.evidence import TableEvidence
+from gonio.checks.table.pairs import FEWEST
+from gonio.data.flags import Flag
+
+LIGHT_MAX = np.radians(70)
+RIM = np.radians(75)
+MEDIAN_OF_NORMAL = 0.6745
+"""Median of |x| of a standard normal deviate x."""
+
+
+def table_horizon(evidence: TableEvidence, tolerance: float) -> Property:
+    """How far the last ring of readings is from the extrapolation of the two before, in e-folds: the median below 70°.
+
+    A jump there is the sign of a sample too small for the beam, of a blocked arm, or of a shifted axis.
+    """
+    table, grid = evidence.table, evidence.table.layout.outgoing_grid()
+    if grid is None or grid.theta_o.size < 4:
+        return without_residual(
+            "horizon", NOT_APPLICABLE, tolerance, "Not testable: the grid has no rings of polar angles."
+        )
+    theta_o, theta_i = grid.theta_o, grid.theta_i
+    rings = np.flatnonzero(theta_o < np.pi / 2 - 1e-9)[-3:]
+    lit, axis = theta_i < LIGHT_MAX, table.layout.dims.index("theta_o")
+
+    def by_ring(values: np.ndarray) -> np.ndarray:
+        return np.moveaxis(np.take(np.asarray(values[...])[lit], rings, axis=axis), axis, 0)
+
+    f = by_ring(table.f)
+    ok = ((by_ring(table.flag) == Flag.VALID) & (f > 0)).all(axis=0)
+    if np.count_nonzero(ok) < FEWEST or theta_o[rings[-1]] < RIM:
+        detail = "Not testable: too few positive readings beyond 75°."
+        return without_residual("horizon", NOT_APPLICABLE, tolerance, detail)
+    a, b, c = (np.log(np.where(ok, ring, 1.0)) for ring in f)
+    t = (theta_o[rings[2]] - theta_o[rings[1]]) / (theta_o[rings[1]] - theta_o[rings[0]])
+    jump = np.where(ok, np.abs(c - b - t * (b - a)), np.nan)
+    residual, bound = float(np.nanmedian(jump)), 0.0
+    if table.u_f is not None:
+        with np.errstate(all="ignore"):
+            r = by_ring(table.u_f) / f
+            noise = np.sqrt(r[2] ** 2 + ((1 + t) * r[1]) ** 2 + (t * r[0]) ** 2)[ok]
+        known = noise[np.isfinite(noise)]
+        bound = MEDIAN_OF_NORMAL * float(np.median(known)) if known.size else 0.0
+    worst = np.unravel_index(np.nanargmax(jump), jump.shape)
+    rim = float(np.degrees(theta_o[rings[-1]]))
+    where = {"theta_i": float(np.degrees(theta_i[lit][worst[0]])), "theta_o": rim}
+    if (channel := evidence.channel(int(worst[-1]))) is not None:
+        where["channel"] = channel
+    detail = (
+        f"The ring of {rim:.4g}° is off the two before by {residual:.2g} e-folds at the median, by {jump[worst]:.2g} at"
+        " the most."
+    )
+    return Property("horizon", verdict_of(residual, bound, tolerance), residual, bound, tolerance, where, detail)

@@ -1,0 +1,50 @@
+"""Positivity of a table: which readings are negative by more than their noise."""
+
+import numpy as np
+
+from gonio.checks.certificate import UNDECIDED, Property, place_of, verdict_of, without_residual
+from gonio.checks.table.evidence import TableEvidence
+from gonio.checks.table.pairs import angles_of
+from gonio.data.flags import Flag
+
+FEW_SIGMA = 3.0
+"""A negative reading within this many standard uncertainties of 0 may be noise about a value that is not negative."""
+
+SIZES = 100_000
+"""Readings of each block from which their median size is taken."""
+
+
+def table_positivity(evidence: TableEvidence, tolerance: float) -> Property:
+    """The share of the valid readings that are negative by more than their noise; how negative, and where."""
+    table = evidence.table
+    valid = negative = unexplained = 0
+    least, cell, channel, sizes = np.inf, 0, 0, []
+    for start, stop in table.blocks():
+        block = table.read_values(start, stop)
+        ok, f = block["flag"] == Flag.VALID, block["f"]
+        below = ok & (f < 0)
+        valid, negative = valid + int(ok.sum()), negative + int(below.sum())
+        noise = np.nan_to_num(np.asarray(block["u_f"], float), nan=0.0)
+        unexplained += int(np.count_nonzero(below & (f < -FEW_SIGMA * noise)))
+        if ok.any():
+            lowest = np.where(ok, f, np.inf)
+            k = np.unravel_index(np.argmin(lowest), lowest.shape)
+            if lowest[k] < least:
+                least, cell, channel = float(lowest[k]), start + int(k[0]), int(k[1])
+            sizes.append(np.abs(f[ok])[:: max(1, int(ok.sum()) // SIZES)])
+    if valid == 0:
+        return without_residual("positivity", UNDECIDED, tolerance, "The table holds no valid reading.")
+    median, share = float(np.median(np.concatenate(sizes))), unexplained / valid
+    facts = {
+        "valid": valid,
+        "negative": negative,
+        "negative_beyond_noise": unexplained,
+        "least_per_sr": least,
+        "least_relative_to_median": least / median if median > 0 else None,
+    }
+    detail = f"{negative:,} of {valid:,} readings are negative"
+    if negative:
+        detail += f", {unexplained:,} by more than their known noise; the least is {least:.3g} /sr"
+        detail += f" ({least / median:.2g} of the median size)" if median > 0 else ""
+    where = place_of(angles_of(table.layout, np.array([cell]))[0], evidence.channel(channel))
+    return Property("positivity", verdict_of(share, 0.0, tolerance), share, 0.0, tolerance, where, detail + ".", facts)

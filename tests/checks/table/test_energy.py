@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from gonio.checks.table.energy import table_energy
+from gonio.checks.table.evidence import TableEvidence
+from gonio.data import layouts
+from gonio.data.table import whole_table_of_values
+from gonio.data.tabulate import grid_values
+from gonio.models.albedo import directional_albedo
+from gonio.models.expression.builder import build
+from support.check_tables import SQUARE, degrees, model_table, outgoing_grid
+
+MERL = layouts.merl(counts=(60, 45, 90))
+
+
+def energy_of(expression, layout, feature_width=0.0):
+    return table_energy(TableEvidence(model_table(expression, layout), feature_width=feature_width), 0.01)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.5])
+def test_a_grid_that_cannot_resolve_the_lobe_decides_nothing(shift):
+    # 5.2 with a node on the peak, 0.3 with the peak between nodes; 0.9999 in truth.
+    energy = energy_of("ggx(alpha=0.01)", outgoing_grid(5.0, shift))
+    assert energy.verdict == "undecided"
+    albedo = np.array(energy.series["albedo"][0])[2]
+    assert albedo > 5 if shift == 0 else albedo < 0.4
+
+
+def test_a_mirror_between_the_nodes_of_a_flat_table_is_not_overlooked():
+    # All readings are those of a diffuser of 0.3; the surface reflects 1.3.
+    table = model_table("lambert(rho=0.3) + beckmann(alpha=0.001)", outgoing_grid(5.0, 0.5))
+    np.testing.assert_allclose(table.f[table.flag == 0], 0.3 / np.pi)
+    energy = table_energy(TableEvidence(table), 0.01)
+    assert energy.verdict == "undecided" and "mirror" in energy.detail
+    # Who knows that there is no such lobe may say so.
+    assert table_energy(TableEvidence(table, feature_width=np.radians(6)), 0.01).verdict == "pass"
+
+
+@pytest.mark.parametrize("layout", [outgoing_grid(5.0), outgoing_grid(10.0), MERL], ids=["5", "10", "merl"])
+@pytest.mark.parametrize("expression", ["ggx(alpha=0.3)", "0.5 * beckmann(alpha=1) + lambert(rho=0.3)"])
+def test_the_claimed_interval_holds_the_truth(layout, expression):
+    series = energy_of(expression, layout).series
+    theta = np.radians(series["theta_i_deg"])
+    truth = directional_albedo(build(expression), theta, tolerance=1e-6).value
+    albedo, bound = (np.array(series[k][0]) for k in ("albedo", "bound"))
+    assert np.all(np.abs(albedo - truth) <= bound)
+    assert np.all(bound[theta < np.radians(50)] < 0.1)
+
+
+@pytest.mark.parametrize("layout", [outgoing_grid(5.0), MERL], ids=["5", "merl"])
+def test_resolved_tables_are_decided(layout):
+    assert energy_of("0.7 * ggx(alpha=0.5) + lambert(rho=0.2)", layout).verdict == "pass"
+    assert energy_of("1.3 * ggx(alpha=0.3) + lambert(rho=0.2)", layout).verdict == "fail"
+
+
+@pytest.mark.parametrize("alpha", [0.1, 0.3])
+def test_what_is_undecided_says_how_fine_a_grid_decides(alpha):
+    expression = f"0.7 * ggx(alpha={alpha})"
+    coarse = energy_of(expression, outgoing_grid(10.0))
+    assert coarse.verdict == "undecided" and "a step of about" in coarse.detail
+    needed = coarse.facts["step_needed_deg"]
+    assert 1 < needed < 10
+    layout = layouts.isotropic(degrees(0, 81, 20), degrees(0, 89.9, needed), degrees(0, 360 - needed / 2, needed))
+    assert energy_of(expression, layout, np.radians(2 * needed)).verdict == "pass"
+
+
+def test_the_albedo_carries_the_noise_of_the_cells_at_the_stated_level():
+    f, scans, level = grid_values(build("lambert(rho=1)"), SQUARE), 40, 0.5
+    noise, verdicts = 0.1 * f, []
+    for seed in range(scans):
+        readings = f + noise * np.random.default_rng(seed).standard_normal(f.shape)
+        evidence = TableEvidence(whole_table_of_values(SQUARE, readings, u_f=noise), level, np.radians(20))
+        energy = table_energy(evidence, 0.0)
+        verdicts.append(energy.verdict)
+    # A diffuser that reflects all surely exceeds 1 somewhere in no more than half of the level of the scans.
+    assert "pass" not in verdicts and verdicts.count("fail") <= binom.ppf(0.999, scans, level / 2)
+    assert 0.002 < energy.facts["noise_of_albedo"] < 0.02
+
+
+def test_a_plane_or_a_cap_has_no_albedo():
+    plane = layouts.in_plane(degrees(0, 81, 10), degrees(-80, 81, 10))
+    cap = layouts.isotropic(degrees(0, 81, 10), degrees(0, 41, 10), degrees(0, 360, 10))
+    for layout in (plane, cap):
+        energy = energy_of("lambert(rho=0.5)", layout)
+        assert energy.verdict == "undecided" and energy.residual is None

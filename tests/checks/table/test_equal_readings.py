@@ -1,0 +1,101 @@
+"""Reciprocity, symmetry, isotropy and the pole of tables on every layout."""
+
+import numpy as np
+import pytest
+
+from gonio.checks.table.equal_readings import table_isotropy, table_pole, table_reciprocity, table_symmetry
+from gonio.checks.table.evidence import TableEvidence
+from gonio.data import layouts
+from gonio.data.formats.registry import read
+from support import helpers
+from support.check_tables import LAYOUTS, SQUARE, degrees, model_table
+
+SPHERICAL = layouts.spherical(degrees(0, 90, 15), degrees(0, 360, 45), degrees(0, 90, 15), degrees(0, 360, 45))
+HALF = layouts.half_difference(degrees(0, 90, 10), degrees(0, 90, 10), degrees(0, 360, 30), degrees(0, 360, 45))
+PAINT = "0.5 * ggx(alpha=0.4) + lambert(rho=0.3)"
+
+
+def verdict(check, table, tolerance=0.05):
+    return check(TableEvidence(table), tolerance).verdict
+
+
+def tilted(layout):
+    """f ∝ 1 + 0.2 cosθi: the two values of a pair differ by 0.2 |cosθi − cosθo| / (1 + 0.1 (cosθi + cosθo))."""
+    return model_table("lambert(rho=1)", layout, lambda f, theta_i, *_: 1 + 0.2 * np.cos(theta_i))
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_pairs_are_there_on_every_layout_and_differ_as_they_should(layout):
+    assert table_reciprocity(TableEvidence(model_table("ggx(alpha=0.4)", layout)), 0.05).residual < 1e-6
+    reciprocity = table_reciprocity(TableEvidence(tilted(layout)), 0.05)
+    cos_i, cos_o = layout.cosines()
+    below = np.minimum(cos_i, cos_o) > np.cos(np.radians(70))
+    expected = np.max(np.abs(0.2 * (cos_i - cos_o) / (1 + 0.1 * (cos_i + cos_o)))[below])
+    assert reciprocity.facts["largest"] == pytest.approx(expected, rel=1e-6)
+    assert 0 < reciprocity.residual < expected
+    assert reciprocity.facts["pairs"] > 10
+
+
+def test_a_layout_that_stores_one_value_for_both_cannot_be_tested():
+    assert verdict(table_reciprocity, tilted(layouts.merl(counts=(8, 8, 8)))) == "not applicable"
+
+
+def test_grids_that_differ_are_compared_through_interpolation_with_its_error():
+    layout = layouts.isotropic(degrees(0, 81, 10), degrees(2.5, 85, 5), degrees(0, 360, 15))
+    table = model_table("lambert(rho=0.3) + 0.2 * ggx(alpha=0.5)", layout)
+    reciprocity = table_reciprocity(TableEvidence(table), 0.05)
+    assert reciprocity.verdict == "pass" and reciprocity.facts["interpolation_error"] > 0
+
+
+def test_known_noise_is_not_taken_for_a_violated_law():
+    known, unknown = (
+        table_reciprocity(TableEvidence(model_table("lambert(rho=0.5)", noise=0.1, stated=stated)), 0.05)
+        for stated in (0.1, None)
+    )
+    assert known.verdict == "undecided" and unknown.verdict == "fail"
+    pairs = known.facts["pairs"]
+    # Sums of squares and shares beyond 2σ of normal deviates, within four of their standard deviations.
+    assert known.facts["chi2_per_pair"] == pytest.approx(1, abs=4 * np.sqrt(2 / pairs))
+    assert known.facts["share_beyond_2_sigma"] == pytest.approx(0.0455, abs=4 * np.sqrt(0.0455 / pairs))
+
+
+def test_a_table_lopsided_in_azimuth_is_not_symmetric():
+    lopsided = model_table("lambert(rho=1)", change=lambda f, ti, pi, to, po: 1 + 0.3 * np.sin(po))
+    assert verdict(table_symmetry, lopsided) == "fail"
+    assert verdict(table_symmetry, model_table("ggx(alpha=0.5)")) == "pass"
+    assert verdict(table_symmetry, model_table("ggx(alpha=0.5)", LAYOUTS["half of the azimuths"])) == "not applicable"
+
+
+@pytest.mark.parametrize("layout", [SPHERICAL, HALF], ids=["spherical", "half/difference"])
+def test_turned_readings_are_compared(layout):
+    assert verdict(table_isotropy, model_table(PAINT, layout)) == "pass"
+    grain = model_table(PAINT, layout, lambda f, ti, pi, to, po: f * (1 + 0.5 * np.cos(2 * pi + 0.8) * np.sin(ti)))
+    assert verdict(table_isotropy, grain) == "fail"
+    assert verdict(table_isotropy, model_table(PAINT)) == "not applicable"
+
+
+@pytest.mark.parametrize("layout", [SPHERICAL, SQUARE], ids=["spherical", "isotropic"])
+def test_readings_at_the_normal_have_no_azimuth(layout):
+    assert verdict(table_pole, model_table(PAINT, layout)) == "pass"
+    assert verdict(table_pole, model_table(PAINT, layout, stated=0.01)) == "pass"
+    off = model_table(PAINT, layout, lambda f, ti, pi, to, po: f * (1 + 0.3 * np.cos(po - pi)))
+    pole = table_pole(TableEvidence(off), 0.05)
+    assert pole.verdict == "fail" and min(pole.where["theta_i"], pole.where["theta_o"]) == pytest.approx(0)
+    beside = layouts.isotropic(degrees(5, 86, 10), degrees(5, 86, 10), degrees(0, 360, 30))
+    assert verdict(table_pole, model_table(PAINT, beside)) == "not applicable"
+
+
+def test_a_channel_that_is_off_alone_is_named():
+    table = model_table("lambert(rho=[0.2, 0.2, 0.2])")
+    table.f[..., 2] *= 1 + np.cos(table.layout.axes["theta_i"])[:, None, None]
+    reciprocity = table_reciprocity(TableEvidence(table), 0.05)
+    assert reciprocity.verdict == "pass" and "Channel B alone" in reciprocity.detail
+    assert reciprocity.where["channel"] == "B"
+
+
+@pytest.mark.parametrize(("name", "expected"), [("cc_ibiza_sunset", "fail"), ("paper_blue", "pass")])
+def test_measured_materials_are_judged_as_known(name, expected):
+    table = read(helpers.shared("data", "rgl", f"{name}_rgb.bsdf"))
+    reciprocity = table_reciprocity(TableEvidence(table), 0.05)
+    assert reciprocity.verdict == expected
+    assert reciprocity.residual > 0.16 if expected == "fail" else reciprocity.residual < 0.03

@@ -1,0 +1,42 @@
+"""Positivity, the horizon, and tables without readings."""
+
+import numpy as np
+import pytest
+
+from gonio.checks.certify import check
+from gonio.checks.table.evidence import TableEvidence
+from gonio.checks.table.horizon import table_horizon
+from gonio.checks.table.positivity import table_positivity
+from gonio.data import layouts
+from gonio.data.flags import Flag
+from support.check_tables import degrees, model_table
+
+TO_85 = layouts.isotropic(degrees(0, 86, 5), degrees(0, 86, 5), degrees(0, 360, 30))
+PAINT = "0.5 * ggx(alpha=0.4) + lambert(rho=0.3)"
+
+
+def test_negative_readings_are_counted_and_judged_beyond_their_noise():
+    table = model_table("lambert(rho=0.5)")
+    table.f[3, 4, :] = -0.01
+    positivity = table_positivity(TableEvidence(table), 0.001)
+    assert positivity.facts["negative"] == 12 and positivity.verdict == "fail"
+    table.u_f = np.full(table.f.shape, 0.01)
+    assert table_positivity(TableEvidence(table), 0.001).verdict == "pass"
+
+
+def test_a_ring_that_is_off_shows_at_the_horizon():
+    assert table_horizon(TableEvidence(model_table(PAINT, TO_85)), 0.5).verdict == "pass"
+    blocked = model_table(PAINT, TO_85, lambda f, ti, pi, to, po: np.where(to > np.radians(84), 0.3 * f, f))
+    horizon = table_horizon(TableEvidence(blocked), 0.5)
+    assert horizon.verdict == "fail" and horizon.residual == pytest.approx(-np.log(0.3), abs=0.3)
+    assert horizon.where["theta_o"] == pytest.approx(85)
+    # Readings whose noise is as large as the jump leave it open.
+    assert table_horizon(TableEvidence(model_table(PAINT, TO_85, stated=2.0)), 0.5).verdict == "undecided"
+
+
+def test_nothing_valid_is_undecided_everywhere():
+    table = model_table("lambert(rho=0.5)")
+    table.flag[...] = Flag.SATURATED
+    verdicts = [p.verdict for p in check(table).properties]
+    assert verdicts[:4] == ["undecided"] * 4
+    assert set(verdicts) <= {"undecided", "not applicable"}
