@@ -14,7 +14,7 @@ from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import Readings
 from gonio.fitting.problem.weights import loss_floor, relative_sigma, residual_weights
 from gonio.fitting.solver.convergence import is_exact, stationarity, stationary_limit
-from gonio.fitting.solver.levenberg_marquardt import Descent, minimise
+from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, minimise
 from gonio.fitting.solver.lm_step import compile_step, padded_size
 from gonio.fitting.solver.multistart import search
 from gonio.fitting.solver.precompile import ahead, finished
@@ -128,7 +128,7 @@ def _optimum(task: FitTask) -> Optimum:
     gradient = float(stationarity(problem.domains, p, at.equations).projected_gradient)
     if end.successful and not (is_exact(cost, target) or gradient <= stationary_limit(cost, target)):
         # The last step was not evaluated before, and did not do.
-        end = minimise(problem, [p], near=True)[0]
+        end = minimise(problem, [p], NEAR)[0]
         p = s.with_ordered_lobes(fixed, snapped(problem.domains, end.p))
         at = problem.evaluate(p)
     if not end.successful:
@@ -155,7 +155,7 @@ def _reweighted(problem: FitProblem, end: Descent, share: float, notes: list[str
     for _ in range(REWEIGHTINGS):
         f = problem.model_values(end.p)
         problem = problem.reweighted(residual_weights(readings, "sigma", relative_sigma(readings, f, share)))
-        after = minimise(problem, [end.p], near=True)[0]
+        after = minimise(problem, [end.p], NEAR)[0]
         moved = np.max(np.abs(after.p - end.p) / np.maximum(np.abs(after.p), 1e-9))
         end = after
         if moved < SETTLED:

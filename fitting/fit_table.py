@@ -63,16 +63,16 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
         Moré 1978 (Levenberg–Marquardt); White 1980 (covariance); Schwarz 1978 (BIC); Wu 1986 (wild bootstrap).
     """
     settings = FitSettings.create(options)
-    table = resolve_subject(table).require_table()
+    source = resolve_subject(table).require_table()
     expressions = [model] if isinstance(model, str) else list(model or [])
     parsed = [with_defaults(parse(m)) for m in expressions]
-    if settings.scene is not None and (names := settings.scene.channels_of(table.channels.names)):
-        table = table.only(names)
+    if settings.scene is not None and (names := settings.scene.channels_of(source.channels.names)):
+        source = source.only(names)
     began = time.perf_counter()
     if parsed:
-        loss = _usual_loss(settings, table.u_f is not None)
-        compile_ahead(parsed[0], loss, len(table.channels), settings.per_channel)
-    task = _task(table, settings)
+        loss = _usual_loss(settings, source.u_f is not None)
+        compile_ahead(parsed[0], loss, len(source.channels), settings.per_channel)
+    task = _task(source, settings)
     seconds, view, choice = {"read": time.perf_counter() - began}, None, None
     if settings.scene is not None:
         view = seen(settings.scene, task.readings, turned(task.layout, task.readings))
@@ -82,27 +82,11 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
         expressions, parsed, seconds["select"] = [text], [terms], time.perf_counter() - began
     if view is not None:
         task = _in_scene(task, view)
-    results, refused = [], []
-    for text, terms in zip(expressions, parsed, strict=True):
-        try:
-            result = _fit_one(dataclasses.replace(task, requested=text, terms=terms), table, seconds)
-        except GonioError as error:
-            if len(expressions) == 1:
-                raise
-            refused.append({"model": text, "refused": str(error)})
-            continue
-        if view is not None:
-            result.notes.insert(0, _scene_note(result, task.readings, view, choice))
-        settings.log(f"{text}: {_line(result)}")
-        results.append(result)
-    if not results:
-        raise GonioError(refused[0]["refused"])
-    if choice is not None:
-        rows = choice.rows() if settings.scene is None else choice.rows(settings.scene.tolerance)
-        return dataclasses.replace(results[0], alternatives=rows)
-    ranked = sorted(results, key=lambda r: (not r.converged, r.bic))
-    rows = [_alternative(r, ranked[0].bic) for r in ranked] + refused
-    return dataclasses.replace(ranked[0], alternatives=rows if len(expressions) > 1 else [])
+    tasks = [dataclasses.replace(task, requested=m, terms=t) for m, t in zip(expressions, parsed, strict=True)]
+    if len(tasks) > 1:
+        return _best(tasks, source, view, seconds)
+    result = _fit_one(tasks[0], source, view, choice, seconds)
+    return result if choice is None else dataclasses.replace(result, alternatives=choice.rows())
 
 
 def _task(table: Table, settings: FitSettings) -> FitTask:
@@ -139,8 +123,7 @@ def _loss(settings: FitSettings, readings: Readings) -> tuple[str, np.ndarray | 
 
 def _select(task: FitTask, view: Seen | None) -> tuple[str, tuple[Term, ...], Choice | SceneChoice]:
     """The expression that the readings ask for, its terms with their starts, and how it was selected."""
-    data = (task.layout, task.readings, task.loss, task.sigma)
-    settings = task.settings
+    data, settings = (task.layout, task.readings, task.loss, task.sigma), task.settings
     if view is None:
         return chosen_model(*data, settings.seed, settings.log)
     return chosen_for_scene(*data, view, settings.seed, settings.log)
@@ -148,25 +131,45 @@ def _select(task: FitTask, view: Seen | None) -> tuple[str, tuple[Term, ...], Ch
 
 def _in_scene(task: FitTask, view: Seen) -> FitTask:
     """The task on the readings of a scene, weighted by their effect on its radiance."""
-    readings = dataclasses.replace(
-        dataclasses.replace(task.readings, cell_weight=None).part(view.cells), cell_weight=view.weight
-    )
+    readings = dataclasses.replace(task.readings, cell_weight=None).part(view.cells)
     loss, sigma = ("linear", None) if task.settings.loss is None else _loss(task.settings, readings)
+    readings = dataclasses.replace(readings, cell_weight=view.weight)
     return dataclasses.replace(task, readings=readings, loss=loss, sigma=sigma, weight="scene")
 
 
-def _fit_one(task: FitTask, table: Table, seconds: dict[str, float]) -> FitResult:
+def _best(tasks: list[FitTask], table: Table, view: Seen | None, seconds: dict[str, float]) -> FitResult:
+    """The result of the lowest BIC, converged ones first, with all of them as alternatives."""
+    results, refused = [], []
+    for task in tasks:
+        try:
+            results.append(_fit_one(task, table, view, None, seconds))
+        except GonioError as error:
+            refused.append({"model": task.requested, "refused": str(error)})
+    if not results:
+        raise GonioError(refused[0]["refused"])
+    ranked = sorted(results, key=lambda r: (not r.converged, r.bic))
+    return dataclasses.replace(ranked[0], alternatives=[_alternative(r, ranked[0].bic) for r in ranked] + refused)
+
+
+def _fit_one(
+    task: FitTask, table: Table, view: Seen | None, choice: Choice | SceneChoice | None, seconds: dict[str, float]
+) -> FitResult:
     began = time.perf_counter()
     optima = fit_model(task)
-    result = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
-    result.notes.extend(_aperture_notes(table, result))
-    return result
-
-
-def _scene_note(result: FitResult, readings: Readings, view: Seen, choice: SceneChoice | None) -> str:
-    f = np.asarray(evaluate(result.brdf, readings.wi, readings.wo)).reshape(readings.f.shape[0], -1)
-    errors = judged(view, np.broadcast_to(f, readings.f.shape), readings)
-    return choice.words(view, *errors) if choice else scene_words(view, *errors)
+    r = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
+    r.notes.extend(_aperture_notes(table, r))
+    if view is not None:
+        f, y = np.asarray(evaluate(r.brdf, task.readings.wi, task.readings.wo)), task.readings.f
+        errors = judged(view, np.broadcast_to(f.reshape(y.shape[0], -1), y.shape), task.readings)
+        r.notes.insert(
+            0, choice.words(view, *errors) if isinstance(choice, SceneChoice) else scene_words(view, *errors)
+        )
+    verdict = "converged" if r.converged else f"NOT converged ({r.reason})"
+    task.settings.log(
+        f"{task.requested}: {verdict}, relative rms {r.metrics['relative_rms']:.3g}, BIC {r.bic:.6g}, "
+        f"{r.starts_agreed} of {r.starts} starts agree, {r.seconds['fit']:.2f} s"
+    )
+    return r
 
 
 def _aperture_notes(table: Table, r: FitResult) -> list[str]:
@@ -182,23 +185,9 @@ def _aperture_notes(table: Table, r: FitResult) -> list[str]:
     ]
 
 
-def _line(r: FitResult) -> str:
-    verdict = "converged" if r.converged else f"NOT converged ({r.reason})"
-    return (
-        f"{verdict}, relative rms {r.metrics['relative_rms']:.3g}, BIC {r.bic:.6g}, "
-        f"{r.starts_agreed} of {r.starts} starts agree, {r.seconds['fit']:.2f} s"
-    )
-
-
 def _alternative(r: FitResult, best: float) -> dict[str, Any]:
     return {
-        "model": r.requested,
-        "spelling": r.expression,
-        "bic": r.bic,
-        "bic_above_best": r.bic - best,
-        "free": len(r.free_names),
-        "converged": r.converged,
-        "relative_rms": r.metrics["relative_rms"],
-        "log_rms": r.metrics["log_rms"],
-        "seconds": r.seconds["fit"],
-    }
+        "model": r.requested, "spelling": r.expression, "bic": r.bic, "bic_above_best": r.bic - best,
+        "free": len(r.free_names), "converged": r.converged, "relative_rms": r.metrics["relative_rms"],
+        "log_rms": r.metrics["log_rms"], "seconds": r.seconds["fit"],
+    }  # fmt: skip

@@ -5,12 +5,13 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from gonio.models.geometry.directions import Direction
 
 PAGE = 16  # blocks of a page
 LANES = 16  # vectors of free numbers that a program takes side by side
+AnyArray = jax.Array | np.ndarray
 ALIGNED = 64  # bytes: what XLA asks of memory that it may use without a copy
 
 
@@ -24,24 +25,21 @@ class Samples(NamedTuple):
 
     wi: Direction  # components (B, n)
     wo: Direction
-    target: Float[Array, "B n C"]  # T(y c)
-    weight: Float[Array, "B n C"]
-    blocks: Array  # how many of the B are in use
-    floor: Array  # of the loss
+    target: Float[AnyArray, "B n C"]  # T(y c)
+    weight: Float[AnyArray, "B n C"]
+    blocks: AnyArray  # how many of the B are in use
+    floor: AnyArray  # of the loss
 
 
-def pages(data: Samples | list[Samples]) -> list[Samples]:
-    """The pages in use, each as `Samples` of `PAGE` blocks, without copies; those already made as they are."""
-    if isinstance(data, list):
-        return data
-    whole = jax.tree.map(np.asarray, data)
-    used, found = int(whole.blocks), []
+def pages(whole: Samples) -> list[Samples]:
+    """The pages in use, each as `Samples` of `PAGE` blocks, without copies."""
+    used, parts = int(whole.blocks), []
     for first in range(0, used, PAGE):
         cut = slice(first, first + PAGE)
         wi, wo = (Direction(*(c[cut] for c in w)) for w in (whole.wi, whole.wo))
         blocks = np.asarray(min(PAGE, used - first))
-        found.append(Samples(wi, wo, whole.target[cut], whole.weight[cut], blocks, whole.floor))
-    return found
+        parts.append(Samples(wi, wo, whole.target[cut], whole.weight[cut], blocks, whole.floor))
+    return parts
 
 
 def block_shape(n: int, channels: int) -> tuple[int, int]:

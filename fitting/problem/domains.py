@@ -7,11 +7,10 @@ curvature of the map is known in closed form and goes into the Hessian (`fitting
 
 import functools
 from types import ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 LINEAR, LOG, LOG1P = 0, 1, 2
 
@@ -19,9 +18,9 @@ LINEAR, LOG, LOG1P = 0, 1, 2
 class Domains(NamedTuple):
     """Closed domains of P parameters: kind of map, and bounds of the parameters; arrays of shape (P,)."""
 
-    kind: Array
-    low: Float[Array, " p"]
-    high: Float[Array, " p"]
+    kind: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
 
 
 def domain_kind(low: float, log: bool) -> int:
@@ -29,14 +28,14 @@ def domain_kind(low: float, log: bool) -> int:
     return LINEAR if not log else LOG if low > 0 else LOG1P
 
 
-def mapped(kind: Array, p: Array, xp: ModuleType = np) -> Array:
+def mapped(kind: np.ndarray, p: Any, xp: ModuleType = np) -> Any:
     """p in the coordinate in which its domain is even: itself, its logarithm, or that of 1 + p."""
     tiny = np.finfo(float).tiny
     log1p = xp.log1p(xp.where(kind == LOG1P, p, 0.0))  # linear ones may be −1 and below
     return xp.where(kind == LOG, xp.log(xp.maximum(p, tiny)), xp.where(kind == LOG1P, log1p, p))
 
 
-def unmapped(kind: Array, u: Array, xp: ModuleType = np) -> Array:
+def unmapped(kind: np.ndarray, u: Any, xp: ModuleType = np) -> Any:
     """The parameter at an even coordinate u: the inverse of `mapped`."""
     exponent = xp.where(kind == LINEAR, 0.0, u)
     return xp.where(kind == LINEAR, u, xp.where(kind == LOG, xp.exp(exponent), xp.expm1(exponent)))
@@ -44,12 +43,12 @@ def unmapped(kind: Array, u: Array, xp: ModuleType = np) -> Array:
 
 @functools.lru_cache(maxsize=256)
 def _known_span(kind: bytes, low: bytes, high: bytes) -> tuple[np.ndarray, np.ndarray]:
-    kind = np.frombuffer(kind, np.int64)
-    u_low, u_high = (mapped(kind, np.frombuffer(b, float)) for b in (low, high))
+    kinds = np.frombuffer(kind, np.int64)
+    u_low, u_high = (mapped(kinds, np.frombuffer(b, float)) for b in (low, high))
     return u_low, u_high - u_low
 
 
-def _span(d: Domains, xp: ModuleType) -> tuple[Array, Array]:
+def _span(d: Domains, xp: ModuleType) -> tuple[np.ndarray, np.ndarray]:
     """(low end, width) of the domains in the coordinates in which they are even."""
     if xp is np and d.low.ndim == 1 and d.low.dtype == d.high.dtype == float and d.kind.dtype == np.int64:
         return _known_span(*(a.tobytes() for a in d))
@@ -57,7 +56,7 @@ def _span(d: Domains, xp: ModuleType) -> tuple[Array, Array]:
     return u_low, mapped(d.kind, d.high, xp) - u_low
 
 
-def to_parameters(d: Domains, x: Float[Array, "*s p"], xp: ModuleType = jnp) -> tuple[Array, Array, Array]:
+def to_parameters(d: Domains, x: Any, xp: ModuleType = jnp) -> tuple[Any, Any, Any]:
     """(p, dp/dx, d²p/dx²) at unconstrained coordinates x, each of shape (..., P)."""
     u_low, width = _span(d, xp)
     sine, cosine = xp.sin(x), xp.cos(x)
@@ -80,7 +79,7 @@ def to_unconstrained(d: Domains, p: np.ndarray) -> np.ndarray:
     return np.arcsin(np.sqrt(np.clip(share, 1e-12, 1.0 - 1e-6)))
 
 
-def at_bounds(d: Domains, p: Float[Array, "*s p"]) -> tuple[np.ndarray, np.ndarray]:
+def at_bounds(d: Domains, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Which parameters lie on their lower, and which on their upper bound (to 1e-9 of the domain's size there)."""
     span = np.minimum(d.high - d.low, 1.0)
     return p - d.low <= 1e-9 * span, d.high - p <= 1e-9 * span

@@ -13,11 +13,12 @@ The floor ε is the noise where the table knows it (see `weights.loss_floor`).
 """
 
 from types import ModuleType
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 LOSSES = ("sigma", "linear", "cbrt", "log", "log1p")
 _GUESS = 6142909891733356544.0  # of the bits: (4/3) · 1023 · 2⁵², less what halves the worst error of the first guess
@@ -28,7 +29,7 @@ def uses_cosine(loss: str) -> bool:
     return loss in ("cbrt", "log")
 
 
-def transform(loss: str, v: Float[Array, "*v"], floor: Float[Array, ""] | float, xp: ModuleType = jnp):
+def transform(loss: str, v: Any, floor: Any, xp: ModuleType = jnp) -> tuple[Any, Any]:
     """(T(v), T'(v)) of a loss; shapes of v."""
     if loss == "cbrt":
         s = v * v + floor * floor
@@ -51,7 +52,7 @@ def floor_of(loss: str, compared: np.ndarray) -> float:
     return 0.01 * typical if typical > 0 else 1.0
 
 
-def inverse_cube_root(s: Float[Array, "*s"]) -> Float[Array, "*s"]:
+def inverse_cube_root(s: Any) -> Array:
     """s^(−1/3) for normal s > 0, any shape; to 2e-16 in double precision.
 
     A first guess within 4 % from the exponent [Kahan 1991], then two steps of fifth order for 1 − s y³ = 0: vectorised,

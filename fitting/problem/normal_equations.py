@@ -7,15 +7,17 @@ of free numbers; how many of both are in use is data, so that it serves every ta
 """
 
 import functools
+import operator
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
+import jax.core as jax_core
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from gonio.fitting.problem.blocks import LANES, PAGE, Samples, block_of
+from gonio.fitting.problem.blocks import LANES, PAGE, AnyArray, Samples, block_of
 from gonio.fitting.problem.losses import transform, uses_cosine
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
 from gonio.models.compiling import options
@@ -27,34 +29,34 @@ from gonio.models.geometry.directions import NORMAL, Direction
 class NormalEquations(NamedTuple):
     """Sums over all residuals r with the rows J of their Jacobian by the parameters; any leading axes."""
 
-    cost: Float[Array, "*s"]  # ½ Σ r²
-    gradient: Float[Array, "*s p"]  # Jᵀ r
-    matrix: Float[Array, "*s p p"]  # JᵀJ
+    cost: Float[np.ndarray, "*s"]  # ½ Σ r²
+    gradient: Float[np.ndarray, "*s p"]  # Jᵀ r
+    matrix: Float[np.ndarray, "*s p p"]  # JᵀJ
 
 
 class Request(NamedTuple):
     """What a program computes: for how many lanes; the score covariance too; of f itself, in place of its loss."""
 
-    lanes: Int[Array, ""]
-    scores: Bool[Array, ""]
-    plain: Bool[Array, ""]
+    lanes: Int[AnyArray, ""]
+    scores: Bool[AnyArray, ""]
+    plain: Bool[AnyArray, ""]
 
 
 class _Lobes(NamedTuple):
     """Lobe of each term at strength 1 (T, C, n), and its slope by each shape (shapes, C, n); C may be 1."""
 
-    values: Float[Array, "t c *n"]
-    slopes: Float[Array, "s c *n"]
+    values: Float[AnyArray, "t c *n"]
+    slopes: Float[AnyArray, "s c *n"]
 
 
 class _Strengths(NamedTuple):
     """Strength of each term (T, C), and by what ∂f/∂(free parameter) is a multiple of its lobe or slope (groups, C)."""
 
-    terms: Float[Array, "t c"]
-    factors: Float[Array, "g c"]
+    terms: Float[AnyArray, "t c"]
+    factors: Float[AnyArray, "g c"]
 
 
-def _term_values(s: Parameterisation, index: int, p: Float[Array, " p"], fixed: FixedValues) -> dict[str, Array]:
+def _term_values(s: Parameterisation, index: int, p: Float[AnyArray, " p"], fixed: FixedValues) -> dict[str, Array]:
     """Values of a term's parameters by path: fixed ones, and free ones out of the vector p."""
     values: dict[str, Any] = dict(fixed[index])
     for g in s.free:
@@ -63,7 +65,7 @@ def _term_values(s: Parameterisation, index: int, p: Float[Array, " p"], fixed: 
     return values
 
 
-def _strengths(s: Parameterisation, p: Float[Array, " p"], fixed: FixedValues) -> _Strengths:
+def _strengths(s: Parameterisation, p: Float[AnyArray, " p"], fixed: FixedValues) -> _Strengths:
     terms, factors = [], [jnp.ones(())] * len(s.free)
     for index in range(len(s.frames)):
         free = [(k, g) for k, g in enumerate(s.free) if g.term == index]
@@ -81,7 +83,7 @@ def _stacked(arrays: list[Array], shape: tuple[int, ...]) -> Array:
 
 
 def _lobes_at_sample(
-    s: Parameterisation, p: Float[Array, " p"], fixed: FixedValues, wi: Direction, wo: Direction
+    s: Parameterisation, p: Float[AnyArray, " p"], fixed: FixedValues, wi: Direction, wo: Direction
 ) -> _Lobes:
     """The lobes at one sample; C is 1 where no shape differs between channels.
 
@@ -115,15 +117,16 @@ def _lobes_at_sample(
     return _Lobes(_stacked(lobes, width), _stacked(slopes_of, width))
 
 
-def _lobes(s: Parameterisation, p: Float[Array, " p"], fixed: FixedValues, wi: Direction, wo: Direction) -> _Lobes:
+def _lobes(s: Parameterisation, p: Float[AnyArray, " p"], fixed: FixedValues, wi: Direction, wo: Direction) -> _Lobes:
     return jax.vmap(lambda i, o: _lobes_at_sample(s, p, fixed, i, o), out_axes=-1)(wi, wo)
 
 
-def _sum_of_lobes(lobes: _Lobes, strengths: _Strengths) -> Float[Array, "c n"]:
-    return sum(lobe * strength[:, None] for lobe, strength in zip(lobes.values, strengths.terms, strict=True))
+def _sum_of_lobes(lobes: _Lobes, strengths: _Strengths) -> Float[AnyArray, "c n"]:
+    each = (lobe * strength[:, None] for lobe, strength in zip(lobes.values, strengths.terms, strict=True))
+    return functools.reduce(operator.add, each)
 
 
-def _rows(s: Parameterisation, lobes: _Lobes, strengths: _Strengths) -> list[Float[Array, "c n"]]:
+def _rows(s: Parameterisation, lobes: _Lobes, strengths: _Strengths) -> list[Float[AnyArray, "c n"]]:
     """∂f/∂(free parameter) of each free parameter."""
     shapes = iter(lobes.slopes)
     order = sorted(range(len(s.free)), key=lambda k: (s.free[k].term, k))
@@ -131,7 +134,7 @@ def _rows(s: Parameterisation, lobes: _Lobes, strengths: _Strengths) -> list[Flo
     return [rows[k] * strengths.factors[k][:, None] for k in range(len(s.free))]
 
 
-def _computed(always: Bool[Array, ""], function: Callable[[], Any]) -> Any:
+def _computed(always: Bool[AnyArray, ""], function: Callable[[], Any]) -> Any:
     """The function's values, written to memory: a branch that is always taken, which XLA cannot know.
 
     XLA would otherwise compute lobes again for every channel, and losses for every derivative that uses them.
@@ -141,7 +144,7 @@ def _computed(always: Bool[Array, ""], function: Callable[[], Any]) -> Any:
     leaves, tree = jax.tree.flatten(shapes)
     computed = jax.lax.cond(
         always,
-        lambda: jax.core.eval_jaxpr(traced.jaxpr, traced.consts),
+        lambda: jax_core.eval_jaxpr(traced.jaxpr, traced.consts),
         lambda: [jnp.zeros(h.shape, h.dtype) for h in leaves],
     )
     return jax.tree.unflatten(tree, computed)
@@ -150,12 +153,12 @@ def _computed(always: Bool[Array, ""], function: Callable[[], Any]) -> Any:
 def _block(
     s: Parameterisation,
     loss: str,
-    p: Float[Array, " p"],
+    p: Float[AnyArray, " p"],
     fixed: FixedValues,
     page: Samples,
-    b: Int[Array, ""],
-    plain: Bool[Array, ""],
-) -> tuple[Float[Array, "c g n"], Float[Array, "c n"]]:
+    b: Int[AnyArray, ""],
+    plain: Bool[AnyArray, ""],
+) -> tuple[Float[AnyArray, "c g n"], Float[AnyArray, "c n"]]:
     """(residuals and under them their derivatives (C, 1 + groups, n), the model's f (C, n)) of block b."""
     wi, wo = (Direction(*(c[b] for c in w)) for w in (page.wi, page.wo))
     always = b < page.blocks
@@ -240,8 +243,8 @@ def summed(s: Parameterisation, squares: Float[np.ndarray, "S C g g"]) -> Normal
 
 @functools.partial(jax.jit, static_argnums=0)
 def sensitivities(
-    s: Parameterisation, p: Float[Array, " p"], fixed: FixedValues, wi: Direction, wo: Direction
-) -> tuple[Float[Array, "n c"], Float[Array, "n g c"]]:
+    s: Parameterisation, p: Float[AnyArray, " p"], fixed: FixedValues, wi: Direction, wo: Direction
+) -> tuple[Float[AnyArray, "n c"], Float[AnyArray, "n g c"]]:
     """(f (n, C), ∂f/∂(free parameter) (n, groups, C)) at directions of shape (n,)."""
     strengths, lobes = _strengths(s, p, fixed), _lobes(s, p, fixed, wi, wo)
     rows = _rows(s, lobes, strengths)

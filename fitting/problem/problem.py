@@ -84,7 +84,7 @@ class FitProblem:
         """Floor of the loss, in the units of what it compares."""
         return float(self.samples.floor)
 
-    @functools.cached_property
+    @property
     def linear(self) -> np.ndarray:
         """Which free numbers (P,) f is proportional to."""
         return self.parameters.linear
@@ -146,7 +146,7 @@ class FitProblem:
         total = _total(squares, 1)
         equations, outer = (summed(self.parameters, total[:, k]) for k in range(2))
         f = f.reshape(-1, self.parameters.channels)[: self.weight.shape[0]]
-        one = NormalEquations(float(equations.cost[0]), equations.gradient[0], equations.matrix[0])
+        one = NormalEquations(equations.cost[0], equations.gradient[0], equations.matrix[0])
         return Evaluation(one, outer.matrix[0] if scores else None, f)
 
     def model_values(self, p: np.ndarray) -> np.ndarray:

@@ -49,15 +49,16 @@ class SceneChoice:
     asked_for: Allowed  # what the data ask for, whatever the scene
     met: bool
     choice: Choice
+    tolerance: float
 
-    def rows(self, tolerance: float) -> list[dict]:
+    def rows(self) -> list[dict]:
         """What was tried as plain data, cheapest first."""
         known = {row["model"]: row for row in self.choice.rows()}
 
         def verdict(a: Allowed) -> str:
             if a is self.taken:
                 return "chosen: the cheapest within the tolerance" if self.met else "chosen: what the data ask for"
-            if a.error > tolerance:
+            if a.error > self.tolerance:
                 return "beyond the tolerance"
             return "within the tolerance, dearer" if a.tried.size <= self.choice.chosen.size else "not asked for"
 
@@ -108,7 +109,7 @@ def chosen_for_scene(
     best = taken or asked_for
     text = best.tried.spelled
     terms = _started(with_defaults(parse(text)), best.tried, found.channels, readings.f.shape[1])
-    return text, terms, SceneChoice(options, best, asked_for, taken is not None, found)
+    return text, terms, SceneChoice(options, best, asked_for, taken is not None, found, look.scene.tolerance)
 
 
 def _started(terms: tuple[Term, ...], t: Tried, seen: int, channels: int) -> tuple[Term, ...]:

@@ -5,7 +5,7 @@ import numpy as np
 from gonio.fitting.problem.domains import snapped
 from gonio.fitting.selection.candidate_model import CandidateProblem, Number, Part, Scenery, numbers_of
 from gonio.fitting.solver.initial_guess import APART, WIDTHS, solve_amounts
-from gonio.fitting.solver.levenberg_marquardt import minimise
+from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
 from gonio.models.expression.paths import FACTOR
 
 NEW = {"f0": 0.1, "gamma": 2.2, "r": 0.3, "rho": 0.3, FACTOR: 0.1, "alpha": 0.3, "alpha_x": 0.25, "alpha_y": 0.4}
@@ -47,7 +47,7 @@ def fitted(parts: tuple[Part, ...], p: np.ndarray, s: Scenery) -> tuple[np.ndarr
             ]
             starts.append(np.where(missing, new, p))
         starts = _with_amounts(problem, np.stack(starts))[:REFINED]
-    ends = minimise(problem, starts, rough=ROUGH, most=STEPS)
+    ends = minimise(problem, starts, Stopping(rough=ROUGH, most=STEPS))
     best = min(ends, key=lambda end: end.cost if np.isfinite(end.cost) else np.inf)
     return snapped(problem.domains, best.p), 2.0 * best.cost
 

@@ -2,13 +2,12 @@
 
 from typing import NamedTuple
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 
 from gonio.fitting.problem.domains import Domains, at_bounds
 from gonio.fitting.problem.normal_equations import NormalEquations
 
-DOUBLE, FLOAT = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)
 STATIONARY = 1e-6  # largest projected gradient of a stationary fit, in double precision
 SINGLE = 16.0  # roundings of what is compared, from which on a gradient in single precision says nothing
 EXACT = 1e3  # of the rounding of the data: residuals up to there are none
@@ -40,7 +39,7 @@ def stationarity(d: Domains, p: np.ndarray, equations: NormalEquations) -> Stati
 
 def eps() -> float:
     """Relative spacing of the numbers that programs are compiled for."""
-    return DOUBLE if jax.config.jax_enable_x64 else FLOAT
+    return float(np.finfo(jnp.result_type(float)).eps)
 
 
 def is_double() -> bool:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from jaxtyping import Float
 
 from gonio.fitting.problem.blocks import LANES
 from gonio.fitting.problem.domains import Domains, to_parameters, to_unconstrained
@@ -66,8 +65,26 @@ class Descent:
         return float(self.equations.cost)
 
 
-class _Ends(NamedTuple):
-    """The last accepted points of S descents."""
+class Stopping(NamedTuple):
+    """When descents end.
+
+    `near`: the starts are near minima, and need no damping at first. `rough`: factor by which the limits of
+    stationarity are relaxed. `rivals`: only the lowest end matters; a descent that will not reach it may stop where it
+    is. `enough`: decrease of the cost, promised by a Newton step, below which a descent may stop. `most`: steps.
+    """
+
+    near: bool = False
+    rough: float = 1.0
+    rivals: bool = False
+    enough: float = 0.0
+    most: int = MAX_STEPS
+
+
+AFAR, NEAR = Stopping(), Stopping(near=True)
+
+
+class _Points(NamedTuple):
+    """What is known at the points of S descents."""
 
     p: np.ndarray
     cost: np.ndarray
@@ -79,70 +96,60 @@ class _Ends(NamedTuple):
 
 
 def minimise(
-    problem: LeastSquares,
-    starts: Sequence[np.ndarray] | Float[np.ndarray, "s p"],
-    near: bool = False,
-    rough: float = 1.0,
-    rivals: bool = False,
-    enough: float = 0.0,
-    most: int = MAX_STEPS,
+    problem: LeastSquares, starts: Sequence[np.ndarray] | np.ndarray, stopping: Stopping = AFAR
 ) -> list[Descent]:
     """The ends of descents from parameters (P,), `LANES` of them side by side.
 
     Args:
         problem: what is minimised.
-        starts: parameters of each start.
-        near: the starts are near minima, and need no damping at first.
-        rough: factor by which the limits of stationarity are relaxed.
-        rivals: only the lowest end matters; a descent that will not reach it may stop where it is.
-        enough: decrease of the cost, promised by a Newton step, below which a descent may stop.
-        most: steps of each descent.
+        starts: parameters of each start; at most `LANES` where each has domains of its own.
+        stopping: when a descent ends.
     """
-    if len(starts) > LANES:
-        return [
-            end
-            for first in range(0, len(starts), LANES)
-            for end in minimise(problem, starts[first : first + LANES], near, rough, rivals, enough, most)
-        ]
-    x = to_unconstrained(problem.domains, np.stack(list(starts)))
-    number, free = x.shape
-    size = padded_size(free)
+    blocks = (starts[first : first + LANES] for first in range(0, len(starts), LANES))
+    return [end for block in blocks for end in _descend(problem, np.stack(list(block)), stopping)]
+
+
+def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> list[Descent]:
+    trial = to_unconstrained(problem.domains, starts)
+    number, free = trial.shape
+    size, linear = padded_size(free), problem.linear
     start = np.zeros((LANES, size))
-    start[:number, :free] = x
-    lanes, trial = fresh(size, UNDAMPED if near else DAMPED, is_double())._replace(trial=start, y=start), x
+    start[:number, :free] = trial
+    lanes = fresh(size, UNDAMPED if stopping.near else DAMPED, is_double())._replace(trial=start, y=start)
     active, steps = np.arange(LANES) < number, np.zeros(number, int)
-    ends: _Ends | None = None
-    target_norm_squared, relaxed = np.asarray(float(problem.target_norm_squared)), np.asarray(float(rough))
-    for _ in range(most):
-        now, normal = _evaluate(problem, trial, active[:number])
-        lanes, report = advance(lanes, packed_up(normal, size), active, target_norm_squared, relaxed)
+    finished = refused = settled = np.zeros(number, bool)
+    points: _Points | None = None
+    limits = np.asarray(float(problem.target_norm_squared)), np.asarray(float(stopping.rough))
+    for _ in range(stopping.most):
+        now, normal = _evaluate(problem, trial, active[:number], linear)
+        lanes, report = advance(lanes, packed_up(normal, size), active, *limits)
         report = np.asarray(report)[:number]
         trial, (accepted, finished, refused, settled) = report[:, :free], report[:, size:].T > 0
         taken = accepted & active[:number]
-        ends = now if ends is None else _Ends(
-            *(np.where(taken.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(now, ends, strict=True))
+        points = now if points is None else _Points(
+            *(np.where(taken.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(now, points, strict=True))
         )  # fmt: skip
         steps += active[:number]
-        active[:number] &= ~(finished | (taken & (now.promised < enough)))
-        if rivals:
-            active[:number] &= ~(ends.cost - HOPE * ends.promised > np.min(ends.cost))
+        active[:number] &= ~(finished | (taken & (now.promised < stopping.enough)))
+        if stopping.rivals:
+            active[:number] &= ~(points.cost - HOPE * points.promised > np.min(points.cost))
         if not active.any():
             break
+    assert points is not None
     # So near, the last step is as good as taken.
-    settled = (settled | (ends.promised < enough)) & ~ends.exact
-    p = np.where(settled[:, None], to_parameters(problem.domains, trial, np)[0], ends.p)
-    cost = np.where(settled, ends.cost - ends.promised, ends.cost)
-    good = finished & ~refused
+    settled = (settled | (points.promised < stopping.enough)) & ~points.exact
+    p = np.where(settled[:, None], to_parameters(problem.domains, trial, np)[0], points.p)
+    cost = np.where(settled, points.cost - points.promised, points.cost)
     return [
         Descent(
-            p[k], NormalEquations(cost[k], ends.gradient[k], ends.matrix[k]), float(ends.stationarity[k]),
-            bool(ends.exact[k]), int(steps[k]), bool(good[k]),
+            p[k], NormalEquations(cost[k], points.gradient[k], points.matrix[k]), float(points.stationarity[k]),
+            bool(points.exact[k]), int(steps[k]), bool(finished[k] and not refused[k]),
         )
         for k in range(number)
     ]  # fmt: skip
 
 
-def _evaluate(problem: LeastSquares, x: np.ndarray, active: np.ndarray) -> tuple[_Ends, Normal]:
+def _evaluate(problem: LeastSquares, x: np.ndarray, active: np.ndarray, linear: np.ndarray) -> tuple[_Points, Normal]:
     """The active points at coordinates x (S, P), by the parameters and by the coordinates."""
     d = problem.domains
     p, slope, curvature = to_parameters(d, x, np)
@@ -156,10 +163,10 @@ def _evaluate(problem: LeastSquares, x: np.ndarray, active: np.ndarray) -> tuple
         measure = stationarity(d, p, equations).projected_gradient
         exact = 2.0 * equations.cost <= (30.0 * eps()) ** 2 * float(problem.target_norm_squared)
         gradient = equations.gradient * slope
-        of = np.stack([np.ones_like(problem.linear), problem.linear])
+        of = np.stack([np.ones_like(linear), linear])
         (_, projection), (promised, gain) = _newton(hessian, gradient, of)
         normal = Normal(equations.cost, gradient, hessian, measure, exact, promised, projection, gain)
-    return _Ends(p, *equations, measure, exact, promised), normal
+    return _Points(p, *equations, measure, exact, promised), normal
 
 
 def _newton(hessian: np.ndarray, gradient: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -168,7 +175,7 @@ def _newton(hessian: np.ndarray, gradient: np.ndarray, of: np.ndarray) -> tuple[
     In the linear numbers alone [Golub & Pereyra 1973]: a trial in a curved valley is often refused for albedos and
     scales that do not fit its shapes.
     """
-    good = np.isfinite(hessian).all((1, 2)) & np.isfinite(gradient).all(1)
+    good = np.asarray(np.isfinite(hessian).all((1, 2)) & np.isfinite(gradient).all(1))
     slope = np.where(good[:, None], gradient, 0.0)
     lengths = np.sqrt(np.diagonal(hessian, axis1=1, axis2=2))
     lengths = np.where(good[:, None] & (lengths > 0), lengths, 1.0)

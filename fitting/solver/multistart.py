@@ -8,7 +8,7 @@ from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.subsample import coarse_cells
 from gonio.fitting.solver.convergence import eps
 from gonio.fitting.solver.initial_guess import starting_points
-from gonio.fitting.solver.levenberg_marquardt import Descent, minimise
+from gonio.fitting.solver.levenberg_marquardt import Descent, Stopping, minimise
 
 COARSE = 512
 EACH = 48  # samples for each free number, where these are many
@@ -43,7 +43,9 @@ def search(problem: FitProblem, given: np.ndarray, starts: int, seed: int) -> Se
     enough = max(COARSE, EACH * given.size)
     cells = coarse_cells(problem.readings, enough, seed) if n > WORTHWHILE * enough else np.arange(n)
     coarse = problem.subset(cells)
-    ends = minimise(coarse, starting_points(coarse, given, starts, seed), rough=1.0 if coarse is problem else ROUGH)
+    ends = minimise(
+        coarse, starting_points(coarse, given, starts, seed), Stopping(rough=1.0 if coarse is problem else ROUGH)
+    )
     best = _best(ends)
     if best is None:
         return None
@@ -53,10 +55,10 @@ def search(problem: FitProblem, given: np.ndarray, starts: int, seed: int) -> Se
     rest = distinct(ends, coarse.target_norm_squared)
     if n > WORTHWHILE * MIDDLE:
         some = np.sort(np.random.default_rng(seed).choice(n, MIDDLE, replace=False, shuffle=False))
-        rest = minimise(problem.subset(some), [e.p for e in rest], near=True, rough=ROUGH, rivals=True)
+        rest = minimise(problem.subset(some), [e.p for e in rest], Stopping(near=True, rough=ROUGH, rivals=True))
         least = min(e.cost for e in rest)
         rest = [e for e in distinct(rest, problem.target_norm_squared) if e.cost <= CLOSE * least] or rest
-    best = _best(minimise(problem, [e.p for e in rest], near=True, rivals=True)) or best
+    best = _best(minimise(problem, [e.p for e in rest], Stopping(near=True, rivals=True))) or best
     return Search(best, ends, agreed, cells)
 
 

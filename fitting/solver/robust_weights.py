@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.fitting.problem.problem import FitProblem
-from gonio.fitting.solver.levenberg_marquardt import Descent, minimise
+from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, minimise
 
 NORMAL_MAD = 1.482602218505602  # standard deviation of normal noise over its median absolute deviation
 TUKEY, HUBER_LIKE, FREEDOM = 4.685, 1.345, 4.0  # 95 % efficient for normal noise; Student's ν [Lange et al. 1989]
@@ -134,7 +134,7 @@ def _reweighted(problem: FitProblem, kind: str, p: np.ndarray, rounds: int) -> R
         scale = now if done < SCALED else scale
         kept = np.where(used, KINDS[kind](residual / scale).w, 1.0)
         weighted = problem.reweighted(problem.weight * np.sqrt(kept))
-        end = minimise(weighted, [p], near=True)[0]
+        end = minimise(weighted, [p], NEAR)[0]
         moved = np.max(np.abs(end.p - p) / np.maximum(np.abs(end.p), 1e-6), initial=0.0)
         p = end.p
         if moved < STEADY:

@@ -12,7 +12,7 @@ import numpy as np
 
 from gonio.fitting.problem.readings import Readings
 from gonio.fitting.residuals.pair_angles import neighbour_order
-from gonio.fitting.solver.levenberg_marquardt import minimise
+from gonio.fitting.solver.levenberg_marquardt import NEAR, minimise
 from gonio.fitting.solver.robust_weights import scales
 from gonio.fitting.uncertainty.covariance import NORMAL_95
 from gonio.fitting.uncertainty.optimum import Optimum
@@ -63,7 +63,7 @@ def bootstrap(e: Optimum, number: int, kind: str, seed: int) -> Bootstrap:
     """
     problem, readings = e.problem, e.readings
     residual, used = problem.residuals(e.model_f), problem.weight > 0
-    block, size = blocks_of(readings, residual / scales(residual, e.model_f, used), used.any(axis=1))
+    block, size = blocks_of(readings, residual / scales(residual, e.model_f, used), np.any(used, axis=1))
     blocks = int(block.max()) + 1
     rng = np.random.default_rng([seed, 0x626F6F74])
     model = problem.compared(e.model_f)
@@ -78,7 +78,7 @@ def bootstrap(e: Optimum, number: int, kind: str, seed: int) -> Bootstrap:
         else:
             signs = rng.choice((-1.0, 1.0), blocks)
             resampled = problem.retargeted(model + enlarged * signs[block][:, None] * deviation)
-        end = minimise(resampled, [e.p], near=True)[0]
+        end = minimise(resampled, [e.p], NEAR)[0]
         if np.isfinite(end.cost) and (end.exact or end.stationarity <= STATIONARY):
             refits.append(e.parameters.with_ordered_lobes(problem.fixed, end.p))
         else:

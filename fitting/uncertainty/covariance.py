@@ -161,7 +161,7 @@ def at_bounds_covariance(
     """
     active, reach = active_bound.copy(), np.full(active_bound.size, np.nan)
     spread = estimate.covariance(~active & ~zero_sensitivity)
-    for k in np.flatnonzero(active & ~zero_sensitivity):
+    for k in np.flatnonzero(active & ~zero_sensitivity).tolist():
         free = ~active & ~zero_sensitivity
         others = np.flatnonzero(free)
         free[k] = True

@@ -12,7 +12,7 @@ import numpy as np
 
 from gonio.fitting.problem.blocks import LANES
 from gonio.fitting.problem.domains import LINEAR, LOG, Domains
-from gonio.fitting.solver.levenberg_marquardt import minimise
+from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
 from gonio.fitting.uncertainty.covariance import FACTOR_OPEN, NORMAL_95, WIDE_OPEN, Covariance, open_from
 from gonio.fitting.uncertainty.optimum import Optimum
 
@@ -200,7 +200,7 @@ def _follow(e: Optimum, searches: list[_Search], budget: float) -> float:
             problem = dataclasses.replace(e.problem, domains=d._replace(low=low, high=high))
             enough = ENOUGH * min(s.allowed * s.deviations**2 for s in some)
             starts = [s.guess(d) for s in some]
-            ends = minimise(problem, starts, near=True, enough=enough, most=STEPS)
+            ends = minimise(problem, starts, Stopping(near=True, enough=enough, most=STEPS))
             budget -= sum(end.steps for end in ends) * samples
             for s, end in zip(some, ends, strict=True):
                 s.learn(end.p, end.cost - e.cost)

@@ -7,7 +7,7 @@ import pytest
 
 from gonio.fitting.problem.domains import LINEAR, LOG, Domains
 from gonio.fitting.problem.normal_equations import NormalEquations
-from gonio.fitting.solver.levenberg_marquardt import minimise
+from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
 
 DOMAINS = Domains(np.array([LINEAR, LOG]), np.array([0.0, 1e-3]), np.array([10.0, 1e3]))
 
@@ -67,5 +67,5 @@ def test_a_bound_is_reached():
 def test_rivals_that_cannot_win_stop_early():
     """A descent that begins at the minimum ends the others."""
     starts = [np.array([0.7, 4.0]), np.array([9.0, 500.0])]
-    alone, rivals = (minimise(Exponential(DECAY + 0.01), starts, near=True, rivals=r) for r in (False, True))
+    alone, rivals = (minimise(Exponential(DECAY + 0.01), starts, Stopping(near=True, rivals=r)) for r in (False, True))
     assert rivals[0].cost == pytest.approx(alone[0].cost) and rivals[1].steps <= alone[1].steps
