@@ -1,5 +1,4 @@
-"""The bones of a table's HDF5 file, laid out as netCDF-4 does: made empty here, filled by the writers, read
-back.
+"""The structure of a table's HDF5 file, laid out as netCDF-4 does: made empty here, filled by the writers, read back.
 
 The cells lie in contiguous datasets of reserved room: writing values never touches the file's metadata, so a
 killed writer leaves a readable file, and blocks may be written in any order.
@@ -9,9 +8,13 @@ import dataclasses
 import json
 import mmap
 import os
+import zlib
+from collections.abc import Mapping
+from typing import BinaryIO
 
 import h5py
 import numpy as np
+from numpy.typing import DTypeLike
 
 from gonio.data.channels import Channels
 from gonio.data.flags import FLAG_MEANINGS, Flag
@@ -23,76 +26,110 @@ PROVENANCE_ROOM = 512
 
 
 @dataclasses.dataclass(frozen=True)
-class Places:
-    """Where the cells of a file lie: bytes from its start, `u_f` None where the file stores one value for all."""
+class TableHeader:
+    """All that a table's file holds besides the values of its cells; the fields are those of `Table`."""
 
-    f: int
-    u_f: int | None
-    flag: int
-    dtype: np.dtype
+    layout: Layout
+    channels: Channels
+    dtype: DTypeLike = np.float64
+    """Of `f` and `u_f`: float32 or float64."""
+    provenance: dict = dataclasses.field(default_factory=dict)
+    name: str = ""
+    source_solid_angle: float | None = None
+    receiver_solid_angle: float | None = None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the variables: the layout's dimensions, then the channels."""
+        return (*self.layout.shape, len(self.channels))
+
+    def attributes(self) -> dict[str, object]:
+        """The root attributes."""
+        values = {
+            "Conventions": "CF-1.10",
+            "gonio_format": np.int32(GONIO_FORMAT),
+            "layout": self.layout.name,
+            "title": self.name or None,
+            "channel_names": json.dumps(list(self.channels.names)),
+            "provenance": json.dumps(self.provenance, sort_keys=True) + " " * PROVENANCE_ROOM,
+            "source_solid_angle_sr": self.source_solid_angle,
+            "receiver_solid_angle_sr": self.receiver_solid_angle,
+        }
+        return {name: value for name, value in values.items() if value is not None}
+
+
+@dataclasses.dataclass(frozen=True)
+class CellLocations:
+    """Where the cells of a file lie: offsets, bytes from its start, of the variables that store a value per cell."""
+
+    offsets: dict[str, int]
+    dtypes: dict[str, np.dtype]
     channels: int
 
-    def of(self, what: str) -> tuple[int, np.dtype]:
-        """(offset, dtype) of f, u_f or flag."""
-        return getattr(self, what), np.dtype(np.uint8) if what == "flag" else self.dtype
+    def write(self, file: BinaryIO, start: int, values: Mapping[str, np.ndarray | None]) -> int:
+        """Writes values of the cells from `start` on, (cells, channels) each; returns their check sum."""
+        crc = 0
+        for name, offset in self.offsets.items():
+            cells = np.ascontiguousarray(values[name], self.dtypes[name])
+            file.seek(offset + start * self.channels * cells.itemsize)
+            rest = memoryview(cells).cast("B")
+            crc = zlib.crc32(rest, crc)
+            while rest:  # an unbuffered file takes as many bytes as the system does at a time
+                rest = rest[file.write(rest) :]
+        return crc
+
+    def check_sum(self, file: BinaryIO, start: int, stop: int) -> int:
+        """The check sum of the cells start..stop as they lie in the file."""
+        crc = 0
+        for name, offset in self.offsets.items():
+            cell = self.channels * self.dtypes[name].itemsize
+            file.seek(offset + start * cell)
+            crc = zlib.crc32(file.read((stop - start) * cell), crc)
+        return crc
 
 
-def create(
-    path: str | os.PathLike,
-    layout: Layout,
-    channels: Channels,
-    dtype: np.dtype,
-    u_f: float | None,
-    attributes: dict,
-) -> Places:
+def create(path: str | os.PathLike, header: TableHeader, u_f: float | None) -> CellLocations:
     """Makes a whole file but for its cells. `u_f`: None keeps room for a value per cell, a number stands for all."""
-    dtype = np.dtype(dtype).newbyteorder("<")
+    dtype = np.dtype(header.dtype).newbyteorder("<")
     with h5py.File(path, "w", libver=("earliest", "v110")) as file:
-        for name, value in attributes.items():
-            if value is not None:
-                file.attrs[name] = value
-        scales = [*_axes(file, layout), _channels(file, channels)]
-        shape = (*layout.shape, len(channels))
+        file.attrs.update(header.attributes())
+        scales = [*_axes(file, header.layout), _channels(file, header.channels)]
         for name, kind in (("f", dtype), ("u_f", dtype), ("flag", np.dtype(np.uint8))):
-            node = _cells(file, name, shape, kind, u_f if name == "u_f" else None)
+            node = _cells(file, name, header.shape, kind, u_f if name == "u_f" else None)
             for dimension, scale in zip(node.dims, scales, strict=True):
                 dimension.attach_scale(scale)
-            if not layout.gridded:
-                node.attrs["coordinates"] = " ".join(layout.axes)
+            if not header.layout.gridded:
+                node.attrs["coordinates"] = " ".join(header.layout.axes)
         _describe(file)
-    return places(path)
+    return cell_locations(path)
 
 
-def places(path: str | os.PathLike) -> Places:
+def cell_locations(path: str | os.PathLike) -> CellLocations:
     """Where the cells of a file made by `create` lie."""
     with h5py.File(path, "r", locking=False) as file:
-        offset = {name: file[name].id.get_offset() for name in ("f", "u_f", "flag")}
-        return Places(**offset, dtype=file["f"].dtype, channels=file["f"].shape[-1])
+        nodes = {name: dataset(file, name) for name in ("f", "flag", "u_f")}
+        offsets = {name: node.id.get_offset() for name, node in nodes.items()}
+        stored = {name: offset for name, offset in offsets.items() if offset is not None}
+        return CellLocations(stored, {name: nodes[name].dtype for name in stored}, nodes["f"].shape[-1])
 
 
-def provenance_place(path: str | os.PathLike) -> tuple[int, int]:
+def dataset(file: h5py.File, name: str) -> h5py.Dataset:
+    """A variable of a file. Raises KeyError for another kind of object."""
+    node = file[name]
+    if not isinstance(node, h5py.Dataset):
+        raise KeyError(f"{name} is no variable")
+    return node
+
+
+def provenance_location(path: str | os.PathLike) -> tuple[int, int]:
     """(offset, length), bytes, of the provenance's text in a file made by `create`."""
     with h5py.File(path, "r", locking=False) as file:
-        text = file.attrs["provenance"].encode()
+        text = str(file.attrs["provenance"]).encode()
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
         return whole.find(text), len(text)
 
 
-def attributes_of(layout: Layout, channels: Channels, provenance: dict, source, receiver, name: str) -> dict:
-    """The root attributes of a table's file; None is left out."""
-    return {
-        "Conventions": "CF-1.10",
-        "gonio_format": np.int32(GONIO_FORMAT),
-        "layout": layout.name,
-        "title": name or None,
-        "channel_names": json.dumps(list(channels.names)),
-        "provenance": json.dumps(provenance, sort_keys=True) + " " * PROVENANCE_ROOM,
-        "source_solid_angle_sr": source,
-        "receiver_solid_angle_sr": receiver,
-    }
-
-
-def _axes(file, layout):
+def _axes(file: h5py.File, layout: Layout) -> list[h5py.Dataset]:
     scales = []
     long_names = {kind.name: kind.long_name for kind in layout.axis_kinds}
     for name, axis in layout.axes.items():
@@ -112,7 +149,7 @@ def _axes(file, layout):
     return scales
 
 
-def _channels(file, channels):
+def _channels(file: h5py.File, channels: Channels) -> h5py.Dataset:
     node = file.create_dataset("channel", data=list(channels.names), dtype=h5py.string_dtype())
     node.make_scale("channel")
     node.attrs["long_name"] = "spectral channel"
@@ -124,7 +161,7 @@ def _channels(file, channels):
     return node
 
 
-def _cells(file, name, shape, dtype, constant):
+def _cells(file: h5py.File, name: str, shape: tuple[int, ...], dtype: np.dtype, constant: float | None) -> h5py.Dataset:
     plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     plist.set_layout(h5py.h5d.CONTIGUOUS)
     plist.set_obj_track_times(False)
@@ -140,8 +177,8 @@ def _cells(file, name, shape, dtype, constant):
     return h5py.Dataset(h5py.h5d.create(file.id, name.encode(), kind, space, plist))
 
 
-def _describe(file):
-    f, u_f, flag = file["f"], file["u_f"], file["flag"]
+def _describe(file: h5py.File) -> None:
+    f, u_f, flag = (dataset(file, name) for name in ("f", "u_f", "flag"))
     f.attrs["units"] = u_f.attrs["units"] = "sr-1"
     f.attrs["long_name"] = "BRDF, radiance per irradiance, without the cosine"
     f.attrs["ancillary_variables"] = "u_f flag"

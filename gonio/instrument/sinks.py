@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from gonio.data.hdf5.writer import BlockWriter, open_table
+from gonio.data.hdf5.writer import BlockWriter, TableHeader, open_table
 from gonio.data.table import Table
 from gonio.data.tabulate import block_rows
 from gonio.instrument import provenance
@@ -102,10 +102,10 @@ class FileSink(Sink):
     def __init__(self, reader: Reader, settings: MeasureSettings):
         super().__init__(reader, settings)
         recipe = provenance.recipe(self.provenance, reader.material)
+        header = TableHeader(reader.layout, reader.material.channels, self.dtype, self.provenance, **self.metadata)
         self.writer = BlockWriter(
-            settings.output, reader.layout, reader.material.channels, self.dtype, recipe, self.provenance,
-            settings.force, u_f=reader.noisy, block_cells=self.block_cells, **self.metadata,
-        )  # fmt: skip
+            settings.output, header, recipe, settings.force, u_f=reader.noisy, block_cells=self.block_cells
+        )
         self.missing = [CellBlock(k, *self.writer.blocks[k]) for k in self.writer.missing_blocks()]
         done = len(self.writer.blocks) - len(self.missing)
         if done:

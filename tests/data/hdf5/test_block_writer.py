@@ -10,17 +10,18 @@ import time
 import numpy as np
 import pytest
 
-from gonio.data.hdf5 import block_writer
-from gonio.data.hdf5 import reader as hdf5_reading
-from gonio.data.hdf5.writer import BlockWriter, open_table, write_table
+from gonio.data.hdf5.schema import cell_locations
+from gonio.data.hdf5.writer import BlockWriter, TableHeader, open_table, write_table
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.models.errors import GonioError
 from support.tables import LAYOUTS, PROVENANCE, assert_same, random_table
 
 
 def writer(path, table, **options):
-    given = {"recipe": {"seed": 7}, "provenance": PROVENANCE, "name": "a name", "block_cells": 11} | options
-    return BlockWriter(path, table.layout, table.channels, table.f.dtype, source_solid_angle=1e-3, **given)
+    options = {"recipe": {"seed": 7}, "block_cells": 11} | options
+    provenance = options.pop("provenance", PROVENANCE)
+    header = TableHeader(table.layout, table.channels, table.f.dtype, provenance, "a name", source_solid_angle=1e-3)
+    return BlockWriter(path, header, **options)
 
 
 def fill(blocks, table):
@@ -71,7 +72,7 @@ def test_a_damaged_part_is_begun_anew_and_a_lost_block_written_again(tmp_path):
     part = tmp_path / "t.h5.part"
     with writer(path, table) as blocks:
         fill(blocks, table)
-        offset, _ = blocks._places.of("f")
+        offset = cell_locations(part).offsets["f"]
     with part.open("r+b") as file:
         file.seek(offset + 11 * 3 * 8 * 2 + 5)
         file.write(b"\x55\x55")
@@ -96,11 +97,11 @@ KILLED = """
     import sys, time
     import numpy as np
     from gonio.data import layouts
-    from gonio.data.hdf5.writer import BlockWriter
-    from gonio.data.table import Channels
+    from gonio.data.hdf5.writer import BlockWriter, TableHeader
+    from gonio.data.channels import Channels
 
-    grid = layouts.merl(counts=(30, 30, 60))
-    with BlockWriter(sys.argv[1], grid, Channels.rgb(), recipe={"seed": 1}, block_cells=1800) as blocks:
+    header = TableHeader(layouts.merl(counts=(30, 30, 60)), Channels.rgb())
+    with BlockWriter(sys.argv[1], header, recipe={"seed": 1}, block_cells=1800) as blocks:
         print("ready", flush=True)
         for k in blocks.missing_blocks():
             start, stop = blocks.blocks[k]
@@ -134,7 +135,6 @@ def test_the_modules_agree_on_what_a_bare_table_is(tmp_path):
     write_table(tmp_path / "t.h5", table)
     read = open_table(tmp_path / "t.h5")
     assert read.channels == Channels.grey() and read.receiver_solid_angle == 0.5 and read.u_f is None
-    assert hdf5_reading.LAZY_BYTES > block_writer.BLOCK_CELLS
 
 
 def test_what_is_known_at_the_end_is_written_over_the_room_kept_for_it(tmp_path):

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from gonio.data import layouts
-from gonio.data.hdf5.writer import BlockWriter, open_table, write_table
+from gonio.data.hdf5.writer import BlockWriter, TableHeader, open_table, write_table
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.models.errors import GonioError
 
 
 def test_an_unfinished_part_is_refused_and_says_how_far_it_is(tmp_path):
     grid, part = layouts.merl(counts=(4, 5, 6)), tmp_path / "t.h5.part"
-    with BlockWriter(tmp_path / "t.h5", grid, Channels.grey(), block_cells=30, u_f=False) as blocks:
+    with BlockWriter(tmp_path / "t.h5", TableHeader(grid, Channels.grey()), block_cells=30, u_f=False) as blocks:
         for k in blocks.missing_blocks():
             with pytest.raises(GonioError, match=f"unfinished measurement \\({k} of 4 blocks\\)"):
                 open_table(part)

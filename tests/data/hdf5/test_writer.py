@@ -11,7 +11,7 @@ import xarray
 
 from gonio.data import layouts
 from gonio.data.flags import FLAG_MEANINGS, Flag
-from gonio.data.hdf5.writer import BlockWriter, open_table, write_table
+from gonio.data.hdf5.writer import BlockWriter, TableHeader, open_table, write_table
 from gonio.models.errors import GonioError
 from support.tables import LAYOUTS, assert_same, random_table
 
@@ -179,8 +179,8 @@ def test_nothing_is_overwritten_or_left_behind(tmp_path, monkeypatch):
 
     monkeypatch.setattr(os, "posix_fallocate", full)
     with pytest.raises(GonioError, match="no room on the disk"):
-        BlockWriter(tmp_path / "u.h5", table.layout, table.channels)
-    monkeypatch.setattr("gonio.data.hdf5.writer.write_all", full)
+        BlockWriter(tmp_path / "u.h5", TableHeader(table.layout, table.channels))
+    monkeypatch.setattr(os, "fsync", full)  # where delayed allocation fails
     with pytest.raises(GonioError, match="no room on the disk"):
         write_table(tmp_path / "u.h5", table)
     assert [p.name for p in tmp_path.iterdir()] == ["t.h5"]
