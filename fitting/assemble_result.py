@@ -17,6 +17,7 @@ from gonio.fitting.uncertainty.identifiability import undetermined_sentences
 from gonio.fitting.uncertainty.optimum import Optimum
 from gonio.fitting.uncertainty.profile_likelihood import with_profiles
 from gonio.models.expression.builder import build, to_expression
+from gonio.models.expression.labels import number_label
 from gonio.models.expression.parser import Term
 from gonio.models.expression.paths import FACTOR, last, numbers
 
@@ -163,7 +164,7 @@ def _fixed(terms: tuple[Term, ...], e: Optimum, channels: Channels) -> list[Para
             values = np.atleast_1d(np.asarray(n.value.number, float)).tolist()
             for c, value in enumerate(values):
                 channel = channels.names[c] if len(values) > 1 else None
-                name, domain = e.parameters.label(index, n.path), (n.info.low, high)
+                name, domain = number_label(e.parameters.frames, index, n.path), (n.info.low, high)
                 nothing = (value, value)
                 estimates.append(ParameterEstimate(name, channel, value, 0.0, nothing, "fixed", n.info.unit, *domain))
     return estimates
