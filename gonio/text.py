@@ -1,6 +1,8 @@
 """Plain text for terminals and pipes alike: aligned columns, numbers at a readable length."""
 
+import importlib.metadata
 import math
+import platform
 import sys
 from collections.abc import Sequence
 
@@ -23,6 +25,14 @@ def columns(rows: Sequence[Sequence[str]], header: Sequence[str] | None = None) 
 def number(value: float | None, digits: int = 6) -> str:
     """A number in at most so many significant digits; a dash where there is none."""
     return "–" if value is None or math.isnan(value) else f"{value:.{digits}g}"
+
+
+def versions(*packages: str) -> dict[str, str]:
+    """Versions of gonio, Python and these packages."""
+    from gonio import __version__
+
+    named = {name: importlib.metadata.version(name) for name in packages}
+    return {"gonio": __version__, "python": platform.python_version(), **named}
 
 
 def power_of_ten(exponent: int) -> str:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from gonio.checks.certificate import Property
 from gonio.data.table import Channels
-from gonio.figures.style import AXIS_GREY, legend_above, shades
+from gonio.figures.style import AXIS_GREY, Dash, legend_above, shades
 from gonio.figures.ticks import degree_axis
 
 MOST_CURVES = 6
@@ -25,7 +25,7 @@ class AlbedoCurve:
     label: str
     colour: str
     marker: str | None = None
-    dash: object = "-"
+    dash: Dash = "-"
 
 
 def draw_albedo(ax: Axes, curves: Sequence[AlbedoCurve]) -> None:

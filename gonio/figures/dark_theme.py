@@ -40,7 +40,8 @@ def on_dark(colour: str) -> str:
         lab[0] = LEAST + (0.95 - LEAST) * np.clip((lab[0] - 0.3) / 0.5, 0, 1)
     linear = np.linalg.inv(_TO_LMS) @ (np.linalg.inv(_TO_LAB) @ lab) ** 3
     rgb = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.abs(linear) ** (1 / 2.4) - 0.055)
-    return to_hex(np.clip(rgb, 0, 1))
+    red, green, blue = np.clip(rgb, 0, 1)
+    return to_hex((red, green, blue))
 
 
 def variable(colour: str) -> str:
@@ -54,12 +55,12 @@ def themed(svg: str, accents: Iterable[str]) -> tuple[str, set[str]]:
     used: set[str] = set()
 
     def colour(match: re.Match) -> str:
-        found = match[0].lower()
-        level = {found[1:3], found[3:5], found[5:7]}
-        if found in (MARK_WHITE, MARK_BLACK) or (len(level) > 1 and found not in wanted):
+        code = match[0].lower()
+        channels = {code[1:3], code[3:5], code[5:7]}
+        if code in (MARK_WHITE, MARK_BLACK) or (len(channels) > 1 and code not in wanted):
             return match[0]
-        used.add(found)
-        return variable(found)
+        used.add(code)
+        return variable(code)
 
     def style(match: re.Match) -> str:
         return re.sub(r"#[0-9a-fA-F]{6}\b", colour, match[0])

@@ -68,12 +68,12 @@ def draw_lobe(ax: Axes, theta_i: float, f: np.ndarray, high: float, log: bool) -
     axis = projected(np.array([[-1.0, 0, 0], [1.0, 0, 0]]), TURN, TILT)
     ax.plot(axis[:, 0], axis[:, 1], color=AXIS_GREY, lw=0.6, ls=(0, (3, 2)))
     faces = PolyCollection(
-        quads[order][..., :2], facecolors=colormaps[MAP](level[order]), edgecolors="face", lw=0.3, rasterized=True
+        list(quads[order][..., :2]), facecolors=colormaps[MAP](level[order]), edgecolors="face", lw=0.3, rasterized=True
     )
     ax.add_collection(faces)
     t = math.radians(theta_i)
-    ray = projected(np.array([[-math.sin(t), 0, math.cos(t)], [0, 0, 0]]), TURN, TILT)
+    x, y, _ = projected(np.array([-math.sin(t), 0, math.cos(t)]), TURN, TILT)
     arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.1, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", xy=0.72 * ray[0, :2], xytext=ray[0, :2], arrowprops=arrow)
+    ax.annotate("", xy=(0.72 * x, 0.72 * y), xytext=(x, y), arrowprops=arrow)
     words = f"θᵢ = {theta_i:.4g}°, radius: " + (f"log f, {DECADES:.0f} decades" if log else "f")
     ax.text(-1.08, -0.44, words, color=FAINT, fontsize=9)

@@ -13,7 +13,7 @@ from matplotlib.patches import PathPatch, Wedge
 from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter
 
-from gonio.figures.style import AXIS_GREY, FAINT, INK, RULE, legend_above
+from gonio.figures.style import AXIS_GREY, FAINT, INK, RULE, Dash, legend_above
 from gonio.figures.ticks import decades_between, degree_axis, log_axis, sr_label
 
 DECADES = 6
@@ -28,7 +28,7 @@ class Curve:
     f: np.ndarray
     label: str
     colour: str
-    dash: object = "-"
+    dash: Dash = "-"
     marker: str | None = None
     """Drawn as points, never joined, where a marker is given."""
     theta_i: float | None = None

@@ -87,8 +87,8 @@ def model_values(
         _sphere_pairs(),
     ]
     pieces = iter(_evaluated(brdf, list(itertools.chain(*groups))))
-    *groups, spheres = [[next(pieces) for _ in group] for group in groups]
-    curves, compared, discs, meshes, (the_slice,) = [[_of_channel(f, channel) for f in group] for group in groups]
+    *values, spheres = [[next(pieces) for _ in group] for group in groups]
+    curves, compared, discs, meshes, (the_slice,) = [[of_channel(f, channel) for f in group] for group in values]
     return ModelValues(curves, compared, discs, meshes, the_slice, _lit(spheres, channels, channel))
 
 
@@ -101,7 +101,8 @@ def fewer_channels(table: Table, channel: int) -> tuple[Table, int]:
     return table.only([table.channels.names[k] for k in kept]), int(np.searchsorted(kept, channel))
 
 
-def _of_channel(f: np.ndarray, channel: int) -> np.ndarray:
+def of_channel(f: np.ndarray, channel: int) -> np.ndarray:
+    """One channel of values (n, channels), or the only one of a grey model."""
     return f[:, channel if f.shape[1] > 1 else 0]
 
 
@@ -124,7 +125,7 @@ def _linear_srgb(f_cos: np.ndarray, channels: Channels, channel: int) -> np.ndar
     radiance = np.pi * np.nan_to_num(f_cos)
     to_xyz = colour_matrix(channels)
     if to_xyz is None or radiance.shape[1] != to_xyz.shape[1]:
-        return np.repeat(_of_channel(radiance, channel)[:, None], 3, axis=1)
+        return np.repeat(of_channel(radiance, channel)[:, None], 3, axis=1)
     white = LINEAR_SRGB.sum(axis=1) / to_xyz.sum(axis=1)  # equal reflectances are grey
     return radiance @ (np.linalg.inv(LINEAR_SRGB) @ (white[:, None] * to_xyz)).T
 

@@ -22,6 +22,7 @@ from gonio.figures.lobes import Curve, draw_in_plane, draw_polar
 from gonio.figures.model_values import (
     INCIDENCES,
     fewer_channels,
+    of_channel,
     plane_angles,
     plane_values,
     slice_values,
@@ -30,7 +31,7 @@ from gonio.figures.model_values import (
 from gonio.figures.readings import in_plane_readings, readings_near, table_incidences
 from gonio.figures.residuals import draw_residual_histogram, draw_residual_map, median_grid
 from gonio.figures.spheres import draw_spheres, sphere_pixels, spheres_size
-from gonio.figures.style import HEIGHT, PALETTE, WIDTH, picture, shades, styled
+from gonio.figures.style import HEIGHT, PALETTE, WIDTH, legend_columns, picture, shades, styled
 from gonio.fitting.residuals.pair_angles import pair_angles
 from gonio.models.errors import GonioError, nearest
 from gonio.models.geometry.directions import to_half_difference
@@ -83,7 +84,7 @@ def plot_slice(subject: SubjectLike, *, channel: str | int | None = None, ax: Ax
     with styled():
         ax = new_axes(ax)
         if s.table is None:
-            f = _of_channel(slice_values(s.brdf), k)
+            f = of_channel(slice_values(s.brdf), k)
             draw_slice(ax, f, slice_range([f]))
         else:
             theta_h, theta_d, f = _slice_readings(s.table, k)
@@ -144,10 +145,10 @@ def plot_residuals(
         ax = new_axes(ax)
         if angles is None:
             draw_residual_histogram(ax, 100 * relative, in_sigma=False, colour=PALETTE[0])
-        elif tuple(angles) in (("theta_h", "theta_d"), ("theta_i", "theta_o")):
+        elif angles in (("theta_h", "theta_d"), ("theta_i", "theta_o")):
             of_pair = pair_angles(readings.wi, readings.wo)
             across, up = (np.broadcast_to(getattr(of_pair, a)[:, None], valid.shape)[valid] for a in angles)
-            draw_residual_map(ax, median_grid(across, up, relative, angles[0] == "theta_h"), tuple(angles))
+            draw_residual_map(ax, median_grid(across, up, relative, angles[0] == "theta_h"), angles)
         else:
             raise GonioError(
                 f"there is no map of residuals by {angles!r}; give theta_h and theta_d, or theta_i and theta_o"
@@ -182,7 +183,7 @@ def _above_legend(ax: Axes) -> float:
     legend = ax.get_legend()
     if legend is None:
         return 6.0
-    rows = math.ceil(len(legend.get_texts()) / legend._ncols)
+    rows = math.ceil(len(legend.get_texts()) / legend_columns([t.get_text() for t in legend.get_texts()]))
     return 6.0 + 13.0 * rows
 
 
@@ -195,10 +196,6 @@ def _channel(s: Subject, channel: str | int | None) -> int:
     if isinstance(channel, int | np.integer) and 0 <= channel < len(names):
         return int(channel)
     raise GonioError(f"there is no channel {channel!r}; {nearest(str(channel), names)}")
-
-
-def _of_channel(f: np.ndarray, channel: int) -> np.ndarray:
-    return f[:, channel if f.shape[1] > 1 else 0]
 
 
 def _degrees(theta_i: float | Sequence[float] | None) -> list[float]:
@@ -231,7 +228,7 @@ def _lobe_curves(s: Subject, incidences: list[float], channel: int) -> list[Curv
         values = [in_plane_readings(near) for near in readings_near(s.table, incidences)]
         marker = "o"
     return [
-        Curve(x, _of_channel(f, channel), label, tone, marker=marker, theta_i=t)
+        Curve(x, of_channel(f, channel), label, tone, marker=marker, theta_i=t)
         for (x, f), label, tone, t in zip(values, labels, tones, incidences, strict=True)
     ]
 

@@ -49,7 +49,7 @@ def draw_p_values(ax: Axes, theta: np.ndarray, p: np.ndarray, level: float) -> N
         if np.isfinite(value):
             bright = norm(max(value, floor)) > 0.55
             ax.text(
-                theta[column], theta[row], _short(value, floor), ha="center", va="center", fontsize=7.5,
+                float(theta[column]), float(theta[row]), _short(value, floor), ha="center", va="center", fontsize=7.5,
                 color=MARK_BLACK if bright else MARK_WHITE, weight="bold" if value < level else "normal",
             )  # fmt: skip
     bar = colour_bar(ax, image, f"p-value (line: level {level:g})", extend="min")

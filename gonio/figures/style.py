@@ -11,7 +11,7 @@ import re
 import threading
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib
 import numpy as np
@@ -22,10 +22,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 # Okabe & Ito 2008, without its yellow (too pale for a line on white); the order keeps neighbours far apart.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4D4D4D")
-DASHES = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.5, 1.2, 1.5)), (0, (9, 2)))
+DASHES = ((), (5.0, 1.6), (1.2, 1.4), (6.0, 1.5, 1.2, 1.5), (9.0, 2.0))
+Dash = str | tuple[int, tuple[float, ...]]
 MARKERS = ("o", "s", "^", "D", "v")
 INK, FAINT, RULE = "#222222", "#6b6b6b", "#dcdcdc"
 MARK_WHITE, MARK_BLACK = "#fefefe", "#010101"
@@ -34,7 +36,7 @@ AXIS_GREY = "#8a8a8a"
 
 WIDTH, HEIGHT = 4.9, 3.55  # inches of 72 units each: 353 by 256
 
-_RC = {
+_RC: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "gonio",
     "text.parse_math": False,  # names come from strangers' files: a dollar sign is a dollar sign
@@ -81,15 +83,16 @@ def styled() -> Iterator[None]:
 
 def panel(width: float, height: float) -> tuple[Figure, Axes]:
     """A transparent figure of one axes, inches; only inside `styled`."""
-    fig = Figure(figsize=(width, height), layout="constrained", facecolor="none")
-    fig.get_layout_engine().set(w_pad=0.03, h_pad=0.03)
+    fig = Figure(
+        figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03), facecolor="none"
+    )  # fmt: skip
     return fig, fig.add_subplot(facecolor="none")
 
 
 def mix(colour: str, other: str, share: float) -> str:
     """Linear mixture of two colours, as a hex string; `share` is that of `other`."""
-    a, b = np.array(to_rgb(colour)), np.array(to_rgb(other))
-    return to_hex((1 - share) * a + share * b)
+    r, g, b = (1 - share) * np.array(to_rgb(colour)) + share * np.array(to_rgb(other))
+    return to_hex((r, g, b))
 
 
 def shades(colour: str, count: int) -> list[str]:
@@ -98,9 +101,21 @@ def shades(colour: str, count: int) -> list[str]:
     return [mix(colour, "white" if s > 0 else "black", abs(s)) for s in steps]
 
 
-def colour_of(number: int) -> tuple[str, object]:
-    """(colour, dash pattern) of the subject or model of this number: no two of the first 35 are alike."""
-    return PALETTE[number % len(PALETTE)], DASHES[number // len(PALETTE) % len(DASHES)]
+class LineStyle(NamedTuple):
+    """Colour and lengths of dashes and gaps, none for a solid line."""
+
+    colour: str
+    lengths: tuple[float, ...]
+
+    @property
+    def dash(self) -> Dash:
+        """As matplotlib takes it."""
+        return (0, self.lengths) if self.lengths else "-"
+
+
+def colour_of(number: int) -> LineStyle:
+    """The line of the subject or model of this number: no two of the first 35 are alike."""
+    return LineStyle(PALETTE[number % len(PALETTE)], DASHES[number // len(PALETTE) % len(DASHES)])
 
 
 def legend_columns(labels: Sequence[str]) -> int:
@@ -129,7 +144,8 @@ def legend_above(ax: Axes) -> None:
 def colour_bar(ax: Axes, mapped: ScalarMappable, label: str, extend: str = "neither") -> Colorbar:
     """A colour bar on the right of the axes."""
     bar = ax.figure.colorbar(mapped, ax=ax, pad=0.02, aspect=28, extend=extend)
-    bar.solids.set_rasterized(True)
+    if bar.solids is not None:
+        bar.solids.set_rasterized(True)
     bar.outline.set_visible(False)
     bar.set_label(label)
     return bar
@@ -199,6 +215,6 @@ def _tidy(text: str, label: str) -> str:
 
     text = re.sub(r"<[^>]*>", tag, text)
     text = re.sub(r">\s+<", "><", text)
-    viewbox = re.search(r'viewBox="[^"]*"', text)[0]
+    viewbox = "".join(re.findall(r'viewBox="[^"]*"', text)[:1])
     opening = f'<svg {viewbox} role="img" aria-label="{html.escape(label, quote=True)}" class="panel">'
     return re.sub(r"<svg[^>]*>", lambda m: opening, text, count=1)

@@ -77,6 +77,7 @@ class Column(NamedTuple):
     weight: jax.Array
 
 
+Array = jax.Array | np.ndarray
 Tolerance = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(values (n, channels), numbers of their cells (n,)) → allowed errors (n, channels)."""
 
@@ -118,7 +119,9 @@ def irradiance(cos_theta: np.ndarray, half_angle: float) -> np.ndarray:
     if not index.size or half_angle == 0:
         return cosine
     theta = np.arccos(np.clip(np.asarray(cos_theta)[index], -1.0, 1.0))
-    cosine[index] = np.asarray(projected_cap(half_angle, theta)) / (math.pi * math.sin(half_angle) ** 2)
+    cosine[index] = np.asarray(projected_cap(jnp.asarray(half_angle), jnp.asarray(theta))) / (
+        math.pi * math.sin(half_angle) ** 2
+    )
     return cosine
 
 
@@ -168,8 +171,8 @@ class _Climb:
 
         def call(start: int) -> list[np.ndarray]:
             lanes = [_lanes(w[:, start : start + per_call], split, per_call) for w in axes]
-            discs = [Disc(*disc) for disc in zip(lanes, radii, rules, strict=True)]
-            total, *rest = _kernel(self.brdf, *discs, first, np.asarray(split), self.crossing)
+            source, detector = (Disc(*disc) for disc in zip(lanes, radii, rules, strict=True))
+            total, *rest = _kernel(self.brdf, source, detector, first, np.asarray(split), self.crossing)
             return [np.asarray(a).reshape(per_call, split, -1) for a in (total.T, *rest)]
 
         values, missed = [], []
@@ -217,13 +220,13 @@ def _rule(n: int, m: int) -> Rule:
     if n == 1:
         columns[0, 2] = 0.0
     rows = np.stack(np.polynomial.legendre.leggauss(m), axis=1)
-    padded = (np.pad(a, ((0, NODES_MAX - len(a)), (0, 0))) for a in (columns, rows))
-    return Rule(*padded, np.asarray(n), np.asarray(m))
+    columns, rows = (np.pad(a, ((0, NODES_MAX - len(a)), (0, 0))) for a in (columns, rows))
+    return Rule(columns, rows, np.asarray(n), np.asarray(m))
 
 
 @eqx.filter_jit
 def _kernel(
-    brdf: AbstractBRDF, source: Disc, detector: Disc, first: jax.Array, stride: jax.Array, crossing: bool
+    brdf: AbstractBRDF, source: Disc, detector: Disc, first: Array, stride: Array, crossing: bool
 ) -> tuple[jax.Array, ...]:
     """Sums over the source's nodes first, first + stride, ... of each lane, and all of the detector's.
 
@@ -280,7 +283,7 @@ def _frame(disc: Disc, crossing: bool) -> Frame:
     return Frame(w, up, (-sin_p, cos_p), tan_s, psi_end)
 
 
-def _column(frame: Frame, node: jax.Array) -> Column:
+def _column(frame: Frame, node: Array) -> Column:
     """The nodes of one ψ in each lane's disc."""
     g, w_g, cos_psi, sin_psi, weight = node
     if frame.psi_end is not None:
@@ -290,7 +293,7 @@ def _column(frame: Frame, node: jax.Array) -> Column:
     return Column(frame.tan_s * cos_psi, frame.tan_s * sin_psi, weight)
 
 
-def _ray(frame: Frame, column: Column, node: jax.Array) -> tuple[Direction, jax.Array]:
+def _ray(frame: Frame, column: Column, node: Array) -> tuple[Direction, jax.Array]:
     """The direction of one node in each lane's disc, and its weight × cosθ (common factors left out)."""
     axis, up, (b_x, b_y) = frame.axis, frame.up, frame.across
     v, w_v = node

@@ -193,7 +193,10 @@ class Instrument(Displayed):
 
     def solid_angles(self) -> tuple[float, float]:
         """Solid angles of source and detector, sr; 0 for points."""
-        return tuple(4 * math.pi * math.sin(s / 2) ** 2 for s in (self.source_half_angle, self.detector_half_angle))
+        source, detector = (
+            4 * math.pi * math.sin(s / 2) ** 2 for s in (self.source_half_angle, self.detector_half_angle)
+        )
+        return source, detector
 
 
 def _with_unit(name: str, value: object) -> str:

@@ -12,7 +12,6 @@ values) counts down: −Poisson(|S|).
 
 import functools
 import math
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -70,60 +69,46 @@ def read(
     inputs = (low, high, expected.reshape(-1), np.repeat(irradiance, channels))
     key = jax.random.fold_in(jax.random.key(seed & 0xFFFFFFFF, impl="threefry2x32"), seed >> 32)
     key = jax.random.fold_in(key, STREAM)
-    chain = _signal_chain(instrument, gain)
-    readings, full = np.empty(number.size, expected.dtype), np.empty(number.size, bool)
-    for first in range(0, number.size, BATCH):
-        part = slice(first, min(first + BATCH, number.size))
-        padded = (np.pad(a[part], (0, BATCH - part.stop + first), mode="edge") for a in inputs)
-        batch = _batch(instrument.photons is not None, key, chain, *padded)
-        for whole, values in zip((readings, full), batch, strict=True):
-            whole[part] = np.asarray(values)[: part.stop - first]
-    return readings.reshape(expected.shape), full.reshape(expected.shape)
-
-
-class SignalChain(NamedTuple):
-    """Numbers of the law: standard deviations, counts a unit of f·E, background counts, saturation."""
-
-    noise: jax.Array
-    scale: jax.Array
-    background: jax.Array
-    read_noise: jax.Array
-    saturation: jax.Array
-
-
-def _signal_chain(instrument: Instrument, gain: float) -> SignalChain:
     photons = instrument.photons
-    values = SignalChain(
+    chain = jnp.asarray([
         instrument.noise,
         1.0 if photons is None else photons * math.pi / gain,
         0.0 if photons is None else instrument.ambient * photons + instrument.dark,
         instrument.read_noise,
         math.inf if instrument.saturation is None else instrument.saturation,
-    )
-    return SignalChain(*(jnp.asarray(value, jnp.result_type(float)) for value in values))
+    ])  # fmt: skip
+    readings, full = np.empty(number.size, expected.dtype), np.empty(number.size, bool)
+    for first in range(0, number.size, BATCH):
+        part = slice(first, min(first + BATCH, number.size))
+        padded = (np.pad(a[part], (0, BATCH - part.stop + first), mode="edge") for a in inputs)
+        batch = _batch(photons is not None, key, chain, *padded)
+        for whole, values in zip((readings, full), batch, strict=True):
+            whole[part] = np.asarray(values)[: part.stop - first]
+    return readings.reshape(expected.shape), full.reshape(expected.shape)
 
 
 @functools.partial(jax.jit, static_argnums=0)
 def _batch(
     counted: bool,
     key: jax.Array,
-    chain: SignalChain,
+    chain: jax.Array,
     low: jax.Array,
     high: jax.Array,
     expected: jax.Array,
     irradiance: jax.Array,
 ) -> tuple[jax.Array, jax.Array]:
     """(readings, whether the detector was full); `low` and `high` are the halves of the readings' numbers."""
+    noise, scale, background, read_noise, saturation = chain
     keys = jax.vmap(lambda lo, hi: jax.random.fold_in(jax.random.fold_in(key, hi), lo))(low, high)
     streams = jax.vmap(lambda k: jax.vmap(functools.partial(jax.random.fold_in, k))(jnp.arange(4)))(keys)
     g = jax.vmap(lambda k: jax.random.normal(k, (3,)))(streams[:, 0])
-    lit = expected * (1 + chain.noise * g[:, 0])
+    lit = expected * (1 + noise * g[:, 0])
     if not counted:
         return lit, jnp.zeros(lit.shape, bool)
-    scale = chain.scale * irradiance
+    scale = scale * irradiance
     signal = lit * scale
-    background = jnp.broadcast_to(chain.background, lit.shape)
+    background = jnp.broadcast_to(background, lit.shape)
     on = jnp.sign(signal) * poisson(streams[:, 1], jnp.abs(signal)) + poisson(streams[:, 2], background)
     off = poisson(streams[:, 3], background)
-    on, off = (count + chain.read_noise * g[:, k] for k, count in ((1, on), (2, off)))
-    return (on - off) / scale, jnp.maximum(on, off) >= chain.saturation
+    on, off = (count + read_noise * g[:, k] for k, count in ((1, on), (2, off)))
+    return (on - off) / scale, jnp.maximum(on, off) >= saturation

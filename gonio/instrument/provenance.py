@@ -2,19 +2,18 @@
 
 import datetime
 import hashlib
-import platform
 import re
 from typing import Any
 
 import jax
 import numpy as np
 
-from gonio import __version__
 from gonio.data.material import Material
 from gonio.instrument.instrument import Systematic
 from gonio.instrument.reader import Reader
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.expression.builder import to_expression
+from gonio.text import versions
 
 LONG_TEXT = 4000
 
@@ -33,12 +32,7 @@ def of(reader: Reader, command: str | None) -> dict[str, Any]:
         "instrument": reader.instrument.to_dict() or "ideal",
         "scan": {"layout": layout.name, "shape": list(layout.shape)},
         "seed": reader.seed,
-        "versions": {
-            "gonio": __version__,
-            "jax": jax.__version__,
-            "numpy": np.__version__,
-            "python": platform.python_version(),
-        },
+        "versions": versions("jax", "numpy"),
         "computed": {"platform": jax.default_backend(), "precision": str(reader.dtype)},
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }

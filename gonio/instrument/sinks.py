@@ -1,6 +1,7 @@
 """Where readings go: arrays in memory, or a file that is written in blocks and continued where it was stopped."""
 
 import abc
+import os
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -99,12 +100,12 @@ class MemorySink(Sink):
 class FileSink(Sink):
     """Writes blocks to a file, and knows which it holds already."""
 
-    def __init__(self, reader: Reader, settings: MeasureSettings):
+    def __init__(self, reader: Reader, settings: MeasureSettings, output: str | os.PathLike):
         super().__init__(reader, settings)
         recipe = provenance.recipe(self.provenance, reader.material)
         header = TableHeader(reader.layout, reader.material.channels, self.dtype, self.provenance, **self.metadata)
         self.writer = BlockWriter(
-            settings.output, header, recipe, settings.force, u_f=reader.noisy, block_cells=self.block_cells
+            output, header, recipe, settings.force, u_f=reader.noisy, block_cells=self.block_cells
         )
         self.missing = [CellBlock(k, *self.writer.blocks[k]) for k in self.writer.missing_blocks()]
         done = len(self.writer.blocks) - len(self.missing)
@@ -130,4 +131,4 @@ class FileSink(Sink):
 
 def open_sink(reader: Reader, settings: MeasureSettings) -> Sink:
     """The file of the settings, or arrays where they name none."""
-    return (MemorySink if settings.output is None else FileSink)(reader, settings)
+    return MemorySink(reader, settings) if settings.output is None else FileSink(reader, settings, settings.output)

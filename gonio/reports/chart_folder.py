@@ -29,18 +29,18 @@ def charts_of(folder: str | os.PathLike) -> list[dict[str, Any]]:
     try:
         if path.stat().st_size > LARGEST:
             raise ValueError
-        held = json.loads(path.read_text(encoding="utf-8"))["charts"]
-        found = [_chart(Path(folder), name, held[name]) for name in CHARTS if name in held]
+        stored = json.loads(path.read_text(encoding="utf-8"))["charts"]
+        charts = [_chart(Path(folder), name, stored[name]) for name in CHARTS if name in stored]
     except (ValueError, KeyError, AttributeError, TypeError, OSError):
         raise GonioError(f"{path} is no list of charts; make it again by 'gonio chart -o {folder} --force'") from None
-    if not found:
+    if not charts:
         raise GonioError(f"{path} lists no chart; make some by 'gonio chart -o {folder}'")
-    return found
+    return charts
 
 
-def _chart(folder: Path, name: str, held: dict) -> dict[str, Any]:
-    points = [Point(**{**p, "values": {k: float(v) for k, v in p["values"].items()}}) for p in held["points"]]
-    cost, error = held["frames"][0]
+def _chart(folder: Path, name: str, stored: dict) -> dict[str, Any]:
+    points = [Point(**{**p, "values": {k: float(v) for k, v in p["values"].items()}}) for p in stored["points"]]
+    cost, error = stored["frames"][0]
     best = []
     for panel in dict.fromkeys(p.panel for p in points):
         for p in front([q for q in points if q.panel == panel], cost["key"], error["key"]):
@@ -52,14 +52,14 @@ def _chart(folder: Path, name: str, held: dict) -> dict[str, Any]:
             )  # fmt: skip
     return {
         "name": name,
-        "title": str(held["title"]),
-        "about": str(held["about"]),
-        "caption": str(held["caption"]),
-        "made": datetime.datetime.fromisoformat(held["made"]).isoformat(timespec="seconds"),
+        "title": str(stored["title"]),
+        "about": str(stored["about"]),
+        "caption": str(stored["caption"]),
+        "made": datetime.datetime.fromisoformat(stored["made"]).isoformat(timespec="seconds"),
         "cost": str(cost["title"]),
         "error": str(error["title"]),
         "claims": any(p.holds is not None for p in points),
-        "picture": _picture(folder, name, points, str(held["caption"])),
+        "picture": _picture(folder, name, points, str(stored["caption"])),
         "front": plain(best),
     }
 

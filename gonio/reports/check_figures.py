@@ -1,6 +1,6 @@
 """Figures of what is judged: albedo with its bound, reciprocity pair by pair, p-values, residuals and correlations."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,12 +43,12 @@ def albedo_figures(s: ReportSubject) -> list[ReportFigure]:
     series = albedo_of(s)
     if series is None:
         return []
-    curves = series.curves(colour_of(s.number)[0], "o" if s.table is not None else None)
+    curves = series.curves(colour_of(s.number).colour, "o" if s.table is not None else None)
     caption = "Directional albedo (the share of light that is reflected) with its bound; the dashed line is 1."
     if len(curves) < len(series.names):
         caption += f" {len(curves)} of {len(series.names)} channels."
     if not all(np.isfinite(c.bound).all() for c in curves):
-        caption += " Where no band is drawn the albedo has no bound: the grid does not resolve the lobe there."
+        caption += " Where no band is image the albedo has no bound: the grid does not resolve the lobe there."
     data = {
         "theta_i_deg": rounded(series.theta_i), "channels": list(series.names), "albedo": rounded(series.albedo),
         "bound": rounded(series.bound),
@@ -83,21 +83,21 @@ def _scatter(s: ReportSubject, pairs: ReciprocityPairs, tolerance: float | None)
         f"{pairs.choice}."
     )
     if not_positive:
-        caption += f" {not_positive:,} pairs with a value of 0 or less cannot be drawn."
+        caption += f" {not_positive:,} pairs with a value of 0 or less cannot be image."
     if tolerance is not None and tolerance >= 1e-3:
         caption += f" Grey: within {tolerance:.3g}."
     label = f"f of {s.name} with the directions exchanged against f"
-    colour = colour_of(s.number)[0]
-    drawn = picture(label, draw_reciprocity, a[shown], b[shown], tolerance, colour, size=SCATTER_SIZE)
+    colour = colour_of(s.number).colour
+    image = picture(label, draw_reciprocity, a[shown], b[shown], tolerance, colour, size=SCATTER_SIZE)
     data = {
         "channel": s.channel, "f_per_sr": rounded(a[shown]), "f_exchanged_per_sr": rounded(b[shown]),
         "pairs": positive.size, "not_positive": not_positive,
     }  # fmt: skip
-    return [ReportFigure("reciprocity", caption, drawn, data)]
+    return [ReportFigure("reciprocity", caption, image, data)]
 
 
 def _p_values(s: ReportSubject, verdict: Property) -> list[ReportFigure]:
-    p = verdict.series.get("p_map")
+    p: Any = verdict.series.get("p_map")
     if not p or not p.get("theta_deg"):
         return []
     level = verdict.facts.get("level", 0.01)
@@ -106,8 +106,8 @@ def _p_values(s: ReportSubject, verdict: Property) -> list[ReportFigure]:
         f"level {level:g}."
     )
     label = f"p-values of the reciprocity of {s.name}"
-    drawn = picture(label, draw_p_values, np.array(p["theta_deg"]), np.array(p["p"], float), level)
-    return [ReportFigure("p-values", caption, drawn, {"level": level, **p})]
+    image = picture(label, draw_p_values, np.array(p["theta_deg"]), np.array(p["p"], float), level)
+    return [ReportFigure("p-values", caption, image, {"level": level, **p})]
 
 
 def _pairs(s: ReportSubject) -> ReciprocityPairs | None:
@@ -142,18 +142,18 @@ def residual_figures(s: ReportSubject, theta_max: float | None) -> list[ReportFi
     ):
         across, up = (getattr(residuals.angles, a) for a in axes)
         grid = median_grid(across, up, residuals.relative, axes[0] == "theta_h")
-        drawn = picture(f"Residuals of the fit to {s.name} by {words}", draw_residual_map, grid, axes)
+        image = picture(f"Residuals of the fit to {s.name} by {words}", draw_residual_map, grid, axes)
         caption = f"Fit residuals by {words}, all channels{limits}: red: model brighter."
         edges = {f"{a}_edges_deg": rounded(edge, 5) for a, edge in zip(axes, grid, strict=False)}
-        figures.append(ReportFigure(slug, caption, drawn, edges | {"median_percent": rounded(grid.median, 4)}))
+        figures.append(ReportFigure(slug, caption, image, edges | {"median_percent": rounded(grid.median, 4)}))
     in_u = residuals.standardised.size > 0.5 * residuals.relative.size
     values = residuals.standardised if in_u else 100 * residuals.relative
     caption = "Residuals in standard uncertainties of the readings" if in_u else "Relative residuals, all channels"
     label = f"Histogram of residuals of {s.name}"
-    drawn = picture(label, draw_residual_histogram, values, in_u, colour_of(s.number)[0])
+    image = picture(label, draw_residual_histogram, values, in_u, colour_of(s.number).colour)
     edges, density = residual_density(values, in_u)
     data = {"unit": "u_f" if in_u else "%", "edges": rounded(edges), "share_per_unit": rounded(density)}
-    return [*figures, ReportFigure("residuals", f"{caption}{limits}.", drawn, data)]
+    return [*figures, ReportFigure("residuals", f"{caption}{limits}.", image, data)]
 
 
 def correlation_figures(s: ReportSubject, fit: dict | None) -> list[ReportFigure]:
@@ -165,5 +165,5 @@ def correlation_figures(s: ReportSubject, fit: dict | None) -> list[ReportFigure
     correlation = np.array(rows, float)
     caption = "Correlations of the fitted numbers; empty where a number is not determined by the readings."
     label = f"Correlations of the numbers fitted to {s.name}"
-    drawn = picture(label, draw_correlations, names, correlation, size=CORRELATION_SIZE)
-    return [ReportFigure("correlations", caption, drawn, {"names": names, "correlation": rounded(correlation, 4)})]
+    image = picture(label, draw_correlations, names, correlation, size=CORRELATION_SIZE)
+    return [ReportFigure("correlations", caption, image, {"names": names, "correlation": rounded(correlation, 4)})]

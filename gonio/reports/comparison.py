@@ -37,9 +37,9 @@ def _lobes(evaluated: Sequence[tuple[ReportSubject, Evaluation]], k: int, theta_
         sources = e.sources(s)
         if sources:
             name, values = sources[-1]
-            colour, dash = colour_of(s.number)
+            style = colour_of(s.number)
             f = values.compared[k]
-            curves.append(Curve(plane_angles(theta_i), f, shortened(s.name), colour, dash))
+            curves.append(Curve(plane_angles(theta_i), f, shortened(s.name), style.colour, style.dash))
             data.append({"subject": s.name, "channel": s.channel, "of": name, "f_per_sr": rounded(f)})
     if len(curves) < 2:
         return None
@@ -48,10 +48,10 @@ def _lobes(evaluated: Sequence[tuple[ReportSubject, Evaluation]], k: int, theta_
         "where there is one, else the readings, interpolated."
     )
     label = f"f of all subjects in the plane of incidence, incidence {theta_i:g}°"
-    drawn = picture(label, draw_in_plane, curves, True, size=size_for([c.label for c in curves]))
+    image = picture(label, draw_in_plane, curves, True, size=size_for([c.label for c in curves]))
     angles = np.round(plane_angles(theta_i), 4)
     data = {"theta_i_deg": theta_i, "theta_o_deg": angles, "all": data}
-    return ReportFigure(f"lobes-{theta_i:g}", caption, drawn, data)
+    return ReportFigure(f"lobes-{theta_i:g}", caption, image, data)
 
 
 def _albedo(subjects: Sequence[ReportSubject]) -> ReportFigure | None:
@@ -60,9 +60,9 @@ def _albedo(subjects: Sequence[ReportSubject]) -> ReportFigure | None:
         series = albedo_of(s)
         if series is not None:
             k = s.shown if len(series.names) > 1 else 0
-            colour, dash = colour_of(s.number)
+            style = colour_of(s.number)
             albedo, bound = series.albedo[k], series.bound[k]
-            curves.append(AlbedoCurve(series.theta_i, albedo, bound, shortened(s.name), colour, dash=dash))
+            curves.append(AlbedoCurve(series.theta_i, albedo, bound, shortened(s.name), style.colour, dash=style.dash))
             data.append(
                 {"subject": s.name, "channel": series.names[k], "theta_i_deg": rounded(series.theta_i),
                  "albedo": rounded(albedo), "bound": rounded(bound)}
@@ -71,8 +71,8 @@ def _albedo(subjects: Sequence[ReportSubject]) -> ReportFigure | None:
         return None
     caption = "Directional albedo, the middle channel of each, with its bound where there is one; the dashed line is 1."
     size = size_for([c.label for c in curves])
-    drawn = picture("Directional albedo of all subjects", draw_albedo, curves, size=size)
-    return ReportFigure("albedo", caption, drawn, {"all": data})
+    image = picture("Directional albedo of all subjects", draw_albedo, curves, size=size)
+    return ReportFigure("albedo", caption, image, {"all": data})
 
 
 def sphere_of(s: ReportSubject, e: Evaluation) -> str | None:

@@ -5,7 +5,6 @@ import platform
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from gonio import __version__
 from gonio.data.serialise import plain
 from gonio.figures.style import colour_of
 from gonio.reports.check_figures import (
@@ -21,6 +20,7 @@ from gonio.reports.facts import facts, fit_facts, provenance, sentence
 from gonio.reports.figure import ReportFigure
 from gonio.reports.lobe_figures import map_figures, plane_figures, slice_figures, space_figures, sphere_figures
 from gonio.reports.subject import ReportSubject
+from gonio.text import versions
 
 FORMAT = 1
 
@@ -43,20 +43,23 @@ def assemble(
 ) -> Document:
     """Evaluates the subjects, and draws and lists everything that the page holds."""
     evaluated = [(s, None if _is_empty(s) else evaluate_subject(s)) for s in subjects]
-    sections = [(s, *_section(s, e)) for s, e in evaluated]
     drawable = [(s, e) for s, e in evaluated if e is not None]
     compared = comparison_figures(drawable)
     figures = _with_ids("all", compared)
-    for s, _, drawn in sections:
-        figures |= _with_ids(s.anchor, drawn)
+    sections = []
+    for s, e in evaluated:
+        fit = fit_facts(s)
+        of_subject = [] if e is None else _figures(s, e, fit)
+        figures |= _with_ids(s.anchor, of_subject)
+        sections.append(_section(s, e, fit) | {"figures": _listed(of_subject)})
     values = {
         "gonio_report": FORMAT,
         "title": title,
         "made": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "command": command,
-        "versions": versions(),
-        "columns": _columns([section for _, section, _ in sections]),
-        "subjects": [section | {"figures": _listed(drawn)} for _, section, drawn in sections],
+        "versions": versions("jax", "numpy", "matplotlib") | {"system": f"{platform.system()} {platform.machine()}"},
+        "columns": _columns(sections),
+        "subjects": sections,
         "comparison": {"figures": _listed(compared)},
         "charts": [{k: v for k, v in c.items() if k != "picture"} for c in charts],
     }
@@ -64,39 +67,22 @@ def assemble(
     return Document(plain(values), figures, spheres, charts)
 
 
-def versions() -> dict[str, str]:
-    """What the page was made with."""
-    import jax
-    import matplotlib
-    import numpy
-
-    return {
-        "gonio": __version__,
-        "python": platform.python_version(),
-        "jax": jax.__version__,
-        "numpy": numpy.__version__,
-        "matplotlib": matplotlib.__version__,
-        "system": f"{platform.system()} {platform.machine()}",
-    }
-
-
 def _is_empty(s: ReportSubject) -> bool:
     return s.table is not None and s.table.counts()["valid"] == 0
 
 
-def _section(s: ReportSubject, e: Evaluation | None) -> tuple[dict[str, Any], list[ReportFigure]]:
-    """(everything but the figures that a section says, its figures)."""
-    fit = fit_facts(s)
+def _section(s: ReportSubject, e: Evaluation | None, fit: dict[str, Any] | None) -> dict[str, Any]:
+    """Everything in the section of a subject but the figures."""
     rows = facts(s)
-    colour, dash = colour_of(s.number)
-    values = {
+    style = colour_of(s.number)
+    return {
         "anchor": s.anchor,
         "name": s.name,
         "kind": s.kind,
-        "colour": colour,
-        "dash": [] if isinstance(dash, str) else [float(v) for v in dash[1]],
+        "colour": style.colour,
+        "dash": list(style.lengths),
         "channels": list(s.channels.names),
-        "wavelengths_nm": None if s.channels.wavelengths_nm is None else list(s.channels.wavelengths_nm),
+        "wavelengths_nm": s.channels.wavelengths_nm,
         "shown_channel": s.channel,
         "sentence": sentence(s, rows, fit),
         "notes": [] if e is None or s.table is None else [_interpolation_note(e)],
@@ -106,9 +92,10 @@ def _section(s: ReportSubject, e: Evaluation | None) -> tuple[dict[str, Any], li
         "fit": fit,
         "provenance": provenance(s),
     }
-    if e is None:
-        return values, []
-    return values, [
+
+
+def _figures(s: ReportSubject, e: Evaluation, fit: dict[str, Any] | None) -> list[ReportFigure]:
+    return [
         *plane_figures(s, e),
         *space_figures(s, e),
         *map_figures(s, e),
@@ -126,14 +113,14 @@ def _interpolation_note(e: Evaluation) -> str:
     return f"Between the readings: {e.interpolation}{without}."
 
 
-def _with_ids(anchor: str, drawn: Sequence[ReportFigure]) -> dict[str, ReportFigure]:
-    for f in drawn:
+def _with_ids(anchor: str, figures: Sequence[ReportFigure]) -> dict[str, ReportFigure]:
+    for f in figures:
         f.id = f"{anchor}-{f.slug}"
-    return {f.id: f for f in drawn}
+    return {f.id: f for f in figures}
 
 
-def _listed(drawn: Sequence[ReportFigure]) -> list[dict[str, Any]]:
-    return [{"id": f.id, "kind": f.kind, "caption": f.caption, "data": f.data} for f in drawn]
+def _listed(figures: Sequence[ReportFigure]) -> list[dict[str, Any]]:
+    return [{"id": f.id, "kind": f.kind, "caption": f.caption, "data": f.data} for f in figures]
 
 
 def _columns(sections: Sequence[dict[str, Any]]) -> list[str]:

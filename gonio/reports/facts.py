@@ -49,13 +49,10 @@ def expression(s: ReportSubject) -> str:
 
 def fit_facts(s: ReportSubject) -> dict[str, Any] | None:
     """Everything that a fit reports, with the expression of the model; None where there is no fit."""
-    material = s.fit_material or (s.material if s.table is None else None)
-    if s.fit is not None:
-        values = {**plain(s.fit.to_dict()), "spelling": s.fit.expression}
-    elif material is not None and "fit" in material.meta:
-        values = {**plain(material.meta["fit"]), "spelling": material.expression}
-    else:
+    material = s.fit or s.material
+    if material is None or "fit" not in material.meta:
         return None
+    values = {**plain(material.meta["fit"]), "spelling": material.expression}
     if isinstance(values.get("free_names"), list):
         values["free_count"] = len(values["free_names"])
     return values

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from gonio.data.table import Table
 from gonio.figures.half_difference_slice import DIFFERENCE, HALF, SHOWN, draw_slice, slice_range
 from gonio.figures.hemisphere import SCALE_SIZE, SIDE, colour_range, draw_dots, draw_map, draw_scale
 from gonio.figures.hemisphere import SIZE as MAP_SIZE
@@ -35,7 +36,7 @@ def plane_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     if s.table is not None and lines is not None:
         caption += f"Lines: {'the readings, ' + e.interpolation if warped else 'the fitted model'}. "
     if e.near:
-        caption += f"Points: readings{_near_words(s)}. "
+        caption += f"Points: readings{_near_words(s.table)}. "
     where = f"of {s.name}, channel {s.channel}, in the plane of incidence"
     size = size_for([c.label for c in curves])
     figures = []
@@ -50,7 +51,7 @@ def plane_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
 
 def _plane_curves(s: ReportSubject, e: Evaluation, lines: ModelValues | None) -> tuple[list[Curve], dict[str, Any]]:
     """(curves, their numbers): lines of a model and points of readings for each incidence."""
-    tones = shades(colour_of(s.number)[0], len(e.incidences))
+    tones = shades(colour_of(s.number).colour, len(e.incidences))
     curves, data = [], {"channel": s.channel, "lines": [], "readings": []}
     for k, (theta_i, tone) in enumerate(zip(e.incidences, tones, strict=True)):
         label = f"θᵢ {theta_i:.4g}°"
@@ -60,8 +61,8 @@ def _plane_curves(s: ReportSubject, e: Evaluation, lines: ModelValues | None) ->
             data["lines"].append(_curve_numbers(theta_i, curve))
         if e.near:
             x, f = in_plane_readings(e.near[theta_i])
-            named = {"label": label, "theta_i": theta_i} if lines is None else {"label": "_nolegend_"}
-            points = Curve(x, f[:, s.shown], colour=tone, marker="o", **named)
+            name, incoming = (label, theta_i) if lines is None else ("_nolegend_", None)
+            points = Curve(x, f[:, s.shown], name, tone, marker="o", theta_i=incoming)
             data["readings"].append(_curve_numbers(theta_i, points))
             if np.isfinite(points.f).any():
                 curves.append(points)
@@ -72,10 +73,10 @@ def _curve_numbers(theta_i: float, curve: Curve) -> dict[str, Any]:
     return {"theta_i_deg": theta_i, "theta_o_deg": np.round(curve.theta_o, 4), "f_per_sr": rounded(curve.f)}
 
 
-def _near_words(s: ReportSubject) -> str:
-    if s.table.layout.in_half_vectors:
+def _near_words(table: Table | None) -> str:
+    if table is not None and table.layout.in_half_vectors:
         return f" within {NEAR_INCIDENCE:g}° of the incidence and {OFF_PLANE:g}° of the plane"
-    return f" within {OFF_PLANE:g}° of the plane" if not s.table.layout.gridded else ""
+    return "" if table is None or table.layout.gridded else f" within {OFF_PLANE:g}° of the plane"
 
 
 def map_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
@@ -89,15 +90,15 @@ def map_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     figures = []
     where = f"of {s.name} over the outgoing hemisphere, incidence"
     for theta_i, readings in dots:
-        drawn = picture(f"Readings {where} {theta_i:.4g}°", draw_dots, readings, scale, theta_i, size=MAP_SIZE)
+        image = picture(f"Readings {where} {theta_i:.4g}°", draw_dots, readings, scale, theta_i, size=MAP_SIZE)
         numbers = zip(("theta_o_deg", "delta_phi_deg", "f_per_sr"), map(rounded, readings), strict=True)
         data = {"theta_i_deg": theta_i, **dict(numbers)}
-        figures.append(ReportFigure(f"readings-{theta_i:.4g}", "Readings.", drawn, data, "small"))
+        figures.append(ReportFigure(f"readings-{theta_i:.4g}", "Readings.", image, data, "small"))
     for theta_i, f in maps:
-        drawn = picture(f"f {where} {theta_i:.4g}°", draw_map, f, scale, theta_i, size=MAP_SIZE)
+        image = picture(f"f {where} {theta_i:.4g}°", draw_map, f, scale, theta_i, size=MAP_SIZE)
         words = "Fitted model." if s.table is not None else "Model."
         data = {"theta_i_deg": theta_i, "pixels_across": SIDE, "f_per_sr": rounded(f, 4)}
-        figures.append(ReportFigure(f"map-{theta_i:.4g}", words, drawn, data, "small"))
+        figures.append(ReportFigure(f"map-{theta_i:.4g}", words, image, data, "small"))
     caption = (
         f"f over the outgoing hemisphere from above (equal areas are equal solid angles), channel {s.channel}; "
         "○ light, + mirror direction, grey: no positive value."
@@ -130,9 +131,9 @@ def space_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     }
     label = f"Lobe of {s.name} in space, incidence {e.incidences[k]:.4g}°, {name}"
     top = float(positive.max()) if positive.size else high
-    drawn = picture(label, draw_lobe, e.incidences[k], mesh, top, log, size=LOBE_SIZE)
+    image = picture(label, draw_lobe, e.incidences[k], mesh, top, log, size=LOBE_SIZE)
     caption = f"The lobe in space, channel {s.channel}; {e.interpolation}." if s.table else "The lobe in space."
-    return [ReportFigure("lobe", caption, drawn, data, "space")]
+    return [ReportFigure("lobe", caption, image, data, "space")]
 
 
 def _highest(f: np.ndarray) -> float:
@@ -164,8 +165,8 @@ def slice_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
         }  # fmt: skip
         caption = f"f over half and difference angle at φd = 90°, channel {s.channel}: {name}."
         caption += f" Colours by what is within {SHOWN:g}°."
-        drawn = picture(label, draw_slice, f, scale)
-        figures.append(ReportFigure(f"slice-{name.split()[0].strip(',')}", caption, drawn, data))
+        image = picture(label, draw_slice, f, scale)
+        figures.append(ReportFigure(f"slice-{name.split()[0].strip(',')}", caption, image, data))
     return figures
 
 
@@ -181,5 +182,5 @@ def sphere_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     several = len(sources) > 1
     rows = [(name if several else "", [sphere_pixels(p) for p in values.spheres]) for name, values in sources]
     data = {"lights_deg": [{"from_the_eye": p, "raised": h} for p, h in LIGHTS], "rows": [name for name, _ in sources]}
-    drawn = picture(f"Lit spheres of {s.name}", draw_spheres, rows, size=spheres_size(len(rows)))
-    return [ReportFigure("spheres", caption, drawn, data)]
+    image = picture(f"Lit spheres of {s.name}", draw_spheres, rows, size=spheres_size(len(rows)))
+    return [ReportFigure("spheres", caption, image, data)]

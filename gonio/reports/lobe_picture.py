@@ -21,7 +21,7 @@ def lobe_picture(brdf: AbstractBRDF, title: str, output: str | os.PathLike, forc
     if path.suffix.lower() not in KINDS:
         raise GonioError(f"{path} is no picture that can be written; end its name in {', '.join(KINDS)}")
     refuse_existing(path, force)
-    tones = shades(colour_of(0)[0], len(INCIDENCES))
+    tones = shades(colour_of(0).colour, len(INCIDENCES))
     # The grey of the channels: their mean, as one line an incidence is what a small picture holds.
     curves = [
         Curve(plane_angles(t), f.mean(axis=1), f"θᵢ {t:g}°", tone, theta_i=t)

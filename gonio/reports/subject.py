@@ -3,13 +3,11 @@
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from gonio.checks.certificate import Certificate
 from gonio.data.material import Material
 from gonio.data.subject import SubjectLike, load_material, resolve_subject
 from gonio.data.table import Channels, Table
-from gonio.fitting.result import FitResult
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import channel_count
@@ -26,8 +24,8 @@ class ReportSubject:
     file: str | None
     """The file it was read from."""
     number: int
-    fit: FitResult | None = None
-    fit_material: Material | None = None
+    fit: Material | None = None
+    """The material that was fitted to the table."""
     certificate: Certificate | None = None
 
     @property
@@ -60,21 +58,7 @@ class ReportSubject:
     @property
     def fitted(self) -> AbstractBRDF | None:
         """The model fitted to the table, if one was given."""
-        if self.fit is not None:
-            return self.fit.brdf
-        return None if self.fit_material is None else self.fit_material.brdf
-
-    def assign(self, fit: FitResult | Material) -> None:
-        """Gives the table its fit. Raises GonioError for a fit of another number of channels."""
-        if isinstance(fit, FitResult):
-            self.fit = fit
-        else:
-            self.fit_material = fit
-        count = channel_count(fit.brdf)
-        if count not in (None, len(self.channels)):
-            raise GonioError(
-                f"The fit has {count} channels and {self.name} has {len(self.channels)}; give the fit of that table."
-            )
+        return None if self.fit is None else self.fit.brdf
 
 
 def subject_of(given: SubjectLike, number: int) -> ReportSubject:
@@ -93,17 +77,15 @@ def distinguish_names(subjects: Sequence[ReportSubject]) -> None:
             s.name = f"{name} ({files[k] if unique else k + 1})"
 
 
-def fit_of(given: Any) -> FitResult | Material:
-    """A fit result, or a fitted material. Raises GonioError for one that is not."""
-    if isinstance(given, FitResult):
-        return given
-    material = given if isinstance(given, Material) else load_material(given)
+def fit_of(given: SubjectLike) -> Material:
+    """A fitted material, of a fit result too. Raises GonioError for one that is not."""
+    material = load_material(given)
     if "fit" not in material.meta:
         raise GonioError(f"{material.name} is not a fitted material; give one that 'gonio fit' wrote.")
     return material
 
 
-def assign_fits(subjects: Sequence[ReportSubject], fits: Sequence[FitResult | Material]) -> None:
+def assign_fits(subjects: Sequence[ReportSubject], fits: Sequence[Material]) -> None:
     """Gives each fit to the table that it names, the others to the remaining tables, in order.
 
     Raises GonioError where there are more fits than tables, and where a fit is of another table or of other channels.
@@ -111,20 +93,22 @@ def assign_fits(subjects: Sequence[ReportSubject], fits: Sequence[FitResult | Ma
     tables = [s for s in subjects if s.table is not None]
     if len(fits) > len(tables):
         raise GonioError(f"{len(fits)} fits came for {len(tables)} tables; give each table at most one fit.")
-    unmatched = []
-    for fit in fits:
-        match = next((s for s in tables if s.name == _table_name(fit) and s.fitted is None), None)
-        if match is None:
-            unmatched.append(fit)
-        else:
-            match.assign(fit)
-    for fit in unmatched:
-        free = [s for s in tables if s.fitted is None]
-        if name := _table_name(fit):
+    # Those that name a table of the page first, so that none of it is taken.
+    for fit in sorted(fits, key=lambda f: _table_name(f) not in {s.name for s in tables}):
+        name = _table_name(fit)
+        free = [s for s in tables if s.fit is None]
+        match = next((s for s in free if s.name == name), None)
+        if match is None and name:
             names = ", ".join(s.name for s in free)
             raise GonioError(f"The fit is of the table '{name}', not of {names}; give the fit of that table.")
-        free[0].assign(fit)
+        table = match or free[0]
+        count = channel_count(fit.brdf)
+        if count not in (None, len(table.channels)):
+            raise GonioError(
+                f"The fit has {count} channels and {table.name} has {len(table.channels)}; give the fit of that table."
+            )
+        table.fit = fit
 
 
-def _table_name(fit: FitResult | Material) -> str | None:
-    return fit.table if isinstance(fit, FitResult) else fit.meta["fit"].get("table")
+def _table_name(fit: Material) -> str | None:
+    return fit.meta["fit"].get("table")
