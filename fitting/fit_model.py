@@ -8,11 +8,11 @@ from gonio.data.layouts import Layout
 from gonio.data.table import Channels
 from gonio.fitting.options import FitSettings
 from gonio.fitting.problem.domains import snapped
+from gonio.fitting.problem.losses import loss_floor, relative_sigma, residual_weights
 from gonio.fitting.problem.normal_equations import compile_page_program
 from gonio.fitting.problem.parameterisation import Parameterisation, of_channel, parameters
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import Readings
-from gonio.fitting.problem.weights import loss_floor, relative_sigma, residual_weights
 from gonio.fitting.solver.convergence import is_exact, stationarity, stationary_limit
 from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, minimise
 from gonio.fitting.solver.lm_step import compile_step, padded_size

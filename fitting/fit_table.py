@@ -11,9 +11,9 @@ from gonio.data.table import Table
 from gonio.fitting.assemble_result import assemble_result
 from gonio.fitting.fit_model import FitTask, compile_ahead, fit_model
 from gonio.fitting.options import FitOptions, FitSettings
+from gonio.fitting.problem.losses import NO_UNCERTAINTY, cell_weights, sigma_of
 from gonio.fitting.problem.parameterisation import with_defaults
 from gonio.fitting.problem.readings import Readings, count_readings, readings_of
-from gonio.fitting.problem.weights import NO_UNCERTAINTY, cell_weights, sigma_of
 from gonio.fitting.result import FitResult
 from gonio.fitting.selection.automatic import SceneChoice, chosen_for_scene, chosen_model, scene_words, turned
 from gonio.fitting.selection.candidate import Choice

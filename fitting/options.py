@@ -7,8 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypedDict
 
 from gonio.data.scene import Scene, load_scene
-from gonio.fitting.problem.losses import LOSSES
-from gonio.fitting.problem.weights import WEIGHTS
+from gonio.fitting.problem.losses import LOSSES, WEIGHTS
 from gonio.fitting.solver.robust_weights import KINDS as ROBUST_KINDS
 from gonio.fitting.uncertainty.bootstrap import KINDS as BOOTSTRAP_KINDS
 from gonio.models.deprecation import renamed, renamed_options

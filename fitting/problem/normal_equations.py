@@ -17,9 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from gonio.fitting.problem.blocks import LANES, PAGE, AnyArray, Samples, block_of
 from gonio.fitting.problem.losses import transform, uses_cosine
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
+from gonio.fitting.problem.readings import LANES, PAGE, AnyArray, Samples, block_of
 from gonio.models.compiling import options
 from gonio.models.expression.builder import assemble
 from gonio.models.expression.paths import FACTOR

@@ -7,12 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gonio.fitting.problem.blocks import LANES, PAGE, Samples, block_shape, in_blocks, pages
 from gonio.fitting.problem.domains import Domains
 from gonio.fitting.problem.losses import transform, uses_cosine
 from gonio.fitting.problem.normal_equations import NormalEquations, Request, page_program, summed
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
-from gonio.fitting.problem.readings import CHUNK, Readings
+from gonio.fitting.problem.readings import CHUNK, LANES, PAGE, Readings, Samples, block_shape, in_blocks, pages
 from gonio.models.geometry.directions import NORMAL, Direction
 
 UNDER_WAY = 8  # pages whose results are waited for at a time

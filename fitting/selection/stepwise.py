@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from gonio.fitting.problem.losses import floor_of, uses_cosine
-from gonio.fitting.problem.readings import Readings
-from gonio.fitting.problem.subsample import coarse_cells
+from gonio.fitting.problem.readings import Readings, coarse_cells
 from gonio.fitting.selection import criteria
 from gonio.fitting.selection.candidate import Choice, Tried
 from gonio.fitting.selection.candidate_model import (

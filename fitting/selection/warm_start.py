@@ -4,8 +4,8 @@ import numpy as np
 
 from gonio.fitting.problem.domains import snapped
 from gonio.fitting.selection.candidate_model import CandidateProblem, Number, Part, Scenery, numbers_of
-from gonio.fitting.solver.initial_guess import APART, WIDTHS, solve_amounts
 from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
+from gonio.fitting.solver.multistart import APART, WIDTHS, solve_amounts
 from gonio.models.expression.paths import FACTOR
 
 NEW = {"f0": 0.1, "gamma": 2.2, "r": 0.3, "rho": 0.3, FACTOR: 0.1, "alpha": 0.3, "alpha_x": 0.25, "alpha_y": 0.4}

@@ -11,9 +11,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from gonio.fitting.problem.blocks import LANES
 from gonio.fitting.problem.domains import Domains, to_parameters, to_unconstrained
 from gonio.fitting.problem.normal_equations import NormalEquations
+from gonio.fitting.problem.readings import LANES
 from gonio.fitting.solver.convergence import eps, is_double, stationarity
 from gonio.fitting.solver.lm_step import Normal, advance, fresh, packed_up, padded_size
 

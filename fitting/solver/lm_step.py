@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from gonio.fitting.problem.blocks import LANES, AnyArray
+from gonio.fitting.problem.readings import LANES, AnyArray
 from gonio.fitting.solver.convergence import is_double
 
 STATIONARY = 1e-9  # the aim; a fit counts as stationary from 1e-6 on

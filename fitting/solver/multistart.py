@@ -1,14 +1,24 @@
-"""Multi-start descents on levels of growing size: all starts on few cells, the best ends on more, the last on all."""
+"""Multi-start descents: starts from the expression, from the data and at random, on levels of growing size.
+
+All starts are descended on few cells, the best ends on more, the last on all. Shapes are guessed; what the model is
+proportional to (albedos, scales) then follows from the data by non-negative least squares, so that no descent begins
+with a lobe of the wrong strength.
+"""
 
 import dataclasses
+import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
+from gonio.fitting.problem.domains import Domains, mapped, unmapped
+from gonio.fitting.problem.normal_equations import NormalEquations
+from gonio.fitting.problem.parameterisation import Parameterisation
 from gonio.fitting.problem.problem import FitProblem
-from gonio.fitting.problem.subsample import coarse_cells
+from gonio.fitting.problem.readings import LANES, coarse_cells
 from gonio.fitting.solver.convergence import eps
-from gonio.fitting.solver.initial_guess import starting_points
 from gonio.fitting.solver.levenberg_marquardt import Descent, Stopping, minimise
+from gonio.models.expression.paths import last
 
 COARSE = 512
 EACH = 48  # samples for each free number, where these are many
@@ -18,6 +28,11 @@ WORTHWHILE = 3  # times as many readings as a level has samples, for that level 
 CLOSE = 1.05  # of the best cost on the middle level: what may still be the best on all readings
 ROUNDINGS = 16.0  # of what is compared, by which two costs of one minimum may differ
 SAME_COST = 1e-6  # relative difference of two costs that are one minimum
+WIDTHS = (0.02, 0.06, 0.15, 0.35, 0.7)
+APART = {"alpha_x": 0.8, "alpha_y": 1.25}  # widths along x and y begin apart: equal ones look alike from either side
+NARROWEST = 0.01  # of the random widths: a narrower lobe is reached from there, a hidden one from nowhere
+MOST_GUESSES = 12
+DATA_STARTS = 3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,3 +95,118 @@ def _margin(cost: float, target_norm_squared: float) -> float:
 
 def _best(ends: list[Descent]) -> Descent | None:
     return min((e for e in ends if np.isfinite(e.cost)), key=lambda e: e.cost, default=None)
+
+
+def starting_points(problem: FitProblem, given: np.ndarray, random: int, seed: int) -> list[np.ndarray]:
+    """At most `DATA_STARTS` starts (P,) that suit the data best, and so many `random` ones; `given` NaN where open."""
+    s = problem.parameters
+    guesses = width_guesses(s, given)
+    same = all(g.linear for g in s.free)  # linear in all its free numbers: every start is the same
+    shapes = guesses + ([] if same else random_shapes(problem, given, random, seed))
+    solved = solve_linear(problem, shapes)
+    best = [p for p, _ in sorted(solved[: len(guesses)], key=lambda start: start[1])][:DATA_STARTS]
+    return best[:1] if same else best + [p for p, _ in solved[len(guesses) :]]
+
+
+def width_guesses(s: Parameterisation, given: np.ndarray) -> list[np.ndarray]:
+    """Vectors (P,) of free numbers with shapes on a small grid of widths; linear numbers are still NaN."""
+    widths = [g for g in s.free if g.is_width and np.isnan(given[g.first])]
+    terms = sorted({g.term for g in widths})
+    choices = list(itertools.product(WIDTHS, repeat=len(terms)))
+    if len(terms) > 1:
+        # Lobes of one kind are interchangeable: only rising widths, and never two equal ones.
+        choices = [c for c in choices if all(a < b for a, b in itertools.pairwise(c))] or choices
+    usual = s.each(lambda g: np.nan if g.linear else g.info.start)
+    low, high = (s.each(lambda g, b=b: getattr(g.info, b)) for b in ("low", "high"))
+    guesses = []
+    for choice in choices[:: max(1, -(-len(choices) // MOST_GUESSES))]:
+        p = given.copy()
+        for g in widths:
+            p[s.of(g)] = choice[terms.index(g.term)] * APART.get(last(g.path), 1.0)
+        p = np.where(np.isnan(p), usual, p)
+        guesses.append(np.where(np.isnan(p), p, np.clip(p, low, high)))
+    return guesses
+
+
+def random_shapes(problem: FitProblem, given: np.ndarray, number: int, seed: int) -> list[np.ndarray]:
+    """Vectors (P,) with every shape at random in its domain, evenly in the coordinate of its map."""
+    s, d, rng = problem.parameters, problem.domains, np.random.default_rng(seed)
+    low = s.each(lambda g: max(g.info.low, NARROWEST) if g.is_width else g.info.low)
+    u_low, u_high = (mapped(d.kind, b) for b in (low, d.high))
+    shapes = (unmapped(d.kind, u_low + (u_high - u_low) * rng.random(s.size)) for _ in range(number))
+    return [np.where(s.linear, given, p) for p in shapes]
+
+
+def solve_linear(problem: FitProblem, shapes: Sequence[np.ndarray]) -> list[tuple[np.ndarray, float]]:
+    """(p with its open linear numbers solved, weighted sum of squares) at each shape; ∞ where it is not finite.
+
+    Non-negative least squares in the measure of the loss, made linear at the readings.
+    """
+    s, plain = problem.parameters, problem.linearised()
+    of_channel = np.sqrt(np.sum((plain.weight * problem.readings.f) ** 2, axis=0))
+    every = float(np.sqrt(np.sum(of_channel**2)))
+    # Size of the weighted readings that each free number acts on.
+    reach = np.array([of_channel[c] if g.per_channel else every for g in s.free for c in range(s.count(g))])
+    solved = []
+    for first in range(0, len(shapes), LANES):
+        solved += _solved(plain, np.stack(shapes[first : first + LANES]), reach)
+    return solved
+
+
+def _solved(plain: FitProblem, shapes: np.ndarray, reach: np.ndarray) -> list[tuple[np.ndarray, float]]:
+    s = plain.parameters
+    unknown = [g for g in s.free if g.linear and np.isnan(shapes[0][g.first])]
+    if all(s.count(g) == s.channels for g in unknown):  # channel by channel
+        at = np.array([[g.first + c for g in unknown] for c in range(s.channels)], int)
+    else:
+        at = np.array([[k for g in unknown for k in range(s.size)[s.of(g)]]], int)
+    p = np.where(np.isnan(shapes), 1.0, shapes)
+    return solve_amounts(plain.normal_equations(p, plain=True), p, at, reach, plain.domains)
+
+
+def solve_amounts(
+    equations: NormalEquations, p: np.ndarray, at: np.ndarray, reach: np.ndarray, d: Domains
+) -> list[tuple[np.ndarray, float]]:
+    """(p with some numbers from non-negative least squares, weighted sum of squares) of each p (S, P).
+
+    Args:
+        equations: of a model that is linear in these numbers, at p.
+        p: numbers of S models.
+        at: indices of the numbers (G, K): G systems of K numbers that do not touch each other.
+        reach: size of the weighted readings that each number acts on, (P,).
+        d: domains of the numbers.
+    """
+    finite = np.isfinite(equations.cost) & np.isfinite(equations.gradient).all(1)
+    finite &= np.isfinite(equations.matrix).all((1, 2))
+    matrix = np.where(finite[:, None, None], equations.matrix, 0.0)[:, at[:, :, None], at[:, None, :]]
+    gradient, now = np.where(finite[:, None], equations.gradient, 0.0)[:, at], p[:, at]
+    amount = _non_negative(matrix, np.einsum("sckl,scl->sck", matrix, now) - gradient)
+    change = amount - now
+    gain = np.sum(change * (gradient + 0.5 * np.einsum("sckl,scl->sck", matrix, change)), axis=(1, 2))
+    # Not at the bound itself: there a start would see no slope.
+    size = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1))
+    amount = np.maximum(amount, 1e-3 * reach[at] / np.where(size > 0, size, np.inf))
+    p = p.copy()
+    p[:, at] = np.clip(amount, d.low[at], d.high[at])
+    cost = np.where(finite, equations.cost + gain, np.inf)
+    return list(zip(p, (2.0 * cost).tolist(), strict=True))
+
+
+def _non_negative(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Least squares with x ≥ 0 of normal equations (..., K, K) and (..., K): the most negative is dropped in turn."""
+    size, shape = vector.shape[-1], vector.shape
+    if not size:
+        return vector
+    matrix, vector = matrix.reshape(-1, size, size), vector.reshape(-1, size)
+    length2 = np.diagonal(matrix, axis1=1, axis2=2)
+    kept, x = length2 > 0, np.zeros_like(vector)
+    for _ in range(size):
+        system = np.where(kept[:, :, None] & kept[:, None, :], matrix, 0.0)
+        # A unit where nothing is asked; else a little more than nothing, for lobes that are the same.
+        system[:, range(size), range(size)] += np.where(kept, 1e-12 * length2, 1.0)
+        x = np.linalg.solve(system, np.where(kept, vector, 0.0)[..., None])[..., 0]
+        negative = x.min(axis=1) < 0
+        if not negative.any():
+            break
+        kept[negative, x.argmin(axis=1)[negative]] = False
+    return np.maximum(x, 0.0).reshape(shape)

@@ -10,8 +10,8 @@ import dataclasses
 
 import numpy as np
 
-from gonio.fitting.problem.blocks import LANES
 from gonio.fitting.problem.domains import LINEAR, LOG, Domains
+from gonio.fitting.problem.readings import LANES
 from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
 from gonio.fitting.uncertainty.covariance import FACTOR_OPEN, NORMAL_95, WIDE_OPEN, Covariance, open_from
 from gonio.fitting.uncertainty.optimum import Optimum

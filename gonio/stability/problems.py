@@ -10,7 +10,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from gonio.fitting.problem.parameterisation import parameters, with_defaults
+from gonio.fitting.problem.parameterisation import with_defaults
+from gonio.models.expression.builder import frame
+from gonio.models.expression.labels import number_label
 from gonio.models.expression.parser import parse
 from gonio.models.expression.paths import numbers
 
@@ -75,11 +77,11 @@ def tagged(problems: Iterable[Problem], *tags: str) -> list[Problem]:
 def true_numbers(truth: str, channels: tuple[str, ...] = ("grey",)) -> dict[str, float]:
     """The numbers of an expression by the labels that a fit gives them: 'ggx.alpha', or 'lambert.rho[R]'."""
     terms = with_defaults(parse(truth))
-    parameterisation = parameters(terms, len(channels)).parameterisation
+    frames = tuple(frame(t) for t in terms)
     answers = {}
     for index, term in enumerate(terms):
         for n in numbers(term):
-            values, name = np.ravel(n.value.number), parameterisation.label(index, n.path)
+            values, name = np.ravel(n.value.number), number_label(frames, index, n.path)
             labels = [name] if values.size == 1 else [f"{name}[{c}]" for c in channels]
             answers |= dict(zip(labels, map(float, values), strict=True))
     return answers

@@ -5,12 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from gonio.fitting.problem.blocks import PAGE, block_of, in_blocks
 from gonio.fitting.problem.losses import transform
 from gonio.fitting.problem.parameterisation import parameters, with_defaults
 from gonio.fitting.problem.problem import FitProblem
-from gonio.fitting.problem.readings import Readings
-from gonio.fitting.problem.subsample import coarse_cells
+from gonio.fitting.problem.readings import PAGE, Readings, block_of, coarse_cells, in_blocks
 from gonio.models.expression.builder import assemble, parse, together
 from gonio.models.geometry.directions import Direction
 
