@@ -40,7 +40,7 @@ def exact(expression: str) -> tuple[tuple[Direction, Direction], np.ndarray]:
     wi, wo = pairs(FEW if reference.costly else PAIRS)
     with mp.workdps(DIGITS):
         columns = zip(*(np.asarray(c).tolist() for c in (*wi, *wo)), strict=True)
-        values = [float(reference.value(c[:3], c[3:])) for c in columns]
+        values = [float(reference.value(reference.inputs(c[:3], c[3:]))) for c in columns]
     return (wi, wo), np.array(values)
 
 

@@ -1,4 +1,7 @@
-"""The settings of a model that the atlas looks at: its leading parameter over its domain, the others at their edges."""
+"""The settings of a model in the atlas: its leading parameter over its domain, the others at their edges.
+
+They follow from the model's own parameters, options and inner models, so that a new model needs nothing here.
+"""
 
 import numpy as np
 
@@ -9,37 +12,34 @@ from gonio.models.expression.parser import Call, needed, options_of, submodels_o
 from gonio.models.parameters import ParameterInfo, parameters_of
 
 LEADING = 5
-"""Values of the leading parameter."""
+"""Number of values of the leading parameter."""
 
 LEADERS = ("alpha", "n", "sigma", "k", "w", "roughness", "r", "b", "l", "h")
-FRESNEL = ("", "f0=0.04", "eta=1.5", "eta=1.000001", "eta=0.2, k=3")
+"""The first of these that a model has is its leading parameter; else its first."""
+
+ANISOTROPIC = {"alpha": ("0.05", "0.4"), "n": ("10", "1000")}
+FRESNEL = ({"f0": "0.04"}, {"eta": "1.5"}, {"eta": "1.000001"}, {"eta": "0.2", "k": "3"})
 
 
 def settings_of(name: str) -> list[str]:
-    """Spellings of one model, the leading parameter first; each can be built."""
-    known = parameters_of(MODELS[name])
-    wanted = list(needed(Call(name, {}, {})))
-    base = {n: f"{known[n].start:g}" for n in wanted}
-    inside = dict.fromkeys(submodels_of(MODELS[name]), "lambert(rho=0.8)")
-    lead = next((n for n in LEADERS if n in wanted), wanted[0] if wanted else None)
-    found = [{**base, lead: f"{v:.6g}"} for v in _grid(known[lead])] if lead else [base]
-    found += [
-        {**base, n: f"{v:.6g}"} for n in known if n in wanted and n != lead for v in (known[n].low, known[n].high)
-    ]
-    found += [{**base, o: c} for o, choices in options_of(MODELS[name]).items() for c in choices[1:]]
-    widths = next((w for w in ("alpha", "n") if f"{w}_x" in known), None)
-    if widths:
-        both = {k: v for k, v in base.items() if k != widths}
-        low, high = ("0.05", "0.4") if widths == "alpha" else ("10", "1000")
-        found.append({**both, f"{widths}_x": low, f"{widths}_y": high})
-    texts = [_spelled(name, {**inside, **f}) for f in found]
-    if "f0" in known and "f0" not in wanted:
-        texts += [f"{texts[len(texts) and 2][:-1]}, {said})" for said in FRESNEL if said and _takes(known, said)]
-    return [t for t in dict.fromkeys(texts) if _builds(t)]
-
-
-def _takes(known: dict, said: str) -> bool:
-    return all(part.split("=")[0] in known for part in said.split(", "))
+    """Expressions of one model, the leading parameter first; each can be built."""
+    model = MODELS[name]
+    known, required = parameters_of(model), list(needed(Call(name, {}, {})))
+    base = {n: f"{known[n].start:g}" for n in required}
+    inside = dict.fromkeys(submodels_of(model), "lambert(rho=0.8)")
+    lead = next((n for n in LEADERS if n in required), required[0] if required else None)
+    changes = [{lead: f"{v:.6g}"} for v in _grid(known[lead])] if lead else [{}]
+    changes += [{n: f"{v:.6g}"} for n in known if n in required and n != lead for v in (known[n].low, known[n].high)]
+    changes += [{option: choice} for option, choices in options_of(model).items() for choice in choices[1:]]
+    settings = [{**inside, **base, **change} for change in changes]
+    width = next((w for w in ANISOTROPIC if f"{w}_x" in known), None)
+    if width:
+        both = dict(zip((f"{width}_x", f"{width}_y"), ANISOTROPIC[width], strict=True))
+        settings.append({**inside, **{k: v for k, v in base.items() if k != width}, **both})
+    if "f0" in known and "f0" not in required:
+        settings += [{**settings[min(2, len(settings) - 1)], **f} for f in FRESNEL if f.keys() <= known.keys()]
+    texts = (f"{name}({', '.join(f'{n}={v}' for n, v in setting.items())})" for setting in settings)
+    return [text for text in dict.fromkeys(texts) if _builds(text)]
 
 
 def _grid(info: ParameterInfo) -> np.ndarray:
@@ -50,12 +50,8 @@ def _grid(info: ParameterInfo) -> np.ndarray:
     return grid if info.low > 0 else np.concatenate([[info.low], grid[1:]])
 
 
-def _spelled(name: str, said: dict[str, str]) -> str:
-    return f"{name}({', '.join(f'{n}={v}' for n, v in said.items())})"
-
-
 def _builds(text: str) -> bool:
-    # Options that need a certain set of parameters refuse the others, and say so.
+    # Options that need a certain set of parameters refuse the others by an error.
     try:
         build(text)
     except (GonioError, ValueError):

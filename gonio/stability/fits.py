@@ -5,13 +5,14 @@ import numpy as np
 from gonio.data import layouts
 from gonio.data.table import Table, whole_table_of_values
 from gonio.fitting.fit_table import fit
+from gonio.fitting.result import FitResult
 from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 from gonio.models.expression.parser import Call, needed, submodels_of
 from gonio.models.parameters import parameters_of
-from gonio.stability.outcome import RIGHT, SAYS_SO, SILENT, Cell
+from gonio.stability.outcome import HARD, RIGHT, SAYS_SO, SILENT, Cell
 from gonio.stability.problems import RECOVERIES, tagged, true_numbers
 
 FREE_SCALE = 0.7
@@ -27,17 +28,17 @@ REGIMES = {
 }
 
 
-def truth_of(name: str) -> str:
-    """An expression of a model with every number that a fit has to find, at its usual value."""
+def true_surface(name: str) -> str:
+    """An expression of a model with every free parameter at its usual value."""
     known = parameters_of(MODELS[name])
-    said = [f"{m}=lambert(rho=0.6)" for m in submodels_of(MODELS[name])]
-    said += [f"{n}={known[n].start:g}" for n in needed(Call(name, {}, {}))]
+    arguments = [f"{m}=lambert(rho=0.6)" for m in submodels_of(MODELS[name])]
+    arguments += [f"{n}={known[n].start:g}" for n in needed(Call(name, {}, {}))]
     scale = f"{FREE_SCALE} * " if MODELS[name].lobe else ""
-    return f"{scale}{name}({', '.join(said)})"
+    return f"{scale}{name}({', '.join(arguments)})"
 
 
-def asked_of(name: str) -> str:
-    """What a fit is asked that finds all of them."""
+def fitted_model(name: str) -> str:
+    """The expression that frees all of these parameters."""
     inside = ", ".join(f"{m}=lambert" for m in submodels_of(MODELS[name]))
     return f"{name}({inside})" if inside else name
 
@@ -45,7 +46,16 @@ def asked_of(name: str) -> str:
 def readings(
     truth: str, count: int, noise: float, theta_max: float = 85.0, spikes: float = 0.0, seed: int = 0
 ) -> Table:
-    """Scattered readings of a spelled model: towards the mirror, back to the light, and everywhere."""
+    """Scattered readings of an expression: towards the mirror, back to the light, and everywhere.
+
+    Args:
+        truth: an expression of one channel.
+        count: number of readings.
+        noise: standard uncertainty as a share of f; readings without noise have none.
+        theta_max: largest polar angle, degrees.
+        spikes: share of readings that are 100 times too large.
+        seed: of the random numbers.
+    """
     rng = np.random.default_rng(seed)
     top = np.radians(theta_max)
     theta_i, phi_i = top * np.sqrt(rng.random(count)), rng.uniform(0, 2 * np.pi, count)
@@ -74,9 +84,9 @@ NOISY = "2000 samples, 1 % noise", "2000 samples, 10 % noise", "60 samples, 1 % 
 
 def fit_cells(name: str, quick: bool = False) -> list[Cell]:
     """One cell for each number of samples and noise."""
-    truth, asked = truth_of(name), asked_of(name)
+    truth, model = true_surface(name), fitted_model(name)
     return [
-        _cell(name, truth, asked, column, readings(truth, *regime, seed=seed))
+        _cell(name, truth, model, column, readings(truth, *regime, seed=seed))
         for seed, (column, regime) in enumerate(REGIMES.items())
         if column in NOISY or not quick
     ]
@@ -86,7 +96,7 @@ def hard_cells(quick: bool = False) -> list[Cell]:
     """One cell for each fit that is known to be hard, of sums that have more than one answer or hardly any."""
     return [
         _cell(
-            "hard fits", h.measured, h.model, f"{h.name}, {noise * 100:g} % noise",
+            HARD, h.measured, h.model, f"{h.name}, {noise * 100:g} % noise",
             readings(h.measured, 2000, noise, h.theta_max, h.spikes),
         )
         for h in tagged(RECOVERIES, "quick atlas" if quick else "atlas")
@@ -95,32 +105,33 @@ def hard_cells(quick: bool = False) -> list[Cell]:
     ]  # fmt: skip
 
 
-def _cell(name: str, truth: str, asked: str, column: str, table: Table) -> Cell:
-    row = f"{truth} as {asked}"
+def _cell(name: str, truth: str, model: str, column: str, table: Table) -> Cell:
+    row = f"{truth} as {model}"
     try:
-        result = fit(table, asked)
+        result = fit(table, model)
     except GonioError as error:
         return Cell("fit", name, row, column, "float64", SAYS_SO, float("inf"), 0.0, f"refused: {error}")
-    actual = true_numbers(truth)
-    worst, allowed, at = 0.0, CLOSE, "every number"
-    flagged = []
-    for p in result.parameters:
-        if p.status == "fixed":
-            continue
-        if p.status == "undetermined":
-            flagged.append(f"{p.name} undetermined")
-            continue
-        if p.status.startswith("at "):
-            flagged.append(f"{p.name} {p.status}")
-        size = max(abs(actual[p.name]), 1e-3)
-        error, may = abs(p.value - actual[p.name]) / size, max(CLOSE, SIGMAS * p.standard_uncertainty / size)
-        if error / may > worst / allowed:
-            worst, allowed, at = error, may, p.name
-    flagged += ["not converged"] * (not result.converged) + result.undetermined + result.notes
-    verdict = RIGHT if worst <= allowed and not flagged else (SAYS_SO if flagged else SILENT)
-    said = f"; it says: {'; '.join(dict.fromkeys(flagged))}" if flagged else ""
+    error, allowed, parameter = _worst_parameter(result, true_numbers(truth))
+    remarks = [f"{p.name} undetermined" for p in result.parameters if p.status == "undetermined"]
+    remarks += [f"{p.name} {p.status}" for p in result.parameters if p.status.startswith("at ")]
+    remarks += ["not converged"] * (not result.converged) + result.undetermined + result.notes
+    verdict = SAYS_SO if remarks else RIGHT if error <= allowed else SILENT
     detail = (
-        f"worst number {at}: off by {worst:.2g} of itself, {SIGMAS:g} standard uncertainties are {allowed:.2g}; "
-        f"{result.starts_agreed} of {result.starts} starts agree{said}"
+        f"worst number {parameter}: off by {error:.2g} of itself, {SIGMAS:g} standard uncertainties are {allowed:.2g}; "
+        f"{result.starts_agreed} of {result.starts} starts agree"
     )
-    return Cell("fit", name, row, column, "float64", verdict, worst, allowed, detail)
+    if remarks:
+        detail += f"; it says: {'; '.join(dict.fromkeys(remarks))}"
+    return Cell("fit", name, row, column, "float64", verdict, error, allowed, detail)
+
+
+def _worst_parameter(result: FitResult, truth: dict[str, float]) -> tuple[float, float, str]:
+    # (error, allowed, name) of the determined parameter whose error is largest beside what its uncertainty allows.
+    worst = 0.0, CLOSE, "every number"
+    for p in result.parameters:
+        if p.status not in ("fixed", "undetermined"):
+            size = max(abs(truth[p.name]), 1e-3)
+            error, allowed = abs(p.value - truth[p.name]) / size, max(CLOSE, SIGMAS * p.standard_uncertainty / size)
+            if error / allowed > worst[0] / worst[1]:
+                worst = error, allowed, p.name
+    return worst

@@ -39,9 +39,9 @@ def fejer_rule(count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.cos(angles), 4 * np.sin(angles) * series / (count + 1)
 
 
-NODES, FINE = fejer_rule(15)
-COARSE = np.zeros(15)
-COARSE[1::2] = fejer_rule(7)[1]
+NODES, FINE = fejer_rule(19)
+COARSE = np.zeros(19)
+COARSE[1::2] = fejer_rule(9)[1]
 
 
 def integrate(
@@ -50,7 +50,7 @@ def integrate(
     """Integrates over the cells of each bin, halving the worst until the errors add up to the tolerance.
 
     Args:
-        integrand: takes and returns arrays of shape (n, 15, 15).
+        integrand: takes and returns arrays of shape (n, 19, 19), the nodes of each cell.
         cells: rows (a0, b0, a1, b1).
         bins: the bin of each cell.
         tolerance: absolute error at which no cell is halved further. A cell's error is that of QUADPACK's rules

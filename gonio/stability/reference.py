@@ -1,102 +1,123 @@
-"""The second opinion: textbook forms at forty digits, and what the rounding of their inputs makes of them."""
+"""The reference of values and gradients: textbook forms at forty digits, and the effect of rounding their inputs."""
 
-import mpmath as mp
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
 import numpy as np
+from mpmath import mpf
 
 from gonio.models.catalog import MODELS
-from gonio.models.expression.parser import Term, parse
+from gonio.models.expression.parser import Call, Term, parse
 from gonio.models.parameters import parameters_of
 from gonio.stability.textbook import TEXTBOOK
+from gonio.stability.textbook.frame import Params, Vector
 
 DIGITS = 40
 PERTURBED = 4
-STEP, TABLED_STEP = mp.mpf(10) ** -14, mp.mpf(10) ** -4
-LEAST_STEP = mp.mpf(10) ** -36
+STEP, TABLED_STEP = mpf(10) ** -14, mpf(10) ** -4
+LEAST_STEP = mpf(10) ** -36
 FINER = 10**12
-"""How much smaller the step is by which a slope is seen to be infinite."""
+"""Factor between the two steps whose quotients differ where a slope is infinite."""
+
+
+class Inputs(NamedTuple):
+    """Two directions of three numbers each, and the parameters."""
+
+    wi: Vector
+    wo: Vector
+    params: Params
 
 
 class Reference:
-    """A spelled one-channel model by its textbook form, at inputs exactly as a precision holds them."""
+    """A model of one channel by its textbook form, at inputs rounded to a precision.
 
-    def __init__(self, expression: str, dtype: np.dtype):
+    Use it with `mp.workdps(DIGITS)`.
+    """
+
+    def __init__(self, expression: str, dtype: Any):
         (term,) = parse(expression)
         self.dtype = np.dtype(dtype)
         self.call = term.call
         self.form = TEXTBOOK[term.call.name]
         self.domains = parameters_of(MODELS[term.call.name])
-        self.params = {n: self._held(v.number) for n, v in term.call.values.items()}
+        self.params = self._params(term.call)
         # A form that integrates albedos anew for every width gets as few of them as will do, and wide steps.
         self.tabled = self.call.name in ("coat", "kelemen") or self.call.options.get("energy", "single") != "single"
         self.costly = self.tabled or "exact" in self.call.options.values() or self.call.name == "chandrasekhar"
-        self.draws = 1 if self.costly else PERTURBED
-        self.inside = {field: self._inside(parts) for field, parts in term.call.models.items()}
+        self.inside = {field: self._inside(terms) for field, terms in term.call.models.items()}
 
-    def _held(self, number: float):
+    def _params(self, call: Call) -> dict[str, mpf]:
         with np.errstate(over="ignore"):  # numbers that single precision does not hold
-            return mp.mpf(float(self.dtype.type(number)))
+            return {n: mpf(float(self.dtype.type(v.number))) for n, v in call.values.items()}
 
-    def _inside(self, parts: tuple[Term, ...]):
+    def _inside(self, terms: tuple[Term, ...]) -> Callable[[Vector, Vector], mpf]:
         # A model inside another, as the textbook form of the outer one takes it: a function of two directions.
-        (term,) = parts
-        params = {n: self._held(v.number) for n, v in term.call.values.items()}
+        (term,) = terms
+        params = self._params(term.call)
         return lambda wi, wo: TEXTBOOK[term.call.name](params, term.call.options, wi, wo)
 
-    def value(self, wi, wo, params=None):
-        """f, 1/sr, as an mpf; wi and wo of three floats or mpfs."""
-        said = self.params if params is None else params
-        return self.form(said, self.call.options, tuple(map(mp.mpf, wi)), tuple(map(mp.mpf, wo)), **self.inside)
+    def inputs(self, wi: np.ndarray, wo: np.ndarray) -> Inputs:
+        """Directions of three floats each, with the model's parameters."""
+        return Inputs(_vector(wi), _vector(wo), self.params)
 
-    def slope(self, name: str, wi, wo, params=None):
+    def value(self, at: Inputs) -> mpf:
+        """f, 1/sr."""
+        return self.form(at.params, self.call.options, at.wi, at.wo, **self.inside)
+
+    def slope(self, name: str, at: Inputs) -> mpf | None:
         """∂f/∂parameter by differences at forty digits, central inside of the domain and towards it on its edge.
 
         None where it is infinite: where the quotient grows as the step shrinks.
         """
-        params = self.params if params is None else params
-        at, info = params[name], self.domains[name]
-        first = self._quotient(name, wi, wo, params, 1)
-        if at in (info.low, info.high) and not self.costly:
+        first = self._quotient(name, at, 1)
+        if at.params[name] in (self.domains[name].low, self.domains[name].high) and not self.costly:
             # One-sided quotients are good to the step only: the slope is where they go as it shrinks.
-            second = self._quotient(name, wi, wo, params, FINER)
+            second = self._quotient(name, at, FINER)
             return None if abs(second) > 10 * abs(first) else second
         return first
 
-    def infinite(self, name: str, wi, wo) -> bool:
-        """Whether ∂f/∂parameter is infinite, in however small a part of f: quotients grow as the step shrinks."""
+    def infinite(self, name: str, at: Inputs) -> bool:
+        """Whether ∂f/∂parameter is infinite, in however small a term of f: quotients grow as the step shrinks."""
         if self.tabled:
             return False
-        most = FINER if self.costly else FINER**2
-        coarse, fine = (self._quotient(name, wi, wo, self.params, finer) for finer in (1, most))
+        coarse, fine = (self._quotient(name, at, finer) for finer in (1, FINER if self.costly else FINER**2))
         return bool(abs(fine) > 10 * abs(coarse))
 
-    def _quotient(self, name: str, wi, wo, params, finer):
-        at, info = params[name], self.domains[name]
-        size = abs(at - 1) if name == "eta" else abs(at)  # what an index does, it does by its distance from 1
+    def _quotient(self, name: str, at: Inputs, finer: int) -> mpf:
+        center, info = at.params[name], self.domains[name]
+        size = abs(center - 1) if name == "eta" else abs(center)  # an index acts by its distance from 1
         step = (TABLED_STEP if self.tabled else STEP) * (size if size else 1) / finer
         # Beside an index of nearly 1 the finest step is less than forty digits tell apart.
-        step = max(step, LEAST_STEP * abs(at))
-        up, down = min(at + step, mp.mpf(info.high)), max(at - step, mp.mpf(info.low))
+        step = max(step, LEAST_STEP * abs(center))
+        up, down = min(center + step, mpf(info.high)), max(center - step, mpf(info.low))
         if up <= down:
-            up, down = at + step, at - step
-        if self.tabled and at in (up, down):
+            up, down = center + step, center - step
+
+        def value(x: mpf) -> mpf:
+            return self.value(at._replace(params={**at.params, name: x}))
+
+        if self.tabled and center in (up, down):
             # Wide steps towards one side: by three points, good to the square of the step.
-            far = up + down - at
-            at_0, at_1, at_2 = (self.value(wi, wo, {**params, name: v}) for v in (at, far, 2 * far - at))
-            return (4 * at_1 - 3 * at_0 - at_2) / (2 * (far - at))
-        ends = [self.value(wi, wo, {**params, name: v}) for v in (up, down)]
-        return (ends[0] - ends[1]) / (up - down)
+            far = up + down - center
+            return (4 * value(far) - 3 * value(center) - value(2 * far - center)) / (2 * (far - center))
+        return (value(up) - value(down)) / (up - down)
 
-    def perturbed(self, wi, wo):
-        """Some (wi, wo, params) with every number moved by at most one unit in its last place, always the same."""
-        eps, rng = mp.mpf(float(np.finfo(self.dtype).eps)), np.random.default_rng(0)
+    def perturbed(self, at: Inputs) -> Iterator[Inputs]:
+        """Some inputs with every number moved by at most one unit in its last place, always the same."""
+        eps, rng = mpf(float(np.finfo(self.dtype).eps)), np.random.default_rng(0)
 
-        def moved(x):
-            return mp.mpf(x) * (1 + eps * int(rng.integers(-1, 2)))
+        def moved(x: mpf) -> mpf:
+            return x * (1 + eps * int(rng.integers(-1, 2)))
 
-        for _ in range(self.draws):
-            params = self.params if self.tabled else {n: moved(v) for n, v in self.params.items()}
-            yield [moved(c) for c in wi], [moved(c) for c in wo], params
+        for _ in range(1 if self.costly else PERTURBED):
+            params: Mapping[str, mpf] = self.params if self.tabled else {n: moved(v) for n, v in self.params.items()}
+            yield Inputs(_vector(map(moved, at.wi)), _vector(map(moved, at.wo)), params)
 
     def columns(self, every: tuple[str, ...]) -> tuple[str, ...]:
-        """The incidences to look at: a few where each evaluation is dear."""
+        """The incidences to compare at: a few where each evaluation takes long."""
         return every[1::3] if self.costly else every
+
+
+def _vector(components: Any) -> Vector:
+    x, y, z = map(mpf, components)
+    return x, y, z

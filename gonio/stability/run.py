@@ -1,6 +1,7 @@
 """The cells of the atlas, computed model by model in several processes, as they are ready."""
 
 import concurrent.futures as futures
+import functools
 import multiprocessing
 import os
 import signal
@@ -47,7 +48,7 @@ def cells_of(job: Job, quick: bool, key: str = "") -> list[Cell]:
         from gonio.stability.fits import fit_cells, hard_cells
 
         return _guarded(job, "every number", "", lambda: hard_cells(quick) if name == HARD else fit_cells(name, quick))
-    compute = _method(method, quick)
+    compute = _method(name, method, quick)
     cells = []
     for precision in ("float64",) if method == "integral" else PRECISIONS:
         for setting in settings_for(name, method, precision, quick):
@@ -56,7 +57,7 @@ def cells_of(job: Job, quick: bool, key: str = "") -> list[Cell]:
     return cells
 
 
-def _method(method: str, quick: bool) -> Callable[[str, str, str], list[Cell]]:
+def _method(name: str, method: str, quick: bool) -> Callable[[str, str, str], list[Cell]]:
     if method == "sampler":
         from gonio.stability.samplers import sampler_cells
 
@@ -67,6 +68,12 @@ def _method(method: str, quick: bool) -> Callable[[str, str, str], list[Cell]]:
         from gonio.stability.albedos import integral_cells
 
         return integral_cells
+    from gonio.stability.textbook import TEXTBOOK
+
+    if name not in TEXTBOOK:
+        from gonio.stability.laws import law_cells
+
+        return functools.partial(law_cells, method)
     from gonio.stability.values_and_gradients import gradient_cells, value_cells
 
     return value_cells if method == "value" else gradient_cells

@@ -1,26 +1,29 @@
-"""Importance maps: χ² of what is drawn against the density that is claimed, and the density against ∫ = 1.
+"""Importance maps: χ² of drawn directions against the density that is claimed, and the density against ∫ = 1.
 
-Directions are counted in polar cells about the lobe's middle, whose rings hold equal shares of what was drawn. The
-density is integrated over the same cells by adaptive rules that know nothing of the map.
+Directions are counted in polar cells about the lobe's middle, whose rings hold equal shares of the drawn directions.
+The density is integrated over the same cells by adaptive rules that do not use the map.
 """
 
 import itertools
 import zlib
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy import stats
+from scipy import special
 
+from gonio.checks.table.count_statistics import sidak
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction
+from gonio.stability.directions import unit_vector
 from gonio.stability.outcome import RIGHT, SAYS_SO, SILENT, Cell
-from gonio.stability.precision import PRECISIONS, cast
+from gonio.stability.precision import PRECISIONS, cast, cast_directions
 from gonio.stability.rectangle_cubature import integrate
 
 INCIDENCES = {"0°": 0.0, "45°": np.radians(45), "80°": np.radians(80), "89°": np.radians(89)}
-AZIMUTH = 0.3
 RINGS, SECTORS = 16, 12
 LEAST = 25.0
 """Least expected count of a cell; cells with less are counted together."""
@@ -32,30 +35,20 @@ WHOLE = {"float64": 1e-5, "float32": 1e-3}
 """How far ∫ of the density may be from 1: in single precision opposite directions have no half vector to the digit."""
 
 
-def sidak(tests: int = TESTS) -> float:
-    """The level of each of so many independent tests that all together err with `LEVEL`."""
-    return -np.expm1(np.log1p(-LEVEL) / tests)
-
-
 @eqx.filter_jit
-def _drawn(brdf, wi, u1, u2):
+def _sampled(brdf: AbstractBRDF, wi: Direction, u1: jax.Array, u2: jax.Array) -> Direction:
     return jax.vmap(brdf.sample, in_axes=(None, 0, 0))(wi, u1, u2)
 
 
 @eqx.filter_jit
-def _density(brdf, wi, wo):
+def _density(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> jax.Array:
     return jax.vmap(brdf.pdf, in_axes=(None, 0))(wi, wo)
-
-
-def _incidence(theta: float, dtype) -> Direction:
-    c = np.sin(theta) * np.cos(AZIMUTH), np.sin(theta) * np.sin(AZIMUTH), np.cos(theta)
-    return Direction(*(jnp.asarray(x, dtype) for x in c))
 
 
 def _frames(wi: np.ndarray) -> list[np.ndarray]:
     # Orthonormal frames (rows x, y, z) about the mirror direction, back to the light, and the normal.
     frames = []
-    for middle in (wi * [-1, -1, 1], wi, np.array([0.0, 0.0, 1.0])):
+    for middle in (wi * [-1, -1, 1], wi, unit_vector(0.0)):
         across = np.cross(middle, [0.0, 1.0, 0.0] if abs(middle[1]) < 0.9 else [1.0, 0.0, 0.0])
         across /= np.linalg.norm(across)
         frames.append(np.stack([across, np.cross(middle, across), middle]))
@@ -67,13 +60,25 @@ def _polar(frame: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.arctan2(np.hypot(x, y), z), np.arctan2(y, x) % (2 * np.pi)
 
 
-def count_and_expect(brdf, theta: float, number: int, dtype=np.float64, seed: int = 0):
-    """(counts, expected shares, ∫ density, share drawn that is not finite) of so many draws from one incidence."""
+class Counts(NamedTuple):
+    """Counts of drawn directions in cells (rings, sectors), and the shares that the density claims for them.
+
+    `error` is that of the shares' sum; `not_finite` the share of drawn directions that are no numbers.
+    """
+
+    counts: np.ndarray
+    shares: np.ndarray
+    error: float
+    not_finite: float
+
+
+def count_and_expect(brdf: AbstractBRDF, theta: float, number: int, dtype: Any = np.float64, seed: int = 0) -> Counts:
+    """Counts and expected shares of a number of directions that are drawn for light from one incidence, radians."""
     rng = np.random.default_rng(seed)
-    wi = _incidence(theta, dtype)
+    wi = cast_directions(unit_vector(theta), dtype)
     u = rng.random((2, number)).astype(dtype)
     u = np.minimum(u, np.nextafter(dtype(1), dtype(0)))
-    w = np.stack([np.asarray(c, float) for c in _drawn(brdf, wi, *(jnp.asarray(c) for c in u))], -1)
+    w = np.stack([np.asarray(c, float) for c in _sampled(brdf, wi, *(jnp.asarray(c) for c in u))], -1)
     good = np.isfinite(w).all(axis=1)
     w = w[good] / np.linalg.norm(w[good], axis=1, keepdims=True)
     frames = _frames(np.array([float(c) for c in wi]))
@@ -84,51 +89,44 @@ def count_and_expect(brdf, theta: float, number: int, dtype=np.float64, seed: in
     edges = np.maximum.accumulate(edges)
     sectors = np.linspace(0, 2 * np.pi, SECTORS + 1)
     counts = np.histogram2d(beta, psi, bins=(edges + 1e-300 * np.arange(edges.size), sectors))[0]
-    shares, error = _shares(brdf, wi, frame, edges, sectors, dtype)
-    return counts, shares, error, 1.0 - good.mean()
 
-
-def _shares(brdf, wi, frame, edges, sectors, dtype):
-    # The density over each cell: what it draws from has edges and points of its own, where the rules halve them.
-    cells, bins = [], []
-    for k in range(RINGS):
-        for low, cut in itertools.pairwise(_graded(edges[k], edges[k + 1])):
-            for m, (p, q) in enumerate(itertools.pairwise(sectors)):
-                cells.append([low, p, cut, q])
-                bins.append(k * SECTORS + m)
-
-    def integrand(beta, psi):
+    def integrand(beta: np.ndarray, psi: np.ndarray) -> np.ndarray:
         s = np.sin(beta)
         local = np.stack([s * np.cos(psi), s * np.sin(psi), np.cos(beta)], -1).reshape(-1, 3)
-        wo = Direction(*(jnp.asarray(c, dtype) for c in (local @ frame).T))
-        return np.asarray(_density(brdf, wi, wo), float).reshape(beta.shape) * s
+        density = _density(brdf, wi, cast_directions(local @ frame, dtype))
+        return np.asarray(density, float).reshape(beta.shape) * s
 
-    shares, error = integrate(integrand, np.array(cells), np.array(bins), ENOUGH)
-    return shares.reshape(RINGS, SECTORS), error
+    shares, error = integrate(integrand, *_cells(edges, sectors, float(np.arccos(frame[2, 2]))), ENOUGH)
+    return Counts(counts, shares.reshape(RINGS, SECTORS), error, float(1.0 - good.mean()))
 
 
-def _graded(low: float, high: float) -> np.ndarray:
-    # A ring in the tail spans decades of β: its cells grow by factors.
-    if high > 2 * max(low, 1e-9) and high - low > 0.02:
-        return np.concatenate([[low], np.geomspace(max(low * 1.3, high / 4096), high, 8)])
-    return np.array([low, high])
+def _cells(edges: np.ndarray, sectors: np.ndarray, tilt: float) -> tuple[np.ndarray, np.ndarray]:
+    # Cells (β0, ψ0, β1, ψ1) and their bins. A ring in the tail spans decades of β: its cells grow by factors. Rings are
+    # cut where they touch the horizon, at which densities have a kink.
+    cells, bins = [], []
+    touch = np.pi / 2 + np.array([-tilt, tilt])
+    for k, (ring, end) in enumerate(itertools.pairwise(edges)):
+        cuts = np.array([ring, end])
+        if end > 2 * max(ring, 1e-9) and end - ring > 0.02:
+            cuts = np.concatenate([[ring], np.geomspace(max(ring * 1.3, end / 4096), end, 8)])
+        cuts = np.sort([*cuts, *touch[(touch > ring) & (touch < end)]])
+        for low, high in itertools.pairwise(cuts):
+            for m, (p, q) in enumerate(itertools.pairwise(sectors)):
+                cells.append([low, p, high, q])
+                bins.append(k * SECTORS + m)
+    return np.array(cells), np.array(bins)
 
 
 def p_value(counts: np.ndarray, shares: np.ndarray) -> float:
     """Pearson's χ² test of counts against shares, cells of few expected counts taken together."""
-    number = counts.sum()
-    expected = shares.ravel() * number
-    observed = counts.ravel()
-    order = np.argsort(expected)
-    expected, observed = expected[order], observed[order]
-    few = int(np.searchsorted(np.cumsum(expected), LEAST)) + 1
-    few = max(few, int(np.searchsorted(expected, LEAST)))
-    expected = np.concatenate([[expected[:few].sum()], expected[few:]])
-    observed = np.concatenate([[observed[:few].sum()], observed[few:]])
+    order = np.argsort(shares.ravel() * counts.sum())
+    expected, observed = (shares.ravel() * counts.sum())[order], counts.ravel()[order]
+    few = max(int(np.searchsorted(np.cumsum(expected), LEAST)) + 1, int(np.searchsorted(expected, LEAST)))
+    expected, observed = (np.concatenate([[a[:few].sum()], a[few:]]) for a in (expected, observed))
     if expected[0] < 1:
         expected, observed = expected[1:], observed[1:]
     chi2 = float(np.sum((observed - expected) ** 2 / expected))
-    return float(stats.chi2.sf(chi2, max(expected.size - 1, 1)))
+    return float(special.chdtrc(max(expected.size - 1, 1), chi2))
 
 
 def sampler_cells(name: str, expression: str, precision: str, number: int) -> list[Cell]:
@@ -139,16 +137,16 @@ def sampler_cells(name: str, expression: str, precision: str, number: int) -> li
     for column, theta in INCIDENCES.items():
         # Other random numbers for each test, always the same: a recipe that repeats it.
         seed = zlib.crc32(f"{expression} {column} {precision}".encode())
-        counts, shares, change, lost = count_and_expect(brdf, theta, number, dtype, seed)
-        whole, level, most = float(shares.sum()), sidak(), WHOLE[precision]
-        p = p_value(counts, shares) if np.isfinite(shares).all() else 0.0
-        off = abs(whole - 1)
+        counts = count_and_expect(brdf, theta, number, dtype, seed)
+        whole, level, most = float(counts.shares.sum()), sidak(LEVEL, TESTS), WHOLE[precision]
+        p = p_value(counts.counts, counts.shares) if np.isfinite(counts.shares).all() else 0.0
+        error = abs(whole - 1)
         detail = f"p = {p:.3g} (level {level:.2g}) of {number:,} directions; the density adds up to {whole:.7g}"
-        if lost:
-            verdict, detail = SAYS_SO, f"{lost:.2g} of the directions drawn are not finite"
-        elif change > most:
-            verdict, detail = SAYS_SO, f"{detail}, which is known to {change:.1g} only"
+        if counts.not_finite:
+            verdict, detail = SAYS_SO, f"{counts.not_finite:.2g} of the directions drawn are not finite"
+        elif counts.error > most:
+            verdict, detail = SAYS_SO, f"{detail}, which is known to {counts.error:.1g} only"
         else:
-            verdict = RIGHT if p >= level and off <= most else SILENT
-        cells.append(Cell("sampler", name, expression, column, precision, verdict, off, most, detail))
+            verdict = RIGHT if p >= level and error <= most else SILENT
+        cells.append(Cell("sampler", name, expression, column, precision, verdict, error, most, detail))
     return cells

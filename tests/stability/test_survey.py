@@ -56,8 +56,9 @@ def test_infinite_slopes_inside_of_a_domain_are_seen():
     wi, wo = (0.0, 0.0, 1.0), (0.6, 0.0, 0.8)
     words = "alpha=0.1, p=0.7, kappa=5, f0=0.04, f1=0, lam=3, c=0.1, theta_0=0"
     with mp.workdps(DIGITS):
-        assert Reference(f"sgd({words}, k=0.5)", np.float64).infinite("theta_0", wi, wo)
-        assert not Reference(f"sgd({words}, k=2)", np.float64).infinite("theta_0", wi, wo)
+        for k, infinite in ((0.5, True), (2, False)):
+            reference = Reference(f"sgd({words}, k={k})", np.float64)
+            assert reference.infinite("theta_0", reference.inputs(wi, wo)) == infinite
 
 
 def test_a_slope_at_forty_digits():
@@ -66,7 +67,7 @@ def test_a_slope_at_forty_digits():
     with mp.workdps(DIGITS):
         n, c = mp.mpf(3), mp.mpf(0.8)
         exact = c**n / (2 * mp.pi) * (1 + (n + 2) * mp.log(c))
-        assert float(reference.slope("n", wi, wo)) == pytest.approx(float(exact), rel=1e-12)
+        assert float(reference.slope("n", reference.inputs(wi, wo))) == pytest.approx(float(exact), rel=1e-12)
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
@@ -94,8 +95,8 @@ def test_a_density_that_is_not_the_samplers_is_seen():
             return super().pdf(wi, wo) * (1 + 0.03 * jnp.sign(wo.x))
 
     honest, off = (samplers.count_and_expect(m(n=jnp.asarray(30.0)), 0.8, 200_000) for m in (Phong, Off))
-    assert samplers.p_value(*honest[:2]) > 1e-4 and honest[1].sum() == pytest.approx(1, abs=1e-6)
-    assert samplers.p_value(*off[:2]) < 1e-6
+    assert samplers.p_value(honest.counts, honest.shares) > 1e-4 and honest.shares.sum() == pytest.approx(1, abs=1e-6)
+    assert samplers.p_value(off.counts, off.shares) < 1e-6
 
 
 @pytest.mark.parametrize(

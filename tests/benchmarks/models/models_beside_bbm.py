@@ -89,7 +89,8 @@ def truth(expression: str, c: int, wi, wo) -> float:
     with mp.workdps(DIGITS):
         total = mp.mpf(0)
         for scale, call in channel_terms(expression, c):
-            total += mp.mpf(scale) * Reference(call, np.float64).value(wi, wo)
+            reference = Reference(call, np.float64)
+            total += mp.mpf(scale) * reference.value(reference.inputs(wi, wo))
         return float(total)
 
 
