@@ -15,12 +15,10 @@ from gonio.fitting.problem.losses import NO_UNCERTAINTY, cell_weights, sigma_of
 from gonio.fitting.problem.parameterisation import with_defaults
 from gonio.fitting.problem.readings import Readings, count_readings, readings_of
 from gonio.fitting.result import FitResult
-from gonio.fitting.selection.automatic import SceneChoice, chosen_for_scene, chosen_model, scene_words, turned
-from gonio.fitting.selection.candidate import Choice
-from gonio.fitting.selection.scene_selection import Seen, judged, seen
+from gonio.fitting.selection.automatic import Selection, select_model, shows_anisotropy
+from gonio.fitting.selection.scene_selection import SceneView, view_of
 from gonio.models.errors import GonioError
-from gonio.models.evaluation import evaluate
-from gonio.models.expression.parser import Term, parse
+from gonio.models.expression.parser import parse
 
 WIDENS = 0.02  # aperture half-angle over alpha, from which on the averaging shows in a fit
 
@@ -73,20 +71,21 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
         loss = _usual_loss(settings, source.u_f is not None)
         compile_ahead(parsed[0], loss, len(source.channels), settings.per_channel)
     task = _task(source, settings)
-    seconds, view, choice = {"read": time.perf_counter() - began}, None, None
+    seconds, view, selection = {"read": time.perf_counter() - began}, None, None
+    anisotropic = shows_anisotropy(task.layout, task.readings)
     if settings.scene is not None:
-        view = seen(settings.scene, task.readings, turned(task.layout, task.readings))
+        view = view_of(settings.scene, task.readings, anisotropic)
     if not expressions:
-        began = time.perf_counter()
-        text, terms, choice = _select(task, view)
-        expressions, parsed, seconds["select"] = [text], [terms], time.perf_counter() - began
+        began, data = time.perf_counter(), (task.readings, task.loss, task.sigma)
+        selection = select_model(*data, anisotropic, settings.seed, settings.log, view)
+        expressions, parsed, seconds["select"] = [selection.expression], [selection.terms], time.perf_counter() - began
     if view is not None:
         task = _in_scene(task, view)
     tasks = [dataclasses.replace(task, requested=m, terms=t) for m, t in zip(expressions, parsed, strict=True)]
     if len(tasks) > 1:
         return _best(tasks, source, view, seconds)
-    result = _fit_one(tasks[0], source, view, choice, seconds)
-    return result if choice is None else dataclasses.replace(result, alternatives=choice.rows())
+    result = _fit_one(tasks[0], source, view, selection, seconds)
+    return result if selection is None else dataclasses.replace(result, alternatives=selection.rows())
 
 
 def _task(table: Table, settings: FitSettings) -> FitTask:
@@ -121,15 +120,7 @@ def _loss(settings: FitSettings, readings: Readings) -> tuple[str, np.ndarray | 
     return loss, sigma
 
 
-def _select(task: FitTask, view: Seen | None) -> tuple[str, tuple[Term, ...], Choice | SceneChoice]:
-    """The expression that the readings ask for, its terms with their starts, and how it was selected."""
-    data, settings = (task.layout, task.readings, task.loss, task.sigma), task.settings
-    if view is None:
-        return chosen_model(*data, settings.seed, settings.log)
-    return chosen_for_scene(*data, view, settings.seed, settings.log)
-
-
-def _in_scene(task: FitTask, view: Seen) -> FitTask:
+def _in_scene(task: FitTask, view: SceneView) -> FitTask:
     """The task on the readings of a scene, weighted by their effect on its radiance."""
     readings = dataclasses.replace(task.readings, cell_weight=None).part(view.cells)
     loss, sigma = ("linear", None) if task.settings.loss is None else _loss(task.settings, readings)
@@ -137,7 +128,7 @@ def _in_scene(task: FitTask, view: Seen) -> FitTask:
     return dataclasses.replace(task, readings=readings, loss=loss, sigma=sigma, weight="scene")
 
 
-def _best(tasks: list[FitTask], table: Table, view: Seen | None, seconds: dict[str, float]) -> FitResult:
+def _best(tasks: list[FitTask], table: Table, view: SceneView | None, seconds: dict[str, float]) -> FitResult:
     """The result of the lowest BIC, converged ones first, with all of them as alternatives."""
     results, refused = [], []
     for task in tasks:
@@ -152,18 +143,14 @@ def _best(tasks: list[FitTask], table: Table, view: Seen | None, seconds: dict[s
 
 
 def _fit_one(
-    task: FitTask, table: Table, view: Seen | None, choice: Choice | SceneChoice | None, seconds: dict[str, float]
+    task: FitTask, table: Table, view: SceneView | None, selection: Selection | None, seconds: dict[str, float]
 ) -> FitResult:
     began = time.perf_counter()
     optima = fit_model(task)
     r = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
     r.notes.extend(_aperture_notes(table, r))
     if view is not None:
-        f, y = np.asarray(evaluate(r.brdf, task.readings.wi, task.readings.wo)), task.readings.f
-        errors = judged(view, np.broadcast_to(f.reshape(y.shape[0], -1), y.shape), task.readings)
-        r.notes.insert(
-            0, choice.words(view, *errors) if isinstance(choice, SceneChoice) else scene_words(view, *errors)
-        )
+        r.notes.insert(0, view.note(r.brdf, task.readings, selection and selection.scene))
     verdict = "converged" if r.converged else f"NOT converged ({r.reason})"
     task.settings.log(
         f"{task.requested}: {verdict}, relative rms {r.metrics['relative_rms']:.3g}, BIC {r.bic:.6g}, "

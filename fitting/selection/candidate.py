@@ -1,92 +1,92 @@
-"""What a selection tried, and how the tried are judged beside each other."""
+"""Fitted candidates of a model selection, and their comparison."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
-from gonio.fitting.selection import criteria
-from gonio.fitting.selection.candidate_model import Part, Scenery
+from gonio.fitting.selection.candidate_model import SelectionData, Terms, expression_of
+from gonio.fitting.selection.criteria import improves_holdout
 
 
 @dataclasses.dataclass(frozen=True)
-class Tried:
-    """A sketch that was fitted: its numbers, Σr² in units of the noise, Σr² by held-out group, residuals, seconds."""
+class Candidate:
+    """A fitted candidate: free numbers, χ² in units of the noise, χ² by hold-out group, residuals, seconds."""
 
-    parts: tuple[Part, ...]
+    terms: Terms
     p: np.ndarray
     chi2: float
-    held: np.ndarray
+    holdout: np.ndarray
     residual: np.ndarray
     relative_rms: float
     seconds: float
 
     @property
     def size(self) -> int:
-        """Free numbers."""
+        """Number of free numbers."""
         return self.p.size
 
     @property
-    def spelled(self) -> str:
-        """The model as a user would ask for it."""
-        return " + ".join(part.spelled() for part in self.parts)
+    def expression(self) -> str:
+        """The model as a user would write it."""
+        return expression_of(self.terms)
 
 
 @dataclasses.dataclass(frozen=True)
-class Choice:
-    """The chosen model, and all that was tried, in the order of trying."""
+class SelectionResult:
+    """The selected candidate, and all candidates in the order of fitting."""
 
-    chosen: Tried
-    tried: list[Tried]
-    unit: float  # variance of the residuals of the best fit, in units of the noise's, but at least 1
-    worth: float  # readings that are worth one independent reading
-    count: int
-    scenery: Scenery  # the readings that were looked at
+    chosen: Candidate
+    candidates: list[Candidate]
+    dispersion: float  # variance of the residuals of the best fit, in units of the noise's, but at least 1
+    design_effect: float
+    count: int  # of readings
+    data: SelectionData
 
-    @property
-    def channels(self) -> int:
-        """How many of the table's channels were looked at."""
-        return self.scenery.target.shape[1]
+    def bic(self, c: Candidate) -> float:
+        """Bayesian information criterion for the effective number of readings; lower is better [Schwarz 1978]."""
+        price = float(np.log(max(self.count / self.design_effect, 2.0)))
+        return c.chi2 / (self.dispersion * self.design_effect) + c.size * price
 
-    def bic(self, t: Tried) -> float:
-        """Schwarz's criterion of the independent readings there are; lower is better [Schwarz 1978]."""
-        return bic(t, self.unit, self.worth, self.count)
+    def improves_holdout(self, small: Candidate, large: Candidate) -> bool:
+        """Whether `large` predicts directions that neither has seen better than `small`."""
+        return improves_holdout(small.holdout / self.dispersion, large.holdout / self.dispersion)
 
-    def gain(self, small: Tried, large: Tried) -> criteria.Gain:
-        """What `large` gains over `small` on directions that neither has seen."""
-        return criteria.gain(small.held / self.unit, large.held / self.unit)
+    def better(self, current: Candidate, others: list[Candidate]) -> Candidate | None:
+        """The one of lowest BIC among those that both BIC and cross-validation prefer to the current one."""
+        lower = [c for c in others if np.isfinite(c.chi2) and self.bic(c) < self.bic(current)]
+        return min((c for c in lower if self.improves_holdout(current, c)), key=self.bic, default=None)
 
-    def rows(self) -> list[dict]:
-        """What was tried as plain data, smallest models first."""
-        return [self._row(t) for t in sorted(self.tried, key=lambda t: (t.size, self.bic(t)))]
+    def ranked(self) -> list[Candidate]:
+        """All candidates, smallest models first."""
+        return sorted(self.candidates, key=lambda c: (c.size, self.bic(c)))
 
-    def _row(self, t: Tried) -> dict:
-        best = self.chosen
-        whole, mine = float(best.held.sum()), float(t.held.sum())
+    def rows(self) -> list[dict[str, Any]]:
+        """The candidates as plain data, smallest models first."""
+        return [self._row(c) for c in self.ranked()]
+
+    def _row(self, c: Candidate) -> dict[str, Any]:
+        best, bic = float(self.chosen.holdout.sum()), self.bic(c)
         return {
-            "model": t.spelled,
-            "bic": self.bic(t),
-            "bic_above_best": self.bic(t) - self.bic(best),
-            "held_out_above_best": float(np.sqrt(mine / whole)) - 1.0 if whole > 0 else 0.0,
-            "free": t.size,
-            "converged": bool(np.isfinite(t.chi2)),
-            "relative_rms": t.relative_rms,
-            "seconds": t.seconds,
-            "verdict": self._verdict(t),
+            "model": c.expression,
+            "bic": bic,
+            "bic_above_best": bic - self.bic(self.chosen),
+            "held_out_above_best": float(np.sqrt(c.holdout.sum() / best)) - 1.0 if best > 0 else 0.0,
+            "free": c.size,
+            "converged": bool(np.isfinite(c.chi2)),
+            "relative_rms": c.relative_rms,
+            "seconds": c.seconds,
+            "verdict": self._verdict(c),
         }
 
-    def _verdict(self, t: Tried) -> str:
-        if t is self.chosen:
+    def _verdict(self, c: Candidate) -> str:
+        if c is self.chosen:
             return "chosen"
-        if t.size < self.chosen.size:
+        if c.size < self.chosen.size:
             return "leaves structure in the residuals"
-        gain = self.gain(self.chosen, t)
-        said = {"BIC": self.bic(t) < self.bic(self.chosen), "held-out directions": gain.asked}
-        asks = [name for name, yes in said.items() if yes]
-        return (
-            "not asked for" if not asks else f"asked for by {' and '.join(asks)}" + (" alone" if len(asks) == 1 else "")
-        )
-
-
-def bic(t: Tried, unit: float, worth: float, count: int) -> float:
-    """χ² of the independent readings, and the price of the free numbers."""
-    return t.chi2 / (unit * worth) + t.size * float(np.log(max(count / worth, 2.0)))
+        preferred_by = ["BIC"] if self.bic(c) < self.bic(self.chosen) else []
+        if self.improves_holdout(self.chosen, c):
+            preferred_by.append("held-out directions")
+        if not preferred_by:
+            return "not asked for"
+        return f"asked for by {' and '.join(preferred_by)}" + (" alone" if len(preferred_by) == 1 else "")

@@ -1,132 +1,178 @@
-"""Readings weighed by a scene: the error that a model makes of its radiance, and the cheapest model that it allows."""
+"""Model selection for a scene: the error of its radiance by the nearest readings, and the cheapest model allowed."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
 from gonio.data.scene import Scene, ScenePairs
-from gonio.fitting.problem.losses import transform
 from gonio.fitting.problem.readings import Readings
-from gonio.fitting.selection.candidate import Choice, Tried
-from gonio.fitting.selection.candidate_model import Scenery, values
+from gonio.fitting.selection.candidate import Candidate, SelectionResult
+from gonio.fitting.selection.candidate_model import CandidateProblem, SelectionData
 from gonio.fitting.selection.criteria import neighbourhood, noise_deviation
-from gonio.fitting.selection.warm_start import fitted
+from gonio.fitting.selection.warm_start import fit_candidate
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
+from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 
 PAIRS = 4000
-FAR = 5.0  # degrees between a scene's directions and the nearest readings, from which on it is said
+FAR = 5.0  # degrees between a scene's directions and the nearest readings, from which on a note says so
 # Nanoseconds of one evaluation in double precision on one thread, for a sense of what a renderer pays
 # (tests/benchmarks/evaluate_models.py says what they are here and now).
 COST = {"lambert": 8.0, "ggx": 8.0, "beckmann": 22.0, "eon": 80.0, "std": 1800.0}
 
 
-def cost(t: Tried) -> float:
-    """Nanoseconds of an evaluation, as far as they are known beforehand."""
-    return sum(COST[part.model] for part in t.parts)
-
-
 @dataclasses.dataclass(frozen=True)
-class Seen:
-    """A scene by the readings nearest to what it sees: their numbers, and where each of its pairs of directions is."""
+class SceneView:
+    """A scene by the readings nearest to its pairs of directions."""
 
     scene: Scene
     pairs: ScenePairs
     cells: np.ndarray  # (m,) readings that are used
-    at: np.ndarray  # (N,) which of them stands for a pair
+    nearest: np.ndarray  # (N,) which of them stands for a pair
     distance: float  # degrees, the median between a pair and its reading
 
     @property
     def weight(self) -> np.ndarray:
         """Weight (m,) of the squared error of f of each reading, for a light of small extent."""
         amount2 = self.pairs.share[self.pairs.view] * self.pairs.amount**2
-        return np.bincount(self.at, amount2, minlength=self.cells.size)
+        return np.bincount(self.nearest, amount2, minlength=self.cells.size)
 
     def error(self, model_f: np.ndarray, f: np.ndarray, noise: np.ndarray | None = None) -> float:
         """Relative rms error of the radiance, from f at the cells (m, C); known noise of the readings is taken off."""
-        pairs = self.pairs
-        size = pairs.rms(f[self.at])
-        off = pairs.rms((model_f - f)[self.at]) ** 2
-        if noise is not None:
-            off -= self._noise2(noise)
-        return float(np.sqrt(max(off, 0.0))) / size if size > 0 else float("nan")
+        squared = self.pairs.rms((model_f - f)[self.nearest]) ** 2
+        return self._relative(squared if noise is None else squared - self._noise_squared(noise), f)
 
-    def part_of_noise(self, f: np.ndarray, noise: np.ndarray) -> float:
+    def noise_share(self, f: np.ndarray, noise: np.ndarray) -> float:
         """The share of the radiance's rms that the noise of the readings makes by itself."""
-        size = self.pairs.rms(f[self.at])
-        return float(np.sqrt(self._noise2(noise))) / size if size > 0 else float("nan")
+        return self._relative(self._noise_squared(noise), f)
 
-    def _noise2(self, noise: np.ndarray) -> float:
+    def _relative(self, squared: float, f: np.ndarray) -> float:
+        rms = self.pairs.rms(f[self.nearest])
+        return float(np.sqrt(max(squared, 0.0))) / rms if rms > 0 else float("nan")
+
+    def _noise_squared(self, noise: np.ndarray) -> float:
         # A reading that stands for several pairs of one radiance errs alike in all of them.
-        key = self.pairs.view.astype(np.int64) * self.cells.size + self.at
+        key = self.pairs.view.astype(np.int64) * self.cells.size + self.nearest
         unique, back = np.unique(key, return_inverse=True)
-        amount = np.bincount(back, self.pairs.amount)
-        share, at = self.pairs.share[unique // self.cells.size], unique % self.cells.size
-        return float(np.mean(np.sum((share * amount**2)[:, None] * noise[at] ** 2, axis=0)))
+        view, reading = np.divmod(unique, self.cells.size)
+        amount2 = self.pairs.share[view] * np.bincount(back, self.pairs.amount) ** 2
+        return float(np.mean(np.sum(amount2[:, None] * noise[reading] ** 2, axis=0)))
+
+    def note(self, brdf: AbstractBRDF, readings: Readings, selection: "SceneSelection | None") -> str:
+        """The error of a model for the scene, beside its tolerance and the noise of the view's readings."""
+        f = np.asarray(evaluate(brdf, readings.wi, readings.wo)).reshape(readings.f.shape[0], -1)
+        f = np.broadcast_to(f, readings.f.shape)
+        near = neighbourhood(readings.wi, readings.wo)
+        deviation = noise_deviation(f - readings.f, np.abs(f), readings.valid, near)
+        error, noise = self.error(f, readings.f, deviation), self.noise_share(readings.f, deviation)
+        beside = f", beside {100 * noise:.2g} % of noise in the readings" if noise > error / 10 else ""
+        far = f", by readings {self.distance:.2g}° away from what it sees" if self.distance > FAR else ""
+        reason = f": {selection.reason()}" if selection else ""
+        return (
+            f"for the scene '{self.scene.name}' the error of the reflected radiance is {100 * error:.2g} %{beside}"
+            f"{far} (tolerance {100 * self.scene.tolerance:g} %){reason}"
+        )
 
 
-def seen(scene: Scene, readings: Readings, turned: bool) -> Seen:
-    """The readings nearest to the directions that a scene sees. `turned`: whether the surface's own azimuth matters."""
-    from scipy.spatial import cKDTree
+def view_of(scene: Scene, readings: Readings, anisotropic: bool) -> SceneView:
+    """The readings nearest to the directions of a scene. `anisotropic`: the surface's own azimuth matters."""
+    from scipy.spatial import KDTree
 
     pairs = scene.pairs(PAIRS)
     usable = np.flatnonzero(readings.valid.all(axis=1))
     if not usable.size:
         raise GonioError("no cell has a valid reading in every channel, which a scene needs; choose one with --channel")
-    part = readings.part(usable)
-    near, at = cKDTree(_place(part.wi, part.wo, turned)).query(_place(pairs.wi, pairs.wo, turned))
-    cells, at = np.unique(at, return_inverse=True)
-    return Seen(scene, pairs, usable[cells], at.ravel(), float(np.degrees(np.median(near))))
+    subset = readings.part(usable)
+    points, wanted = (_points(p.wi, p.wo, anisotropic) for p in (subset, pairs))
+    distance, nearest = KDTree(points, leafsize=16).query(wanted)
+    cells, nearest = np.unique(nearest, return_inverse=True)
+    return SceneView(scene, pairs, usable[cells], nearest.ravel(), float(np.degrees(np.median(distance))))
 
 
-def _place(wi: Direction, wo: Direction, turned: bool) -> np.ndarray:
-    """Coordinates of pairs (n, 6) where near means alike; azimuth and side of the plane count only if `turned`."""
-    wi, wo = (np.stack([np.asarray(c, float) for c in w]) for w in (wi, wo))
-    if turned:
-        return np.concatenate([wi, wo]).T
-    sin_i, sin_o = np.hypot(wi[0], wi[1]), np.hypot(wo[0], wo[1])
-    off = sin_i > 1e-9
-    along = np.where(off, wi[:2] / np.where(off, sin_i, 1.0), wo[:2] / np.where(sin_o > 0, sin_o, 1.0))
-    x, y = np.sum(along * wo[:2], axis=0), along[0] * wo[1] - along[1] * wo[0]
-    return np.stack([sin_i, np.zeros_like(sin_i), wi[2], x, np.abs(y), wo[2]], axis=1)
-
-
-def judged(look: Seen, model_f: np.ndarray, readings: Readings) -> tuple[float, float]:
-    """(error, share of noise) of a model's f at a scene's readings (m, C), the noise being seen between neighbours."""
-    near = neighbourhood(readings.wi, readings.wo)
-    noise = noise_deviation(model_f - readings.f, np.abs(model_f), readings.valid, near)
-    return look.error(model_f, readings.f, noise), look.part_of_noise(readings.f, noise)
+def _points(wi: Direction, wo: Direction, anisotropic: bool) -> np.ndarray:
+    """Coordinates of pairs (n, 6) where near means alike; without anisotropy only the azimuth between them counts."""
+    i, o = (np.stack([np.asarray(c, float) for c in w]) for w in (wi, wo))
+    if anisotropic:
+        return np.concatenate([i, o]).T
+    sin_i, sin_o = np.hypot(i[0], i[1]), np.hypot(o[0], o[1])
+    oblique = sin_i > 1e-9
+    along = np.where(oblique, i[:2] / np.where(oblique, sin_i, 1.0), o[:2] / np.where(sin_o > 0, sin_o, 1.0))
+    x, y = np.sum(along * o[:2], axis=0), along[0] * o[1] - along[1] * o[0]
+    return np.stack([sin_i, np.zeros_like(sin_i), i[2], x, np.abs(y), o[2]], axis=1)
 
 
 @dataclasses.dataclass(frozen=True)
-class Allowed:
-    """A tried model with its numbers for a scene, and the error that it makes there."""
+class SceneCandidate:
+    """A candidate fitted for a scene, its error there, and the nanoseconds of an evaluation."""
 
-    tried: Tried
+    candidate: Candidate
     error: float
     cost: float
 
 
-def allowed(choice: Choice, look: Seen) -> list[Allowed]:
-    """All that was tried, fitted once more for the scene, cheapest first (evaluation, then free numbers).
+@dataclasses.dataclass(frozen=True)
+class SceneSelection:
+    """The candidates with their errors for a scene, cheapest first, and the one that was chosen."""
 
-    Where the residuals of the best fit exceed the noise the excess is error, not noise.
+    candidates: list[SceneCandidate]
+    chosen: SceneCandidate
+    best: SceneCandidate  # what the data ask for, whatever the scene
+    result: SelectionResult
+    scene: Scene
+
+    @property
+    def meets(self) -> bool:
+        """Whether the chosen candidate is within the tolerance."""
+        return self.chosen.error <= self.scene.tolerance
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The candidates as plain data, cheapest first."""
+        known = {row["model"]: row for row in self.result.rows()}
+        return [
+            {**known[c.candidate.expression], "scene_error": c.error, "cost_ns": c.cost, "verdict": self._verdict(c)}
+            for c in self.candidates
+        ]
+
+    def _verdict(self, c: SceneCandidate) -> str:
+        if c is self.chosen:
+            return "chosen: the cheapest within the tolerance" if self.meets else "chosen: what the data ask for"
+        if c.error > self.scene.tolerance:
+            return "beyond the tolerance"
+        return "within the tolerance, dearer" if c.candidate.size <= self.result.chosen.size else "not asked for"
+
+    def reason(self) -> str:
+        """Why the chosen candidate was chosen, in words."""
+        if not self.meets:
+            least = min(c.error for c in self.candidates)
+            return f"which no model tried meets (least error {least:.2g}); this is what the data ask for"
+        if self.chosen.candidate.expression == self.best.candidate.expression:
+            return "the cheapest model tried that meets it, and what the data themselves ask for"
+        beyond = f" (error {self.best.error:.2g})" if self.best.error > self.scene.tolerance else ""
+        return (
+            "the cheapest model tried that meets it; the data themselves ask for "
+            f"{self.best.candidate.expression}{beyond}"
+        )
+
+
+def select_for_scene(result: SelectionResult, view: SceneView) -> SceneSelection:
+    """The cheapest candidate within a scene's tolerance that is no larger than what the data ask for, if any.
+
+    All candidates are fitted once more for the scene. Where the residuals of the best fit exceed the noise the excess
+    is error, not noise.
     """
-    s = choice.scenery
-    used = s.weight > 0
-    slope = transform(s.loss, s.f * s.cosine, s.floor, np)[1] * s.cosine
-    noise = np.where(used, 1.0 / np.where(used, s.weight * slope, 1.0), 0.0)
-    weight = used * np.sqrt(look.weight / np.mean(look.weight))[:, None]
-    mine = Scenery(s.wi, s.wo, s.f, s.f, weight, np.ones_like(s.cosine), "linear", 1.0)
-    found = []
-    for t in choice.tried:
-        p, _ = fitted(t.parts, t.p, mine)
-        f = values(t.parts, p, mine)[0]
-        error = look.error(f, s.f, noise)
-        found.append(Allowed(dataclasses.replace(t, p=p), error, cost(t)))
-    return sorted(found, key=lambda a: (a.cost, a.tried.size, a.error))
-
-
-def cheapest(choice: Choice, options: list[Allowed], tolerance: float) -> Allowed | None:
-    """The cheapest that meets the tolerance and is no larger than what the data ask for; None where none does."""
-    return next((a for a in options if a.error <= tolerance and a.tried.size <= choice.chosen.size), None)
+    d = result.data
+    noise = np.where(d.used, 1.0 / np.where(d.used, d.slope, 1.0), 0.0)
+    weight = d.used * np.sqrt(view.weight / np.mean(view.weight))[:, None]
+    data = SelectionData(d.wi, d.wo, d.f, d.f, weight, np.ones_like(d.cosine), "linear", 1.0)
+    candidates = []
+    for c in result.candidates:
+        problem = CandidateProblem(c.terms, data)
+        p = fit_candidate(problem, c.p).p
+        error, cost = view.error(problem.values(p)[0], d.f, noise), sum(COST[term.model] for term in c.terms)
+        candidates.append(SceneCandidate(dataclasses.replace(c, p=p), error, cost))
+    candidates.sort(key=lambda c: (c.cost, c.candidate.size, c.error))
+    best = next(c for c in candidates if c.candidate.terms == result.chosen.terms)
+    allowed = (c for c in candidates if c.error <= view.scene.tolerance and c.candidate.size <= best.candidate.size)
+    return SceneSelection(candidates, next(allowed, best), best, result, view.scene)

@@ -1,230 +1,264 @@
-"""Which model: grown from Lambert, one step at a time, as long as the data ask for more.
+"""Forward stepwise model selection from Lambert, with backward elimination.
 
-BIC and held-out directions must both ask for a larger model, or the smaller stays. All models are judged by one noise
-and one count of independent readings (`criteria`), on one sample of the readings, by sketches that share
-their compiled programs (`gonio.fitting.selection.candidate_model`); only the chosen one is fitted to all readings.
+One lobe or free number is added at a time while BIC and cross-validated χ² both improve. All candidates are compared
+with one noise and one effective number of readings (`criteria`), on one sample of the readings, by programs that they
+share (`candidate_model`); only the selected one is fitted to all readings.
 """
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 from gonio.fitting.problem.losses import floor_of, uses_cosine
 from gonio.fitting.problem.readings import Readings, coarse_cells
 from gonio.fitting.selection import criteria
-from gonio.fitting.selection.candidate import Choice, Tried
+from gonio.fitting.selection.candidate import Candidate, SelectionResult
 from gonio.fitting.selection.candidate_model import (
     CELLS,
     DIELECTRIC,
     NO_FRESNEL,
-    Part,
-    Scenery,
-    numbers_of,
-    residuals,
-    values,
+    CandidateProblem,
+    SelectionData,
+    Terms,
+    TermSpec,
 )
-from gonio.fitting.selection.warm_start import carried, fitted
+from gonio.fitting.selection.warm_start import carried, fit_candidate
+from gonio.models.errors import GonioError
 
 SAMPLE = 4000
-MOST_LOBES = 2
-MOST_CHANNELS = 4  # of many wavelengths so many, evenly spaced, choose the structure of all
-LEFT = 1.2  # χ² over its expectation, or readings worth one, from which on residuals are called structure
-SMALL = 0.01  # χ² over its expectation below which only rounding is left
-SAME_NOISE = 0.05  # mean difference of the logarithms of two noises that are not worth a second walk
-ROUNDS = 12
-NEVER = float("inf")
+MAX_LOBES = 2
+MAX_CHANNELS = 4  # of many wavelengths so many, evenly spaced, select the structure of all
+STRUCTURED = 1.2  # χ² over its expectation, or design effect, from which on residuals are structure
+ROUNDING = 0.01  # χ² over its expectation below which only rounding is left
+SAME_NOISE = 0.05  # mean difference of the logarithms of two noises that do not call for a second walk
+MAX_STEPS = 12
+LAMBERT = TermSpec("lambert")
+FRESNEL = (NO_FRESNEL, DIELECTRIC)
+
+Log = Callable[[str], None]
+
+
+def no_log(line: str) -> None:
+    """Reports nothing."""
 
 
 class _Search:
-    """One walk up from Lambert, with fixed weights."""
+    """One walk up from Lambert and down again, with fixed weights.
 
-    def __init__(self, s: Scenery, near: criteria.Neighbourhood, known: dict[tuple, np.ndarray], turned: bool, say):
-        self.s, self.near, self.known, self.turned, self.say = s, near, known, turned, say
-        self.tried: dict[tuple, Tried] = {}
-        self.channels = s.target.shape[1]
-        self.used = s.weight > 0
-        self.count = int(np.count_nonzero(self.used))
+    Args:
+        data: the readings.
+        near: which of them are neighbours.
+        known: free numbers of candidates that were fitted with other weights.
+        anisotropic: whether the readings can show that the surface is anisotropic.
+        log: called with a line for each step up.
+    """
 
-    def fit(self, parts: tuple[Part, ...], out_of: Tried | None = None) -> Tried | None:
-        """A sketch fitted, out of another or out of what is known of it; None where readings are too few."""
-        if parts in self.tried:
-            return self.tried[parts]
-        of = numbers_of(parts, self.channels)
-        if len(of) >= self.count:
+    def __init__(
+        self,
+        data: SelectionData,
+        near: criteria.Neighbourhood,
+        known: dict[Terms, np.ndarray],
+        anisotropic: bool,
+        log: Log = no_log,
+    ) -> None:
+        self.data, self.near, self.known, self.anisotropic, self.log = data, near, known, anisotropic, log
+        self.candidates: dict[Terms, Candidate] = {}
+        self.count = int(np.count_nonzero(data.used))
+
+    def fit(self, terms: Terms, origin: Candidate | None = None) -> Candidate | None:
+        """A candidate fitted from another or from what is known of it; None where readings are too few."""
+        if terms in self.candidates:
+            return self.candidates[terms]
+        problem, began = CandidateProblem(terms, self.data), time.perf_counter()
+        free = problem.parameters.start.size
+        if free >= self.count:
             return None
-        began = time.perf_counter()
-        start = self.known.get(parts)
+        start = self.known.get(terms)
         if start is None:
-            start = carried(out_of.parts, out_of.p, parts, self.channels) if out_of else np.full(len(of), np.nan)
-        p, cost = fitted(parts, start, self.s)
-        r, rows = residuals(parts, p, self.s)
-        low, high = (np.array([getattr(u, b) for u in of]) for b in ("low", "high"))
-        gradient = np.einsum("ncp,nc->p", rows, r)
+            new = np.full(free, np.nan)
+            start = carried(origin.terms, origin.p, terms, self.data.channels) if origin else new
+        p, chi2 = fit_candidate(problem, start)
+        residual, jacobian = problem.residuals(p)
+        gradient = np.einsum("ncp,nc->p", jacobian, residual)
+        _, low, high = problem.domains
         inside = ~(((p <= low) & (gradient >= 0)) | ((p >= high) & (gradient <= 0)))
-        held = criteria.held_out(r, rows, inside, self.near.groups)
-        f = np.where(self.used, values(parts, p, self.s)[0], 0.0)
-        y = np.where(self.used, self.s.f, 0.0)
+        holdout = criteria.holdout_chi2(residual, jacobian[:, :, inside], self.near.groups)
+        f, y = (np.where(self.data.used, a, 0.0) for a in (problem.values(p)[0], self.data.f))
         rms = float(np.sqrt(np.sum((f - y) ** 2) / max(float(np.sum(y**2)), 1e-300)))
-        chi2 = cost if np.isfinite(cost) and np.isfinite(held).all() else NEVER
-        self.tried[parts] = t = Tried(
-            parts, p, chi2, np.nan_to_num(held, nan=NEVER), r, rms, time.perf_counter() - began
-        )
-        return t
+        chi2 = chi2 if np.isfinite(chi2) and np.isfinite(holdout).all() else np.inf
+        holdout, seconds = np.nan_to_num(holdout, nan=np.inf), time.perf_counter() - began
+        self.candidates[terms] = candidate = Candidate(terms, p, chi2, holdout, residual, rms, seconds)
+        return candidate
 
-    def choice(self, chosen: Tried) -> Choice:
-        every = [t for t in self.tried.values() if np.isfinite(t.chi2)]
-        best = min(every, key=lambda t: t.chi2)
-        unit = max(1.0, best.chi2 / max(self.count - best.size, 1))
-        worth = criteria.worth_of_one(best.residual, self.used, self.near)
-        return Choice(chosen, every, unit, worth, self.count, self.s)
+    def fit_all(self, candidates: Iterable[Terms], origin: Candidate | None) -> list[Candidate]:
+        """Those of the candidates that the readings can bear, fitted."""
+        return [c for terms in candidates if (c := self.fit(terms, origin)) is not None]
 
-    def better(self, now: Tried, others: list[Tried | None]) -> Tried | None:
-        """The best of those that BIC and held-out directions both ask for."""
-        judge = self.choice(now)
-        asked = [t for t in others if t and np.isfinite(t.chi2) and judge.bic(t) < judge.bic(now)]
-        asked = [t for t in asked if judge.gain(now, t).asked]
-        return min(asked, key=judge.bic, default=None)
+    def design_effect(self, c: Candidate) -> float:
+        """Design effect of the residuals of a candidate."""
+        return criteria.design_effect(c.residual, self.data.used, self.near)
 
-    def smallest(self) -> Tried:
-        """The smallest of all that were tried against which no larger one is asked for.
+    def result(self, chosen: Candidate) -> SelectionResult:
+        """The candidates so far; the one of lowest χ² tells the noise."""
+        finite = [c for c in self.candidates.values() if np.isfinite(c.chi2)]
+        best = min(finite, key=lambda c: c.chi2)
+        dispersion = max(1.0, best.chi2 / max(self.count - best.size, 1))
+        return SelectionResult(chosen, finite, dispersion, self.design_effect(best), self.count, self.data)
 
-        Steps down are each judged against the one before: together they could lose what each of them may.
-        """
-        judge = self.choice(next(iter(self.tried.values())))
-        ranked = sorted(judge.tried, key=lambda t: (t.size, judge.bic(t)))
-        return next(t for t in ranked if self.better(t, [u for u in ranked if u.size >= t.size and u is not t]) is None)
-
-    def structured(self, now: Tried) -> bool:
-        """Whether the residuals are more than noise: too large, or alike among neighbours (rounding does not count)."""
-        if now.chi2 < SMALL * self.count:
+    def has_structure(self, c: Candidate) -> bool:
+        """Whether residuals are more than noise: too large, or alike among neighbours (rounding does not count)."""
+        if c.chi2 < ROUNDING * self.count:
             return False
-        return now.chi2 > LEFT * self.count or criteria.worth_of_one(now.residual, self.used, self.near) > LEFT
+        return c.chi2 > STRUCTURED * self.count or self.design_effect(c) > STRUCTURED
 
-    def walk(self) -> Choice:
-        """From Lambert up, then down again where a number is not missed."""
-        now = self.fit((Part("lambert"),))
-        for _ in range(ROUNDS):
-            steps = list(self.steps(now.parts))
-            up = self.better(now, [self.fit(parts, now) for parts in steps])
-            if up is None and self.structured(now):
-                up = self.better(now, [self.fit(parts, now) for parts in self.families(now.parts)])
-            if up is None:
+    def walk(self) -> SelectionResult:
+        """Up from Lambert, then down again where a number is not missed, to the smallest that suffices."""
+        current = self.fit((LAMBERT,))
+        if current is None:
+            raise GonioError(f"{self.count} valid readings are too few to select a model; name one")
+        for _ in range(MAX_STEPS):
+            larger = self.fit_all(self.steps(current.terms), current)
+            better = self.result(current).better(current, larger)
+            if better is None and self.has_structure(current):
+                larger = self.fit_all(self.families(current.terms), current)
+                better = self.result(current).better(current, larger)
+            if better is None:
                 break
-            self.say(f"{up.spelled}: {up.size} free numbers, relative rms {up.relative_rms:.3g}")
-            now = up
-        down = True
-        while down:
-            down = None
-            for parts in self.simpler(now.parts):
-                t = self.fit(parts, now)
-                if t and np.isfinite(t.chi2) and self.better(t, [now]) is None:
-                    down = now = t
-                    break
-        return self.choice(self.smallest())
+            current = better
+            self.log(f"{current.expression}: {current.size} free numbers, relative rms {current.relative_rms:.3g}")
+        while smaller := self.simplified(current):
+            current = smaller
+        # Steps down are each compared with the one before: together they could lose what each of them may.
+        result = self.result(current)
+        for c in (ranked := result.ranked()):
+            if not result.better(c, [other for other in ranked if other.size >= c.size and other is not c]):
+                return self.result(c)
+        return result
 
-    def steps(self, parts: tuple[Part, ...]) -> Iterator[tuple[Part, ...]]:
-        """What one more step in any direction would make of a sketch, all out of GGX's one program."""
-        lobes = [k for k, part in enumerate(parts) if part.lobe]
-        family = parts[lobes[0]].model if lobes else "ggx"
-        if len(lobes) < MOST_LOBES and family != "std":
-            for f0 in dict.fromkeys([parts[lobes[0]].f0] if lobes else [NO_FRESNEL, DIELECTRIC]):
-                yield (*parts, Part(family, f0))
-        if not lobes:
+    def simplified(self, current: Candidate) -> Candidate | None:
+        """The first simpler candidate to which the current one is not preferred."""
+        for terms in self.simpler(current.terms):
+            c = self.fit(terms, current)
+            if c and np.isfinite(c.chi2) and self.result(c).better(c, [current]) is None:
+                return c
+        return None
+
+    def steps(self, terms: Terms) -> Iterator[Terms]:
+        """A candidate with one more lobe or freedom, all out of GGX's one program."""
+        lobes = [k for k, term in enumerate(terms) if term.is_lobe]
+        first = terms[lobes[0]] if lobes else None
+        if len(lobes) < MAX_LOBES and (first is None or first.model != "std"):
+            for f0 in FRESNEL if first is None else (first.f0,):
+                yield (*terms, TermSpec("ggx" if first is None else first.model, f0))
+        if first is None:
             return
-        for f0 in (NO_FRESNEL, DIELECTRIC, None):
-            if f0 != parts[lobes[0]].f0:
-                yield self.changed(parts, lobes, f0=f0)
-        for k in lobes:
-            if self.turned and not parts[k].brushed:
-                yield self.changed(parts, [k], brushed=True)
-        if self.channels > 1 and not parts[lobes[0]].spread:
-            yield self.changed(parts, lobes, spread=True)
+        yield from (changed(terms, lobes, f0=f0) for f0 in (*FRESNEL, None) if f0 != first.f0)
+        if self.anisotropic:
+            yield from (changed(terms, [k], anisotropic=True) for k in lobes if not terms[k].anisotropic)
+        if self.data.channels > 1 and not first.width_each:
+            yield changed(terms, lobes, width_each=True)
 
-    def families(self, parts: tuple[Part, ...]) -> Iterator[tuple[Part, ...]]:
+    def families(self, terms: Terms) -> Iterator[Terms]:
         """Other families of the field, where what GGX and Lambert leave is not noise: each is a program to compile."""
-        lobes = [k for k, part in enumerate(parts) if part.lobe]
-        if parts[0].model == "lambert":
-            yield self.changed(parts, [0], model="eon")
-        if lobes and parts[lobes[0]].model == "ggx":
-            yield self.changed(parts, lobes, model="beckmann")
+        lobes = [k for k, term in enumerate(terms) if term.is_lobe]
+        if terms[0].model == "lambert":
+            yield changed(terms, [0], model="eon")
+        if lobes and terms[lobes[0]].model == "ggx":
+            yield changed(terms, lobes, model="beckmann")
             # Student's slopes cost two hundred times a GGX lobe: a second lobe is the cheaper number to add.
-            if len(lobes) == 1 and not parts[lobes[0]].spread:
-                yield self.changed(parts, lobes, model="std")
+            if len(lobes) == 1 and not terms[lobes[0]].width_each:
+                yield changed(terms, lobes, model="std")
 
-    def simpler(self, parts: tuple[Part, ...]) -> Iterator[tuple[Part, ...]]:
-        """The same less one thing: a term, a number that a later step made needless, or what channels have alike."""
-        lobes = [k for k, part in enumerate(parts) if part.lobe]
-        if len(parts) > 1:
-            yield from (parts[:k] + parts[k + 1 :] for k in ([0] if not parts[0].lobe else []) + lobes[-1:])
-        if lobes and parts[lobes[0]].f0 is None:
-            yield from (self.changed(parts, lobes, f0=f0) for f0 in (NO_FRESNEL, DIELECTRIC))
-        if lobes and parts[lobes[0]].spread:
-            yield self.changed(parts, lobes, spread=False)
-        if lobes and parts[lobes[0]].model == "std":
-            yield from (self.changed(parts, lobes, model=model) for model in ("ggx", "beckmann"))
-        if parts[0].model == "eon":
-            yield self.changed(parts, [0], model="lambert")
-        yield from (self.changed(parts, [k], brushed=False) for k in lobes if parts[k].brushed)
-        if self.channels > 1:
-            coloured = [k for k, part in enumerate(parts) if not part.grey]
-            if len(coloured) > 1:
-                yield self.changed(parts, coloured, grey=True)
-            yield from (self.changed(parts, [k], grey=True) for k in coloured)
-
-    @staticmethod
-    def changed(parts: tuple[Part, ...], at: list[int], **fields) -> tuple[Part, ...]:
-        return tuple(dataclasses.replace(part, **fields) if k in at else part for k, part in enumerate(parts))
+    def simpler(self, terms: Terms) -> Iterator[Terms]:
+        """A candidate without a term, or with fewer free numbers."""
+        lobes = [k for k, term in enumerate(terms) if term.is_lobe]
+        first = terms[lobes[0]] if lobes else None
+        if len(terms) > 1:
+            yield from (terms[:k] + terms[k + 1 :] for k in ([] if terms[0].is_lobe else [0]) + lobes[-1:])
+        if first and first.f0 is None:
+            yield from (changed(terms, lobes, f0=f0) for f0 in FRESNEL)
+        if first and first.width_each:
+            yield changed(terms, lobes, width_each=False)
+        if first and first.model == "std":
+            yield from (changed(terms, lobes, model=model) for model in ("ggx", "beckmann"))
+        if terms[0].model == "eon":
+            yield changed(terms, [0], model="lambert")
+        yield from (changed(terms, [k], anisotropic=False) for k in lobes if terms[k].anisotropic)
+        coloured = [k for k, term in enumerate(terms) if not term.shared] if self.data.channels > 1 else []
+        if len(coloured) > 1:
+            yield changed(terms, coloured, shared=True)
+        yield from (changed(terms, [k], shared=True) for k in coloured)
 
 
-def choose(
+def changed(terms: Terms, which: list[int], **fields: str | float | bool | None) -> Terms:
+    """The terms with some fields of some of them replaced."""
+    return tuple(dataclasses.replace(term, **fields) if k in which else term for k, term in enumerate(terms))
+
+
+def stepwise_selection(
     readings: Readings,
     loss: str,
     sigma: np.ndarray | None,
-    turned: bool,
+    anisotropic: bool,
     seed: int = 0,
-    say: Callable[[str], None] = lambda line: None,
+    log: Log = no_log,
     cells: np.ndarray | None = None,
-) -> Choice:
-    """The model that readings ask for. `sigma` (n, C): the known standard uncertainties, or None; `turned`: whether the
-    readings tell of the surface's own azimuth, so that brushed surfaces can show. `cells`: at most CELLS of the
-    readings to look at; without, a sample of them by `seed`.
+) -> SelectionResult:
+    """The model that readings ask for.
+
+    Args:
+        readings: f of shape (n, C).
+        loss: as in a fit.
+        sigma: known standard uncertainties (n, C), or None: the noise is then estimated from neighbours.
+        anisotropic: whether the readings can show that the surface is anisotropic.
+        seed: of the sample of readings.
+        log: called with a line for each step up.
+        cells: at most `CELLS` of the readings to select by; without, a sample of them.
+
+    Raises:
+        GonioError: too few readings.
     """
     if cells is None:
         cells = coarse_cells(readings, SAMPLE, seed)[:CELLS]
-    channels = np.unique(np.linspace(0, readings.f.shape[1] - 1, min(readings.f.shape[1], MOST_CHANNELS)).astype(int))
-    part = readings.part(cells)
-    f, valid = part.f[:, channels], part.valid[:, channels]
+    count = readings.f.shape[1]
+    channels = np.unique(np.linspace(0, count - 1, min(count, MAX_CHANNELS)).astype(int))
+    subset = readings.part(cells)
+    f, valid = subset.f[:, channels], subset.valid[:, channels]
     weight = valid.astype(float)
     if sigma is not None:
         weight = weight / np.where(valid, sigma[cells][:, channels], 1.0)
-    compared = f * np.asarray(part.wi.z)[:, None] if uses_cosine(loss) else f
-    s = Scenery.of(part.wi, part.wo, f, weight, loss, floor_of(loss, compared[valid]))
-    near = criteria.neighbourhood(part.wi, part.wo)
-    known: dict[tuple, np.ndarray] = {}
-    if sigma is None:
-        # A first look, weighted evenly, to see the noise: two lobes are supple enough to follow most surfaces.
-        first = _Search(s, near, known, turned, lambda line: None)
-        bare = first.fit((Part("lambert"),))
-        one = [first.fit((Part("lambert"), Part("ggx", f0)), bare) for f0 in (NO_FRESNEL, DIELECTRIC)]
-        ends = [first.fit((*t.parts, Part("ggx", t.parts[1].f0)), t) for t in one if t]
-        reference = min([t for t in (*ends, *one, *first.tried.values()) if t], key=lambda t: t.chi2)
-        known = {t.parts: t.p for t in first.tried.values()}
-        s = s.weighted(_by_noise(s, reference, near))
-    found = _Search(s, near, known, turned, say).walk()
-    if sigma is None:
-        # The noise once more, from what the chosen model leaves: a reference that missed much took that for noise.
-        again = _by_noise(s, found.chosen, near)
-        used = again > 0
-        if np.mean(np.abs(np.log(again[used] / s.weight[used]))) > SAME_NOISE:
-            known = {t.parts: t.p for t in found.tried}
-            found = _Search(s.weighted(again), near, known, turned, lambda line: None).walk()
-    return found
+    compared = f * np.asarray(subset.wi.z)[:, None] if uses_cosine(loss) else f
+    data = SelectionData.of(subset.wi, subset.wo, f, weight, loss, floor_of(loss, compared[valid]))
+    near = criteria.neighbourhood(subset.wi, subset.wo)
+    if sigma is not None:
+        return _Search(data, near, {}, anisotropic, log).walk()
+    reference = _reference(first := _Search(data, near, {}, anisotropic))
+    data = data.weighted(_noise_weight(data, reference, near))
+    result = _Search(data, near, {c.terms: c.p for c in first.candidates.values()}, anisotropic, log).walk()
+    # The noise once more, from what the selected model leaves: a reference that missed much took that for noise.
+    weight = _noise_weight(data, result.chosen, near)
+    used = weight > 0
+    if np.mean(np.abs(np.log(weight[used] / data.weight[used]))) <= SAME_NOISE:
+        return result
+    return _Search(data.weighted(weight), near, {c.terms: c.p for c in result.candidates}, anisotropic).walk()
 
 
-def _by_noise(s: Scenery, t: Tried, near: criteria.Neighbourhood) -> np.ndarray:
-    used = s.weight > 0
-    bare = residuals(t.parts, t.p, s.weighted(used.astype(float)))[0]
+def _reference(search: _Search) -> Candidate:
+    """A fit with even weights that leaves the noise: two lobes are supple enough to follow most surfaces."""
+    diffuse = search.fit((LAMBERT,))
+    one = search.fit_all(((LAMBERT, TermSpec("ggx", f0)) for f0 in FRESNEL), diffuse)
+    two = [search.fit((*c.terms, TermSpec("ggx", c.terms[1].f0)), c) for c in one]
+    candidates = [c for c in (*two, *one, diffuse) if c is not None]
+    if not candidates:
+        raise GonioError(f"{search.count} valid readings are too few to select a model; name one")
+    return min(candidates, key=lambda c: c.chi2)
+
+
+def _noise_weight(data: SelectionData, c: Candidate, near: criteria.Neighbourhood) -> np.ndarray:
+    """Weights (n, C) by the noise that the residuals of a candidate show."""
+    used = data.used
+    residual = CandidateProblem(c.terms, data.weighted(used.astype(float))).residuals(c.p)[0]
     # By the model's own size: weights from noisy readings would favour those that came out low.
-    return np.where(used, 1.0 / criteria.noise_deviation(bare, np.abs(s.target + bare), used, near), 0.0)
+    return np.where(used, 1.0 / criteria.noise_deviation(residual, np.abs(data.target + residual), used, near), 0.0)

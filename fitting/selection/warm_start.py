@@ -1,9 +1,12 @@
-"""Where a sketch begins that has grown out of another: its numbers carried over, what is new guessed from the data."""
+"""Starts of a candidate that has grown out of another, and its fit: values are carried over, new ones guessed."""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from gonio.fitting.problem.domains import snapped
-from gonio.fitting.selection.candidate_model import CandidateProblem, Number, Part, Scenery, numbers_of
+from gonio.fitting.problem.parameterisation import FreeParameter
+from gonio.fitting.selection.candidate_model import CandidateProblem, Terms, candidate_parameters
 from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
 from gonio.fitting.solver.multistart import APART, WIDTHS, solve_amounts
 from gonio.models.expression.paths import FACTOR
@@ -13,43 +16,49 @@ REFINED = 2
 STEPS, ROUGH = 80, 1e4  # of a descent, which ends where a step promises less than 1e-9 of the cost
 
 
-def carried(old: tuple[Part, ...], p: np.ndarray, new: tuple[Part, ...], channels: int) -> np.ndarray:
-    """Numbers (P,) for the parts `new` out of the numbers p of the parts `old`, in their order; NaN where none is."""
-    before: dict[tuple, list[float]] = {}
-    for u, value in zip(numbers_of(old, channels), p, strict=True):
-        before.setdefault((u.part, u.name), []).append(float(value))
-        before.setdefault((u.part, u.name, u.channel), []).append(float(value))
+class Fitted(NamedTuple):
+    """The end of a candidate's fit: free numbers p (P,) and χ² = Σr²."""
 
-    def value(u: Number) -> float:
-        for key in ((u.part, u.name, u.channel), (u.part, u.name)):
-            if key in before:
-                return float(np.mean(before[key]))
-        if u.name in APART and (u.part, "alpha") in before:
-            return APART[u.name] * float(np.mean(before[u.part, "alpha"]))
-        if u.name == "alpha" and (u.part, "alpha_x") in before:
-            return float(np.sqrt(np.mean(before[u.part, "alpha_x"]) * np.mean(before[u.part, "alpha_y"])))
-        return float("nan") if u.part >= len(old) else NEW[u.name]
-
-    return np.array([value(u) for u in numbers_of(new, channels)])
+    p: np.ndarray
+    chi2: float
 
 
-def fitted(parts: tuple[Part, ...], p: np.ndarray, s: Scenery) -> tuple[np.ndarray, float]:
-    """(numbers (P,), Σr²) of a sketch from the numbers p; a new lobe (NaN) begins at the likeliest of some widths."""
-    problem = CandidateProblem(parts, s)
-    missing = np.isnan(p)
+def carried(old: Terms, p: np.ndarray, new: Terms, channels: int) -> np.ndarray:
+    """Free numbers (P,) of the terms `new` out of those, p, of the terms `old`, in their order; NaN where none is."""
+    before, after = (candidate_parameters(terms, channels).parameterisation for terms in (old, new))
+    known = {(g.term, g.path): p[before.of(g)] for g in before.free}
+
+    def values(g: FreeParameter) -> np.ndarray:
+        carried = known.get((g.term, g.path))
+        if carried is not None and carried.size == after.count(g):
+            return carried
+        widths = {name: known.get((g.term, name), np.array(np.nan)).mean() for name in ("alpha", "alpha_x", "alpha_y")}
+        if carried is not None:
+            value = carried.mean()
+        elif g.path in APART and np.isfinite(widths["alpha"]):
+            value = APART[g.path] * widths["alpha"]
+        elif g.path == "alpha" and np.isfinite(widths["alpha_x"]):
+            value = np.sqrt(widths["alpha_x"] * widths["alpha_y"])
+        else:
+            value = np.nan if g.term >= len(old) else NEW[g.path]
+        return np.full(after.count(g), value)
+
+    return np.concatenate([values(g) for g in after.free])
+
+
+def fit_candidate(problem: CandidateProblem, p: np.ndarray) -> Fitted:
+    """A candidate fitted from the free numbers p (P,); a new lobe (NaN) starts at the likeliest of some widths."""
+    free = problem.parameters.parameterisation
+    missing, is_width = np.isnan(p), free.each(lambda g: g.is_width).astype(bool)
     starts = [p]
     if missing.any():
-        new_width = any(u.name.startswith("alpha") for u, yes in zip(problem.numbers, missing, strict=True) if yes)
-        starts = []
-        for width in WIDTHS if new_width else (NEW["alpha"],):
-            new = [
-                width * APART.get(u.name, 1.0) if u.name.startswith("alpha") else NEW[u.name] for u in problem.numbers
-            ]
-            starts.append(np.where(missing, new, p))
-        starts = _with_amounts(problem, np.stack(starts))[:REFINED]
+        usual, ratio = free.each(lambda g: NEW[g.path]), free.each(lambda g: APART.get(g.path, 1.0))
+        widths = WIDTHS if (missing & is_width).any() else (NEW["alpha"],)
+        guesses = [np.where(missing, np.where(is_width, width * ratio, usual), p) for width in widths]
+        starts = _with_amounts(problem, np.stack(guesses))[:REFINED]
     ends = minimise(problem, starts, Stopping(rough=ROUGH, most=STEPS))
     best = min(ends, key=lambda end: end.cost if np.isfinite(end.cost) else np.inf)
-    return snapped(problem.domains, best.p), 2.0 * best.cost
+    return Fitted(snapped(problem.domains, best.p), 2.0 * best.cost)
 
 
 def _with_amounts(problem: CandidateProblem, p: np.ndarray) -> list[np.ndarray]:
@@ -57,11 +66,10 @@ def _with_amounts(problem: CandidateProblem, p: np.ndarray) -> list[np.ndarray]:
 
     A number that all channels share stays as it is.
     """
-    numbers, channels = problem.numbers, problem.scenery.target.shape[1]
-    free = [
-        [j for j, u in enumerate(numbers) if u.linear and (u.channel == c or channels == 1)] for c in range(channels)
-    ]
-    size = np.sqrt(np.sum((problem.slope * problem.scenery.f) ** 2, axis=0))
-    reach = np.array([size[u.channel or 0] for u in numbers])
-    solved = solve_amounts(problem.linearised_equations(p), p, np.array(free, int), reach, problem.domains)
+    free, channels = problem.parameters.parameterisation, problem.data.channels
+    amounts = [g for g in free.free if g.linear and (g.per_channel or channels == 1)]
+    size = np.sqrt(np.sum((problem.data.slope * problem.data.f) ** 2, axis=0))
+    reach = np.concatenate([size[: free.count(g)] for g in free.free])
+    indices = np.array([[g.first + c for g in amounts] for c in range(channels)], int)
+    solved = solve_amounts(problem.linearised_equations(p), p, indices, reach, problem.domains)
     return [q for q, _ in sorted(solved, key=lambda start: start[1])]

@@ -20,28 +20,29 @@ import gonio
 from gonio.data.formats.nist_ptfe import read_nist
 from gonio.fitting.problem.losses import floor_of
 from gonio.fitting.problem.readings import readings_of
-from gonio.fitting.selection.automatic import turned
-from gonio.fitting.selection.candidate_model import Scenery, numbers_of, residuals
-from gonio.fitting.selection.stepwise import choose
+from gonio.fitting.selection.automatic import shows_anisotropy
+from gonio.fitting.selection.candidate_model import CandidateProblem, SelectionData
+from gonio.fitting.selection.stepwise import stepwise_selection
 
 THETA_MAX = math.radians(80)
 
 
-def scipy_best(parts, readings, starts: int) -> tuple[float, float]:
+def scipy_best(terms, readings, starts: int) -> tuple[float, float]:
     """(least ½Σr², CPU seconds) of random starts, widths drawn evenly in their logarithm."""
     cosine = np.asarray(readings.wi.z)[:, None]
     floor = floor_of("cbrt", (readings.f * cosine)[readings.valid])
-    s = Scenery.of(readings.wi, readings.wo, readings.f, readings.valid.astype(float), "cbrt", floor)
-    of = numbers_of(parts, readings.f.shape[1])
-    low, high = np.array([u.low for u in of]), np.array([min(u.high, 1e3) for u in of])
-    width = np.array([u.name.startswith("alpha") for u in of])
+    data = SelectionData.of(readings.wi, readings.wo, readings.f, readings.valid.astype(float), "cbrt", floor)
+    problem = CandidateProblem(terms, data)
+    _, low, high = problem.domains
+    high = np.minimum(high, 1e3)
+    width = problem.parameters.parameterisation.each(lambda g: g.is_width)
     rng, best, began = np.random.default_rng(0), math.inf, time.process_time()
     last: dict[bytes, tuple] = {}
 
     def both(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if x.tobytes() not in last:
             last.clear()
-            last[x.tobytes()] = residuals(parts, x, s)
+            last[x.tobytes()] = problem.residuals(x)
         return last[x.tobytes()]
 
     for _ in range(starts):
@@ -75,8 +76,9 @@ def one(path: str, starts: int) -> None:
     sys.stdout.flush()
     if starts:
         readings = readings_of(table, theta_max=THETA_MAX)
-        parts = choose(readings, "cbrt", None, turned(table.layout, readings)).chosen.parts
-        least, seconds = scipy_best(parts, readings, starts)
+        anisotropic = shows_anisotropy(table.layout, readings)
+        terms = stepwise_selection(readings, "cbrt", None, anisotropic).chosen.terms
+        least, seconds = scipy_best(terms, readings, starts)
         print(f"   over SciPy {result.cost / least - 1:+.1e} ({starts} starts, {seconds:.0f} CPU s)", flush=True)
 
 

@@ -19,9 +19,9 @@ import numpy as np
 from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
 from gonio.fitting.problem.readings import readings_of
-from gonio.fitting.selection.automatic import turned
-from gonio.fitting.selection.candidate_model import NO_FRESNEL
-from gonio.fitting.selection.stepwise import choose
+from gonio.fitting.selection.automatic import shows_anisotropy
+from gonio.fitting.selection.candidate_model import NO_FRESNEL, Terms
+from gonio.fitting.selection.stepwise import stepwise_selection
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 
@@ -50,15 +50,15 @@ def truth(rng: np.random.Generator, lobes: int, brushed: bool) -> str:
     return " + ".join(terms)
 
 
-def text(values) -> str:
+def text(values: np.ndarray) -> str:
     return "[" + ", ".join(f"{v:.6g}" for v in values) + "]"
 
 
-def structure(parts) -> tuple[int, int, bool]:
+def structure(terms: Terms) -> tuple[int, int, bool]:
     """(lobes, brushed lobes, whether there is any other number than the truths have)."""
-    lobes = [p for p in parts if p.lobe]
-    other = any(p.spread or p.f0 is None or p.model == "std" for p in lobes) or any(p.model == "eon" for p in parts)
-    return len(lobes), sum(p.brushed for p in lobes), other
+    lobes = [t for t in terms if t.is_lobe]
+    other = any(t.width_each or t.f0 is None or t.model == "std" for t in lobes) or terms[0].model == "eon"
+    return len(lobes), sum(t.anisotropic for t in lobes), other
 
 
 def run(name: str, rng: np.random.Generator, noise: float) -> tuple[str, str, float]:
@@ -69,18 +69,18 @@ def run(name: str, rng: np.random.Generator, noise: float) -> tuple[str, str, fl
     table = whole_table_of_values(layout, f * (1 + noise * rng.standard_normal(f.shape)))
     readings = readings_of(table)
     began = time.process_time()
-    found = choose(readings, "cbrt", None, turned(layout, readings))
+    chosen = stepwise_selection(readings, "cbrt", None, shows_anisotropy(layout, readings)).chosen
     seconds = time.process_time() - began
-    have, want = structure(found.chosen.parts), (lobes, lobes if brushed else 0)
+    have, want = structure(chosen.terms), (lobes, lobes if brushed else 0)
     size = 3 + lobes * (4 + brushed)
-    more = have[0] > want[0] or have[1] > want[1] or found.chosen.size > size
+    more = have[0] > want[0] or have[1] > want[1] or chosen.size > size
     verdict = "more" if more else "less, other" if have[2] else "right" if have[:2] == want else "less"
-    fresnel = {p.f0 for p in found.chosen.parts if p.lobe}
+    fresnel = {p.f0 for p in chosen.terms if p.is_lobe}
     if verdict == "right" and fresnel != ({NO_FRESNEL} if "f0" not in expression else {0.04}):
         verdict = "right, other F"
     if verdict != "right":
-        print(f"   {name}, noise {noise:.3g}: {verdict}: {found.chosen.spelled}   truth {expression}", flush=True)
-    return verdict, found.chosen.spelled, seconds
+        print(f"   {name}, noise {noise:.3g}: {verdict}: {chosen.expression}   truth {expression}", flush=True)
+    return verdict, chosen.expression, seconds
 
 
 def main(number: int, seed: int) -> None:

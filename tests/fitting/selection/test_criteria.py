@@ -1,0 +1,46 @@
+"""Criteria of a selection: noise beside misfit, design effect, cross-validation."""
+
+import numpy as np
+import pytest
+
+from gonio.data import layouts
+from gonio.fitting.selection.criteria import (
+    design_effect,
+    holdout_chi2,
+    improves_holdout,
+    neighbourhood,
+    noise_deviation,
+)
+
+THETA = np.radians(np.arange(0, 81, 20.0))
+WI, WO = layouts.spherical(
+    THETA, np.radians([0, 60, 120.0]), THETA, np.radians(np.arange(0, 360, 40.0))
+).directions()  # fmt: skip
+SHAPE = (WI.z.size, 3)
+
+
+def test_a_model_with_every_number_on_a_bound_predicts_what_it_is():
+    r = np.random.default_rng(0).standard_normal((6, 2))
+    groups = np.array([0, 0, 1, 1, 2, 2])
+    chi2 = holdout_chi2(r, np.empty((6, 2, 0)), groups)
+    np.testing.assert_allclose(chi2, [np.sum(r[groups == g] ** 2) for g in range(3)])
+
+
+def test_noise_is_seen_beside_what_a_model_misses():
+    """Rice's differences find 1 % noise under a smooth misfit twenty times as large, which correlates the residuals."""
+    near, noise = neighbourhood(WI, WO), 0.01 * np.random.default_rng(3).standard_normal(SHAPE)
+    size, used = np.ones(SHAPE), np.ones(SHAPE, bool)
+    smooth = 0.2 * np.cos(2 * np.arccos(np.clip(WI.z, -1, 1)))[:, None] * size
+    # A variance from as many differences of χ²₁ as there are pairs, in bins: four standard errors of all.
+    tolerance = 4 / np.sqrt(2 * near.pairs.shape[0])
+    assert np.mean(noise_deviation(noise, size, used, near)) == pytest.approx(0.01, rel=tolerance)
+    assert design_effect(noise, used, near) == 1.0
+    assert np.mean(noise_deviation(smooth + noise, size, used, near)) < 0.2 / 4
+    assert design_effect(smooth + noise, used, near) > 8
+
+
+def test_a_gain_within_its_standard_error_is_none():
+    small = np.array([10.0, 10.0, 10.0, 10.0])
+    assert improves_holdout(small, small - [1.0, 1.0, 1.0, 1.1])
+    assert not improves_holdout(small, small - [5.0, -4.0, 3.0, -2.0])
+    assert not improves_holdout(small[:1], small[:1] - 5)
