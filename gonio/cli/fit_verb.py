@@ -94,8 +94,6 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
 def _run_one(args: argparse.Namespace, file: str) -> int:
     output = args.output or f"{Path(file).stem}{SUFFIX}"
     refuse_outputs([output, args.json], [file], args.force)
-    import tomli_w
-
     from gonio.data.serialise import plain
     from gonio.fitting.fit_table import fit
     from gonio.fitting.solver.lm_step import compile_step, padded_size
@@ -105,8 +103,7 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
     ahead(("step", padded_size(0)), lambda: compile_step(0))
     progress = log if not args.model or len(args.model) > 1 else lambda line: None
     result = fit(table_of(file, args), args.model, log=progress, **_options(args))
-    content = result.to_material_dict(Path(output).name.removesuffix(".toml").removesuffix(".fit"))
-    write_text(output, tomli_w.dumps(content), args.force)
+    result.save(output, args.force)
     if args.json:
         text = json.dumps(plain(result.to_dict()), indent=2, ensure_ascii=False, allow_nan=False)
         write_text(args.json, text + "\n", args.force)

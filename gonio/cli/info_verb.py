@@ -30,8 +30,8 @@ def run(args: argparse.Namespace) -> int:
         names = entries(file)
         facts = {"kind": sniff(file).name, "file": file, "materials": len(names), "names": ", ".join(names)}
     else:
-        found = load(args.file)
-        facts = _table(found) if isinstance(found, Table) else _material(found)
+        content = load(args.file)
+        facts = _table(content) if isinstance(content, Table) else _material(content)
     if args.json:
         show(json.dumps(facts, indent=2, ensure_ascii=False))
         return 0

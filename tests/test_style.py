@@ -1,0 +1,70 @@
+"""The shape of the code and its words: what a reader may rely on in every function of the four floors."""
+
+import ast
+import pathlib
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+FLOORS = ("models", "data", "fitting", "gonio")
+FILES = {p.relative_to(ROOT).as_posix(): p.read_text("utf-8") for f in FLOORS for p in sorted((ROOT / f).rglob("*.py"))}
+TREES = {name: ast.parse(text) for name, text in FILES.items()}
+
+MOST_PARAMETERS = 7
+RIDDLES = {
+    "found", "at", "said", "seen", "told", "say", "talk", "asked", "drawn", "tried", "held", "left", "own", "mine",
+    "aside", "worth", "lift", "raised", "surprise", "spelling", "summands",
+}  # fmt: skip
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def functions(tree: ast.Module) -> list[tuple[Function, bool]]:
+    """Every function of a module, and whether it is a method whose first parameter is the object or class."""
+    static = {"staticmethod"}
+    result = []
+    for node in ast.walk(tree):
+        methods = isinstance(node, ast.ClassDef)
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, Function):
+                bound = methods and not static & {ast.unparse(d) for d in child.decorator_list}
+                result.append((child, bound))
+    return result
+
+
+def parameters(function: Function, bound: bool) -> list[ast.arg]:
+    """The parameters of a function without `self` or `cls`; starred ones too."""
+    a = function.args
+    every = [*a.posonlyargs, *a.args, *a.kwonlyargs, *(x for x in (a.vararg, a.kwarg) if x is not None)]
+    return every[1:] if bound else every
+
+
+def identifiers(tree: ast.Module) -> set[str]:
+    """Names that a module defines: functions, classes, parameters, variables and attributes; not old public ones."""
+    names: set[str] = set()
+    old = {
+        id(n.targets[0]) for n in ast.walk(tree) if isinstance(n, ast.Assign) and "renamed_attribute(" in ast.unparse(n)
+    }
+    for node in (n for n in ast.walk(tree) if id(n) not in old):
+        if isinstance(node, Function | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.arg):
+            names.add(node.arg)
+        elif isinstance(node, ast.Name | ast.Attribute) and isinstance(node.ctx, ast.Store):
+            names.add(node.id if isinstance(node, ast.Name) else node.attr)
+        elif isinstance(node, ast.alias) and node.asname:
+            names.add(node.asname)
+    return names
+
+
+def test_no_function_takes_more_than_seven_parameters():
+    counts = {
+        f"{name}:{f.name}": len(parameters(f, bound)) for name, tree in TREES.items() for f, bound in functions(tree)
+    }
+    assert {f: n for f, n in counts.items() if n > MOST_PARAMETERS} == {}
+
+
+def test_the_counts_see_what_they_count():
+    tree = ast.parse(
+        "class A:\n  def f(self, a, b: int = 0, *c, d, **e): ...\ndef g(x) -> int:\n  '''Doc.'''\n  found = 1\n"
+    )
+    (f, bound), (g, _) = sorted(functions(tree), key=lambda pair: pair[0].name)
+    assert [p.arg for p in parameters(f, bound)] == ["a", "b", "d", "c", "e"] and bound
+    assert identifiers(tree) & RIDDLES == {"found"} and g.returns is not None
