@@ -7,7 +7,6 @@ lobe, two lobes, anisotropic or not, with one width or one for each channel, all
 
 import dataclasses
 import functools
-from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -133,14 +132,16 @@ class SelectionData:
         """Which readings (n, C) count."""
         return self.weight > 0
 
-    @property
-    def slope(self) -> np.ndarray:
-        """Slope (n, C) of the residuals by f at the readings."""
-        return self.weight * transform(self.loss, self.f * self.cosine, self.floor, np)[1] * self.cosine
-
     def weighted(self, weight: np.ndarray) -> "SelectionData":
         """The same readings with other weights (n, C)."""
         return dataclasses.replace(self, weight=weight)
+
+    def with_linear_loss(self, weight: np.ndarray | None = None) -> "SelectionData":
+        """The same readings compared in f itself; without weights (n, C), those of the loss taken as linear there."""
+        if weight is None:
+            weight = self.weight * transform(self.loss, self.f * self.cosine, self.floor, np)[1] * self.cosine
+        one = np.ones_like(self.cosine)
+        return dataclasses.replace(self, target=self.f, weight=weight, cosine=one, loss="linear", floor=1.0)
 
     def term(self, model: str, shapes: dict[str, float]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Value (n,) of a term at scale 1 and its derivatives by its shapes."""
@@ -216,26 +217,12 @@ class CandidateProblem:
         value, slope = transform(d.loss, f * d.cosine, d.floor, np)
         return d.weight * (value - d.target), (d.weight * slope * d.cosine)[:, :, None] * jacobian
 
-    def linearised(self, p: np.ndarray) -> Values:
-        """Those of f itself, the loss being linear about the readings."""
-        f, jacobian = self.values(p)
-        slope = self.data.slope
-        return slope * (f - self.data.f), slope[:, :, None] * jacobian
-
     def normal_equations(self, p: np.ndarray, active: np.ndarray | None = None) -> NormalEquations:
         """At vectors p (S, P), of the active ones."""
-        return _summed(self.residuals, p, active)
-
-    def linearised_equations(self, p: np.ndarray) -> NormalEquations:
-        """Those of `linearised` at p (S, P)."""
-        return _summed(self.linearised, p, None)
-
-
-def _summed(residuals: Callable[[np.ndarray], Values], p: np.ndarray, active: np.ndarray | None) -> NormalEquations:
-    number, size = p.shape
-    total = NormalEquations(np.zeros(number), np.zeros((number, size)), np.zeros((number, size, size)))
-    for k in range(number) if active is None else np.flatnonzero(active):
-        r, jacobian = residuals(p[k])
-        j = jacobian.reshape(r.size, size)
-        total.cost[k], total.gradient[k], total.matrix[k] = 0.5 * np.sum(r * r), j.T @ r.ravel(), j.T @ j
-    return total
+        number, size = p.shape
+        total = NormalEquations(np.zeros(number), np.zeros((number, size)), np.zeros((number, size, size)))
+        for k in range(number) if active is None else np.flatnonzero(active):
+            r, jacobian = self.residuals(p[k])
+            j = jacobian.reshape(r.size, size)
+            total.cost[k], total.gradient[k], total.matrix[k] = 0.5 * np.sum(r * r), j.T @ r.ravel(), j.T @ j
+        return total

@@ -8,7 +8,7 @@ import numpy as np
 from gonio.data.scene import Scene, ScenePairs
 from gonio.fitting.problem.readings import Readings
 from gonio.fitting.selection.candidate import Candidate, SelectionResult
-from gonio.fitting.selection.candidate_model import CandidateProblem, SelectionData
+from gonio.fitting.selection.candidate_model import CandidateProblem
 from gonio.fitting.selection.criteria import neighbourhood, noise_deviation
 from gonio.fitting.selection.warm_start import fit_candidate
 from gonio.models.brdf import AbstractBRDF
@@ -162,15 +162,14 @@ def select_for_scene(result: SelectionResult, view: SceneView) -> SceneSelection
     All candidates are fitted once more for the scene. Where the residuals of the best fit exceed the noise the excess
     is error, not noise.
     """
-    d = result.data
-    noise = np.where(d.used, 1.0 / np.where(d.used, d.slope, 1.0), 0.0)
-    weight = d.used * np.sqrt(view.weight / np.mean(view.weight))[:, None]
-    data = SelectionData(d.wi, d.wo, d.f, d.f, weight, np.ones_like(d.cosine), "linear", 1.0)
+    used, slope = result.data.used, result.data.with_linear_loss().weight
+    noise = np.where(used, 1.0 / np.where(used, slope, 1.0), 0.0)
+    data = result.data.with_linear_loss(used * np.sqrt(view.weight / np.mean(view.weight))[:, None])
     candidates = []
     for c in result.candidates:
         problem = CandidateProblem(c.terms, data)
         p = fit_candidate(problem, c.p).p
-        error, cost = view.error(problem.values(p)[0], d.f, noise), sum(COST[term.model] for term in c.terms)
+        error, cost = view.error(problem.values(p)[0], data.f, noise), sum(COST[term.model] for term in c.terms)
         candidates.append(SceneCandidate(dataclasses.replace(c, p=p), error, cost))
     candidates.sort(key=lambda c: (c.cost, c.candidate.size, c.error))
     best = next(c for c in candidates if c.candidate.terms == result.chosen.terms)

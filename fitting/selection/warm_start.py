@@ -68,8 +68,9 @@ def _with_amounts(problem: CandidateProblem, p: np.ndarray) -> list[np.ndarray]:
     """
     free, channels = problem.parameters.parameterisation, problem.data.channels
     amounts = [g for g in free.free if g.linear and (g.per_channel or channels == 1)]
-    size = np.sqrt(np.sum((problem.data.slope * problem.data.f) ** 2, axis=0))
+    linear = CandidateProblem(problem.terms, problem.data.with_linear_loss())
+    size = np.sqrt(np.sum((linear.data.weight * linear.data.f) ** 2, axis=0))
     reach = np.concatenate([size[: free.count(g)] for g in free.free])
     indices = np.array([[g.first + c for g in amounts] for c in range(channels)], int)
-    solved = solve_amounts(problem.linearised_equations(p), p, indices, reach, problem.domains)
+    solved = solve_amounts(linear.normal_equations(p), p, indices, reach, problem.domains)
     return [q for q, _ in sorted(solved, key=lambda start: start[1])]
