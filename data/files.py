@@ -10,7 +10,7 @@ from pathlib import Path
 from gonio.models.errors import GonioError
 
 
-def input_size(path: str | os.PathLike) -> int:
+def input_size(path: str | os.PathLike[str]) -> int:
     """Bytes of a file to be read. Raises GonioError where it is absent, a folder, empty or not readable."""
     path = Path(path)
     try:
@@ -27,7 +27,7 @@ def input_size(path: str | os.PathLike) -> int:
     return size
 
 
-def is_there(path: str | os.PathLike) -> bool:
+def is_there(path: str | os.PathLike[str]) -> bool:
     """Whether a path exists; False for what can be no path: an expression too long for a name, or a null character."""
     try:
         return Path(path).exists()
@@ -35,7 +35,7 @@ def is_there(path: str | os.PathLike) -> bool:
         return False
 
 
-def refuse_existing(path: str | os.PathLike, force: bool) -> None:
+def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
     """Raises GonioError where `path` is a folder, or exists and is not to be replaced."""
     path = Path(path)
     if path.is_dir():
@@ -44,7 +44,7 @@ def refuse_existing(path: str | os.PathLike, force: bool) -> None:
         raise GonioError(f"{path} exists already; give another name, or --force to replace it")
 
 
-def refuse_input(path: str | os.PathLike, *inputs: str | os.PathLike) -> None:
+def refuse_input(path: str | os.PathLike[str], *inputs: str | os.PathLike[str]) -> None:
     """Raises GonioError where an output is one of the inputs, which no command may touch, --force or not."""
     for given in inputs:
         if Path(path).exists() and Path(given).exists() and os.path.samefile(path, given):
@@ -52,7 +52,7 @@ def refuse_input(path: str | os.PathLike, *inputs: str | os.PathLike) -> None:
 
 
 @contextlib.contextmanager
-def output_errors(path: str | os.PathLike) -> Iterator[None]:
+def output_errors(path: str | os.PathLike[str]) -> Iterator[None]:
     """Turns the OSErrors of writing `path` into a GonioError of one sentence."""
     try:
         yield
@@ -71,7 +71,7 @@ def output_errors(path: str | os.PathLike) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def new_file(path: str | os.PathLike, force: bool = False) -> Iterator[Path]:
+def new_file(path: str | os.PathLike[str], force: bool = False) -> Iterator[Path]:
     """A temporary path beside `path` to write to; it takes its place, whole and on disk, when the block ends
     well.
 
@@ -92,7 +92,7 @@ def new_file(path: str | os.PathLike, force: bool = False) -> Iterator[Path]:
             raise
 
 
-def publish(temporary: str | os.PathLike, path: str | os.PathLike) -> None:
+def publish(temporary: str | os.PathLike[str], path: str | os.PathLike[str]) -> None:
     """Puts a finished file in its place: what it holds is on disk before its name is."""
     mask = os.umask(0)
     os.umask(mask)

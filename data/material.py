@@ -4,6 +4,7 @@ import dataclasses
 import math
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,7 +40,7 @@ class Material(Displayed):
     channels: Channels
     description: str = ""
     source: str = ""
-    meta: dict = dataclasses.field(default_factory=dict)
+    meta: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     spelling = renamed_attribute("spelling", "expression")
 
@@ -131,7 +132,7 @@ class Material(Displayed):
         derivatives = parameter_derivatives(self.brdf, flat_i, flat_o)
         return {k: self._by_channel(d.reshape(shape + d.shape[1:]), shape) for k, d in derivatives.items()}
 
-    def save(self, path: str | os.PathLike, force: bool = False) -> Path:
+    def save(self, path: str | os.PathLike[str], force: bool = False) -> Path:
         """Writes the material as TOML, whole or not at all, and returns the path.
 
         Raises GonioError where `path` exists (unless `force`) or cannot be written, and for a table's interpolant.

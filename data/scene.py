@@ -201,7 +201,7 @@ def shipped_scenes() -> list[str]:
     return sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
-def load_scene(scene: str | os.PathLike | Scene) -> Scene:
+def load_scene(scene: str | os.PathLike[str] | Scene) -> Scene:
     """A scene from the name of a shipped one, or a .toml file. GonioError, in one sentence, for what is neither."""
     if isinstance(scene, Scene):
         return scene
@@ -213,7 +213,7 @@ def load_scene(scene: str | os.PathLike | Scene) -> Scene:
     return read_scene(text)
 
 
-def read_scene(path: str | os.PathLike) -> Scene:
+def read_scene(path: str | os.PathLike[str]) -> Scene:
     """A scene file of format 1. Raises GonioError, in one sentence that names file and key, for anything else."""
     data = read_toml(path, "scene", LARGEST, _KEYS)
     try:

@@ -21,7 +21,7 @@ LARGEST_STREAM = 256 << 20
 """Bytes that are taken from an open file."""
 CHUNK = 1 << 20
 
-SubjectLike = str | os.PathLike | BinaryIO | Table | Material | AbstractBRDF | Any
+SubjectLike = str | os.PathLike[str] | BinaryIO | Table | Material | AbstractBRDF | Any
 """A readable file (path or open binary file), a reference material's name, an expression, ``FILE.fit:NAME``, or an
 object: a table, a material, a model, or what has a `material` (a fit result)."""
 
@@ -111,7 +111,7 @@ def _of_material(material: Material) -> Subject:
     return Subject("model", material.name, material.channels, material=material, file=file)
 
 
-def _named(given: str | os.PathLike, options: dict[str, Any]) -> Subject:
+def _named(given: str | os.PathLike[str], options: dict[str, Any]) -> Subject:
     text = os.fspath(given)
     if text in reference_materials():
         # Where this gonio is installed is nobody's provenance: a reference material is known by its name.

@@ -77,7 +77,7 @@ class Table(Displayed):
     flag: Any
     channels: Channels
     u_f: Any = None
-    provenance: dict = dataclasses.field(default_factory=dict)
+    provenance: dict[str, Any] = dataclasses.field(default_factory=dict)
     source_solid_angle: float | None = None
     receiver_solid_angle: float | None = None
     name: str = ""
@@ -163,7 +163,7 @@ class Table(Displayed):
 
         return data.to_dataset(self)
 
-    def save(self, path: "str | os.PathLike", force: bool = False) -> "RoundTrip":
+    def save(self, path: "str | os.PathLike[str]", force: bool = False) -> "RoundTrip":
         """Writes the table in the format of the path's ending (.h5, .csv, .binary), whole or not at all.
 
         Returns:

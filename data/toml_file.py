@@ -12,7 +12,7 @@ from gonio.models.errors import GonioError, nearest
 FORMAT = 1
 
 
-def read_toml(path: str | os.PathLike, kind: str, largest: int, keys: Sequence[str]) -> dict[str, Any]:
+def read_toml(path: str | os.PathLike[str], kind: str, largest: int, keys: Sequence[str]) -> dict[str, Any]:
     """Content of a TOML file that begins with ``gonio_<kind> = 1``.
 
     Args:

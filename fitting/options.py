@@ -31,7 +31,7 @@ class FitOptions(TypedDict, total=False):
     per_channel: bool
     samples: int | None
     starts: int
-    scene: str | os.PathLike | Scene | None
+    scene: str | os.PathLike[str] | Scene | None
     seed: int
     log: Callable[[str], None]
 

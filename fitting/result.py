@@ -151,7 +151,7 @@ class FitResult(Displayed):
         """0 where converged, else 1."""
         return 0 if self.converged else 1
 
-    def save(self, path: str | os.PathLike, force: bool = False) -> Path:
+    def save(self, path: str | os.PathLike[str], force: bool = False) -> Path:
         """Write the fitted material as TOML, as `gonio fit -o` does.
 
         Args:

@@ -1,11 +1,11 @@
 """Old names of public options and attributes: they keep working, with one warning that names the new one."""
 
 import dataclasses
-import sys
+import inspect
 import warnings
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from gonio.models.errors import nearest
 
@@ -14,8 +14,8 @@ Settings = TypeVar("Settings")
 
 def renamed(old: str, new: str) -> str:
     """The new name of an option or attribute; one `DeprecationWarning` at the line outside gonio with the old one."""
-    level, frame = 1, sys._getframe()
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] == "gonio":
+    level, frame = 1, inspect.currentframe()
+    while frame and frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] == "gonio":
         level, frame = level + 1, frame.f_back
     warnings.warn(f"{old} is called {new} now; the old name goes in a later version", DeprecationWarning, level)
     return new
@@ -47,7 +47,7 @@ def settings_of(
         TypeError: an option that the verb does not have.
     """
     values = renamed_options(options, new_names)
-    known = [f.name for f in dataclasses.fields(kind)]
+    known = [f.name for f in dataclasses.fields(cast(Any, kind))]
     if unknown := [name for name in values if name not in known]:
         raise TypeError(f"{verb} has no option '{unknown[0]}'; {nearest(unknown[0], known)}")
     return kind(**values)

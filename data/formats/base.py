@@ -43,7 +43,7 @@ class FileHead:
         return [] if self.binary else CsvText(self.path, HEADER_CHARACTERS).names
 
 
-def file_head(path: str | os.PathLike) -> FileHead:
+def file_head(path: str | os.PathLike[str]) -> FileHead:
     """The head of a file. Raises GonioError where it is absent, a folder, empty or not readable."""
     size = input_size(path)
     with open(path, "rb") as file:
@@ -65,5 +65,5 @@ class Format:
     """Keywords of `read`."""
     suffixes: tuple[str, ...] = ()
     """Endings by which the format of an output is chosen, the usual one first."""
-    entries: Callable[[str | os.PathLike], list[str]] | None = None
+    entries: Callable[[str | os.PathLike[str]], list[str]] | None = None
     """The names in a file of several materials; `read` then takes one as `entry`, written FILE:NAME."""

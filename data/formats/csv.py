@@ -33,7 +33,7 @@ def looks_like_csv(head: FileHead) -> bool:
     return set(ANGLES) <= set(head.columns) or set(VECTORS) <= set(head.columns)
 
 
-def read_csv(path: str | os.PathLike) -> Table:
+def read_csv(path: str | os.PathLike[str]) -> Table:
     """The scattered table of a CSV file. Raises GonioError, with the line, for whatever is no reading.
 
     Directions below the horizon are refused, readings on it have no value (BELOW_HORIZON); columns that mean
@@ -70,7 +70,7 @@ def read_csv(path: str | os.PathLike) -> Table:
     return Table(grid, f, flag, _channels(text, len(channels)), u_f, provenance=provenance, name=name)
 
 
-def read_directions(path: str | os.PathLike):
+def read_directions(path: str | os.PathLike[str]):
     """(wi, wo, columns) of a CSV file of directions: components of shape (n,), and the file's own direction
     columns.
 
@@ -92,7 +92,7 @@ def read_directions(path: str | os.PathLike):
     return Direction(*wi), Direction(*wo), {name: columns[name] for name in text.names if name in columns}
 
 
-def write_csv(path: str | os.PathLike, table: Table, force: bool = False) -> RoundTrip:
+def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
     """Writes the cells of a table that are valid in any channel, and returns what reading them again shows to
     be lost.
 

@@ -14,14 +14,14 @@ def looks_like_hdf5(head: FileHead) -> bool:
     return head.start.startswith(SIGNATURE)
 
 
-def read_hdf5(path: str | os.PathLike) -> Table:
+def read_hdf5(path: str | os.PathLike[str]) -> Table:
     """`gonio.data.hdf5.reader.open_table`; h5py is loaded with the first such file."""
     from gonio.data.hdf5.reader import open_table
 
     return open_table(path)
 
 
-def write_hdf5(path: str | os.PathLike, table: Table, force: bool = False) -> RoundTrip:
+def write_hdf5(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
     """Writes a table and reads it again; see `gonio.data.hdf5.writer.write_table`."""
     from gonio.data.hdf5.writer import write_table
 

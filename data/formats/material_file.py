@@ -26,7 +26,7 @@ def looks_like_material(head: FileHead) -> bool:
     return head.suffix == ".toml" or b"gonio_material" in head.start
 
 
-def read_material(path: str | os.PathLike) -> "Material":
+def read_material(path: str | os.PathLike[str]) -> "Material":
     """A material file of format 1. Raises GonioError, in one sentence that names the file, for anything else."""
     path = Path(path)
     data = read_toml(path, "material", LARGEST, _KEYS)
@@ -123,7 +123,7 @@ def material_text(material: "Material") -> str:
     return tomli_w.dumps(data)
 
 
-def write_material(path: str | os.PathLike, material: "Material", force: bool = False) -> Path:
+def write_material(path: str | os.PathLike[str], material: "Material", force: bool = False) -> Path:
     """Writes a material file, whole or not at all, and returns its path.
 
     Raises GonioError where `path` exists (unless `force`), cannot be written, or the model has no expression.

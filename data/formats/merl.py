@@ -45,7 +45,7 @@ def looks_like_merl(head: FileHead) -> bool:
     return bool(header_counts(head.start, head.size)) or own_counts or (head.binary and head.suffix == ".binary")
 
 
-def read_merl(path: str | os.PathLike, nodes: str = "lower") -> Table:
+def read_merl(path: str | os.PathLike[str], nodes: str = "lower") -> Table:
     """The table of a MERL file; f in 1/sr, float64.
 
     Readers of the field disagree whether a node is the bin's "lower" edge (the original look-up; default) or
@@ -84,7 +84,7 @@ def read_merl(path: str | os.PathLike, nodes: str = "lower") -> Table:
 
 
 def write_merl(
-    path: str | os.PathLike, source: "Table | AbstractBRDF", force: bool = False, nodes: str = "lower"
+    path: str | os.PathLike[str], source: "Table | AbstractBRDF", force: bool = False, nodes: str = "lower"
 ) -> RoundTrip:
     """Writes a table, or a model, as a MERL file, and returns what reading it again shows to be lost.
 

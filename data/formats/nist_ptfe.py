@@ -27,7 +27,7 @@ def looks_like_nist(head: FileHead) -> bool:
     return all(any(a in head.columns for a in aliases) for aliases in ALIASES.values())
 
 
-def read_nist(path: str | os.PathLike, wavelength_nm: float | None = None) -> Table:
+def read_nist(path: str | os.PathLike[str], wavelength_nm: float | None = None) -> Table:
     """The scattered table of a NIST PTFE file; f = f_r11, the unpolarised BRDF, 1/sr.
 
     One channel a wavelength, if all were measured at the same geometries, or only that of `wavelength_nm`.

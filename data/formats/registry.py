@@ -25,7 +25,7 @@ FORMATS: tuple[Format, ...] = (
 """In the order in which files are tried."""
 
 
-def sniff(path: str | os.PathLike) -> Format:
+def sniff(path: str | os.PathLike[str]) -> Format:
     """The format of a file. Raises GonioError, in one sentence, for an unknown one and for what cannot be read."""
     head = file_head(path)
     for known in FORMATS:
@@ -37,7 +37,7 @@ def sniff(path: str | os.PathLike) -> Format:
     return _refuse(head)
 
 
-def load(path: str | os.PathLike, **options: Any) -> "Table | Material":
+def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
     """The table or the material of a file, or of one entry of it, ``FILE:NAME``.
 
     `options`: `nodes` ("lower" or "centre") for MERL, `wavelength_nm` for NIST. Raises GonioError for a file that is
@@ -52,7 +52,7 @@ def load(path: str | os.PathLike, **options: Any) -> "Table | Material":
     return found.read(file, **options)
 
 
-def read(path: str | os.PathLike, **options: Any) -> Table:
+def read(path: str | os.PathLike[str], **options: Any) -> Table:
     """The table of a file; options and errors are those of `load`. Raises GonioError for a model, with the remedy."""
     table = load(path, **options)
     if not isinstance(table, Table):
@@ -60,7 +60,7 @@ def read(path: str | os.PathLike, **options: Any) -> Table:
     return table
 
 
-def split_entry(path: str | os.PathLike) -> tuple[str, str | None]:
+def split_entry(path: str | os.PathLike[str]) -> tuple[str, str | None]:
     """(file, entry) of ``FILE:NAME`` where FILE is of a format with entries; (path, None) of any other path."""
     text = os.fspath(path)
     file, colon, entry = text.rpartition(":")
@@ -70,7 +70,7 @@ def split_entry(path: str | os.PathLike) -> tuple[str, str | None]:
     return (file, entry) if os.path.splitext(file)[1].lower() in suffixes else (text, None)
 
 
-def writable(path: str | os.PathLike) -> Format:
+def writable(path: str | os.PathLike[str]) -> Format:
     """The format in which an output of this name is written. Raises GonioError, naming the endings, for others."""
     suffix = os.path.splitext(path)[1].lower()
     writers = [known for known in FORMATS if known.write is not None]
@@ -81,7 +81,7 @@ def writable(path: str | os.PathLike) -> Format:
     raise GonioError(f"{path} ends in '{suffix}'; give {', '.join(first)} or {last} to say the format")
 
 
-def write(path: str | os.PathLike, table: Table, force: bool = False) -> RoundTrip:
+def write(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
     """Writes a table in the format of the path's ending, and returns what reading it again shows to be lost.
 
     Raises GonioError for another ending, where `path` exists (unless `force`), and where it cannot be written.

@@ -18,7 +18,7 @@ FLOAT32_HORIZON = 1e-6
 """Cosine up to which an angle that was rounded to float32 is 90 degrees: the last theta_i of a file is 1.57079625."""
 
 
-def read_rgl_data(path: str | os.PathLike) -> RGLData:
+def read_rgl_data(path: str | os.PathLike[str]) -> RGLData:
     """The arrays of an RGL file. Raises GonioError where the file is damaged or is not of this kind."""
     fields = read_tensors(path)
 
@@ -57,7 +57,7 @@ def read_rgl_data(path: str | os.PathLike) -> RGLData:
     return RGLData(theta_i, phi_i, ndf, sigma, vndf, spectra, channels, description.strip("\0 "), jacobian)
 
 
-def read_rgl(path: str | os.PathLike) -> Table:
+def read_rgl(path: str | os.PathLike[str]) -> Table:
     """The table of an RGL file: its own samples, scattered; f in 1/sr, the files' cosine divided out.
 
     A sample at or below the horizon (to the files' single precision) is BELOW_HORIZON; negative values are

@@ -14,7 +14,7 @@ DTYPES = {1: "u1", 2: "i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<u8", 8:
 MAX_DIMENSIONS = 16
 
 
-def read_tensors(path: str | os.PathLike) -> dict[str, np.ndarray]:
+def read_tensors(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     """The arrays of a tensor file by name. Raises GonioError where the header and the file disagree in any way."""
     input_size(path)
     with open(path, "rb") as file:

@@ -53,7 +53,7 @@ class BlockWriter:
 
     def __init__(
         self,
-        path: str | os.PathLike,
+        path: str | os.PathLike[str],
         header: TableHeader,
         recipe: dict | None = None,
         force: bool = False,

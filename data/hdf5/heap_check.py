@@ -9,7 +9,7 @@ SEARCHED = 64 << 20
 """Bytes that are searched: texts stand at the front, and to look through all of a large table takes seconds."""
 
 
-def damaged_heap(path: str | os.PathLike) -> int | None:
+def damaged_heap(path: str | os.PathLike[str]) -> int | None:
     """Offset of the first collection of heap objects whose chain does not end where it should; None if all do.
 
     Layout by the HDF5 File Format Specification, III.E: objects of (index, uses, reserved, size); index 0 is what is

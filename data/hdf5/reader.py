@@ -24,7 +24,7 @@ MAX_DEFLATE = 1100
 RADIANS = {"radian": 1.0, "radians": 1.0, "rad": 1.0, "degree": math.pi / 180, "degrees": math.pi / 180}
 
 
-def open_table(path: str | os.PathLike, lazy_bytes: int = LAZY_BYTES) -> Table:
+def open_table(path: str | os.PathLike[str], lazy_bytes: int = LAZY_BYTES) -> Table:
     """The table of an HDF5 file that gonio wrote (format 1 or older); values stay in the file beyond
     `lazy_bytes`.
 

@@ -88,7 +88,7 @@ class CellLocations:
         return crc
 
 
-def create(path: str | os.PathLike, header: TableHeader, u_f: float | None) -> CellLocations:
+def create(path: str | os.PathLike[str], header: TableHeader, u_f: float | None) -> CellLocations:
     """Makes a whole file but for its cells. `u_f`: None keeps room for a value per cell, a number stands for all."""
     dtype = np.dtype(header.dtype).newbyteorder("<")
     with h5py.File(path, "w", libver=("earliest", "v110")) as file:
@@ -104,7 +104,7 @@ def create(path: str | os.PathLike, header: TableHeader, u_f: float | None) -> C
     return cell_locations(path)
 
 
-def cell_locations(path: str | os.PathLike) -> CellLocations:
+def cell_locations(path: str | os.PathLike[str]) -> CellLocations:
     """Where the cells of a file made by `create` lie."""
     with h5py.File(path, "r", locking=False) as file:
         nodes = {name: dataset(file, name) for name in ("f", "flag", "u_f")}
@@ -121,7 +121,7 @@ def dataset(file: h5py.File, name: str) -> h5py.Dataset:
     return node
 
 
-def provenance_location(path: str | os.PathLike) -> tuple[int, int]:
+def provenance_location(path: str | os.PathLike[str]) -> tuple[int, int]:
     """(offset, length), bytes, of the provenance's text in a file made by `create`."""
     with h5py.File(path, "r", locking=False) as file:
         text = str(file.attrs["provenance"]).encode()

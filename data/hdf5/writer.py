@@ -14,7 +14,7 @@ from gonio.data.table import Table
 __all__ = ["BlockWriter", "TableHeader", "open_table", "write_table"]
 
 
-def write_table(path: str | os.PathLike, table: Table, force: bool = False) -> Path:
+def write_table(path: str | os.PathLike[str], table: Table, force: bool = False) -> Path:
     """Writes a table as one HDF5 file, whole or not at all, and returns its path.
 
     An uncertainty that is the same everywhere (0: exact, None or NaN: unknown) takes no room. Raises GonioError where

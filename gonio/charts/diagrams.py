@@ -77,7 +77,7 @@ class Measured:
 def chart(
     names: Sequence[str] | str = (),
     *,
-    output: str | os.PathLike | None = None,
+    output: str | os.PathLike[str] | None = None,
     quick: bool = False,
     tolerance: float | None = None,
     pace: Pace | None = None,

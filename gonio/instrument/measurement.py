@@ -21,7 +21,7 @@ from gonio.models.deprecation import settings_of
 def measure(
     material: SubjectLike,
     instrument: Instrument | None = None,
-    scan: Layout | str | os.PathLike | None = None,
+    scan: Layout | str | os.PathLike[str] | None = None,
     **options: Unpack[MeasureOptions],
 ) -> Table:
     """Readings of a material by an instrument in the directions of a scan.
@@ -74,7 +74,7 @@ def _warn(text: str) -> None:
     warnings.warn(text, stacklevel=3)
 
 
-def _layout(scan: Layout | str | os.PathLike | None, brdf: AbstractBRDF) -> Layout:
+def _layout(scan: Layout | str | os.PathLike[str] | None, brdf: AbstractBRDF) -> Layout:
     if isinstance(scan, Layout):
         return scan
     return named_scan(default_name(brdf) if scan is None else scan)

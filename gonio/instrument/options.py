@@ -16,7 +16,7 @@ OLD_NAMES = {"say": "log"}
 class MeasureOptions(TypedDict, total=False):
     """Keywords of `gonio.measure`; `help(gonio.measure)` describes each."""
 
-    output: str | os.PathLike | None
+    output: str | os.PathLike[str] | None
     seed: int
     progress: bool
     force: bool
@@ -29,7 +29,7 @@ class MeasureOptions(TypedDict, total=False):
 class MeasureSettings:
     """The options of a measurement, complete and checked; see `gonio.measure`."""
 
-    output: str | os.PathLike | None = None
+    output: str | os.PathLike[str] | None = None
     seed: int = 0
     progress: bool = False
     force: bool = False

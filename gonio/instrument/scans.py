@@ -72,7 +72,7 @@ def in_plane(
     return layouts.in_plane(sorted(theta_i), np.concatenate([-polar[:0:-1], polar]))
 
 
-def listed(path: str | os.PathLike) -> Layout:
+def listed(path: str | os.PathLike[str]) -> Layout:
     """The directions of a CSV file, one sample a row: the columns that `gonio eval` reads."""
     from gonio.data.formats.csv import read_directions
 
@@ -132,7 +132,7 @@ SCANS: dict[str, tuple[Callable[..., Layout], tuple[str, ...]]] = {
 """Constructor and options of each scan."""
 
 
-def scan(name: str | os.PathLike, **options: Unpack[ScanOptions]) -> Layout:
+def scan(name: str | os.PathLike[str], **options: Unpack[ScanOptions]) -> Layout:
     """The layout of a named scan, or of a CSV file of directions; angles in radians.
 
     Raises:

@@ -100,7 +100,7 @@ class MemorySink(Sink):
 class FileSink(Sink):
     """Writes blocks to a file, and knows which it holds already."""
 
-    def __init__(self, reader: Reader, settings: MeasureSettings, output: str | os.PathLike):
+    def __init__(self, reader: Reader, settings: MeasureSettings, output: str | os.PathLike[str]):
         super().__init__(reader, settings)
         recipe = provenance.recipe(self.provenance, reader.material)
         header = TableHeader(reader.layout, reader.material.channels, self.dtype, self.provenance, **self.metadata)

@@ -17,7 +17,7 @@ from gonio.reports.subject import ReportSubject, assign_fits, distinguish_names,
 
 
 def report(
-    subjects: Sequence[Any] | Any, output: str | os.PathLike | None = None, **options: Unpack[ReportOptions]
+    subjects: Sequence[Any] | Any, output: str | os.PathLike[str] | None = None, **options: Unpack[ReportOptions]
 ) -> Path | str:
     """Writes a page about tables and models: verdicts first, lobes, maps, albedo, residuals, provenance.
 

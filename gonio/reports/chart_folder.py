@@ -16,7 +16,7 @@ LARGEST = 64 << 20
 MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
 
 
-def charts_of(folder: str | os.PathLike) -> list[dict[str, Any]]:
+def charts_of(folder: str | os.PathLike[str]) -> list[dict[str, Any]]:
     """Each chart with its title, caption, picture (the address of an image) and the points that no other beats.
 
     Raises GonioError, in one sentence, for what is no folder of charts, and for one that is damaged.

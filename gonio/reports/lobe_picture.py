@@ -15,7 +15,7 @@ from gonio.models.errors import GonioError
 KINDS = (".png", ".svg", ".pdf")
 
 
-def lobe_picture(brdf: AbstractBRDF, title: str, output: str | os.PathLike, force: bool = False) -> Path:
+def lobe_picture(brdf: AbstractBRDF, title: str, output: str | os.PathLike[str], force: bool = False) -> Path:
     """Writes the picture; its kind by the ending. Raises GonioError for another ending, or an existing file."""
     path = Path(output)
     if path.suffix.lower() not in KINDS:

@@ -21,8 +21,8 @@ class ReportOptions(TypedDict, total=False):
     certificates: Sequence[Certificate | None] | None
     check: bool
     against: Any
-    chart: str | os.PathLike | None
-    figures: str | os.PathLike | None
+    chart: str | os.PathLike[str] | None
+    figures: str | os.PathLike[str] | None
     title: str
     command: str | None
     force: bool
@@ -36,8 +36,8 @@ class ReportSettings:
     certificates: Sequence[Certificate | None] | None = None
     check: bool = True
     against: Any = None
-    chart: str | os.PathLike | None = None
-    figures: str | os.PathLike | None = None
+    chart: str | os.PathLike[str] | None = None
+    figures: str | os.PathLike[str] | None = None
     title: str = "BRDF report"
     command: str | None = None
     force: bool = False
@@ -55,7 +55,7 @@ class ReportSettings:
                 f"{len(self.certificates)} certificates came for {len(subjects)} subjects; give one each, or None."
             )
 
-    def values_file(self, output: str | os.PathLike, subjects: Sequence[Any]) -> Path:
+    def values_file(self, output: str | os.PathLike[str], subjects: Sequence[Any]) -> Path:
         """The file of values beside the page, after both of them were found free to be written."""
         path = Path(output)
         values = path.with_suffix(".json")

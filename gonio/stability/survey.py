@@ -22,7 +22,7 @@ def stress(
     models: Sequence[str] | str = (),
     *,
     quick: bool = False,
-    output: str | os.PathLike | None = None,
+    output: str | os.PathLike[str] | None = None,
     processes: int | None = None,
     force: bool = False,
     log: Callable[[str], None] = lambda line: None,
@@ -83,7 +83,7 @@ def repeat_cell(name: str, key: str, quick: bool = False) -> list[Cell]:
     return cells
 
 
-def write(result: Atlas, output: str | os.PathLike, force: bool = False) -> Path:
+def write(result: Atlas, output: str | os.PathLike[str], force: bool = False) -> Path:
     """Writes the page, its pictures as SVG, and the CSV into a folder; returns the path of the page."""
     from gonio.stability.page import page, pictures
 
@@ -101,7 +101,7 @@ def _require_model(name: str) -> None:
         raise GonioError(f"Unknown model '{name}'; {nearest(name, MODELS)}")
 
 
-def _require_folder(output: str | os.PathLike, force: bool) -> None:
+def _require_folder(output: str | os.PathLike[str], force: bool) -> None:
     folder = Path(output)
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import datetime
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -34,7 +35,7 @@ class Repaired(Displayed):
     table: Table
     before: Certificate
     after: Certificate
-    moved: dict
+    moved: dict[str, Any]
     remark: str = ""
     """What a user should know: that the table was first read on a grid, say."""
 
