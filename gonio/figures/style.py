@@ -200,7 +200,7 @@ def svg(fig: Figure, label: str) -> str:
 
 def _tidy(text: str, label: str) -> str:
     # Only inside of tags: what stands between them is labels, some from strangers' files.
-    prefix = f"g{zlib.crc32(text.encode()):x}_"
+    prefix = f"g{zlib.crc32((label + text).encode()):x}_"
     used = set(re.findall(r'(?:url\(#|href="#)([^)"]+)', text))
     names = {name: f"{prefix}{k}" for k, name in enumerate(sorted(used))}
 

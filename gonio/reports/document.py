@@ -88,6 +88,7 @@ def _section(s: ReportSubject, e: Evaluation | None, fit: dict[str, Any] | None)
         "notes": [] if e is None or s.table is None else [_interpolation_note(e)],
         "facts": rows,
         "certificate": None if s.certificate is None else s.certificate.to_dict(),
+        "overall_basis": None if s.certificate is None else s.certificate.basis,
         "hemispherical": _hemispherical(s),
         "fit": fit,
         "provenance": provenance(s),

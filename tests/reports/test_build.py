@@ -1,5 +1,6 @@
 """The report: everything in one page, nothing from elsewhere, nobody's names run as code, every value in its JSON."""
 
+import dataclasses
 import datetime
 import json
 import math
@@ -16,23 +17,26 @@ from gonio.data import layouts
 from gonio.data.hdf5.writer import write_table
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.models.errors import GonioError
-from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
+from support.fit_tables import table_of
+from support.tables import grey_table
 
 EVIL = "<script>alert('x')</script></script>&\"$"
 
 
-def table(name="paint", expression="lambert(rho=[.1,.2,.4]) + ggx(alpha=.3, eta=1.5)", noise=0.01, **fields):
-    theta = np.radians(np.arange(0, 86, 10.0))
-    layout = layouts.isotropic(theta, theta, np.radians(np.arange(0, 360, 30.0)))
-    f = np.asarray(evaluate(build(expression), *layout.directions())).reshape(*layout.shape, -1)
-    f = f * (1 + noise * np.random.default_rng(1).standard_normal(f.shape))
-    return whole_table_of_values(layout, f, name=name, **fields)
+PAINT = "lambert(rho=[.1,.2,.4]) + ggx(alpha=.3, eta=1.5)"
+PLANE = layouts.in_plane(np.radians([10, 20, 40]), np.radians(np.arange(-60, 61, 10.0)))
+POLAR = np.radians(np.arange(0, 86, 10.0))
+ISOTROPIC = layouts.isotropic(POLAR, POLAR, np.radians(np.arange(0, 360, 30.0)))
+
+
+def flat_table(layout=PLANE, name="flat", channels=None, f=0.1):
+    return whole_table_of_values(layout, np.full((*layout.shape, len(channels or "1")), f), channels, name=name)
 
 
 @pytest.fixture(scope="module")
 def fitted():
-    t = table()
+    t = table_of(PAINT, ISOTROPIC, noise=0.01, name="paint")
     t.u_f = 0.01 * np.nan_to_num(np.abs(t.f))
     return t, gonio.fit(t, ["lambert", "lambert + ggx(eta=1.5)"], starts=1)
 
@@ -41,13 +45,15 @@ def fitted():
 def written(fitted, tmp_path_factory):
     """(path of the page, its text, its values)."""
     t, result = fitted
-    evil = table(
-        EVIL, "lambert(rho=0.2)", provenance={"comment": EVIL, "source": "</table>"}, channels=Channels((EVIL,))
+    evil = dataclasses.replace(
+        grey_table(0.2, 10, 30),
+        name=EVIL,
+        provenance={"comment": EVIL, "source": "</table>"},
+        channels=Channels((EVIL,)),
     )
     evil.f[0, 0, 0, 0] = -0.5
     path = tmp_path_factory.mktemp("page") / "r.html"
-    subjects = [t, evil, "lambert(rho=0.5)"]
-    gonio.report(subjects, path, fits=[result], title=EVIL, command=f"gonio report {EVIL}")
+    gonio.report([t, evil, "lambert(rho=0.5)"], path, fits=[result], title=EVIL, command=f"gonio report {EVIL}")
     return path, path.read_text(), json.loads(path.with_suffix(".json").read_text())
 
 
@@ -91,7 +97,7 @@ class Reader(HTMLParser):
             self.cells[-1] += data
 
 
-def at(values, pointer):
+def value_at(values, pointer):
     for key in pointer.split("/")[1:]:
         values = values[int(key)] if isinstance(values, list) else values[key]
     return values
@@ -131,15 +137,15 @@ def test_every_number_of_the_tables_is_in_the_values(written):
     assert unmarked == [] or set(unmarked) == {"1"}, unmarked  # a unit of dimension 1
     numbers = 0
     for pointer, shown in reader.marked:
-        held = at(values, pointer)
-        if isinstance(held, int | float) and not isinstance(held, bool):
+        expected = value_at(values, pointer)
+        if isinstance(expected, int | float) and not isinstance(expected, bool):
             value, half = number(shown)
-            assert abs(value - held) <= max(half, 1e-12 * abs(held)), (pointer, shown, held)
+            assert abs(value - expected) <= max(half, 1e-12 * abs(expected)), (pointer, shown, expected)
             # A number that is not 0 must not look like it, unless its uncertainty says so.
-            assert value != 0 or held == 0 or "parameters" in pointer or "numbers" in pointer, (pointer, shown, held)
+            assert value != 0 or expected == 0 or "parameters" in pointer or "numbers" in pointer, (pointer, shown)
             numbers += 1
         else:
-            assert shown == str(held), pointer
+            assert shown == str(expected), pointer
     assert numbers > 100
 
 
@@ -155,15 +161,8 @@ def test_every_figure_is_there_with_its_numbers(written):
     slugs = [{f["id"].removeprefix(f"{s['anchor']}-") for f in s["figures"]} for s in values["subjects"]]
     every = {"polar-linear", "polar-log", "plane-linear", "plane-log", "lobe", "spheres", "albedo", "reciprocity"}
     assert all(every <= s for s in slugs)
-    assert {
-        "p-values",
-        "correlations",
-        "residuals",
-        "residuals-half",
-        "residuals-polar",
-        "slice-readings",
-        "slice-model",
-    } <= slugs[0]
+    of_fits = {"correlations", "residuals", "residuals-half", "residuals-polar", "slice-model"}
+    assert of_fits | {"p-values", "slice-readings"} <= slugs[0]
 
 
 def test_values_are_those_of_the_table(written, fitted):
@@ -187,29 +186,23 @@ def test_verdicts_stand_before_the_pictures(written):
 
 
 def test_agreement_with_a_truth_is_named():
-    layout = layouts.in_plane(np.radians([10, 20, 40]), np.radians(np.arange(-60, 61, 10.0)))
-    flat = whole_table_of_values(layout, np.full(layout.shape, 0.1), name="flat")
-    text = gonio.report(flat, against="lambert(rho=0.1)")
-    assert "worst of reciprocity, energy and agreement" in text and "✗ " in text
+    text = gonio.report(flat_table(), against="lambert(rho=0.1)")
+    assert "reciprocity, energy and agreement</span>." in text and "✗ " in text
 
 
 @pytest.mark.parametrize("kind", ["half/difference", "in-plane", "scattered", "masked", "spectral"])
 def test_any_table_makes_a_page(kind):
-    layout = {
-        "half/difference": layouts.merl(counts=(12, 10, 18)),
-        "in-plane": layouts.in_plane(np.radians([10, 40]), np.radians([-60, -30, 30, 60])),
-    }.get(kind, layouts.scattered(*np.random.default_rng(0).uniform(0, 1.2, (4, 60))))
+    scattered = layouts.scattered(*np.random.default_rng(0).uniform(0, 1.2, (4, 60)))
+    layout = {"half/difference": layouts.merl(counts=(12, 10, 18)), "in-plane": PLANE}.get(kind, scattered)
     channels = Channels.of_wavelengths(np.linspace(380, 780, 200)) if kind == "spectral" else None
-    f = np.full((*layout.shape, len(channels or "1")), np.nan if kind == "masked" else 0.1)
-    flat = whole_table_of_values(layout, f, channels, name=kind)
+    flat = flat_table(layout, kind, channels, np.nan if kind == "masked" else 0.1)
     text = gonio.report(flat, check=kind == "masked")
     assert text.count('class="panel"') >= (0 if kind == "masked" else 3)
     assert ("No valid reading" in text) == (kind == "masked") and ("not checked" in text)
 
 
 def test_figures_are_files_too(tmp_path):
-    theta = layouts.in_plane(np.radians([10, 40]), np.radians([-60, -30, 30, 60]))
-    flat = whole_table_of_values(theta, np.full(theta.shape, 0.1), name="a/../<b>")
+    flat = flat_table(name="a/../<b>")
     text = gonio.report(flat, check=False, figures=tmp_path / "figures")
     files = sorted((tmp_path / "figures").iterdir())
     assert len(files) == 2 * text.count('class="panel"') and files[0].name.startswith("01-a_.._b-")
@@ -227,7 +220,7 @@ def test_a_page_is_whole_or_not_there(tmp_path, monkeypatch, capsys):
     (tmp_path / "charts").mkdir()
     (tmp_path / "empty").mkdir()
     (tmp_path / "charts" / "charts.json").write_text('{"charts": {"tables": {"points": 3}}}')
-    write_table(tmp_path / "t.h5", table("t", "lambert(rho=0.3)"))
+    write_table(tmp_path / "t.h5", dataclasses.replace(grey_table(0.3), name="t"))
     (tmp_path / "v.json").write_text("mine")
     (tmp_path / "other.toml").write_text(
         'gonio_material = 1\nname = "o"\nmodel = "lambert(rho=0.1)"\n[fit]\ntable = "another"\n'
@@ -260,7 +253,7 @@ def test_a_page_is_whole_or_not_there(tmp_path, monkeypatch, capsys):
 
 def test_the_command_on_the_page_makes_it_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    write_table(tmp_path / "a table.h5", table("t", "lambert(rho=0.3)"))
+    write_table(tmp_path / "a table.h5", dataclasses.replace(grey_table(0.3), name="t"))
     assert main(["report", "a table.h5", "--no-check", "--title", "it's $HOME", "-o", "r.html"]) == 0
     first = json.loads((tmp_path / "r.json").read_text())
     (tmp_path / "r.html").unlink(), (tmp_path / "r.json").unlink()
@@ -269,15 +262,26 @@ def test_the_command_on_the_page_makes_it_again(tmp_path, monkeypatch):
     assert {k: v for k, v in again.items() if k != "made"} == {k: v for k, v in first.items() if k != "made"}
 
 
-def test_fits_find_their_tables(fitted, tmp_path):
+def test_fits_find_their_tables(fitted):
     t, result = fitted
-    other = table("other", "lambert(rho=0.3)")
     with pytest.raises(GonioError, match="2 fits came for 1 table"):
         gonio.report([t], fits=[result, result], check=False)
     with pytest.raises(GonioError, match="of the table 'paint', not of other"):
-        gonio.report([other], fits=[result], check=False)
+        gonio.report([flat_table(name="other")], fits=[result], check=False)
     with pytest.raises(GonioError, match="3 channels and paint has 1"):
-        gonio.report([table("paint", "lambert(rho=0.3)")], fits=[result], check=False)
+        gonio.report([flat_table(name="paint")], fits=[result], check=False)
+
+
+def test_every_subject_makes_a_page_and_an_unknown_option_is_refused(fitted, tmp_path):
+    path = tmp_path / "t.h5"
+    write_table(path, dataclasses.replace(grey_table(0.3), name="t"))
+    subjects = [path, str(path), fitted[1], build("lambert(rho=0.5)"), gonio.material("lambert(rho=0.5)")]
+    text = gonio.report(subjects, check=False)
+    assert text.count('class="key"') >= 2 * len(subjects) and "t (1)" in text and "Fit: converged" in text
+    with pytest.raises(TypeError, match="report has no option 'fit'"):
+        gonio.report(path, fit=[fitted[1]])
+    with pytest.raises(GonioError, match="A dict is neither a table nor a model"):
+        gonio.report([{}])
 
 
 def test_charts_back_the_settings(tmp_path, monkeypatch):
