@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from gonio.models import display
 
 if TYPE_CHECKING:
-    from gonio.charts.diagrams import chart as chart
+    from gonio.charts import chart as chart
     from gonio.checks.certificate import Certificate as Certificate
     from gonio.checks.certify import check as check
     from gonio.checks.repairs.nearest_table import repair as repair
@@ -49,7 +49,7 @@ _PUBLIC = {  # public name: its module, and its name there; the imports above ar
     "Material": ("gonio.data.material", "Material"),
     "Scene": ("gonio.data.scene", "Scene"),
     "Table": ("gonio.data.table", "Table"),
-    "chart": ("gonio.charts.diagrams", "chart"),
+    "chart": ("gonio.charts", "chart"),
     "check": ("gonio.checks.certify", "check"),
     "fit": ("gonio.fitting.fit_table", "fit"),
     "fit_many": ("gonio.fitting.batch", "fit_many"),

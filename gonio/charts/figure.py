@@ -1,19 +1,22 @@
 """Speed against accuracy on logarithmic axes: methods as marks, their bounds as bars, the Pareto front as a line."""
 
+import dataclasses
 import io
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.axis import Axis as MatplotlibAxis
+from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
-from gonio.charts.label_placement import nearest_of, places
+from gonio.charts.label_placement import Box, nearest_of, places
 from gonio.charts.point import Axis, Chart, Point, cheapest, front, shown
 from gonio.figures.style import FAINT, INK, MARKERS, PALETTE, RULE, mix, styled, svg
 from gonio.figures.ticks import decades_between, sr_label
@@ -25,8 +28,12 @@ COLUMNS = 3
 MARK, RING = 5.0, 11.0  # points across
 MARKS = (*MARKERS, "P", "X")
 CEILING = 10.0
-"""Errors beyond are drawn on the upper edge: they are as wrong as can be."""
+"""Errors beyond stand on the upper edge: they are as wrong as can be."""
 LETTERS = 8.0
+DASHES = (0, (4, 2))
+
+Looks = Mapping[str, tuple[str, str]]
+"""Colour and mark of each method."""
 
 
 def chart_figure(chart: Chart, points: Sequence[Point], caption: str, tolerance: float | None = None) -> Figure:
@@ -38,35 +45,40 @@ def chart_figure(chart: Chart, points: Sequence[Point], caption: str, tolerance:
     panels = list(dict.fromkeys(p.panel for p in points))
     looks = _looks(list(dict.fromkeys(p.method for p in points)))
     # Several frames of one panel stand side by side, panels below each other.
-    drawn = [(axes, panel) for panel in panels for axes in chart.frames]
+    pairs = [(panel, axes) for panel in panels for axes in chart.frames]
     most = max(sum(p.panel == panel for p in points) for panel in panels)
     width, height = LARGE if most > MANY else (WIDTH, HEIGHT)
     columns = len(chart.frames) if len(chart.frames) > 1 else 2 if len(panels) == 4 else min(COLUMNS, len(panels))
-    rows = math.ceil(len(drawn) / columns)
-    words = textwrap.wrap(f"{chart.about} {caption}", round(columns * width * 15.5))
-    foot = 0.16 * len(words) + 0.15
-    fig = Figure(figsize=(columns * width, rows * height + foot), layout="constrained")
-    FigureCanvasAgg(fig)
+    rows = math.ceil(len(pairs) / columns)
+    lines = textwrap.wrap(f"{chart.about} {caption}", round(columns * width * 15.5))
+    foot = 0.16 * len(lines) + 0.15
+    engine = ConstrainedLayoutEngine()
+    fig = Figure(figsize=(columns * width, rows * height + foot), layout=engine)
+    renderer = FigureCanvasAgg(fig).get_renderer
     every = np.ravel(fig.subplots(rows, columns, squeeze=False))
-    for ax in every[len(drawn) :]:
+    for ax in every[len(pairs) :]:
         ax.set_visible(False)
-    for ax, ((cost, error), panel) in zip(every, drawn, strict=False):
-        _frame(ax, cost, error, [p for p in points if p.panel == panel], looks, tolerance, panel)
-    head = _legend(fig, _handles(looks, tolerance, any("bound" in p.values for p in points))) + 0.35
+    frames = [
+        _Frame(ax, *axes, [p for p in points if p.panel == panel], looks, tolerance)
+        for ax, (panel, axes) in zip(every, pairs, strict=False)
+    ]
+    for frame, (panel, _) in zip(frames, pairs, strict=True):
+        frame.draw(panel)
+    head = _legend(fig, renderer(), _handles(looks, tolerance, any("bound" in p.values for p in points))) + 0.35
     tall = rows * height + foot + head
     fig.set_size_inches(columns * width, tall)
     fig.legends[0].set_bbox_to_anchor((0.006, 1 - 0.3 / tall), transform=fig.transFigure)
     fig.text(0.012, 1 - 0.1 / tall, chart.title, fontsize=12, weight="bold", va="top", color=INK)
-    fig.text(0.012, 0.08 / tall, "\n".join(words), fontsize=8, color=FAINT, va="bottom")
-    fig.get_layout_engine().set(rect=(0, foot / tall, 1, 1 - (foot + head) / tall), w_pad=0.08, h_pad=0.08)
+    fig.text(0.012, 0.08 / tall, "\n".join(lines), fontsize=8, color=FAINT, va="bottom")
+    engine.set(rect=(0, foot / tall, 1, 1 - (foot + head) / tall), w_pad=0.08, h_pad=0.08)
     fig.draw_without_rendering()
     fig.set_layout_engine("none")
-    for ax, ((cost, error), panel) in zip(every, drawn, strict=False):
-        _labels(fig, ax, cost, error, [p for p in points if p.panel == panel], looks, tolerance)
+    for frame in frames:
+        frame.label(renderer())
     return fig
 
 
-def _looks(methods: Sequence[str]) -> dict[str, tuple[str, str]]:
+def _looks(methods: Sequence[str]) -> Looks:
     # "layout, interpolation": a colour for what comes first, a mark for what comes last; else both go with the method.
     parts = {m: m.rpartition(", ") for m in methods}
     families = list(dict.fromkeys(first or m for m, (first, _, _) in parts.items()))
@@ -79,147 +91,151 @@ def _looks(methods: Sequence[str]) -> dict[str, tuple[str, str]]:
     return looks
 
 
-def _handles(looks, tolerance, bounds: bool) -> list[Line2D]:
+def _handles(looks: Looks, tolerance: float | None, bounds: bool) -> list[Line2D]:
     handles = [Line2D([], [], ls="", marker=mark, color=c, ms=MARK + 1, label=m) for m, (c, mark) in looks.items()]
-    handles.append(Line2D([], [], color=INK, lw=1.0, ls=(0, (4, 2)), label="Pareto front"))
+    handles.append(Line2D([], [], color=INK, lw=1.0, ls=DASHES, label="Pareto front"))
     if bounds:
         handles.append(Line2D([], [], color=FAINT, lw=0.8, marker="_", ms=6, label="claimed bound"))
     if tolerance is not None:
-        ring = {"marker": "o", "ms": RING, "mfc": "none", "color": INK, "ls": ""}
-        handles.append(Line2D([], [], **ring, label=f"cheapest within {sr_label(tolerance)}"))
+        label = f"cheapest within {sr_label(tolerance)}"
+        handles.append(Line2D([], [], marker="o", ms=RING, mfc="none", color=INK, ls="", label=label))
     return handles
 
 
-def _legend(fig: Figure, handles: list[Line2D]) -> float:
-    """Puts a legend of as many columns as fit; its height in inches."""
+def _legend(fig: Figure, renderer: RendererAgg, handles: list[Line2D]) -> float:
+    """Adds a legend of as many columns as fit; its height in inches."""
     for columns in range(min(8, len(handles)), 0, -1):
         legend = fig.legend(
             handles=handles, loc="upper left", ncols=columns, handletextpad=0.4, columnspacing=1.2, fontsize=8.5
         )
         legend.set_in_layout(False)
-        box = legend.get_window_extent(fig.canvas.get_renderer())
+        box = legend.get_window_extent(renderer)
         if columns == 1 or box.width < 0.98 * fig.bbox.width:
             break
         legend.remove()
     return box.height / fig.dpi
 
 
-def _height(point: Point, error: Axis, floor: float) -> float:
-    value = shown(point, error.key)
-    return min(max(value, floor), CEILING) if math.isfinite(value) else CEILING
+@dataclasses.dataclass
+class _Frame:
+    """The points of one panel by one cost and one error."""
 
+    ax: Axes
+    cost: Axis
+    error: Axis
+    points: list[Point]
+    looks: Looks
+    tolerance: float | None
 
-def _floor(points: Sequence[Point], error: Axis) -> float:
-    # Nothing is drawn as exact: an error of 0 stands at the least one there is, or at the rounding of a double.
-    seen = [v for p in points if (v := shown(p, error.key)) > 1e-17]
-    return min(seen, default=1e-16)
+    def __post_init__(self) -> None:
+        # Nothing stands as exact: an error of 0 stands at the least one there is, or at the rounding of a double.
+        self.floor = min((v for p in self.points if (v := shown(p, self.error.key)) > 1e-17), default=1e-16)
+        self.front = front(self.points, self.cost.key, self.error.key)
+        self.best = None
+        if self.tolerance is not None:
+            self.best = cheapest(self.points, self.cost.key, self.error.key, self.tolerance)
 
+    def place(self, p: Point) -> tuple[float, float]:
+        """(cost, error) of a point, the error between the floor and the ceiling."""
+        value = shown(p, self.error.key)
+        return p.value(self.cost.key), min(max(value, self.floor), CEILING) if math.isfinite(value) else CEILING
 
-def _frame(ax: Axes, cost: Axis, error: Axis, points, looks, tolerance, panel: str) -> None:
-    floor = _floor(points, error)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    kept = front(points, cost.key, error.key)
-    ax.plot(
-        [p.value(cost.key) for p in kept], [_height(p, error, floor) for p in kept], color=INK, lw=1.0, ls=(0, (4, 2)),
-        zorder=1.5,
-    )  # fmt: skip
-    for p in points:
-        x, y = p.value(cost.key), _height(p, error, floor)
-        colour, mark = looks[p.method]
+    def bound(self, p: Point) -> float | None:
+        """The claimed bound of a point in a frame of the error that it bounds, at most the ceiling."""
         bound = p.value("bound")
-        if error.key == "error" and not math.isnan(bound):
-            top = min(bound, CEILING)
-            ax.plot([x, x], [y, max(top, y)], color=colour, lw=0.7, alpha=0.55, zorder=1.6)
-            ax.plot(
-                [x], [max(top, y)], marker="_" if bound <= CEILING else "^", ms=6, color=colour, alpha=0.7, zorder=1.6
+        return None if self.error.key != "error" or math.isnan(bound) else min(bound, CEILING)
+
+    def draw(self, title: str) -> None:
+        self.ax.set_xscale("log")
+        self.ax.set_yscale("log")
+        line = np.reshape([self.place(p) for p in self.front], (-1, 2))
+        self.ax.plot(*line.T, color=INK, lw=1.0, ls=DASHES, zorder=1.5)
+        for p in self.points:
+            self._mark(p)
+        if self.tolerance is not None:
+            self.ax.axhline(self.tolerance, color=FAINT, lw=0.8, zorder=1)
+        if self.best:
+            self.ax.plot(*self.place(self.best), marker="o", ms=RING, mfc="none", mec=INK, zorder=4)
+        self._scale()
+        self.ax.set_title(title, loc="left", color=INK)
+
+    def _mark(self, p: Point) -> None:
+        x, y = self.place(p)
+        colour, mark = self.looks[p.method]
+        bound = self.bound(p)
+        if bound is not None:
+            top = max(bound, y)
+            self.ax.plot([x, x], [y, top], color=colour, lw=0.7, alpha=0.55, zorder=1.6)
+            end = "_" if p.value("bound") <= CEILING else "^"
+            self.ax.plot([x], [top], marker=end, ms=6, color=colour, alpha=0.7, zorder=1.6)
+        edge, width = ("#c4161c", 1.6) if p.holds is False else ("white", 0.5)
+        self.ax.plot([x], [y], ls="", marker=mark, ms=MARK, color=colour, mec=edge, mew=width, zorder=3)
+
+    def _scale(self) -> None:
+        costs, heights = (list(values) for values in zip(*map(self.place, self.points), strict=True))
+        heights += [b for p in self.points if (b := self.bound(p)) is not None]
+        _scale_axis(self.ax.xaxis, costs, 1.7, self.ax.set_xlim)
+        _scale_axis(self.ax.yaxis, heights, 2.2, self.ax.set_ylim)
+        self.ax.set_xlabel(self.cost.title)
+        self.ax.set_ylabel(self.error.title)
+        self.ax.grid(color=RULE)
+
+    def label(self, renderer: RendererAgg) -> None:
+        """Writes the settings beside their points, the front first: it is what a reader looks for."""
+        unit, to_pixels = renderer.dpi / 72, self.ax.transData.transform
+        order = sorted(self.points, key=lambda p: (p not in self.front, p.value(self.cost.key)))
+        texts = [
+            self.ax.text(0, 0, p.setting, fontsize=LETTERS, color=mix(self.looks[p.method][0], "black", 0.25), zorder=5)
+            for p in order
+        ]
+        extents = [t.get_window_extent(renderer) for t in texts]
+        sizes = np.array([(b.width, b.height) for b in extents])
+        marks = to_pixels([self.place(p) for p in order])
+        radii = np.array([RING / 2 + 1 if p is self.best else 0.6 * MARK for p in order]) * unit
+        edge = self.ax.bbox
+        inside = (edge.x0 + 1, edge.y0 + 1, edge.x1 - 1, edge.y1 - 1)
+        corners = places(marks, sizes, inside, radii, self._bound_ends(3 * unit))
+        to_axes = self.ax.transAxes.inverted().transform
+        for text, corner, mark, size in zip(texts, corners, marks, sizes, strict=True):
+            if corner is None:
+                text.remove()
+                continue
+            text.set(verticalalignment="bottom", transform=self.ax.transAxes, position=to_axes(corner))
+            end = nearest_of(corner, size, mark)
+            if math.dist(end, mark) > 8 * unit:
+                line = to_axes([mark, end])
+                self.ax.plot(
+                    *line.T, transform=self.ax.transAxes, color=FAINT, lw=0.4, zorder=2, scalex=False, scaley=False
+                )
+        missing = corners.count(None)
+        if missing:
+            note = f"{missing} labels found no room; the CSV has them"
+            self.ax.text(
+                0.99, 1.01, note, transform=self.ax.transAxes, ha="right", va="bottom", fontsize=7.5, color=FAINT
             )
-        broken = p.holds is False
-        ax.plot([x], [y], ls="", marker=mark, ms=MARK, color=colour, mec="#c4161c" if broken else "white",
-                mew=1.6 if broken else 0.5, zorder=3)  # fmt: skip
-    if tolerance is not None:
-        ax.axhline(tolerance, color=FAINT, lw=0.8, zorder=1)
-        best = cheapest(points, cost.key, error.key, tolerance)
-        if best is not None:
-            at = [best.value(cost.key)], [_height(best, error, floor)]
-            ax.plot(*at, marker="o", ms=RING, mfc="none", mec=INK, zorder=4)
-    _scales(ax, cost, error, points, floor)
-    ax.set_title(panel, loc="left", color=INK)
+
+    def _bound_ends(self, half: float) -> list[Box]:
+        # Boxes around the bars and arrows where the claimed bounds end.
+        ends = [(p.value(self.cost.key), b) for p in self.points if (b := self.bound(p)) is not None]
+        pixels = self.ax.transData.transform(ends) if ends else []
+        return [(x - half, y - half, x + half, y + half) for x, y in pixels]
 
 
-def _scales(ax: Axes, cost: Axis, error: Axis, points, floor: float) -> None:
-    heights = [_height(p, error, floor) for p in points]
-    heights += [min(b, CEILING) for p in points if error.key == "error" and not math.isnan(b := p.value("bound"))]
-    widths = [p.value(cost.key) for p in points]
-    for axis, values, pad, place in (
-        (ax.xaxis, widths, 1.7, ax.set_xlim),
-        (ax.yaxis, heights, 2.2, ax.set_ylim),
-    ):
-        low, high = min(values) / pad, max(values) * pad
-        place(low, high)
-        ticks = [t for t in decades_between(low, high) if low <= t <= high]
-        if len(ticks) < 3:
-            ticks = [s * 10.0**e for e in range(-20, 20) for s in (1, 2, 5) if low <= s * 10.0**e <= high]
-        axis.set_major_locator(FixedLocator(ticks))
-        axis.set_minor_locator(FixedLocator([]))
-        axis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(v)))
-        axis.set_minor_formatter(NullFormatter())
-    ax.set_xlabel(cost.title)
-    ax.set_ylabel(error.title)
-    ax.grid(color=RULE)
+def _scale_axis(axis: MatplotlibAxis, values: list[float], pad: float, limit: Callable[[float, float], object]) -> None:
+    low, high = min(values) / pad, max(values) * pad
+    limit(low, high)
+    ticks = [t for t in decades_between(low, high) if low <= t <= high]
+    if len(ticks) < 3:
+        ticks = [s * 10.0**e for e in range(-20, 20) for s in (1, 2, 5) if low <= s * 10.0**e <= high]
+    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_minor_locator(FixedLocator([]))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: sr_label(value)))
+    axis.set_minor_formatter(NullFormatter())
 
 
-def _labels(fig: Figure, ax: Axes, cost: Axis, error: Axis, points, looks, tolerance) -> None:
-    floor = _floor(points, error)
-    renderer = fig.canvas.get_renderer()
-    kept = front(points, cost.key, error.key)
-    # The front first: it is what a reader looks for.
-    order = sorted(points, key=lambda p: (p not in kept, p.value(cost.key)))
-    at = ax.transData.transform([(p.value(cost.key), _height(p, error, floor)) for p in order])
-    texts = [
-        ax.text(0, 0, p.setting, fontsize=LETTERS, color=mix(looks[p.method][0], "black", 0.25), zorder=5)
-        for p in order
-    ]
-    boxes = [t.get_window_extent(renderer) for t in texts]
-    sizes = np.array([(b.width, b.height) for b in boxes])
-    frame = ax.bbox
-    inside = (frame.x0 + 1, frame.y0 + 1, frame.x1 - 1, frame.y1 - 1)
-    ringed = None if tolerance is None else cheapest(points, cost.key, error.key, tolerance)
-    unit = fig.dpi / 72
-    radii = np.array([RING / 2 + 1 if p is ringed else 0.6 * MARK for p in order]) * unit
-    ends = _bound_ends(ax, cost, error, points, 3 * unit)
-    corners = places(at, sizes, inside, radii, ends)
-    missing = 0
-    for text, corner, point, size in zip(texts, corners, at, sizes, strict=True):
-        if corner is None:
-            text.remove()
-            missing += 1
-            continue
-        _move(ax, text, corner)
-        end = nearest_of(corner, size, point)
-        if math.dist(end, point) > 8 * unit:
-            line = ax.transAxes.inverted().transform([point, end])
-            ax.plot(*line.T, transform=ax.transAxes, color=FAINT, lw=0.4, zorder=2, scalex=False, scaley=False)
-    if missing:
-        said = f"{missing} labels found no room; the CSV has them"
-        ax.text(0.99, 1.01, said, transform=ax.transAxes, ha="right", va="bottom", fontsize=7.5, color=FAINT)
-
-
-def _bound_ends(ax: Axes, cost: Axis, error: Axis, points, half: float) -> list[tuple[float, float, float, float]]:
-    # Boxes around the bars and arrows where the claimed bounds end.
-    ends = [(p.value(cost.key), min(p.value("bound"), CEILING)) for p in points if "bound" in p.values]
-    if error.key != "error" or not ends:
-        return []
-    return [(x - half, y - half, x + half, y + half) for x, y in ax.transData.transform(ends)]
-
-
-def _move(ax: Axes, text, corner) -> None:
-    text.set_verticalalignment("bottom")
-    text.set_transform(ax.transAxes)
-    text.set_position(ax.transAxes.inverted().transform(corner))
-
-
-def written(chart: Chart, points: Sequence[Point], caption: str, tolerance: float | None = None) -> dict[str, bytes]:
+def picture_files(
+    chart: Chart, points: Sequence[Point], caption: str, tolerance: float | None = None
+) -> dict[str, bytes]:
     """The picture as files: ``{"svg": ..., "png": ...}``."""
     with styled(), matplotlib.rc_context({"font.size": 9}):
         fig = chart_figure(chart, points, caption, tolerance)

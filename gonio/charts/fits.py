@@ -1,8 +1,9 @@
-"""Fits: samples, losses, precisions and solvers; the error of the numbers found and of the albedo that they make."""
+"""Fits: samples, losses, precisions and solvers; the error of the fitted numbers and of their albedo."""
 
 import functools
 import statistics
 from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,8 +17,8 @@ from gonio.models.expression.builder import build
 from gonio.stability.fits import readings
 
 TRUTH = np.array([0.3, 0.5, 0.2])
-SPELLED = "lambert(rho={!r}) + {!r} * ggx(alpha={!r})"
-ASKED = "lambert + ggx"
+SURFACE = "lambert(rho={!r}) + {!r} * ggx(alpha={!r})"
+MODEL = "lambert + ggx"
 NAMES = ("lambert.rho", "ggx.scale", "ggx.alpha")
 THETA = np.radians([0.0, 30.0, 45.0, 60.0, 70.0, 75.0, 80.0, 85.0])
 SAMPLES = {"100": 100, "10³": 10**3, "10⁴": 10**4, "10⁵": 10**5}
@@ -25,23 +26,32 @@ NOISE, QUICK_NOISE = (0.001, 0.01, 0.1), (0.01,)
 LOSSES, QUICK_LOSSES = ("sigma", "cbrt", "log", "log1p", "linear"), ("sigma", "cbrt")
 SEEDS, QUICK_SEEDS = 5, 3
 
-Solve = Callable[[Table], tuple[np.ndarray, bool]]
+
+class Solution(NamedTuple):
+    """The fitted rho, scale and alpha, and whether the fit converged."""
+
+    numbers: np.ndarray
+    converged: bool
 
 
-def _ours(loss: str, kind: str = "float64", starts: int = 8) -> Solve:
-    def solve(table):
+Solve = Callable[[Table], Solution]
+
+
+def _gonio(loss: str, kind: str = "float64", starts: int = 8) -> Solve:
+    def solve(table: Table) -> Solution:
         with precision(kind):
-            result = fit(table, ASKED, loss=loss, starts=starts)
-        found = {p.name: float(p.value) for p in result.parameters}
-        return np.array([found[n] for n in NAMES]), result.converged
+            result = fit(table, MODEL, loss=loss, starts=starts)
+        numbers = {p.name: float(p.value) for p in result.parameters}
+        return Solution(np.array([numbers[n] for n in NAMES]), result.converged)
 
     return solve
 
 
-def _scipys(loss: str) -> Solve:
-    def solve(table):
+def _scipy(loss: str) -> Solve:
+    def solve(table: Table) -> Solution:
         block = table.read()
-        return scipy_fit(cosines(block.wi, block.wo), block.f[:, 0], block.u_f[:, 0], loss), True
+        numbers = scipy_fit(cosines(block.wi, block.wo), block.f[:, 0], np.asarray(block.u_f)[:, 0], loss)
+        return Solution(numbers, True)
 
     return solve
 
@@ -49,48 +59,50 @@ def _scipys(loss: str) -> Solve:
 def methods(quick: bool) -> dict[str, Solve]:
     """The ways of fitting, by name."""
     losses = QUICK_LOSSES if quick else LOSSES
-    found = {f"gonio, {loss}": _ours(loss) for loss in losses}
-    found["gonio, sigma, no random starts"] = _ours("sigma", starts=0)
-    found["gonio, sigma, float32"] = _ours("sigma", "float32")
-    return found | {f"SciPy, {loss}": _scipys(loss) for loss in losses if loss in COMPARED}
+    solvers = {f"gonio, {loss}": _gonio(loss) for loss in losses}
+    solvers["gonio, sigma, no random starts"] = _gonio("sigma", starts=0)
+    solvers["gonio, sigma, float32"] = _gonio("sigma", "float32")
+    return solvers | {f"SciPy, {loss}": _scipy(loss) for loss in losses if loss in COMPARED}
 
 
-def albedo_error(found: np.ndarray) -> float:
+def _albedo(numbers: np.ndarray) -> np.ndarray:
+    return directional_albedo(build(SURFACE.format(*numbers.tolist())), THETA, 0.0, 1e-6).value
+
+
+def albedo_error(numbers: np.ndarray) -> float:
     """The largest relative error of the directional albedo, 0 to 85°, of (rho, scale, alpha)."""
     with precision("float64"):
-        lost, true = (
-            directional_albedo(build(SPELLED.format(*(float(v) for v in x))), THETA, 0.0, 1e-6).value
-            for x in (found, TRUTH)
-        )
-    return float(np.max(np.abs(lost / true - 1)))
+        return float(np.max(np.abs(_albedo(numbers) / _albedo(TRUTH) - 1)))
 
 
 def points(settings: Settings) -> Iterator[Point]:
-    """One point for each noise, method and number of samples: medians over several draws of noise."""
-    samples = {n: c for n, c in SAMPLES.items() if c <= 10**4 or not settings.quick}
+    """One point for each noise, method and number of samples: medians over several tables of noise."""
     solvers = methods(settings.quick)
-    truth = SPELLED.format(*TRUTH.tolist())
     for noise in QUICK_NOISE if settings.quick else NOISE:
-        for name, count in samples.items():
+        for name, count in SAMPLES.items():
+            if count > 10**4 and settings.quick:
+                continue
             with precision("float64"):
                 seeds = range(QUICK_SEEDS if settings.quick else SEEDS)
-                drawn = [readings(truth, count, noise, seed=seed) for seed in seeds]
-            # Time is taken on one draw, in turns; the other draws are for the error.
-            calls = [functools.partial(solve, drawn[0]) for solve in solvers.values()]
+                tables = [readings(SURFACE.format(*TRUTH.tolist()), count, noise, seed=seed) for seed in seeds]
+            # Time is measured on one table, in turns; the others are for the error.
+            calls = [functools.partial(solve, tables[0]) for solve in solvers.values()]
             timings = in_turns(calls, *((2, 0.2) if settings.quick else (5, 0.5)))
             for (method, solve), timing in zip(solvers.items(), timings, strict=True):
-                ends = [timing.result, *(solve(table) for table in drawn[1:])]
-                errors = [float(np.max(np.abs(x / TRUTH - 1))) for x, _ in ends]
-                refused = sum(not converged for _, converged in ends)
-                values = {
-                    "ms": timing.median * 1e3,
-                    "error": statistics.median(errors),
-                    "albedo_error": statistics.median(albedo_error(x) for x, _ in ends),
-                    "largest_error": max(errors),
-                    "first_call_s": timing.first_call,
-                }
-                note = f"{refused} of {len(ends)} say that they did not converge" if refused else ""
+                values, note = _summary([timing.result, *(solve(table) for table in tables[1:])])
+                values |= {"ms": timing.median * 1e3, "first_call_s": timing.first_call}
                 yield Point(f"noise {noise * 100:g} %", method, name, values, note)
+
+
+def _summary(solutions: list[Solution]) -> tuple[dict[str, float], str]:
+    errors = [float(np.max(np.abs(s.numbers / TRUTH - 1))) for s in solutions]
+    failed = sum(not s.converged for s in solutions)
+    values = {
+        "error": statistics.median(errors),
+        "albedo_error": statistics.median(albedo_error(s.numbers) for s in solutions),
+        "largest_error": max(errors),
+    }
+    return values, f"{failed} of {len(solutions)} say that they did not converge" if failed else ""
 
 
 TIME = Axis("ms", "time of a fit, ms")

@@ -1,4 +1,4 @@
-"""How wrong a BRDF is, as light: the share of what the true surface reflects that it sends elsewhere."""
+"""The error of a BRDF as flux: the share of the truly reflected light that it sends elsewhere."""
 
 import dataclasses
 
@@ -10,19 +10,20 @@ import numpy as np
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import NORMAL, Direction
+from gonio.stability.directions import unit_vector
 
 THETA_MAX = np.radians(80.0)
 
 
 @eqx.filter_jit
-def _drawn(brdf, wi, u1, u2):
+def _sampled(brdf: AbstractBRDF, wi: Direction, u1: jax.Array, u2: jax.Array) -> tuple[Direction, jax.Array]:
     wo = jax.vmap(brdf.sample)(wi, u1, u2)
     return wo, jax.vmap(brdf.pdf)(wi, wo)
 
 
 @dataclasses.dataclass(frozen=True)
 class Light:
-    """Pairs (n,) drawn where a surface reflects, with the weight cosθo/density and f there."""
+    """Random pairs (n,), dense where a surface reflects, with the weight cosθo/density and f there."""
 
     wi: Direction
     wo: Direction
@@ -41,9 +42,9 @@ def light_of(brdf: AbstractBRDF, count: int = 20_000, seed: int = 0) -> Light:
     rng = np.random.default_rng(seed)
     theta = np.arcsin(np.sin(THETA_MAX) * np.sqrt(rng.random(count)))
     phi = rng.uniform(0, 2 * np.pi, count)
-    wi = Direction(*(jnp.asarray(c) for c in (np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta))))
-    wo, density = _drawn(brdf, wi, jnp.asarray(rng.random(count)), jnp.asarray(rng.random(count)))
-    # As many pairs whatever was drawn: one compiled program serves all surfaces of a kind.
+    wi = Direction(*(jnp.asarray(c) for c in unit_vector(theta, phi)))
+    wo, density = _sampled(brdf, wi, jnp.asarray(rng.random(count)), jnp.asarray(rng.random(count)))
+    # Always as many pairs: one compiled program serves all surfaces of a kind.
     up = np.asarray(wo.z) > np.cos(THETA_MAX)
     wi, wo = (Direction(*(np.where(up, c, e) for c, e in zip(w, NORMAL, strict=True))) for w in (wi, wo))
     f = np.asarray(evaluate(brdf, wi, wo), float).reshape(count)

@@ -1,4 +1,4 @@
-"""Where and with what a chart was measured: for its caption, and to see whether two charts may be compared."""
+"""The machine and the versions that measured a chart: for its caption, and to compare charts of one machine only."""
 
 import datetime
 import os

@@ -1,8 +1,9 @@
-"""What a chart is made of: points with a cost and an error, the front that none of them beats, and the cheapest."""
+"""Charts and their points, with a cost and an error each; the Pareto front of points, and the cheapest."""
 
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 from gonio.charts.scan_time import Pace
 
@@ -17,11 +18,11 @@ class Axis:
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """A method at one of its settings, measured. `panel`: what it is compared under, such as a width of the lobe.
+    """A method at one of its settings, measured. `panel` is the condition of the comparison, such as a lobe's width.
 
-    `values` by key: costs and errors, `bound` (what the method claims its error to be at most; absent where it claims
-    nothing), `known` (how far the error itself is known), `first_call_s` (what the first call took beyond the others:
-    tracing and compiling, or loading what was compiled before). `note`: what else is to be said.
+    `values` by key: costs and errors, `bound` (the largest error by the method's own claim; absent where it claims
+    none), `known` (the uncertainty of the error itself), `first_call_s` (seconds of the first call beyond the others:
+    tracing and compiling, or loading what was compiled before).
     """
 
     panel: str
@@ -42,6 +43,16 @@ class Point:
         known = self.values.get("known", 0.0)
         return not self.value("error") > self.value("bound") + known
 
+    def to_dict(self) -> dict[str, Any]:
+        """The point as JSON holds it; values that are no finite number as text."""
+        values = {k: v if math.isfinite(v) else str(v) for k, v in self.values.items()}
+        return dataclasses.asdict(self) | {"values": values}
+
+    @classmethod
+    def from_dict(cls, stored: dict[str, Any]) -> "Point":
+        """The point of such a dictionary."""
+        return cls(**{**stored, "values": {k: float(v) for k, v in stored["values"].items()}})
+
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
@@ -57,7 +68,7 @@ class Settings:
 
 @dataclasses.dataclass(frozen=True)
 class Chart:
-    """A kind of chart: what stands against what (`frames`: pairs of cost and error), and what makes its points."""
+    """A kind of chart: its frames, pairs of cost and error, and the function that measures its points."""
 
     name: str
     title: str
@@ -67,7 +78,7 @@ class Chart:
 
 
 def shown(point: Point, key: str) -> float:
-    """The height at which a point is drawn: an error smaller than is known of it stands where it is known to."""
+    """The height of a point in a picture: an error, but no less than its uncertainty."""
     value = point.value(key)
     return max(value, point.values.get("known", 0.0)) if key == "error" else value
 

@@ -54,9 +54,9 @@ class Pace:
 
 def _there_and_back(shape: tuple[int, ...]) -> np.ndarray:
     # C-order numbers of the cells, every other row of each axis backwards, so that no arm ever flies back.
-    at = np.indices(shape).reshape(len(shape), -1)
-    turned = [at[0]]
+    index = np.indices(shape).reshape(len(shape), -1)
+    turned = [index[0]]
     for k in range(1, len(shape)):
-        row = np.ravel_multi_index(at[:k], shape[:k])
-        turned.append(np.where(row % 2, shape[k] - 1 - at[k], at[k]))
-    return np.ravel_multi_index(turned, shape)
+        row = np.ravel_multi_index(tuple(index[:k]), shape[:k])
+        turned.append(np.where(row % 2, shape[k] - 1 - index[k], index[k]))
+    return np.asarray(np.ravel_multi_index(tuple(turned), shape))

@@ -5,11 +5,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gonio.charts.flux_error import light_of
+from gonio.charts.flux_error import Light, light_of
 from gonio.charts.point import Axis, Chart, Point, Settings
 from gonio.charts.timing import precision
 from gonio.data import layouts
 from gonio.data.layouts import Layout
+from gonio.data.table import Table
 from gonio.fitting.fit_table import fit
 from gonio.instrument.instrument import Instrument
 from gonio.instrument.measurement import measure
@@ -17,7 +18,7 @@ from gonio.instrument.scans import half_difference, in_plane, isotropic
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import build
 
-ASKED = "lambert + ggx"
+MODEL = "lambert + ggx"
 THETA_MAX = np.radians(85.0)
 
 
@@ -30,26 +31,14 @@ def _random(count: float) -> Layout:
     return layouts.scattered(theta[0][order], phi[0][order], theta[1][order], phi[1][order])
 
 
-def _in_plane(step: float) -> Layout:
-    return in_plane(np.radians(step))
-
-
-def _isotropic(step: float) -> Layout:
-    return isotropic(np.radians(step))
-
-
-def _half_difference(step: float) -> Layout:
-    return half_difference(np.radians(step))
-
-
 def _degrees(*steps: float) -> dict[str, float]:
-    return {f"{s:g}°": s for s in steps}
+    return {f"{s:g}°": float(np.radians(s)) for s in steps}
 
 
 SCHEMES = {
-    "in the plane of incidence": (_in_plane, _degrees(10, 5, 2, 1, 0.5)),
-    "isotropic grid": (_isotropic, _degrees(30, 15, 10, 5)),
-    "half/difference grid": (_half_difference, _degrees(30, 15, 10, 5)),
+    "in the plane of incidence": (in_plane, _degrees(10, 5, 2, 1, 0.5)),
+    "isotropic grid": (isotropic, _degrees(30, 15, 10, 5)),
+    "half/difference grid": (half_difference, _degrees(30, 15, 10, 5)),
     "random directions": (_random, {"30": 30, "100": 100, "10³": 1000, "10⁴": 10000}),
 }
 PHOTONS, QUICK_PHOTONS = {"10⁴": 1e4, "10⁶": 1e6}, {"10⁴": 1e4}
@@ -66,30 +55,31 @@ def points(settings: Settings) -> Iterator[Point]:
             for counted, photons in (QUICK_PHOTONS if settings.quick else PHOTONS).items():
                 panel = f"α = {alpha:g}, {counted} photons"
                 for method, (make, steps) in SCHEMES.items():
-                    for name, by in list(steps.items())[: 3 if settings.quick else None]:
-                        values, note = _one(truth, light, make(by), photons, settings)
+                    for name, step in list(steps.items())[: 3 if settings.quick else None]:
+                        scan = make(step)
+                        tables = [
+                            measure(truth, Instrument(photons=photons), scan, seed=seed, log=lambda text: None)
+                            for seed in range(QUICK_SEEDS if settings.quick else SEEDS)
+                        ]
+                        values, note = _fitted(tables, light)
+                        values["hours"] = settings.pace.seconds(scan, photons) / 3600
+                        values["readings"] = float(np.count_nonzero(scan.above_horizon()))
                         yield Point(panel, method, name, values, note)
 
 
-def _one(truth, light, scan: Layout, photons: float, settings: Settings) -> tuple[dict[str, float], str]:
+def _fitted(tables: list[Table], light: Light) -> tuple[dict[str, float], str]:
     errors, refused = [], 0
-    for seed in range(QUICK_SEEDS if settings.quick else SEEDS):
-        table = measure(truth, Instrument(photons=photons), scan, seed=seed, log=lambda text: None)
+    for table in tables:
         try:
-            result = fit(table, ASKED)
+            result = fit(table, MODEL)
         except GonioError:  # fewer usable readings than numbers
             errors.append(1.0)
             refused += 1
             continue
         errors.append(light.misplaced(result.brdf))
         refused += not result.converged
-    values = {
-        "hours": settings.pace.seconds(scan, photons) / 3600,
-        "error": statistics.median(errors),
-        "largest_error": max(errors),
-        "readings": float(np.count_nonzero(scan.above_horizon())),
-    }
-    return values, f"{refused} of {len(errors)} fits refused or not converged" if refused else ""
+    note = f"{refused} of {len(errors)} fits refused or not converged" if refused else ""
+    return {"error": statistics.median(errors), "largest_error": max(errors)}, note
 
 
 CHART = Chart(

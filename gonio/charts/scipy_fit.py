@@ -1,8 +1,11 @@
-"""What one would write without gonio: SciPy's bounded least squares on a NumPy model of Lambert + GGX."""
+"""A fit without gonio: SciPy's bounded least squares on a NumPy model of Lambert + GGX."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+
+from gonio.models.geometry.directions import Direction
 
 START, LOW, HIGH = np.array([0.5, 0.5, 0.3]), np.array([0.0, 0.0, 1e-3]), np.array([1.0, 5.0, 1.0])
 
@@ -15,7 +18,7 @@ class Cosines(NamedTuple):
     h: np.ndarray
 
 
-def cosines(wi, wo) -> Cosines:
+def cosines(wi: Direction, wo: Direction) -> Cosines:
     """The cosines that the model needs, of directions with components (n,)."""
     total = [np.asarray(a) + np.asarray(b) for a, b in zip(wi, wo, strict=True)]
     return Cosines(np.asarray(wi.z), np.asarray(wo.z), total[2] / np.sqrt(sum(c * c for c in total)))
@@ -30,7 +33,7 @@ def lambert_ggx(x: np.ndarray, c: Cosines) -> np.ndarray:
     return rho / np.pi + scale * density * 0.5 / shadow
 
 
-COMPARED = {
+COMPARED: dict[str, Callable[[np.ndarray, Cosines, np.ndarray], np.ndarray]] = {
     "sigma": lambda v, c, u: v / u,
     "linear": lambda v, c, u: v,
     "cbrt": lambda v, c, u: np.cbrt(v * c.i),
@@ -44,7 +47,7 @@ def scipy_fit(c: Cosines, y: np.ndarray, u: np.ndarray, loss: str) -> np.ndarray
 
     compared = COMPARED[loss]
     target = compared(y, c, u)
-    found = least_squares(
+    solution = least_squares(
         lambda x: compared(lambert_ggx(x, c), c, u) - target, START, bounds=(LOW, HIGH), x_scale="jac", method="trf"
     )
-    return found.x
+    return solution.x

@@ -1,8 +1,11 @@
 """Tables: layouts, resolutions and interpolations, their error against the model that was measured, and their bytes."""
 
+import functools
 from collections.abc import Iterator
+from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -17,6 +20,7 @@ from gonio.data.tabulate import grid_values
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
+from gonio.models.geometry.directions import Direction
 
 DIFFUSE = "lambert(rho=0.2)"
 WIDTHS, QUICK = (0.5, 0.2, 0.05, 0.01), (0.3, 0.05)
@@ -41,9 +45,9 @@ def _even_half(step: float) -> Layout:
 
 
 class _NearestAxis(eqx.Module):
-    axis: eqx.Module
+    axis: Any
 
-    def bracket(self, x):
+    def bracket(self, x: jax.Array) -> tuple[Any, tuple[jax.Array, jax.Array]]:
         nodes, (_, upper) = self.axis.bracket(x)
         whole = jnp.round(upper)
         return nodes, (1.0 - whole, whole)
@@ -52,9 +56,9 @@ class _NearestAxis(eqx.Module):
 class _Exponential(AbstractBRDF):
     # Interpolation of log(f + floor): lobes are near to parabolas there.
     logs: AbstractBRDF
-    floor: jnp.ndarray
+    floor: jax.Array
 
-    def f(self, wi, wo):
+    def f(self, wi: Direction, wo: Direction) -> jax.Array:
         up = (wi.z > 0) & (wo.z > 0)
         return jnp.where(up, jnp.exp(self.logs.f(wi, wo)) - self.floor, 0.0)
 
@@ -64,7 +68,7 @@ def _linear(grid: Layout, f: np.ndarray) -> AbstractBRDF:
 
 
 def _nearest(grid: Layout, f: np.ndarray) -> AbstractBRDF:
-    table = _linear(grid, f)
+    table: Any = _linear(grid, f)
     return eqx.tree_at(lambda t: t.axes, table, tuple(_NearestAxis(a) for a in table.axes))
 
 
@@ -90,14 +94,13 @@ def points(settings: Settings) -> Iterator[Point]:
 
 
 def _of_step(panel: str, brdf: AbstractBRDF, light: Light, step: float, settings: Settings) -> Iterator[Point]:
-    made = []
-    for where, lay_out in list(LAYOUTS.items())[: QUICK_LAYOUTS if settings.quick else None]:
-        grid = lay_out(step)
+    cases: list[tuple[str, Layout, AbstractBRDF]] = []
+    for name, make_layout in list(LAYOUTS.items())[: QUICK_LAYOUTS if settings.quick else None]:
+        grid = make_layout(step)
         f = grid_values(brdf, grid)
-        made += [(f"{where}, {how}", grid, make(grid, f)) for how, make in INTERPOLATIONS.items()]
-    calls = [lambda b=b: evaluate(b, light.wi, light.wo) for *_, b in made]
-    timings = in_turns(calls, *((3, 0.1) if settings.quick else (7, 0.5)))
-    for (method, grid, interpolant), timing in zip(made, timings, strict=True):
+        cases += [(f"{name}, {how}", grid, interpolate(grid, f)) for how, interpolate in INTERPOLATIONS.items()]
+    calls = [functools.partial(evaluate, interpolant, light.wi, light.wo) for *_, interpolant in cases]
+    for (method, grid, interpolant), timing in zip(cases, in_turns(calls, *settings.clock()), strict=True):
         values = {
             "ns": timing.median / light.f.size * 1e9,
             "error": light.misplaced(interpolant),

@@ -1,10 +1,10 @@
-"""Time of calls, seen through the noise of a shared machine: warm, in turns, and the median of processor seconds."""
+"""Time of calls on a noisy, shared machine: warm, in turns, and the median of processor seconds."""
 
 import contextlib
 import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 
@@ -15,11 +15,11 @@ LONG = 2.0
 
 
 class Timing(NamedTuple):
-    """Seconds of a call: the median of warm ones, what the first took beyond it; and what the last one gave."""
+    """Seconds of a call: the median of warm ones, and of the first beyond it; and the result of the last."""
 
     median: float
     first_call: float
-    result: object
+    result: Any
 
 
 def clock() -> Callable[[], float]:
@@ -28,18 +28,18 @@ def clock() -> Callable[[], float]:
 
 
 def unit() -> str:
-    """What `clock` counts, in words."""
+    """The quantity that `clock` counts, in words."""
     return "processor time of all threads" if jax.default_backend() == "cpu" else "wall time"
 
 
 def in_turns(calls: Sequence[Callable[[], object]], rounds: int = 7, seconds: float = 1.0) -> list[Timing]:
-    """The timing of each call; they take turns, so that all see the same machine.
+    """The timing of each call; they take turns, so that all run under the same load.
 
     Ends after `rounds`, or with the first round after which more than `seconds` a call were spent: three rounds at
     least, unless they take three times as much.
     """
     now = clock()
-    results: list = [None] * len(calls)
+    results: list[Any] = [None] * len(calls)
 
     def timed(k: int, times: int) -> float:
         began = now()
@@ -48,23 +48,23 @@ def in_turns(calls: Sequence[Callable[[], object]], rounds: int = 7, seconds: fl
         return (now() - began) / times
 
     firsts = [timed(k, 1) for k in range(len(calls))]
-    # How often within a sample: from a second call where the first was short, or may have been compiling.
+    # Repetitions within a sample: from a second call where the first was short, or may have been compiling.
     again = [timed(k, 1) if first < LONG else first for k, first in enumerate(firsts)]
     times = [max(1, min(1000, round(SHORTEST / max(a, 1e-7)))) for a in again]
-    seen, began, enough = [], now(), seconds * len(calls)
+    samples, began, enough = [], now(), seconds * len(calls)
     for _ in range(rounds):
-        seen.append([timed(k, n) for k, n in enumerate(times)])
-        # A median of fewer than three is none, unless they are dear.
-        if now() - began > (enough if len(seen) >= 3 else 3 * enough):
+        samples.append([timed(k, n) for k, n in enumerate(times)])
+        # A median of fewer than three is none, unless they take long.
+        if now() - began > (enough if len(samples) >= 3 else 3 * enough):
             break
-    medians = [statistics.median(mine) for mine in zip(*seen, strict=True)]
+    medians = [statistics.median(of_call) for of_call in zip(*samples, strict=True)]
     return [Timing(m, max(f - m, 0.0), r) for m, f, r in zip(medians, firsts, results, strict=True)]
 
 
 @contextlib.contextmanager
 def precision(name: str) -> Iterator[None]:
     """JAX in float64 or float32 for as long as the block lasts; then again as the caller had it."""
-    before = jax.config.jax_enable_x64
+    before = jax.config.read("jax_enable_x64")
     jax.config.update("jax_enable_x64", name == "float64")
     try:
         yield

@@ -8,7 +8,7 @@ from gonio.cli.arguments import add_force
 from gonio.text import columns, log, number, show
 
 if TYPE_CHECKING:
-    from gonio.charts.diagrams import Measured
+    from gonio.charts import MeasuredChart
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from gonio.charts.diagrams import chart
+    from gonio.charts import chart
     from gonio.charts.scan_time import Pace
 
     speed = None if args.axis_speed is None else math.radians(args.axis_speed)
@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
         tolerance=args.tolerance,
         pace=Pace(**{name: value for name, value in pace.items() if value is not None}),
         force=args.force,
-        say=log,
+        log=log,
     )
     for m in measured:
         _print_chart(m, args.tolerance)
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     return int(any(m.broken for m in measured))
 
 
-def _print_chart(measured: "Measured", tolerance: float | None) -> None:
+def _print_chart(measured: "MeasuredChart", tolerance: float | None) -> None:
     from gonio.charts.point import shown
     from gonio.figures.ticks import sr_label
 

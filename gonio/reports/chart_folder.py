@@ -7,7 +7,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from gonio.charts.diagrams import CHARTS, INDEX
+from gonio.charts.diagrams import CHARTS
+from gonio.charts.folder import INDEX
 from gonio.charts.point import Point, front, shown
 from gonio.data.serialise import plain
 from gonio.models.errors import GonioError
@@ -70,7 +71,7 @@ def _picture(folder: Path, name: str, points: list[Point], caption: str) -> str:
         path = folder / f"{name}.{kind}"
         if path.is_file() and 0 < path.stat().st_size <= LARGEST:
             return f"data:{media};base64,{base64.b64encode(path.read_bytes()).decode()}"
-    from gonio.charts.figure import written
+    from gonio.charts.figure import picture_files
 
-    data = written(CHARTS[name], points, caption)["svg"]
+    data = picture_files(CHARTS[name], points, caption)["svg"]
     return f"data:{MEDIA['svg']};base64,{base64.b64encode(data).decode()}"

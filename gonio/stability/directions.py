@@ -13,7 +13,7 @@ AZIMUTH = 0.3
 NEAR = (1e-4, 1e-3, 1e-2, 0.1)
 
 
-def unit_vector(theta: float | np.ndarray, phi: float = AZIMUTH) -> np.ndarray:
+def unit_vector(theta: float | np.ndarray, phi: float | np.ndarray = AZIMUTH) -> np.ndarray:
     """Components (3,) or (3, n) of directions by their angles, radians."""
     return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
 

@@ -81,7 +81,7 @@ def true_numbers(truth: str, channels: tuple[str, ...] = ("grey",)) -> dict[str,
     answers = {}
     for index, term in enumerate(terms):
         for n in numbers(term):
-            values, name = np.ravel(n.value.number), number_label(frames, index, n.path)
+            values, name = np.ravel(np.asarray(n.value.number, float)), number_label(frames, index, n.path)
             labels = [name] if values.size == 1 else [f"{name}[{c}]" for c in channels]
             answers |= dict(zip(labels, map(float, values), strict=True))
     return answers

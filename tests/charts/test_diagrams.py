@@ -11,9 +11,10 @@ import pytest
 from gonio.__main__ import main
 from gonio.charts import albedos as hemisphere
 from gonio.charts import evaluation, tables
-from gonio.charts.diagrams import CHARTS, chart, table
+from gonio.charts.diagrams import CHARTS, chart
 from gonio.charts.flux_error import light_of
 from gonio.charts.point import GAIN, Axis, Chart, Point, Settings, cheapest, front
+from gonio.charts.result import to_csv
 from gonio.charts.scan_time import Pace
 from gonio.charts.scipy_fit import cosines, lambert_ggx
 from gonio.charts.timing import in_turns, precision
@@ -193,23 +194,23 @@ def test_a_killed_run_goes_on(tmp_path, monkeypatch):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["charts.json", "fits.csv", "fits.png", "fits.svg"]
     monkeypatch.setitem(CHARTS, "tables", Chart("tables", "T", "t", axes, done("tables")))
     first, second = chart(["fits", "tables"], output=tmp_path)
-    assert made == ["fits", "tables"] and table([first]).replace("fits,", "tables,") == table([second])
+    assert made == ["fits", "tables"] and to_csv([first]).replace("fits,", "tables,") == to_csv([second])
 
 
 def test_a_run_killed_while_it_drew_draws_again(tmp_path, monkeypatch):
-    from gonio.charts import figure as figures
+    from gonio.charts import folder
 
-    made, whole = [], figures.written
+    made, whole = [], folder.picture_files
 
     def killed(*args):
         raise KeyboardInterrupt
 
     again = dataclasses.replace(fake(POINTS), points=lambda settings: made.append(1) or iter(POINTS))
     monkeypatch.setitem(CHARTS, "fits", again)
-    monkeypatch.setattr(figures, "written", killed)
+    monkeypatch.setattr(folder, "picture_files", killed)
     with pytest.raises(KeyboardInterrupt):
         chart("fits", output=tmp_path)
-    monkeypatch.setattr(figures, "written", whole)
+    monkeypatch.setattr(folder, "picture_files", whole)
     chart("fits", output=tmp_path)
     assert made == [1] and (tmp_path / "fits.svg").exists()
 

@@ -285,7 +285,8 @@ def test_every_subject_makes_a_page_and_an_unknown_option_is_refused(fitted, tmp
 
 
 def test_charts_back_the_settings(tmp_path, monkeypatch):
-    from gonio.charts.diagrams import CHARTS, Measured, to_dict
+    from gonio.charts import MeasuredChart
+    from gonio.charts.diagrams import CHARTS
     from gonio.charts.point import Point
     from gonio.charts.scan_time import Pace
 
@@ -296,8 +297,8 @@ def test_charts_back_the_settings(tmp_path, monkeypatch):
     )
     keys = ("processor", "cores", "device", "gonio", "jax", "numpy", "scipy", "python")
     now = datetime.datetime.now(datetime.UTC)
-    done = Measured(chart, points, dict.fromkeys(keys, "x"), now, 1.0, True, Pace())
-    index = {"gonio_charts": 1, "charts": {"hemisphere": to_dict(done) | {"recipe": {}}}}
+    measured = MeasuredChart(chart, points, dict.fromkeys(keys, "x"), now, 1.0, True, Pace())
+    index = {"gonio_charts": 1, "charts": {"hemisphere": measured.to_dict() | {"recipe": {}}}}
     (tmp_path / "charts.json").write_text(json.dumps(index))
     (tmp_path / "hemisphere.svg").write_text("<svg xmlns='http://www.w3.org/2000/svg'/>")
     gonio.report("perfect_diffuser", tmp_path / "r.html", check=False, chart=tmp_path)
