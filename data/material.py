@@ -82,10 +82,10 @@ class Material(Displayed):
         theta, phi, first, second = broadcast(theta_i=angles[0], phi_i=angles[1], **uniform)
         wi = Direction(*(c.ravel() for c in _pair([theta, phi, theta, phi])[0]))
         try:
-            drawn = sampled_directions(self.brdf, wi, first.ravel(), second.ravel())
+            directions = sampled_directions(self.brdf, wi, first.ravel(), second.ravel())
         except NotImplementedError:
             raise GonioError(f"{self.name} has no sampler; evaluate it with f") from None
-        result = spherical_angles(*(np.asarray(c, np.float64).reshape(theta.shape) for c in drawn))
+        result = spherical_angles(*(np.asarray(c, np.float64).reshape(theta.shape) for c in directions))
         return (np.degrees(result[0]), np.degrees(result[1])) if degrees else result
 
     def pdf(
@@ -112,9 +112,9 @@ class Material(Displayed):
         theta, phi = radian_arrays(degrees, theta_i=theta_i, phi_i=phi_i)
         if (theta >= math.pi / 2).any():
             raise GonioError("theta_i reaches the horizon, where no light arrives; give angles below 90 degrees")
-        found = directional_albedo(self.brdf, theta, phi, tolerance)
-        value, bound = (self._by_channel(a, theta.shape) for a in (found.value, found.bound))
-        return found._replace(value=value, bound=bound)
+        estimate = directional_albedo(self.brdf, theta, phi, tolerance)
+        value, bound = (self._by_channel(a, theta.shape) for a in (estimate.value, estimate.bound))
+        return estimate._replace(value=value, bound=bound)
 
     def gradient(
         self, theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike, degrees: bool = False

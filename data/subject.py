@@ -89,7 +89,8 @@ def resolve_subject(subject: SubjectLike, **options: Any) -> Subject:
     if isinstance(material, Material):
         return _of_material(material)
     if callable(getattr(subject, "read", None)):
-        return _stream(subject, options)
+        stream: Any = subject
+        return _stream(stream, options)
     raise GonioError(
         f"A {type(subject).__name__} is neither a table nor a model; give a file (its path, or opened as 'rb'), a "
         "reference material's name, an expression such as 'lambert(rho=0.3)', a table, a material, a model or a fit "
@@ -131,10 +132,10 @@ def _named(given: str | os.PathLike[str], options: dict[str, Any]) -> Subject:
 
 
 def _file(path: Path, options: dict[str, Any]) -> Subject:
-    found = load(path, **options)
-    if isinstance(found, Material):
-        return _of_material(found)
-    return Subject("table", found.name or path.stem, found.channels, found, file=os.fspath(path))
+    content = load(path, **options)
+    if isinstance(content, Material):
+        return _of_material(content)
+    return Subject("table", content.name or path.stem, content.channels, content, file=os.fspath(path))
 
 
 def _stream(stream: BinaryIO, options: dict[str, Any]) -> Subject:
@@ -150,11 +151,11 @@ def _stream(stream: BinaryIO, options: dict[str, Any]) -> Subject:
                 if copy.tell() > LARGEST_STREAM:
                     raise GonioError(f"{path.name} gives more than {LARGEST_STREAM >> 20} MiB; give the file's path")
         try:
-            found = _file(path, options)
+            subject = _file(path, options)
         except GonioError as error:
             raise GonioError(str(error).replace(str(path), path.name)) from None
-    material = found.material
+    material = subject.material
     if material is not None:
         meta = {key: value for key, value in material.meta.items() if key != "file"}
         material = dataclasses.replace(material, meta=meta)
-    return dataclasses.replace(found, material=material, file=None)
+    return dataclasses.replace(subject, material=material, file=None)

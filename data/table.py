@@ -242,7 +242,7 @@ class Table(Displayed):
         cells = np.concatenate([self._usable(start, stop, theta_max) for start, stop in self.blocks()])
         if limit is not None and limit < cells.size:
             cells = np.sort(np.random.default_rng(seed).choice(cells, limit, replace=False, shuffle=False))
-        pieces = [self.read_values(0, 0).values()]
+        pieces = [list(self.read_values(0, 0).values())]
         for start, stop in self.blocks():
             first, last = np.searchsorted(cells, (start, stop))
             if first < last:

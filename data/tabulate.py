@@ -1,6 +1,7 @@
 """A model on the cells of a layout: a compiled kernel that gets the trigonometry of each axis as an input."""
 
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -69,10 +70,8 @@ def _padded(axis: np.ndarray, start: int, rows: int) -> np.ndarray:
 
 
 @wide_jit
-def _kernel(
-    brdf: AbstractBRDF, pair: Callable[[Trig], tuple[Direction, Direction]], trig: list[tuple[np.ndarray, np.ndarray]]
-) -> jax.Array:
-    def cell(*trig: tuple[jax.Array, jax.Array]) -> jax.Array:
+def _kernel(brdf: AbstractBRDF, pair: Callable[[Trig], tuple[Direction, Direction]], trig: Trig) -> jax.Array:
+    def cell(*trig: tuple[Any, Any]) -> jax.Array:
         wi, wo = (Direction(*(jnp.asarray(c, trig[0][0].dtype) for c in w)) for w in pair(trig))
         return jnp.where(is_above(wi, wo, HORIZON), brdf.f(wi, wo), 0.0)
 

@@ -50,6 +50,11 @@ def file_head(path: str | os.PathLike[str]) -> FileHead:
         return FileHead(os.fspath(path), size, file.read(HEAD_BYTES))
 
 
+def stem(path: str | os.PathLike) -> str:
+    """The name of a file without folder and ending: what a table is called that has no name in its file."""
+    return os.path.splitext(os.path.basename(path))[0]
+
+
 @dataclasses.dataclass(frozen=True)
 class Format:
     """A format: to add one, a file with a `FORMAT` of this type, and its line in `gonio.data.formats.registry`."""

@@ -5,9 +5,11 @@ wo_z; `f`, or `f_1`, `f_2`, ... for channels, in 1/sr without the cosine; option
 the standard uncertainty (nan: unknown, 0: exact), and `flag` (or `flag_1`, ...).
 """
 
+import contextlib
 import json
 import os
 import re
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,12 +17,16 @@ from gonio.data import layouts
 from gonio.data.channels import Channels
 from gonio.data.files import new_file
 from gonio.data.flags import FLAG_MEANINGS, Flag
-from gonio.data.formats.base import FileHead, Format
+from gonio.data.formats.base import FileHead, Format, stem
 from gonio.data.formats.csv_columns import CsvText, write_columns
 from gonio.data.layouts import spherical_angles
+from gonio.data.layouts.spherical_grid import pair_by_angles
 from gonio.data.round_trip import RoundTrip, compare
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
+
+if TYPE_CHECKING:
+    from gonio.models.geometry.directions import Direction
 
 ANGLES = ("theta_i", "phi_i", "theta_o", "phi_o")
 VECTORS = ("wi_x", "wi_y", "wi_z", "wo_x", "wo_y", "wo_z")
@@ -33,114 +39,112 @@ def looks_like_csv(head: FileHead) -> bool:
     return set(ANGLES) <= set(head.columns) or set(VECTORS) <= set(head.columns)
 
 
-def read_csv(path: str | os.PathLike[str]) -> Table:
+def read_csv(path: str | os.PathLike) -> Table:
     """The scattered table of a CSV file. Raises GonioError, with the line, for whatever is no reading.
 
     Directions below the horizon are refused, readings on it have no value (BELOW_HORIZON); columns that mean
     nothing here are named in the provenance.
     """
     text = CsvText(path)
-    channels = _numbered(text.names, "f")
-    if not channels:
+    names = {name: _numbered(text.names, name) for name in ("f", "u_f", "flag")}
+    if not names["f"]:
         raise GonioError(
             f"{path} has no column f (or f_1, f_2, ...) but {', '.join(text.names)[:200]}; name the BRDF's column f"
         )
-    uncertainties, flags = (_numbered(text.names, name) for name in ("u_f", "flag"))
-    for name, columns in (("u_f", uncertainties), ("flag", flags)):
-        if columns and [c.removeprefix(name) for c in columns] != [c.removeprefix("f") for c in channels]:
-            raise GonioError(f"{path} has {', '.join(columns)} beside {', '.join(channels)}; give one for each channel")
-    used = _direction_names(text)
-    numbers = text.numbers([*used, *channels, *uncertainties, *flags], nan_allowed=uncertainties)
-    pair = _angles(text, numbers, used)
-    f = np.stack([numbers[c] for c in channels], axis=-1)
-    u_f = np.stack([numbers[c] for c in uncertainties], axis=-1) if uncertainties else None
-    flag = np.stack([numbers[c] for c in flags], axis=-1) if flags else np.zeros(f.shape)
+    for name, columns in names.items():
+        if columns and [c.removeprefix(name) for c in columns] != [c.removeprefix("f") for c in names["f"]]:
+            raise GonioError(
+                f"{path} has {', '.join(columns)} beside {', '.join(names['f'])}; give one for each channel"
+            )
+    directions = _direction_names(text)
+    numbers = text.numbers([*directions, *(c for columns in names.values() for c in columns)], nan_allowed=names["u_f"])
+    layout = layouts.scattered(*_angles(text, numbers, directions))
+    f, u_f, flag = (np.stack([numbers[c] for c in columns], -1) if columns else None for columns in names.values())
+    assert f is not None
     if u_f is not None and (u_f < 0).any():
         text.fail(np.argwhere(u_f < 0)[0, 0], "u_f is negative; expected a standard uncertainty, 0 or nan")
-    if not np.isin(flag, [int(v) for v in Flag]).all():
-        row = np.argwhere(~np.isin(flag, [int(v) for v in Flag]))[0, 0]
-        text.fail(row, f"a flag is none of 0 to {len(Flag) - 1} ({', '.join(FLAG_MEANINGS)})")
-    grid = layouts.scattered(*pair)
+    flag = np.zeros(f.shape) if flag is None else flag
+    if (unknown := ~np.isin(flag, [int(v) for v in Flag])).any():
+        meanings = ", ".join(FLAG_MEANINGS)
+        text.fail(np.argwhere(unknown)[0, 0], f"a flag is none of 0 to {len(Flag) - 1} ({meanings})")
     flag = flag.astype(np.uint8)
-    flag[~grid.above_horizon()] = Flag.BELOW_HORIZON
+    flag[~layout.above_horizon()] = Flag.BELOW_HORIZON
     f[flag != Flag.VALID] = np.nan
     ignored = [n for n in text.names if n not in numbers]
     provenance = {"format": "CSV", "source": os.path.basename(path), "ignored_columns": ignored}
-    name = os.path.splitext(os.path.basename(path))[0]
-    return Table(grid, f, flag, _channels(text, len(channels)), u_f, provenance=provenance, name=name)
+    return Table(layout, f, flag, _channels(text, f.shape[1]), u_f, provenance=provenance, name=stem(path))
 
 
-def read_directions(path: str | os.PathLike[str]):
-    """(wi, wo, columns) of a CSV file of directions: components of shape (n,), and the file's own direction
-    columns.
+class ListedDirections(NamedTuple):
+    """The directions of a CSV file: components of shape (n,), and the file's own columns of them by name."""
 
-    `columns` maps names to float64 arrays, degrees or components as the file has them, to be written back
-    with values added (`gonio.data.formats.csv_columns.write_columns`). Raises GonioError, with the line, for what is no
-    direction or below the horizon.
+    wi: "Direction"
+    wo: "Direction"
+    columns: dict[str, np.ndarray]
+
+
+def read_directions(path: str | os.PathLike) -> ListedDirections:
+    """The directions of a CSV file; its columns, degrees or components, can be written back with values added.
+
+    Raises GonioError, with the line, for what is no direction or below the horizon.
     """
     from gonio.models.geometry.directions import Direction
 
     text = CsvText(path)
-    used = _direction_names(text)
-    columns = text.numbers(used)
-    pair = _angles(text, columns, used)
-    if used == VECTORS:
-        parts = np.stack([columns[name] for name in VECTORS])
-        wi, wo = (_lengthened(w) for w in (parts[:3], parts[3:]))
+    names = _direction_names(text)
+    columns = text.numbers(names)
+    angles = _angles(text, columns, names)
+    if names == VECTORS:
+        components = np.stack([columns[name] for name in VECTORS])
+        wi, wo = (_lengthened(w) for w in (components[:3], components[3:]))
     else:
-        wi, wo = (_unit_vector(theta, phi) for theta, phi in (pair[:2], pair[2:]))
-    return Direction(*wi), Direction(*wo), {name: columns[name] for name in text.names if name in columns}
+        wi, wo = pair_by_angles([(np.cos(a), np.sin(a)) for a in angles])
+    return ListedDirections(Direction(*wi), Direction(*wo), {n: columns[n] for n in text.names if n in columns})
 
 
-def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
-    """Writes the cells of a table that are valid in any channel, and returns what reading them again shows to
-    be lost.
+def write_csv(path: str | os.PathLike, table: Table, force: bool = False) -> RoundTrip:
+    """Writes the cells of a table that are valid in any channel, and returns what reading them again shows to be lost.
 
     Angles in degrees; every number so that reading it gives the same float. Flags are written where a channel
     of a row has no value. Raises GonioError where `path` cannot be written, or no cell is valid.
     """
-    names = _suffixes(len(table.channels))
     comments = [
         "gonio: angles in degrees, f in 1/sr without the cosine",
         f"channels: {json.dumps(list(table.channels.names))}",
         *([f"wavelengths_nm: {json.dumps(w)}"] if (w := table.channels.wavelengths_nm) else []),
     ]
-    chosen = []
+    pieces = []
     for start, stop in table.blocks():
         values = table.read_values(start, stop)
-        at = np.flatnonzero((values["flag"] == Flag.VALID).any(axis=1))
-        angles = table.layout.angles(start, stop)
-        chosen.append([part[at] for part in (*angles, values["f"], values["u_f"], values["flag"])])
-    *angles, f, u_f, flag = (np.concatenate(parts) for parts in zip(*chosen, strict=True))
+        rows = np.flatnonzero((values["flag"] == Flag.VALID).any(axis=1))
+        pieces.append([a[rows] for a in (*table.layout.angles(start, stop), *values.values())])
+    *angles, f, u_f, flag = (np.concatenate(p) for p in zip(*pieces, strict=True))
     if f.shape[0] == 0:
         raise GonioError(f"the table holds no valid reading; there is nothing to write to {path}")
-    columns = {name: _degrees(a) for name, a in zip(ANGLES, angles, strict=True)}
     valid = flag == Flag.VALID
-    for k, suffix in enumerate(names):
-        columns[f"f{suffix}"] = np.where(valid[:, k], f[:, k].astype(np.float64), 0.0)
+    values = {"f": np.where(valid, f.astype(np.float64), 0.0)}
     if not np.isnan(u_f).all():
-        columns |= {f"u_f{suffix}": u_f[:, k].astype(np.float64) for k, suffix in enumerate(names)}
+        values["u_f"] = u_f.astype(np.float64)
     if not valid.all():
-        columns |= {f"flag{suffix}": flag[:, k] for k, suffix in enumerate(names)}
+        values["flag"] = flag
+    columns = {name: _degrees(a) for name, a in zip(ANGLES, angles, strict=True)}
+    for name, value in values.items():
+        columns |= {f"{name}_{k + 1}" if len(table.channels) > 1 else name: v for k, v in enumerate(value.T)}
     with new_file(path, force) as temporary:
         with temporary.open("w", encoding="utf-8") as file:
             write_columns(file, columns, comments)
-        read = read_csv(temporary).read_values()
-    left = table.layout.size - f.shape[0]
-    note = f"{left} cells without a value left out" if left else ""
-    return compare(f, read["f"], valid, read["flag"] == Flag.VALID, note)
+        written = read_csv(temporary).read_values()
+    omitted = table.layout.size - f.shape[0]
+    note = f"{omitted} cells without a value left out" if omitted else ""
+    return compare(f, written["f"], valid, written["flag"] == Flag.VALID, note)
 
 
 def _numbered(names: list[str], stem: str) -> list[str]:
     """[stem], or [stem_1, stem_2, ...] in the order of their numbers."""
     if stem in names:
         return [stem]
-    found = {int(m[1]): n for n in names if (m := re.fullmatch(rf"{stem}_(\d{{1,6}})", n))}
-    return [found[k] for k in sorted(found)]
-
-
-def _suffixes(count: int) -> list[str]:
-    return [""] if count == 1 else [f"_{k + 1}" for k in range(count)]
+    by_number = {int(m[1]): n for n in names if (m := re.fullmatch(rf"{stem}_(\d{{1,6}})", n))}
+    return [by_number[k] for k in sorted(by_number)]
 
 
 def _direction_names(text: CsvText) -> tuple[str, ...]:
@@ -154,10 +158,10 @@ def _direction_names(text: CsvText) -> tuple[str, ...]:
     )
 
 
-def _angles(text: CsvText, numbers, used) -> tuple[np.ndarray, ...]:
+def _angles(text: CsvText, numbers: dict[str, np.ndarray], names: tuple[str, ...]) -> tuple[np.ndarray, ...]:
     """(theta_i, phi_i, theta_o, phi_o), radians, of the columns; refuses what is no direction or below the horizon."""
-    if used == VECTORS:
-        pair = []
+    if names == VECTORS:
+        angles = []
         for which in ("wi", "wo"):
             x, y, z = (numbers[f"{which}_{c}"] for c in "xyz")
             off = np.abs(np.sqrt(x**2 + y**2 + z**2) - 1.0)
@@ -165,8 +169,8 @@ def _angles(text: CsvText, numbers, used) -> tuple[np.ndarray, ...]:
                 text.fail(int(np.argmax(off > UNIT_TOLERANCE)), f"{which} is no unit vector; divide it by its length")
             if (z < 0).any():
                 text.fail(int(np.argmax(z < 0)), f"{which} points below the horizon; expected {which}_z >= 0")
-            pair += spherical_angles(x, y, z)
-        return tuple(pair)
+            angles += spherical_angles(x, y, z)
+        return tuple(angles)
     for name in ANGLES:
         degrees = numbers[name]
         if name.startswith("theta"):
@@ -187,25 +191,21 @@ def _lengthened(w: np.ndarray) -> np.ndarray:
     return w / np.where(np.abs(length - 1.0) <= 1e-6, 1.0, length)
 
 
-def _unit_vector(theta, phi):
-    sin_t = np.sin(theta)
-    return sin_t * np.cos(phi), sin_t * np.sin(phi), np.cos(theta)
-
-
 def _channels(text: CsvText, count: int) -> Channels:
-    found = {}
+    stated = {}
     for comment in text.comments:
         key, _, value = comment.partition(":")
         if key in ("channels", "wavelengths_nm"):
-            try:
-                found[key] = json.loads(value)
-            except (json.JSONDecodeError, RecursionError):
-                continue
-    names, wavelengths = found.get("channels"), found.get("wavelengths_nm")
-    if not (isinstance(names, list) and len(names) == count and all(isinstance(n, str) for n in names)):
-        return Channels.of_count(count)
-    good = isinstance(wavelengths, list) and all(isinstance(w, int | float) for w in wavelengths)
-    return Channels(tuple(names), tuple(wavelengths) if good and len(wavelengths) == count else None)
+            with contextlib.suppress(json.JSONDecodeError, RecursionError):
+                stated[key] = json.loads(value)
+
+    def listed(key: str, kind: Any) -> tuple | None:
+        values = stated.get(key)
+        fits = isinstance(values, list) and len(values) == count and all(isinstance(v, kind) for v in values)
+        return tuple(values) if isinstance(values, list) and fits else None
+
+    names = listed("channels", str)
+    return Channels.of_count(count) if names is None else Channels(names, listed("wavelengths_nm", int | float))
 
 
 def _degrees(radians: np.ndarray) -> np.ndarray:

@@ -2,9 +2,9 @@
 
 import io
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TextIO
+from typing import NoReturn, TextIO
 
 import numpy as np
 
@@ -20,7 +20,7 @@ class CsvText:
     text or without a header.
     """
 
-    def __init__(self, path: str | os.PathLike[str], limit: int | None = None):
+    def __init__(self, path: str | os.PathLike, limit: int | None = None) -> None:
         self.path = str(path)
         input_size(path)
         try:
@@ -49,14 +49,14 @@ class CsvText:
     def numbers(self, names: Iterable[str], nan_allowed: Iterable[str] = ()) -> dict[str, np.ndarray]:
         """The named columns as float64. Raises GonioError, with the line, for text, gaps and values not finite."""
         names = list(names)
-        at = [self.names.index(name) for name in names]
+        columns = [self.names.index(name) for name in names]
         if next(self._data_lines(), None) is None:
             raise GonioError(f"{self.path} has a header but no rows; expected at least one")
-        options = {"delimiter": self.delimiter, "usecols": at, "skiprows": self.header_line + 1}
+        options = {"delimiter": self.delimiter, "usecols": columns, "skiprows": self.header_line + 1}
         try:
             table = np.loadtxt(io.StringIO(self.text), comments="#", ndmin=2, dtype=np.float64, **options)
         except (ValueError, IndexError, OverflowError):
-            self._explain(names, at)
+            self._explain(names, columns)
             raise GonioError(f"{self.path} has rows that are no numbers; expected {', '.join(names)}") from None
         bad = ~np.isfinite(table)
         bad[:, [k for k, name in enumerate(names) if name in nan_allowed]] = False
@@ -65,11 +65,11 @@ class CsvText:
             self.fail(row, f"{names[column]} is {table[row, column]}; expected a finite number")
         return dict(zip(names, table.T, strict=True))
 
-    def fail(self, row: int, text: str):
+    def fail(self, row: int, text: str) -> NoReturn:
         """Raises a GonioError that names the line of the data row numbered from 0."""
         raise GonioError(f"{self.path}, line {self._line_of(row)}: {text}")
 
-    def _data_lines(self):
+    def _data_lines(self) -> Iterator[tuple[int, str]]:
         for number, line in enumerate(self.lines[self.header_line + 1 :], self.header_line + 2):
             if text := line.split("#", 1)[0].strip():
                 yield number, text
@@ -77,10 +77,10 @@ class CsvText:
     def _line_of(self, row: int) -> int:
         return next(number for k, (number, _) in enumerate(self._data_lines()) if k == row)
 
-    def _explain(self, names, at):
+    def _explain(self, names: Sequence[str], columns: Sequence[int]) -> None:
         for number, text in self._data_lines():
             cells = text.split(self.delimiter)
-            for name, k in zip(names, at, strict=True):
+            for name, k in zip(names, columns, strict=True):
                 if k >= len(cells):
                     message = f"{len(cells)} columns, but {name} is column {k + 1}; complete the row"
                     raise GonioError(f"{self.path}, line {number}: {message}")

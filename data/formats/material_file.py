@@ -79,15 +79,17 @@ def _declared_channels(data: dict, brdf: "AbstractBRDF") -> Channels:
         names = _typed(data, "channels", list, "a list of names")
         if not names or not all(isinstance(n, str) for n in names):
             raise GonioError("channels holds something that is not a name; expected a list of texts")
-        found = Channels(tuple(names[:MOST_CHANNELS]))
+        channels = Channels(tuple(names[:MOST_CHANNELS]))
     elif "wavelengths_nm" in data:
-        found = Channels.of_wavelengths(_wavelengths(data))
+        channels = Channels.of_wavelengths(_wavelengths(data))
     else:
         return channels_of(brdf)
     count = len(channels_of(brdf))
-    if len(found) != count:
-        raise GonioError(f"{len(found)} channels are named, but the model has {count}; name as many as its lists hold")
-    return found
+    if len(channels) != count:
+        raise GonioError(
+            f"{len(channels)} channels are named, but the model has {count}; name as many as its lists hold"
+        )
+    return channels
 
 
 def _wavelengths(data: dict) -> list[float]:

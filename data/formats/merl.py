@@ -14,10 +14,10 @@ from gonio.data import layouts
 from gonio.data.channels import Channels
 from gonio.data.files import input_size, new_file
 from gonio.data.flags import Flag
-from gonio.data.formats.base import FileHead, Format
+from gonio.data.formats.base import FileHead, Format, stem
 from gonio.data.layouts import Layout
 from gonio.data.round_trip import RoundTrip, compare, compare_cells
-from gonio.data.table import Table
+from gonio.data.table import Table, whole_table_of_values
 from gonio.models.errors import GonioError
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ def header_counts(start: bytes, size: int) -> tuple[int, int, int] | None:
     """(theta_h, theta_d, phi_d) counts if these first bytes of a file of `size` bytes are MERL's, else None."""
     if len(start) < 12:
         return None
-    counts = tuple(int(n) for n in np.frombuffer(start[:12], HEADER))
-    return counts if min(counts) > 0 and size == 12 + 3 * 8 * math.prod(counts) else None
+    h, d, p = (int(n) for n in np.frombuffer(start[:12], HEADER))
+    return (h, d, p) if min(h, d, p) > 0 and size == 12 + 3 * 8 * h * d * p else None
 
 
 def looks_like_merl(head: FileHead) -> bool:
@@ -41,8 +41,8 @@ def looks_like_merl(head: FileHead) -> bool:
 
     The reader says what is wrong with the latter two.
     """
-    own_counts = len(head.start) >= 12 and tuple(np.frombuffer(head.start[:8], HEADER)) == (90, 90)
-    return bool(header_counts(head.start, head.size)) or own_counts or (head.binary and head.suffix == ".binary")
+    standard_counts = len(head.start) >= 12 and tuple(np.frombuffer(head.start[:8], HEADER)) == (90, 90)
+    return bool(header_counts(head.start, head.size)) or standard_counts or (head.binary and head.suffix == ".binary")
 
 
 def read_merl(path: str | os.PathLike[str], nodes: str = "lower") -> Table:
@@ -79,8 +79,8 @@ def read_merl(path: str | os.PathLike[str], nodes: str = "lower") -> Table:
         assumed.append(f"{stray} values of cells below the horizon were not used")
     provenance = {"format": "MERL", "source": os.path.basename(path), "nodes": nodes, "assumptions": assumed}
     shape = (*grid.shape, 3)
-    name = os.path.splitext(os.path.basename(path))[0]
-    return Table(grid, f.reshape(shape), flag.reshape(shape), Channels.rgb(), provenance=provenance, name=name)
+    f, flag = f.reshape(shape), flag.reshape(shape)
+    return Table(grid, f, flag, Channels.rgb(), provenance=provenance, name=stem(path))
 
 
 def write_merl(
@@ -93,54 +93,48 @@ def write_merl(
     MERL has no sign for a negative reading: those become "no data" and are counted as lost. Raises GonioError
     for other than one or three channels, and where `path` cannot be written.
     """
-    from gonio.data.interpolation.multilinear import as_material
-
-    table, direct = _on_merl_grid(source, nodes)
+    table = _on_merl_grid(source, nodes)
     if len(table.channels) not in (1, 3):
         raise GonioError(
             f"a MERL file holds R, G, B, but there are {len(table.channels)} channels; choose one or three"
         )
     values = table.read_values()
     keep = (values["flag"] == Flag.VALID) & (values["f"] >= 0)
-    raw = np.where(keep, values["f"], NO_DATA)
-    raw = np.where(keep, raw / SCALE, NO_DATA)
+    raw = np.where(keep, np.where(keep, values["f"], NO_DATA) / SCALE, NO_DATA)
     with new_file(path, force) as temporary:
         with temporary.open("wb") as file:
             file.write(np.array(table.layout.shape, HEADER).tobytes())
             file.write(np.ascontiguousarray(raw.T, "<f8").data)
-        read = read_merl(temporary, nodes)
-    if direct:
-        return compare_cells(table.read_values(), read.read_values(), f"nodes {nodes}")
-    sample = source.samples(limit=100_000)
+        written = read_merl(temporary, nodes)
+    if table is source or not isinstance(source, Table):
+        return compare_cells(values, written.read_values(), f"nodes {nodes}")
+    from gonio.data.interpolation.multilinear import as_material
     from gonio.models.evaluation import evaluate
 
-    again = np.asarray(evaluate(as_material(read), sample.wi, sample.wo))
-    valid = sample.flag == Flag.VALID
-    f = np.broadcast_to(sample.f, again.shape)
-    valid = np.broadcast_to(valid, again.shape)
-    return compare(f, again, valid, valid, f"interpolated from {source.layout.name} cells, nodes {nodes}")
+    sample = source.samples(limit=100_000)
+    interpolated = np.asarray(evaluate(as_material(written), sample.wi, sample.wo))
+    valid = np.broadcast_to(sample.flag == Flag.VALID, interpolated.shape)
+    f = np.broadcast_to(sample.f, interpolated.shape)
+    note = f"interpolated from {source.layout.name} cells, nodes {nodes}"
+    return compare(f, interpolated, valid, valid, note)
 
 
 def _grid(nodes: str, counts: tuple[int, int, int]) -> Layout:
     return layouts.merl(nodes, counts, 2 * math.pi if counts[2] == 360 else math.pi)
 
 
-def _is_merl_grid(layout: Layout, nodes: str) -> bool:
-    counts = layout.shape
-    return len(counts) == 3 and layout == _grid(nodes, counts)
-
-
-def _on_merl_grid(source, nodes) -> tuple[Table, bool]:
-    """(a table on MERL's grid, whether it holds the source's own values)."""
+def _on_merl_grid(source: "Table | AbstractBRDF", nodes: str) -> Table:
+    """The source itself where it is a table on a grid of MERL's, else its values on the grid of MERL's own counts."""
     from gonio.data.interpolation.multilinear import as_material
-    from gonio.data.table import whole_table_of_values
     from gonio.data.tabulate import grid_values
 
-    if isinstance(source, Table) and _is_merl_grid(source.layout, nodes):
-        return source, True
+    if isinstance(source, Table):
+        counts = source.layout.shape
+        if len(counts) == 3 and source.layout == _grid(nodes, counts):
+            return source
+        source = as_material(source)
     grid = layouts.merl(nodes)
-    brdf = as_material(source) if isinstance(source, Table) else source
-    return whole_table_of_values(grid, grid_values(brdf, grid)), not isinstance(source, Table)
+    return whole_table_of_values(grid, grid_values(source, grid))
 
 
 FORMAT = Format(

@@ -6,7 +6,7 @@ import numpy as np
 
 from gonio.data import layouts
 from gonio.data.channels import Channels
-from gonio.data.formats.base import FileHead, Format
+from gonio.data.formats.base import FileHead, Format, stem
 from gonio.data.formats.csv_columns import CsvText
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
@@ -36,8 +36,8 @@ def read_nist(path: str | os.PathLike[str], wavelength_nm: float | None = None) 
     number.
     """
     text = CsvText(path)
-    columns = {key: next((a for a in aliases if a in text.names), None) for key, aliases in ALIASES.items()}
-    if None in columns.values():
+    columns = {key: a for key, aliases in ALIASES.items() for a in reversed(aliases) if a in text.names}
+    if len(columns) < len(ALIASES):
         raise GonioError(f"{path} is no NIST PTFE file: expected columns lambda, thetai, phi, thetar, phir, f_r11")
     numbers = text.numbers(columns.values())
     data = {key: numbers[name] for key, name in columns.items()}
@@ -76,9 +76,8 @@ def read_nist(path: str | os.PathLike[str], wavelength_nm: float | None = None) 
             "delta_phi = 180 degrees - (phi_r - phi_i): the file has the specular side at phi_r = phi_i",
         ],
     }
-    name = os.path.splitext(os.path.basename(path))[0]
     flag = np.zeros(f.shape, np.uint8)
-    return Table(grid, f, flag, Channels.of_wavelengths(wavelengths), provenance=provenance, name=name)
+    return Table(grid, f, flag, Channels.of_wavelengths(wavelengths), provenance=provenance, name=stem(path))
 
 
 FORMAT = Format("NIST", "NIST's PTFE CSV", "table", looks_like_nist, read_nist, options=("wavelength_nm",))

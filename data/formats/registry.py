@@ -44,12 +44,12 @@ def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
     damaged or unknown, and for an option that its format does not have.
     """
     file, entry = split_entry(path)
-    found = sniff(file)
+    known = sniff(file)
     if entry is not None:
         options["entry"] = entry
-    if unknown := sorted(set(options) - set(found.options)):
-        raise GonioError(f"{path} is a {found.name} file, which has no option {unknown[0]!r}; leave it out")
-    return found.read(file, **options)
+    if unknown := sorted(set(options) - set(known.options)):
+        raise GonioError(f"{path} is a {known.name} file, which has no option {unknown[0]!r}; leave it out")
+    return known.read(file, **options)
 
 
 def read(path: str | os.PathLike[str], **options: Any) -> Table:

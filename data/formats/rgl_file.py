@@ -1,18 +1,22 @@
 """The RGL material database's ``.bsdf`` files [Dupuy 2018]: checked arrays, and the table of the file's own samples."""
 
 import os
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from gonio.data import layouts
 from gonio.data.channels import Channels
 from gonio.data.flags import Flag
-from gonio.data.formats.base import FileHead, Format
+from gonio.data.formats.base import FileHead, Format, stem
 from gonio.data.formats.tensor_file import MAGIC, read_tensors
 from gonio.data.interpolation.rgl_data import RGLData, coarser, samples_of
 from gonio.data.layouts import spherical_angles
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
+
+if TYPE_CHECKING:
+    from gonio.models.brdf import AbstractBRDF
 
 FLOAT32_HORIZON = 1e-6
 """Cosine up to which an angle that was rounded to float32 is 90 degrees: the last theta_i of a file is 1.57079625."""
@@ -22,10 +26,10 @@ def read_rgl_data(path: str | os.PathLike[str]) -> RGLData:
     """The arrays of an RGL file. Raises GonioError where the file is damaged or is not of this kind."""
     fields = read_tensors(path)
 
-    def fail(text):
+    def fail(text: str) -> NoReturn:
         raise GonioError(f"{path} is no RGL material: {text}; copy it again")
 
-    def take(name, dimensions):
+    def take(name: str, dimensions: int) -> np.ndarray:
         if name not in fields:
             fail(f"the field {name!r} is missing")
         array = fields[name]
@@ -39,11 +43,11 @@ def read_rgl_data(path: str | os.PathLike[str]) -> RGLData:
     theta_i, phi_i = take("theta_i", 1), take("phi_i", 1)
     ndf, sigma, vndf = take("ndf", 2), take("sigma", 2), take("vndf", 4)
     spectra = take("spectra" if spectral else "rgb", 5)
-    wavelengths = take("wavelengths", 1) if spectral else None
+    channels = Channels.of_wavelengths(take("wavelengths", 1)) if spectral else Channels.rgb()
     expected = (phi_i.size, theta_i.size)
     if vndf.shape[:2] != expected or spectra.shape[:2] != expected:
         fail(f"{expected} incidences, but vndf has shape {vndf.shape} and the spectra {spectra.shape}")
-    if spectra.shape[3] != spectra.shape[4] or spectra.shape[2] != (wavelengths.size if spectral else 3):
+    if spectra.shape[3] != spectra.shape[4] or spectra.shape[2] != len(channels):
         fail(f"the spectra have shape {spectra.shape}, which does not fit their channels or is not square")
     if min(*ndf.shape, *sigma.shape, *vndf.shape[2:], spectra.shape[3]) < 2:
         fail("a map has fewer than two nodes along an axis")
@@ -51,7 +55,6 @@ def read_rgl_data(path: str | os.PathLike[str]) -> RGLData:
         fail("theta_i or phi_i do not increase, or leave the hemisphere")
     if vndf.min() < 0 or not (vndf.sum(axis=(2, 3)) > 0).all() or ndf.min() < 0 or sigma.min() < 0:
         fail("ndf, vndf or sigma hold negative or no densities")
-    channels = Channels.of_wavelengths(wavelengths) if spectral else Channels.rgb()
     description = bytes(fields.get("description", np.zeros(0, np.uint8)).astype(np.uint8)).decode(errors="replace")
     jacobian = bool(np.ravel(fields.get("jacobian", np.ones(1)))[:1].any())
     return RGLData(theta_i, phi_i, ndf, sigma, vndf, spectra, channels, description.strip("\0 "), jacobian)
@@ -71,11 +74,7 @@ def read_rgl(path: str | os.PathLike[str]) -> Table:
     for p in range(phi_count):
         for t in range(data.theta_i.size):
             wi, wo, f = samples_of(data, p, t)
-            theta_i, phi_i = spherical_angles(*wi)
-            theta_o, phi_o = spherical_angles(*wo)
-            angles.append(
-                [np.broadcast_to(theta_i, theta_o.shape), np.broadcast_to(phi_i, theta_o.shape), theta_o, phi_o]
-            )
+            angles.append(np.broadcast_arrays(*spherical_angles(*wi), *spherical_angles(*wo)))
             values.append(f)
     grid = layouts.scattered(*np.concatenate(angles, axis=1))
     f = np.concatenate(values)
@@ -83,7 +82,7 @@ def read_rgl(path: str | os.PathLike[str]) -> Table:
     flag[np.minimum(*grid.cosines()) <= FLOAT32_HORIZON] = Flag.BELOW_HORIZON
     f[flag != Flag.VALID] = np.nan
 
-    def interpolant(coarse: bool = False):
+    def interpolant(coarse: bool = False) -> "AbstractBRDF":
         from gonio.data.interpolation.rgl_warp import RGLMaterial
 
         return RGLMaterial(coarser(data) if coarse else data)
@@ -96,8 +95,7 @@ def read_rgl(path: str | os.PathLike[str]) -> Table:
         "negative_values_in_file": int((data.spectra < 0).sum()),
         "assumptions": ["the files' values include cos theta_o; it was divided out"],
     }
-    name = os.path.splitext(os.path.basename(path))[0]
-    return Table(grid, f, flag, data.channels, provenance=provenance, name=name, interpolant=interpolant)
+    return Table(grid, f, flag, data.channels, provenance=provenance, name=stem(path), interpolant=interpolant)
 
 
 def looks_like_rgl(head: FileHead) -> bool:

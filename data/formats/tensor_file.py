@@ -3,6 +3,7 @@
 import math
 import os
 import struct
+from typing import NoReturn
 
 import numpy as np
 
@@ -40,17 +41,17 @@ def parse_tensors(data: bytes, path: str) -> dict[str, np.ndarray]:
 
 
 class _Header:
-    def __init__(self, data: bytes, path: str):
-        self.data, self.path, self.at = data, path, 0
+    def __init__(self, data: bytes, path: str) -> None:
+        self.data, self.path, self.position = data, path, 0
 
-    def fail(self, text: str):
+    def fail(self, text: str) -> NoReturn:
         raise GonioError(f"{self.path} {text}; the file is damaged, copy it again")
 
     def bytes(self, count: int) -> bytes:
-        part = self.data[self.at : self.at + count]
+        part = self.data[self.position : self.position + count]
         if len(part) < count:
             self.fail(f"ends inside its header, at byte {len(self.data)}")
-        self.at += count
+        self.position += count
         return part
 
     def unpack(self, form: str) -> tuple:

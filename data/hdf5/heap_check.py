@@ -15,23 +15,23 @@ def damaged_heap(path: str | os.PathLike[str]) -> int | None:
     Layout by the HDF5 File Format Specification, III.E: objects of (index, uses, reserved, size); index 0 is what is
     left over, and its size counts its own header. The library loops for ever where that size is 0.
     """
-    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
-        at = whole.find(SIGNATURE, 0, SEARCHED)
-        while at >= 0:
-            size = int.from_bytes(whole[at + 8 : at + 16], "little")
-            if not _whole(whole, at + HEADER, at + size):
-                return at
-            at = whole.find(SIGNATURE, at + size, SEARCHED)
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        start = content.find(SIGNATURE, 0, SEARCHED)
+        while start >= 0:
+            size = int.from_bytes(content[start + 8 : start + 16], "little")
+            if not _ends_where_it_should(content, start + HEADER, start + size):
+                return start
+            start = content.find(SIGNATURE, start + size, SEARCHED)
     return None
 
 
-def _whole(whole, at: int, end: int) -> bool:
-    if not at <= end <= len(whole):
+def _ends_where_it_should(file: mmap.mmap, start: int, end: int) -> bool:
+    if not start <= end <= len(file):
         return False
-    while at + HEADER <= end:
-        index = int.from_bytes(whole[at : at + 2], "little")
-        size = int.from_bytes(whole[at + 8 : at + 16], "little")
+    while start + HEADER <= end:
+        index = int.from_bytes(file[start : start + 2], "little")
+        size = int.from_bytes(file[start + 8 : start + 16], "little")
         if index == 0:
-            return at + size == end
-        at += HEADER + (size + 7) // 8 * 8
-    return at <= end
+            return start + size == end
+        start += HEADER + (size + 7) // 8 * 8
+    return start <= end

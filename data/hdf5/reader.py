@@ -3,6 +3,8 @@
 import json
 import math
 import os
+from collections.abc import Callable
+from typing import Any, NoReturn, TypeVar
 
 import h5py
 import numpy as np
@@ -22,6 +24,8 @@ LAZY_BYTES = 256 << 20
 MAX_DEFLATE = 1100
 """Deflate packs at most 1032 bytes into one: a dataset that claims more than this lies about its size."""
 RADIANS = {"radian": 1.0, "radians": 1.0, "rad": 1.0, "degree": math.pi / 180, "degrees": math.pi / 180}
+
+Kind = TypeVar("Kind", dict, list)
 
 
 def open_table(path: str | os.PathLike[str], lazy_bytes: int = LAZY_BYTES) -> Table:
@@ -53,8 +57,8 @@ def open_table(path: str | os.PathLike[str], lazy_bytes: int = LAZY_BYTES) -> Ta
         raise GonioError(f"{path} is a damaged table ({text}); measure or copy it again") from None
 
 
-def _unfinished(path, size: int) -> str | None:
-    """What a writer's tail says of its progress; None for a file without a tail, or with all blocks written."""
+def _unfinished(path: str | os.PathLike, size: int) -> str | None:
+    """Progress of a writer, '3 of 4', by the file's tail; None for a file without one, or with all blocks written."""
     with open(path, "rb") as file:
         file.seek(max(size - FOOTER.size, 0))
         tail = file.read()
@@ -79,18 +83,20 @@ def _plain(kind: h5py.h5t.TypeID) -> bool:
 
 
 class _Reader:
-    def __init__(self, file: h5py.File, path: str):
+    def __init__(self, file: h5py.File, path: str) -> None:
         self.file, self.path, self.bytes = file, path, os.path.getsize(path)
 
-    def fail(self, text: str):
+    def fail(self, text: str) -> NoReturn:
         raise GonioError(f"{self.path}: {text}")
 
     def table(self, lazy_bytes: int) -> Table:
-        found = self.attribute("gonio_format")
-        if found is None:
+        version = self.attribute("gonio_format")
+        if version is None:
             self.fail("an HDF5 file, but no table of gonio (no attribute gonio_format); see gonio convert")
-        if not isinstance(found, int) or not 1 <= found <= GONIO_FORMAT:
-            self.fail(f"its format is gonio_format {found}, this gonio reads up to {GONIO_FORMAT}; install a newer one")
+        if not isinstance(version, int) or not 1 <= version <= GONIO_FORMAT:
+            self.fail(
+                f"its format is gonio_format {version}, this gonio reads up to {GONIO_FORMAT}; install a newer one"
+            )
         layout = self.layout()
         f, flag, u_f = (self.node(name) for name in ("f", "flag", "u_f"))
         if f.dtype.kind != "f" or f.dtype.itemsize not in (4, 8) or u_f.dtype != f.dtype or flag.dtype != np.uint8:
@@ -102,7 +108,10 @@ class _Reader:
                 self.fail(f"{node.name} has shape {node.shape}, but its axes and channels make {shape}")
         if self.unstored(f) or self.unstored(flag):
             self.fail("f or flag hold no values; measure it again")
-        load = (lambda node: node) if f.nbytes > lazy_bytes else (lambda node: node[...])
+
+        def load(node: h5py.Dataset) -> Any:
+            return node if f.nbytes > lazy_bytes else node[...]
+
         return Table(
             layout=layout,
             f=load(f),
@@ -165,23 +174,23 @@ class _Reader:
             )
         return Channels(tuple(names), tuple(node[...]))
 
-    def uncertainty(self, node: h5py.Dataset, load):
+    def uncertainty(self, node: h5py.Dataset, load: Callable[[h5py.Dataset], Any]) -> Any:
         if not self.unstored(node):
             return load(node)
         return None if np.isnan(node.fillvalue) else np.broadcast_to(node.fillvalue, node.shape)
 
-    def attribute(self, name: str, node=None):
+    def attribute(self, name: str, node: h5py.Dataset | None = None) -> Any:
         """A Python value, or None; netCDF writers wrap a single number in an array."""
         attributes = (self.file if node is None else node).attrs
         if name not in attributes:
             return None
-        found = attributes.get_id(name)
-        if found.shape not in ((), (1,)) or not _plain(found.get_type()):
+        stored = attributes.get_id(name)
+        if stored.shape not in ((), (1,)) or not _plain(stored.get_type()):
             self.fail(f"attribute {name} is neither a text nor a number; copy the file again")
         value = attributes[name]
         return value.item() if isinstance(value, np.generic | np.ndarray) and value.size == 1 else value
 
-    def text(self, name: str, node=None) -> str | None:
+    def text(self, name: str, node: h5py.Dataset | None = None) -> str | None:
         value = self.attribute(name, node)
         if isinstance(value, bytes):
             value = value.decode()
@@ -189,7 +198,7 @@ class _Reader:
             self.fail(f"attribute {name} is {value!r}, expected a text")
         return value
 
-    def json(self, name: str, kind: type):
+    def json(self, name: str, kind: type[Kind]) -> Kind:
         text = self.text(name)
         try:
             value = json.loads(text or "null")

@@ -72,7 +72,7 @@ class CellLocations:
         for name, offset in self.offsets.items():
             cells = np.ascontiguousarray(values[name], self.dtypes[name])
             file.seek(offset + start * self.channels * cells.itemsize)
-            rest = memoryview(cells).cast("B")
+            rest = cells.data.cast("B")
             crc = zlib.crc32(rest, crc)
             while rest:  # an unbuffered file takes as many bytes as the system does at a time
                 rest = rest[file.write(rest) :]

@@ -43,10 +43,10 @@ class Scattered(AbstractBRDF):
     def isotropic(self) -> bool:
         return self.same_all_round
 
-    def f(self, wi, wo):
+    def f(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
         forward, backward = self._turned(wi, wo), self._turned(wo, wi)
 
-        def step(sums, chunk):
+        def step(sums: tuple[Array, Array], chunk: tuple[Array, Array, Array]) -> tuple[tuple[Array, Array], None]:
             samples, values, valid = chunk
             d2 = jnp.minimum(_distance2(samples, forward), _distance2(samples, backward))
             weight = valid / (d2 + SOFTENING)[:, None] ** 3
@@ -54,21 +54,21 @@ class Scattered(AbstractBRDF):
 
         zero = jnp.zeros(self.values.shape[-1], self.values.dtype)
         (total, weight), _ = jax.lax.scan(step, (zero, zero), (self.pairs, self.values, self.valid))
-        found = weight > 0
-        value = jnp.where(found, total / jnp.where(found, weight, 1.0), 0.0)
+        known = weight > 0
+        value = jnp.where(known, total / jnp.where(known, weight, 1.0), 0.0)
         return jnp.where((wi.z > HORIZON) & (wo.z > HORIZON), value, 0.0)
 
-    def _turned(self, wi, wo):
+    def _turned(self, wi: Direction, wo: Direction) -> Float[Array, " 6"]:
         if not self.same_all_round:
             return jnp.stack([*wi, *wo])
         sin_i = jnp.sqrt(wi.x**2 + wi.y**2)
-        at_pole = sin_i == 0
-        safe = jnp.where(at_pole, 1.0, sin_i)
-        cos_p, sin_p = jnp.where(at_pole, 1.0, wi.x / safe), jnp.where(at_pole, 0.0, -wi.y / safe)
+        no_azimuth = sin_i == 0
+        safe = jnp.where(no_azimuth, 1.0, sin_i)
+        cos_p, sin_p = jnp.where(no_azimuth, 1.0, wi.x / safe), jnp.where(no_azimuth, 0.0, -wi.y / safe)
         return jnp.stack([*rotate_z(wi, cos_p, sin_p), *rotate_z(wo, cos_p, sin_p)])
 
 
-def _distance2(samples, pair):
+def _distance2(samples: Array, pair: Array) -> Array:
     return jnp.sum((samples - pair[None, :]) ** 2, axis=-1)
 
 
@@ -91,12 +91,11 @@ def scattered_material(table: Table) -> Scattered:
         wi, wo = (Direction(w.x * c - w.y * s, w.x * s + w.y * c, w.z) for w in (wi, wo))
     dtype = jnp.result_type(float)
     valid = block.flag == Flag.VALID
-    parts = np.stack([*wi, *wo], axis=-1), np.where(valid, block.f, 0.0), valid
-    return Scattered(*(jnp.asarray(_chunks(part), dtype) for part in parts), bool(isotropic))
+    arrays = np.stack([*wi, *wo], axis=-1), np.where(valid, block.f, 0.0), valid
+    pairs, values, known = (jnp.asarray(_chunks(a), dtype) for a in arrays)
+    return Scattered(pairs, values, known, bool(isotropic))
 
 
-def _chunks(part: np.ndarray) -> np.ndarray:
+def _chunks(rows: np.ndarray) -> np.ndarray:
     """Rows in groups of `CHUNK`, filled up with zeros (samples that have no value)."""
-    filled = np.zeros((-(-part.shape[0] // CHUNK) * CHUNK, part.shape[1]))
-    filled[: part.shape[0]] = part
-    return filled.reshape(-1, CHUNK, part.shape[1])
+    return np.pad(rows.astype(float), ((0, -rows.shape[0] % CHUNK), (0, 0))).reshape(-1, CHUNK, rows.shape[1])

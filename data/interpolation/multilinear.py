@@ -78,11 +78,11 @@ class Tabulated(AbstractBRDF):
         coordinates = self.kind.coordinates(wi, wo)
         brackets = [axis.bracket(coordinates[name]) for axis, name in zip(self.axes, self.names, strict=True)]
         # One gather of all corners: a gather for each of them takes seconds to compile.
-        at = jnp.meshgrid(*(jnp.stack(nodes) for nodes, _ in brackets), indexing="ij")
-        corners = jnp.meshgrid(*(jnp.stack(weights) for _, weights in brackets), indexing="ij")
-        weight = jnp.where(self.valid[tuple(at)], math.prod(corners[1:], start=corners[0])[..., None], 0.0)
+        nodes = jnp.meshgrid(*(jnp.stack(n) for n, _ in brackets), indexing="ij")
+        corners = jnp.meshgrid(*(jnp.stack(w) for _, w in brackets), indexing="ij")
+        weight = jnp.where(self.valid[tuple(nodes)], math.prod(corners[1:], start=corners[0])[..., None], 0.0)
         every = tuple(range(len(brackets)))
-        total, weight = jnp.sum(weight * self.values[tuple(at)], every), jnp.sum(weight, every)
+        total, weight = jnp.sum(weight * self.values[tuple(nodes)], every), jnp.sum(weight, every)
         known = weight > 0
         value = jnp.where(known, total / jnp.where(known, weight, 1.0), 0.0)
         covered = self.kind.covers(wi, wo)
@@ -170,14 +170,12 @@ def coarsened(table: Table) -> Table:
     """
     if table.interpolant is not None:
         return dataclasses.replace(table, interpolant=partial(table.interpolant, coarse=True))
-    axes, step = table.layout.axes, []
-    for name, axis in axes.items():
-        step.append(slice(None, None, 2 if axis.size > 2 else 1))
-        axes = {**axes, name: axis[step[-1]]}
-    at = tuple(step) if table.layout.gridded else (step[0],)
-    cut = {what: np.asarray(getattr(table, what)[...])[at] for what in ("f", "flag")}
-    cut["u_f"] = None if table.u_f is None else np.asarray(table.u_f[...])[at]
-    return dataclasses.replace(table, layout=table.layout.with_axes(axes), interpolant=None, **cut)
+    layout = table.layout
+    step = {name: slice(None, None, 2 if axis.size > 2 else 1) for name, axis in layout.axes.items()}
+    cells = tuple(step.values())[: len(layout.shape)]
+    f, flag, u_f = (None if a is None else np.asarray(a[...])[cells] for a in (table.f, table.flag, table.u_f))
+    coarser = layout.with_axes({name: axis[step[name]] for name, axis in layout.axes.items()})
+    return dataclasses.replace(table, layout=coarser, interpolant=None, f=f, flag=flag, u_f=u_f)
 
 
 def interpolation_error(

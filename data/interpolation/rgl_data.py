@@ -2,6 +2,7 @@
 
 import dataclasses
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +57,7 @@ def coarser(data: RGLData) -> RGLData:
     return dataclasses.replace(data, theta_i=data.theta_i[kept], vndf=data.vndf[:, kept], spectra=spectra)
 
 
-def samples_of(data: RGLData, p: int, t: int):
+def samples_of(data: RGLData, p: int, t: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(wi, wo, f) of the r × r samples of one incidence; f is (r², channels), not finite below the horizon."""
     r = data.spectra.shape[-1]
     y, x = (axis.ravel() for axis in np.meshgrid(*2 * (np.linspace(0.0, 1.0, r),), indexing="ij"))
@@ -76,7 +77,7 @@ def samples_of(data: RGLData, p: int, t: int):
     return wi, wo, f / np.where(wo[2] > HORIZON, wo[2], np.inf)[:, None]
 
 
-def _direction(theta, phi):
+def _direction(theta: np.ndarray | float, phi: np.ndarray | float) -> np.ndarray:
     return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0.0 * phi])
 
 
@@ -96,13 +97,13 @@ def _warp(data: RGLData, p: int, t: int, x: np.ndarray, y: np.ndarray) -> tuple[
     return (column + t_x) / (w - 1), (row + t_y) / (h - 1)
 
 
-def _solve(area, a, b):
+def _solve(area: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """t in [0, 1] with a·t + (b − a)·t²/2 = area, without cancellation; 0 where there is no density."""
     root = np.sqrt(np.maximum(a**2 + 2 * (b - a) * area, 0.0))
     return np.clip(2 * area / np.where(a + root > 0, a + root, np.inf), 0.0, 1.0)
 
 
-def _bilinear(values, x, y):
+def _bilinear(values: np.ndarray, x: Any, y: Any) -> np.ndarray:
     rows, columns = values.shape
     x, y = np.clip(x, 0, 1) * (columns - 1), np.clip(y, 0, 1) * (rows - 1)
     i, j = np.minimum(np.int64(x), columns - 2), np.minimum(np.int64(y), rows - 2)

@@ -7,6 +7,8 @@ warp, at the half vector of a pair of directions, says where to read the spectra
 1)π.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +18,9 @@ from gonio.data.interpolation.rgl_data import RGLData
 from gonio.data.layouts import HORIZON
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, half_vector, to_spherical
+
+Slices = tuple[tuple[Array, Array], Array]
+"""((phi numbers, theta numbers), weights) of the stored incidences around one."""
 
 
 class RGLMaterial(AbstractBRDF):
@@ -37,7 +42,7 @@ class RGLMaterial(AbstractBRDF):
     reduction: int = eqx.field(static=True)
     jacobian: bool = eqx.field(static=True)
 
-    def __init__(self, data: RGLData):
+    def __init__(self, data: RGLData) -> None:
         dtype = jnp.result_type(float)
         vndf, conditional, marginal = data.warp
         self.theta_i, self.phi_i = jnp.asarray(data.theta_i, dtype), jnp.asarray(data.phi_i, dtype)
@@ -51,7 +56,7 @@ class RGLMaterial(AbstractBRDF):
     def isotropic(self) -> bool:
         return self.same_all_round
 
-    def f(self, wi, wo):
+    def f(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
         above = (wi.z > HORIZON) & (wo.z > HORIZON)
         wi, wo = self._reduced(wi, wo)
         m = half_vector(wi, wo)
@@ -82,17 +87,17 @@ class RGLMaterial(AbstractBRDF):
             return wi, wo
         flip_y = jnp.where(wi.y >= 0, -1.0, 1.0)
         flip_x = jnp.where(wi.x >= 0, -1.0, 1.0) if reduction == 4 else flip_y
-        turned = (Direction(w.x * flip_x, w.y * flip_y, w.z) for w in (wi, wo))
-        return tuple(turned)
+        return Direction(wi.x * flip_x, wi.y * flip_y, wi.z), Direction(wo.x * flip_x, wo.y * flip_y, wo.z)
 
-    def _inverse_warp(self, slices, u_x, u_y):
+    def _inverse_warp(self, slices: Slices, u_x: Array, u_y: Array) -> tuple[Array, Array]:
         """The sample (x, y) in the unit square whose warped position is (u_x, u_y)."""
         h, w = self.vndf.shape[-2:]
         (x0, t_x), (y0, t_y) = _cell(u_x, w), _cell(u_y, h)
-        along = [_mix(*(_of_slices(self.vndf, slices, y0 + j, x0 + i) for j in (0, 1)), t_y) for i in (0, 1)]
-        below = _mix(
-            _of_slices(self.conditional, slices, y0, x0), _of_slices(self.conditional, slices, y0 + 1, x0), t_y
-        )
+
+        def between_rows(values: Array, column: Any) -> Array:
+            return _mix(_of_slices(values, slices, y0, column), _of_slices(values, slices, y0 + 1, column), t_y)
+
+        along, below = [between_rows(self.vndf, x0 + i) for i in (0, 1)], between_rows(self.conditional, x0)
         r0, r1 = (_of_slices(self.conditional, slices, y0 + k, w - 1) for k in (0, 1))
         row = _mix(r0, r1, t_y)
         x = (below + t_x * (along[0] + 0.5 * t_x * (along[1] - along[0]))) / jnp.where(row > 0, row, 1.0)
@@ -100,23 +105,23 @@ class RGLMaterial(AbstractBRDF):
         return x, y
 
 
-def _spherical(w):
+def _spherical(w: Direction) -> tuple[Array, Array]:
     theta, phi = to_spherical(w)
     return theta, jnp.where(phi > jnp.pi, phi - 2 * jnp.pi, phi)
 
 
-def _mix(a, b, t):
+def _mix(a: Array, b: Array, t: Array) -> Array:
     return (1.0 - t) * a + t * b
 
 
-def _cell(u, nodes):
+def _cell(u: Array, nodes: int) -> tuple[Array, Array]:
     """(lower node, position inside the cell) of a coordinate in [0, 1] over equally spaced nodes."""
     scaled = jnp.clip(u, 0.0, 1.0) * (nodes - 1)
     low = jnp.clip(jnp.floor(scaled), 0, nodes - 2).astype(jnp.int32)
     return low, scaled - low
 
 
-def _slices(phi_nodes, theta_nodes, phi, theta):
+def _slices(phi_nodes: Array, theta_nodes: Array, phi: Array, theta: Array) -> Slices:
     """((phi numbers, theta numbers), weights), each 2 × 2 (1 × 2 for a single phi), of the stored incidences."""
     numbers, weights = [], []
     for nodes, x in ((phi_nodes, phi), (theta_nodes, theta)):
@@ -129,19 +134,23 @@ def _slices(phi_nodes, theta_nodes, phi, theta):
         t = jnp.clip((x - nodes[low]) / (nodes[low + 1] - nodes[low]), 0.0, 1.0)
         numbers.append(jnp.stack([low, low + 1]))
         weights.append(jnp.stack([1.0 - t, t]))
-    return jnp.meshgrid(*numbers, indexing="ij"), weights[0][:, None] * weights[1][None, :]
+    p, t = jnp.meshgrid(*numbers, indexing="ij")
+    return (p, t), weights[0][:, None] * weights[1][None, :]
 
 
-def _of_slices(values, slices, *at):
+def _of_slices(values: Array, slices: Slices, *node: Any) -> Array:
     """Values at one node, interpolated over the incidence; a trailing channel axis is kept."""
     (p, t), weight = slices
-    found = values[(p, t, *at)]
-    return jnp.sum(found * weight.reshape(weight.shape + (1,) * (found.ndim - 2)), axis=(0, 1))
+    corners = values[(p, t, *node)]
+    return jnp.sum(corners * weight.reshape(weight.shape + (1,) * (corners.ndim - 2)), axis=(0, 1))
 
 
-def _bilinear(values, slices, x, y):
+def _bilinear(values: Array, slices: Slices | None, x: Array, y: Array) -> Array:
     rows, columns = values.shape[:2] if slices is None else values.shape[2:4]
     (x0, t_x), (y0, t_y) = _cell(x, columns), _cell(y, rows)
-    look_up = (lambda *at: values[at]) if slices is None else (lambda *at: _of_slices(values, slices, *at))
+
+    def look_up(row: Array, column: Array) -> Array:
+        return values[row, column] if slices is None else _of_slices(values, slices, row, column)
+
     (a, b), (c, d) = [[look_up(y0 + j, x0 + i) for i in (0, 1)] for j in (0, 1)]
     return _mix(_mix(a, b, t_x), _mix(c, d, t_x), t_y)

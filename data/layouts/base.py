@@ -198,8 +198,8 @@ class Layout(abc.ABC):
         """(wi, wo) of the cells of these C-order numbers, shape (n,): components of shape (n,), float64."""
         from gonio.models.geometry.directions import Direction
 
-        at = np.unravel_index(cells, self.shape)
-        wi, wo = self.pair([(np.cos(a)[k], np.sin(a)[k]) for a, k in zip(self.axes.values(), at, strict=True)])
+        nodes = np.unravel_index(cells, self.shape)
+        wi, wo = self.pair([(np.cos(a)[k], np.sin(a)[k]) for a, k in zip(self.axes.values(), nodes, strict=True)])
         shape = np.shape(cells)
         return Direction(*(np.broadcast_to(c, shape) for c in wi)), Direction(*(np.broadcast_to(c, shape) for c in wo))
 
@@ -265,18 +265,18 @@ class Layout(abc.ABC):
     def _same_nodes(self) -> NodeMap:
         return [(k, np.arange(n)) for k, n in enumerate(self.shape)]
 
-    def _mapped(self, cells: np.ndarray, nodes: NodeMap | None) -> Any:
-        if nodes is None:
+    def _mapped(self, cells: np.ndarray, node_map: NodeMap | None) -> Any:
+        if node_map is None:
             return None
-        at = np.unravel_index(cells, self.shape)
-        moved = [node[at[source]] for source, node in nodes]
-        there = np.all([m >= 0 for m in moved], axis=0)
-        return np.where(there, np.ravel_multi_index([np.maximum(m, 0) for m in moved], self.shape), -1)
+        nodes = np.unravel_index(cells, self.shape)
+        related = [numbers[nodes[source]] for source, numbers in node_map]
+        known = np.all([r >= 0 for r in related], axis=0)
+        return np.where(known, np.ravel_multi_index([np.maximum(r, 0) for r in related], self.shape), -1)
 
     def _axis_angles(self, start: int, stop: int | None) -> list[np.ndarray]:
         """The angles on each axis of the cells start..stop."""
-        at = np.unravel_index(np.arange(*self._range(start, stop)), self.shape)
-        return [a[k] for a, k in zip(self.axes.values(), at, strict=True)]
+        nodes = np.unravel_index(np.arange(*self._range(start, stop)), self.shape)
+        return [a[k] for a, k in zip(self.axes.values(), nodes, strict=True)]
 
     def _range(self, start: int, stop: int | None) -> tuple[int, int]:
         first, last, _ = slice(start, stop).indices(self.size)

@@ -41,8 +41,8 @@ class IsotropicGrid(Layout):
         theta_o, phi_o = to_spherical(wo)
         # By the products of components, not by phi_o − phi_i: no azimuth is lost where one of them is at the pole.
         cos_delta, sin_delta = wi.x * wo.x + wi.y * wo.y, wi.x * wo.y - wi.y * wo.x
-        at_pole = wi.x**2 + wi.y**2 == 0
-        delta = jnp.where(at_pole, phi_o, safe_atan2(sin_delta, cos_delta))
+        no_azimuth = wi.x**2 + wi.y**2 == 0
+        delta = jnp.where(no_azimuth, phi_o, safe_atan2(sin_delta, cos_delta))
         return {"theta_i": theta_i, "theta_o": theta_o, "delta_phi": jnp.where(delta < 0, delta + TURN, delta)}
 
     def angles(self, start: int = 0, stop: int | None = None) -> tuple[np.ndarray, ...]:

@@ -10,8 +10,8 @@ def node_numbers(axis: np.ndarray, angles: np.ndarray, period: float | None = No
     """Number of the node of an increasing axis at each angle (modulo the period), or −1 where there is none."""
     if period is not None:
         angles = np.mod(angles - axis[0] + SAME, period) + axis[0] - SAME
-    at = np.clip(np.searchsorted(axis, angles), 1, max(axis.size - 1, 1))
-    low, high = at - 1, np.minimum(at, axis.size - 1)
+    upper = np.clip(np.searchsorted(axis, angles), 1, max(axis.size - 1, 1))
+    low, high = upper - 1, np.minimum(upper, axis.size - 1)
     nearest = np.where(np.abs(axis[low] - angles) <= np.abs(axis[high] - angles), low, high)
     return np.where(np.abs(axis[nearest] - angles) <= SAME, nearest, -1)
 

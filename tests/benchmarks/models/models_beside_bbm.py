@@ -20,7 +20,7 @@ jax.config.update("jax_enable_x64", True)
 import mpmath as mp  # noqa: E402
 import numpy as np  # noqa: E402
 
-from gonio.data.formats.bbm_fits import published_spelling  # noqa: E402
+from gonio.data.formats.bbm_fits import published_expression  # noqa: E402
 from gonio.models.errors import GonioError  # noqa: E402
 from gonio.models.evaluation import evaluate  # noqa: E402
 from gonio.models.expression.builder import build, to_expression  # noqa: E402
@@ -106,7 +106,7 @@ def main() -> None:
                 file.write(f"x = {said}\n")
                 file.flush()
                 try:
-                    expression = published_spelling(file.name, "x")
+                    expression = published_expression(file.name, "x")
                 except GonioError as error:
                     print(error)
                     continue

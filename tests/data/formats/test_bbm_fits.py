@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gonio.data.formats.bbm_fits import published_names, published_spelling
+from gonio.data.formats.bbm_fits import published_expression, published_names
 from gonio.data.formats.registry import read
 from gonio.data.subject import load_material
 from gonio.models.errors import GonioError
@@ -29,7 +29,7 @@ def test_a_fit_is_a_material(file):
     assert published_names(file) == ["nickel", "chalk"]
     material = load_material(f"{file}:nickel")
     assert material.name == "nickel" and len(material.channels) == 3
-    assert published_spelling(file, "chalk") == "lambert(rho=0.8)"
+    assert published_expression(file, "chalk") == "lambert(rho=0.8)"
     wi, wo = from_spherical(0.5, 0.0), from_spherical(0.6, 3.0)
     direct = build("lambert(rho=[0.02, 0.01, 0.01]) + [0.074, 0.0538, 0.0276] * ward(alpha=0.1)")
     assert np.array_equal(evaluate(material.brdf, wi, wo), evaluate(direct, wi, wo))
@@ -88,7 +88,7 @@ def test_every_published_fit_is_read_and_finite():
     read = 0
     for path in sorted(folder.glob("*.fit")):
         for name in published_names(path):
-            f = np.asarray(evaluate(build(published_spelling(path, name)), wi, wo))
+            f = np.asarray(evaluate(build(published_expression(path, name)), wi, wo))
             assert np.isfinite(f).all(), (path.name, name)
             read += 1
     assert read == 1302
