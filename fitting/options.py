@@ -86,23 +86,17 @@ class FitSettings:
     @classmethod
     def create(cls, options: Mapping[str, Any]) -> "FitSettings":
         """The settings of keywords, old names too; GonioError for what is out of range, TypeError for other names."""
-        values = renamed_options(options, OLD_NAMES)
+        values = renamed_options(options, OLD_NAMES) if OLD_NAMES.keys() & options.keys() else dict(options)
         known = [f.name for f in dataclasses.fields(cls)]
         if unknown := [name for name in values if name not in known]:
             raise TypeError(f"fit has no option '{unknown[0]}'; {nearest(unknown[0], known)}")
-        values["bootstrap_kind"] = bootstrap_kind(values.get("bootstrap_kind", "wild"))
+        if (kind := values.get("bootstrap_kind")) in OLD_KINDS:
+            renamed(f"bootstrap_kind='{kind}'", f"'{OLD_KINDS[kind]}'")
+            values["bootstrap_kind"] = OLD_KINDS[kind]
         values["robust"] = "tukey" if values.get("robust") is True else values.get("robust") or None
         if values.get("scene") is not None:
             values["scene"] = load_scene(values["scene"])
         return cls(**values)
-
-
-def bootstrap_kind(name: str) -> str:
-    """The kind of bootstrap under its present name; a warning for an old one."""
-    if name not in OLD_KINDS:
-        return name
-    renamed(f"bootstrap_kind='{name}'", f"'{OLD_KINDS[name]}'")
-    return OLD_KINDS[name]
 
 
 def _require_known(what: str, value: str | None, known: tuple[str, ...]) -> None:

@@ -21,16 +21,17 @@ class Optimum:
     """Statistics at the end of a fit of one problem with P free numbers, n cells and C channels.
 
     Attributes:
-        problem: what was minimised, with its final weights.
+        problem: what was minimised, with its final weights; `parameters` and `domains` of its free numbers.
         p: the free numbers (P,).
         model_f: the model's values (n, C).
-        equations: normal equations at p.
+        cost: ½ Σ r²; `equations`: normal equations at p.
         covariance: of the free numbers.
         active_bound: which numbers (P,) a bound holds.
         reach: how far inside its bound such a number may lie, with 95 % confidence (P,).
-        projected_gradient: see `convergence.stationarity`.
+        projected_gradient: see `convergence.stationarity`; up to `limit` it counts as stationary.
+        exact: ‖r‖ ≤ 10³ eps ‖data‖: the residual is rounding.
+        log_weight: Σ ln w over the readings, what a likelihood adds where weights are the model's; 0 without one.
         starts, agreed: number of descents, and of those that ended here.
-        likelihood: the cost is the noise's own likelihood.
         notes: sentences for the result.
         downweighted: what a robust fit counts less.
         profile: 95 % intervals of vague numbers, by index.
@@ -38,56 +39,30 @@ class Optimum:
     """
 
     problem: FitProblem
+    parameters: Parameterisation
+    domains: Domains
     p: np.ndarray
     model_f: np.ndarray
+    cost: float
     equations: NormalEquations
     covariance: Covariance
     active_bound: np.ndarray
     reach: np.ndarray
     projected_gradient: float
+    limit: float
+    exact: bool
+    log_weight: float
     starts: int
     agreed: int
-    likelihood: bool
     notes: list[str]
     downweighted: DownweightedReadings | None = None
     profile: dict[int, tuple[float, float]] = dataclasses.field(default_factory=dict)
     unfollowed: tuple[int, ...] = ()
 
     @property
-    def parameters(self) -> Parameterisation:
-        """The model with its free numbers taken out."""
-        return self.problem.parameters
-
-    @property
-    def domains(self) -> Domains:
-        """Closed domains of the free numbers."""
-        return self.problem.domains
-
-    @property
     def readings(self) -> Readings:
         """What was fitted."""
         return self.problem.readings
-
-    @property
-    def cost(self) -> float:
-        """½ Σ r²."""
-        return float(self.equations.cost)
-
-    @property
-    def log_weight(self) -> float:
-        """Σ ln w over the readings: what a likelihood adds where weights are the model's; 0 without one."""
-        weight = self.problem.weight
-        return float(np.sum(np.log(weight[weight > 0]))) if self.likelihood else 0.0
-
-    @property
-    def exact(self) -> bool:
-        """‖r‖ ≤ 10³ eps ‖data‖: the residual is rounding."""
-        return is_exact(self.cost, self.problem.target_norm_squared)
-
-    @property
-    def limit(self) -> float:
-        """Largest projected gradient that counts as stationary."""
-        return stationary_limit(self.cost, self.problem.target_norm_squared)
 
     @property
     def converged(self) -> bool:
@@ -112,15 +87,15 @@ def optimum_at(
     """The optimum of a problem at p (P,), from its evaluation there; `agreement`: starts, and how many agree."""
     d, count, equations, scores = problem.domains, problem.readings.count, at.equations, at.scores
     measure = stationarity(d, p, equations)
-    active, target = measure.active_bound, problem.target_norm_squared
-    exact = is_exact(float(equations.cost), target)
+    active, target, cost = measure.active_bound, problem.target_norm_squared, float(equations.cost)
+    exact = is_exact(cost, target)
     if exact:
         # The gradient of a rounding residual points anywhere: a bound is active where the number lies on it.
         active = np.logical_or(*at_bounds(d, p))
     notes = list(notes)
     if not likelihood and p.size and count <= p.size and not exact:
         notes.append(TOO_FEW)
-        scores = np.full_like(scores, np.nan)
+        scores = np.full_like(equations.matrix, np.nan)
     estimate = CovarianceEstimate(equations.matrix, None if likelihood else scores, count, d, p)
     spread, active, reach = at_bounds_covariance(estimate, equations.gradient, active, measure.zero_sensitivity)
     if exact and not likelihood:
@@ -130,7 +105,9 @@ def optimum_at(
         spread = known.covariance(~active & ~measure.zero_sensitivity).scaled(rounding, d, p)
     if downweighted is not None:
         spread = spread.scaled(downweighted.widening**2, d, p)
+    log_weight = float(np.sum(np.log(problem.weight[problem.weight > 0]))) if likelihood else 0.0
     return Optimum(
-        problem, p, at.f, equations, spread, active, reach, float(measure.projected_gradient),
-        *agreement, likelihood, notes, downweighted,
+        problem, problem.parameters, d, p, at.f, cost, equations, spread, active, reach,
+        float(measure.projected_gradient), stationary_limit(cost, target), exact, log_weight, *agreement, notes,
+        downweighted,
     )  # fmt: skip

@@ -35,7 +35,11 @@ def with_profiles(e: Optimum) -> Optimum:
         return e
     followed = {k: _searches(e, k) for k in vague[:MOST]}
     budget = _follow(e, [s for pair in followed.values() for s in pair], BUDGET)
-    profile = {k: (low.end, high.end) for k, (low, high) in followed.items() if np.isfinite([low.end, high.end]).all()}
+    profile = {
+        k: (float(low.end), float(high.end))
+        for k, (low, high) in followed.items()
+        if np.isfinite([low.end, high.end]).all()
+    }
     # Noise may seem to decide where a bent valley hardly does: three standard deviations see its far side.
     far = {
         k: [s.farther(FAR) for s in followed[k]]
