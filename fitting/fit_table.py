@@ -72,7 +72,8 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
         compile_ahead(parsed[0], loss, len(source.channels), settings.per_channel)
     task = _task(source, settings)
     seconds, view, selection = {"read": time.perf_counter() - began}, None, None
-    anisotropic = shows_anisotropy(task.layout, task.readings)
+    searching = settings.scene is not None or not expressions
+    anisotropic = searching and shows_anisotropy(task.layout, task.readings)
     if settings.scene is not None:
         view = view_of(settings.scene, task.readings, anisotropic)
     if not expressions:

@@ -11,7 +11,7 @@ from gonio.models.catalog import MODELS
 from gonio.models.expression.builder import Frame, frame
 from gonio.models.expression.labels import number_label
 from gonio.models.expression.parser import Call, Term, Value, needed
-from gonio.models.expression.paths import Number, changed, last, numbers
+from gonio.models.expression.paths import ParameterRef, changed, last, numbers
 from gonio.models.parameters import ParameterInfo, parameters_of
 
 FixedValues = tuple[dict[str, np.ndarray], ...]  # of each term, by path
@@ -162,7 +162,7 @@ def of_channel(terms: tuple[Term, ...], c: int) -> tuple[Term, ...]:
     return tuple(changed(t, one) for t in terms)
 
 
-def _domain(n: Number) -> ParameterInfo:
+def _domain(n: ParameterRef) -> ParameterInfo:
     # A dielectric seen from outside has an index of at least 1; below, 1/eta gives nearly the same data.
     info = n.info
     if last(n.path) == "eta" and "k" not in n.call.values:

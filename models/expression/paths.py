@@ -11,7 +11,7 @@ from gonio.models.parameters import ParameterInfo, parameters_of
 FACTOR = "scale"
 
 
-class Number(NamedTuple):
+class ParameterRef(NamedTuple):
     """A number that an expression says: where it stands, what was said, what it is, and the model it belongs to."""
 
     path: str
@@ -25,13 +25,13 @@ def last(path: str) -> str:
     return path.rsplit(".", 1)[-1]
 
 
-def numbers(term: Term, prefix: str = "") -> Iterator[Number]:
+def numbers(term: Term, prefix: str = "") -> Iterator[ParameterRef]:
     """The numbers of a term: its parameters, its scale, then those of the models inside it."""
     known = parameters_of(MODELS[term.call.name])
     for name, value in term.call.values.items():
-        yield Number(prefix + name, value, known[name], term.call)
+        yield ParameterRef(prefix + name, value, known[name], term.call)
     if term.scale is not None:
-        yield Number(prefix + FACTOR, term.scale, SCALE, term.call)
+        yield ParameterRef(prefix + FACTOR, term.scale, SCALE, term.call)
     for field, inside in term.call.models.items():
         for index, part in enumerate(inside):
             yield from numbers(part, f"{prefix}{field}.{index}.")
