@@ -31,7 +31,7 @@ import numpy as np
 from gonio.data.toml_file import read_toml, require_keys
 from gonio.models.display import Displayed, listed
 from gonio.models.errors import GonioError, nearest
-from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 LARGEST = 1 << 20  # bytes
@@ -177,7 +177,7 @@ class Scene(Displayed):
             # A pixel sees the surface foreshortened: how much of it lies at an angle goes with that angle's cosine.
             return Direction(*even), even[2]
         tilt = MIN_TILT * (math.pi / 2 / MIN_TILT) ** u
-        h = (np.sin(tilt) * np.cos(2 * math.pi * v), np.sin(tilt) * np.sin(2 * math.pi * v), np.cos(tilt))
+        h = from_spherical(tilt, 2 * math.pi * v, np)
         wi = [np.choose((k // 2) % len(lights), c) for c in zip(*lights, strict=True)]
         twice = 2 * sum(a * b for a, b in zip(wi, h, strict=True))
         wo = Direction(*(np.where(k % 2 == 1, twice * b - a, c) for a, b, c in zip(wi, h, even, strict=True)))

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.directions import Direction, from_spherical
 
 ORDERS = (4, 8, 16, 32, 64, 128)  # nodes of each panel along each side: 8·order² evaluations
 NODES_A_CALL = 2048
@@ -97,7 +97,7 @@ def directional_albedo(brdf: AbstractBRDF, theta_i, phi_i=0.0, tolerance: float 
 
 def _albedo_block(parts, theta, phi, tolerance) -> tuple[np.ndarray, np.ndarray, int]:
     t, p = (_padded(a, INCIDENCES_A_CALL, 0.5) for a in (theta, phi))
-    wi = Direction(*(jnp.asarray(c) for c in (np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t))))
+    wi = Direction(*(jnp.asarray(c) for c in from_spherical(t, p, np)))
     done: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     open_terms = list(range(len(parts)))
     previous: dict[int, np.ndarray] = {}

@@ -11,7 +11,7 @@ from gonio.fitting.problem.readings import Readings
 from gonio.fitting.solver.robust_weights import NORMAL_MAD
 from gonio.fitting.uncertainty.covariance import LOST, open_from
 from gonio.fitting.uncertainty.optimum import Optimum
-from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.directions import Direction, from_spherical
 
 STEP = 5.0  # degrees
 HIGHEST = 85.0
@@ -109,9 +109,8 @@ def _probes(e: Optimum) -> _Probes:
     phi = np.tile(np.repeat(np.radians([180.0, 0.0, 175.0, 120.0]), EACH // 4), INCIDENCES)
     # The mirror direction itself belongs to every incidence: a lobe is often narrower than the grid.
     theta_o[:: EACH // 4] = theta_i[:: EACH // 4]
-    wi = Direction(np.sin(theta_i), np.zeros_like(theta_i), np.cos(theta_i))
-    wo = Direction(np.sin(theta_o) * np.cos(phi), np.sin(theta_o) * np.sin(phi), np.cos(theta_o))
-    wi, wo = (Direction(*(jnp.asarray(c) for c in w)) for w in (wi, wo))
+    pair = (from_spherical(theta_i, 0.0, np), from_spherical(theta_o, phi, np))
+    wi, wo = (Direction(*(jnp.asarray(c) for c in w)) for w in pair)
     f, rows = sensitivities(e.parameters, jnp.asarray(e.p), e.problem.fixed, wi, wo)
     return _Probes(theta_i, theta_o, np.asarray(rows), np.asarray(f))
 

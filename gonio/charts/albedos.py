@@ -19,7 +19,7 @@ from gonio.models.albedo import directional_albedo
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
-from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.stability.albedos import UNRESOLVED, ring_albedo
 from gonio.stability.directions import AZIMUTH, unit_vector
 
@@ -73,7 +73,7 @@ def _product(brdf: AbstractBRDF, order: float) -> Albedos:
     x, w = np.polynomial.legendre.leggauss(n)
     theta, phi = (x + 1) * np.pi / 4, np.arange(2 * n) * np.pi / n
     t, p = (g.ravel() for g in np.meshgrid(theta, phi, indexing="ij"))
-    wo = Direction(np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t))
+    wo = from_spherical(t, p, np)
     weight = np.repeat(w * np.pi / 4 * np.sin(theta) * np.cos(theta) * np.pi / n, 2 * n)
 
     def call() -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import SMALL_BLOCK as BLOCK
 from gonio.models.evaluation import evaluate_in_blocks
-from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 values = evaluate_in_blocks
@@ -32,8 +32,7 @@ def precision() -> float:
 
 def directions(theta: np.ndarray, phi: np.ndarray) -> Direction:
     """Unit directions of polar angles in [0, π/2] and azimuths, radians (NumPy, float64)."""
-    sin_t = np.sin(theta)
-    return Direction(sin_t * np.cos(phi), sin_t * np.sin(phi), np.cos(theta) + 0.0 * phi)
+    return from_spherical(theta, phi, np)
 
 
 def refuse_other_channels(judged: int, reference: int) -> None:

@@ -14,7 +14,7 @@ from gonio.figures.spheres import sphere_pairs
 from gonio.fitting.residuals.colour_difference import LINEAR_SRGB, colour_matrix
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
-from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.directions import Direction, from_spherical
 
 INCIDENCES = (0.0, 30.0, 60.0, 80.0)
 MAP_INCIDENCES = (30.0, 60.0)
@@ -147,11 +147,7 @@ def _mesh(theta_i: float) -> Pairs:
 
 def _pairs(theta_i: float, theta_o: np.ndarray, delta_phi: np.ndarray) -> Pairs:
     t = np.full_like(theta_o, np.radians(theta_i))
-    return _directions(t, np.zeros_like(t)), _directions(theta_o, delta_phi)
-
-
-def _directions(theta: np.ndarray, phi: np.ndarray) -> Direction:
-    return Direction(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) * np.ones_like(phi))
+    return from_spherical(t, np.zeros_like(t), np), from_spherical(theta_o, delta_phi, np)
 
 
 def _evaluated(brdf: AbstractBRDF, pairs: Sequence[Pairs]) -> list[np.ndarray]:

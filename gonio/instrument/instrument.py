@@ -8,7 +8,7 @@ import numpy as np
 
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
-from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.directions import Direction, from_spherical
 
 HALF_ANGLE_MAX = math.radians(45)
 PHOTONS_MAX = 1e15
@@ -58,7 +58,7 @@ class Systematic:
         )
 
     def _in_sample_frame(self, theta: np.ndarray, phi: np.ndarray) -> Direction:
-        x, y, z = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
+        x, y, z = from_spherical(theta, phi, np)
         # The normal is R_y R_x e_z, so a direction of the room is R_x⁻¹ R_y⁻¹ w for the sample.
         cos_y, sin_y = math.cos(self.tilt_y), math.sin(self.tilt_y)
         x, z = cos_y * x - sin_y * z, sin_y * x + cos_y * z

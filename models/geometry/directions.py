@@ -4,6 +4,7 @@ Conventions, for the whole of gonio: +z is the surface normal; `wi` points from 
 detector; both are unit vectors. theta is the polar angle from +z, phi the azimuth, in radians.
 """
 
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -71,10 +72,10 @@ def safe_atan2(y: Scalar, x: Scalar) -> Scalar:
     return jnp.arctan2(jnp.where(null, 0.0, y), jnp.where(null, 1.0, x))
 
 
-def from_spherical(theta: Scalar, phi: Scalar) -> Direction:
-    """Unit vector of polar angle `theta` in [0, π] and azimuth `phi`, radians; shapes broadcast."""
-    sin_t = jnp.sin(theta)
-    return Direction(*jnp.broadcast_arrays(sin_t * jnp.cos(phi), sin_t * jnp.sin(phi), jnp.cos(theta)))
+def from_spherical(theta: Scalar, phi: Scalar, xp: ModuleType = jnp) -> Direction:
+    """Unit vector of polar angle `theta` in [0, π] and azimuth `phi`, radians; shapes broadcast; `xp`: JAX or NumPy."""
+    sin_t = xp.sin(theta)
+    return Direction(*xp.broadcast_arrays(sin_t * xp.cos(phi), sin_t * xp.sin(phi), xp.cos(theta)))
 
 
 def to_spherical(w: Direction) -> tuple[Scalar, Scalar]:

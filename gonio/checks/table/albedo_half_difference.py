@@ -13,6 +13,7 @@ from gonio.checks.grid_resolution import excess, hat_weights, log_values, predic
 from gonio.checks.table.albedo_on_grid import MOST_MISSING, floor_of
 from gonio.data.flags import Flag
 from gonio.data.table import Table
+from gonio.models.geometry.directions import from_spherical
 
 AZIMUTHS = 180
 """Azimuths of the half vector, even."""
@@ -40,7 +41,7 @@ class HalfVectorGrid:
         phi_h = (np.arange(AZIMUTHS) + 0.5) * 2 * np.pi / AZIMUTHS
         sin_h, cos_h = np.sin(theta_h)[:, None], np.cos(theta_h)[:, None]
         c, s = np.cos(phi_h)[None], np.sin(phi_h)[None]
-        x, y, z = np.sin(theta_i) * np.cos(phi_i), np.sin(theta_i) * np.sin(phi_i), np.cos(theta_i)
+        x, y, z = from_spherical(theta_i, phi_i, np)
         along, across = x * c + y * s, -x * s + y * c
         # The light in the half vector's frame: turned back by phi_h, then by theta_h.
         d_x, d_z = along * cos_h - z * sin_h, along * sin_h + z * cos_h
