@@ -79,18 +79,18 @@ def albedos_of(rows: Iterable[Incidence | None], method: str) -> Albedos | str:
 
 def energy_property(albedos: Albedos, tolerance: float, series: dict[str, Any]) -> Property:
     """Energy conservation: how far a directional albedo exceeds 1, with the bound on its error at that side."""
-    value, at = albedos.value, albedos.deciding(tolerance)
+    value, worst = albedos.value, albedos.deciding(tolerance)
     finite = np.isfinite(value)
-    fails = finite.all() and value[at] - albedos.below[at] > 1 + tolerance
-    bound = np.inf if not finite.all() else float((albedos.below if fails else albedos.above)[at])
-    residual = float(value[at] - 1)
+    fails = finite.all() and value[worst] - albedos.below[worst] > 1 + tolerance
+    bound = np.inf if not finite.all() else float((albedos.below if fails else albedos.above)[worst])
+    residual = float(value[worst] - 1)
     verdict = verdict_of(residual, bound, tolerance) if finite.all() else UNDECIDED
-    where = {
-        "theta_i": float(np.degrees(albedos.theta_i[at[0]])),
-        "phi_i": float(np.degrees(albedos.phi_i[at[0]]) % 360),
+    where: dict[str, Any] = {
+        "theta_i": float(np.degrees(albedos.theta_i[worst[0]])),
+        "phi_i": float(np.degrees(albedos.phi_i[worst[0]]) % 360),
     }
     if value.shape[1] > 1:
-        where["channel"] = albedos.channels[at[1]] if albedos.channels else at[1]
+        where["channel"] = albedos.channels[worst[1]] if albedos.channels else worst[1]
     least = np.unravel_index(np.nanargmin(np.where(finite, value, np.inf)), value.shape)
     facts = {
         "incidences": len(value),
@@ -101,7 +101,7 @@ def energy_property(albedos: Albedos, tolerance: float, series: dict[str, Any]) 
     }
     size = f"±{bound:.2g}" if np.isfinite(bound) else "with an error that has no bound"
     detail = (
-        f"{SENTENCE[verdict]}: albedo {value[at]:.6g} ({size}) at θi {where['theta_i']:.4g}°; it loses up to"
+        f"{SENTENCE[verdict]}: albedo {value[worst]:.6g} ({size}) at θi {where['theta_i']:.4g}°; it loses up to"
         f" {max(facts['largest_loss'], 0.0):.3g} (at θi {facts['loss_at_theta_i_deg']:.4g}°). {albedos.method}"
     )
     return Property("energy", verdict, residual, bound, tolerance, where, detail, facts, series)

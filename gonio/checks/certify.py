@@ -43,30 +43,25 @@ def check(
     """
     if not 0 < level <= 0.5:
         raise GonioError(f"the level is {level}; give a chance above 0 and up to 0.5, such as 0.01")
+    given = _checked(tolerances or {})
     judged = resolve_subject(subject)
     reference = None if against is None else resolve_subject(against).brdf
-    limits = tolerances_of(judged.kind, tolerances or {})
     if judged.table is None:
         evidence = ModelEvidence(judged.brdf, judged.channels.names, reference)
     else:
         evidence = TableEvidence(judged.table, level, feature_width, reference).gathered()
-    properties = [
-        pkgutil.resolve_name(f"gonio.checks.{getattr(spec, judged.kind)}")(evidence, limits[key])
-        for key, spec in PROPERTIES.items()
-        if reference is not None or not spec.needs_reference
-    ]
+    properties = []
+    for key, spec in PROPERTIES.items():
+        if reference is not None or not spec.needs_reference:
+            judge = pkgutil.resolve_name(f"gonio.checks.{getattr(spec, judged.kind)}")
+            properties.append(judge(evidence, given.get(key, getattr(spec, f"{judged.kind}_tolerance"))))
     return Certificate(name or judged.name, judged.kind, properties, strict)
 
 
-def tolerances_of(kind: str, given: Mapping[str, float | None]) -> dict[str, float]:
-    """The tolerances of a kind of subject, with those that are given; GonioError for an unknown or negative one."""
-    limits = {name: getattr(spec, f"{kind}_tolerance") for name, spec in PROPERTIES.items()}
-    for name, value in given.items():
+def _checked(tolerances: Mapping[str, float | None]) -> dict[str, float]:
+    for name, value in tolerances.items():
         if name not in PROPERTIES:
             raise GonioError(f"there is no tolerance of {name!r}; expected one of {', '.join(PROPERTIES)}")
-        if value is None:
-            continue
-        if not 0 <= value < float("inf"):
+        if value is not None and not 0 <= value < float("inf"):
             raise GonioError(f"the tolerance of {name} is {value}; give a number from 0 up")
-        limits[name] = value
-    return limits
+    return {name: value for name, value in tolerances.items() if value is not None}

@@ -81,7 +81,7 @@ class _Cells:
         """(n,): whether a peak lies in the cell that is much higher than all of its nodes."""
         low, high = self.corner[:, None], (self.corner + self.size)[:, None]
         inside = ((peaks >= low) & (peaks <= high)).all(-1)
-        return (inside & (heights > 1.5 * self.top[:, None] + 1e-12)).any(axis=1)
+        return np.any(inside & (heights > 1.5 * self.top[:, None] + 1e-12), axis=1)
 
     def quarters(self, light: _Light, chosen: np.ndarray) -> "_Cells":
         """The chosen cells, each cut in four."""

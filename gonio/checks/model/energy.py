@@ -94,12 +94,12 @@ class _Integrator:
         return Albedos(theta, phi, value, bound, bound, self.method, self.channels)
 
     def _by_maps(self, brdf: AbstractBRDF, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        estimate = directional_albedo(brdf, theta, phi, self.accuracy)
+        estimate = directional_albedo(brdf, theta, np.asarray(phi), self.accuracy)
         value, bound = (a.reshape(theta.size, -1).copy() for a in (estimate.value, estimate.bound))
         # Where the lobe's own map does not resolve it (very unequal widths), cells that adapt may.
         coarse = np.flatnonzero(np.any((bound > COARSE) & (value + bound > 1), axis=-1))
         for k in coarse[:MOST_ADAPTED]:
-            v, b = cubature_albedo(brdf, theta[k], phi[k], self.accuracy)
+            v, b = cubature_albedo(brdf, float(theta[k]), float(phi[k]), self.accuracy)
             value[k], bound[k] = np.where(b < bound[k], (v, b), (value[k], bound[k]))
         return value, bound
 

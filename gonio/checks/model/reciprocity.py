@@ -72,12 +72,12 @@ def worst_difference(a: Values, b: Values, angles: np.ndarray, rounds: int = 24)
     starts = angles[np.argsort(over_channels)[::-1][:STARTS]]
     best, refined = climb(lambda where: np.max(differences(where), axis=-1), starts, rounds)
     k = int(np.nanargmax(refined)) if np.isfinite(refined).any() else 0
-    at_worst = np.nan_to_num(differences(best[k : k + 1])[0])
+    difference = np.nan_to_num(differences(best[k : k + 1])[0])
     return WorstDifference(
         float(refined[k]),
         best[k],
-        int(np.argmax(at_worst)),
-        at_worst.size,
+        int(np.argmax(difference)),
+        difference.size,
         angles[undefined],
         sum(evaluated),
         floor,

@@ -12,7 +12,7 @@ Row = tuple[np.ndarray, np.ndarray]
 """Numbers of cells and their weights."""
 
 
-def albedo_rows(table: Table, channel: int) -> sparse.csr_matrix:
+def albedo_rows(table: Table, channel: int) -> sparse.csr_array:
     """(incidences, cells): times the readings of a channel, the albedos that `gonio check` integrates.
 
     No rows where the layout has no albedo (readings in a plane) or the grid does not cover the hemisphere.
@@ -20,10 +20,10 @@ def albedo_rows(table: Table, channel: int) -> sparse.csr_matrix:
     valid = np.asarray(table.flag[..., channel]) == Flag.VALID
     rows = _half_rows(table, valid) if table.layout.in_half_vectors else _grid_rows(table, valid)
     if not rows:
-        return sparse.csr_matrix((0, table.layout.size))
+        return sparse.csr_array((0, table.layout.size))
     number = np.concatenate([np.full(cells.size, k) for k, (cells, _) in enumerate(rows)])
     cells, weights = (np.concatenate(column) for column in zip(*rows, strict=True))
-    return sparse.csr_matrix((weights, (number, cells)), shape=(len(rows), table.layout.size))
+    return sparse.csr_array((weights, (number, cells)), shape=(len(rows), table.layout.size))
 
 
 def _grid_rows(table: Table, valid: np.ndarray) -> list[Row]:

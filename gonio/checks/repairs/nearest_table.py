@@ -2,7 +2,7 @@
 
 import dataclasses
 import datetime
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from scipy import sparse
@@ -70,32 +70,20 @@ def repair(
     from gonio.checks.certify import check
 
     table, remark = _on_a_grid(_table(table), step)
-    f = np.array(table.f[...], dtype=float)
-    valid = np.asarray(table.flag[...]) == Flag.VALID
-    if not valid.any():
+    readings = [_Channel.of(table, c) for c in range(len(table.channels))]
+    if not any(channel.valid.any() for channel in readings):
         raise GonioError("the table holds no valid reading; there is nothing to repair")
 
     def certified(t: Table) -> Certificate:
         return check(t, tolerances=tolerances, feature_width=feature_width, level=level, name=t.name or "table")
 
     before = certified(table)  # refuses wrong tolerances and levels before there is work to lose
-    u = np.full(f.shape, np.nan) if table.u_f is None else np.asarray(table.u_f[...], float)
-    cells = np.arange(table.layout.size)
-    partner = _partners(table, cells)
-    new_f, new_u, runs = f.copy().reshape(cells.size, -1), u.copy().reshape(cells.size, -1), []
-    for c in range(f.shape[-1]):
-        run = _Channel(table, c, f[..., c].ravel(), u[..., c].ravel(), valid[..., c].ravel(), partner)
-        runs.append(run.solve(nonnegative))
-        new_f[:, c], new_u[:, c] = run.spread(runs[-1].point, new_f[:, c]), run.uncertainty()
-    made = dataclasses.replace(
-        table,
-        f=new_f.reshape(f.shape).astype(np.asarray(table.f[:0]).dtype),
-        u_f=None if table.u_f is None else new_u.reshape(f.shape),
-        flag=np.asarray(table.flag[...]),
-        interpolant=None,
-    )
-    moved = _distance(f, np.asarray(made.f, float), u, valid, runs)
-    made.provenance = {
+    partner = _partners(table)
+    repaired = [channel.repaired(partner, albedo_rows(table, c), nonnegative) for c, channel in enumerate(readings)]
+    f, u = (np.stack(column, axis=-1).reshape(table.f.shape) for column in (list(zip(*repaired, strict=True)))[:2])
+    f = f.astype(np.asarray(table.f[:0]).dtype)
+    moved = _distance(readings, f, [run for *_, run in repaired])
+    provenance = {
         "repaired": {
             "by": "nearest reciprocal table whose albedos are at most 1",
             "nonnegative": nonnegative,
@@ -105,8 +93,16 @@ def repair(
         },
         "from": table.provenance,
     }
-    made.name = f"{table.name} (repaired)".strip()
-    return Repaired(made, before, certified(made), moved, remark)
+    new = dataclasses.replace(
+        table,
+        f=f,
+        u_f=None if table.u_f is None else u,
+        flag=np.asarray(table.flag[...]),
+        interpolant=None,
+        provenance=provenance,
+        name=f"{table.name} (repaired)".strip(),
+    )
+    return Repaired(new, before, certified(new), moved, remark)
 
 
 def _table(what: SubjectLike) -> Table:
@@ -139,9 +135,10 @@ def _on_a_grid(table: Table, step: float | None) -> tuple[Table, str]:
     return read, f"first read by the format's own warp on an isotropic grid of {step:g}°"
 
 
-def _partners(table: Table, cells: np.ndarray) -> np.ndarray:
-    layout = table.layout
-    partner = layout.exchanged(cells)
+def _partners(table: Table) -> np.ndarray:
+    """The reciprocal cell of each cell; its own number where there is none."""
+    cells = np.arange(table.layout.size)
+    partner = table.layout.exchanged(cells)
     if partner is None:
         return cells
     if np.mean(partner >= 0) < 0.1:
@@ -151,55 +148,63 @@ def _partners(table: Table, cells: np.ndarray) -> np.ndarray:
     return np.where(partner >= 0, partner, cells)
 
 
+@dataclasses.dataclass(frozen=True)
 class _Channel:
-    """One channel: the numbers that are free are pairs of readings, each with a weight."""
+    """The readings of one channel, (cells,)."""
 
-    def __init__(self, table, channel, f, u, valid, partner):
-        cells = np.arange(f.size)
-        # A reading whose partner is not valid stands alone.
-        together = np.where(valid & valid[partner], np.minimum(cells, partner), cells)
-        self.cells = cells[valid]
-        names, self.group = np.unique(together[valid], return_inverse=True)
-        self.rows = albedo_rows(table, channel)[:, self.cells] @ sparse.csr_matrix(
-            (np.ones(self.cells.size), (np.arange(self.cells.size), self.group)), shape=(self.cells.size, names.size)
-        )
-        self.u, own = u, f[valid]
-        count = np.bincount(self.group)
-        known = np.isfinite(u[valid]) & (u[valid] > 0)
+    f: np.ndarray
+    u: np.ndarray
+    valid: np.ndarray
+
+    @classmethod
+    def of(cls, table: Table, c: int) -> Self:
+        f = np.array(table.f[..., c], dtype=float).ravel()
+        u = np.full(f.shape, np.nan) if table.u_f is None else np.array(table.u_f[..., c], float).ravel()
+        return cls(f, u, np.asarray(table.flag[..., c]).ravel() == Flag.VALID)
+
+    def weights(self, group: np.ndarray) -> np.ndarray:
+        """The weight of each valid reading: by its uncertainty, or by the mean size of its pair."""
+        f, u = np.abs(self.f[self.valid]), self.u[self.valid]
+        known = np.isfinite(u) & (u > 0)
         if known.any():
-            self.each = 1 / np.where(known, u[valid], np.median(u[valid][known])) ** 2
-        else:
-            size = np.bincount(self.group, np.abs(own)) / count
-            size = np.maximum(size, max(DARK * np.mean(np.abs(own)), 1e-300))
-            self.each = (1 / size**2)[self.group]
-        self.weight = np.bincount(self.group, self.each)
-        self.mean = np.bincount(self.group, self.each * own) / self.weight
+            return 1 / np.where(known, u, np.median(u[known])) ** 2
+        size = np.bincount(group, f) / np.bincount(group)
+        return (1 / np.maximum(size, max(DARK * np.mean(f), 1e-300)) ** 2)[group]
 
-    def solve(self, nonnegative: bool) -> Projection:
-        limit = np.full(self.rows.shape[0], 1.0 - ROOM)
+    def repaired(
+        self, partner: np.ndarray, rows: sparse.csr_array, nonnegative: bool
+    ) -> tuple[np.ndarray, np.ndarray, Projection]:
+        """(f, u_f) of the nearest lawful readings: the free numbers are pairs, each the weighted mean of two."""
+        cells = np.arange(self.f.size)
+        # A reading whose partner is not valid stands alone.
+        together = np.where(self.valid & self.valid[partner], np.minimum(cells, partner), cells)
+        cells = cells[self.valid]
+        pairs, group = np.unique(together[self.valid], return_inverse=True)
+        each = self.weights(group)
+        weight = np.bincount(group, each)
+        mean = np.bincount(group, each * self.f[cells]) / weight
+        spread = sparse.csr_array((np.ones(cells.size), (np.arange(cells.size), group)), (cells.size, pairs.size))
+        limit = np.full(rows.indptr.size - 1, 1.0 - ROOM)
         # Weights about 1 keep the dual well scaled.
-        return nearest(self.mean, self.weight / np.median(self.weight), self.rows.tocsr(), limit, nonnegative)
-
-    def spread(self, point, into):
-        into[self.cells] = point[self.group]
-        return into
-
-    def uncertainty(self):
-        # Of the weighted mean of the pair; NaN where one of the two is unknown.
-        out = self.u.copy()
-        variance = np.bincount(self.group, (self.each * self.u[self.cells]) ** 2) / self.weight**2
-        out[self.cells] = np.sqrt(variance)[self.group]
-        return out
+        run = nearest(mean, weight / np.median(weight), (rows[:, cells] @ spread).tocsr(), limit, nonnegative)
+        f, u = self.f.copy(), self.u.copy()
+        f[cells] = run.point[group]
+        # NaN where one of the two is unknown.
+        u[cells] = np.sqrt(np.bincount(group, (each * self.u[cells]) ** 2) / weight**2)[group]
+        return f, u, run
 
 
-def _distance(f, new, u, valid, runs) -> dict:
-    change = np.abs(new - f)[valid]
-    own, known = np.abs(f[valid]), np.isfinite(u[valid]) & (u[valid] > 0)
-    lit = own > 0
-    told = {
-        "relative_rms": float(np.sqrt(np.sum(change**2) / np.sum(own**2))) if lit.any() else 0.0,
-        "median_relative": float(np.median(change[lit] / own[lit])) if lit.any() else 0.0,
-        "percentile_95_relative": float(np.percentile(change[lit] / own[lit], 95)) if lit.any() else 0.0,
+def _distance(readings: list[_Channel], f: np.ndarray, runs: list[Projection]) -> dict[str, Any]:
+    """How far the readings moved: relative to themselves, in 1/sr, in their uncertainties; and how it was reached."""
+    valid, before, u = (np.stack([getattr(c, k) for c in readings], -1) for k in ("valid", "f", "u"))
+    change = np.abs(f.reshape(before.shape) - before)[valid]
+    before, u = np.abs(before[valid]), u[valid]
+    known, lit = np.isfinite(u) & (u > 0), before > 0
+    relative = change[lit] / before[lit] if lit.any() else np.zeros(1)
+    moved = {
+        "relative_rms": float(np.sqrt(np.sum(change**2) / np.sum(before**2))) if lit.any() else 0.0,
+        "median_relative": float(np.median(relative)),
+        "percentile_95_relative": float(np.percentile(relative, 95)),
         "largest_per_sr": float(change.max()),
         "readings": int(change.size),
         "steps": [run.steps for run in runs],
@@ -207,6 +212,6 @@ def _distance(f, new, u, valid, runs) -> dict:
         "missed": max(run.missed for run in runs),
     }
     if known.any():
-        z = change[known] / u[valid][known]
-        told |= {"rms_in_uncertainties": float(np.sqrt(np.mean(z**2))), "share_beyond_2_u": float(np.mean(z > 2))}
-    return told
+        z = change[known] / u[known]
+        moved |= {"rms_in_uncertainties": float(np.sqrt(np.mean(z**2))), "share_beyond_2_u": float(np.mean(z > 2))}
+    return moved

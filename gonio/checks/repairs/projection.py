@@ -27,19 +27,19 @@ class Projection(NamedTuple):
 def nearest(
     start: np.ndarray,
     weight: np.ndarray,
-    rows: sparse.csr_matrix,
+    rows: sparse.csr_array,
     limit: np.ndarray,
     nonnegative: bool = False,
     tolerance: float = 1e-12,
 ) -> Projection:
     """The point nearest to `start` (n,), in the norm of `weight` (n,) > 0, with rows @ y ≤ limit (m,), absolute."""
-    multipliers = np.zeros(rows.shape[0])
+    multipliers = np.zeros(limit.size)
 
-    def point(lam):
+    def point(lam: np.ndarray) -> np.ndarray:
         y = start - (rows.T @ lam) / weight
         return np.maximum(y, 0.0) if nonnegative else y
 
-    def dual(lam, y):
+    def dual(lam: np.ndarray, y: np.ndarray) -> float:
         return 0.5 * np.sum(weight * (y - start) ** 2) + lam @ (rows @ y - limit)
 
     y = point(multipliers)

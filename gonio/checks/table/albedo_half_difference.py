@@ -5,6 +5,7 @@ in the other angles only, in which it is smooth.
 """
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from gonio.checks.albedos import Albedos, Incidence, albedos_of
 from gonio.checks.grid_resolution import excess, hat_weights, log_values, prediction_error
 from gonio.checks.table.albedo_on_grid import MOST_MISSING, floor_of
 from gonio.data.flags import Flag
+from gonio.data.interpolation.multilinear import InterpolationAxis
 from gonio.data.table import Table
 from gonio.models.geometry.directions import from_spherical
 
@@ -48,15 +50,20 @@ class HalfVectorGrid:
         cos_o = 2 * d_z * cos_h - z
         theta_d = np.arctan2(np.hypot(d_x, across), d_z)
         angles = {"theta_d": theta_d, "phi_d": np.arctan2(across, d_x), "phi_h": np.broadcast_to(phi_h, theta_d.shape)}
-        places = [_bracket(axes[name], x, self.periods[name]) for name, x in angles.items() if name in axes]
+        brackets = [self._bracket(name, x) for name, x in angles.items() if name in axes]
         w_h = hat_weights(theta_h, 0.0, np.pi / 2, np.sin)[:, None] * (2 * np.pi / AZIMUTHS)
         weight = np.where((d_z > 0) & (cos_o > 0), w_h * 4 * d_z * cos_o, 0.0)
         row = np.broadcast_to(np.arange(theta_h.size)[:, None], weight.shape)
-        found: list[Corner] = []
-        for sides in np.ndindex(*[2] * len(places)):
-            chosen = [(nodes[k], shares[k]) for (nodes, shares), k in zip(places, sides, strict=True)]
-            found.append(((row, *(n for n, _ in chosen)), np.prod([s for _, s in chosen], axis=0)))
-        return weight, found
+        every: list[Corner] = []
+        for sides in np.ndindex(*[2] * len(brackets)):
+            chosen = [(nodes[k], shares[k]) for (nodes, shares), k in zip(brackets, sides, strict=True)]
+            every.append(((row, *(n for n, _ in chosen)), np.prod([s for _, s in chosen], axis=0)))
+        return weight, every
+
+    def _bracket(self, name: str, x: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+        nodes: Any = self.axes[name]
+        axis = InterpolationAxis(nodes, self.periods[name], None, False, False)
+        return axis.bracket(np.minimum(x, nodes[-1]) if axis.period is None else x, np)
 
     def incidences(self) -> list[tuple[float, float]]:
         """(theta_i, phi_i), radians: 0, 5, ... 85° (and azimuths 0, 45, 90, 135° where there is a phi_h)."""
@@ -163,19 +170,3 @@ def half_difference_albedos(table: Table, reach: float) -> Albedos | str:
     return albedos_of(
         rows, "Integrated over half vectors at the table's own theta_h, interpolated in the other angles."
     )
-
-
-def _bracket(
-    nodes: np.ndarray, x: np.ndarray, period: float | None
-) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """((lower, upper) node numbers, their weights) of each x; beyond the outermost nodes constant, or periodic."""
-    if nodes.size == 1:
-        zero = np.zeros(x.shape, int)
-        return (zero, zero), (np.ones(x.shape), np.zeros(x.shape))
-    last = nodes.size - 2
-    if period is not None:
-        nodes = np.append(nodes, nodes[0] + period)
-        x, last = nodes[0] + np.mod(x - nodes[0], period), nodes.size - 2
-    low = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, last)
-    t = np.clip((x - nodes[low]) / (nodes[low + 1] - nodes[low]), 0, 1)
-    return (low, (low + 1) % (nodes.size - (period is not None))), (1 - t, t)

@@ -51,7 +51,7 @@ def warped_albedos(table: Table) -> Albedos | str:
     The bound adds to the change between the orders what the readings themselves leave open: every second stored polar
     angle of incidence, and each reading's distance from the mean of its neighbours in the format's own square.
     """
-    warp, rough = warp_of(table.interpolant)
+    warp, rough = warp_of(table)
     fine = _half_vector_rule(warp, *RULE)
     bound = 2 * np.abs(fine - _half_vector_rule(warp, *(n // 2 for n in RULE)))
     if hasattr(warp, "spectra"):
@@ -98,7 +98,7 @@ def _nearest(angles: np.ndarray, f: np.ndarray, u: np.ndarray, isotropic: bool, 
     theta, phi = np.arcsin(np.sqrt(point[:, 0])), 2 * np.pi * point[:, 1]
     wanted = np.stack([np.full(POINTS, theta_i), np.full(POINTS, phi_i), theta, phi], -1)
     tree = KDTree(_outgoing(angles, isotropic), LEAF)
-    distance, near = tree.query(_outgoing(wanted, isotropic), k=4)
+    distance, near = (np.asarray(a) for a in tree.query(_outgoing(wanted, isotropic), k=4))
     uncovered = distance[:, 0] > FARTHEST
     if uncovered.mean() > MOST_UNCOVERED:
         return None

@@ -7,7 +7,8 @@ correction of Daniels 1987].
 """
 
 import numpy as np
-from scipy.special import log_ndtr, ndtr, ndtri
+from scipy.optimize.elementwise import find_root
+from scipy.special import exprel, log_ndtr, ndtr, ndtri
 
 LIKELY = 2.5
 """Differences of fewer standard deviations take the normal tail."""
@@ -16,7 +17,7 @@ FARTHEST = 36.0
 """Differences of more standard deviations are as improbable as these, 1e-283: no double precision holds much less."""
 
 MANY = 20
-"""Different values below which nothing is said of their rounding."""
+"""With fewer different values their rounding cannot be known."""
 
 GROUP = 32
 """Readings, alike in their uncertainty, from which the size of a count is taken."""
@@ -27,7 +28,7 @@ def sidak(level: float, tests: int) -> float:
     return float(-np.expm1(np.log1p(-level) / max(tests, 1)))
 
 
-def family_p(p: np.ndarray | float, tests: int) -> np.ndarray:
+def family_p(p: np.ndarray | float, tests: np.ndarray | int) -> np.ndarray:
     """The p-value of a family of tests whose smallest is p."""
     return -np.expm1(tests * np.log1p(-np.minimum(p, 1 - 1e-16)))
 
@@ -43,26 +44,25 @@ def quantum(theta: np.ndarray, f: np.ndarray, u: np.ndarray) -> np.ndarray:
     Counts make u² = quantum · f + more: the least of Σu²/Σf over groups of readings at a like incidence that are alike
     in u. It is an upper bound: other noise makes it larger, and with it the tails. 0 where all f are 0.
     """
-    found = np.zeros(f.shape)
+    size = np.zeros(f.shape)
     order = np.argsort(theta, kind="stable")
     # Whole incidences together while they have enough readings.
-    edges = np.flatnonzero(np.diff(theta[order]) > 1e-6) + 1
     starts = [0]
-    for edge in edges:
+    for edge in np.flatnonzero(np.diff(theta[order]) > 1e-6) + 1:
         if edge - starts[-1] >= 4 * GROUP:
             starts.append(int(edge))
     for start, stop in zip(starts, [*starts[1:], f.size], strict=True):
-        at = order[start:stop]
-        alike = at[np.argsort(u[at], kind="stable")]
+        group = order[start:stop]
+        alike = group[np.argsort(u[group], kind="stable")]
         firsts = np.arange(0, alike.size, GROUP) if alike.size > GROUP else np.zeros(1, int)
         variance, signal = (np.add.reduceat(a[alike], firsts) for a in (u**2, f))
         lit = signal > 0
-        found[at] = np.min(variance[lit] / signal[lit]) if lit.any() else 0.0
-    return found
+        size[group] = np.min(variance[lit] / signal[lit]) if lit.any() else 0.0
+    return size
 
 
 def decimal_step(values: np.ndarray) -> float:
-    """The decimal to which readings, (n,), were rounded when they were written down (0.001, say), or 0: none is seen.
+    """The decimal to which readings, (n,), were rounded when they were written down (0.001, say), or 0 for none.
 
     Few different values are taken for round numbers, not for rounded ones.
     """
@@ -77,14 +77,21 @@ def decimal_step(values: np.ndarray) -> float:
     return 0.0
 
 
-def difference_p(a, b, u_a, u_b, q_a, q_b, allowed) -> np.ndarray:
+def difference_p(
+    a: np.ndarray,
+    b: np.ndarray,
+    u_a: np.ndarray,
+    u_b: np.ndarray,
+    q_a: np.ndarray,
+    q_b: np.ndarray,
+    allowed: np.ndarray | float,
+) -> np.ndarray:
     """Two-sided p-values, (n,), of |a − b| − allowed for readings that are expected to be the same.
 
     u are standard uncertainties of the expected readings, q the sizes of a count, all (n,).
     """
     x = np.maximum(np.abs(a - b) - allowed, 0.0)
-    variance = u_a**2 + u_b**2
-    z = x / np.sqrt(variance)
+    z = x / np.sqrt(u_a**2 + u_b**2)
     p = 2 * ndtr(-z)
     far = np.flatnonzero(z > LIKELY)
     if far.size:
@@ -96,7 +103,9 @@ def difference_p(a, b, u_a, u_b, q_a, q_b, allowed) -> np.ndarray:
     return p
 
 
-def _tail(x, u_up, u_down, q_up, q_down, mean):
+def _tail(
+    x: np.ndarray, u_up: np.ndarray, u_down: np.ndarray, q_up: np.ndarray, q_down: np.ndarray, mean: np.ndarray
+) -> np.ndarray:
     # Of counts up by q_up and down by q_down; what the signal does not explain counts both ways (dark counts do).
     sigma = np.hypot(u_up, u_down)
     x, mean = np.minimum(x / sigma, FARTHEST), mean / sigma
@@ -104,52 +113,26 @@ def _tail(x, u_up, u_down, q_up, q_down, mean):
     q_up, q_down = (np.minimum(q / sigma, 10.0) for q in (q_up, q_down))
     v_up, v_down = (u_up / sigma) ** 2, (u_down / sigma) ** 2
     s_up, s_down = np.minimum(v_up, q_up * mean), np.minimum(v_down, q_down * mean)
-    parts = (
-        (s_up + (v_up - s_up) / 2, q_up),
-        ((v_up - s_up) / 2, -q_up),
-        ((v_down - s_down) / 2, q_down),
-        (s_down + (v_down - s_down) / 2, -q_down),
-    )
-
-    def slopes(t):
-        ys = [(v, q * t) for v, q in parts]
-        first = t * sum(v * _first(y) for v, y in ys)
-        second = sum(v * np.exp(y) for v, y in ys)
-        return first, second
-
+    v = (s_up + (v_up - s_up) / 2, (v_up - s_up) / 2, (v_down - s_down) / 2, s_down + (v_down - s_down) / 2)
+    q = (q_up, -q_up, q_down, -q_down)
     # Where counts can only fall no tilt reaches x, and the last one stands for it.
     last = 600 / np.maximum(np.maximum(q_up, q_down), 1e-3)
-    low, high = np.zeros(x.shape), np.minimum(1e-2 * x, last)
-    for _ in range(40):
-        short = (slopes(high)[0] < x) & (high < last)
-        if not short.any():
-            break
-        high = np.where(short, np.minimum(2 * high, last), high)
-    t = high
-    for _ in range(50):
-        first, second = slopes(t)
-        low, high = np.where(first < x, t, low), np.where(first < x, high, t)
-        step = t + (x - first) / second
-        if np.all(np.abs(step - t) <= 1e-12 * t):
-            break
-        t = np.where((step > low) & (step < high), step, (low + high) / 2)
-    second = slopes(t)[1]
-    k = t**2 * sum(v * _second(q * t) for v, q in parts)
+    root = find_root(_tilted, (np.zeros(x.shape), last), args=(x, *v, *q))
+    t = np.where(root.success, root.x, last)
+    k = t**2 * sum(w * _second(y * t) for w, y in zip(v, q, strict=True))
+    second = sum(w * np.exp(y * t) for w, y in zip(v, q, strict=True))
     w = np.sqrt(np.maximum(2 * (t * x - k), 1e-12))
-    lattice = np.maximum(q_up, q_down) * t
-    u = t * np.sqrt(second) * _first(-lattice)
+    u = t * np.sqrt(second) * exprel(-np.maximum(q_up, q_down) * t)
     return ndtr(-w) + np.exp(-(w**2) / 2) / np.sqrt(2 * np.pi) * (1 / u - 1 / w)
 
 
-def _first(y):
-    # (exp y − 1)/y
-    small = np.abs(y) < 1e-5
-    safe = np.where(small, 1.0, y)
-    return np.where(small, 1 + y / 2, np.expm1(safe) / safe)
+def _tilted(t: np.ndarray, x: np.ndarray, *v_and_q: np.ndarray) -> np.ndarray:
+    """The slope of the cumulant generating function at t, minus x."""
+    return t * sum(v * exprel(q * t) for v, q in zip(v_and_q[:4], v_and_q[4:], strict=True)) - x
 
 
-def _second(y):
-    # (exp y − 1 − y)/y²
+def _second(y: np.ndarray) -> np.ndarray:
+    """(exp y − 1 − y)/y²."""
     small = np.abs(y) < 1e-3
     safe = np.where(small, 1.0, y)
     return np.where(small, 0.5 + y / 6 + y**2 / 24, (np.expm1(safe) - safe) / safe**2)

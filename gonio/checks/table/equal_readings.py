@@ -32,27 +32,27 @@ ROUNDING = 4 * float(np.finfo(np.float32).eps)
 
 def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
     """f(wi, wo) = f(wo, wi); not applicable where the layout stores one value for both."""
-    pairs = evidence.exchanged
+    pairs = evidence.pairs("exchanged")
     sign = None if isinstance(pairs, str) else pairs.angles[:, 0] - pairs.angles[:, 2]
     return _equal("reciprocity", evidence, pairs, sign, tolerance, "f(wi, wo) and f(wo, wi)")
 
 
 def table_symmetry(evidence: TableEvidence, tolerance: float) -> Property:
     """f(Δφ) = f(−Δφ), where the grid has both."""
-    pairs = evidence.mirrored
+    pairs = evidence.pairs("mirrored")
     sign = None if isinstance(pairs, str) else np.sin(pairs.angles[:, 3] - pairs.angles[:, 1])
     return _equal("symmetry", evidence, pairs, sign, tolerance, "f(Δφ) and f(−Δφ)")
 
 
 def table_isotropy(evidence: TableEvidence, tolerance: float) -> Property:
     """Readings beside those with both directions turned by about a quarter, where a grid has both."""
-    return _equal("isotropy", evidence, evidence.turned, None, tolerance, "f, and f turned about the normal")
+    return _equal("isotropy", evidence, evidence.pairs("turned"), None, tolerance, "f, and f turned about the normal")
 
 
 def table_pole(evidence: TableEvidence, tolerance: float) -> Property:
     """At the normal a direction has no azimuth: readings there must not depend on it, where a grid has the normal."""
     what = "f at the normal, by one azimuth and by another"
-    return _equal("pole", evidence, evidence.at_pole, None, tolerance, what)
+    return _equal("pole", evidence, evidence.pairs("pole"), None, tolerance, what)
 
 
 def _equal(

@@ -1,7 +1,7 @@
 """What the checks of a table are given, gathered in one pass: the readings that should be equal, pair by pair."""
 
 import dataclasses
-import functools
+from collections.abc import Callable
 from typing import Self
 
 from gonio.checks.table.pairs import FEWEST, Pairs, exchanged_pairs, mirrored_pairs, pole_pairs, turned_pairs
@@ -10,42 +10,6 @@ from gonio.models.brdf import AbstractBRDF
 
 LEVEL = 0.01
 """Chance that an honest table is called significantly wrong, by each family of tests against stored uncertainties."""
-
-
-@dataclasses.dataclass(frozen=True)
-class TableEvidence:
-    """A table, its pairs of readings that should be equal (or why there are none), and the options of `gonio.check`."""
-
-    table: Table
-    level: float = LEVEL
-    feature_width: float = 0.0
-    reference: AbstractBRDF | None = None
-
-    @functools.cached_property
-    def exchanged(self) -> Pairs | str:
-        return reciprocal_pairs(self.table)
-
-    @functools.cached_property
-    def mirrored(self) -> Pairs | str:
-        return mirrored_pairs(self.table)
-
-    @functools.cached_property
-    def turned(self) -> Pairs | str:
-        return turned_pairs(self.table)
-
-    @functools.cached_property
-    def at_pole(self) -> Pairs | str:
-        return pole_pairs(self.table)
-
-    def gathered(self) -> Self:
-        """The evidence with all of its pairs read."""
-        for name in ("exchanged", "mirrored", "turned", "at_pole"):
-            getattr(self, name)
-        return self
-
-    def channel(self, number: int) -> str | None:
-        """What a place calls a channel: its name, or None for the only one."""
-        return self.table.channels.names[number] if len(self.table.channels) > 1 else None
 
 
 def reciprocal_pairs(table: Table) -> Pairs | str:
@@ -59,3 +23,39 @@ def reciprocal_pairs(table: Table) -> Pairs | str:
     if table.interpolant is not None:
         return warped_pairs(table)
     return interpolated_pairs(table) if table.layout.gridded else scattered_pairs(table)
+
+
+PAIRS: dict[str, Callable[[Table], Pairs | str]] = {
+    "exchanged": reciprocal_pairs,
+    "mirrored": mirrored_pairs,
+    "turned": turned_pairs,
+    "pole": pole_pairs,
+}
+"""What makes the pairs of readings that should be equal, or says why a table has none."""
+
+
+@dataclasses.dataclass(frozen=True)
+class TableEvidence:
+    """A table, its pairs of readings that should be equal, and the options of `gonio.check`."""
+
+    table: Table
+    level: float = LEVEL
+    feature_width: float = 0.0
+    reference: AbstractBRDF | None = None
+    _pairs: dict[str, Pairs | str] = dataclasses.field(default_factory=dict, repr=False)
+
+    def pairs(self, kind: str) -> Pairs | str:
+        """Pairs of one of the kinds of `PAIRS`, read once."""
+        if kind not in self._pairs:
+            self._pairs[kind] = PAIRS[kind](self.table)
+        return self._pairs[kind]
+
+    def gathered(self) -> Self:
+        """The evidence with all of its pairs read."""
+        for kind in PAIRS:
+            self.pairs(kind)
+        return self
+
+    def channel(self, number: int) -> str | None:
+        """What a place calls a channel: its name, or None for the only one."""
+        return self.table.channels.names[number] if len(self.table.channels) > 1 else None

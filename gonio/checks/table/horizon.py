@@ -1,5 +1,7 @@
 """The rim of a table: the last ring of readings against the two before it."""
 
+from typing import Any
+
 import numpy as np
 
 from gonio.checks.certificate import NOT_APPLICABLE, Property, verdict_of, without_residual
@@ -47,7 +49,7 @@ def table_horizon(evidence: TableEvidence, tolerance: float) -> Property:
         bound = MEDIAN_OF_NORMAL * float(np.median(known)) if known.size else 0.0
     worst = np.unravel_index(np.nanargmax(jump), jump.shape)
     rim = float(np.degrees(theta_o[rings[-1]]))
-    where = {"theta_i": float(np.degrees(theta_i[lit][worst[0]])), "theta_o": rim}
+    where: dict[str, Any] = {"theta_i": float(np.degrees(theta_i[lit][worst[0]])), "theta_o": rim}
     if (channel := evidence.channel(int(worst[-1]))) is not None:
         where["channel"] = channel
     detail = (

@@ -133,9 +133,9 @@ def pole_pairs(table: Table) -> Pairs | str:
         half = layout.axes[azimuth].size // 2
         if layout.axes[polar][0] <= 1e-9 and half:
             # The normal of both directions is one reading many times.
-            at_pole = np.moveaxis(number, [layout.dims.index(a) for a in (polar, azimuth)], (0, 1))[0]
-            cells.append(at_pole[:half].ravel())
-            partners.append(at_pole[half : 2 * half].ravel())
+            poles = np.moveaxis(number, [layout.dims.index(a) for a in (polar, azimuth)], (0, 1))[0]
+            cells.append(poles[:half].ravel())
+            partners.append(poles[half : 2 * half].ravel())
     if not cells:
         return "no readings at several azimuths of the normal"
     chosen, once = np.unique(np.concatenate(cells), return_index=True)

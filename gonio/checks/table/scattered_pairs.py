@@ -1,6 +1,6 @@
 """Pairs of readings where no grid has them: near partners, the format's own warp, or interpolation with its error."""
 
-from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -57,7 +57,7 @@ def scattered_pairs(table: Table) -> Pairs:
     if len(f) <= NEIGHBOURS:
         return Pairs(f[:0], f[:0], u[:0], u[:0], angles[:0], len(f), how)
     tree = KDTree(_features(angles, isotropic), LEAF)
-    distance, near = tree.query(_features(angles[:, [2, 3, 0, 1]], isotropic), k=NEIGHBOURS)
+    distance, near = (np.asarray(a) for a in tree.query(_features(angles[:, [2, 3, 0, 1]], isotropic), NEIGHBOURS))
     number = np.arange(len(near))
     # A reading must not be compared with itself; two that are each other's exact partners are one pair.
     twice = (distance[:, 0] <= EXACT) & (near[near[:, 0], 0] == number) & (near[:, 0] < number)
@@ -86,17 +86,17 @@ def both_ways(brdf: AbstractBRDF, angles: np.ndarray) -> tuple[np.ndarray, np.nd
     return values(brdf, wi, wo), values(brdf, wo, wi)
 
 
-def warp_of(interpolant: Callable[..., AbstractBRDF] | None) -> tuple[AbstractBRDF, AbstractBRDF | None]:
+def warp_of(table: Table) -> tuple[Any, Any | None]:
     """A format's own warp, and the same with every second stored incidence, where it has more than four."""
-    assert interpolant is not None
-    warp = interpolant()
+    assert table.interpolant is not None
+    warp: Any = table.interpolant()
     if not hasattr(warp, "vndf") or warp.theta_i.shape[0] <= 4:
         return warp, None
     n = warp.theta_i.shape[0]
     keep = np.unique(np.append(np.arange(0, n, 2), n - 1))
     names = ("vndf", "conditional", "marginal", "spectra")
 
-    def fields(m):
+    def fields(m: Any) -> tuple[Any, ...]:
         return m.theta_i, *(getattr(m, k) for k in names)
 
     return warp, eqx.tree_at(fields, warp, (warp.theta_i[keep], *(getattr(warp, k)[:, keep] for k in names)))
@@ -104,7 +104,7 @@ def warp_of(interpolant: Callable[..., AbstractBRDF] | None) -> tuple[AbstractBR
 
 def warped_pairs(table: Table) -> Pairs:
     """Random pairs answered by the format's own warp; the error is that of every second incidence, by thirds."""
-    warp, coarse = warp_of(table.interpolant)
+    warp, coarse = warp_of(table)
     angles = random_angles(THETA_MAX)
     a, b = both_ways(warp, angles)
     error = 0.0

@@ -74,9 +74,9 @@ class _Rows(NamedTuple):
 def _rows(pairs: Pairs) -> _Rows:
     usable = _usable(pairs)
     pair, channel = np.nonzero(usable)
-    values = (v[usable].astype(float) for v in (pairs.a, pairs.b, pairs.u_a, pairs.u_b))
-    counts = (q[usable] for q in _count_sizes(pairs))
-    return _Rows(*values, *counts, pair, channel, pairs.angles[pair], pairs.error)
+    a, b, u_a, u_b = (v[usable].astype(float) for v in (pairs.a, pairs.b, pairs.u_a, pairs.u_b))
+    q_a, q_b = (q[usable] for q in _count_sizes(pairs))
+    return _Rows(a, b, u_a, u_b, q_a, q_b, pair, channel, pairs.angles[pair], pairs.error)
 
 
 def _count_sizes(pairs: Pairs) -> tuple[np.ndarray, np.ndarray]:

@@ -36,7 +36,7 @@ def test_the_projection_is_the_nearest_point(nonnegative):
     rng = np.random.default_rng(0)
     start, weight = rng.standard_normal(30) + 0.3, rng.uniform(0.5, 2, 30)
     rows = np.abs(rng.standard_normal((5, 30))) * (rng.random((5, 30)) < 0.5)
-    repaired = nearest(start, weight, sparse.csr_matrix(rows), np.full(5, 0.7), nonnegative)
+    repaired = nearest(start, weight, sparse.csr_array(rows), np.full(5, 0.7), nonnegative)
     other = minimize(
         lambda y: np.sum(weight * (y - start) ** 2),
         np.zeros(30),
