@@ -3,10 +3,12 @@
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from typing import Unpack
 
 from gonio.data.subject import SubjectLike
 from gonio.data.table import Table
 from gonio.fitting.fit_table import fit
+from gonio.fitting.options import FitOptions
 from gonio.fitting.result import FitResult
 from gonio.models.errors import GonioError
 
@@ -18,25 +20,39 @@ def fit_many(
     model: str | list[str] | None = None,
     *,
     workers: int | None = None,
-    done: Callable[[int, FitResult | GonioError], None] = lambda index, outcome: None,
-    **options,
+    done: Callable[[int, FitResult | GonioError], None] | None = None,
+    **options: Unpack[FitOptions],
 ) -> list[FitResult | GonioError]:
-    """`gonio.fit` of each table: results in the tables' order, and a GonioError in the place of one that was refused.
+    """Fits of many tables, on all processors; each result is what `gonio.fit` alone would give.
 
-    `tables`: tables, files, or functions that return a table; the latter two are read when their turn comes, so that
-    no more than `workers` tables (by default one for each processor) are in memory at a time. `done` hears each outcome
-    with its index as soon as it is there. `options` are those of `gonio.fit`. Each result is what `fit` alone would
-    give. Raises GonioError where `tables` is empty or `workers` is below 1.
+    Args:
+        tables: tables, files, or functions that return a table; the latter two are read when their turn comes, so that
+            no more than `workers` tables are in memory at a time.
+        model: as of `gonio.fit`.
+        workers: number of threads; by default one for each processor.
+        done: called with the index and the outcome of each table as soon as it is fitted.
+        options: those of `gonio.fit`.
+
+    Returns:
+        Results in the tables' order, and a GonioError in the place of a table that was refused.
+
+    Raises:
+        GonioError: no tables, or `workers` below 1.
     """
-    outcomes: list = [None] * len(tables)
+    outcomes: dict[int, FitResult | GonioError] = {}
     for index, outcome in as_fitted(tables, model, workers=workers, **options):
         outcomes[index] = outcome
-        done(index, outcome)
-    return outcomes
+        if done is not None:
+            done(index, outcome)
+    return [outcomes[k] for k in range(len(tables))]
 
 
 def as_fitted(
-    tables: Sequence[Source], model: str | list[str] | None = None, *, workers: int | None = None, **options
+    tables: Sequence[Source],
+    model: str | list[str] | None = None,
+    *,
+    workers: int | None = None,
+    **options: Unpack[FitOptions],
 ) -> Iterator[tuple[int, FitResult | GonioError]]:
     """(index, outcome) of each table as soon as it is fitted; see `fit_many`."""
     if not len(tables):
@@ -48,7 +64,7 @@ def as_fitted(
     # The first one alone: it compiles what the others share.
     yield 0, _outcome(tables[0], model, options)
     with ThreadPoolExecutor(workers, "gonio-fit") as pool:
-        waiting: dict[Future, int] = {
+        waiting: dict[Future[FitResult | GonioError], int] = {
             pool.submit(_outcome, table, model, options): k for k, table in enumerate(tables[1:], 1)
         }
         try:
@@ -58,7 +74,7 @@ def as_fitted(
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _outcome(table: Source, model, options) -> FitResult | GonioError:
+def _outcome(table: Source, model: str | list[str] | None, options: FitOptions) -> FitResult | GonioError:
     try:
         return fit(table() if callable(table) else table, model, **options)
     except GonioError as error:

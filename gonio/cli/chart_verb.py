@@ -52,7 +52,7 @@ def _print_chart(measured: "MeasuredChart", tolerance: float | None) -> None:
 
     cost, error = measured.chart.frames[0]
     show(f"\n{measured.chart.title}: {error.title} against {cost.title}")
-    rows = []
+    rows: list[list[str]] = []
     for panel in measured.panels:
         points = measured.front(panel) if tolerance is None else [measured.cheapest(panel, tolerance)]
         for p in points:

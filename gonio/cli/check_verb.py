@@ -2,6 +2,7 @@
 
 import argparse
 import math
+from typing import Any
 
 from gonio.checks.properties import PROPERTIES
 from gonio.cli.arguments import add_force, refuse_outputs, require_range, write_text
@@ -50,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         from gonio.cli.self_test_output import run_self_test
 
         return run_self_test(args.json, args.force)
-    options = {
+    options: dict[str, Any] = {
         "tolerances": {name: getattr(args, f"tol_{name}") for name in PROPERTIES},
         "feature_width": math.radians(args.feature_width),
         "level": args.level,

@@ -39,7 +39,8 @@ def run(args: argparse.Namespace) -> int:
         raise GonioError(f"{args.output} is a file; name a folder for the demonstration, with -o") from None
     began = time.perf_counter()
     page = os.path.join(args.output, "report.html")
-    tables, fits = [], []
+    tables: list[str] = []
+    fits: list[str] = []
     for s in SAMPLES:
         table, fit = (os.path.join(args.output, f"{s.material}.{end}") for end in ("h5", "fit.toml"))
         tables.append(table)

@@ -44,12 +44,13 @@ def run_batch(args: argparse.Namespace, options: dict[str, Any]) -> int:
     `options` are those of `gonio.fit`. A result that exists is kept if it was made of the same file by the same
     command. Exit status 2 if a file was refused, else 1 if a fit did not converge, else 0.
     """
+    models: list[str] = args.model or []
     from gonio.fitting.batch import as_fitted
     from gonio.models.expression.parser import parse
 
     if args.json:
         raise GonioError("--json takes the fit of a single file; of many, each material file holds everything already.")
-    for model in args.model or []:
+    for model in models:
         parse(model)  # a wrong word is refused once, not for every file
     folder = Path(args.output or ".")
     if folder.exists() and not folder.is_dir():
@@ -95,7 +96,8 @@ def _write_outcome(job: Job, outcome: Any, count: str, force: bool) -> int:
 
 def _files(names: Sequence[str]) -> tuple[list[Path], int]:
     """(files to fit, number of files of the folders that are no tables)."""
-    files, ignored = [], 0
+    files: list[Path] = []
+    ignored = 0
     for path in map(Path, names):
         if not path.is_dir():
             files.append(path)

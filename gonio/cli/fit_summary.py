@@ -1,6 +1,6 @@
 """A fit's result as lines for a terminal."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gonio.text import columns, number
@@ -18,7 +18,7 @@ METRIC_NAMES = {
     "reduced_chi2": "reduced χ²",
 }
 COUNT_NAMES = {"negative": "negative (used as they are)", "missing": "missing", "left_out": "left out as asked"}
-CANDIDATE_COLUMNS = (
+CANDIDATE_COLUMNS: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
     ("free", "free numbers", lambda v: str(v)),
     ("bic_above_best", "BIC above best", lambda v: number(v, 5)),
     ("held_out_above_best", "held-out error above best", lambda v: f"{100 * v:.2f} %"),
@@ -55,7 +55,7 @@ def summary(r: "FitResult") -> list[str]:
 def candidate_table(alternatives: Sequence[dict[str, Any]]) -> str:
     """One line for each model that was fitted, with whatever is known of it and why it was taken or refused."""
     known = [c for c in CANDIDATE_COLUMNS if any(c[0] in a for a in alternatives)]
-    rows = []
+    rows: list[list[str]] = []
     for a in alternatives:
         why = a.get("refused") or a.get("verdict") or ("" if a["converged"] else "not converged")
         rows.append([a["model"], *(form(a[key]) if key in a else "–" for key, _, form in known), why])
@@ -66,7 +66,7 @@ def _free_numbers(r: "FitResult") -> list[str]:
     """The table of free numbers, and a line on the bootstrap."""
     b = r.bootstrap
     refits = {n["name"]: n for n in b["numbers"]} if b else {}
-    rows = []
+    rows: list[list[str]] = []
     for p in (p for p in r.parameters if p.status != "fixed"):
         spread = [_interval(p.interval95)]
         if p.label in refits:

@@ -101,8 +101,10 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
 
     # To load the program of a step takes as long as to read a large file; what goes into it is known already.
     ahead(("step", padded_size(0)), lambda: compile_step(0))
-    progress = log if not args.model or len(args.model) > 1 else lambda line: None
-    result = fit(table_of(file, args), args.model, log=progress, **_options(args))
+    options = _options(args)
+    if not args.model or len(args.model) > 1:
+        options["log"] = log
+    result = fit(table_of(file, args), args.model, **options)
     result.save(output, args.force)
     if args.json:
         text = json.dumps(plain(result.to_dict()), indent=2, ensure_ascii=False, allow_nan=False)

@@ -52,7 +52,7 @@ def _material(m: "Material") -> dict[str, Any]:
 def _table(t: "Table") -> dict[str, Any]:
     import numpy as np
 
-    facts = {"kind": "table", "name": t.name, "layout": t.layout.name, "cells": t.layout.size}
+    facts: dict[str, Any] = {"kind": "table", "name": t.name, "layout": t.layout.name, "cells": t.layout.size}
     facts["dimensions"] = ", ".join(f"{n} {s}" for n, s in zip(t.layout.dims, t.layout.shape, strict=True))
     for name, axis in t.layout.axes.items():
         a = np.degrees(axis)

@@ -29,7 +29,8 @@ def run(args: argparse.Namespace) -> int:
         raise GonioError("--picture shows one model; name it, as in 'gonio models ggx --picture ggx.png'")
     # Before anything is printed, so that a refusal stands alone.
     picture = [f"    written: {_picture(args.name, args.picture, args.force)}"] if args.picture else []
-    facts = {name: _facts(name) for name in ([args.name] if args.name else MODELS)}
+    names: list[str] = [args.name] if args.name else list(MODELS)
+    facts = {name: _facts(name) for name in names}
     if args.json:
         show(json.dumps(facts, indent=2, ensure_ascii=False))
         return 0

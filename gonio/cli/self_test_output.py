@@ -11,10 +11,10 @@ def run_self_test(path: str | None, force: bool) -> int:
 
     `path`: where all of it goes as JSON; "-" prints that alone, to standard output.
     """
-    from gonio.checks.controls.self_test import confusion, self_test
+    from gonio.checks.controls.self_test import Judgement, confusion, self_test
 
     out = log if path == "-" else show
-    judged = []
+    judged: list[Judgement] = []
     for one in self_test():
         judged.append(one)
         mark = "right" if one.right else "WRONG"
