@@ -50,7 +50,7 @@ def file_head(path: str | os.PathLike[str]) -> FileHead:
         return FileHead(os.fspath(path), size, file.read(HEAD_BYTES))
 
 
-def stem(path: str | os.PathLike) -> str:
+def stem(path: str | os.PathLike[str]) -> str:
     """The name of a file without folder and ending: what a table is called that has no name in its file."""
     return os.path.splitext(os.path.basename(path))[0]
 

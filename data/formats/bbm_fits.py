@@ -92,12 +92,12 @@ class _Parser:
         return [self.value(depth + 1) for _ in self.items("]")]
 
 
-def published_names(path: str | os.PathLike) -> list[str]:
+def published_names(path: str | os.PathLike[str]) -> list[str]:
     """The materials of a file of published fits, in its order. Raises GonioError as `published_expression` does."""
     return list(_lines(path))
 
 
-def published_expression(path: str | os.PathLike, name: str) -> str:
+def published_expression(path: str | os.PathLike[str], name: str) -> str:
     """The expression of one material of a file of published fits.
 
     Raises GonioError, in one sentence, for a file that is none, a name that it has not, and a fit that cannot be
@@ -116,7 +116,7 @@ def published_expression(path: str | os.PathLike, name: str) -> str:
         raise GonioError(f"{path}, {name}: {error}") from None
 
 
-def read_published(path: str | os.PathLike, entry: str | None = None) -> "Material":
+def read_published(path: str | os.PathLike[str], entry: str | None = None) -> "Material":
     """One material of a file of published fits. Raises GonioError, naming some, where no `entry` is given."""
     from gonio.data.material import Material, channels_of
     from gonio.models.expression.builder import build
@@ -134,7 +134,7 @@ def read_published(path: str | os.PathLike, entry: str | None = None) -> "Materi
     return Material(entry, brdf, expression, channels_of(brdf), source, source, meta)
 
 
-def _lines(path: str | os.PathLike) -> dict[str, str]:
+def _lines(path: str | os.PathLike[str]) -> dict[str, str]:
     if input_size(path) > LARGEST:
         raise GonioError(f"{path} has more than {LARGEST} bytes; a file of published fits is smaller")
     try:

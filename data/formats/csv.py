@@ -39,7 +39,7 @@ def looks_like_csv(head: FileHead) -> bool:
     return set(ANGLES) <= set(head.columns) or set(VECTORS) <= set(head.columns)
 
 
-def read_csv(path: str | os.PathLike) -> Table:
+def read_csv(path: str | os.PathLike[str]) -> Table:
     """The scattered table of a CSV file. Raises GonioError, with the line, for whatever is no reading.
 
     Directions below the horizon are refused, readings on it have no value (BELOW_HORIZON); columns that mean
@@ -83,7 +83,7 @@ class ListedDirections(NamedTuple):
     columns: dict[str, np.ndarray]
 
 
-def read_directions(path: str | os.PathLike) -> ListedDirections:
+def read_directions(path: str | os.PathLike[str]) -> ListedDirections:
     """The directions of a CSV file; its columns, degrees or components, can be written back with values added.
 
     Raises GonioError, with the line, for what is no direction or below the horizon.
@@ -102,7 +102,7 @@ def read_directions(path: str | os.PathLike) -> ListedDirections:
     return ListedDirections(Direction(*wi), Direction(*wo), {n: columns[n] for n in text.names if n in columns})
 
 
-def write_csv(path: str | os.PathLike, table: Table, force: bool = False) -> RoundTrip:
+def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
     """Writes the cells of a table that are valid in any channel, and returns what reading them again shows to be lost.
 
     Angles in degrees; every number so that reading it gives the same float. Flags are written where a channel

@@ -20,7 +20,7 @@ class CsvText:
     text or without a header.
     """
 
-    def __init__(self, path: str | os.PathLike, limit: int | None = None) -> None:
+    def __init__(self, path: str | os.PathLike[str], limit: int | None = None) -> None:
         self.path = str(path)
         input_size(path)
         try:

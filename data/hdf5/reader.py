@@ -57,7 +57,7 @@ def open_table(path: str | os.PathLike[str], lazy_bytes: int = LAZY_BYTES) -> Ta
         raise GonioError(f"{path} is a damaged table ({text}); measure or copy it again") from None
 
 
-def _unfinished(path: str | os.PathLike, size: int) -> str | None:
+def _unfinished(path: str | os.PathLike[str], size: int) -> str | None:
     """Progress of a writer, '3 of 4', by the file's tail; None for a file without one, or with all blocks written."""
     with open(path, "rb") as file:
         file.seek(max(size - FOOTER.size, 0))
