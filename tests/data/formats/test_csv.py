@@ -11,7 +11,7 @@ from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.formats.csv import read_csv, read_directions, write_csv
 from gonio.data.formats.csv_columns import CsvText, write_columns
-from gonio.data.table import Channels, Table, whole_table_of_values
+from gonio.data.table import whole_table_of_values
 from gonio.models.errors import GonioError
 
 GRID = layouts.isotropic(np.radians([0, 17, 60]), np.radians([0, 33, 88, 90]), np.radians([0, 77, 180, 355]))
@@ -21,31 +21,6 @@ HEAD = "theta_i,phi_i,theta_o,phi_o,f\n"
 def saved(path, text):
     path.write_text(text, encoding="utf-8")
     return path
-
-
-@pytest.mark.parametrize("channels", [1, 3, 4])
-@pytest.mark.parametrize("u_f", [True, False])
-def test_a_table_comes_back_to_the_last_bit(tmp_path, channels, u_f):
-    rng = np.random.default_rng(channels)
-    shape = (*GRID.shape, channels)
-    flag = rng.choice([0, 0, 0, 3, 5], shape).astype(np.uint8)
-    flag[:, -1] = Flag.BELOW_HORIZON
-    f = np.where(flag == 0, rng.standard_normal(shape) * 10.0 ** rng.integers(-300, 300, shape), np.nan)
-    names = Channels(tuple(f"µ{k}" for k in range(channels)), tuple(400.5 + k for k in range(channels)))
-    sigma = np.where(rng.random(shape) < 0.2, np.nan, rng.random(shape)) if u_f else None
-    table = Table(GRID, f, flag, names, sigma)
-    trip = write_csv(tmp_path / "t.csv", table)
-    read = read_csv(tmp_path / "t.csv")
-    kept = (flag.reshape(-1, channels) == 0).any(1)
-    assert trip.max_absolute == trip.lost == 0 and trip.compared == (flag == 0).sum()
-    assert (f"{(~kept).sum()} cells" in trip.note) == (not kept.all())
-    np.testing.assert_array_equal(read.f, f.reshape(-1, channels)[kept])
-    np.testing.assert_array_equal(read.flag, flag.reshape(-1, channels)[kept])
-    if u_f:
-        np.testing.assert_array_equal(read.u_f, sigma.reshape(-1, channels)[kept])
-    assert (read.u_f is None) == (not u_f) and read.channels == names
-    for mine, angle in zip(read.layout.angles(), GRID.angles(), strict=True):
-        np.testing.assert_allclose(mine, angle[kept], rtol=2e-16)
 
 
 def test_angles_are_written_as_people_write_them(tmp_path):

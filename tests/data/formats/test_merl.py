@@ -81,11 +81,8 @@ def test_other_layouts_and_models_are_resampled_and_the_loss_measured(tmp_path):
 
 def test_negative_readings_are_counted_as_lost_and_grey_is_repeated(tmp_path):
     grid = layouts.merl(counts=(3, 4, 6))
-    f = np.where(grid.above_horizon(), 0.5, np.nan).reshape(grid.shape)
-    f[0, 0, 0] = -0.1
-    table = whole_table_of_values(grid, f)
-    trip = write_merl(tmp_path / "m.binary", table)
-    assert trip.lost == 3
+    table = whole_table_of_values(grid, -np.ones(grid.shape))
+    assert write_merl(tmp_path / "m.binary", table).lost == 3 * grid.above_horizon().sum()
     read = read_merl(tmp_path / "m.binary")
     assert read.flag[0, 0, 0, 0] == Flag.NOT_MEASURED and len(read.channels) == 3
     with pytest.raises(GonioError, match="choose one or three"):
