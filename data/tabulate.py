@@ -7,12 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.data.layouts.base import HORIZON, Layout, Trig
+from gonio.data.layouts.base import Layout, Trig
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.compiling import wide_jit
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
-from gonio.models.geometry.horizon import is_above
 
 BLOCK_CELLS = 1 << 19
 """Cells of one call of the kernel: enough to hide the cost of the call, few enough to need little memory."""
@@ -60,8 +59,7 @@ def _grid_block(brdf: AbstractBRDF, layout: Layout, start: int, rows: int) -> np
 def _scattered_block(brdf: AbstractBRDF, layout: Layout, start: int, rows: int) -> np.ndarray:
     cells = np.minimum(np.arange(start, start + rows), layout.size - 1)
     wi, wo = layout.directions_at(cells)
-    values = np.asarray(evaluate(brdf, wi, wo)).reshape(rows, -1)
-    return np.where(((wi.z > HORIZON) & (wo.z > HORIZON))[:, None], values, 0.0)
+    return np.asarray(evaluate(brdf, wi, wo)).reshape(rows, -1)
 
 
 def _padded(axis: np.ndarray, start: int, rows: int) -> np.ndarray:
@@ -73,7 +71,7 @@ def _padded(axis: np.ndarray, start: int, rows: int) -> np.ndarray:
 def _kernel(brdf: AbstractBRDF, pair: Callable[[Trig], tuple[Direction, Direction]], trig: Trig) -> jax.Array:
     def cell(*trig: tuple[Any, Any]) -> jax.Array:
         wi, wo = (Direction(*(jnp.asarray(c, trig[0][0].dtype) for c in w)) for w in pair(trig))
-        return jnp.where(is_above(wi, wo, HORIZON), brdf.f(wi, wo), 0.0)
+        return brdf.f(wi, wo)
 
     for k in reversed(range(len(trig))):
         cell = jax.vmap(cell, in_axes=[0 if j == k else None for j in range(len(trig))])

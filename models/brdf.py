@@ -1,23 +1,27 @@
 """What every BRDF is, and the two ways to make one of others: the sum and the scaling."""
 
 import abc
+import functools
+import operator
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.horizon import Hemispheres, guarded_pair
 from gonio.models.parameters import ParameterInfo, known_equal, parameter
 from gonio.models.warps.cosine_hemisphere import cosine_pdf, cosine_sample
-
-Scalar = Float[Array, ""]
-Channels = Float[Array, "*channel"]
 
 
 class AbstractBRDF(eqx.Module):
     """A reflecting surface: a PyTree of physical parameters that answers `f(wi, wo)`.
+
+    A model implements `formula`, and declares the hemispheres that it scatters into; `f` guards the horizon for all.
 
     Methods take scalar directions (components of shape ``()``); axes are added with `jax.vmap` (see
     `gonio.models.evaluation`). Parameters may carry one channel axis; geometry never does.
@@ -31,6 +35,11 @@ class AbstractBRDF(eqx.Module):
 
     loses_energy: ClassVar[str] = ""
     """Where the published formula loses energy without a reason: one sentence, or nothing."""
+
+    @property
+    def hemispheres(self) -> Hemispheres:
+        """The hemispheres that the surface scatters into; by default that of the light."""
+        return Hemispheres.REFLECTION
 
     @property
     def accuracy(self) -> float:
@@ -55,9 +64,20 @@ class AbstractBRDF(eqx.Module):
         """
         return None
 
-    @abc.abstractmethod
+    @final
     def f(self, wi: Direction, wo: Direction) -> Channels:
-        """BRDF value, 1/sr, without the cosine factor; 0 where either direction is at or below the horizon."""
+        """BRDF value, 1/sr, without the cosine factor; 0 outside of the hemispheres that the model declares.
+
+        Raises:
+            GonioError: the directions have an axis that would mix with the channels of the parameters.
+        """
+        _refuse_mixed_axes(self, wi, wo)
+        mask, wi, wo = guarded_pair(self.hemispheres, wi, wo)
+        return jnp.where(mask, self.formula(wi, wo), 0.0)
+
+    @abc.abstractmethod
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        """The bare formula of f, 1/sr, for two directions of the declared hemispheres, neither on the horizon."""
 
     def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         """The outgoing direction that an importance sampler draws from (u1, u2) uniform in [0, 1)².
@@ -85,6 +105,11 @@ class AbstractBRDF(eqx.Module):
         """The BRDFs that add up to this one and have a lobe map each; itself, for most."""
         return (self,)
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "f" in vars(cls):
+            raise TypeError(f"{cls.__name__} defines f, which guards the horizon for all: define formula instead")
+
     def __add__(self, other: "AbstractBRDF") -> "AbstractBRDF":
         if not isinstance(other, AbstractBRDF):
             return NotImplemented
@@ -97,6 +122,19 @@ class AbstractBRDF(eqx.Module):
         return Scaled(scale, self)
 
 
+def _refuse_mixed_axes(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> None:
+    """Shapes are static, so nothing of this is left in a compiled program."""
+    shape = jnp.broadcast_shapes(*(jnp.shape(c) for c in (*wi, *wo)))
+    if shape[-1:] in ((), (1,)):
+        return
+    channels = max((jnp.shape(leaf)[-1:] for leaf in jax.tree.leaves(brdf)), default=())
+    if channels not in ((), (1,)):
+        raise GonioError(
+            f"f takes one pair of directions where parameters have channels: directions of shape {shape} would mix "
+            f"with {channels[0]} channels. Use gonio.models.evaluate(brdf, wi, wo), or Material.f."
+        )
+
+
 SCALE = ParameterInfo(0.0, 1e6, "1", "factor of a lobe", start=0.5, per_channel=True, linear=True)
 
 
@@ -106,39 +144,43 @@ class Scaled(AbstractBRDF):
     scale: Channels = parameter(SCALE)
     base: AbstractBRDF
 
-    def f(self, wi, wo):
-        return self.scale * self.base.f(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        return self.scale * self.base.formula(wi, wo)
 
-    def sample(self, wi, u1, u2):
+    @property
+    def hemispheres(self) -> Hemispheres:
+        return self.base.hemispheres
+
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         return self.base.sample(wi, u1, u2)
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return self.base.pdf(wi, wo)
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return self.base.lobe_map(wi, u1, u2)
 
-    def terms(self):
+    def terms(self) -> tuple[AbstractBRDF, ...]:
         return tuple(Scaled(self.scale, part) for part in self.base.terms())
 
     @property
-    def accuracy(self):
+    def accuracy(self) -> float:
         return float(jnp.max(jnp.maximum(self.scale, 1.0))) * self.base.accuracy if self.base.accuracy else 0.0
 
     @property
-    def violates(self):
+    def violates(self) -> Mapping[str, str]:
         return self.base.violates
 
     @property
-    def loses_energy(self):
+    def loses_energy(self) -> str:
         return self.base.loses_energy
 
     @property
-    def isotropic(self):
+    def isotropic(self) -> bool:
         return self.base.isotropic
 
     @property
-    def facet_widths(self):
+    def facet_widths(self) -> tuple[Scalar, Scalar] | None:
         return self.base.facet_widths
 
 
@@ -147,37 +189,39 @@ class Sum(AbstractBRDF):
 
     parts: tuple[AbstractBRDF, ...]
 
-    def f(self, wi, wo):
-        total = self.parts[0].f(wi, wo)
-        for part in self.parts[1:]:
-            total = total + part.f(wi, wo)
-        return total
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        values = [(p.formula if p.hemispheres == self.hemispheres else p.f)(wi, wo) for p in self.parts]
+        return functools.reduce(operator.add, values)
 
-    def sample(self, wi, u1, u2):
+    @property
+    def hemispheres(self) -> Hemispheres:
+        return functools.reduce(operator.or_, (p.hemispheres for p in self.parts))
+
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         n = len(self.parts)
         which = jnp.minimum(jnp.floor(u1 * n), n - 1)
         drawn = [part.sample(wi, u1 * n - which, u2) for part in self.parts]
         return Direction(*(jnp.select([which == i for i in range(n)], list(c)) for c in zip(*drawn, strict=True)))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return sum(part.pdf(wi, wo) for part in self.parts) / len(self.parts)
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         raise TypeError("a sum has no lobe map of its own: integrate each of terms() with its own")
 
-    def terms(self):
+    def terms(self) -> tuple[AbstractBRDF, ...]:
         return tuple(s for part in self.parts for s in part.terms())
 
     @property
-    def accuracy(self):
+    def accuracy(self) -> float:
         return sum(part.accuracy for part in self.parts)
 
     @property
-    def violates(self):
+    def violates(self) -> Mapping[str, str]:
         return {law: how for part in reversed(self.parts) for law, how in part.violates.items()}
 
     @property
-    def isotropic(self):
+    def isotropic(self) -> bool:
         return all(part.isotropic for part in self.parts)
 
 
@@ -185,19 +229,19 @@ class AbstractComposite(AbstractBRDF):
     """A model of several terms, `terms`, which have a lobe map each: it is drawn and integrated term by term."""
 
     @abc.abstractmethod
-    def terms(self):
+    def terms(self) -> tuple[AbstractBRDF, ...]:
         """The terms that add up to the model."""
 
-    def f(self, wi, wo):
-        return Sum(self.terms()).f(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        return Sum(self.terms()).formula(wi, wo)
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         return Sum(self.terms()).sample(wi, u1, u2)
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return Sum(self.terms()).pdf(wi, wo)
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return Sum(self.terms()).lobe_map(wi, u1, u2)
 
 

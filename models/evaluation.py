@@ -7,6 +7,7 @@ import numpy as np
 
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.compiling import wide_jit
+from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
 
 BLOCK = 1 << 17
@@ -37,8 +38,16 @@ def _values(brdf, wi, wo):
 
 def flat_pair(wi: Direction, wo: Direction) -> tuple[Direction, Direction, tuple[int, ...]]:
     """Both directions broadcast to one shape and flattened to one axis, with that shape."""
+    for w in (wi, wo):
+        if not isinstance(w, tuple) or len(w) != 3:
+            raise GonioError(f"A direction is Direction(x, y, z), three arrays; a {type(w).__name__} came.")
     dtype = jnp.result_type(float)
-    parts = np.broadcast_arrays(*(np.asarray(c) for c in (*wi, *wo)))
+    arrays = [np.asarray(c) for c in (*wi, *wo)]
+    try:
+        parts = np.broadcast_arrays(*arrays)
+    except ValueError:
+        shapes = ", ".join(str(a.shape) for a in arrays)
+        raise GonioError(f"The components of wi and wo have the shapes {shapes}, which do not broadcast.") from None
     flat = [jnp.asarray(c.reshape(-1), dtype) for c in parts]
     return Direction(*flat[:3]), Direction(*flat[3:]), parts[0].shape
 
@@ -47,6 +56,9 @@ def evaluate(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> jax.Array:
     """f(wi, wo), 1/sr, for directions of any broadcastable shape S: shape ``S``, or ``S + (channels,)``.
 
     Compiled once for each kind of model and each number of pairs.
+
+    Raises:
+        GonioError: a direction is not three components, or their shapes do not broadcast.
     """
     wi, wo, shape = flat_pair(wi, wo)
     values = _values(brdf, wi, wo)

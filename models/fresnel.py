@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 
-from gonio.models.geometry.directions import Scalar
+from gonio.models.arrays import Scalar
 
 
 def fresnel_schlick1994(cos_d: Scalar, f0: Scalar) -> Scalar:

@@ -4,11 +4,9 @@ import functools
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Scalar
 from gonio.models.fresnel import fresnel_conductor, fresnel_dielectric
-
-Scalar = Float[Array, "..."]
 
 NODES = 48
 

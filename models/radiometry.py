@@ -7,9 +7,8 @@ solid angles in sr, angles in radians, lengths in m.
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-Scalar = Float[Array, "..."]
+from gonio.models.arrays import Scalar
 
 
 class Quantity(NamedTuple):

@@ -7,7 +7,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from gonio.data.flags import Flag
-from gonio.data.layouts import HORIZON
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
@@ -43,7 +42,7 @@ class Scattered(AbstractBRDF):
     def isotropic(self) -> bool:
         return self.same_all_round
 
-    def f(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
+    def formula(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
         forward, backward = self._turned(wi, wo), self._turned(wo, wi)
 
         def step(sums: tuple[Array, Array], chunk: tuple[Array, Array, Array]) -> tuple[tuple[Array, Array], None]:
@@ -55,8 +54,7 @@ class Scattered(AbstractBRDF):
         zero = jnp.zeros(self.values.shape[-1], self.values.dtype)
         (total, weight), _ = jax.lax.scan(step, (zero, zero), (self.pairs, self.values, self.valid))
         known = weight > 0
-        value = jnp.where(known, total / jnp.where(known, weight, 1.0), 0.0)
-        return jnp.where((wi.z > HORIZON) & (wo.z > HORIZON), value, 0.0)
+        return jnp.where(known, total / jnp.where(known, weight, 1.0), 0.0)
 
     def _turned(self, wi: Direction, wo: Direction) -> Float[Array, " 6"]:
         if not self.same_all_round:

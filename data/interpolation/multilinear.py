@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from gonio.data.flags import Flag
-from gonio.data.layouts.base import HORIZON, Layout
+from gonio.data.layouts.base import Layout
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
@@ -74,7 +74,7 @@ class Tabulated(AbstractBRDF):
     def isotropic(self) -> bool:
         return self.same_all_round
 
-    def f(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
+    def formula(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
         coordinates = self.kind.coordinates(wi, wo)
         brackets = [axis.bracket(coordinates[name]) for axis, name in zip(self.axes, self.names, strict=True)]
         # One gather of all corners: a gather for each of them takes seconds to compile.
@@ -88,7 +88,7 @@ class Tabulated(AbstractBRDF):
         covered = self.kind.covers(wi, wo)
         if covered is not True:
             value = jnp.where(covered, value, jnp.nan)
-        return jnp.where((wi.z > HORIZON) & (wo.z > HORIZON), value, 0.0)
+        return value
 
 
 def as_material(table: Table) -> AbstractBRDF:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from gonio.data.channels import Channels
-from gonio.data.layouts import HORIZON
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,6 +73,8 @@ def samples_of(data: RGLData, p: int, t: int) -> tuple[np.ndarray, np.ndarray, n
     if data.jacobian:
         sigma = _bilinear(data.sigma, np.sqrt(theta_i * 2 / np.pi), (phi_i + np.pi) / (2 * np.pi))
         f *= (_bilinear(data.ndf, u_x, u_y) / (4 * sigma))[:, None]
+    from gonio.models.geometry.horizon import HORIZON
+
     return wi, wo, f / np.where(wo[2] > HORIZON, wo[2], np.inf)[:, None]
 
 

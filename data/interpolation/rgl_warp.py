@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from gonio.data.interpolation.rgl_data import RGLData
-from gonio.data.layouts import HORIZON
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, half_vector, to_spherical
 
@@ -56,8 +55,7 @@ class RGLMaterial(AbstractBRDF):
     def isotropic(self) -> bool:
         return self.same_all_round
 
-    def f(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
-        above = (wi.z > HORIZON) & (wo.z > HORIZON)
+    def formula(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
         wi, wo = self._reduced(wi, wo)
         m = half_vector(wi, wo)
         theta_i, phi_i = _spherical(wi)
@@ -73,7 +71,7 @@ class RGLMaterial(AbstractBRDF):
             i_x, i_y = jnp.sqrt(theta_i * (2 / jnp.pi)), (phi_i + jnp.pi) / (2 * jnp.pi)
             sigma = _bilinear(self.sigma, None, i_x, i_y)
             value = value * (_bilinear(self.ndf, None, u_x, u_y) / (4 * jnp.where(sigma > 0, sigma, jnp.inf)))
-        return jnp.where(above, value / jnp.where(above, wo.z, 1.0), 0.0)
+        return value / wo.z
 
     def _reduced(self, wi: Direction, wo: Direction) -> tuple[Direction, Direction]:
         """Both directions in the sector of azimuths that the file stores: (−π, −π/2), (−π, 0) or all.

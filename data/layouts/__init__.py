@@ -1,6 +1,5 @@
 """Where the cells of a table are: the layouts, their constructors, and their list by name."""
 
-from gonio.data.layouts.base import HORIZON as HORIZON
 from gonio.data.layouts.base import AxisKind as AxisKind
 from gonio.data.layouts.base import Layout as Layout
 from gonio.data.layouts.half_difference_grid import half_difference as half_difference

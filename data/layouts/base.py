@@ -16,8 +16,6 @@ from gonio.models.errors import GonioError
 if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
 
-HORIZON = 1e-12
-"""A cosine up to this is at the horizon: cos(π/2) is 6e-17 in float64, not 0."""
 TURN = 2 * math.pi
 
 Angles = Sequence[float] | np.ndarray
@@ -217,7 +215,9 @@ class Layout(abc.ABC):
         return wi.z, wo.z
 
     def above_horizon(self, start: int = 0, stop: int | None = None) -> np.ndarray:
-        """Whether both directions of the cells start..stop are above the horizon (cosine > `HORIZON`)."""
+        """Whether both directions of the cells start..stop are above the horizon."""
+        from gonio.models.geometry.horizon import HORIZON
+
         cos_i, cos_o = self.cosines(start, stop)
         return (cos_i > HORIZON) & (cos_o > HORIZON)
 

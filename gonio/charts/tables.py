@@ -58,9 +58,8 @@ class _Exponential(AbstractBRDF):
     logs: AbstractBRDF
     floor: jax.Array
 
-    def f(self, wi: Direction, wo: Direction) -> jax.Array:
-        up = (wi.z > 0) & (wo.z > 0)
-        return jnp.where(up, jnp.exp(self.logs.f(wi, wo)) - self.floor, 0.0)
+    def formula(self, wi: Direction, wo: Direction) -> jax.Array:
+        return jnp.exp(self.logs.formula(wi, wo)) - self.floor
 
 
 def _linear(grid: Layout, f: np.ndarray) -> AbstractBRDF:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from gonio.data.flags import Flag
-from gonio.data.layouts import HORIZON, Layout
+from gonio.data.layouts import Layout
 from gonio.data.material import Material
 from gonio.data.tabulate import grid_values
 from gonio.instrument import aperture, noise
@@ -119,7 +119,7 @@ class Reader:
         wi, wo = self.layout.directions(start, stop)
         apart = 2 * np.arcsin(np.minimum(0.5 * np.sqrt(sum((a - b) ** 2 for a, b in zip(wi, wo, strict=True))), 1.0))
         flag = np.where(apart < self.instrument.shadow, np.uint8(Flag.SHADOWED), np.uint8(Flag.VALID))
-        flag[~((wi.z > HORIZON) & (wo.z > HORIZON))] = Flag.BELOW_HORIZON
+        flag[~self.layout.above_horizon(start, stop)] = Flag.BELOW_HORIZON
         return flag
 
     def _expected(self, start: int, stop: int, usable: np.ndarray) -> Expected:

@@ -2,8 +2,9 @@
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels
-from gonio.models.geometry.horizon import above
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.geometry.directions import Direction
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.polar import polar_map
 
@@ -21,12 +22,10 @@ class AshikhminShirleyDiffuse(AbstractBRDF):
     rd: Channels = parameter(DIFFUSE)
     rs: Channels = parameter(SPECULAR)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
-        value = 28.0 / (23.0 * jnp.pi) * self.rd * (1.0 - self.rs) * (_entering(wi.z) * _entering(wo.z))
-        return jnp.where(both, value, 0.0)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        return 28.0 / (23.0 * jnp.pi) * self.rd * (1.0 - self.rs) * (_entering(wi.z) * _entering(wo.z))
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return polar_map(u1, u2)
 
 

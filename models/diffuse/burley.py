@@ -4,11 +4,11 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.diffuse.energy_preserving_oren_nayar import ROUGHNESS
 from gonio.models.diffuse.lambert import ALBEDO
-from gonio.models.geometry.directions import add, dot
-from gonio.models.geometry.horizon import above
+from gonio.models.geometry.directions import Direction, add, dot
 from gonio.models.parameters import parameter
 from gonio.models.warps.polar import polar_map
 
@@ -27,13 +27,12 @@ class BurleyDiffuse(AbstractBRDF):
     rho: Channels = parameter(ALBEDO)
     roughness: Channels = parameter(ROUGHNESS)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         h = add(wi, wo)
         cos2_d = 0.25 * dot(h, h)
         rise = (0.5 + 2.0 * self.roughness * cos2_d) - 1.0
         value = (1.0 + rise * (1.0 - wi.z) ** 5) * (1.0 + rise * (1.0 - wo.z) ** 5)
-        return jnp.where(both, self.rho / jnp.pi * value, 0.0)
+        return self.rho / jnp.pi * value
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return polar_map(u1, u2)

@@ -1,16 +1,13 @@
 """Rough diffusers: Fujii's form of the Oren–Nayar model, and its energy-preserving completion."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import AbstractBRDF, Channels
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.diffuse.lambert import ALBEDO
 from gonio.models.geometry.directions import Direction
-from gonio.models.geometry.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.grazing_azimuth import polar_parts
-
-Scalar = Float[Array, "..."]
 
 # Portsmouth, Kutz & Hill 2024 (arXiv 2410.18026), their constants c1 and c2 of the average albedo.
 C1 = 0.5 - 2 / (3 * jnp.pi)
@@ -67,11 +64,10 @@ class FujiiOrenNayar(AbstractBRDF):
     rho: Channels = parameter(ALBEDO)
     r: Channels = parameter(ROUGHNESS)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
-        return jnp.where(both, self.rho / jnp.pi * _fujii_shape(wi, wo, self.r), 0.0)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        return self.rho / jnp.pi * _fujii_shape(wi, wo, self.r)
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return rough_diffuser_map(wi, u1, u2)
 
 
@@ -85,15 +81,14 @@ class EON(AbstractBRDF):
     rho: Channels = parameter(SINGLE_ALBEDO)
     r: Channels = parameter(ROUGHNESS)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         rho, r = self.rho, self.r
         a = 1.0 / (1.0 + C1 * r)
         # 1 − Ê = rA(c1 − G/π) and 1 − ⟨Ê⟩ = rA(c1 − c2): with rA cancelled, r = 0 is no special case.
         missing = (C1 - fujii_g(wi) / jnp.pi) * (C1 - fujii_g(wo) / jnp.pi) / (C1 - C2)
         average = a * (1.0 + C2 * r)
         rho_ms = rho**2 * average / (1.0 - rho * (r * a * (C1 - C2)))
-        return jnp.where(both, (rho * _fujii_shape(wi, wo, r) + rho_ms * (r * a) * missing) / jnp.pi, 0.0)
+        return (rho * _fujii_shape(wi, wo, r) + rho_ms * (r * a) * missing) / jnp.pi
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return rough_diffuser_map(wi, u1, u2)

@@ -2,8 +2,9 @@
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels
-from gonio.models.geometry.horizon import is_above
+from gonio.models.arrays import Channels
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.geometry.directions import Direction
 from gonio.models.parameters import ParameterInfo, parameter
 
 ALBEDO = ParameterInfo(0.0, 1.0, "1", "albedo", start=0.5, per_channel=True, linear=True)
@@ -14,5 +15,5 @@ class Lambert(AbstractBRDF):
 
     rho: Channels = parameter(ALBEDO)
 
-    def f(self, wi, wo):
-        return self.rho / jnp.pi * jnp.where(is_above(wi, wo), 1.0, jnp.zeros_like(wi.z))
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        return self.rho / jnp.pi

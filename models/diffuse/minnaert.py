@@ -3,13 +3,12 @@
 from typing import ClassVar
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import AbstractBRDF, Channels
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.diffuse.lambert import ALBEDO
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.guards import positive
-from gonio.models.geometry.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
 
 LIMB = ParameterInfo(0.0, 5.0, "1", "limb darkening: 1 is Lambert, 0.5 the full moon", start=1.0)
@@ -24,24 +23,22 @@ class Minnaert(AbstractBRDF):
     violates: ClassVar = {"energy": "its albedo is ρ μ^(k−1): for k < 1 it exceeds 1 near grazing, without a limit"}
 
     rho: Channels = parameter(ALBEDO)
-    k: Float[Array, "*channel"] = parameter(LIMB)
+    k: Channels = parameter(LIMB)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         limb_i, limb_o = (jnp.power(positive(w.z), self.k - 1.0) for w in (wi, wo))
-        value = self.rho * (self.k + 1.0) / (2 * jnp.pi) * (limb_i * limb_o)
-        return jnp.where(both, value, 0.0)
+        return self.rho * (self.k + 1.0) / (2 * jnp.pi) * (limb_i * limb_o)
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         """Density (k+1)/(2π) μᵏ, which is f cosθ over its albedo: μ = (1 − u2)^(1/(k+1))."""
         return _polar(u1, jnp.log1p(-u2) / (jnp.mean(self.k) + 1.0))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         k = jnp.mean(self.k)
         up = wo.z > 0
         return jnp.where(up, (k + 1.0) / (2 * jnp.pi) * jnp.power(jnp.where(up, wo.z, 1.0), k), 0.0)
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """μᵏ⁺¹ = u2³, or u2⁶ for k > 2, k the least of the channels: f μ Jacobian is a polynomial where they agree."""
         k_1 = jnp.min(self.k) + 1.0
         power = 3.0 * jnp.ceil(k_1 / 3.0) / k_1

@@ -4,15 +4,12 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import AbstractBRDF, Channels
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
-from gonio.models.geometry.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.grazing_azimuth import TANGENT_MAX, polar_parts
-
-Scalar = Float[Array, ""]
 
 FACET_ALBEDO = ParameterInfo(0.0, 1.0, "1", "albedo of a facet", start=0.5, per_channel=True)
 SLOPE_ANGLE = ParameterInfo(0.0, 1.5707963267948966, "rad", "standard deviation of the facets' slope angle", start=0.3)
@@ -37,10 +34,9 @@ class OrenNayar(AbstractBRDF):
     sigma: Channels = parameter(SLOPE_ANGLE)
     form: str = eqx.field(static=True, default="full", metadata={"choices": ("full", "qualitative")})
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         shape = self._full(wi, wo) if self.form == "full" else self._qualitative(wi, wo)
-        return jnp.where(both, self.rho / jnp.pi * shape, 0.0)
+        return self.rho / jnp.pi * shape
 
     def _qualitative(self, wi, wo):
         s2 = self.sigma**2
@@ -66,7 +62,7 @@ class OrenNayar(AbstractBRDF):
         twice = 0.17 * s2 / (s2 + 0.13) * (1.0 - cos_phi * share_b**2)
         return once + self.rho * twice
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """Azimuths from that of wi, so that cosφ changes sign at u1 = ¼ and ¾; heights over the horizon cut at wi's.
 
         Above it the sum of both heights grows exponentially, as 1/(μi + μo) is narrow at grazing; below, equal steps.

@@ -1,12 +1,11 @@
 """An exact standard of reflection 1."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.geometry.directions import Direction
 from gonio.models.warps.volume import volume_map
-
-Scalar = Float[Array, "..."]
 
 MISSING = 0.5908629074132604  # 1 − E_avg = (4 ln 2 − 1)/3
 
@@ -24,11 +23,8 @@ class WhiteStandard(AbstractBRDF):
     and instruments by.
     """
 
-    def f(self, wi, wo):
-        above = (wi.z > 0) & (wo.z > 0)
-        mu_i, mu_o = jnp.where(above, wi.z, 1.0), jnp.where(above, wo.z, 1.0)
-        value = 0.5 / (mu_i + mu_o) + lost(mu_i) * lost(mu_o) / MISSING
-        return jnp.where(above, value / jnp.pi, 0.0)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        return (0.5 / (wi.z + wo.z) + lost(wi.z) * lost(wo.z) / MISSING) / jnp.pi
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return volume_map(wi, u1, u2)

@@ -1,15 +1,14 @@
 """The anisotropic gloss of Ashikhmin and Shirley."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import AbstractBRDF, Scalar
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.empirical.cosine_power import exponent_at, power_density, power_normal, power_widths
 from gonio.models.fresnel import fresnel
-from gonio.models.geometry.directions import reflect
+from gonio.models.geometry.directions import Direction, reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles, log_cosine, mirrored_pdf
-from gonio.models.geometry.horizon import above
 from gonio.models.microfacet import base as mf
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.radial_laws import power_reach, power_slope
@@ -30,12 +29,12 @@ class AshikhminShirley(AbstractBRDF):
     lobe = True
     loses_energy = "A wide lobe loses near grazing: for n = 10 and F = 1 it reflects 0.50 there."
 
-    n: Float[Array, "*channel"] | None = parameter(N, default=None)
-    n_x: Float[Array, "*channel"] | None = parameter(N_X, default=None)
-    n_y: Float[Array, "*channel"] | None = parameter(N_Y, default=None)
-    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
-    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
-    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    n: Channels | None = parameter(N, default=None)
+    n_x: Channels | None = parameter(N_X, default=None)
+    n_y: Channels | None = parameter(N_Y, default=None)
+    f0: Channels | None = parameter(mf.F0, default=None)
+    eta: Channels | None = parameter(mf.ETA, default=None)
+    k: Channels | None = parameter(mf.K, default=None)
 
     @property
     def exponents(self) -> tuple[Scalar, Scalar]:
@@ -48,26 +47,24 @@ class AshikhminShirley(AbstractBRDF):
         return tuple(jnp.mean(n) for n in self.exponents)
 
     @property
-    def facet_widths(self):
+    def facet_widths(self) -> tuple[Scalar, Scalar] | None:
         return power_widths(*self.mean_exponents)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         h, cos_d, sin2_h = half_angles(wi, wo)
         cos_d, higher = positive(cos_d), positive(jnp.maximum(wi.z, wo.z))
         n_x, n_y = self.exponents
         power = jnp.exp(exponent_at(h, sin2_h, n_x, n_y) * log_cosine(h, sin2_h))
         scale = jnp.sqrt((n_x + 1.0) * (n_y + 1.0)) / (8 * jnp.pi)
-        value = scale * power * fresnel(cos_d, self.f0, self.eta, self.k) * (1.0 / cos_d) * (1.0 / higher)
-        return jnp.where(both, value, 0.0)
+        return scale * power * fresnel(cos_d, self.f0, self.eta, self.k) * (1.0 / cos_d) * (1.0 / higher)
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         return reflect(wi, power_normal(*self.mean_exponents, u1, u2))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return mirrored_pdf(lambda m: power_density(m, *self.mean_exponents), wi, wo)
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """Polar coordinates of the facet's slope, Gaussian in the radius, split at u2 = ½ where cosθo = cosθi.
 
         That is the slope at which a facet that leans towards the light (u1 in [¼, ¾]) has the slope lean/length².

@@ -5,11 +5,11 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.empirical.cosine_power import power_density, power_normal, power_widths
-from gonio.models.geometry.directions import reflect
+from gonio.models.geometry.directions import Direction, reflect
 from gonio.models.geometry.half_vector import half_angles, log_cosine, mirrored_pdf
-from gonio.models.geometry.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.radial_laws import power_reach, power_slope
 from gonio.models.warps.slopes import facet_direction, slope_ray
@@ -27,23 +27,22 @@ class AbstractBlinnPhong(AbstractBRDF):
         """What multiplies the power, 1/sr."""
 
     @property
-    def facet_widths(self):
+    def facet_widths(self) -> tuple[Scalar, Scalar] | None:
         return power_widths(jnp.mean(self.n), jnp.mean(self.n))
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         h, _, sin2_h = half_angles(wi, wo)
-        return jnp.where(both, self.factor() * jnp.exp(self.n * log_cosine(h, sin2_h)), 0.0)
+        return self.factor() * jnp.exp(self.n * log_cosine(h, sin2_h))
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         n = jnp.mean(self.n)
         return reflect(wi, power_normal(n, n, u1, u2))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         n = jnp.mean(self.n)
         return mirrored_pdf(lambda m: power_density(m, n, n), wi, wo)
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """Polar coordinates of the facet's slope, Gaussian in the radius, out to the horizon's."""
         n = jnp.min(self.n)  # the widest channel: the map must hold all of them
         widths = power_widths(n, n)

@@ -1,12 +1,10 @@
 """Facets with the density of a power of the cosine, cosⁿθ_h: sampling,."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.half_vector import log_cosine
-
-Scalar = Float[Array, ""]
 
 
 def exponent_at(h: Direction, sin2_h: Scalar, n_x: Scalar, n_y: Scalar) -> Scalar:

@@ -1,15 +1,14 @@
 """The Phong lobe, reciprocal and normalised."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts
 from gonio.models.warps.radial_laws import S_MAX
-
-Scalar = Float[Array, ""]
 
 EXPONENT = ParameterInfo(0.0, 1e6, "1", "exponent of the cosine about the mirror direction", start=30.0, log=True)
 Q2_MIN = 1e-36  # (cot β)² of a horizon further than any lobe reaches, above the least float32
@@ -24,12 +23,11 @@ class Phong(AbstractBRDF):
 
     lobe = True
 
-    n: Float[Array, "*channel"] = parameter(EXPONENT)
+    n: Channels = parameter(EXPONENT)
 
-    def f(self, wi, wo):
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         ahead, log_cos = _log_cosine(wi, wo)
-        inside = (wi.z > 0) & (wo.z > 0) & ahead
-        return jnp.where(inside, (self.n + 2.0) / (2 * jnp.pi) * jnp.exp(self.n * log_cos), 0.0)
+        return jnp.where(ahead, (self.n + 2.0) / (2 * jnp.pi) * jnp.exp(self.n * log_cos), 0.0)
 
     @property
     def mean_n(self) -> Scalar:
@@ -37,21 +35,21 @@ class Phong(AbstractBRDF):
         return jnp.mean(self.n)
 
     @property
-    def facet_widths(self):
+    def facet_widths(self) -> tuple[Scalar, Scalar] | None:
         alpha = jnp.sqrt(1.0 / (self.mean_n + 2.0))
         return alpha, alpha
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         """cosβ = (1 − u2)^(1/(n+1)) about the mirror direction, azimuth 2πu1 [Lafortune & Willems 1994]."""
         log_cos = jnp.log1p(-u2) / (self.mean_n + 1.0)
         return _about_mirror(wi, log_cos, jnp.cos(2 * jnp.pi * u1), jnp.sin(2 * jnp.pi * u1))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         """(n+1)/(2π) cosⁿβ, over the half sphere about the mirror direction."""
         inside, log_cos = _log_cosine(wi, wo)
         return jnp.where(inside, (self.mean_n + 1.0) / (2 * jnp.pi) * jnp.exp(self.mean_n * log_cos), 0.0)
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """(β, ψ) about the mirror direction with cosβ = exp(−s²/(2(n+1))), s linear in u2 out to the horizon.
 
         The horizon is at cot β = tan θ_i |cosψ| where cosψ < 0, and beyond the lobe elsewhere.

@@ -5,12 +5,11 @@ detector; both are unit vectors. theta is the polar angle from +z, phi the azimu
 """
 
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Float
 
-Scalar = Float[Any, "..."]  # of JAX or of NumPy
+from gonio.models.arrays import Scalar
 
 
 class Direction(NamedTuple):

@@ -2,9 +2,8 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-Scalar = Float[Array, "..."]
+from gonio.models.arrays import Scalar
 
 
 def positive(cosine: Scalar) -> Scalar:

@@ -3,12 +3,10 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.guards import lift, positive
-
-Scalar = Float[Array, ""]
 
 UNEVEN = 16.0
 """Difference of two squared lengths, in roundings, up to which both directions are taken as unit vectors."""

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from gonio.models.geometry.directions import Direction, Scalar, add, norm
+from gonio.models.arrays import Scalar
+from gonio.models.geometry.directions import Direction, add, norm
 
 
 class PhaseChords(NamedTuple):

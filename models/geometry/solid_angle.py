@@ -5,11 +5,9 @@ written so that small shapes keep their digits: no difference of two cosines.
 """
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction, add, cross, dot, norm, safe_atan2
-
-Scalar = Float[Array, "..."]
 
 HEMISPHERE = 2 * jnp.pi
 PROJECTED_HEMISPHERE = jnp.pi

@@ -1,14 +1,14 @@
 """A rough clear coat over any base."""
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import AbstractBRDF, AbstractComposite, Scalar, Scaled
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF, AbstractComposite, Scaled
 from gonio.models.geometry.directions import Direction
-from gonio.models.geometry.horizon import raised
 from gonio.models.layered.coat_warp import coated_map, refracted
 from gonio.models.microfacet import albedo_tables as tables
 from gonio.models.microfacet.ggx import GGX
@@ -22,23 +22,22 @@ class UnderCoat(AbstractBRDF):
     """f = T(μi) T(μo) f_base(i′, o′)/η²: the base as seen through a coat, T = 1 − E of the coat."""
 
     base: AbstractBRDF
-    alpha: Float[Array, "*channel"]
-    eta: Float[Array, "*channel"]
+    alpha: Channels
+    eta: Channels
 
     @property
     def index(self) -> Scalar:
         """The index by which directions are refracted: the mean where channels differ, as geometry has no channels."""
         return jnp.mean(self.eta)
 
-    def f(self, wi, wo):
-        shown, wi, wo = raised(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         series = tables.coat_series(self.alpha, self.eta)
         alpha = jnp.broadcast_to(self.alpha, series.shape[1:])
         passed = [1.0 - jnp.minimum(tables.tabulated("coat", series, w.z, alpha), 1.0) for w in (wi, wo)]
-        base = self.base.f(*(refracted(w, self.index) for w in (wi, wo)))
-        return base * (passed[0] * passed[1] * (shown / self.index**2))
+        base = self.base.formula(*(refracted(w, self.index) for w in (wi, wo)))
+        return base * (passed[0] * passed[1] * (1.0 / self.index**2))
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         """The base's sample, refracted outwards; what is trapped or below goes below the horizon, linearly in z."""
         drawn, eta = self.base.sample(refracted(wi, self.index), u1, u2), self.index
         inner = _trapped_below(eta)
@@ -51,7 +50,7 @@ class UnderCoat(AbstractBRDF):
         z = jnp.where(leaves, jnp.sqrt(jnp.where(leaves, out2, 1.0)), down)
         return Direction(drawn.x * stretch, drawn.y * stretch, z)
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         eta, inner = self.index, _trapped_below(self.index)
         up = wo.z > 0
         through = refracted(wo, eta)
@@ -63,7 +62,7 @@ class UnderCoat(AbstractBRDF):
         rate = jnp.where(up, wo.z / (eta * eta * through.z), 1.0 + inner)
         return self.base.pdf(refracted(wi, eta), inside) * rate
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """That of the base, over the directions outside; coats over one another refract as one."""
         base, eta = self.base, self.index
         while isinstance(base, Scaled | UnderCoat):
@@ -72,7 +71,7 @@ class UnderCoat(AbstractBRDF):
         return coated_map(base, eta, wi, u1, u2)
 
     @property
-    def isotropic(self):
+    def isotropic(self) -> bool:
         return self.base.isotropic
 
 
@@ -95,24 +94,25 @@ class Coat(AbstractComposite):
     )
 
     base: AbstractBRDF = eqx.field(metadata={"model": True})
-    alpha: Float[Array, "*channel"] = parameter(ALPHA)
-    eta: Float[Array, "*channel"] = parameter(ETA)
+    alpha: Channels = parameter(ALPHA)
+    eta: Channels = parameter(ETA)
 
     @property
-    def accuracy(self):
+    def accuracy(self) -> float:
         return 1e-7 + self.base.accuracy
 
     @property
-    def violates(self):
+    def violates(self) -> Mapping[str, str]:
         return self.base.violates
 
-    def terms(self):
+    def terms(self) -> tuple[AbstractBRDF, ...]:
         under = tuple(UnderCoat(part, self.alpha, self.eta) for part in self.base.terms())
         return (GGX(alpha=self.alpha, eta=self.eta), *under)
 
-    def f(self, wi, wo):
-        return GGX(alpha=self.alpha, eta=self.eta).f(wi, wo) + UnderCoat(self.base, self.alpha, self.eta).f(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        coat = GGX(alpha=self.alpha, eta=self.eta)
+        return coat.formula(wi, wo) + UnderCoat(self.base, self.alpha, self.eta).formula(wi, wo)
 
     @property
-    def isotropic(self):
+    def isotropic(self) -> bool:
         return self.base.isotropic

@@ -6,7 +6,8 @@ with a peak needs a branch here, or `lobe`, by which its own map is refracted.
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Scalar
+from gonio.models.arrays import Scalar
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.diffuse.energy_preserving_oren_nayar import rough_diffuser_map
 from gonio.models.geometry.directions import Direction
 from gonio.models.microfacet.retro import Retro, mirrored

@@ -2,13 +2,12 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF, AbstractComposite
 from gonio.models.fresnel import fresnel_schlick1994
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.half_vector import half_angles
-from gonio.models.geometry.horizon import above
 from gonio.models.microfacet import albedo_tables as tables
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet import distributions as slopes
@@ -23,27 +22,24 @@ RHO = ParameterInfo(0.0, 1.0, "1", "albedo of the matte part", start=0.5, per_ch
 class KelemenLobe(AbstractGaussianFacets):
     """f = F D/|i + o|² with Beckmann's D and Schlick's F [Kelemen & Szirmay-Kalos 2001]."""
 
-    alpha: Float[Array, "*channel"]
-    f0: Float[Array, "*channel"]
+    alpha: Channels
+    f0: Channels
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         floor = float(jnp.finfo(jnp.result_type(wi.z)).tiny) ** 0.2
         opposite = sum((a + b) ** 2 for a, b in zip(wi, wo, strict=True)) < (2.0 * floor) ** 2
         # 1/cos²θ_d has no gradient that can be written down there (5e-62; 3e-8 in single precision).
         wi, wo = (Direction(*(jnp.where(opposite, jax.lax.stop_gradient(c), c) for c in w)) for w in (wi, wo))
         h, cos_d, _ = half_angles(wi, wo)
         density = slopes.beckmann_d(h, self.alpha, self.alpha)
-        return jnp.where(
-            both, 0.25 * fresnel_schlick1994(cos_d, self.f0) * density / jnp.maximum(cos_d, floor) ** 2, 0.0
-        )
+        return 0.25 * fresnel_schlick1994(cos_d, self.f0) * density / jnp.maximum(cos_d, floor) ** 2
 
     @property
-    def mean_widths(self):
+    def mean_widths(self) -> tuple[Scalar, Scalar]:
         alpha = jnp.mean(self.alpha)
         return alpha, alpha
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """Polar coordinates of the facet's slope, out to the horizon's or to the last slope that matters."""
         widths = self.mean_widths
         ray = slope_ray(wi, u1, *widths)
@@ -58,12 +54,11 @@ class KelemenMatte(AbstractBRDF):
     less F = (1 − d)⁵ reflects.
     """
 
-    rho: Float[Array, "*channel"]
-    alpha: Float[Array, "*channel"]
-    f0: Float[Array, "*channel"]
+    rho: Channels
+    alpha: Channels
+    f0: Channels
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         white, grazing = (tables.width_series(name, self.alpha) for name in ("kelemen_white", "kelemen_grazing"))
 
         def missing(of):
@@ -71,9 +66,9 @@ class KelemenMatte(AbstractBRDF):
 
         m_i, m_o = (missing(lambda n, s, w=w: tables.tabulated(n, s, w.z, self.alpha)) for w in (wi, wo))
         average = missing(lambda n, s: tables.average(n, s, self.alpha))
-        return jnp.where(both, self.rho / average * (m_i * m_o) / jnp.pi, 0.0)
+        return self.rho / average * (m_i * m_o) / jnp.pi
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return cosine_layer_map(tables.KINDS["kelemen_white"].cosines, jnp.mean(self.alpha), wi, u1, u2)
 
 
@@ -84,13 +79,13 @@ class Kelemen(AbstractComposite):
     that ρ = 1 reflects everything. Reciprocal.
     """
 
-    rho: Float[Array, "*channel"] = parameter(RHO)
-    alpha: Float[Array, "*channel"] = parameter(mf.ALPHA)
-    f0: Float[Array, "*channel"] = parameter(mf.F0)
+    rho: Channels = parameter(RHO)
+    alpha: Channels = parameter(mf.ALPHA)
+    f0: Channels = parameter(mf.F0)
 
-    def terms(self):
+    def terms(self) -> tuple[AbstractBRDF, ...]:
         return KelemenLobe(self.alpha, self.f0), KelemenMatte(self.rho, self.alpha, self.f0)
 
     @property
-    def accuracy(self):
+    def accuracy(self) -> float:
         return 4e-7

@@ -4,19 +4,16 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF, AbstractComposite
 from gonio.models.diffuse.energy_preserving_oren_nayar import rough_diffuser_map
 from gonio.models.fresnel import fresnel_dielectric
 from gonio.models.geometry.directions import Direction, reflect
 from gonio.models.geometry.half_vector import half_angles, mirrored_pdf
-from gonio.models.geometry.horizon import raised
 from gonio.models.microfacet.distributions import ggx_d, ggx_masked_cosine, ggx_visible_normal
 from gonio.models.parameters import ParameterInfo, known_equal, parameter
 from gonio.models.warps.slopes import facet_direction, slope_ray
-
-Scalar = Float[Array, "..."]
 
 LEAST_ALPHA = 1e-3  # Burley's code: a perfect mirror is not meant
 CLEARCOAT_SMITH = 0.25  # the width in the clearcoat's masking, whatever its gloss
@@ -52,16 +49,15 @@ class PrincipledTerm(AbstractBRDF):
     whole: "Principled"
     term: str = eqx.field(static=True)
 
-    def f(self, wi, wo):
-        shown, wi, wo = raised(wi, wo)
-        return shown * getattr(self.whole, f"_{self.term}")(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        return getattr(self.whole, f"_{self.term}")(wi, wo)
 
     @property
     def _widths(self) -> tuple[Scalar, Scalar]:
         widths = self.whole.widths if self.term == "specular" else (self.whole.clearcoat_alpha,) * 2
         return tuple(jnp.mean(w) for w in widths)
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         if self.term == "diffuse":
             return super().sample(wi, u1, u2)
         if self.term == "specular":
@@ -71,7 +67,7 @@ class PrincipledTerm(AbstractBRDF):
         sin, phi = jnp.sqrt(sin2), 2 * jnp.pi * u1
         return reflect(wi, Direction(sin * jnp.cos(phi), sin * jnp.sin(phi), jnp.sqrt(1.0 - sin2)))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         if self.term == "diffuse":
             return super().pdf(wi, wo)
         if self.term == "specular":
@@ -79,7 +75,7 @@ class PrincipledTerm(AbstractBRDF):
             return 0.25 * ggx_d(h, *self._widths) / ggx_masked_cosine(wi, *self._widths)
         return mirrored_pdf(lambda m: gtr1_d(m, self._widths[0]) * m.z, wi, wo)
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         if self.term == "diffuse":
             return rough_diffuser_map(wi, u1, u2)
         ray = slope_ray(wi, u1, *self._widths)
@@ -87,11 +83,11 @@ class PrincipledTerm(AbstractBRDF):
         return facet_direction(wi, ray, jnp.sinh(span * u2), jnp.cosh(span * u2) * span, *self._widths)
 
     @property
-    def isotropic(self):
+    def isotropic(self) -> bool:
         return self.whole.isotropic
 
     @property
-    def facet_widths(self):
+    def facet_widths(self) -> tuple[Scalar, Scalar] | None:
         return None if self.term == "diffuse" else self._widths
 
 
@@ -110,17 +106,17 @@ class Principled(AbstractComposite):
         "energy": "White and of roughness 1 it reflects 1.05 at normal incidence, 1.60 at 89.99°; sheen and coat add."
     }
 
-    base_color: Float[Array, "*channel"] = parameter(_share("albedo, linear", 0.5, per_channel=True))
-    roughness: Float[Array, "*channel"] = parameter(_share("√α of the specular lobe", 0.5))
-    metallic: Float[Array, "*channel"] = parameter(_share("share of metal", 0.0), default=0.0)
-    specular: Float[Array, "*channel"] = parameter(_share("reflectance at normal over 0.08", 0.5), default=0.5)
-    specular_tint: Float[Array, "*channel"] = parameter(_share("tint of the lobe", 0.0), default=0.0)
-    anisotropic: Float[Array, "*channel"] = parameter(_share("aspect of the lobe", 0.0), default=0.0)
-    sheen: Float[Array, "*channel"] = parameter(_share("grazing sheen", 0.0), default=0.0)
-    sheen_tint: Float[Array, "*channel"] = parameter(_share("tint of the sheen", 0.5), default=0.5)
-    clearcoat: Float[Array, "*channel"] = parameter(_share("strength of the clearcoat", 0.0), default=0.0)
-    clearcoat_gloss: Float[Array, "*channel"] = parameter(_share("gloss of the clearcoat", 1.0), default=1.0)
-    subsurface: Float[Array, "*channel"] = parameter(_share("share of the flatter diffuser", 0.0), default=0.0)
+    base_color: Channels = parameter(_share("albedo, linear", 0.5, per_channel=True))
+    roughness: Channels = parameter(_share("√α of the specular lobe", 0.5))
+    metallic: Channels = parameter(_share("share of metal", 0.0), default=0.0)
+    specular: Channels = parameter(_share("reflectance at normal over 0.08", 0.5), default=0.5)
+    specular_tint: Channels = parameter(_share("tint of the lobe", 0.0), default=0.0)
+    anisotropic: Channels = parameter(_share("aspect of the lobe", 0.0), default=0.0)
+    sheen: Channels = parameter(_share("grazing sheen", 0.0), default=0.0)
+    sheen_tint: Channels = parameter(_share("tint of the sheen", 0.5), default=0.5)
+    clearcoat: Channels = parameter(_share("strength of the clearcoat", 0.0), default=0.0)
+    clearcoat_gloss: Channels = parameter(_share("gloss of the clearcoat", 1.0), default=1.0)
+    subsurface: Channels = parameter(_share("share of the flatter diffuser", 0.0), default=0.0)
     variant: str = eqx.field(static=True, default="disney", metadata={"choices": ("disney", "mitsuba")})
 
     @property
@@ -182,13 +178,12 @@ class Principled(AbstractComposite):
         reflected = _mix(0.04, 1.0, schlick_weight(cos_d))
         return 0.25 * self.clearcoat * reflected * gtr1_d(h, self.clearcoat_alpha) * masking
 
-    def terms(self):
+    def terms(self) -> tuple[AbstractBRDF, ...]:
         return tuple(PrincipledTerm(self, term) for term in ("diffuse", "specular", "clearcoat"))
 
-    def f(self, wi, wo):
-        shown, wi, wo = raised(wi, wo)
-        return shown * (self._diffuse(wi, wo) + self._specular(wi, wo) + self._clearcoat(wi, wo))
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        return self._diffuse(wi, wo) + self._specular(wi, wo) + self._clearcoat(wi, wo)
 
     @property
-    def isotropic(self):
+    def isotropic(self) -> bool:
         return known_equal(self.anisotropic, 0.0)

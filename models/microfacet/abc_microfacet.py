@@ -4,14 +4,13 @@ import dataclasses
 from typing import ClassVar
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import AbstractBRDF, Scalar
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.fresnel import fresnel
 from gonio.models.geometry.directions import Direction, reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles, mirrored_pdf
-from gonio.models.geometry.horizon import above
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet.distributions import ggx_d
 from gonio.models.microfacet.v_cavity import v_cavity_map, v_cavity_visibility
@@ -33,19 +32,17 @@ class ABCMicrofacet(AbstractBRDF):
     lobe = True
     violates: ClassVar = {"energy": "S is not normalised: of scale 1, it reflects 4.7 at normal incidence for b = 0."}
 
-    b: Float[Array, "*channel"] = parameter(B)
-    c: Float[Array, "*channel"] = parameter(C)
-    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
-    eta: Float[Array, "*channel"] | None = parameter(ETA, default=None)
-    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    b: Channels = parameter(B)
+    c: Channels = parameter(C)
+    f0: Channels | None = parameter(mf.F0, default=None)
+    eta: Channels | None = parameter(ETA, default=None)
+    k: Channels | None = parameter(mf.K, default=None)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         half = half_angles(wi, wo)
         fall = half.sin2_h / (1.0 + half.h.z)  # 1 − cosθ_h
         s = jnp.exp(-self.c * jnp.log1p(self.b * fall))
-        value = fresnel(positive(half.cos_d), self.f0, self.eta, self.k) * s * v_cavity_visibility(wi, wo, half)
-        return jnp.where(both, value, 0.0)
+        return fresnel(positive(half.cos_d), self.f0, self.eta, self.k) * s * v_cavity_visibility(wi, wo, half)
 
     @property
     def width(self) -> Scalar:
@@ -53,19 +50,19 @@ class ABCMicrofacet(AbstractBRDF):
         return jnp.sqrt(2.0 / jnp.maximum(jnp.mean(self.b) * jnp.maximum(jnp.mean(self.c), 1.0), 2.0))
 
     @property
-    def facet_widths(self):
+    def facet_widths(self) -> tuple[Scalar, Scalar] | None:
         return self.width, self.width
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         """wi mirrored in a facet of GGX slopes of the same width, which S of c = 2 has."""
         r = self.width * jnp.sqrt(u2 / (1.0 - u2))
         z = 1.0 / jnp.sqrt(1.0 + r * r)
         return reflect(wi, Direction(r * z * jnp.cos(2 * jnp.pi * u1), r * z * jnp.sin(2 * jnp.pi * u1), z))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return mirrored_pdf(lambda m: ggx_d(m, self.width, self.width) * m.z, wi, wo)
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """Polar coordinates of the facet's slope, cut at the kinks of G and where S is below 1e-18/(1 + b)."""
         b, c = jnp.mean(self.b), jnp.min(self.c)
         fall = jnp.expm1(jnp.minimum((41.0 + jnp.log1p(b)) / c, 60.0)) / jnp.maximum(b, 1e-30)

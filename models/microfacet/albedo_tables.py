@@ -15,9 +15,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from gonio.models.arrays import Scalar
 from gonio.models.microfacet.chebyshev import chebyshev_basis, clenshaw
 
-Scalar = Float[Array, "..."]
 Series = Float[Array, "..."]  # the coefficients on the first axis, channels on the second where there are some
 
 TABLES = pathlib.Path(__file__).with_name("albedos.npz")

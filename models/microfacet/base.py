@@ -2,11 +2,10 @@
 
 import abc
 
-from gonio.models.brdf import Scalar
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.fresnel import fresnel
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.half_vector import half_angles
-from gonio.models.geometry.horizon import raised
 from gonio.models.microfacet.widths import AbstractWidths
 from gonio.models.parameters import ParameterInfo
 from gonio.models.warps.slopes import facet_direction, slope_ray
@@ -40,12 +39,11 @@ class AbstractMicrofacet(AbstractWidths):
     def slope_radius(self, u2: Scalar, horizon: Scalar) -> tuple[Scalar, Scalar]:
         """A slope, in units of the width, in [0, horizon] from u2 in [0, 1], and its derivative by u2."""
 
-    def f(self, wi, wo):
-        shown, wi, wo = raised(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         h, cos_d, _ = half_angles(wi, wo)
-        return fresnel(cos_d, self.f0, self.eta, self.k) * (self.density(h) * (self.visibility(wi, wo) * shown))
+        return fresnel(cos_d, self.f0, self.eta, self.k) * (self.density(h) * self.visibility(wi, wo))
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """Polar coordinates of the facet's slope, out to the horizon's (see `gonio.models.warps.slopes`)."""
         widths = self.mean_widths
         ray = slope_ray(wi, u1, *widths)

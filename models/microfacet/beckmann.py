@@ -1,10 +1,12 @@
 """The Beckmann microfacet model."""
 
+from collections.abc import Mapping
+
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.geometry.directions import reflect
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.geometry.directions import Direction, reflect
 from gonio.models.geometry.guards import lift, positive
 from gonio.models.geometry.half_vector import mirrored_pdf
 from gonio.models.microfacet import base as mf
@@ -28,25 +30,25 @@ class Beckmann(AbstractCompensated):
     "turquin" (see `gonio.models.microfacet.energy_compensation`).
     """
 
-    alpha: Float[Array, "*channel"] | None = parameter(mf.ALPHA, default=None)
-    alpha_x: Float[Array, "*channel"] | None = parameter(mf.ALPHA_X, default=None)
-    alpha_y: Float[Array, "*channel"] | None = parameter(mf.ALPHA_Y, default=None)
-    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
-    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
-    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    alpha: Channels | None = parameter(mf.ALPHA, default=None)
+    alpha_x: Channels | None = parameter(mf.ALPHA_X, default=None)
+    alpha_y: Channels | None = parameter(mf.ALPHA_Y, default=None)
+    f0: Channels | None = parameter(mf.F0, default=None)
+    eta: Channels | None = parameter(mf.ETA, default=None)
+    k: Channels | None = parameter(mf.K, default=None)
     smith: str = eqx.field(
         static=True, default="correlated", metadata={"choices": ("correlated", "separable", "walter", "none")}
     )
     energy: str = eqx.field(static=True, default="single", metadata=ENERGY)
 
     @property
-    def violates(self):
+    def violates(self) -> Mapping[str, str]:
         return super().violates | ({"energy": UNSHADOWED} if self.smith == "none" else {})
 
-    def density(self, m):
+    def density(self, m: Direction) -> Channels:
         return slopes.beckmann_d(m, *self.widths)
 
-    def visibility(self, wi, wo):
+    def visibility(self, wi: Direction, wo: Direction) -> Channels:
         if self.smith == "correlated":
             m_i, m_o = (slopes.beckmann_shadow_excess(w, *self.widths) for w in (wi, wo))
             z_i, z_o = positive(wi.z), positive(wo.z)
@@ -57,12 +59,12 @@ class Beckmann(AbstractCompensated):
         one = slopes.walter_masked_cosine if self.smith == "walter" else slopes.beckmann_masked_cosine
         return 0.25 / (one(wi, *self.widths) * one(wo, *self.widths))
 
-    def slope_radius(self, u2, horizon):
+    def slope_radius(self, u2: Scalar, horizon: Scalar) -> tuple[Scalar, Scalar]:
         last = jnp.minimum(horizon, LAST_SLOPE)
         return last * u2, last
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         return reflect(wi, slopes.beckmann_normal(*self.mean_widths, u1, u2))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return mirrored_pdf(lambda m: slopes.beckmann_d(m, *self.mean_widths) * m.z, wi, wo)

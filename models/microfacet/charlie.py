@@ -4,13 +4,12 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import AbstractBRDF, Scalar
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles
-from gonio.models.geometry.horizon import above
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.grazing_azimuth import polar_parts
 
@@ -35,11 +34,10 @@ class Charlie(AbstractBRDF):
         ' "ashikhmin" from α = 0.2 down, 1.24 at 0.01 for α = 0.1.'
     }
 
-    alpha: Float[Array, "*channel"] = parameter(ALPHA)
+    alpha: Channels = parameter(ALPHA)
     visibility: str = eqx.field(static=True, default="fitted", metadata={"choices": ("fitted", "ashikhmin")})
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         h, _, across2 = half_angles(wi, wo)
         # ln sin²θh: narrow ones ask it near 1, and at the normal it has no end.
         up2 = h.z * h.z
@@ -49,10 +47,10 @@ class Charlie(AbstractBRDF):
         power = 1.0 / self.alpha
         density = (2.0 + power) / (2 * jnp.pi) * jnp.where(slanted, jnp.exp(0.5 * power * log_sin2), 0.0)
         if self.visibility == "ashikhmin":
-            return jnp.where(both, density * 0.25 / (wi.z + wo.z - wi.z * wo.z), 0.0)
+            return density * 0.25 / (wi.z + wo.z - wi.z * wo.z)
         masked = 1.0 + self._mask(wi.z) + self._mask(wo.z)
         # Divided one by one: the product of three could leave the range of single precision.
-        return jnp.where(both, 0.25 * density / masked / positive(wi.z) / positive(wo.z), 0.0)
+        return 0.25 * density / masked / positive(wi.z) / positive(wo.z)
 
     def _mask(self, cos_t: Scalar) -> Scalar:
         """Λ(θ) of eq. 3, exp(L(cosθ)), mirrored in cosθ = ½ above it; finite at grazing."""
@@ -67,7 +65,7 @@ class Charlie(AbstractBRDF):
         low = fit(jnp.minimum(cos_t, 1.0 - cos_t))
         return jnp.exp(jnp.where(cos_t < 0.5, low, 2.0 * fit(jnp.full_like(cos_t, 0.5)) - low))
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """(θo, φ) with φ from the azimuth of wi, the seam of Λ at θo = 60° on u2 = ½, closer towards the horizon."""
         _, cos_a, sin_a = polar_parts(wi)
         high, rest = u2 < 0.5, 2.0 - 2.0 * u2

@@ -2,9 +2,8 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-Scalar = Float[Array, "..."]
+from gonio.models.arrays import Scalar
 
 
 def chebyshev_basis(x: Scalar, n: int) -> Scalar:

@@ -4,12 +4,12 @@ import dataclasses
 from typing import ClassVar
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.fresnel import fresnel
+from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles
-from gonio.models.geometry.horizon import above
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet import distributions as slopes
 from gonio.models.microfacet.gaussian_sampling import LAST_SLOPE, AbstractGaussianFacets
@@ -26,19 +26,18 @@ class AbstractCookTorrance(AbstractGaussianFacets):
     lobe = True
     factor: ClassVar[float]
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         half = half_angles(wi, wo)
         density = slopes.beckmann_d(half.h, self.alpha, self.alpha)
         reflected = fresnel(positive(half.cos_d), self.f0, self.eta, self.k)
-        return jnp.where(both, self.factor * reflected * density * v_cavity_visibility(wi, wo, half), 0.0)
+        return self.factor * reflected * density * v_cavity_visibility(wi, wo, half)
 
     @property
-    def mean_widths(self):
+    def mean_widths(self) -> tuple[Scalar, Scalar]:
         alpha = jnp.mean(self.alpha)
         return alpha, alpha
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """Polar coordinates of the facet's slope, cut at the kinks of G."""
         return v_cavity_map(wi, u1, u2, jnp.mean(self.alpha), LAST_SLOPE, linear_law)
 
@@ -51,10 +50,10 @@ class CookTorrance(AbstractCookTorrance):
 
     factor = 0.25
 
-    alpha: Float[Array, "*channel"] = parameter(ALPHA)
-    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
-    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
-    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    alpha: Channels = parameter(ALPHA)
+    f0: Channels | None = parameter(mf.F0, default=None)
+    eta: Channels | None = parameter(mf.ETA, default=None)
+    k: Channels | None = parameter(mf.K, default=None)
 
 
 class CookTorrance1982(AbstractCookTorrance):
@@ -66,7 +65,7 @@ class CookTorrance1982(AbstractCookTorrance):
     violates: ClassVar = {"energy": "It reflects four times what its facets receive: about 4 for F = 1, α = 0.3."}
     factor = 1.0
 
-    alpha: Float[Array, "*channel"] = parameter(ALPHA)
-    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
-    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
-    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    alpha: Channels = parameter(ALPHA)
+    f0: Channels | None = parameter(mf.F0, default=None)
+    eta: Channels | None = parameter(mf.ETA, default=None)
+    k: Channels | None = parameter(mf.K, default=None)

@@ -8,7 +8,8 @@ divides by a cosine that may be 0.
 import jax.numpy as jnp
 from jax.scipy.special import erf, erfc
 
-from gonio.models.geometry.directions import Direction, Scalar, normalize
+from gonio.models.arrays import Scalar
+from gonio.models.geometry.directions import Direction, normalize
 
 _SQRT_PI = 1.7724538509055159
 

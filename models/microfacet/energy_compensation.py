@@ -1,21 +1,21 @@
 """The light that bounces between the facets more than once: what a single bounce is missing, given back."""
 
+from collections.abc import Mapping
+
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.fresnel import fresnel
 from gonio.models.fresnel_average import fresnel_average
 from gonio.models.geometry.directions import Direction
-from gonio.models.geometry.horizon import above
 from gonio.models.microfacet import albedo_tables as tables
 from gonio.models.microfacet import base as mf
 from gonio.models.parameters import parameter
 from gonio.models.warps.grazing_azimuth import polar_parts
 
-Scalar = Float[Array, ""]
 ENERGY = {"choices": ("single", "kulla_conty", "turquin")}
 ACCURACY = 2e-8
 TURQUIN = (
@@ -40,22 +40,21 @@ class MultipleBounces(AbstractBRDF):
     F_ms = F_avg² E_avg/(1 − F_avg(1 − E_avg)): what is left of the light that meets the facets twice or more.
     """
 
-    alpha: Float[Array, "*channel"] = parameter(mf.ALPHA)
-    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
-    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
-    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    alpha: Channels = parameter(mf.ALPHA)
+    f0: Channels | None = parameter(mf.F0, default=None)
+    eta: Channels | None = parameter(mf.ETA, default=None)
+    k: Channels | None = parameter(mf.K, default=None)
     table: str = eqx.field(static=True, default="ggx_correlated")
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         series = tables.width_series(self.table, self.alpha)
         missing = tables.average(self.table, series, self.alpha)
         average = fresnel_average(self.f0, self.eta, self.k)
         colour = average**2 * (1.0 - missing) / (1.0 - average * missing)
         m_i, m_o = (tables.tabulated(self.table, series, w.z, self.alpha) for w in (wi, wo))
-        return jnp.where(both, colour / missing * (m_i * m_o) / jnp.pi, 0.0)
+        return colour / missing * (m_i * m_o) / jnp.pi
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return cosine_layer_map(tables.KINDS[self.table].cosines, jnp.mean(self.alpha), wi, u1, u2)
 
 
@@ -83,11 +82,11 @@ class AbstractCompensated(mf.AbstractMicrofacet):
         return f"{type(self).__name__.lower()}_{self.smith}"
 
     @property
-    def accuracy(self):
+    def accuracy(self) -> float:
         return 0.0 if self.energy == "single" else ACCURACY
 
     @property
-    def violates(self):
+    def violates(self) -> Mapping[str, str]:
         return {"reciprocity": TURQUIN} if self.energy == "turquin" else {}
 
     @property
@@ -100,16 +99,15 @@ class AbstractCompensated(mf.AbstractMicrofacet):
         """The term of two bounces and more [Kulla & Conty 2017]."""
         return MultipleBounces(alpha=self.alpha, f0=self.f0, eta=self.eta, k=self.k, table=self.table)
 
-    def f(self, wi, wo):
-        once = super().f(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        once = super().formula(wi, wo)
         if self.energy == "kulla_conty":
-            return once + self.bounces.f(wi, wo)
+            return once + self.bounces.formula(wi, wo)
         if self.energy == "turquin":
-            mu = jnp.where(wi.z > 0, wi.z, 1.0)
-            missing = tables.tabulated(self.table, tables.width_series(self.table, self.alpha), mu, self.alpha)
-            normal = fresnel(jnp.ones_like(mu), self.f0, self.eta, self.k)
+            missing = tables.tabulated(self.table, tables.width_series(self.table, self.alpha), wi.z, self.alpha)
+            normal = fresnel(jnp.ones_like(wi.z), self.f0, self.eta, self.k)
             return once * (1.0 + normal * (missing / (1.0 - missing)))
         return once
 
-    def terms(self):
+    def terms(self) -> tuple[AbstractBRDF, ...]:
         return (self.single, self.bounces) if self.energy == "kulla_conty" else (self,)

@@ -2,8 +2,9 @@
 
 import abc
 
-from gonio.models.brdf import AbstractBRDF, Scalar
-from gonio.models.geometry.directions import reflect
+from gonio.models.arrays import Scalar
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.geometry.directions import Direction, reflect
 from gonio.models.geometry.half_vector import mirrored_pdf
 from gonio.models.microfacet import distributions as slopes
 
@@ -19,11 +20,11 @@ class AbstractGaussianFacets(AbstractBRDF):
         """The widths along x and y by which directions are drawn: their mean where channels differ."""
 
     @property
-    def facet_widths(self):
+    def facet_widths(self) -> tuple[Scalar, Scalar] | None:
         return self.mean_widths
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         return reflect(wi, slopes.beckmann_normal(*self.mean_widths, u1, u2))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return mirrored_pdf(lambda m: slopes.beckmann_d(m, *self.mean_widths) * m.z, wi, wo)

@@ -2,9 +2,9 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.geometry.directions import half_vector, reflect
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.geometry.directions import Direction, half_vector, reflect
 from gonio.models.geometry.guards import lift, positive
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet.distributions import ggx_d, ggx_masked_cosine, ggx_shadow_root, ggx_visible_normal
@@ -20,19 +20,19 @@ class GGX(AbstractCompensated):
     `gonio.models.microfacet.energy_compensation`).
     """
 
-    alpha: Float[Array, "*channel"] | None = parameter(mf.ALPHA, default=None)
-    alpha_x: Float[Array, "*channel"] | None = parameter(mf.ALPHA_X, default=None)
-    alpha_y: Float[Array, "*channel"] | None = parameter(mf.ALPHA_Y, default=None)
-    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
-    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
-    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    alpha: Channels | None = parameter(mf.ALPHA, default=None)
+    alpha_x: Channels | None = parameter(mf.ALPHA_X, default=None)
+    alpha_y: Channels | None = parameter(mf.ALPHA_Y, default=None)
+    f0: Channels | None = parameter(mf.F0, default=None)
+    eta: Channels | None = parameter(mf.ETA, default=None)
+    k: Channels | None = parameter(mf.K, default=None)
     smith: str = eqx.field(static=True, default="correlated", metadata={"choices": ("correlated", "separable")})
     energy: str = eqx.field(static=True, default="single", metadata=ENERGY)
 
-    def density(self, m):
+    def density(self, m: Direction) -> Channels:
         return ggx_d(m, *self.widths)
 
-    def visibility(self, wi, wo):
+    def visibility(self, wi: Direction, wo: Direction) -> Channels:
         if self.smith == "separable":
             return 0.25 / (ggx_masked_cosine(wi, *self.widths) * ggx_masked_cosine(wo, *self.widths))
         s_i, s_o = ggx_shadow_root(wi, *self.widths), ggx_shadow_root(wo, *self.widths)
@@ -40,14 +40,14 @@ class GGX(AbstractCompensated):
         up = lift(jnp.result_type(z_i))  # the square of the denominator, in the gradient, does not underflow then
         return (0.5 * up) / ((z_o * s_i + z_i * s_o) * up)
 
-    def slope_radius(self, u2, horizon):
+    def slope_radius(self, u2: Scalar, horizon: Scalar) -> tuple[Scalar, Scalar]:
         # The tails fall as a power: the inverse hyperbolic sine gives core and tail their share.
         x_max = jnp.arcsinh(horizon)
         x = x_max * u2
         return jnp.sinh(x), jnp.cosh(x) * x_max
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         return reflect(wi, ggx_visible_normal(wi, *self.mean_widths, u1, u2))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return 0.25 * ggx_d(half_vector(wi, wo), *self.mean_widths) / ggx_masked_cosine(wi, *self.mean_widths)

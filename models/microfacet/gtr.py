@@ -5,9 +5,8 @@ from typing import ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import Scalar
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.geometry.directions import Direction, reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import mirrored_pdf
@@ -63,21 +62,21 @@ class GTR(mf.AbstractMicrofacet):
         "energy": "For gamma < 2 its masking is too weak near grazing: 1.06 at 70°, 1.30 at 80° for gamma = 1, α = .01."
     }
 
-    alpha: Float[Array, "*channel"] = parameter(mf.ALPHA)
-    gamma: Float[Array, "*channel"] = parameter(GAMMA)
-    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
-    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
-    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    alpha: Channels = parameter(mf.ALPHA)
+    gamma: Channels = parameter(GAMMA)
+    f0: Channels | None = parameter(mf.F0, default=None)
+    eta: Channels | None = parameter(mf.ETA, default=None)
+    k: Channels | None = parameter(mf.K, default=None)
     smith: str = eqx.field(static=True, default="correlated", metadata={"choices": ("correlated", "separable")})
 
     @property
-    def widths(self):
+    def widths(self) -> tuple[Scalar, Scalar]:
         return self.alpha, self.alpha
 
-    def density(self, m):
+    def density(self, m: Direction) -> Channels:
         return gtr_d(m, self.alpha, self.gamma)
 
-    def visibility(self, wi, wo):
+    def visibility(self, wi: Direction, wo: Direction) -> Channels:
         wi, wo = (Direction(w.x, w.y, positive(w.z)) for w in (wi, wo))
         if self.smith == "separable":
             return 0.25 / (ggx_masked_cosine(wi, *self.widths) * ggx_masked_cosine(wo, *self.widths))
@@ -86,13 +85,13 @@ class GTR(mf.AbstractMicrofacet):
         unit = jax.lax.stop_gradient(jnp.maximum(wi.z, wo.z))
         return (0.5 / unit) / ((wo.z * s_i + wi.z * s_o) / unit)
 
-    def slope_radius(self, u2, horizon):
+    def slope_radius(self, u2: Scalar, horizon: Scalar) -> tuple[Scalar, Scalar]:
         # A share of 4e-18 of the facets is steeper, where that slope is below 1; beyond it tails fall as those of GGX.
         last = jnp.exp(20.0 / jnp.maximum(jnp.min(self.gamma) - 1.0, 0.5))
         last = jnp.where(last * jnp.max(self.alpha) < 1.0, last, EVERY_SLOPE)
         return horizon_law(u2, last, horizon, self.mean_widths[0])
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         """wi mirrored in a facet drawn from D cosθ [Burley 2012, appendix B], without a seam at γ = 1 or α = 1."""
         size, x = 2.0 * jnp.log(self.mean_widths[0]), (1.0 - jnp.mean(self.gamma)) * 2.0 * jnp.log(self.mean_widths[0])
         flat = jnp.abs(x) < 1e-9
@@ -103,6 +102,6 @@ class GTR(mf.AbstractMicrofacet):
         s = jnp.sqrt(sin2)
         return reflect(wi, Direction(s * jnp.cos(2 * jnp.pi * u1), s * jnp.sin(2 * jnp.pi * u1), jnp.sqrt(cos2)))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         alpha, gamma = self.mean_widths[0], jnp.mean(self.gamma)
         return mirrored_pdf(lambda m: gtr_d(m, alpha, gamma) * m.z, wi, wo)

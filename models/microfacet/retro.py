@@ -1,8 +1,8 @@
 """Microfacets that send light back where it came from."""
 
 import equinox as eqx
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
 from gonio.models.microfacet import base as mf
@@ -19,12 +19,12 @@ class Retro(AbstractBRDF):
 
     lobe = True
 
-    alpha: Float[Array, "*channel"] | None = parameter(mf.ALPHA, default=None)
-    alpha_x: Float[Array, "*channel"] | None = parameter(mf.ALPHA_X, default=None)
-    alpha_y: Float[Array, "*channel"] | None = parameter(mf.ALPHA_Y, default=None)
-    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
-    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
-    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    alpha: Channels | None = parameter(mf.ALPHA, default=None)
+    alpha_x: Channels | None = parameter(mf.ALPHA_X, default=None)
+    alpha_y: Channels | None = parameter(mf.ALPHA_Y, default=None)
+    f0: Channels | None = parameter(mf.F0, default=None)
+    eta: Channels | None = parameter(mf.ETA, default=None)
+    k: Channels | None = parameter(mf.K, default=None)
     smith: str = eqx.field(static=True, default="correlated", metadata={"choices": ("correlated", "separable")})
 
     @property
@@ -32,16 +32,16 @@ class Retro(AbstractBRDF):
         """The facets that would mirror light from the mirror image of `wi` in the normal."""
         return GGX(self.alpha, self.alpha_x, self.alpha_y, self.f0, self.eta, self.k, self.smith)
 
-    def f(self, wi, wo):
-        return self.surface.f(mirrored(wi), wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        return self.surface.formula(mirrored(wi), wo)
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         return self.surface.sample(mirrored(wi), u1, u2)
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return self.surface.pdf(mirrored(wi), wo)
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return self.surface.lobe_map(mirrored(wi), u1, u2)
 
 

@@ -3,13 +3,12 @@
 from typing import ClassVar
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import AbstractBRDF, Channels, Scalar
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles, mirrored_pdf
-from gonio.models.geometry.horizon import above
 from gonio.models.microfacet.distributions import ggx_d
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.grazing_azimuth import polar_parts
@@ -52,7 +51,7 @@ class SGD(AbstractBRDF):
     k: Channels = parameter(K)
     theta_0: Channels = parameter(THETA_0)
 
-    def density(self, h: Direction, sin2_h: Scalar) -> Float[Array, "*channel"]:
+    def density(self, h: Direction, sin2_h: Scalar) -> Channels:
         """D, 1/sr; 0 where e^(−t) is 0."""
         alpha = self.alpha
         z2 = h.z**2
@@ -61,7 +60,7 @@ class SGD(AbstractBRDF):
         t = alpha + jnp.where(live, sin2_h, 0.0) / (cos2 * alpha)
         return jnp.where(live, self.kappa * jnp.exp(-t - self.p * jnp.log(t)) / (jnp.pi * cos2 * cos2), 0.0)
 
-    def masking(self, w: Direction) -> Float[Array, "*channel"]:
+    def masking(self, w: Direction) -> Channels:
         """G₁ of a direction above the horizon."""
         beyond = jnp.arctan2(polar_parts(w)[0], w.z) - self.theta_0
         masked = beyond > 0
@@ -69,13 +68,12 @@ class SGD(AbstractBRDF):
         fall = -jnp.expm1(jnp.exp(jnp.where(masked, rise, 0.0)))
         return jnp.where(masked, 1.0 + self.lam * fall, 1.0)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         h, cos_d, sin2_h = half_angles(wi, wo)
         m = 0.25 * sum((i - o) ** 2 for i, o in zip(wi, wo, strict=True)) / (1.0 + cos_d)  # 1 − cosθ_d to all digits
         reflected = self.f0 + (1.0 - self.f0) * (m * m) ** 2 * m - self.f1 * cos_d
         value = reflected * self.density(h, sin2_h) * (self.masking(wi) / positive(wi.z))
-        return jnp.where(both, value * (self.masking(wo) / positive(wo.z)) / jnp.pi, 0.0)
+        return value * (self.masking(wo) / positive(wo.z)) / jnp.pi
 
     @property
     def core(self) -> tuple[Scalar, Scalar]:
@@ -83,16 +81,16 @@ class SGD(AbstractBRDF):
         alpha = jnp.mean(self.alpha)
         return jnp.minimum(alpha, jnp.sqrt(alpha)), jnp.sqrt(40.0 * jnp.max(self.alpha))
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         """wi mirrored in a facet of GGX slopes as wide as the core."""
         r = self.core[0] * jnp.sqrt(u2 / (1.0 - u2))
         z = 1.0 / jnp.sqrt(1.0 + r * r)
         return reflect(wi, Direction(r * z * jnp.cos(2 * jnp.pi * u1), r * z * jnp.sin(2 * jnp.pi * u1), z))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return mirrored_pdf(lambda m: ggx_d(m, self.core[0], self.core[0]) * m.z, wi, wo)
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """Polar coordinates of the facet's slope: equal steps of the inverse hyperbolic sine, out to where D is 0."""
         width, last = self.core
         ray = slope_ray(wi, u1, width, width)

@@ -6,9 +6,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import Scalar
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.geometry.directions import Direction, reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import log_cosine, mirrored_pdf
@@ -78,23 +77,23 @@ class STD(mf.AbstractMicrofacet):
     or `eta` (and `k`), or none (F = 1). gamma = 2 is `ggx`; the larger gamma, the nearer to `beckmann`.
     """
 
-    gamma: Float[Array, "*channel"] = parameter(GAMMA)
-    alpha: Float[Array, "*channel"] | None = parameter(mf.ALPHA, default=None)
-    alpha_x: Float[Array, "*channel"] | None = parameter(mf.ALPHA_X, default=None)
-    alpha_y: Float[Array, "*channel"] | None = parameter(mf.ALPHA_Y, default=None)
-    f0: Float[Array, "*channel"] | None = parameter(mf.F0, default=None)
-    eta: Float[Array, "*channel"] | None = parameter(mf.ETA, default=None)
-    k: Float[Array, "*channel"] | None = parameter(mf.K, default=None)
+    gamma: Channels = parameter(GAMMA)
+    alpha: Channels | None = parameter(mf.ALPHA, default=None)
+    alpha_x: Channels | None = parameter(mf.ALPHA_X, default=None)
+    alpha_y: Channels | None = parameter(mf.ALPHA_Y, default=None)
+    f0: Channels | None = parameter(mf.F0, default=None)
+    eta: Channels | None = parameter(mf.ETA, default=None)
+    k: Channels | None = parameter(mf.K, default=None)
     smith: str = eqx.field(static=True, default="correlated", metadata={"choices": ("correlated", "separable")})
 
     @property
-    def accuracy(self):
+    def accuracy(self) -> float:
         return 2e-13  # of the masking, by quadrature
 
-    def density(self, m):
+    def density(self, m: Direction) -> Channels:
         return student_d(m, *self.widths, self.gamma)
 
-    def visibility(self, wi, wo):
+    def visibility(self, wi: Direction, wo: Direction) -> Channels:
         wi, wo = (Direction(w.x, w.y, positive(w.z)) for w in (wi, wo))
         (m_i, l_i), (m_o, l_o) = (student_shadowing(w, *self.widths, self.gamma) for w in (wi, wo))
         if self.smith == "separable":
@@ -103,12 +102,12 @@ class STD(mf.AbstractMicrofacet):
         unit = jax.lax.stop_gradient(jnp.maximum(wi.z, wo.z))
         return (0.25 / unit) / ((wi.z * wo.z + wo.z * m_i + wi.z * m_o) / unit)
 
-    def slope_radius(self, u2, horizon):
+    def slope_radius(self, u2: Scalar, horizon: Scalar) -> tuple[Scalar, Scalar]:
         c = jnp.min(self.gamma) - 1.0
         last = jnp.sqrt(c) * jnp.exp(20.0 / c)  # a share of 4e-18 of the facets is steeper
         return horizon_law(u2, last, horizon, jnp.minimum(*self.mean_widths))
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         """wi mirrored in a facet drawn from D cosθ: tan² = c((1 − u2)^(−1/c) − 1) in units of the widths."""
         alpha_x, alpha_y = self.mean_widths
         c = jnp.mean(self.gamma) - 1.0
@@ -117,6 +116,6 @@ class STD(mf.AbstractMicrofacet):
         z = 1.0 / jnp.sqrt(1.0 + p * p + q * q)
         return reflect(wi, Direction(p * z, q * z, z))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         gamma = jnp.mean(self.gamma)
         return mirrored_pdf(lambda m: student_d(m, *self.mean_widths, gamma) * m.z, wi, wo)

@@ -7,15 +7,13 @@ G = min(1, 2cosθ_h cosθi/cosθ_d, 2cosθ_h cosθo/cosθ_d) has three kinks. Wi
 """
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import HalfAngles
 from gonio.models.warps.grazing_azimuth import grazing_tangent
 from gonio.models.warps.slopes import facet_direction, slope_ray
-
-Scalar = Float[Array, ""]
 
 SEAM = 0.881373587019543  # asinh(1): t = ρ, in the variable that the azimuth is clustered by
 

@@ -2,7 +2,8 @@
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Scalar
+from gonio.models.arrays import Scalar
+from gonio.models.brdf import AbstractBRDF
 
 
 class AbstractWidths(AbstractBRDF):
@@ -19,5 +20,5 @@ class AbstractWidths(AbstractBRDF):
         return tuple(jnp.mean(w) for w in self.widths)
 
     @property
-    def facet_widths(self):
+    def facet_widths(self) -> tuple[Scalar, Scalar] | None:
         return self.mean_widths

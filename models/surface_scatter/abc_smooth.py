@@ -3,12 +3,10 @@
 from typing import ClassVar
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import Scalar
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.fresnel import fresnel
 from gonio.models.geometry.directions import Direction
-from gonio.models.geometry.horizon import above
 from gonio.models.microfacet.base import ETA, F0, K
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.surface_scatter.shift_invariant import AbstractDiscLobe
@@ -28,18 +26,17 @@ class ABCSmooth(AbstractDiscLobe):
     lobe = True
     violates: ClassVar = {"energy": "Its height is free (the paper's A is the scale): at 1, it reflects π for b = 0."}
 
-    b: Float[Array, "*channel"] = parameter(B)
-    c: Float[Array, "*channel"] = parameter(C)
-    f0: Float[Array, "*channel"] | None = parameter(F0, default=None)
-    eta: Float[Array, "*channel"] | None = parameter(ETA, default=None)
-    k: Float[Array, "*channel"] | None = parameter(K, default=None)
+    b: Channels = parameter(B)
+    c: Channels = parameter(C)
+    f0: Channels | None = parameter(F0, default=None)
+    eta: Channels | None = parameter(ETA, default=None)
+    k: Channels | None = parameter(K, default=None)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         lobe = jnp.exp(-self.c * jnp.log1p(self.b * projected_distance2(wi, wo)))
-        return jnp.where(both, fresnel(_projected_cos_d(wi, wo), self.f0, self.eta, self.k) * lobe, 0.0)
+        return fresnel(_projected_cos_d(wi, wo), self.f0, self.eta, self.k) * lobe
 
-    def core(self, wi):
+    def core(self, wi: Direction) -> tuple[Channels, Channels]:
         return 1.0 / jnp.sqrt(jnp.maximum(self.b, 1e-2)), self.c
 
 

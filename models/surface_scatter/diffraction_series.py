@@ -5,9 +5,8 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
-Scalar = Float[Array, "*channel"]
+from gonio.models.arrays import Scalar
 
 NODES = 120
 ROOT_2PI = 2.5066282746310002

@@ -3,9 +3,9 @@
 from typing import ClassVar
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.geometry.horizon import above
+from gonio.models.arrays import Channels
+from gonio.models.geometry.directions import Direction
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.surface_scatter.shift_invariant import AbstractDiscLobe
 from gonio.models.warps.direction_cosines import projected_distance2
@@ -28,16 +28,15 @@ class HarveyShack(AbstractDiscLobe):
 
     violates: ClassVar = {"energy": "Its height is free: it reflects up to π b0, which is so at s = 0."}
 
-    b0: Float[Array, "*channel"] = parameter(B0)
-    l: Float[Array, "*channel"] = parameter(L)  # noqa: E741
-    s: Float[Array, "*channel"] = parameter(S)
+    b0: Channels = parameter(B0)
+    l: Channels = parameter(L)  # noqa: E741
+    s: Channels = parameter(S)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         shape = jnp.exp(0.5 * self.s * jnp.log1p(projected_distance2(wi, wo) / self.l**2))
-        return jnp.where(both, self.b0 * shape, 0.0)
+        return self.b0 * shape
 
-    def core(self, wi):
+    def core(self, wi: Direction) -> tuple[Channels, Channels]:
         return self.l, -0.5 * self.s
 
 
@@ -49,20 +48,19 @@ class ABg(AbstractDiscLobe):
 
     violates: ClassVar = {"energy": "Its height is free: it reflects up to π a/b, which is so where b is large."}
 
-    a: Float[Array, "*channel"] = parameter(A)
-    b: Float[Array, "*channel"] = parameter(B)
-    g: Float[Array, "*channel"] = parameter(G)
+    a: Channels = parameter(A)
+    b: Channels = parameter(B)
+    g: Channels = parameter(G)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         rho2 = projected_distance2(wi, wo)
         # Nearer than rounding is at the mirror: a cusp's slope there would overflow.
         away = rho2 > 8 * jnp.finfo(rho2.dtype).eps ** 2
         power = jnp.exp(0.5 * self.g * jnp.log(jnp.where(away, rho2, 1.0)))
         power = jnp.where(away, power, jnp.where(self.g > 0, 0.0, 1.0))
-        return jnp.where(both, self.a / (self.b + power), 0.0)
+        return self.a / (self.b + power)
 
-    def core(self, wi):
+    def core(self, wi: Direction) -> tuple[Channels, Channels]:
         # b^(1/g), within what a double can square.
         exponent = jnp.log(self.b) / jnp.maximum(self.g, 1e-2)
         return jnp.exp(jnp.clip(exponent, -18.0, 2.0)), 0.5 * self.g

@@ -5,12 +5,10 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 from jax.scipy.special import erfc
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import Scalar
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.fresnel import fresnel
-from gonio.models.geometry.directions import add, dot
-from gonio.models.geometry.horizon import above
+from gonio.models.geometry.directions import Direction, add, dot
 from gonio.models.microfacet.base import ETA, K
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.surface_scatter.diffraction_series import lambert_w, wave_series
@@ -42,15 +40,14 @@ class HeTorrance(AbstractDiscLobe):
     }
     reach = 60.0
 
-    sigma: Float[Array, "*channel"] = parameter(SIGMA)
-    tau: Float[Array, "*channel"] = parameter(TAU)
-    wavelength: Float[Array, "*channel"] = parameter(WAVELENGTH)
-    eta: Float[Array, "*channel"] | None = parameter(ETA, default=None)
-    k: Float[Array, "*channel"] | None = parameter(K, default=None)
+    sigma: Channels = parameter(SIGMA)
+    tau: Channels = parameter(TAU)
+    wavelength: Channels = parameter(WAVELENGTH)
+    eta: Channels | None = parameter(ETA, default=None)
+    k: Channels | None = parameter(K, default=None)
     form: str = eqx.field(static=True, default="1991", metadata={"choices": ("1991", "errata", "westin")})
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         cos2_d = jnp.minimum(0.25 * dot(add(wi, wo), add(wi, wo)), 1.0)
         sin_i, sin_o = polar_parts(wi)[0], polar_parts(wo)[0]
         hidden_i, hidden_o = self._hidden(wi.z, sin_i), self._hidden(wo.z, sin_o)
@@ -64,7 +61,7 @@ class HeTorrance(AbstractDiscLobe):
         shown = self._shown(wi.z, sin_i, hidden_i) * self._shown(wo.z, sin_o, hidden_o)
         some = cos2_d > 0
         cos_d = jnp.where(some, jnp.sqrt(jnp.where(some, cos2_d, 1.0)), 0.0)
-        return jnp.where(both, fresnel(cos_d, None, self.eta, self.k) * scattered * shown, 0.0)
+        return fresnel(cos_d, None, self.eta, self.k) * scattered * shown
 
     @property
     def _inverse_length(self) -> Scalar:
@@ -87,7 +84,7 @@ class HeTorrance(AbstractDiscLobe):
         lost = 1.0 if self.form == "1991" else jnp.exp(-cotangent * cotangent)
         return lit / (cos_t * lit + sin_t * lost * (self.sigma / self.tau / ROOT_PI))
 
-    def core(self, wi):
+    def core(self, wi: Direction) -> tuple[Channels, Channels]:
         # The first order's width, or that of the rough limit where many orders count.
         g = (4 * jnp.pi * self.sigma / self.wavelength * jnp.maximum(wi.z, 0.0)) ** 2
         return 2.0 * jnp.sqrt(1.0 + g) / self._inverse_length, jnp.ones_like(self.tau)

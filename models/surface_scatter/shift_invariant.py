@@ -5,8 +5,9 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
+from gonio.models.arrays import Scalar
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction, Scalar
+from gonio.models.geometry.directions import Direction
 from gonio.models.warps.direction_cosines import (
     disc_direction,
     disc_jacobian,
@@ -44,7 +45,7 @@ class AbstractDiscLobe(AbstractBRDF):
         width, fall = self.core(wi)
         return jnp.clip(jnp.min(width), 1e-8, 10.0), jnp.mean(fall)
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return self.disc_map(wi, u1, u2, self.drawn_core(wi)[0])
 
     def disc_map(self, wi: Direction, u1: Scalar, u2: Scalar, width: Scalar) -> tuple[Direction, Scalar]:
@@ -56,7 +57,7 @@ class AbstractDiscLobe(AbstractBRDF):
         wo = disc_direction(wi, ray, rho)
         return wo, disc_jacobian(wo, rho, width * jnp.cosh(x) * (2.0 * x_max * (1.0 - u2)), ray)
 
-    def sample(self, wi, u1, u2):
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         width, fall = self.drawn_core(wi)
         ray = uniform_ray(wi, u1)
         log_max = jnp.log1p((ray.rim / width) ** 2)
@@ -68,7 +69,7 @@ class AbstractDiscLobe(AbstractBRDF):
         rho = width * jnp.where(stretched > 0, jnp.sqrt(jnp.where(stretched > 0, stretched, 1.0)), 0.0)
         return disc_direction(wi, ray, jnp.minimum(rho, ray.rim))
 
-    def pdf(self, wi, wo):
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         width, fall = self.drawn_core(wi)
         log_max = jnp.log1p((rim_towards(wi, wo) / width) ** 2)
         whole = jnp.maximum(log_max * _exp_ratio((1.0 - fall) * log_max), 1e-30)

@@ -5,10 +5,8 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
-Scalar = Float[Array, ""]
-Channels = Float[Array, "*channel"]
+from gonio.models.arrays import Channels, Scalar
 
 SQRT3 = 3**0.5
 

@@ -2,8 +2,9 @@
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels
-from gonio.models.geometry.horizon import above
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.geometry.directions import Direction
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.volume_scatter.chandrasekhar_h import h_isotropic
 from gonio.models.warps.volume import volume_map
@@ -25,11 +26,10 @@ class LommelSeeliger(AbstractBRDF):
 
     w: Channels = parameter(SINGLE)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
-        return jnp.where(both, self.w / (4 * jnp.pi * (wi.z + wo.z)), 0.0)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
+        return self.w / (4 * jnp.pi * (wi.z + wo.z))
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return volume_map(wi, u1, u2)
 
 
@@ -41,10 +41,9 @@ class Chandrasekhar(AbstractBRDF):
 
     w: Channels = parameter(MULTIPLE)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         h_i, h_o = h_isotropic(wi.z, self.w), h_isotropic(wo.z, self.w)
-        return jnp.where(both, self.w * (h_i * h_o) / (4 * jnp.pi * (wi.z + wo.z)), 0.0)
+        return self.w * (h_i * h_o) / (4 * jnp.pi * (wi.z + wo.z))
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return volume_map(wi, u1, u2)

@@ -4,10 +4,9 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import Channels
-from gonio.models.geometry.horizon import above
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.phase_angle import henyey_greenstein, phase_chords
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.volume_scatter.chandrasekhar_h import absorption_root, h_isotropic
@@ -36,21 +35,19 @@ class Hapke(AbstractHotSpot):
     loses_energy = "multiple scattering takes no notice of P: with w = 1, b = 0.5, c = −1 it reflects 0.89 at μ = 0.5"
 
     w: Channels = parameter(MULTIPLE)
-    b: Float[Array, "*channel"] = parameter(LOBE)
-    c: Float[Array, "*channel"] = parameter(BACKWARD)
-    b0: Float[Array, "*channel"] = parameter(SURGE)
-    h: Float[Array, "*channel"] = parameter(SURGE_WIDTH)
+    b: Channels = parameter(LOBE)
+    c: Channels = parameter(BACKWARD)
+    b0: Channels = parameter(SURGE)
+    h: Channels = parameter(SURGE_WIDTH)
     h_function: str = eqx.field(static=True, default="1981", metadata={"choices": ("1981", "2002", "exact")})
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         apart, together = phase_chords(wi, wo)
         back, forward = henyey_greenstein(apart, self.b), henyey_greenstein(together, self.b)
         phase = 0.5 * ((1.0 + self.c) * back + (1.0 - self.c) * forward)
         surge = self.b0 * self.h * together / (self.h * together + apart)
         twice = self._h(wi.z) * self._h(wo.z) - 1.0
-        value = self.w * ((1.0 + surge) * phase + twice) / (4 * jnp.pi * (wi.z + wo.z))
-        return jnp.where(both, value, 0.0)
+        return self.w * ((1.0 + surge) * phase + twice) / (4 * jnp.pi * (wi.z + wo.z))
 
     def _h(self, mu):
         if self.h_function == "exact":
@@ -62,7 +59,7 @@ class Hapke(AbstractHotSpot):
         grazing = jnp.log1p(mu) - jnp.log(mu)
         return 1.0 / (1.0 - self.w * mu * (r0 + (0.5 - r0 * mu) * grazing))
 
-    def hot_spot(self, wi):
+    def hot_spot(self, wi: Direction) -> tuple[Scalar, Scalar]:
         peak = 1.0 - jnp.max(self.b)
         near = jnp.minimum(jnp.min(self.h), jnp.minimum(peak, wi.z))
         return jnp.maximum(near, 1e-8), jnp.clip(wi.z, 1e-8, peak)

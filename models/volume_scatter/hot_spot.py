@@ -2,8 +2,9 @@
 
 import abc
 
+from gonio.models.arrays import Scalar
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction, Scalar
+from gonio.models.geometry.directions import Direction
 from gonio.models.warps.retroreflection import hot_spot_map
 
 
@@ -14,5 +15,5 @@ class AbstractHotSpot(AbstractBRDF):
     def hot_spot(self, wi: Direction) -> tuple[Scalar, Scalar]:
         """The scales of `hot_spot_map`, radians: of the peak, and of what changes before the horizon."""
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return hot_spot_map(wi, u1, u2, *self.hot_spot(wi))

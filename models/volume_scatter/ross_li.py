@@ -5,9 +5,10 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.guards import positive
-from gonio.models.geometry.horizon import above
 from gonio.models.geometry.phase_angle import PhaseChords, phase_chords
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.retroreflection import back_direction, back_ray
@@ -33,14 +34,13 @@ class RossLi(AbstractBRDF):
     f_vol: Channels = parameter(VOLUMETRIC)
     f_geo: Channels = parameter(GEOMETRIC)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         chords = phase_chords(wi, wo)
         mu_i, mu_o = positive(wi.z), positive(wo.z)
         volumetric, geometric = ross_thick(mu_i, mu_o, chords), li_sparse(mu_i, mu_o, chords)
-        return jnp.where(both, (self.f_iso + self.f_vol * volumetric + self.f_geo * geometric) / jnp.pi, 0.0)
+        return (self.f_iso + self.f_vol * volumetric + self.f_geo * geometric) / jnp.pi
 
-    def lobe_map(self, wi, u1, u2):
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """About wi; the shadows part at tan(g/2) = μi/(2 − sinθi cosψ), which is u2 = ½."""
         ray = back_ray(wi, u1)
         mu = jnp.maximum(wi.z, 1e-8)

@@ -3,12 +3,10 @@
 from typing import ClassVar
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from gonio.models.brdf import Channels
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.geometry.directions import Direction, norm
 from gonio.models.geometry.guards import positive
-from gonio.models.geometry.horizon import above
 from gonio.models.geometry.phase_angle import phase_chords
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.volume_scatter.hot_spot import AbstractHotSpot
@@ -32,19 +30,18 @@ class RPV(AbstractHotSpot):
     }
 
     rho0: Channels = parameter(LEVEL)
-    k: Float[Array, "*channel"] = parameter(BOWL)
-    theta: Float[Array, "*channel"] = parameter(ASYMMETRY)
+    k: Channels = parameter(BOWL)
+    theta: Channels = parameter(ASYMMETRY)
     rho_c: Channels = parameter(HOT_SPOT)
 
-    def f(self, wi, wo):
-        both, wi, wo = above(wi, wo)
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         power = self.k - 1.0
         mu_i, mu_o = positive(wi.z), positive(wo.z)
         bowl = (jnp.power(mu_i, power) * jnp.power(mu_o, power)) * jnp.power(mu_i + mu_o, power)
         spot = 1.0 + (1.0 - self.rho_c) * _closeness(wi, mu_i, wo, mu_o)
-        return jnp.where(both, self.rho0 / jnp.pi * bowl * _asymmetric(wi, wo, self.theta) * spot, 0.0)
+        return self.rho0 / jnp.pi * bowl * _asymmetric(wi, wo, self.theta) * spot
 
-    def hot_spot(self, wi):
+    def hot_spot(self, wi: Direction) -> tuple[Scalar, Scalar]:
         """At grazing it is as wide as μ²."""
         peak = 1.0 - jnp.max(jnp.abs(self.theta))
         return jnp.clip(wi.z**2, 1e-8, peak), jnp.clip(wi.z, 1e-8, peak)

@@ -8,12 +8,10 @@ at ρ = cos θ_i (√(1 + t²) − t), t = tan θ_i cosψ, where ψ = 0 points a
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction
 from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts
-
-Scalar = Float[Array, "..."]
 
 
 def projected_distance2(wi: Direction, wo: Direction) -> Scalar:

@@ -1,11 +1,9 @@
 """Azimuths about a mirror direction, clustered where the horizon of a grazing lobe turns quickly."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction
-
-Scalar = Float[Array, ""]
 
 TANGENT_MAX = 1e8  # the layer that a grazing horizon makes in azimuth is then 1e-8 rad wide: nothing is in it
 

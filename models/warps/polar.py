@@ -1,11 +1,9 @@
 """The outgoing hemisphere in equal steps of both angles, for what is smooth in them."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction, from_spherical
-
-Scalar = Float[Array, ""]
 
 
 def polar_map(u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:

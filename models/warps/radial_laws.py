@@ -4,9 +4,8 @@ Each law is (slope in units of the width, its derivative by v) for v in [0, 1].
 """
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-Scalar = Float[Array, ""]
+from gonio.models.arrays import Scalar
 
 S_MAX = 8.6  # exp(−S_MAX²/2) = 9e-17: the lobe beyond is below rounding
 

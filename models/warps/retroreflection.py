@@ -7,12 +7,10 @@ cot g = −tan θi cosψ; the cone of a hot spot at g = 0 is smooth on each of t
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction
 from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts
-
-Scalar = Float[Array, ""]
 
 
 class BackRay(NamedTuple):

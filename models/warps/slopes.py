@@ -8,12 +8,10 @@ analytic inside it.
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction, dot, reflect
 from gonio.models.warps.grazing_azimuth import TANGENT_MAX, grazing_azimuth, polar_parts
-
-Scalar = Float[Array, ""]
 
 
 class SlopeRay(NamedTuple):

@@ -1,12 +1,10 @@
 """The outgoing hemisphere for volumes that scatter: f smooth in ln(μi + μo), and with a μ ln μ at the horizon."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction
 from gonio.models.warps.grazing_azimuth import polar_parts
-
-Scalar = Float[Array, ""]
 
 MU_MIN = 1e-30  # the least cosine of incidence: a safe operand, also in float32
 

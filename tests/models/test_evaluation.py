@@ -3,10 +3,12 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from gonio.models import evaluation as module
 from gonio.models.diffuse.lambert import Lambert
 from gonio.models.diffuse.minnaert import Minnaert
+from gonio.models.errors import GonioError
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction, from_spherical
 
@@ -28,3 +30,18 @@ def test_single_precision_stays_single():
     coat = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), build("coat(base=lambert(rho=0.5), alpha=0.1, eta=1.5)"))
     wi = Direction(*(jnp.full(3, c) for c in pair))
     assert module._values(coat, wi, wi).dtype == jnp.float32
+
+
+def test_directions_never_mix_with_channels():
+    coloured, grey = Lambert(rho=jnp.array([0.1, 0.2, 0.3])), Lambert(rho=0.3)
+    three = from_spherical(jnp.array([0.1, 0.2, 0.3]), 0.0)
+    with pytest.raises(GonioError, match=r"3 channels.*evaluate"):
+        coloured.f(three, three)
+    assert module.evaluate(coloured, three, three).shape == (3, 3)
+    assert grey.f(three, three).shape == (3,)
+    with pytest.raises(GonioError, match="Direction"):
+        module.evaluate(coloured, np.eye(3), three)
+    with pytest.raises(GonioError, match="broadcast"):
+        module.evaluate(coloured, three, from_spherical(jnp.array([0.1, 0.2]), 0.0))
+    with pytest.raises(TypeError, match="formula"):
+        type("Own", (Lambert,), {"f": lambda self, wi, wo: 0.0})

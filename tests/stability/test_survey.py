@@ -81,8 +81,8 @@ def test_a_wrong_digit_is_silent(monkeypatch):
     """f with a relative error of 1e-12 is caught; so is a slope without its last term."""
 
     class Off(Lambert):
-        def f(self, wi, wo):
-            return super().f(wi, wo) * (1 + 1e-12 * self.rho)
+        def formula(self, wi, wo):
+            return super().formula(wi, wo) * (1 + 1e-12 * self.rho)
 
     monkeypatch.setitem(MODELS, "lambert", Off)
     assert {c.verdict for c in value_cells("lambert", "lambert(rho=0.5)", "float64", ("30°",))} == {SILENT}

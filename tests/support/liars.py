@@ -5,17 +5,13 @@ import jax.numpy as jnp
 from gonio.models.brdf import AbstractBRDF
 
 
-def above(wi, wo, value):
-    return jnp.where((wi.z > 0) & (wo.z > 0), value, 0.0)
-
-
 class Foreign(AbstractBRDF):
     """A model of ours without the importance map that would help to integrate it."""
 
     base: AbstractBRDF
 
-    def f(self, wi, wo):
-        return self.base.f(wi, wo)
+    def formula(self, wi, wo):
+        return self.base.formula(wi, wo)
 
 
 class Lopsided(AbstractBRDF):
@@ -23,8 +19,8 @@ class Lopsided(AbstractBRDF):
 
     level: float
 
-    def f(self, wi, wo):
-        return above(wi, wo, (self.level + 0.3 * (wi.x * wo.y + wo.x * wi.y)) / jnp.pi)
+    def formula(self, wi, wo):
+        return (self.level + 0.3 * (wi.x * wo.y + wo.x * wi.y)) / jnp.pi
 
 
 class Slightly(AbstractBRDF):
@@ -32,6 +28,6 @@ class Slightly(AbstractBRDF):
 
     share: float
 
-    def f(self, wi, wo):
+    def formula(self, wi, wo):
         d2 = (wi.x - 0.6) ** 2 + wi.y**2
-        return above(wi, wo, 0.1 * (1 + self.share * jnp.exp(-d2 / 0.01)))
+        return 0.1 * (1 + self.share * jnp.exp(-d2 / 0.01))

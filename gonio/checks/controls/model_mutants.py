@@ -5,6 +5,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
+from gonio.models.arrays import Channels
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction, add, normalize
@@ -28,7 +29,7 @@ class Mistaken(AbstractBRDF):
     base: AbstractBRDF
     mistake: str = eqx.field(static=True)
 
-    def f(self, wi, wo):
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         return MISTAKES[self.mistake](self.base, wi, wo)
 
 
@@ -39,7 +40,7 @@ class Textbook(AbstractBRDF):
     f0: float
     mistake: str = eqx.field(static=True, default="")
 
-    def f(self, wi, wo):
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         h = add(wi, wo)
         if self.mistake == "copied index":
             h = Direction(h.x, wi.y + wi.y, h.z)
@@ -55,7 +56,7 @@ class Textbook(AbstractBRDF):
             if self.mistake == "one-sided masking"
             else 1 / (masked_i * masked_o)
         )
-        return jnp.where((wi.z > 0) & (wo.z > 0), fresnel * density * masking, 0.0)
+        return fresnel * density * masking
 
 
 def _mirrored(w):
@@ -68,16 +69,16 @@ def _cos2(w):
 
 
 MISTAKES = {
-    "cosine kept": lambda base, wi, wo: base.f(wi, wo) * wo.z,
-    "cosine divided twice": lambda base, wi, wo: base.f(wi, wo) / jnp.maximum(wi.z, 1e-150),
-    "coat of one way": lambda base, wi, wo: base.f(wi, wo) * (1 - (0.04 + 0.96 * (1 - wi.z) ** 5)),
-    "lopsided": lambda base, wi, wo: base.f(wi, wo) * (1 + 0.5 * (wi.x * wo.y + wo.x * wi.y)),
-    "dark level": lambda base, wi, wo: jnp.where((wi.z > 0) & (wo.z > 0), base.f(wi, wo) - 0.01, 0.0),
-    "lobe thrown back": lambda base, wi, wo: base.f(wi, _mirrored(wo)),
-    "lobe clipped": lambda base, wi, wo: jnp.minimum(base.f(wi, wo), 0.5),
-    "grain": lambda base, wi, wo: base.f(wi, wo) * (1 + 0.3 * wi.x**2 * wo.x**2),
-    "azimuth at the normal": lambda base, wi, wo: base.f(wi, wo) * (1 + 0.3 * _cos2(wi) * _cos2(wo)),
-    "light's plane only": lambda base, wi, wo: base.f(wi, wo) * (1 + 0.3 * wi.x * wi.x),
+    "cosine kept": lambda base, wi, wo: base.formula(wi, wo) * wo.z,
+    "cosine divided twice": lambda base, wi, wo: base.formula(wi, wo) / jnp.maximum(wi.z, 1e-150),
+    "coat of one way": lambda base, wi, wo: base.formula(wi, wo) * (1 - (0.04 + 0.96 * (1 - wi.z) ** 5)),
+    "lopsided": lambda base, wi, wo: base.formula(wi, wo) * (1 + 0.5 * (wi.x * wo.y + wo.x * wi.y)),
+    "dark level": lambda base, wi, wo: base.formula(wi, wo) - 0.01,
+    "lobe thrown back": lambda base, wi, wo: base.formula(wi, _mirrored(wo)),
+    "lobe clipped": lambda base, wi, wo: jnp.minimum(base.formula(wi, wo), 0.5),
+    "grain": lambda base, wi, wo: base.formula(wi, wo) * (1 + 0.3 * wi.x**2 * wo.x**2),
+    "azimuth at the normal": lambda base, wi, wo: base.formula(wi, wo) * (1 + 0.3 * _cos2(wi) * _cos2(wo)),
+    "light's plane only": lambda base, wi, wo: base.formula(wi, wo) * (1 + 0.3 * wi.x * wi.x),
 }
 
 

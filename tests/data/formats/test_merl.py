@@ -24,12 +24,11 @@ def raw_file(path, counts, planes):
 class Smooth(AbstractBRDF):
     """Reciprocal, isotropic, three channels, cheap."""
 
-    def f(self, wi, wo):
+    def formula(self, wi, wo):
         import jax.numpy as jnp
 
         plane = wi.x * wo.x + wi.y * wo.y
-        f = jnp.stack([0.3 + 0.1 * plane, 0.2 + 0.1 * wi.z * wo.z, 0.1 + 0.05 * (wi.z + wo.z)])
-        return jnp.where((wi.z > 0) & (wo.z > 0), f, 0.0)
+        return jnp.stack([0.3 + 0.1 * plane, 0.2 + 0.1 * wi.z * wo.z, 0.1 + 0.05 * (wi.z + wo.z)])
 
 
 def test_a_file_made_by_the_definition_is_read_by_it(tmp_path):

@@ -24,12 +24,11 @@ TURN = 2 * np.pi
 class Smooth(AbstractBRDF):
     """Reciprocal, isotropic, a broad peak at the mirror direction; two channels."""
 
-    def f(self, wi, wo):
+    def formula(self, wi, wo):
         import jax.numpy as jnp
 
         mirror = wi.z * wo.z - wi.x * wo.x - wi.y * wo.y
-        f = jnp.stack([0.2 + jnp.exp(4.0 * (mirror - 1.0)), 0.3 + 0.1 * wi.z * wo.z])
-        return jnp.where((wi.z > 0) & (wo.z > 0), f, 0.0)
+        return jnp.stack([0.2 + jnp.exp(4.0 * (mirror - 1.0)), 0.3 + 0.1 * wi.z * wo.z])
 
 
 def polar(n):

@@ -121,9 +121,9 @@ def test_equal_layouts_are_equal_and_frozen():
 
 
 class Lopsided(AbstractBRDF):
-    """No symmetry at all, two channels, and not zero below the horizon: what a kernel gets wrong shows."""
+    """No symmetry at all, two channels: what a kernel gets wrong shows."""
 
-    def f(self, wi, wo):
+    def formula(self, wi, wo):
         import jax.numpy as jnp
 
         return jnp.stack([1.0 + wi.x + 2 * wo.y + 3 * wi.y * wo.x, 2.0 + wi.z * wo.z + wo.x])
