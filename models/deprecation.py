@@ -1,15 +1,18 @@
 """Old names of public options and attributes: they keep working, with one warning that names the new one."""
 
 import dataclasses
+import functools
 import inspect
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar, cast
 
 from gonio.models.errors import nearest
 
 Settings = TypeVar("Settings")
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def renamed(old: str, new: str) -> str:
@@ -31,6 +34,19 @@ def renamed_options(options: Mapping[str, Any], new_names: Mapping[str, str]) ->
     if both:
         raise TypeError(f"{both[0]} is the old name of {new_names[both[0]]}; give one of them")
     return {renamed(key, new_names[key]) if key in new_names else key: value for key, value in options.items()}
+
+
+def old_keywords(**new_names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """A decorator that lets a function take keywords by old names (old=new), with a warning for each."""
+
+    def decorator(function: Callable[P, R]) -> Callable[P, R]:
+        @functools.wraps(function)
+        def wrapper(*args: P.args, **options: P.kwargs) -> R:
+            return function(*args, **cast(Any, renamed_options(options, new_names)))
+
+        return wrapper
+
+    return decorator
 
 
 def renamed_attribute(old: str, new: str) -> property:

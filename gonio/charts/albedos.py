@@ -61,9 +61,9 @@ def _grid(brdf: AbstractBRDF, step: float) -> Albedos:
     table = whole_table_of_values(where, grid_values(brdf, where))
 
     def call() -> tuple[np.ndarray, np.ndarray]:
-        found = table_albedos(table)
-        assert not isinstance(found, str), found
-        return found.value[:, 0], np.maximum(found.above, found.below)[:, 0]
+        albedos = table_albedos(table)
+        assert not isinstance(albedos, str), albedos
+        return albedos.value[:, 0], np.maximum(albedos.above, albedos.below)[:, 0]
 
     return call
 

@@ -13,12 +13,13 @@ from gonio.charts.machine import machine
 from gonio.charts.point import Chart, Settings
 from gonio.charts.result import MeasuredChart
 from gonio.charts.scan_time import Pace
-from gonio.models.deprecation import renamed
+from gonio.models.deprecation import old_keywords
 from gonio.models.errors import GonioError, nearest
 
 CHARTS = {module.CHART.name: module.CHART for module in (evaluation, albedos, tables, fits, scans)}
 
 
+@old_keywords(say="log")
 def chart(
     names: Sequence[str] | str = (),
     *,
@@ -28,7 +29,6 @@ def chart(
     pace: Pace | None = None,
     force: bool = False,
     log: Callable[[str], None] = lambda line: None,
-    say: Callable[[str], None] | None = None,
 ) -> list[MeasuredChart]:
     """Measures charts of speed against accuracy: evaluation, hemisphere, tables, fits, measuring.
 
@@ -41,15 +41,12 @@ def chart(
         tolerance: the cheapest method of each panel within this error is ringed.
         pace: speed of the real instrument.
         force: measures again what the folder holds.
-        log: called with a line for each chart (`say` is its old name).
+        log: called with a line for each chart.
 
     Raises:
         GonioError: a name is unknown, the tolerance is not above 0, or, without `force`, the folder holds such a chart
             of other settings or another machine.
     """
-    if say is not None:
-        renamed("say", "log")
-        log = say
     wanted = tuple(dict.fromkeys((names,) if isinstance(names, str) else names or CHARTS))
     for name in wanted:
         if name not in CHARTS:

@@ -60,31 +60,31 @@ class Reference:
         """Directions of three floats each, with the model's parameters."""
         return Inputs(_vector(wi), _vector(wo), self.params)
 
-    def value(self, at: Inputs) -> mpf:
+    def value(self, inputs: Inputs) -> mpf:
         """f, 1/sr."""
-        return self.form(at.params, self.call.options, at.wi, at.wo, **self.inside)
+        return self.form(inputs.params, self.call.options, inputs.wi, inputs.wo, **self.inside)
 
-    def slope(self, name: str, at: Inputs) -> mpf | None:
+    def slope(self, name: str, inputs: Inputs) -> mpf | None:
         """∂f/∂parameter by differences at forty digits, central inside of the domain and towards it on its edge.
 
         None where it is infinite: where the quotient grows as the step shrinks.
         """
-        first = self._quotient(name, at, 1)
-        if at.params[name] in (self.domains[name].low, self.domains[name].high) and not self.costly:
+        first = self._quotient(name, inputs, 1)
+        if inputs.params[name] in (self.domains[name].low, self.domains[name].high) and not self.costly:
             # One-sided quotients are good to the step only: the slope is where they go as it shrinks.
-            second = self._quotient(name, at, FINER)
+            second = self._quotient(name, inputs, FINER)
             return None if abs(second) > 10 * abs(first) else second
         return first
 
-    def infinite(self, name: str, at: Inputs) -> bool:
+    def infinite(self, name: str, inputs: Inputs) -> bool:
         """Whether ∂f/∂parameter is infinite, in however small a term of f: quotients grow as the step shrinks."""
         if self.tabled:
             return False
-        coarse, fine = (self._quotient(name, at, finer) for finer in (1, FINER if self.costly else FINER**2))
+        coarse, fine = (self._quotient(name, inputs, finer) for finer in (1, FINER if self.costly else FINER**2))
         return bool(abs(fine) > 10 * abs(coarse))
 
-    def _quotient(self, name: str, at: Inputs, finer: int) -> mpf:
-        center, info = at.params[name], self.domains[name]
+    def _quotient(self, name: str, inputs: Inputs, finer: int) -> mpf:
+        center, info = inputs.params[name], self.domains[name]
         size = abs(center - 1) if name == "eta" else abs(center)  # an index acts by its distance from 1
         step = (TABLED_STEP if self.tabled else STEP) * (size if size else 1) / finer
         # Beside an index of nearly 1 the finest step is less than forty digits tell apart.
@@ -94,7 +94,7 @@ class Reference:
             up, down = center + step, center - step
 
         def value(x: mpf) -> mpf:
-            return self.value(at._replace(params={**at.params, name: x}))
+            return self.value(inputs._replace(params={**inputs.params, name: x}))
 
         if self.tabled and center in (up, down):
             # Wide steps towards one side: by three points, good to the square of the step.
@@ -102,7 +102,7 @@ class Reference:
             return (4 * value(far) - 3 * value(center) - value(2 * far - center)) / (2 * (far - center))
         return (value(up) - value(down)) / (up - down)
 
-    def perturbed(self, at: Inputs) -> Iterator[Inputs]:
+    def perturbed(self, inputs: Inputs) -> Iterator[Inputs]:
         """Some inputs with every number moved by at most one unit in its last place, always the same."""
         eps, rng = mpf(float(np.finfo(self.dtype).eps)), np.random.default_rng(0)
 
@@ -111,7 +111,7 @@ class Reference:
 
         for _ in range(1 if self.costly else PERTURBED):
             params: Mapping[str, mpf] = self.params if self.tabled else {n: moved(v) for n, v in self.params.items()}
-            yield Inputs(_vector(map(moved, at.wi)), _vector(map(moved, at.wo)), params)
+            yield Inputs(_vector(map(moved, inputs.wi)), _vector(map(moved, inputs.wo)), params)
 
     def columns(self, every: tuple[str, ...]) -> tuple[str, ...]:
         """The incidences to compare at: a few where each evaluation takes long."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gonio.data.files import new_file
 from gonio.models.catalog import MODELS
-from gonio.models.deprecation import renamed
+from gonio.models.deprecation import old_keywords
 from gonio.models.errors import GonioError, nearest
 from gonio.stability.outcome import HARD, METHODS, VERDICTS, Cell
 from gonio.stability.result import Atlas
@@ -18,6 +18,7 @@ from gonio.stability.run import QUICK, atlas, cells_of
 PAGE, TABLE = "index.html", "stress.csv"
 
 
+@old_keywords(say="log")
 def stress(
     models: Sequence[str] | str = (),
     *,
@@ -26,7 +27,6 @@ def stress(
     processes: int | None = None,
     force: bool = False,
     log: Callable[[str], None] = lambda line: None,
-    say: Callable[[str], None] | None = None,
 ) -> Atlas:
     """Computes the stability atlas of some models: where each method fails, and whether it says so.
 
@@ -40,14 +40,11 @@ def stress(
         output: a folder for the page, the pictures (SVG) and the CSV.
         processes: number of processes; one for each processor where none is given.
         force: replaces an atlas in `output`.
-        log: called with a line for each method of each model (`say` is its old name).
+        log: called with a line for each method of each model.
 
     Raises:
         GonioError: a model is unknown, or the folder cannot be written or holds an atlas.
     """
-    if say is not None:
-        renamed("say", "log")
-        log = say
     names = (models,) if isinstance(models, str) else tuple(models)
     for name in names:
         _require_model(name)

@@ -51,7 +51,7 @@ class Judgement(NamedTuple):
     verdict: str
     error: float
     allowed: float
-    at: Inputs
+    inputs: Inputs
     value: float
     exact: mpf
 
@@ -75,20 +75,20 @@ class _Case(NamedTuple):
     def largest(self) -> float:
         return float(np.finfo(self.dtype).max)
 
-    def judge(self, value: float, exact: mpf, at: Inputs, floor: float, spread: Callable[[], mpf]) -> Judgement:
+    def judge(self, value: float, exact: mpf, inputs: Inputs, floor: float, spread: Callable[[], mpf]) -> Judgement:
         """Right within some roundings, the floor and, where these are not enough, the spread.
 
         `spread()` is what the rounding of the inputs makes of the exact value.
         """
         if not np.isfinite(value):
-            return Judgement(RIGHT if abs(exact) > self.largest else SAYS_SO, np.inf, 0.0, at, value, exact)
+            return Judgement(RIGHT if abs(exact) > self.largest else SAYS_SO, np.inf, 0.0, inputs, value, exact)
         allowed = ULPS * self.eps * abs(exact) + floor
         error = abs(mpf(value) - exact)
         if error > allowed:
             allowed += CONDITION * spread()
         size = abs(exact) if exact else mpf(1)
         verdict = RIGHT if error <= allowed else SILENT
-        return Judgement(verdict, float(error / size), float(allowed / size), at, value, exact)
+        return Judgement(verdict, float(error / size), float(allowed / size), inputs, value, exact)
 
 
 def value_cells(name: str, expression: str, precision: str, columns: tuple[str, ...] | None = None) -> list[Cell]:
@@ -114,7 +114,7 @@ def _cells(
         verdict = worst([j.verdict for j in judged])
         j = max((j for j in judged if j.verdict == verdict), key=lambda j: j.error / max(j.allowed, 1e-300))
         what = "f" if method == "value" else "slope"
-        where = f"at wi {_text(j.at.wi)}, wo {_text(j.at.wo)}"
+        where = f"at wi {_text(j.inputs.wi)}, wo {_text(j.inputs.wo)}"
         detail = f"{what} {j.value:.9g} beside {mp.nstr(j.exact, 9)} {where}"
         cells.append(Cell(method, name, expression, column, precision, verdict, j.error, j.allowed, detail))
     return cells
@@ -127,16 +127,16 @@ def _value_judgements(case: _Case, column: str) -> list[Judgement]:
     floor = case.tiny * 1e11 + case.eps**3 * float(np.max(np.abs(np.nan_to_num(values))))
     judged = []
     for i, o, f in zip(wi.astype(float), wo.astype(float), values, strict=True):
-        at = case.reference.inputs(i, o)
-        exact = case.reference.value(at)
-        spread = functools.partial(_value_spread, case.reference, at, exact)
+        inputs = case.reference.inputs(i, o)
+        exact = case.reference.value(inputs)
+        spread = functools.partial(_value_spread, case.reference, inputs, exact)
         allowed = floor + case.brdf.accuracy * (1 + float(abs(exact)))
-        judged.append(case.judge(float(f), exact, at, allowed, spread))
+        judged.append(case.judge(float(f), exact, inputs, allowed, spread))
     return judged
 
 
-def _value_spread(reference: Reference, at: Inputs, exact: mpf) -> mpf:
-    return max(abs(reference.value(moved) - exact) for moved in reference.perturbed(at))
+def _value_spread(reference: Reference, inputs: Inputs, exact: mpf) -> mpf:
+    return max(abs(reference.value(moved) - exact) for moved in reference.perturbed(inputs))
 
 
 def _gradient_judgements(case: _Case, column: str) -> list[Judgement]:
@@ -147,27 +147,27 @@ def _gradient_judgements(case: _Case, column: str) -> list[Judgement]:
     directions = np.stack([np.asarray(c) for d in gradients[1:] for c in d], -1)
     judged = []
     for k, (i, o) in enumerate(zip(wi.astype(float), wo.astype(float), strict=True)):
-        at = case.reference.inputs(i, o)
-        scale = abs(case.reference.value(at))
+        inputs = case.reference.inputs(i, o)
+        scale = abs(case.reference.value(inputs))
         # Near the horizon f changes within its cosine: that slope may be beyond the largest number.
         steep = scale / min(i[2], o[2]) > case.largest * 1e-6
         lost = not np.isfinite(directions[k]).all() and not steep
         error, value = (float("inf"), float("nan")) if lost else (0.0, 0.0)
-        judged.append(Judgement(SAYS_SO if lost else RIGHT, error, 0.0, at, value, mpf(0)))
+        judged.append(Judgement(SAYS_SO if lost else RIGHT, error, 0.0, inputs, value, mpf(0)))
         if mp.isfinite(scale) and scale <= case.largest:  # else f is no number, and has no slope
-            judged += _slope_judgements(case, at, scale, slopes, k)
+            judged += _slope_judgements(case, inputs, scale, slopes, k)
     return judged
 
 
 def _slope_judgements(
-    case: _Case, at: Inputs, scale: mpf, slopes: dict[str, np.ndarray], k: int
+    case: _Case, inputs: Inputs, scale: mpf, slopes: dict[str, np.ndarray], k: int
 ) -> Iterator[Judgement]:
     reference = case.reference
-    for parameter, number in at.params.items():
+    for parameter, number in inputs.params.items():
         value = float(slopes[parameter][k])
-        exact = reference.slope(parameter, at)
+        exact = reference.slope(parameter, inputs)
         if exact is None:  # any number stands for an infinite slope, a great one or none at all
-            yield Judgement(RIGHT if np.isfinite(value) else SAYS_SO, 0.0, 0.0, at, value, mp.inf)
+            yield Judgement(RIGHT if np.isfinite(value) else SAYS_SO, 0.0, 0.0, inputs, value, mp.inf)
             continue
         # What a whole step of the parameter would change f by is the scale of its rounding.
         unit = scale / max(abs(number), mpf("1e-3"))
@@ -176,14 +176,14 @@ def _slope_judgements(
         floor += case.brdf.accuracy * (1 + float(scale)) * SLOPE_ACCURACY
         # Slopes that a fit cannot feel: the rounding of a millionth of the largest slope at the same incidence.
         floor += NEGLIGIBLE * case.eps * float(np.max(np.abs(np.nan_to_num(slopes[parameter]))))
-        spread = functools.partial(_slope_spread, reference, parameter, at, exact)
-        yield case.judge(value, exact, at, floor, spread)
+        spread = functools.partial(_slope_spread, reference, parameter, inputs, exact)
+        yield case.judge(value, exact, inputs, floor, spread)
 
 
-def _slope_spread(reference: Reference, parameter: str, at: Inputs, exact: mpf) -> mpf:
-    if reference.infinite(parameter, at):
+def _slope_spread(reference: Reference, parameter: str, inputs: Inputs, exact: mpf) -> mpf:
+    if reference.infinite(parameter, inputs):
         return mp.inf
-    near = [reference.slope(parameter, moved) for moved in reference.perturbed(at)]
+    near = [reference.slope(parameter, moved) for moved in reference.perturbed(inputs)]
     return SLOPE_CONDITION * max(abs((exact if s is None else s) - exact) for s in near)
 
 
