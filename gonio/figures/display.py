@@ -13,7 +13,7 @@ from gonio.data.scene import Scene
 from gonio.data.table import Channels
 from gonio.figures.albedo import albedo_series, draw_albedo
 from gonio.figures.plots import (
-    new_axes,
+    draw_on,
     plot_albedo,
     plot_lobe,
     plot_residuals,
@@ -21,7 +21,7 @@ from gonio.figures.plots import (
     plot_sphere,
     thumbnail_svg,
 )
-from gonio.figures.style import AXIS_GREY, PALETTE, legend_above, picture, styled
+from gonio.figures.style import AXIS_GREY, PALETTE, legend_above, picture
 from gonio.fitting.result import FitResult
 from gonio.instrument.instrument import Instrument
 from gonio.models.display import Displayed
@@ -76,18 +76,14 @@ def _plot_certificate(certificate: Certificate, *, ax: Axes | None = None) -> Ax
     series = albedo_series(energy, Channels.of_count(count[0] if len(count) > 1 else 1))
     if series is None:
         raise GonioError(f"the check of {certificate.subject} computed no albedo: {energy.detail}")
-    with styled():
-        ax = new_axes(ax)
-        draw_albedo(ax, series.curves(PALETTE[0], "o" if certificate.kind == "table" else None))
-    return ax
+    return draw_on(
+        ax, certificate.subject, draw_albedo, series.curves(PALETTE[0], "o" if certificate.kind == "table" else None)
+    )
 
 
 def _plot_beams(shown: Scene | Instrument, *, ax: Axes | None = None) -> Axes:
     """Lights and views of a scene, or source and detector of an instrument, in a section of the hemisphere."""
-    with styled():
-        ax = new_axes(ax)
-        _draw_beams(ax, _beams(shown))
-    return ax
+    return draw_on(ax, type(shown).__name__, _draw_beams, _beams(shown))
 
 
 def _beams(shown: Scene | Instrument) -> list[Beam]:

@@ -5,8 +5,8 @@ interpolation. Angles are radians in the arguments and degrees on the axes.
 """
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
@@ -70,27 +70,17 @@ def plot_lobe(
     """
     s = resolve_subject(subject)
     curves = _lobe_curves(s, _degrees(theta_i), _channel(s, channel))
-    with styled():
-        ax = new_axes(ax)
-        (draw_polar if polar else draw_in_plane)(ax, curves, log)
-        ax.set_title(_title(s.name), fontsize=10, pad=_above_legend(ax))
-    return ax
+    return draw_on(ax, s.name, draw_polar if polar else draw_in_plane, curves, log)
 
 
 def plot_slice(subject: SubjectLike, *, channel: str | int | None = None, ax: Axes | None = None) -> Axes:
     """f over half and difference angle at a difference azimuth of 90°; of a table its readings within 10° of that."""
     s = resolve_subject(subject)
-    k = _channel(s, channel)
-    with styled():
-        ax = new_axes(ax)
-        if s.table is None:
-            f = of_channel(slice_values(s.brdf), k)
-            draw_slice(ax, f, slice_range([f]))
-        else:
-            theta_h, theta_d, f = _slice_readings(s.table, k)
-            draw_slice_readings(ax, theta_h, theta_d, f, colour_range(f))
-        ax.set_title(_title(s.name), fontsize=10, pad=_above_legend(ax))
-    return ax
+    if s.table is None:
+        f = of_channel(slice_values(s.brdf), _channel(s, channel))
+        return draw_on(ax, s.name, draw_slice, f, slice_range([f]))
+    theta_h, theta_d, f = _slice_readings(s.table, _channel(s, channel))
+    return draw_on(ax, s.name, draw_slice_readings, theta_h, theta_d, f, colour_range(f))
 
 
 def plot_sphere(subject: SubjectLike, *, channel: str | int | None = None, ax: Axes | None = None) -> Axes:
@@ -101,11 +91,8 @@ def plot_sphere(subject: SubjectLike, *, channel: str | int | None = None, ax: A
     """
     s = resolve_subject(subject)
     pixels = [sphere_pixels(p) for p in _sphere(s, _channel(s, channel))]
-    with styled():
-        ax = new_axes(ax, spheres_size(1))
-        draw_spheres(ax, [("" if s.table is None else "readings, interpolated", pixels)])
-        ax.set_title(_title(s.name), fontsize=10, pad=_above_legend(ax))
-    return ax
+    row = ("" if s.table is None else "readings, interpolated", pixels)
+    return draw_on(ax, s.name, draw_spheres, [row], size=spheres_size(1))
 
 
 def plot_albedo(subject: SubjectLike, *, ax: Axes | None = None) -> Axes:
@@ -115,12 +102,7 @@ def plot_albedo(subject: SubjectLike, *, ax: Axes | None = None) -> Axes:
         GonioError: for a table whose readings do not cover the hemisphere.
     """
     s = resolve_subject(subject)
-    curves = _albedo_curves(s)
-    with styled():
-        ax = new_axes(ax)
-        draw_albedo(ax, curves)
-        ax.set_title(_title(s.name), fontsize=10, pad=_above_legend(ax))
-    return ax
+    return draw_on(ax, s.name, draw_albedo, _albedo_curves(s))
 
 
 def plot_residuals(
@@ -141,20 +123,15 @@ def plot_residuals(
     readings, model = result.evidence.readings, result.evidence.model_f
     valid = readings.valid & (readings.f != 0)
     relative = ((model - readings.f) / np.where(valid, np.abs(readings.f), 1.0))[valid]
-    with styled():
-        ax = new_axes(ax)
-        if angles is None:
-            draw_residual_histogram(ax, 100 * relative, in_sigma=False, colour=PALETTE[0])
-        elif angles in (("theta_h", "theta_d"), ("theta_i", "theta_o")):
-            of_pair = pair_angles(readings.wi, readings.wo)
-            across, up = (np.broadcast_to(getattr(of_pair, a)[:, None], valid.shape)[valid] for a in angles)
-            draw_residual_map(ax, median_grid(across, up, relative, angles[0] == "theta_h"), angles)
-        else:
-            raise GonioError(
-                f"there is no map of residuals by {angles!r}; give theta_h and theta_d, or theta_i and theta_o"
-            )
-        ax.set_title(_title(f"{result.requested}, fitted to {result.table or 'a table'}"), fontsize=10)
-    return ax
+    title = f"{result.requested}, fitted to {result.table or 'a table'}"
+    if angles is None:
+        return draw_on(ax, title, draw_residual_histogram, 100 * relative, in_sigma=False, colour=PALETTE[0])
+    if angles not in (("theta_h", "theta_d"), ("theta_i", "theta_o")):
+        raise GonioError(f"there is no map of residuals by {angles!r}; give theta_h, theta_d or theta_i, theta_o")
+    of_pair = pair_angles(readings.wi, readings.wo)
+    across, up = (np.broadcast_to(getattr(of_pair, a)[:, None], valid.shape)[valid] for a in angles)
+    grid = median_grid(across, up, relative, angles[0] == "theta_h")
+    return draw_on(ax, title, draw_residual_map, grid, angles)
 
 
 def thumbnail_svg(subject: SubjectLike) -> str:
@@ -165,26 +142,23 @@ def thumbnail_svg(subject: SubjectLike) -> str:
     return small.svg().replace("<svg ", '<svg width="240" height="174" ', 1)
 
 
-def new_axes(ax: Axes | None, size: tuple[float, float] = (WIDTH, HEIGHT)) -> Axes:
-    """The axes themselves, or those of a new figure of this size in inches."""
-    if ax is not None:
-        return ax
-    from matplotlib import pyplot
+def draw_on(
+    ax: Axes | None, title: str, draw: Callable[..., None], *args: Any,
+    size: tuple[float, float] = (WIDTH, HEIGHT), **options: Any,
+) -> Axes:  # fmt: skip
+    """`draw(axes, *args, **options)` and a title on the axes, or on those of a new figure of this size in inches."""
+    with styled():
+        if ax is None:
+            from matplotlib import pyplot
 
-    return pyplot.subplots(figsize=size, layout="constrained")[1]
-
-
-def _title(name: str) -> str:
-    return name if len(name) <= MOST_LETTERS else name[: MOST_LETTERS - 1] + "…"
-
-
-def _above_legend(ax: Axes) -> float:
-    """Points between the axes and a title that stands above the legend."""
-    legend = ax.get_legend()
-    if legend is None:
-        return 6.0
-    rows = math.ceil(len(legend.get_texts()) / legend_columns([t.get_text() for t in legend.get_texts()]))
-    return 6.0 + 13.0 * rows
+            ax = pyplot.subplots(figsize=size, layout="constrained")[1]
+        draw(ax, *args, **options)
+        legend = ax.get_legend()
+        labels = [] if legend is None else [text.get_text() for text in legend.get_texts()]
+        rows = math.ceil(len(labels) / legend_columns(labels)) if labels else 0
+        short = title if len(title) <= MOST_LETTERS else title[: MOST_LETTERS - 1] + "…"
+        ax.set_title(short, fontsize=10, pad=6.0 + 13.0 * rows)
+    return ax
 
 
 def _channel(s: Subject, channel: str | int | None) -> int:

@@ -36,41 +36,20 @@ AXIS_GREY = "#8a8a8a"
 
 WIDTH, HEIGHT = 4.9, 3.55  # inches of 72 units each: 353 by 256
 
+# fmt: off
 _RC: dict[Any, Any] = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "gonio",
+    "svg.fonttype": "none", "svg.hashsalt": "gonio",
     "text.parse_math": False,  # names come from strangers' files: a dollar sign is a dollar sign
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 9.5,
-    "axes.titlesize": 10,
-    "axes.labelsize": 9.5,
-    "text.color": INK,
-    "axes.edgecolor": AXIS_GREY,
-    "axes.labelcolor": INK,
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "axes.unicode_minus": True,
-    "axes.formatter.use_mathtext": False,
-    "xtick.color": "#555555",
-    "ytick.color": "#555555",
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "xtick.labelsize": 9,
-    "ytick.labelsize": 9,
-    "grid.color": RULE,
-    "grid.linewidth": 0.6,
-    "legend.fontsize": 9,
-    "legend.frameon": False,
-    "lines.linewidth": 1.5,
-    "lines.solid_capstyle": "round",
-    "path.simplify": True,
-    "path.simplify_threshold": 0.15,
-    "figure.dpi": 72,
-    "savefig.dpi": 144,
+    "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"], "font.size": 9.5,
+    "axes.titlesize": 10, "axes.labelsize": 9.5, "text.color": INK, "axes.edgecolor": AXIS_GREY,
+    "axes.labelcolor": INK, "axes.linewidth": 0.7, "axes.spines.top": False, "axes.spines.right": False,
+    "axes.axisbelow": True, "axes.unicode_minus": True, "axes.formatter.use_mathtext": False,
+    "xtick.color": "#555555", "ytick.color": "#555555", "xtick.labelcolor": INK, "ytick.labelcolor": INK,
+    "xtick.labelsize": 9, "ytick.labelsize": 9, "grid.color": RULE, "grid.linewidth": 0.6,
+    "legend.fontsize": 9, "legend.frameon": False, "lines.linewidth": 1.5, "lines.solid_capstyle": "round",
+    "path.simplify": True, "path.simplify_threshold": 0.15, "figure.dpi": 72, "savefig.dpi": 144,
 }
+# fmt: on
 _LOCK = threading.RLock()  # matplotlib's settings belong to the whole process
 
 

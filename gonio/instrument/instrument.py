@@ -69,19 +69,10 @@ class Systematic:
 ANGLES = ("source_half_angle", "detector_half_angle", "misalignment", "shadow")
 """Radians; users read degrees beside them."""
 LIMITS = {
-    "source_half_angle": HALF_ANGLE_MAX,
-    "detector_half_angle": HALF_ANGLE_MAX,
-    "photons": math.inf,
-    "ambient": 1e6,
-    "dark": PHOTONS_MAX,
-    "read_noise": PHOTONS_MAX,
-    "noise": 1.0,
-    "misalignment": math.pi / 4,
-    "calibration": 0.3,
-    "saturation": math.inf,
-    "shadow": math.pi,
-    "tolerance": 1.0,
-}
+    "source_half_angle": HALF_ANGLE_MAX, "detector_half_angle": HALF_ANGLE_MAX, "shadow": math.pi,
+    "misalignment": math.pi / 4, "calibration": 0.3, "noise": 1.0, "ambient": 1e6, "photons": math.inf,
+    "dark": PHOTONS_MAX, "read_noise": PHOTONS_MAX, "saturation": math.inf, "tolerance": 1.0,
+}  # fmt: skip
 """Largest values; the smallest is 0."""
 
 

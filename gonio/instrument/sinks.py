@@ -2,7 +2,7 @@
 
 import abc
 import os
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -38,14 +38,10 @@ class Sink(abc.ABC):
     """What a user should know before it begins."""
 
     def __init__(self, reader: Reader, settings: MeasureSettings):
-        self.reader = reader
-        self.dtype = np.dtype(settings.dtype or reader.dtype)
-        self.provenance = provenance.of(reader, settings.command)
+        layout, material = reader.layout, reader.material
         source, receiver = reader.instrument.solid_angles()
-        self.metadata: dict[str, Any] = {
-            "name": reader.material.name, "source_solid_angle": source, "receiver_solid_angle": receiver,
-        }  # fmt: skip
-        layout = reader.layout
+        dtype, about = np.dtype(settings.dtype or reader.dtype), provenance.of(reader, settings.command)
+        self.header = TableHeader(layout, material.channels, dtype, about, material.name, source, receiver)
         self.block_cells = layout.row_size * block_rows(layout) if reader.by_rows else FLAT_BLOCK
 
     def __enter__(self) -> Self:
@@ -68,33 +64,28 @@ class MemorySink(Sink):
 
     def __init__(self, reader: Reader, settings: MeasureSettings):
         super().__init__(reader, settings)
-        layout = reader.layout
-        shape = (*layout.shape, reader.channels)
-        need = layout.size * reader.channels * (2 * self.dtype.itemsize + 1)
+        size, dtype, shape = reader.layout.size, np.dtype(self.header.dtype), self.header.shape
+        need = size * reader.channels * (2 * dtype.itemsize + 1)
         if need > MEMORY_BYTES:
             raise GonioError(
                 f"this table needs {need / 1e9:.0f} GB of memory; give an output, which is written in blocks"
             )
-        self.f, self.u_f, self.flag = (
-            np.empty(shape, self.dtype),
-            np.zeros(shape, self.dtype),
-            np.empty(shape, np.uint8),
-        )
-        starts = range(0, layout.size, self.block_cells)
-        self.missing = [CellBlock(k, a, min(a + self.block_cells, layout.size)) for k, a in enumerate(starts)]
+        self.arrays = {"f": np.empty(shape, dtype), "u_f": np.zeros(shape, dtype), "flag": np.empty(shape, np.uint8)}
+        starts = range(0, size, self.block_cells)
+        self.missing = [CellBlock(k, a, min(a + self.block_cells, size)) for k, a in enumerate(starts)]
 
     def take(self, block: CellBlock, readings: BlockReadings) -> None:
-        for array, values in ((self.f, readings.f), (self.u_f, readings.u_f), (self.flag, readings.flag)):
+        for name, array in self.arrays.items():
+            values = getattr(readings, name)
             if values is not None:
-                array.reshape(-1, self.reader.channels)[block.start : block.stop] = values
+                array.reshape(-1, array.shape[-1])[block.start : block.stop] = values
         self.worst = WorstAverage.of(self.worst, readings.worst)
 
     def finish(self) -> Table:
-        about = {} if self.worst is None else {"aperture_error": self.worst.to_dict()}
-        return Table(
-            self.reader.layout, self.f, self.flag, self.reader.material.channels, self.u_f, self.provenance | about,
-            **self.metadata,
-        )  # fmt: skip
+        h = self.header
+        about = h.provenance if self.worst is None else {**h.provenance, "aperture_error": self.worst.to_dict()}
+        f, u_f, flag = self.arrays.values()
+        return Table(h.layout, f, flag, h.channels, u_f, about, h.source_solid_angle, h.receiver_solid_angle, h.name)
 
 
 class FileSink(Sink):
@@ -102,10 +93,9 @@ class FileSink(Sink):
 
     def __init__(self, reader: Reader, settings: MeasureSettings, output: str | os.PathLike[str]):
         super().__init__(reader, settings)
-        recipe = provenance.recipe(self.provenance, reader.material)
-        header = TableHeader(reader.layout, reader.material.channels, self.dtype, self.provenance, **self.metadata)
+        recipe = provenance.recipe(self.header.provenance, reader.material)
         self.writer = BlockWriter(
-            output, header, recipe, settings.force, u_f=reader.noisy, block_cells=self.block_cells
+            output, self.header, recipe, settings.force, u_f=reader.noisy, block_cells=self.block_cells
         )
         self.missing = [CellBlock(k, *self.writer.blocks[k]) for k in self.writer.missing_blocks()]
         done = len(self.writer.blocks) - len(self.missing)

@@ -96,17 +96,9 @@ def _section(s: ReportSubject, e: Evaluation | None, fit: dict[str, Any] | None)
 
 
 def _figures(s: ReportSubject, e: Evaluation, fit: dict[str, Any] | None) -> list[ReportFigure]:
-    return [
-        *plane_figures(s, e),
-        *space_figures(s, e),
-        *map_figures(s, e),
-        *sphere_figures(s, e),
-        *slice_figures(s, e),
-        *albedo_figures(s),
-        *reciprocity_figures(s),
-        *residual_figures(s, (fit or {}).get("theta_max")),
-        *correlation_figures(s, fit),
-    ]
+    of_values = (plane_figures, space_figures, map_figures, sphere_figures, slice_figures)
+    figures = [f for make in of_values for f in make(s, e)] + albedo_figures(s) + reciprocity_figures(s)
+    return figures + residual_figures(s, (fit or {}).get("theta_max")) + correlation_figures(s, fit)
 
 
 def _interpolation_note(e: Evaluation) -> str:

@@ -124,7 +124,7 @@ def test_residuals_are_what_the_fit_misses():
     at_normal = plot_residuals(result, angles=("theta_i", "theta_o")).collections[0].get_array()[0, 0]
     assert at_normal == pytest.approx(np.median(relative[0, 0]), rel=1e-9)
     assert plot_residuals(result, angles=None).get_xlabel().endswith("%")
-    with pytest.raises(GonioError, match="theta_h and theta_d"):
+    with pytest.raises(GonioError, match="theta_h, theta_d"):
         plot_residuals(result, angles=("theta_i", "phi"))
 
 
