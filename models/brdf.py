@@ -135,7 +135,7 @@ def _refuse_mixed_axes(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> None
         )
 
 
-SCALE = ParameterInfo(0.0, 1e6, "1", "factor of a lobe", start=0.5, per_channel=True, linear=True)
+SCALE = ParameterInfo(0.0, 1e6, "1", "factor of a lobe", start=0.5, role="scale", per_channel=True, linear=True)
 
 
 class Scaled(AbstractBRDF):

@@ -1,20 +1,28 @@
 """What a model's parameter is: its domain, unit and meaning, kept as data on the field that holds it."""
 
 import dataclasses
-from typing import Any
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+Role = Literal[
+    "albedo", "scale", "weight",  # levels: of what is reflected, of a lobe, of a term
+    "width", "inverse_width", "roughness", "shoulder", "hot_spot", "exponent",  # shapes; "width" is alpha, of facets
+    "fresnel", "index", "extinction", "masking", "phase",  # optics
+    "length", "wavelength",
+]  # fmt: skip
+"""What a parameter stands for, in the terms of the field."""
+
 
 @dataclasses.dataclass(frozen=True)
 class ParameterInfo:
     """Domain [low, high] (closed at both ends), unit and meaning of a parameter.
 
-    `start` is where a fit begins when nothing is known; `per_channel` says that a joint fit frees one value for each
-    channel; `linear` that f is proportional to the parameter; `log` that a fit steps in its logarithm.
+    `start` is where a fit begins when nothing is known; `role` is what the parameter stands for; `per_channel`: a joint
+    fit frees one value for each channel; `linear`: f is proportional to it; `log`: a fit steps in its logarithm.
     """
 
     low: float
@@ -22,6 +30,7 @@ class ParameterInfo:
     unit: str
     doc: str
     start: float
+    role: Role
     per_channel: bool = False
     linear: bool = False
     log: bool = False

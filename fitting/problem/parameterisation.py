@@ -31,7 +31,7 @@ class FreeParameter:
     @property
     def is_width(self) -> bool:
         """Whether it is a microfacet width alpha."""
-        return last(self.path).startswith("alpha")
+        return self.info.role == "width"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Parameterisation:
             kinds.setdefault((of, values, shapes), []).append(t)
 
         def width(t: int) -> float:
-            return next((float(p[g.first]) for g in self.free if g.term == t and g.path.startswith("alpha")), 0.0)
+            return next((float(p[g.first]) for g in self.free if g.term == t and g.is_width and "." not in g.path), 0.0)
 
         ordered = p.copy()
         for alike in kinds.values():

@@ -8,8 +8,12 @@ from gonio.models.geometry.directions import Direction
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.polar import polar_map
 
-DIFFUSE = ParameterInfo(0.0, 1.0, "1", "reflectance of the diffuser below", start=0.5, per_channel=True, linear=True)
-SPECULAR = ParameterInfo(0.0, 1.0, "1", "normal reflectance of the gloss above", start=0.04, per_channel=True)
+DIFFUSE = ParameterInfo(
+    0.0, 1.0, "1", "reflectance of the diffuser below", start=0.5, role="albedo", per_channel=True, linear=True
+)
+SPECULAR = ParameterInfo(
+    0.0, 1.0, "1", "normal reflectance of the gloss above", start=0.04, role="fresnel", per_channel=True
+)
 
 
 class AshikhminShirleyDiffuse(AbstractBRDF):

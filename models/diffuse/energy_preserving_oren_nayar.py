@@ -13,8 +13,10 @@ from gonio.models.warps.grazing_azimuth import polar_parts
 C1 = 0.5 - 2 / (3 * jnp.pi)
 C2 = 2 / 3 - 28 / (15 * jnp.pi)
 
-SINGLE_ALBEDO = ParameterInfo(0.0, 1.0, "1", "albedo of a single scattering", start=0.5, per_channel=True)
-ROUGHNESS = ParameterInfo(0.0, 1.0, "1", "share of roughness: 0 is Lambert", start=0.5)
+SINGLE_ALBEDO = ParameterInfo(
+    0.0, 1.0, "1", "albedo of a single scattering", start=0.5, role="albedo", per_channel=True
+)
+ROUGHNESS = ParameterInfo(0.0, 1.0, "1", "share of roughness: 0 is Lambert", start=0.5, role="roughness")
 
 
 def _fujii_shape(wi: Direction, wo: Direction, r: Scalar) -> Scalar:

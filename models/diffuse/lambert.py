@@ -7,7 +7,7 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
 from gonio.models.parameters import ParameterInfo, parameter
 
-ALBEDO = ParameterInfo(0.0, 1.0, "1", "albedo", start=0.5, per_channel=True, linear=True)
+ALBEDO = ParameterInfo(0.0, 1.0, "1", "albedo", start=0.5, role="albedo", per_channel=True, linear=True)
 
 
 class Lambert(AbstractBRDF):

@@ -11,7 +11,7 @@ from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.guards import positive
 from gonio.models.parameters import ParameterInfo, parameter
 
-LIMB = ParameterInfo(0.0, 5.0, "1", "limb darkening: 1 is Lambert, 0.5 the full moon", start=1.0)
+LIMB = ParameterInfo(0.0, 5.0, "1", "limb darkening: 1 is Lambert, 0.5 the full moon", start=1.0, role="exponent")
 
 
 class Minnaert(AbstractBRDF):

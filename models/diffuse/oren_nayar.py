@@ -11,8 +11,10 @@ from gonio.models.geometry.directions import Direction
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.grazing_azimuth import TANGENT_MAX, polar_parts
 
-FACET_ALBEDO = ParameterInfo(0.0, 1.0, "1", "albedo of a facet", start=0.5, per_channel=True)
-SLOPE_ANGLE = ParameterInfo(0.0, 1.5707963267948966, "rad", "standard deviation of the facets' slope angle", start=0.3)
+FACET_ALBEDO = ParameterInfo(0.0, 1.0, "1", "albedo of a facet", start=0.5, role="albedo", per_channel=True)
+SLOPE_ANGLE = ParameterInfo(
+    0.0, 1.5707963267948966, "rad", "standard deviation of the facets' slope angle", start=0.3, role="roughness"
+)
 
 
 class OrenNayar(AbstractBRDF):

@@ -14,9 +14,15 @@ from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.radial_laws import power_reach, power_slope
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
-N = ParameterInfo(0.0, 1e6, "1", "exponent of the cosine between half vector and normal", start=60.0, log=True)
-N_X = ParameterInfo(0.0, 1e6, "1", "exponent where the half vector leans along x", start=100.0, log=True)
-N_Y = ParameterInfo(0.0, 1e6, "1", "exponent where the half vector leans along y", start=30.0, log=True)
+N = ParameterInfo(
+    0.0, 1e6, "1", "exponent of the cosine between half vector and normal", start=60.0, role="exponent", log=True
+)
+N_X = ParameterInfo(
+    0.0, 1e6, "1", "exponent where the half vector leans along x", start=100.0, role="exponent", log=True
+)
+N_Y = ParameterInfo(
+    0.0, 1e6, "1", "exponent where the half vector leans along y", start=30.0, role="exponent", log=True
+)
 
 
 class AshikhminShirley(AbstractBRDF):

@@ -14,7 +14,9 @@ from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.radial_laws import power_reach, power_slope
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
-EXPONENT = ParameterInfo(0.0, 1e6, "1", "exponent of the cosine between half vector and normal", start=60.0, log=True)
+EXPONENT = ParameterInfo(
+    0.0, 1e6, "1", "exponent of the cosine between half vector and normal", start=60.0, role="exponent", log=True
+)
 
 
 class AbstractBlinnPhong(AbstractBRDF):

@@ -11,10 +11,14 @@ from gonio.models.empirical.phong import Phong
 from gonio.models.geometry.directions import Direction, normalize
 from gonio.models.parameters import ParameterInfo, known_equal, parameter
 
-C_X = ParameterInfo(-2.0, 2.0, "1", "weight of wi.x wo.x: negative mirrors, positive sends back", start=-0.6)
-C_Y = ParameterInfo(-2.0, 2.0, "1", "weight of wi.y wo.y: negative mirrors, positive sends back", start=-0.6)
-C_Z = ParameterInfo(0.0, 2.0, "1", "weight of wi.z wo.z", start=0.57)
-N = ParameterInfo(0.0, 1e5, "1", "exponent of the weighted cosine", start=30.0, log=True)
+C_X = ParameterInfo(
+    -2.0, 2.0, "1", "weight of wi.x wo.x: negative mirrors, positive sends back", start=-0.6, role="weight"
+)
+C_Y = ParameterInfo(
+    -2.0, 2.0, "1", "weight of wi.y wo.y: negative mirrors, positive sends back", start=-0.6, role="weight"
+)
+C_Z = ParameterInfo(0.0, 2.0, "1", "weight of wi.z wo.z", start=0.57, role="weight")
+N = ParameterInfo(0.0, 1e5, "1", "exponent of the weighted cosine", start=30.0, role="exponent", log=True)
 
 
 class Lafortune(AbstractBRDF):

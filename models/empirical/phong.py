@@ -10,7 +10,9 @@ from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts
 from gonio.models.warps.radial_laws import S_MAX
 
-EXPONENT = ParameterInfo(0.0, 1e6, "1", "exponent of the cosine about the mirror direction", start=30.0, log=True)
+EXPONENT = ParameterInfo(
+    0.0, 1e6, "1", "exponent of the cosine about the mirror direction", start=30.0, role="exponent", log=True
+)
 Q2_MIN = 1e-36  # (cot β)² of a horizon further than any lobe reaches, above the least float32
 
 

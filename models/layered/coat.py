@@ -14,8 +14,8 @@ from gonio.models.microfacet import albedo_tables as tables
 from gonio.models.microfacet.ggx import GGX
 from gonio.models.parameters import ParameterInfo, parameter
 
-ALPHA = ParameterInfo(1e-4, 1.0, "1", "width of the coat's slope distribution", start=0.1, log=True)
-ETA = ParameterInfo(1.01, 4.0, "1", "refractive index of the coat", start=1.5, log=True)
+ALPHA = ParameterInfo(1e-4, 1.0, "1", "width of the coat's slope distribution", start=0.1, role="width", log=True)
+ETA = ParameterInfo(1.01, 4.0, "1", "refractive index of the coat", start=1.5, role="index", log=True)
 
 
 class UnderCoat(AbstractBRDF):

@@ -16,7 +16,7 @@ from gonio.models.microfacet.gaussian_sampling import LAST_SLOPE, AbstractGaussi
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
-RHO = ParameterInfo(0.0, 1.0, "1", "albedo of the matte part", start=0.5, per_channel=True)
+RHO = ParameterInfo(0.0, 1.0, "1", "albedo of the matte part", start=0.5, role="albedo", per_channel=True)
 
 
 class KelemenLobe(AbstractGaussianFacets):

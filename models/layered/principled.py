@@ -12,7 +12,7 @@ from gonio.models.fresnel import fresnel_dielectric
 from gonio.models.geometry.directions import Direction, reflect
 from gonio.models.geometry.half_vector import half_angles, mirrored_pdf
 from gonio.models.microfacet.distributions import ggx_d, ggx_masked_cosine, ggx_visible_normal
-from gonio.models.parameters import ParameterInfo, known_equal, parameter
+from gonio.models.parameters import ParameterInfo, Role, known_equal, parameter
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
 LEAST_ALPHA = 1e-3  # Burley's code: a perfect mirror is not meant
@@ -20,8 +20,8 @@ CLEARCOAT_SMITH = 0.25  # the width in the clearcoat's masking, whatever its glo
 LUMINANCE = {"disney": (0.3, 0.6, 0.1), "mitsuba": (0.212671, 0.715160, 0.072169)}
 
 
-def _share(doc: str, start: float, **kwargs) -> ParameterInfo:
-    return ParameterInfo(0.0, 1.0, "1", doc, start=start, **kwargs)
+def _share(doc: str, start: float, role: Role = "weight", per_channel: bool = False) -> ParameterInfo:
+    return ParameterInfo(0.0, 1.0, "1", doc, start=start, role=role, per_channel=per_channel)
 
 
 def schlick_weight(cosine: Scalar) -> Scalar:
@@ -106,10 +106,10 @@ class Principled(AbstractComposite):
         "energy": "White and of roughness 1 it reflects 1.05 at normal incidence, 1.60 at 89.99°; sheen and coat add."
     }
 
-    base_color: Channels = parameter(_share("albedo, linear", 0.5, per_channel=True))
-    roughness: Channels = parameter(_share("√α of the specular lobe", 0.5))
+    base_color: Channels = parameter(_share("albedo, linear", 0.5, "albedo", per_channel=True))
+    roughness: Channels = parameter(_share("√α of the specular lobe", 0.5, "roughness"))
     metallic: Channels = parameter(_share("share of metal", 0.0), default=0.0)
-    specular: Channels = parameter(_share("reflectance at normal over 0.08", 0.5), default=0.5)
+    specular: Channels = parameter(_share("reflectance at normal over 0.08", 0.5, "fresnel"), default=0.5)
     specular_tint: Channels = parameter(_share("tint of the lobe", 0.0), default=0.0)
     anisotropic: Channels = parameter(_share("aspect of the lobe", 0.0), default=0.0)
     sheen: Channels = parameter(_share("grazing sheen", 0.0), default=0.0)

@@ -17,8 +17,10 @@ from gonio.models.microfacet.v_cavity import v_cavity_map, v_cavity_visibility
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.radial_laws import power_law
 
-B = ParameterInfo(0.0, 1e7, "1", "inverse width: S falls where 1 − cosθ_h exceeds 1/b", start=1000.0)
-C = ParameterInfo(0.01, 10.0, "1", "exponent with which S falls", start=1.0, log=True)
+B = ParameterInfo(
+    0.0, 1e7, "1", "inverse width: S falls where 1 − cosθ_h exceeds 1/b", start=1000.0, role="inverse_width"
+)
+C = ParameterInfo(0.01, 10.0, "1", "exponent with which S falls", start=1.0, role="exponent", log=True)
 ETA = dataclasses.replace(mf.ETA, high=200.0)  # published fits of metals go to 100
 
 

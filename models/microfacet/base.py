@@ -10,12 +10,14 @@ from gonio.models.microfacet.widths import AbstractWidths
 from gonio.models.parameters import ParameterInfo
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
-ALPHA = ParameterInfo(1e-4, 1.0, "1", "width of the slope distribution", start=0.3, log=True)
-ALPHA_X = ParameterInfo(1e-4, 1.0, "1", "width of the slope distribution along x", start=0.2, log=True)
-ALPHA_Y = ParameterInfo(1e-4, 1.0, "1", "width of the slope distribution along y", start=0.4, log=True)
-F0 = ParameterInfo(0.0, 1.0, "1", "Fresnel reflectance at normal incidence (Schlick)", start=0.04)
-ETA = ParameterInfo(0.01, 20.0, "1", "refractive index, relative to the outside (exact Fresnel)", start=1.5, log=True)
-K = ParameterInfo(0.0, 50.0, "1", "extinction coefficient (exact Fresnel, with eta)", start=3.0)
+ALPHA = ParameterInfo(1e-4, 1.0, "1", "width of the slope distribution", start=0.3, role="width", log=True)
+ALPHA_X = ParameterInfo(1e-4, 1.0, "1", "width of the slope distribution along x", start=0.2, role="width", log=True)
+ALPHA_Y = ParameterInfo(1e-4, 1.0, "1", "width of the slope distribution along y", start=0.4, role="width", log=True)
+F0 = ParameterInfo(0.0, 1.0, "1", "Fresnel reflectance at normal incidence (Schlick)", start=0.04, role="fresnel")
+ETA = ParameterInfo(
+    0.01, 20.0, "1", "refractive index, relative to the outside (exact Fresnel)", start=1.5, role="index", log=True
+)
+K = ParameterInfo(0.0, 50.0, "1", "extinction coefficient (exact Fresnel, with eta)", start=3.0, role="extinction")
 
 
 class AbstractMicrofacet(AbstractWidths):

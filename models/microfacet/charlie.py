@@ -13,7 +13,7 @@ from gonio.models.geometry.half_vector import half_angles
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.grazing_azimuth import polar_parts
 
-ALPHA = ParameterInfo(0.01, 1.0, "1", "width: the inverse of the sine's power", start=0.3, log=True)
+ALPHA = ParameterInfo(0.01, 1.0, "1", "width: the inverse of the sine's power", start=0.3, role="width", log=True)
 
 # Estevez & Kulla 2017, table 1: the fit of the masking at widths 0 and 1.
 AT_0 = (25.3245, 3.32435, 0.16801, -1.27393, -4.85967)

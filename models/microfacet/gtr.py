@@ -15,7 +15,9 @@ from gonio.models.microfacet.distributions import ggx_masked_cosine, ggx_shadow_
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.radial_laws import horizon_law
 
-GAMMA = ParameterInfo(0.5, 5.0, "1", "exponent of the tails: 2 is GGX, 1 the tail of Berry's law", start=2.0)
+GAMMA = ParameterInfo(
+    0.5, 5.0, "1", "exponent of the tails: 2 is GGX, 1 the tail of Berry's law", start=2.0, role="exponent"
+)
 
 EVERY_SLOPE = 1e17  # in units of the width
 

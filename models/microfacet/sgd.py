@@ -15,15 +15,19 @@ from gonio.models.warps.grazing_azimuth import polar_parts
 from gonio.models.warps.radial_laws import power_law
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
-ALPHA = ParameterInfo(1e-5, 10.0, "1", "shift and width of the gamma law", start=0.1, log=True)
-P = ParameterInfo(0.0, 5.0, "1", "exponent of the core", start=0.7)
-KAPPA = ParameterInfo(0.0, 1e6, "1", "factor of the distribution", start=5.0, linear=True)
-F_0 = ParameterInfo(0.0, 20.0, "1", "reflectance at normal incidence, before f1 is taken off", start=0.04)
-F_1 = ParameterInfo(-5.0, 20.0, "1", "slope of the reflectance in cosθ_d", start=0.0)
-LAM = ParameterInfo(0.0, 1e8, "1", "depth of masking", start=3.0)
-C = ParameterInfo(1e-12, 1e120, "1", "rate of masking beyond theta_0", start=1e-4, log=True)
-K = ParameterInfo(0.1, 1000.0, "1", "exponent of masking beyond theta_0", start=15.0, log=True)
-THETA_0 = ParameterInfo(-1.0, 1.5707963267948966, "rad", "polar angle at which masking begins", start=0.0)
+ALPHA = ParameterInfo(1e-5, 10.0, "1", "shift and width of the gamma law", start=0.1, role="width", log=True)
+P = ParameterInfo(0.0, 5.0, "1", "exponent of the core", start=0.7, role="exponent")
+KAPPA = ParameterInfo(0.0, 1e6, "1", "factor of the distribution", start=5.0, role="scale", linear=True)
+F_0 = ParameterInfo(
+    0.0, 20.0, "1", "reflectance at normal incidence, before f1 is taken off", start=0.04, role="fresnel"
+)
+F_1 = ParameterInfo(-5.0, 20.0, "1", "slope of the reflectance in cosθ_d", start=0.0, role="fresnel")
+LAM = ParameterInfo(0.0, 1e8, "1", "depth of masking", start=3.0, role="masking")
+C = ParameterInfo(1e-12, 1e120, "1", "rate of masking beyond theta_0", start=1e-4, role="masking", log=True)
+K = ParameterInfo(0.1, 1000.0, "1", "exponent of masking beyond theta_0", start=15.0, role="masking", log=True)
+THETA_0 = ParameterInfo(
+    -1.0, 1.5707963267948966, "rad", "polar angle at which masking begins", start=0.0, role="masking"
+)
 
 
 class SGD(AbstractBRDF):

@@ -15,7 +15,9 @@ from gonio.models.microfacet import base as mf
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.radial_laws import horizon_law, power_rate
 
-GAMMA = ParameterInfo(1.6, 40.0, "1", "exponent of the tails: 2 is GGX, many is Beckmann", start=3.0, log=True)
+GAMMA = ParameterInfo(
+    1.6, 40.0, "1", "exponent of the tails: 2 is GGX, many is Beckmann", start=3.0, role="exponent", log=True
+)
 NODES = 32  # 1 + Λ is then right to 2e-13 for every γ of the domain, at every angle
 FARTHEST = 8.0  # exp(−FARTHEST² (1 − 1/(2γ − 1))) < 1e-15 for every γ of the domain
 

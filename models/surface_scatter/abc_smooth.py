@@ -12,8 +12,10 @@ from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.surface_scatter.shift_invariant import AbstractDiscLobe
 from gonio.models.warps.direction_cosines import projected_distance2
 
-B = ParameterInfo(0.0, 1e7, "1", "inverse square of the core's width", start=1e3, log=True)
-C = ParameterInfo(0.01, 10.0, "1", "exponent of the fall, half of the power of the tail", start=1.0, log=True)
+B = ParameterInfo(0.0, 1e7, "1", "inverse square of the core's width", start=1e3, role="inverse_width", log=True)
+C = ParameterInfo(
+    0.01, 10.0, "1", "exponent of the fall, half of the power of the tail", start=1.0, role="exponent", log=True
+)
 
 
 class ABCSmooth(AbstractDiscLobe):

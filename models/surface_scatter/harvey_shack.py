@@ -10,14 +10,25 @@ from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.surface_scatter.shift_invariant import AbstractDiscLobe
 from gonio.models.warps.direction_cosines import projected_distance2
 
-B0 = ParameterInfo(0.0, 1e8, "1/sr", "BRDF in the mirror direction", start=1.0, per_channel=True, linear=True)
-L = ParameterInfo(1e-5, 2.0, "1", "shoulder of the lobe, in direction cosines", start=0.01, log=True)
-S = ParameterInfo(-10.0, 0.0, "1", "slope of the tail in a plot of logarithms", start=-1.5)
-A = ParameterInfo(
-    0.0, 1e6, "1/sr", "BRDF one direction cosine off the mirror", start=0.01, per_channel=True, linear=True
+B0 = ParameterInfo(
+    0.0, 1e8, "1/sr", "BRDF in the mirror direction", start=1.0, role="scale", per_channel=True, linear=True
 )
-B = ParameterInfo(1e-12, 1e3, "1", "what levels the lobe off at the mirror direction", start=1e-3, log=True)
-G = ParameterInfo(0.0, 10.0, "1", "power of the tail", start=1.5)
+L = ParameterInfo(1e-5, 2.0, "1", "shoulder of the lobe, in direction cosines", start=0.01, role="shoulder", log=True)
+S = ParameterInfo(-10.0, 0.0, "1", "slope of the tail in a plot of logarithms", start=-1.5, role="exponent")
+A = ParameterInfo(
+    0.0,
+    1e6,
+    "1/sr",
+    "BRDF one direction cosine off the mirror",
+    start=0.01,
+    role="scale",
+    per_channel=True,
+    linear=True,
+)
+B = ParameterInfo(
+    1e-12, 1e3, "1", "what levels the lobe off at the mirror direction", start=1e-3, role="shoulder", log=True
+)
+G = ParameterInfo(0.0, 10.0, "1", "power of the tail", start=1.5, role="exponent")
 
 
 class HarveyShack(AbstractDiscLobe):

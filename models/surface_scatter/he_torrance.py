@@ -16,9 +16,9 @@ from gonio.models.surface_scatter.shift_invariant import AbstractDiscLobe
 from gonio.models.warps.direction_cosines import projected_distance2
 from gonio.models.warps.grazing_azimuth import polar_parts
 
-SIGMA = ParameterInfo(1e-4, 20.0, "µm", "rms height of the surface", start=0.2, log=True)
-TAU = ParameterInfo(0.05, 1e3, "µm", "autocorrelation length of the heights", start=3.0, log=True)
-WAVELENGTH = ParameterInfo(0.05, 50.0, "µm", "wavelength of the light", start=0.55, log=True)
+SIGMA = ParameterInfo(1e-4, 20.0, "µm", "rms height of the surface", start=0.2, role="length", log=True)
+TAU = ParameterInfo(0.05, 1e3, "µm", "autocorrelation length of the heights", start=3.0, role="length", log=True)
+WAVELENGTH = ParameterInfo(0.05, 50.0, "µm", "wavelength of the light", start=0.55, role="wavelength", log=True)
 ROOT_PI = 1.7724538509055159
 FAR = 26.0  # erfc and exp(−x²) are 0 beyond
 

@@ -10,8 +10,8 @@ from gonio.models.volume_scatter.chandrasekhar_h import h_isotropic
 from gonio.models.warps.volume import volume_map
 
 SCATTERED = "single-scattering albedo"
-SINGLE = ParameterInfo(0.0, 1.0, "1", SCATTERED, start=0.8, per_channel=True, linear=True)
-MULTIPLE = ParameterInfo(0.0, 1.0, "1", SCATTERED, start=0.8, per_channel=True)
+SINGLE = ParameterInfo(0.0, 1.0, "1", SCATTERED, start=0.8, role="albedo", per_channel=True, linear=True)
+MULTIPLE = ParameterInfo(0.0, 1.0, "1", SCATTERED, start=0.8, role="albedo", per_channel=True)
 
 
 class LommelSeeliger(AbstractBRDF):

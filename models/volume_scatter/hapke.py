@@ -13,10 +13,12 @@ from gonio.models.volume_scatter.chandrasekhar_h import absorption_root, h_isotr
 from gonio.models.volume_scatter.half_space import MULTIPLE
 from gonio.models.volume_scatter.hot_spot import AbstractHotSpot
 
-LOBE = ParameterInfo(0.0, 0.99, "1", "asymmetry of both lobes of the phase function", start=0.3)
-BACKWARD = ParameterInfo(-1.0, 1.0, "1", "backward less forward share of the phase function", start=0.3)
-SURGE = ParameterInfo(0.0, 1.0, "1", "height of the opposition surge", start=0.5)
-SURGE_WIDTH = ParameterInfo(1e-4, 10.0, "1", "width of the opposition surge, in tan(g/2)", start=0.1, log=True)
+LOBE = ParameterInfo(0.0, 0.99, "1", "asymmetry of both lobes of the phase function", start=0.3, role="phase")
+BACKWARD = ParameterInfo(-1.0, 1.0, "1", "backward less forward share of the phase function", start=0.3, role="phase")
+SURGE = ParameterInfo(0.0, 1.0, "1", "height of the opposition surge", start=0.5, role="weight")
+SURGE_WIDTH = ParameterInfo(
+    1e-4, 10.0, "1", "width of the opposition surge, in tan(g/2)", start=0.1, role="hot_spot", log=True
+)
 
 
 class Hapke(AbstractHotSpot):

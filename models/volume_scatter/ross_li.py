@@ -13,9 +13,9 @@ from gonio.models.geometry.phase_angle import PhaseChords, phase_chords
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.retroreflection import back_direction, back_ray
 
-ISOTROPIC = ParameterInfo(0.0, 2.0, "1", "weight of the constant 1", start=0.3, per_channel=True)
-VOLUMETRIC = ParameterInfo(0.0, 2.0, "1", "weight of the volumetric kernel", start=0.1, per_channel=True)
-GEOMETRIC = ParameterInfo(0.0, 2.0, "1", "weight of the geometric kernel", start=0.03, per_channel=True)
+ISOTROPIC = ParameterInfo(0.0, 2.0, "1", "weight of the constant 1", start=0.3, role="weight", per_channel=True)
+VOLUMETRIC = ParameterInfo(0.0, 2.0, "1", "weight of the volumetric kernel", start=0.1, role="weight", per_channel=True)
+GEOMETRIC = ParameterInfo(0.0, 2.0, "1", "weight of the geometric kernel", start=0.03, role="weight", per_channel=True)
 
 
 class RossLi(AbstractBRDF):

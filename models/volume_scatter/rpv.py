@@ -11,10 +11,14 @@ from gonio.models.geometry.phase_angle import phase_chords
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.volume_scatter.hot_spot import AbstractHotSpot
 
-LEVEL = ParameterInfo(0.0, 1.0, "1", "amplitude of the reflectance", start=0.2, per_channel=True, linear=True)
-BOWL = ParameterInfo(0.0, 2.0, "1", "shape: below 1 a bowl, above 1 a bell", start=0.8)
-ASYMMETRY = ParameterInfo(-0.95, 0.95, "1", "asymmetry: below 0 scatters backwards", start=-0.1)
-HOT_SPOT = ParameterInfo(0.0, 1.0, "1", "hot spot: 1 has none, 0 the highest", start=0.5, per_channel=True)
+LEVEL = ParameterInfo(
+    0.0, 1.0, "1", "amplitude of the reflectance", start=0.2, role="scale", per_channel=True, linear=True
+)
+BOWL = ParameterInfo(0.0, 2.0, "1", "shape: below 1 a bowl, above 1 a bell", start=0.8, role="exponent")
+ASYMMETRY = ParameterInfo(-0.95, 0.95, "1", "asymmetry: below 0 scatters backwards", start=-0.1, role="phase")
+HOT_SPOT = ParameterInfo(
+    0.0, 1.0, "1", "hot spot: 1 has none, 0 the highest", start=0.5, role="hot_spot", per_channel=True
+)
 
 
 class RPV(AbstractHotSpot):

@@ -10,7 +10,7 @@ from gonio.models.catalog import MODELS
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction
 from gonio.stability.run import QUICK
-from support.cases import CASES
+from support.cases import cases_of
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -22,11 +22,11 @@ def quick_compilation():
 
 
 MOST = 4
-BY_MODEL = {name: [k for k in CASES if k.split()[0] == name] for name in MODELS}
 
 
-def model(case):
-    return build(CASES[case]) if isinstance(CASES[case], str) else CASES[case]()
+def models_of(name):
+    """(case, model) of each setting of a model."""
+    return [(k, build(v) if isinstance(v, str) else v()) for k, v in cases_of(name).items()]
 
 
 def unit(theta, phi):
@@ -83,13 +83,11 @@ def test_values_and_gradients_are_numbers_and_reciprocal(name):
 
     Unless the published formula breaks a law, and says so.
     """
-    assert BY_MODEL[name], f"{name} has no cases"
     wi, wo = edges()
     elsewhere = tuple(directions(w) for w in scattered(len(wi) // 2))
     up = (wi[:, 2] > 0) & (wo[:, 2] > 0)
-    cases = BY_MODEL[name]
-    for case in cases if len(cases) <= MOST else [*cases[: MOST - 2], *cases[-2:]]:
-        brdf = model(case)
+    cases = models_of(name)
+    for case, brdf in cases if len(cases) <= MOST else [*cases[: MOST - 2], *cases[-2:]]:
         (_, f), slopes = with_slopes(brdf, directions(wi), directions(wo))
         assert np.isfinite(f).all(), case
         for leaf in jax.tree.leaves(slopes):
@@ -107,7 +105,7 @@ def test_values_and_gradients_are_numbers_and_reciprocal(name):
             np.testing.assert_allclose(there, back, rtol=2e-11, atol=1e-290, err_msg=case)
     if name not in QUICK:  # the atlas looks at single precision in all of them
         return
-    single = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), model(BY_MODEL[name][0]))
+    single = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), cases[0][1])
     near = up & (wi[:, 2] > 1e-4) & (wo[:, 2] > 1e-4)
     (_, f), slopes = with_slopes(single, directions(wi[near], np.float32), directions(wo[near], np.float32))
     assert f.dtype == np.float32
@@ -142,13 +140,12 @@ MIXTURES = ("principled", "kelemen", "coat")
 def test_densities_and_jacobians_are_those_of_the_maps(name):
     """pdf(sample(u)) |∂sample/∂u| = 1, and the lobe map's Jacobian is its own area, by automatic differentiation."""
     u = np.random.default_rng(2).uniform(0.02, 0.98, (64, 2))
-    for case in BY_MODEL[name][:1]:
-        brdf = model(case)
-        for part in brdf.terms() if name in MIXTURES else (brdf,):
-            for theta in (0.0, 1.5):
-                wi = Direction(*(jnp.asarray(c) for c in unit(theta, 0.3)))
-                density, spread, jacobian, up = (np.asarray(a) for a in maps(part, wi, jnp.asarray(u)))
-                shown = (up > 1e-3) & (jacobian > 0)
-                np.testing.assert_allclose(spread[shown] / jacobian[shown], 1, rtol=1e-5, err_msg=case)
-                if name not in MIXTURES:
-                    np.testing.assert_allclose(density, 1, rtol=1e-5, err_msg=f"{case} at {theta}")
+    (case, brdf), *_ = models_of(name)
+    for part in brdf.terms() if name in MIXTURES else (brdf,):
+        for theta in (0.0, 1.5):
+            wi = Direction(*(jnp.asarray(c) for c in unit(theta, 0.3)))
+            density, spread, jacobian, up = (np.asarray(a) for a in maps(part, wi, jnp.asarray(u)))
+            shown = (up > 1e-3) & (jacobian > 0)
+            np.testing.assert_allclose(spread[shown] / jacobian[shown], 1, rtol=1e-5, err_msg=case)
+            if name not in MIXTURES:
+                np.testing.assert_allclose(density, 1, rtol=1e-5, err_msg=f"{case} at {theta}")

@@ -1,5 +1,9 @@
 """The settings of every model that the laws of all models are tested with."""
 
+from collections.abc import Callable
+
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.expression.builder import example
 from support.cases import diffuse, energy, half_vector, mirror
 
 FIRST = {
@@ -23,3 +27,9 @@ FIRST = {
 
 CASES = {**FIRST, **diffuse.CASES, **half_vector.CASES, **mirror.CASES, **energy.CASES}
 """An expression, or a function without arguments that makes the model, by a name that begins with the model's."""
+
+
+def cases_of(name: str) -> dict[str, str | Callable[[], AbstractBRDF]]:
+    """The settings of one model; a model that is not listed is tested at its starting values."""
+    listed = {case: setting for case, setting in CASES.items() if case.split()[0] == name}
+    return listed or {name: example(name).strip("'")}
