@@ -65,11 +65,11 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
 
 def _joint_covariance(optima: list[Optimum]) -> tuple[np.ndarray, np.ndarray]:
     """(covariance, correlation) of the numbers of all optima, which do not depend on each other."""
-    size, at = sum(e.p.size for e in optima), 0
+    size, first = sum(e.p.size for e in optima), 0
     covariance = np.zeros((size, size))
     for e in optima:
-        covariance[at : at + e.p.size, at : at + e.p.size] = e.covariance.matrix
-        at += e.p.size
+        covariance[first : first + e.p.size, first : first + e.p.size] = e.covariance.matrix
+        first += e.p.size
     with np.errstate(invalid="ignore"):
         deviations = np.sqrt(np.diagonal(covariance))
         return covariance, covariance / np.outer(deviations, deviations)

@@ -123,18 +123,18 @@ def _optimum(task: FitTask) -> Optimum:
         if not robust.settled:
             notes.append(f"the robust weights had not settled after {ROUNDS} rounds")
     p = s.with_ordered_lobes(fixed, snapped(problem.domains, end.p))
-    at = problem.evaluate(p)
-    cost, target = float(at.equations.cost), problem.target_norm_squared
-    gradient = float(stationarity(problem.domains, p, at.equations).projected_gradient)
+    evaluation = problem.evaluate(p)
+    cost, target = float(evaluation.equations.cost), problem.target_norm_squared
+    gradient = float(stationarity(problem.domains, p, evaluation.equations).projected_gradient)
     if end.successful and not (is_exact(cost, target) or gradient <= stationary_limit(cost, target)):
         # The last step was not evaluated before, and did not do.
         end = minimise(problem, [p], NEAR)[0]
         p = s.with_ordered_lobes(fixed, snapped(problem.domains, end.p))
-        at = problem.evaluate(p)
+        evaluation = problem.evaluate(p)
     if not end.successful:
         notes.append("the solver stopped at its step limit")
     agreement = (len(starts.ends), starts.agreed)
-    return optimum_at(problem, p, at, agreement, task.likelihood, notes, downweighted)
+    return optimum_at(problem, p, evaluation, agreement, task.likelihood, notes, downweighted)
 
 
 def _require_enough(task: FitTask, s: Parameterisation) -> None:

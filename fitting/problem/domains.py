@@ -23,6 +23,14 @@ class Domains(NamedTuple):
     high: np.ndarray
 
 
+class Mapped(NamedTuple):
+    """Parameters p, dp/dx and d²p/dx² at unconstrained coordinates x, each of shape (..., P)."""
+
+    p: Any
+    slope: Any
+    curvature: Any
+
+
 def domain_kind(low: float, log: bool) -> int:
     """The map that suits a domain: logarithmic where the parameter is a scale, and from 0 where 0 is allowed."""
     return LINEAR if not log else LOG if low > 0 else LOG1P
@@ -56,15 +64,15 @@ def _span(d: Domains, xp: ModuleType) -> tuple[np.ndarray, np.ndarray]:
     return u_low, mapped(d.kind, d.high, xp) - u_low
 
 
-def to_parameters(d: Domains, x: Any, xp: ModuleType = jnp) -> tuple[Any, Any, Any]:
-    """(p, dp/dx, d²p/dx²) at unconstrained coordinates x, each of shape (..., P)."""
+def to_parameters(d: Domains, x: Any, xp: ModuleType = jnp) -> Mapped:
+    """The parameters at unconstrained coordinates x (..., P)."""
     u_low, width = _span(d, xp)
     sine, cosine = xp.sin(x), xp.cos(x)
     u = u_low + width * sine * sine
     by_u = xp.exp(xp.where(d.kind == LINEAR, 0.0, u))
     first, second = 2.0 * width * sine * cosine, 2.0 * width * (cosine * cosine - sine * sine)
     curvature = by_u * (second + xp.where(d.kind == LINEAR, 0.0, first * first))
-    return xp.clip(unmapped(d.kind, u, xp), d.low, d.high), by_u * first, curvature
+    return Mapped(xp.clip(unmapped(d.kind, u, xp), d.low, d.high), by_u * first, curvature)
 
 
 def to_unconstrained(d: Domains, p: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from gonio.fitting.problem.losses import transform, uses_cosine
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
 from gonio.fitting.problem.readings import LANES, PAGE, AnyArray, Samples, block_of
 from gonio.models.compiling import options
-from gonio.models.expression.builder import assemble
+from gonio.models.expression.builder import Frame, assemble
 from gonio.models.expression.paths import FACTOR
 from gonio.models.geometry.directions import NORMAL, Direction
 
@@ -97,7 +97,7 @@ def _lobes_at_sample(
         values.pop(FACTOR, None)
         values |= {g.path: jnp.ones(()) for g in free if g.linear and g.path != FACTOR}
 
-        def lobe(shapes, values=values, of=of):
+        def lobe(shapes: dict[str, Array], values: dict[str, Array] = values, of: Frame = of) -> Array:
             return assemble(of, {**values, **shapes}).f(wi, wo)
 
         shapes = {g.path: values[g.path] for g in free if not g.linear}
@@ -105,7 +105,9 @@ def _lobes_at_sample(
             lobes.append(lobe(shapes))
             continue
 
-        def along(tangent, shapes=shapes, lobe=lobe):
+        def along(
+            tangent: dict[str, Array], shapes: dict[str, Array] = shapes, lobe: Callable[..., Array] = lobe
+        ) -> tuple[Array, Array]:
             spread = {n: jnp.broadcast_to(tangent[n], jnp.shape(v)) for n, v in shapes.items()}
             return jax.jvp(lobe, (shapes,), (spread,))
 
@@ -193,11 +195,11 @@ def page_program(s: Parameterisation, loss: str) -> Callable:
     """
     size = 1 + len(s.free)
 
-    def squared(rows):
+    def squared(rows: AnyArray) -> Array:
         return jax.lax.dot_general(rows, rows, (((2,), (2,)), ((0,), (0,))))
 
-    def one_lane(p, f, request: Request, fixed, page: Samples):
-        def add_block(b, carry):
+    def one_lane(p: Array, f: Array, request: Request, fixed: FixedValues, page: Samples) -> tuple[Array, Array]:
+        def add_block(b: Array, carry: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
             square, scores, f = carry
             rows, at_samples = _block(s, loss, p, fixed, page, b, request.plain)
             again = jax.lax.cond(request.scores, lambda: scores + squared(rows * rows[:, :1]), lambda: scores)
@@ -207,8 +209,8 @@ def page_program(s: Parameterisation, loss: str) -> Callable:
         square, scores, f = jax.lax.fori_loop(0, page.blocks, add_block, (none, none, f))
         return jnp.stack([square, scores]), f
 
-    def program(p, order, request: Request, fixed, page: Samples):
-        def lane(k, carry):
+    def program(p: Array, order: Array, request: Request, fixed: FixedValues, page: Samples) -> tuple[Array, Array]:
+        def lane(k: Array, carry: tuple[Array, Array]) -> tuple[Array, Array]:
             out, f = carry
             squares, f = one_lane(p[order[k]], f, request, fixed, page)
             return out.at[order[k]].set(squares), f
@@ -235,9 +237,9 @@ def summed(s: Parameterisation, squares: Float[np.ndarray, "S C g g"]) -> Normal
     """The normal equations over all free numbers, from channel-wise products of residuals and derivatives."""
     gradient, matrix = np.zeros((squares.shape[0], s.size)), np.zeros((squares.shape[0], s.size, s.size))
     for c in range(s.channels):
-        at = s.columns(c)
-        gradient[:, at] += squares[:, c, 0, 1:]
-        matrix[:, at[:, None], at[None, :]] += squares[:, c, 1:, 1:]
+        numbers = s.columns(c)
+        gradient[:, numbers] += squares[:, c, 0, 1:]
+        matrix[:, numbers[:, None], numbers[None, :]] += squares[:, c, 1:, 1:]
     return NormalEquations(0.5 * np.sum(squares[:, :, 0, 0], axis=1), gradient, matrix)
 
 

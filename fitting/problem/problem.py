@@ -140,8 +140,8 @@ class FitProblem:
         f, squares = np.zeros(self.samples.weight.shape), []
         for k, (of_page, f_of_page) in enumerate(self._run(np.asarray(p, float)[None], scores=scores)):
             squares.append(of_page)
-            at = f[k * PAGE : (k + 1) * PAGE]
-            at[:] = np.swapaxes(np.asarray(f_of_page)[: at.shape[0]], 1, 2)
+            rows = f[k * PAGE : (k + 1) * PAGE]
+            rows[:] = np.swapaxes(np.asarray(f_of_page)[: rows.shape[0]], 1, 2)
         total = _total(squares, 1)
         equations, outer = (summed(self.parameters, total[:, k]) for k in range(2))
         f = f.reshape(-1, self.parameters.channels)[: self.weight.shape[0]]

@@ -171,7 +171,7 @@ class CandidateProblem:
         """The free parameters and the fixed values."""
         return candidate_parameters(self.terms, self.data.channels)
 
-    @functools.cached_property
+    @property
     def domains(self) -> Domains:
         """Closed domains of the free numbers; no lobe is narrower than `MIN_WIDTH`, and scales step in a logarithm."""
         free = self.parameters.parameterisation
@@ -180,12 +180,12 @@ class CandidateProblem:
         kind = np.where(scale, domain_kind(0.0, True), kind)
         return Domains(kind, np.where(free.each(lambda g: g.is_width), MIN_WIDTH, low), high)
 
-    @functools.cached_property
+    @property
     def linear(self) -> np.ndarray:
         """Which free numbers (P,) f is proportional to."""
         return self.parameters.parameterisation.linear
 
-    @functools.cached_property
+    @property
     def target_norm_squared(self) -> float:
         """‖data‖² of the weighted targets."""
         return float(np.sum((self.data.weight * self.data.target) ** 2))

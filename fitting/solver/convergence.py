@@ -31,8 +31,8 @@ def stationarity(d: Domains, p: np.ndarray, equations: NormalEquations) -> Stati
     active = (low & (equations.gradient >= 0)) | (high & (equations.gradient <= 0))
     length2 = np.diagonal(equations.matrix, axis1=-2, axis2=-1)
     silent = length2 <= 0
-    cost = np.maximum(np.asarray(equations.cost)[..., None], 1e-300)
-    scale = np.sqrt(np.where(silent, 1.0, length2) * 2.0 * cost)
+    norm = np.sqrt(2.0 * np.maximum(np.asarray(equations.cost)[..., None], 1e-300))
+    scale = np.sqrt(np.where(silent, 1.0, length2)) * norm
     share = np.where(active | silent, 0.0, np.abs(equations.gradient) / scale)
     return Stationarity(np.max(share, axis=-1, initial=0.0), active, silent)
 

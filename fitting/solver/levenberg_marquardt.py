@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from gonio.fitting.problem.domains import Domains, to_parameters, to_unconstrained
+from gonio.fitting.problem.domains import Domains, Mapped, to_parameters, to_unconstrained
 from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.readings import LANES
 from gonio.fitting.solver.convergence import eps, is_double, stationarity
@@ -110,18 +110,23 @@ def minimise(
 
 
 def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> list[Descent]:
-    trial = to_unconstrained(problem.domains, starts)
+    d, target_norm_squared, linear = problem.domains, float(problem.target_norm_squared), problem.linear
+    steps_in = np.stack([np.ones_like(linear), linear])
+    trial = to_unconstrained(d, starts)
     number, free = trial.shape
-    size, linear = padded_size(free), problem.linear
+    size = padded_size(free)
     start = np.zeros((LANES, size))
     start[:number, :free] = trial
     lanes = fresh(size, UNDAMPED if stopping.near else DAMPED, is_double())._replace(trial=start, y=start)
     active, steps = np.arange(LANES) < number, np.zeros(number, int)
     finished = refused = settled = np.zeros(number, bool)
     points: _Points | None = None
-    limits = np.asarray(float(problem.target_norm_squared)), np.asarray(float(stopping.rough))
+    limits = np.asarray(target_norm_squared), np.asarray(float(stopping.rough))
+    rounding = (30.0 * eps()) ** 2 * target_norm_squared
     for _ in range(stopping.most):
-        now, normal = _evaluate(problem, trial, active[:number], linear)
+        parameters = to_parameters(d, trial, np)
+        equations = problem.normal_equations(parameters.p, active[:number])
+        now, normal = _evaluated(d, parameters, equations, rounding, steps_in)
         lanes, report = advance(lanes, packed_up(normal, size), active, *limits)
         report = np.asarray(report)[:number]
         trial, (accepted, finished, refused, settled) = report[:, :free], report[:, size:].T > 0
@@ -138,7 +143,7 @@ def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> l
     assert points is not None
     # So near, the last step is as good as taken.
     settled = (settled | (points.promised < stopping.enough)) & ~points.exact
-    p = np.where(settled[:, None], to_parameters(problem.domains, trial, np)[0], points.p)
+    p = np.where(settled[:, None], to_parameters(d, trial, np).p, points.p)
     cost = np.where(settled, points.cost - points.promised, points.cost)
     return [
         Descent(
@@ -149,24 +154,22 @@ def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> l
     ]  # fmt: skip
 
 
-def _evaluate(problem: LeastSquares, x: np.ndarray, active: np.ndarray, linear: np.ndarray) -> tuple[_Points, Normal]:
-    """The active points at coordinates x (S, P), by the parameters and by the coordinates."""
-    d = problem.domains
-    p, slope, curvature = to_parameters(d, x, np)
-    equations = problem.normal_equations(p, active)
+def _evaluated(
+    d: Domains, mapped: Mapped, equations: NormalEquations, rounding: float, steps_in: np.ndarray
+) -> tuple[_Points, Normal]:
+    """What is known at some points, by the parameters and by the coordinates; `rounding`: of ‖r‖²."""
     with np.errstate(all="ignore"):  # what is not finite is a rejected step
         # The map's curvature is exact and free; negative curvature would spoil positive definiteness and is left out.
-        bend = np.maximum(equations.gradient * curvature, 0.0)
-        hessian = equations.matrix * slope[:, :, None] * slope[:, None, :]
-        at = np.arange(x.shape[1])
-        hessian[:, at, at] += bend
-        measure = stationarity(d, p, equations).projected_gradient
-        exact = 2.0 * equations.cost <= (30.0 * eps()) ** 2 * float(problem.target_norm_squared)
-        gradient = equations.gradient * slope
-        of = np.stack([np.ones_like(linear), linear])
-        (_, projection), (promised, gain) = _newton(hessian, gradient, of)
+        bend = np.maximum(equations.gradient * mapped.curvature, 0.0)
+        hessian = equations.matrix * mapped.slope[:, :, None] * mapped.slope[:, None, :]
+        diagonal = np.arange(bend.shape[1])
+        hessian[:, diagonal, diagonal] += bend
+        measure = stationarity(d, mapped.p, equations).projected_gradient
+        exact = 2.0 * equations.cost <= rounding
+        gradient = equations.gradient * mapped.slope
+        (_, projection), (promised, gain) = _newton(hessian, gradient, steps_in)
         normal = Normal(equations.cost, gradient, hessian, measure, exact, promised, projection, gain)
-    return _Points(p, *equations, measure, exact, promised), normal
+    return _Points(mapped.p, *equations, measure, exact, promised), normal
 
 
 def _newton(hessian: np.ndarray, gradient: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

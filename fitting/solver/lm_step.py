@@ -111,9 +111,9 @@ def _decide(
     """By Optimistix's trust region; below the cost's own rounding by the gradient; or to be projected."""
     _, search, info, evaluated = _components()
     y, before = lane.y, lane.normal
-    at = info(before, jnp.ones_like(y))
-    state = jax.tree.map(lambda _: lane.step_size, jax.eval_shape(search.init, y, at))
-    step_size, accept, _, _ = search.step(lane.first, y, lane.trial, at, evaluated(cost), state)
+    quadratic = info(before, jnp.ones_like(y))
+    state = jax.tree.map(lambda _: lane.step_size, jax.eval_shape(search.init, y, quadratic))
+    step_size, accept, _, _ = search.step(lane.first, y, lane.trial, quadratic, evaluated(cost), state)
     # A projected trial is no step of the quadratic model: it counts by its cost, and leaves the step's size as it is.
     better = cost < (1.0 - 0.5 * WORTHWHILE) * before.cost
     accept = jnp.where(lane.projected, better, accept)
@@ -128,17 +128,15 @@ def _decide(
     return _Decision(accept, project, jnp.where(project, lane.step_size, step_size))
 
 
-def _is_near(
-    lane: _Lane, trial: Normal, normal: Normal, shrinks: Float[AnyArray, ""], rough: Float[AnyArray, ""]
-) -> Bool[AnyArray, ""]:
+def _is_near(normal: Normal, shrinks: Float[AnyArray, ""], rough: Float[AnyArray, ""]) -> Bool[AnyArray, ""]:
     """Whether the next step will do: stationarity and what is left to gain shrink fast enough."""
-    aim = _aims(lane.y.dtype)
+    aim = _aims(shrinks.dtype)
     after = normal.stationarity * jnp.sqrt(shrinks)
     near = (normal.stationarity <= rough * aim["close"]) & (after <= rough * aim["nearly"])
     return near & (normal.promised * shrinks <= rough * aim["little"] * normal.cost)
 
 
-def _step(lane: _Lane, seen: Normal, target_norm_squared: Float[AnyArray, ""], rough: Float[AnyArray, ""]) -> _Lane:
+def _step(lane: _Lane, latest: Normal, target_norm_squared: Float[AnyArray, ""], rough: Float[AnyArray, ""]) -> _Lane:
     """One damped Newton step, scaled as in MINPACK [Moré 1978], from what was evaluated at the trial point.
 
     A trial whose cost is not finite is a rejected step. Ends when stationary, exact, or when a step that could only
@@ -146,13 +144,13 @@ def _step(lane: _Lane, seen: Normal, target_norm_squared: Float[AnyArray, ""], r
     """
     descent, _, info, _ = _components()
     before = lane.normal
-    finite = jnp.isfinite(seen.cost) & jnp.all(jnp.isfinite(seen.gradient)) & jnp.all(jnp.isfinite(seen.hessian))
-    cost = jnp.where(finite, seen.cost, jnp.inf)
+    finite = jnp.isfinite(latest.cost) & jnp.all(jnp.isfinite(latest.gradient)) & jnp.all(jnp.isfinite(latest.hessian))
+    cost = jnp.where(finite, latest.cost, jnp.inf)
     rounding = jnp.finfo(lane.y.dtype).eps * (
         4.0 * before.cost + jnp.sqrt(2.0 * jnp.maximum(before.cost, 0.0) * target_norm_squared)
     )
-    accept, project, step_size = _decide(lane, seen, cost, finite, rounding)
-    y, normal = jax.tree.map(lambda a, b: jnp.where(accept, a, b), (lane.trial, seen), (lane.y, before))
+    accept, project, step_size = _decide(lane, latest, cost, finite, rounding)
+    y, normal = jax.tree.map(lambda a, b: jnp.where(accept, a, b), (lane.trial, latest), (lane.y, before))
     lengths = jnp.sqrt(jnp.maximum(jnp.diagonal(normal.hessian), 0.0))
     scale = jnp.maximum(lane.scale, lengths)
     safe = jnp.where(scale > 0, scale, 1.0)
@@ -162,13 +160,13 @@ def _step(lane: _Lane, seen: Normal, target_norm_squared: Float[AnyArray, ""], r
     promised = -(jnp.dot(now.grad, move) + 0.5 * jnp.dot(move, now.hessian.mv(move)))
     spent = (promised <= rounding) & ~accept
     # Damping hides what is left to gain along a valley: nearness is judged without it.
-    ratio = jnp.where(before.promised > 0, seen.promised / jnp.where(before.promised > 0, before.promised, 1.0), 1.0)
+    ratio = jnp.where(before.promised > 0, latest.promised / jnp.where(before.promised > 0, before.promised, 1.0), 1.0)
     shrinks = jnp.where(accept & ~lane.first, jnp.clip(ratio, 0.0, 1.0), jnp.where(accept, 1.0, lane.shrinks))
-    near = _is_near(lane, seen, normal, shrinks, rough) & ~project
+    near = _is_near(normal, shrinks, rough) & ~project
     refused = lane.first & ~finite
     stationary = normal.stationarity <= _aims(y.dtype)["stationary"]
     finished = stationary | near | normal.exact | (spent & ~project) | refused
-    trial = jnp.where(project, lane.trial + seen.projection, y + move / safe)
+    trial = jnp.where(project, lane.trial + latest.projection, y + move / safe)
     no = jnp.zeros_like(lane.first)
     return _Lane(no, project, accept, y, trial, normal, scale, shrinks, step_size, near, finished, refused)
 
@@ -189,8 +187,8 @@ def advance(
     numbers, gradient, projection, hessian = jnp.split(packed, np.cumsum([5, size, size]), axis=1)
     cost, measure, exact, promised, gain = numbers.T
     hessian = hessian.reshape(-1, size, size)
-    seen = Normal(cost, gradient, hessian, measure, exact > 0, promised, projection, gain)
-    stepped = jax.vmap(_step, (0, 0, None, None))(lanes, seen, target_norm_squared, rough)
+    latest = Normal(cost, gradient, hessian, measure, exact > 0, promised, projection, gain)
+    stepped = jax.vmap(_step, (0, 0, None, None))(lanes, latest, target_norm_squared, rough)
     lanes = jax.tree.map(lambda a, b: jnp.where(active.reshape(-1, *[1] * (a.ndim - 1)), a, b), stepped, lanes)
     flags = jnp.stack([lanes.accepted, lanes.finished, lanes.refused, lanes.near], axis=1).astype(lanes.trial.dtype)
     return lanes, jnp.concatenate([lanes.trial, flags], axis=1)

@@ -157,15 +157,15 @@ def _solved(plain: FitProblem, shapes: np.ndarray, reach: np.ndarray) -> list[tu
     s = plain.parameters
     unknown = [g for g in s.free if g.linear and np.isnan(shapes[0][g.first])]
     if all(s.count(g) == s.channels for g in unknown):  # channel by channel
-        at = np.array([[g.first + c for g in unknown] for c in range(s.channels)], int)
+        index = np.array([[g.first + c for g in unknown] for c in range(s.channels)], int)
     else:
-        at = np.array([[k for g in unknown for k in range(s.size)[s.of(g)]]], int)
+        index = np.array([[k for g in unknown for k in range(s.size)[s.of(g)]]], int)
     p = np.where(np.isnan(shapes), 1.0, shapes)
-    return solve_amounts(plain.normal_equations(p, plain=True), p, at, reach, plain.domains)
+    return solve_amounts(plain.normal_equations(p, plain=True), p, index, reach, plain.domains)
 
 
 def solve_amounts(
-    equations: NormalEquations, p: np.ndarray, at: np.ndarray, reach: np.ndarray, d: Domains
+    equations: NormalEquations, p: np.ndarray, index: np.ndarray, reach: np.ndarray, d: Domains
 ) -> list[tuple[np.ndarray, float]]:
     """(p with some numbers from non-negative least squares, weighted sum of squares) of each p (S, P).
 
@@ -178,16 +178,16 @@ def solve_amounts(
     """
     finite = np.isfinite(equations.cost) & np.isfinite(equations.gradient).all(1)
     finite &= np.isfinite(equations.matrix).all((1, 2))
-    matrix = np.where(finite[:, None, None], equations.matrix, 0.0)[:, at[:, :, None], at[:, None, :]]
-    gradient, now = np.where(finite[:, None], equations.gradient, 0.0)[:, at], p[:, at]
+    matrix = np.where(finite[:, None, None], equations.matrix, 0.0)[:, index[:, :, None], index[:, None, :]]
+    gradient, now = np.where(finite[:, None], equations.gradient, 0.0)[:, index], p[:, index]
     amount = _non_negative(matrix, np.einsum("sckl,scl->sck", matrix, now) - gradient)
     change = amount - now
     gain = np.sum(change * (gradient + 0.5 * np.einsum("sckl,scl->sck", matrix, change)), axis=(1, 2))
     # Not at the bound itself: there a start would see no slope.
     size = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1))
-    amount = np.maximum(amount, 1e-3 * reach[at] / np.where(size > 0, size, np.inf))
+    amount = np.maximum(amount, 1e-3 * reach[index] / np.where(size > 0, size, np.inf))
     p = p.copy()
-    p[:, at] = np.clip(amount, d.low[at], d.high[at])
+    p[:, index] = np.clip(amount, d.low[index], d.high[index])
     cost = np.where(finite, equations.cost + gain, np.inf)
     return list(zip(p, (2.0 * cost).tolist(), strict=True))
 

@@ -112,9 +112,9 @@ def robust_fit(problem: FitProblem, kind: str, cells: np.ndarray, ends: list[Des
     few = problem.subset(cells)
     used = few.weight > 0
     softened = [_reweighted(few, "soft-l1", end.p, FEW_ROUNDS).descent for end in _different(ends)]
-    left = [_scaled_residuals(few, end.p) for end in softened]
-    common = min((s for _, s in left), key=lambda s: float(np.median(s[used])))
-    best = int(np.argmin([np.sum(np.log1p((r / common)[used] ** 2)) for r, _ in left]))
+    deviations = [_scaled_residuals(few, end.p) for end in softened]
+    common = min((s for _, s in deviations), key=lambda s: float(np.median(s[used])))
+    best = int(np.argmin([np.sum(np.log1p((r / common)[used] ** 2)) for r, _ in deviations]))
     return _reweighted(problem, kind, softened[best].p, ROUNDS)
 
 

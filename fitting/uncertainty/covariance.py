@@ -70,28 +70,28 @@ class CovarianceEstimate:
         size, matrix = self.p.size, self.matrix
         full = np.full((size, size), np.nan)
         silent = ~np.asarray(free, bool) & (np.diagonal(matrix) <= 0)
-        at = np.flatnonzero(free)
-        if not at.size:
+        index = np.flatnonzero(free)
+        if not index.size:
             return Covariance(full, silent, [])
-        lengths = np.sqrt(np.diagonal(matrix)[at])
-        scaled = matrix[np.ix_(at, at)] / np.outer(lengths, lengths)
+        lengths = np.sqrt(np.diagonal(matrix)[index])
+        scaled = matrix[np.ix_(index, index)] / np.outer(lengths, lengths)
         values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
-        lost = values < max(LOST, LOST_ROUNDINGS * eps()) * at.size
+        lost = values < max(LOST, LOST_ROUNDINGS * eps()) * index.size
         inverse = (vectors[:, ~lost] / values[~lost]) @ vectors[:, ~lost].T
         inverse = inverse / np.outer(lengths, lengths)
         if self.scores is not None:
-            small = self.residuals / max(self.residuals - int(at.size), 1)
-            inverse = inverse @ self.scores[np.ix_(at, at)] @ inverse * small
+            small = self.residuals / max(self.residuals - int(index.size), 1)
+            inverse = inverse @ self.scores[np.ix_(index, index)] @ inverse * small
         touched = (np.abs(vectors[:, lost]) > 0.1).any(axis=1)
         inverse[touched, :] = inverse[:, touched] = np.nan
-        full[np.ix_(at, at)] = inverse
+        full[np.ix_(index, index)] = inverse
         combinations, reach = [], open_from(self.domains, self.p)
         for vector in _sparse(vectors[:, lost]).T:
             change = np.zeros(size)
-            change[at] = vector / lengths
+            change[index] = vector / lengths
             combinations.append((np.inf, change / np.max(np.abs(change) / reach)))
         unseen = silent.copy()
-        unseen[at[touched]] = True
+        unseen[index[touched]] = True
         return judged(full, unseen, combinations, self.domains, self.p)
 
 
@@ -100,19 +100,19 @@ def judged(
 ) -> Covariance:
     """The covariance with what it leaves open: each number by itself, and the combinations that they are open along."""
     undetermined, combinations = unseen.copy(), list(lost)
-    at = np.flatnonzero(np.isfinite(np.diagonal(full)))
-    reach = open_from(d, p)[at]
-    scaled = full[np.ix_(at, at)] / np.outer(reach, reach)
-    if at.size and np.isfinite(scaled).all() and (np.diagonal(scaled) > 1).any():
-        undetermined[at[np.diagonal(scaled) > 1]] = True
+    index = np.flatnonzero(np.isfinite(np.diagonal(full)))
+    reach = open_from(d, p)[index]
+    scaled = full[np.ix_(index, index)] / np.outer(reach, reach)
+    if index.size and np.isfinite(scaled).all() and (np.diagonal(scaled) > 1).any():
+        undetermined[index[np.diagonal(scaled) > 1]] = True
         values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
         for k in np.flatnonzero(values > 1)[::-1]:
             change = np.zeros(p.size)
-            change[at] = vectors[:, k] * reach
+            change[index] = vectors[:, k] * reach
             combinations.append((float(values[k]), change))
             follows = values[k] * vectors[:, k] ** 2 > FOLLOWS * np.diagonal(scaled)
-            vague = np.sqrt(np.diagonal(scaled)) * reach > VAGUE * np.abs(p[at])
-            undetermined[at[follows & vague]] = True
+            vague = np.sqrt(np.diagonal(scaled)) * reach > VAGUE * np.abs(p[index])
+            undetermined[index[follows & vague]] = True
     return Covariance(full, undetermined, combinations)
 
 
@@ -178,7 +178,7 @@ def at_bounds_covariance(
 
 
 def beyond_bound(
-    matrix: np.ndarray, gradient: np.ndarray, spread: np.ndarray, at: int, others: np.ndarray
+    matrix: np.ndarray, gradient: np.ndarray, spread: np.ndarray, index: int, others: np.ndarray
 ) -> tuple[float, float]:
     """Of a number on its bound: how far beyond it the cost has its minimum, in standard uncertainties u; and how far
     inside of it the number may lie with 95 % confidence.
@@ -187,8 +187,8 @@ def beyond_bound(
     normal law cut off at the bound. `spread` is the covariance (P, P) with the number `at` let free beside the `others`
     (indices).
     """
-    free = np.append(others, at)
-    u = float(np.sqrt(spread[at, at]))
+    free = np.append(others, index)
+    u = float(np.sqrt(spread[index, index]))
     if not (np.isfinite(u) and u > 0):
         return float("nan"), float("nan")
     lengths = np.sqrt(np.maximum(np.diagonal(matrix)[free], 1e-300))

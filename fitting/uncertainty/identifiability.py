@@ -87,12 +87,12 @@ def _members(change: np.ndarray, p: np.ndarray, names: list[str]) -> dict[str, t
     for k in order:
         groups.setdefault(names[k].split("[")[0], []).append(k)
     members: dict[str, tuple[float, int]] = {}
-    for base, at in groups.items():
+    for base, members_at in groups.items():
         every = [k for k, n in enumerate(names) if n.split("[")[0] == base]
-        if len(at) == len(every) > 1 and np.ptp(rate[at]) < ALIKE * np.max(np.abs(rate[at])):
-            members[f"{base} (every channel)"] = (float(np.mean(rate[at])), at[0])
+        if len(members_at) == len(every) > 1 and np.ptp(rate[members_at]) < ALIKE * np.max(np.abs(rate[members_at])):
+            members[f"{base} (every channel)"] = (float(np.mean(rate[members_at])), members_at[0])
         else:
-            members |= {names[k]: (float(rate[k]), k) for k in at}
+            members |= {names[k]: (float(rate[k]), k) for k in members_at}
     return members
 
 

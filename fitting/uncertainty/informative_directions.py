@@ -46,15 +46,15 @@ def advice(e: Optimum, k: int) -> str:
     top = float(np.degrees(np.max(np.arccos(np.clip(np.minimum(wi.z, wo.z), 0, 1)))))
     outer = np.degrees(np.maximum(probes.theta_i, probes.theta_o))
 
-    def separated(at: np.ndarray) -> bool:
-        more = _information(s, probes.rows[at], sigma[at])
-        return bool(at.any()) and _determined(known + more, reach, change)
+    def separated(cells: np.ndarray) -> bool:
+        more = _information(s, probes.rows[cells], sigma[cells])
+        return bool(cells.any()) and _determined(known + more, reach, change)
 
     for angle in np.arange(STEP * (np.floor(top / STEP + 0.01) + 1), HIGHEST + 1e-9, STEP):
-        at = (outer > top + 0.1 * STEP) & (outer <= angle + 1e-6)
-        if separated(at):
+        cells = (outer > top + 0.1 * STEP) & (outer <= angle + 1e-6)
+        if separated(cells):
             along = np.stack([probes.rows[:, :, c] @ change[s.columns(c)] for c in range(s.channels)], axis=1)
-            best = int(np.argmax(np.sum((along / sigma) ** 2, axis=1) * at))
+            best = int(np.argmax(np.sum((along / sigma) ** 2, axis=1) * cells))
             theta_i, theta_o = (np.degrees(t[best]) for t in (probes.theta_i, probes.theta_o))
             return (
                 f"readings up to {angle:.0f}° (these end at {top:.0f}°) would separate them, most of all at "
@@ -70,12 +70,12 @@ def advice(e: Optimum, k: int) -> str:
 def _determined(matrix: np.ndarray, reach: np.ndarray, change: np.ndarray) -> bool:
     """Whether the combination's variance, in units of what counts as open, is well below 1, all numbers being free."""
     direction = change / np.linalg.norm(change / reach) / reach**2
-    seen = np.diagonal(matrix) > 0
-    if np.abs(change / reach)[~seen].max(initial=0.0) > 0.1 * np.abs(change / reach).max():
+    known_ones = np.diagonal(matrix) > 0
+    if np.abs(change / reach)[~known_ones].max(initial=0.0) > 0.1 * np.abs(change / reach).max():
         return False
-    lengths = np.sqrt(np.diagonal(matrix)[seen])
-    values, vectors = np.linalg.eigh(matrix[np.ix_(seen, seen)] / np.outer(lengths, lengths))
-    along = vectors.T @ (direction[seen] / lengths)
+    lengths = np.sqrt(np.diagonal(matrix)[known_ones])
+    values, vectors = np.linalg.eigh(matrix[np.ix_(known_ones, known_ones)] / np.outer(lengths, lengths))
+    along = vectors.T @ (direction[known_ones] / lengths)
     lost = values < LOST * values.size
     if np.abs(along[lost]).max(initial=0.0) > 1e-3 * np.linalg.norm(along):
         return False
@@ -91,12 +91,12 @@ def _precision(e: Optimum) -> np.ndarray:
         scale = LEAST_NOISE**2 * max(e.problem.target_norm_squared, 1e-300) / e.model_f.size
         return np.where(free, matrix, 0.0) / scale
     known = np.diagonal(e.covariance.matrix)
-    seen = np.isfinite(known) & (known > 0)
+    known_ones = np.isfinite(known) & (known > 0)
     # Where the covariance is not the inverse of the matrix (robust, or noise not known) their ratio is the variance.
     scale = 1.0
-    if seen.any():
-        inverse = np.linalg.pinv(matrix[np.ix_(seen, seen)], rcond=1e-14, hermitian=True)
-        scale = float(np.median(known[seen] / np.maximum(np.diagonal(inverse), 1e-300)))
+    if known_ones.any():
+        inverse = np.linalg.pinv(matrix[np.ix_(known_ones, known_ones)], rcond=1e-14, hermitian=True)
+        scale = float(np.median(known[known_ones] / np.maximum(np.diagonal(inverse), 1e-300)))
     return np.where(free, matrix, 0.0) / max(scale, 1e-300)
 
 

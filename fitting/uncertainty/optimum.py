@@ -78,14 +78,14 @@ class Optimum:
 def optimum_at(
     problem: FitProblem,
     p: np.ndarray,
-    at: Evaluation,
+    evaluation: Evaluation,
     agreement: tuple[int, int],
     likelihood: bool,
     notes: list[str],
     downweighted: DownweightedReadings | None,
 ) -> Optimum:
     """The optimum of a problem at p (P,), from its evaluation there; `agreement`: starts, and how many agree."""
-    d, count, equations, scores = problem.domains, problem.readings.count, at.equations, at.scores
+    d, count, equations, scores = problem.domains, problem.readings.count, evaluation.equations, evaluation.scores
     measure = stationarity(d, p, equations)
     active, target, cost = measure.active_bound, problem.target_norm_squared, float(equations.cost)
     exact = is_exact(cost, target)
@@ -107,7 +107,7 @@ def optimum_at(
         spread = spread.scaled(downweighted.widening**2, d, p)
     log_weight = float(np.sum(np.log(problem.weight[problem.weight > 0]))) if likelihood else 0.0
     return Optimum(
-        problem, problem.parameters, d, p, at.f, cost, equations, spread, active, reach,
+        problem, problem.parameters, d, p, evaluation.f, cost, equations, spread, active, reach,
         float(measure.projected_gradient), stationary_limit(cost, target), exact, log_weight, *agreement, notes,
         downweighted,
     )  # fmt: skip

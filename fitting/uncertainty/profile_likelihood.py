@@ -213,9 +213,9 @@ def _follow(e: Optimum, searches: list[_Search], budget: float) -> float:
 
 def _unit_variance(e: Optimum, k: int) -> float:
     """Variance of number k over that of a unit noise: 1 where the noise is known."""
-    at = np.flatnonzero(np.isfinite(np.diagonal(e.covariance.matrix)))
-    matrix = np.asarray(e.equations.matrix)[np.ix_(at, at)]
+    index = np.flatnonzero(np.isfinite(np.diagonal(e.covariance.matrix)))
+    matrix = np.asarray(e.equations.matrix)[np.ix_(index, index)]
     lengths = np.sqrt(np.diagonal(matrix))
     inverse = np.linalg.pinv(matrix / np.outer(lengths, lengths), rcond=1e-14, hermitian=True)
-    place = int(np.flatnonzero(at == k)[0])
+    place = int(np.flatnonzero(index == k)[0])
     return float(e.covariance.matrix[k, k] / (inverse[place, place] / lengths[place] ** 2))
