@@ -66,6 +66,8 @@ class TermSpec:
 
 
 Terms = tuple[TermSpec, ...]
+LAMBERT = TermSpec("lambert")
+FRESNEL = (NO_FRESNEL, DIELECTRIC)
 
 
 def expression_of(terms: Terms) -> str:
@@ -77,6 +79,15 @@ def expression_of(terms: Terms) -> str:
 def candidate_parameters(terms: Terms, channels: int) -> Parameters:
     """The free parameters of a candidate over so many channels, and its fixed values."""
     return parameters(with_defaults(parse(expression_of(terms))), channels)
+
+
+@functools.lru_cache(maxsize=512)
+def candidate_domains(terms: Terms, channels: int) -> Domains:
+    """Their closed domains: no lobe is narrower than `MIN_WIDTH`, and scales step in their logarithm."""
+    free = candidate_parameters(terms, channels).parameterisation
+    kind, low, high = free.domains()
+    kind = np.where(free.each(lambda g: g.path == FACTOR), domain_kind(0.0, True), kind)
+    return Domains(kind, np.where(free.each(lambda g: g.is_width), MIN_WIDTH, low), high)
 
 
 @functools.partial(jax.jit, static_argnames=("model", "names"))
@@ -173,12 +184,8 @@ class CandidateProblem:
 
     @property
     def domains(self) -> Domains:
-        """Closed domains of the free numbers; no lobe is narrower than `MIN_WIDTH`, and scales step in a logarithm."""
-        free = self.parameters.parameterisation
-        kind, low, high = free.domains()
-        scale = free.each(lambda g: g.path == FACTOR)
-        kind = np.where(scale, domain_kind(0.0, True), kind)
-        return Domains(kind, np.where(free.each(lambda g: g.is_width), MIN_WIDTH, low), high)
+        """Closed domains of the free numbers."""
+        return candidate_domains(self.terms, self.data.channels)
 
     @property
     def linear(self) -> np.ndarray:

@@ -15,15 +15,7 @@ from gonio.fitting.problem.losses import floor_of, uses_cosine
 from gonio.fitting.problem.readings import Readings, coarse_cells
 from gonio.fitting.selection import criteria
 from gonio.fitting.selection.candidate import Candidate, SelectionResult
-from gonio.fitting.selection.candidate_model import (
-    CELLS,
-    DIELECTRIC,
-    NO_FRESNEL,
-    CandidateProblem,
-    SelectionData,
-    Terms,
-    TermSpec,
-)
+from gonio.fitting.selection.candidate_model import FRESNEL, LAMBERT, CandidateProblem, SelectionData, Terms, TermSpec
 from gonio.fitting.selection.warm_start import carried, fit_candidate
 from gonio.models.errors import GonioError
 
@@ -34,8 +26,6 @@ STRUCTURED = 1.2  # χ² over its expectation, or design effect, from which on r
 ROUNDING = 0.01  # χ² over its expectation below which only rounding is left
 SAME_NOISE = 0.05  # mean difference of the logarithms of two noises that do not call for a second walk
 MAX_STEPS = 12
-LAMBERT = TermSpec("lambert")
-FRESNEL = (NO_FRESNEL, DIELECTRIC)
 
 Log = Callable[[str], None]
 
@@ -44,41 +34,41 @@ def no_log(line: str) -> None:
     """Reports nothing."""
 
 
+@dataclasses.dataclass
 class _Search:
     """One walk up from Lambert and down again, with fixed weights.
 
-    Args:
-        data: the readings.
-        near: which of them are neighbours.
-        known: free numbers of candidates that were fitted with other weights.
-        anisotropic: whether the readings can show that the surface is anisotropic.
-        log: called with a line for each step up.
+    `known`: free numbers of candidates that were fitted with other weights; `anisotropic`: whether the readings can
+    show that the surface is anisotropic.
     """
 
-    def __init__(
-        self,
-        data: SelectionData,
-        near: criteria.Neighbourhood,
-        known: dict[Terms, np.ndarray],
-        anisotropic: bool,
-        log: Log = no_log,
-    ) -> None:
-        self.data, self.near, self.known, self.anisotropic, self.log = data, near, known, anisotropic, log
-        self.candidates: dict[Terms, Candidate] = {}
-        self.count = int(np.count_nonzero(data.used))
+    data: SelectionData
+    near: criteria.Neighbourhood
+    known: dict[Terms, np.ndarray]
+    anisotropic: bool
+    log: Log = no_log
+    candidates: dict[Terms, Candidate] = dataclasses.field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """Number of readings."""
+        return int(np.count_nonzero(self.data.used))
+
+    def reweighted(self, weight: np.ndarray, log: Log = no_log) -> "_Search":
+        """A new walk with other weights (n, C), from the numbers of this one."""
+        known = {c.terms: c.p for c in self.candidates.values()}
+        return _Search(self.data.weighted(weight), self.near, known, self.anisotropic, log)
 
     def fit(self, terms: Terms, origin: Candidate | None = None) -> Candidate | None:
         """A candidate fitted from another or from what is known of it; None where readings are too few."""
         if terms in self.candidates:
             return self.candidates[terms]
         problem, began = CandidateProblem(terms, self.data), time.perf_counter()
-        free = problem.parameters.start.size
-        if free >= self.count:
+        start = self.known.get(terms, np.full(problem.linear.size, np.nan))
+        if start.size >= self.count:
             return None
-        start = self.known.get(terms)
-        if start is None:
-            new = np.full(free, np.nan)
-            start = carried(origin.terms, origin.p, terms, self.data.channels) if origin else new
+        if terms not in self.known and origin is not None:
+            start = carried(origin.terms, origin.p, terms, self.data.channels)
         p, chi2 = fit_candidate(problem, start)
         residual, jacobian = problem.residuals(p)
         gradient = np.einsum("ncp,nc->p", jacobian, residual)
@@ -174,17 +164,16 @@ class _Search:
     def simpler(self, terms: Terms) -> Iterator[Terms]:
         """A candidate without a term, or with fewer free numbers."""
         lobes = [k for k, term in enumerate(terms) if term.is_lobe]
-        first = terms[lobes[0]] if lobes else None
+        first, diffuse = terms[lobes[0]] if lobes else None, [k for k in (0,) if k not in lobes]
         if len(terms) > 1:
-            yield from (terms[:k] + terms[k + 1 :] for k in ([] if terms[0].is_lobe else [0]) + lobes[-1:])
+            yield from (terms[:k] + terms[k + 1 :] for k in diffuse + lobes[-1:])
         if first and first.f0 is None:
             yield from (changed(terms, lobes, f0=f0) for f0 in FRESNEL)
         if first and first.width_each:
             yield changed(terms, lobes, width_each=False)
         if first and first.model == "std":
             yield from (changed(terms, lobes, model=model) for model in ("ggx", "beckmann"))
-        if terms[0].model == "eon":
-            yield changed(terms, [0], model="lambert")
+        yield from (changed(terms, [k], model="lambert") for k in diffuse if terms[k].model == "eon")
         yield from (changed(terms, [k], anisotropic=False) for k in lobes if terms[k].anisotropic)
         coloured = [k for k, term in enumerate(terms) if not term.shared] if self.data.channels > 1 else []
         if len(coloured) > 1:
@@ -215,13 +204,13 @@ def stepwise_selection(
         anisotropic: whether the readings can show that the surface is anisotropic.
         seed: of the sample of readings.
         log: called with a line for each step up.
-        cells: at most `CELLS` of the readings to select by; without, a sample of them.
+        cells: the readings to select by; without, a sample of them.
 
     Raises:
         GonioError: too few readings.
     """
     if cells is None:
-        cells = coarse_cells(readings, SAMPLE, seed)[:CELLS]
+        cells = coarse_cells(readings, SAMPLE, seed)
     count = readings.f.shape[1]
     channels = np.unique(np.linspace(0, count - 1, min(count, MAX_CHANNELS)).astype(int))
     subset = readings.part(cells)
@@ -231,18 +220,16 @@ def stepwise_selection(
         weight = weight / np.where(valid, sigma[cells][:, channels], 1.0)
     compared = f * np.asarray(subset.wi.z)[:, None] if uses_cosine(loss) else f
     data = SelectionData.of(subset.wi, subset.wo, f, weight, loss, floor_of(loss, compared[valid]))
-    near = criteria.neighbourhood(subset.wi, subset.wo)
+    search = _Search(data, criteria.neighbourhood(subset.wi, subset.wo), {}, anisotropic, log)
     if sigma is not None:
-        return _Search(data, near, {}, anisotropic, log).walk()
-    reference = _reference(first := _Search(data, near, {}, anisotropic))
-    data = data.weighted(_noise_weight(data, reference, near))
-    result = _Search(data, near, {c.terms: c.p for c in first.candidates.values()}, anisotropic, log).walk()
+        return search.walk()
+    search = search.reweighted(_noise_weight(search, _reference(search)), log)
+    result = search.walk()
     # The noise once more, from what the selected model leaves: a reference that missed much took that for noise.
-    weight = _noise_weight(data, result.chosen, near)
+    weight = _noise_weight(search, result.chosen)
     used = weight > 0
-    if np.mean(np.abs(np.log(weight[used] / data.weight[used]))) <= SAME_NOISE:
-        return result
-    return _Search(data.weighted(weight), near, {c.terms: c.p for c in result.candidates}, anisotropic).walk()
+    change = np.mean(np.abs(np.log(weight[used] / search.data.weight[used])))
+    return search.reweighted(weight).walk() if change > SAME_NOISE else result
 
 
 def _reference(search: _Search) -> Candidate:
@@ -256,9 +243,10 @@ def _reference(search: _Search) -> Candidate:
     return min(candidates, key=lambda c: c.chi2)
 
 
-def _noise_weight(data: SelectionData, c: Candidate, near: criteria.Neighbourhood) -> np.ndarray:
+def _noise_weight(search: _Search, c: Candidate) -> np.ndarray:
     """Weights (n, C) by the noise that the residuals of a candidate show."""
-    used = data.used
+    data, used = search.data, search.data.used
     residual = CandidateProblem(c.terms, data.weighted(used.astype(float))).residuals(c.p)[0]
     # By the model's own size: weights from noisy readings would favour those that came out low.
-    return np.where(used, 1.0 / criteria.noise_deviation(residual, np.abs(data.target + residual), used, near), 0.0)
+    deviation = criteria.noise_deviation(residual, np.abs(data.target + residual), used, search.near)
+    return np.where(used, 1.0 / deviation, 0.0)
