@@ -4,7 +4,7 @@ python fits_beside_scipy.py [NOISE]     relative noise of the synthetic MERL tab
 
 Same readings, same loss, same bounds; SciPy on a NumPy model of its own, by differences and with the exact Jacobian.
 Timings are CPU seconds of one thread, both in one process in turn, medians; peak memory of a process of its own each,
-with the reading of the file. Then the whole program `gonio fit`, with and without compiled code kept from before.
+with the reading of the file. Then whole processes: `gonio fit`, with and without compiled code kept from before, and SciPy.
 """
 
 import json
@@ -15,6 +15,7 @@ import statistics
 import sys
 import tempfile
 import time
+import tomllib
 
 import numpy as np
 
@@ -23,6 +24,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 from support.process import gonio, python, timed
 
 MODEL = "lambert + ggx(eta=1.5)"
+NUMBERS = np.array([0.1, 0.2, 0.4, 0.2, 1.0, 0.8, 0.6])  # in the order of a fit: albedos, alpha, scales
 TRUTH = "lambert(rho=[0.1, 0.2, 0.4]) + [1, 0.8, 0.6] * ggx(alpha=0.2, eta=1.5)"
 LOW, HIGH = np.r_[np.zeros(6), 1e-4], np.r_[np.ones(3), np.full(3, 1e6), 1.0]
 STARTS = 20
@@ -59,16 +61,20 @@ def _child(folder: str, *command: str) -> dict:
 
 
 def _program(folder: str) -> None:
-    fit = [*gonio(), "fit", "t.binary", "-m", MODEL, "-o", "f.toml", "--force"]
+    fit = [*gonio(), "fit", "t.binary", "-m", MODEL, "-o", "f.toml", "--force", "--loss", "log1p", "--theta-max", "80"]
     cache = {"XDG_CACHE_HOME": folder}
-    runs = {"no compiled code": [timed(fit, folder, GONIO_NO_CACHE="1")]}
+    runs = {"gonio, no compiled code": [timed(fit, folder, GONIO_NO_CACHE="1")]}
     timed(fit, folder, **cache)
-    runs["compiled code kept"] = [timed(fit, folder, **cache) for _ in range(3)]
+    runs["gonio, compiled code kept"] = [timed(fit, folder, **cache) for _ in range(3)]
     runs["of it, importing"] = [timed([*python(), "-c", "from gonio import fit, open"], folder) for _ in range(3)]
-    print(f"\n{'gonio fit t.binary (default loss)':34}{'wall s':>9}{'CPU s':>9}{'peak MB':>9}")
+    runs["SciPy, one start"] = [timed([*python(), __file__, "SciPy", "0"], folder, **ONE_THREAD)]
+    print(f"\n{'whole processes, t.binary':34}{'wall s':>9}{'CPU s':>9}{'peak MB':>9}")
     for name, done in runs.items():
         wall, cpu, peak = (statistics.median(getattr(r, what) for r in done) for what in ("wall", "cpu", "peak_mb"))
         print(f"{name:34}{wall:9.2f}{cpu:9.2f}{peak:9.0f}")
+    numbers = tomllib.loads(pathlib.Path(folder, "f.toml").read_text())["fit"]["parameters"]
+    free = np.array([p["value"] for p in numbers if p["status"] != "fixed"])
+    print(f"worst relative error of gonio's seven numbers: {np.max(np.abs(free / NUMBERS - 1)):.1e}")
 
 
 def make(noise: str) -> None:
