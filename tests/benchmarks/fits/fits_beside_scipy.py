@@ -4,7 +4,7 @@ python fits_beside_scipy.py [NOISE]     relative noise of the synthetic MERL tab
 
 Same readings, same loss, same bounds; SciPy on a NumPy model of its own, by differences and with the exact Jacobian.
 Timings are CPU seconds of one thread, both in one process in turn, medians; peak memory of a process of its own each,
-with the reading of the file. Then whole processes: `gonio fit`, with and without compiled code kept from before, and SciPy.
+with the reading of the file. Then whole processes: `gonio fit`, with and without compiled code kept, and SciPy.
 """
 
 import json
