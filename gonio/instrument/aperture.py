@@ -2,28 +2,22 @@
 
     reading = ∫∫ f cosθi cosθo dωi dωo / (∫ cosθi dωi · ∫ cosθo dωo),   directions below the horizon left out
 
-A disc about the direction n is laid out gnomonically, n + tan s·(x t + y b) with t towards the normal: the horizon
-is then a straight line. Its nodes are x = cos ψ, y = v sin ψ: a rule in ψ from 0 to where the horizon cuts the disc,
-a rule in v from −1 to 1 along the chord, so that the integrand is smooth whether the disc is whole or cut. Each step
-of a ladder takes more nodes; a cell climbs until two steps agree. Source and detector use the same rule in frames that
-depend only on their own direction, so that with equal discs the reading of a reciprocal f is reciprocal.
+Each step of a ladder takes more nodes; a cell climbs until two steps agree. Source and detector use the same rule in
+frames that depend only on their own direction, so that with equal discs the reading of a reciprocal f is reciprocal.
 """
 
 import dataclasses
-import functools
 import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
+from gonio.instrument.aperture_rays import Disc, disc_rule, disc_sums
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction, normalize
+from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.solid_angle import projected_cap
 
 LANES = 2048
@@ -35,49 +29,12 @@ LADDERS = (
 )
 """Nodes in ψ and along the chords, step by step, for cells whose lower cosine is above the first number: a lobe seen
 at grazing is narrower in azimuth, by the cosine, than in polar angle."""
-NODES_MAX = 180
 PAIRS_MAX = 3_000_000
 """Pairs of rays of one cell at which the climb ends: 40² × 40²."""
 PEAK_MISSED = 2.0
 """A cell climbs on while f at the mirror configuration within its discs is this many times what its rays have met."""
 
 
-class Rule(NamedTuple):
-    """A rule of n × m nodes in a disc: columns over ψ and rows along the chords, both padded to one size."""
-
-    columns: np.ndarray
-    rows: np.ndarray
-    n: np.ndarray
-    m: np.ndarray
-
-
-class Disc(NamedTuple):
-    """Discs of one half-angle, radians, about the directions of some lanes, with the rule of their nodes."""
-
-    axis: Direction
-    half_angle: jax.Array
-    rule: Rule
-
-
-class Frame(NamedTuple):
-    """Frames of discs: axis, unit tangent towards the normal, horizontal one, tan s, ψ where the horizon cuts."""
-
-    axis: Direction
-    up: Direction
-    across: tuple[jax.Array, jax.Array]
-    tan_s: jax.Array
-    psi_end: jax.Array | None
-
-
-class Column(NamedTuple):
-    """Nodes of one ψ: x in units of the axis, half the length of the chord, weight."""
-
-    x: jax.Array
-    chord: jax.Array
-    weight: jax.Array
-
-
-Array = jax.Array | np.ndarray
 Tolerance = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(values (n, channels), numbers of their cells (n,)) → allowed errors (n, channels)."""
 
@@ -161,7 +118,7 @@ class _Climb:
 
     def _step(self, rule: tuple[int, int], cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """One rule on some cells: (values, f at the mirror configuration over the largest f met)."""
-        rules = [_rule(*(rule if s > 0 else (1, 1))) for s in self.half_angles]
+        rules = [disc_rule(*(rule if s > 0 else (1, 1))) for s in self.half_angles]
         # Arrays all, or each number would be compiled in.
         radii = [jnp.asarray(s, jnp.result_type(float)) for s in self.half_angles]
         split = _lanes_per_cell(math.prod(rule) if self.half_angles[0] > 0 else 1)
@@ -172,7 +129,7 @@ class _Climb:
         def call(start: int) -> list[np.ndarray]:
             lanes = [_lanes(w[:, start : start + per_call], split, per_call) for w in axes]
             source, detector = (Disc(*disc) for disc in zip(lanes, radii, rules, strict=True))
-            total, *rest = _kernel(self.brdf, source, detector, first, np.asarray(split), self.crossing)
+            total, *rest = disc_sums(self.brdf, source, detector, first, np.asarray(split), self.crossing)
             return [np.asarray(a).reshape(per_call, split, -1) for a in (total.T, *rest)]
 
         values, missed = [], []
@@ -204,118 +161,3 @@ def _lanes(w: np.ndarray, split: int, per_call: int) -> Direction:
         spare[2] = 1.0
         w = np.concatenate([w, spare], axis=1)
     return Direction(*(np.repeat(c, split).astype(jnp.result_type(float)) for c in w))
-
-
-@functools.cache
-def _rule(n: int, m: int) -> Rule:
-    """A rule of n × m nodes.
-
-    ψ: Gauss-Legendre in [0, 1] and its weights, for a disc that is cut; cos ψ, sin ψ and weights of Gauss's rule of
-    the second Chebyshev kind for a whole one, which with v is exact to degree 2 min(n, m) − 1 in (x, y). v:
-    Gauss-Legendre.
-    """
-    g, w_g = np.polynomial.legendre.leggauss(n)
-    psi = np.pi * np.arange(1, n + 1) / (n + 1)
-    columns = np.stack([0.5 * (1 + g), 0.5 * w_g, np.cos(psi), np.sin(psi), np.sin(psi) ** 2 / (n + 1)], axis=1)
-    if n == 1:
-        columns[0, 2] = 0.0
-    rows = np.stack(np.polynomial.legendre.leggauss(m), axis=1)
-    columns, rows = (np.pad(a, ((0, NODES_MAX - len(a)), (0, 0))) for a in (columns, rows))
-    return Rule(columns, rows, np.asarray(n), np.asarray(m))
-
-
-@eqx.filter_jit
-def _kernel(
-    brdf: AbstractBRDF, source: Disc, detector: Disc, first: Array, stride: Array, crossing: bool
-) -> tuple[jax.Array, ...]:
-    """Sums over the source's nodes first, first + stride, ... of each lane, and all of the detector's.
-
-    (Σ w f (channels, lanes), Σ weights of the source, of the detector, largest |f| met, f at the mirror configuration.)
-    """
-    value = jax.vmap(lambda i, o: jnp.atleast_1d(brdf.f(i, o)), out_axes=1)
-    frame_i, frame_o = (_frame(disc, crossing) for disc in (source, detector))
-    probe = jnp.max(jnp.abs(value(*_towards_mirror(source, detector))), axis=0)
-    rule_i, rule_o = source.rule, detector.rule
-    zero = jnp.zeros_like(source.axis.x)
-    shape = jax.eval_shape(value, source.axis, detector.axis).shape
-
-    def over_source(j, state):
-        total, weights_i, _, met = state
-        node = first + j * stride
-        inside = node < rule_i.n * rule_i.m
-        node = jnp.where(inside, node, 0)
-        column = _column(frame_i, rule_i.columns[node // rule_i.m].T)
-        ray_i, weight_i = _ray(frame_i, column, rule_i.rows[node % rule_i.m].T)
-        weight_i = jnp.where(inside, weight_i, 0.0)
-
-        def over_column(k, state):
-            column = _column(frame_o, rule_o.columns[k])
-
-            def over_row(m, state):
-                total, weights_o, met = state
-                ray_o, weight_o = _ray(frame_o, column, rule_o.rows[m])
-                f = jnp.where((weight_i * weight_o > 0)[None], value(ray_i, ray_o), 0.0)
-                total = total + (weight_i * weight_o)[None] * f
-                return total, weights_o + weight_o, jnp.maximum(met, jnp.max(jnp.abs(f), axis=0))
-
-            return jax.lax.fori_loop(0, rule_o.m, over_row, state)
-
-        total, weights_o, met = jax.lax.fori_loop(0, rule_o.n, over_column, (total, zero, met))
-        return total, weights_i + weight_i, weights_o, met
-
-    start = (jnp.zeros(shape), zero, zero, zero)
-    steps = (rule_i.n * rule_i.m + stride - 1) // stride
-    return *jax.lax.fori_loop(0, steps, over_source, start), probe
-
-
-def _frame(disc: Disc, crossing: bool) -> Frame:
-    w = disc.axis
-    sin_t = jnp.sqrt(w.x**2 + w.y**2)
-    tilted = sin_t > 0
-    safe = jnp.where(tilted, sin_t, 1.0)
-    cos_p, sin_p = jnp.where(tilted, w.x / safe, 1.0), jnp.where(tilted, w.y / safe, 0.0)
-    up = Direction(-w.z * cos_p, -w.z * sin_p, sin_t)
-    tan_s = jnp.tan(disc.half_angle)
-    psi_end = None
-    if crossing:
-        reach = w.z / jnp.maximum(sin_t * tan_s, 1e-30)
-        psi_end = jnp.arccos(jnp.clip(-reach, -1.0, 1.0))
-    return Frame(w, up, (-sin_p, cos_p), tan_s, psi_end)
-
-
-def _column(frame: Frame, node: Array) -> Column:
-    """The nodes of one ψ in each lane's disc."""
-    g, w_g, cos_psi, sin_psi, weight = node
-    if frame.psi_end is not None:
-        psi = frame.psi_end * g
-        cos_psi, sin_psi = jnp.cos(psi), jnp.sin(psi)
-        weight = w_g * frame.psi_end * sin_psi**2
-    return Column(frame.tan_s * cos_psi, frame.tan_s * sin_psi, weight)
-
-
-def _ray(frame: Frame, column: Column, node: Array) -> tuple[Direction, jax.Array]:
-    """The direction of one node in each lane's disc, and its weight × cosθ (common factors left out)."""
-    axis, up, (b_x, b_y) = frame.axis, frame.up, frame.across
-    v, w_v = node
-    x, y = column.x, column.chord * v
-    inverse = 1.0 / jnp.sqrt(1.0 + x * x + y * y)
-    ray = Direction(
-        (axis.x + x * up.x + y * b_x) * inverse,
-        (axis.y + x * up.y + y * b_y) * inverse,
-        (axis.z + x * up.z) * inverse,
-    )
-    return ray, column.weight * w_v * inverse**3 * jnp.maximum(ray.z, 0.0)
-
-
-def _towards_mirror(source: Disc, detector: Disc) -> tuple[Direction, Direction]:
-    """The pair within the discs that is nearest to mirror reflection."""
-    wi, wo = source.axis, detector.axis
-    mirror_i, mirror_o = Direction(-wi.x, -wi.y, wi.z), Direction(-wo.x, -wo.y, wo.z)
-    gap = [a - b for a, b in zip(mirror_i, wo, strict=True)]
-    angle = 2 * jnp.arcsin(jnp.clip(0.5 * jnp.sqrt(sum(c * c for c in gap)), 0.0, 1.0))
-    reach = jnp.maximum(jnp.maximum(angle, source.half_angle + detector.half_angle), 1e-30)
-
-    def moved(w: Direction, target: Direction, s: jax.Array) -> Direction:
-        return normalize(Direction(*(a + s / reach * (b - a) for a, b in zip(w, target, strict=True))))
-
-    return moved(wi, mirror_o, source.half_angle), moved(wo, mirror_i, detector.half_angle)

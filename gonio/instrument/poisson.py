@@ -1,8 +1,11 @@
 """Poisson counts, one for each key: the same key gives the same count in any batch."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 
+State = tuple[Any, ...]
 SEARCHED = 10.0
 """Below this expectation the count is found by searching the distribution; above it by rejection."""
 SEARCH_END = 120
@@ -32,13 +35,13 @@ def _search(keys: jax.Array, expected: jax.Array) -> jax.Array:
     """Inversion of the distribution."""
     (u,) = _uniform(keys, 0, 1)
 
-    def step(state):
+    def step(state: State) -> State:
         k, count, probability, below = state
         below = below + probability
         higher = u >= below
         return k + 1, count + higher, probability * expected / (k + 1.0), below
 
-    def going(state):
+    def going(state: State) -> jax.Array:
         k, count, *_ = state
         return (k < SEARCH_END) & jnp.any(count == k)
 
@@ -53,7 +56,7 @@ def _reject(keys: jax.Array, expected: jax.Array, done: jax.Array) -> jax.Array:
     inverse_alpha = 1.1239 + 1.1328 / (b - 3.4)
     v_r = 0.9277 - 3.6224 / (b - 2.0)
 
-    def step(state):
+    def step(state: State) -> State:
         attempt, done, count = state
         u, v = _uniform(keys, attempt, 2)
         u = u - 0.5
@@ -67,7 +70,7 @@ def _reject(keys: jax.Array, expected: jax.Array, done: jax.Array) -> jax.Array:
         taken = inside & (squeezed | (~hopeless & (density <= log_probability(jnp.maximum(k, 0.0), expected))))
         return attempt + 1, done | taken, jnp.where(done, count, k)
 
-    def going(state):
+    def going(state: State) -> jax.Array:
         return ~jnp.all(state[1])
 
     return jax.lax.while_loop(going, step, (1, done, jnp.zeros_like(expected)))[2]

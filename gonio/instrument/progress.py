@@ -14,7 +14,7 @@ PATIENCE = 0.5
 class CellCount:
     """A context that counts measured cells; with `bar` it shows a progress bar of a long job."""
 
-    def __init__(self, cells: int, already: int, bar: bool):
+    def __init__(self, cells: int, already: int, bar: bool) -> None:
         self.cells, self.already, self.fresh = cells, already, 0
         self.started = time.perf_counter()
         console = Console(stderr=True)

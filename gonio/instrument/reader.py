@@ -83,7 +83,7 @@ class Expected(NamedTuple):
 class Reader:
     """One measurement's readings, cell by cell; any cut into blocks gives the same bits."""
 
-    def __init__(self, material: Material, instrument: Instrument, layout: Layout, seed: int):
+    def __init__(self, material: Material, instrument: Instrument, layout: Layout, seed: int) -> None:
         self.material, self.instrument, self.layout, self.seed = material, instrument, layout, seed
         self.errors = instrument.systematic_errors(seed)
         self.channels = len(material.channels)

@@ -37,7 +37,7 @@ class Sink(abc.ABC):
     remark: str = ""
     """What a user should know before it begins."""
 
-    def __init__(self, reader: Reader, settings: MeasureSettings):
+    def __init__(self, reader: Reader, settings: MeasureSettings) -> None:
         layout, material = reader.layout, reader.material
         source, receiver = reader.instrument.solid_angles()
         dtype, about = np.dtype(settings.dtype or reader.dtype), provenance.of(reader, settings.command)
@@ -62,7 +62,7 @@ class Sink(abc.ABC):
 class MemorySink(Sink):
     """Collects blocks in arrays."""
 
-    def __init__(self, reader: Reader, settings: MeasureSettings):
+    def __init__(self, reader: Reader, settings: MeasureSettings) -> None:
         super().__init__(reader, settings)
         size, dtype, shape = reader.layout.size, np.dtype(self.header.dtype), self.header.shape
         need = size * reader.channels * (2 * dtype.itemsize + 1)
@@ -91,7 +91,7 @@ class MemorySink(Sink):
 class FileSink(Sink):
     """Writes blocks to a file, and knows which it holds already."""
 
-    def __init__(self, reader: Reader, settings: MeasureSettings, output: str | os.PathLike[str]):
+    def __init__(self, reader: Reader, settings: MeasureSettings, output: str | os.PathLike[str]) -> None:
         super().__init__(reader, settings)
         recipe = provenance.recipe(self.header.provenance, reader.material)
         self.writer = BlockWriter(

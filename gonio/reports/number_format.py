@@ -36,7 +36,7 @@ def decimals_of(uncertainty: float | None) -> int | None:
 class Values:
     """Values of the document by their place, as marked texts."""
 
-    def __init__(self, document: dict[str, Any]):
+    def __init__(self, document: dict[str, Any]) -> None:
         self.document = document
 
     def find(self, pointer: str) -> Any:
