@@ -77,7 +77,7 @@ def albedos_of(rows: Iterable[Incidence | None], method: str) -> Albedos | str:
     return Albedos(theta, phi, value, above, bound, method, (), noise, unseen, step)
 
 
-def energy_property(albedos: Albedos, tolerance: float, series: dict[str, Any]) -> Property:
+def energy_property(albedos: Albedos, tolerance: float) -> Property:
     """Energy conservation: how far a directional albedo exceeds 1, with the bound on its error at that side."""
     value, worst = albedos.value, albedos.deciding(tolerance)
     finite = np.isfinite(value)
@@ -104,7 +104,7 @@ def energy_property(albedos: Albedos, tolerance: float, series: dict[str, Any]) 
         f"{SENTENCE[verdict]}: albedo {value[worst]:.6g} ({size}) at θi {where['theta_i']:.4g}°; it loses up to"
         f" {max(facts['largest_loss'], 0.0):.3g} (at θi {facts['loss_at_theta_i_deg']:.4g}°). {albedos.method}"
     )
-    return Property("energy", verdict, residual, bound, tolerance, where, detail, facts, series)
+    return Property("energy", verdict, residual, bound, tolerance, where, detail, facts)
 
 
 def with_hemispherical(judged: Property, albedos: Albedos) -> Property:

@@ -43,6 +43,17 @@ def prediction_error(logs: np.ndarray, nodes: np.ndarray, axis: int, period: flo
     return np.moveaxis(np.minimum(error, LARGEST), 0, axis)
 
 
+def prediction_error_across_pole(logs: np.ndarray, theta: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
+    """The prediction error along theta of log f on (theta, azimuth, ...), azimuths once around the normal.
+
+    On the other side of the normal the azimuths are turned by π: the innermost nodes have neighbours there.
+    """
+    opposite = np.argmin(np.abs(np.mod(azimuth[None] - azimuth[:, None], 2 * np.pi) - np.pi), axis=1)
+    first = 1 if theta[0] < 1e-9 else 0
+    longer = np.concatenate([logs[first : first + 1][:, opposite], logs])
+    return prediction_error(longer, np.append(-theta[first], theta), 0)[1:]
+
+
 def excess(f: np.ndarray, floor: np.ndarray, errors: list[np.ndarray], noise: np.ndarray | float = 0.0) -> np.ndarray:
     """What f may be off by near each node, 1/sr: f grown by its prediction errors along all axes, and the floor.
 
@@ -76,3 +87,9 @@ def periodic_weights(nodes: np.ndarray, period: float = 2 * np.pi) -> np.ndarray
     """Half of the gaps on either side of each node of a closed axis."""
     gaps = np.diff(np.append(nodes, nodes[0] + period))
     return (gaps + np.roll(gaps, 1)) / 2
+
+
+def hemisphere_weights(theta: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
+    """Projected solid angles, sr, (theta, azimuth, 1), of nodes: exact for what is linear between them."""
+    w_theta = hat_weights(theta, 0.0, np.pi / 2, lambda t: np.sin(t) * np.cos(t))
+    return w_theta[:, None, None] * periodic_weights(azimuth)[None, :, None]

@@ -46,5 +46,5 @@ def test_the_certificate_states_the_albedo_under_uniform_light():
 )
 def test_the_verdict_takes_the_place_that_decides_it(value, bound, verdict, residual):
     value, bound = (np.array(a)[:, None] for a in (value, bound))
-    energy = energy_property(Albedos(np.zeros(2), np.zeros(2), value, bound, bound, ""), 1e-6, {})
+    energy = energy_property(Albedos(np.zeros(2), np.zeros(2), value, bound, bound, ""), 1e-6)
     assert energy.verdict == verdict and energy.residual == pytest.approx(residual, nan_ok=True)

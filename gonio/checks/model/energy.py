@@ -59,7 +59,9 @@ def model_energy(evidence: ModelEvidence, tolerance: float) -> Property:
         "bound": by_channel(albedos.above),
     }
     refined = integrator.refined(integrator.refined(albedos, isotropic), isotropic)
-    return with_hemispherical(energy_property(refined, tolerance, series), albedos)
+    judged = with_hemispherical(energy_property(refined, tolerance), albedos)
+    judged.series = series
+    return judged
 
 
 def _isotropic(evidence: ModelEvidence) -> bool:

@@ -16,10 +16,11 @@ from gonio.checks.grid_resolution import (
     LARGEST,
     RESOLVED,
     excess,
-    hat_weights,
+    hemisphere_weights,
     log_values,
     periodic_weights,
     prediction_error,
+    prediction_error_across_pole,
 )
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout
@@ -56,7 +57,7 @@ class HemisphereGrid:
     @functools.cached_property
     def weights(self) -> np.ndarray:
         """Projected solid angle of each direction, sr, (theta_o, azimuth, 1): exact for what is linear between."""
-        return _weights(self.theta_o, self.azimuth)
+        return hemisphere_weights(self.theta_o, self.azimuth)
 
     def distance_to_mirror(self, theta_i: float, phi_i: float) -> float:
         """How near the directions come to the mirror direction of an incidence, radians."""
@@ -124,7 +125,7 @@ def _estimate(grid: HemisphereGrid, f: np.ndarray, u: np.ndarray, valid: np.ndar
     # A negative reading has no logarithm: its place takes its neighbours', and the difference counts as bound.
     shown = filled(np.where(whole < 0, 0.0, whole), valid & (f >= 0))
     logs = log_values(shown, floor)
-    errors = [_across_the_pole(logs, theta, azimuth), prediction_error(logs, azimuth, 1, 2 * np.pi)]
+    errors = [prediction_error_across_pole(logs, theta, azimuth), prediction_error(logs, azimuth, 1, 2 * np.pi)]
     missed = np.sum(weight * excess(shown, floor, errors, u / np.maximum(shown, floor)), axis=(0, 1))
     missed += np.max([np.abs(_every_second(whole, theta, azimuth, *k) - value) for k in np.ndindex(2, 2)], axis=0)
     guessed = np.sum(weight * (np.where(valid, 0.0, np.abs(whole)) + np.abs(shown - whole)), axis=(0, 1))
@@ -144,11 +145,6 @@ def _step_needed(f: np.ndarray, errors: list[np.ndarray], theta: np.ndarray) -> 
     return float(min(by_slope, by_height) / 2)
 
 
-def _weights(theta: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
-    w_theta = hat_weights(theta, 0.0, np.pi / 2, lambda t: np.sin(t) * np.cos(t))
-    return w_theta[:, None, None] * periodic_weights(azimuth)[None, :, None]
-
-
 def _once_around(phi: np.ndarray, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
     """Azimuths once around, increasing, and the column that each comes from."""
     if not mirrored:
@@ -165,15 +161,7 @@ def _every_second(f: np.ndarray, theta: np.ndarray, azimuth: np.ndarray, row: in
     # The sum over every second ring and azimuth; the outermost rings stay, so that only the resolution differs.
     rings = np.unique(np.concatenate([[0], np.arange(row, theta.size, 2), [theta.size - 1]]))
     sides = np.arange(column, azimuth.size, 2) if azimuth.size >= 8 else np.arange(azimuth.size)
-    return np.sum(_weights(theta[rings], azimuth[sides]) * f[rings][:, sides], axis=(0, 1))
-
-
-def _across_the_pole(logs: np.ndarray, theta: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
-    # On the other side of the normal the azimuths are turned by π: the innermost nodes have neighbours there.
-    opposite = np.argmin(np.abs(np.mod(azimuth[None] - azimuth[:, None], 2 * np.pi) - np.pi), axis=1)
-    first = 1 if theta[0] < 1e-9 else 0
-    longer = np.concatenate([logs[first : first + 1][:, opposite], logs])
-    return prediction_error(longer, np.append(-theta[first], theta), 0)[1:]
+    return np.sum(hemisphere_weights(theta[rings], azimuth[sides]) * f[rings][:, sides], axis=(0, 1))
 
 
 def filled(f: np.ndarray, valid: np.ndarray) -> np.ndarray:

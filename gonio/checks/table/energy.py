@@ -62,7 +62,8 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
     more = (max(enough, STANDARD_UNCERTAINTIES) - STANDARD_UNCERTAINTIES) * albedos.noise
     names = evidence.table.channels.names if len(evidence.table.channels) > 1 else ()
     albedos = dataclasses.replace(albedos, above=albedos.above + more, below=albedos.below + more, channels=names)
-    judged = with_hemispherical(energy_property(albedos, tolerance, _series(albedos)), albedos)
+    judged = with_hemispherical(energy_property(albedos, tolerance), albedos)
+    judged.series = _series(albedos)
     with np.errstate(invalid="ignore"):
         refused = ~np.all(albedos.value + albedos.above <= 1 + tolerance, axis=1)
     passes_below = float(np.degrees(albedos.theta_i[refused].min())) if refused.any() else 90.0

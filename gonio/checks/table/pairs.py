@@ -78,17 +78,13 @@ def _pairs_once(table: Table, partner_of: Callable[[np.ndarray], np.ndarray | No
     cells = np.arange(table.layout.size)
     if cells.size > MOST_CELLS:
         cells = np.sort(np.random.default_rng(0).choice(cells.size, MOST_CELLS, replace=False))
-    cells = cells[_inside(table.layout, cells)]
+    wi, wo = table.layout.directions_at(cells)
+    cells = cells[np.minimum(wi.z, wo.z) > np.cos(THETA_MAX)]
     partner = partner_of(cells)
     assert partner is not None
     # A cell that is its own partner says nothing.
     use = (partner >= 0) & (partner > cells)
     return _pairs(table, cells[use], partner[use], int(np.count_nonzero(partner != cells)), how)
-
-
-def _inside(layout: Layout, cells: np.ndarray) -> np.ndarray:
-    wi, wo = layout.directions_at(cells)
-    return np.minimum(wi.z, wo.z) > np.cos(THETA_MAX)
 
 
 def exchanged_pairs(table: Table) -> Pairs | str:
@@ -143,7 +139,8 @@ def pole_pairs(table: Table) -> Pairs | str:
 
 
 def _comparable(table: Table, cells: np.ndarray, partner: np.ndarray) -> Pairs | str:
-    use = (partner >= 0) & (partner != cells) & _inside(table.layout, cells)
+    wi, wo = table.layout.directions_at(cells)
+    use = (partner >= 0) & (partner != cells) & (np.minimum(wi.z, wo.z) > np.cos(THETA_MAX))
     if np.count_nonzero(use) < FEWEST:
         return "too few readings of the grid can be compared"
     return _pairs(table, cells[use], partner[use], int(np.count_nonzero(use)))

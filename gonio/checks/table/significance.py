@@ -75,8 +75,8 @@ def _rows(pairs: Pairs) -> _Rows:
     usable = _usable(pairs)
     pair, channel = np.nonzero(usable)
     a, b, u_a, u_b = (v[usable].astype(float) for v in (pairs.a, pairs.b, pairs.u_a, pairs.u_b))
-    q_a, q_b = (q[usable] for q in _count_sizes(pairs))
-    return _Rows(a, b, u_a, u_b, q_a, q_b, pair, channel, pairs.angles[pair], pairs.error)
+    q_a, q_b = _count_sizes(pairs)
+    return _Rows(a, b, u_a, u_b, q_a[usable], q_b[usable], pair, channel, pairs.angles[pair], pairs.error)
 
 
 def _count_sizes(pairs: Pairs) -> tuple[np.ndarray, np.ndarray]:
@@ -117,11 +117,8 @@ class _Tests:
     place: np.ndarray
     """(n, 4) angles, radians, of pairs, or (n,) lower ends, degrees, of bands."""
     evidence: TableEvidence
-
-    @property
-    def family(self) -> float:
-        """The p-value of all of them together."""
-        return float(family_p(self.p.min(), self.p.size)) if self.p.size else 1.0
+    family: float
+    """The p-value of all of them together."""
 
     def where(self, k: int) -> dict[str, Any]:
         channel = self.evidence.channel(int(self.channel[k]))
@@ -142,7 +139,8 @@ def _tests_of_pairs(rows: _Rows, step: float, level: float, evidence: TableEvide
     over = np.maximum(np.abs(rows.a - rows.b) - rows.error * mean - step, 0) / mean
     share = limit / np.maximum(z, limit)
     least = np.where(p < threshold, over * (1 - share), 0.0)
-    return _Tests(p, over, over * share, least, rows.channel, rows.angles, evidence)
+    family = float(family_p(p.min(), p.size))
+    return _Tests(p, over, over * share, least, rows.channel, rows.angles, evidence, family)
 
 
 def _tests_of_regions(rows: _Rows, sign: np.ndarray, step: float, level: float, evidence: TableEvidence) -> _Tests:
@@ -166,7 +164,8 @@ def _tests_of_regions(rows: _Rows, sign: np.ndarray, step: float, level: float, 
     p = normal_p(estimate / one)
     half = critical(sidak(level, p.size)) * one
     least = np.maximum(np.abs(estimate) - half, 0.0)
-    return _Tests(p, estimate, half + error, least, regions % 1000, regions // 1000 * BAND, evidence)
+    family = float(family_p(p.min(), p.size)) if p.size else 1.0
+    return _Tests(p, estimate, half + error, least, regions % 1000, regions // 1000 * BAND, evidence, family)
 
 
 def _everywhere(rows: _Rows, level: float) -> _Violation:
