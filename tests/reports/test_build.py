@@ -1,18 +1,14 @@
 """The report: everything in one page, nothing from elsewhere, nobody's names run as code, every value in its JSON."""
 
 import dataclasses
-import datetime
 import json
-import math
 import re
-import shlex
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
 import gonio
-from gonio.__main__ import main
 from gonio.data import layouts
 from gonio.data.hdf5.writer import write_table
 from gonio.data.table import Channels, whole_table_of_values
@@ -213,55 +209,6 @@ def test_figures_are_files_too(tmp_path):
         gonio.report(flat, check=False, figures=tmp_path / "figures")
 
 
-def test_a_page_is_whole_or_not_there(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main(["report", "perfect_diffuser", "--no-check", "-o", "r.html"]) == 0
-    assert "gonio report perfect_diffuser --no-check -o r.html" in (tmp_path / "r.html").read_text()
-    (tmp_path / "charts").mkdir()
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "charts" / "charts.json").write_text('{"charts": {"tables": {"points": 3}}}')
-    write_table(tmp_path / "t.h5", dataclasses.replace(grey_table(0.3), name="t"))
-    (tmp_path / "v.json").write_text("mine")
-    (tmp_path / "other.toml").write_text(
-        'gonio_material = 1\nname = "o"\nmodel = "lambert(rho=0.1)"\n[fit]\ntable = "another"\n'
-    )
-    before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")}
-    capsys.readouterr()
-    for command, words in (
-        ("perfect_diffuser -o r.html", "exists already"),
-        ("perfect_diffuser -o v.html", "v.json exists"),
-        ("perfect_diffuser -o new.json", "end it in .html"),
-        ("absent.h5 -o new.html", "does not exist"),
-        ("perfect_difuser -o new.html", "perfect_diffuser"),
-        ("empty -o new.html", "folder"),
-        ("v.json -o new.html", "v.json"),
-        ("t.h5 -o t.h5 --force", "input"),
-        ("perfect_diffuser -o no/new.html", "folder"),
-        ("perfect_diffuser --fit gold -o new.html", "not a fitted material"),
-        ("t.h5 --fit other.toml -o new.html", "'another', not of t"),
-        ("perfect_diffuser --chart empty -o new.html", "charts.json"),
-        ("perfect_diffuser --chart charts -o new.html", "no list of charts"),
-        ("perfect_diffuser --chart absent -o new.html", "no folder"),
-        ("perfect_diffuser --figures v.json -o new.html", "is a file"),
-        ("perfect_diffuser --chart charts -o charts/charts.html --force", "input"),
-    ):
-        assert main(["report", "--no-check", *command.split()]) == 2, command
-        out, err = capsys.readouterr()
-        assert words in err and err.count("\n") == 1 and out == "", (command, err)
-        assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")} == before, command
-
-
-def test_the_command_on_the_page_makes_it_again(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_table(tmp_path / "a table.h5", dataclasses.replace(grey_table(0.3), name="t"))
-    assert main(["report", "a table.h5", "--no-check", "--title", "it's $HOME", "-o", "r.html"]) == 0
-    first = json.loads((tmp_path / "r.json").read_text())
-    (tmp_path / "r.html").unlink(), (tmp_path / "r.json").unlink()
-    assert main(shlex.split(first["command"])[1:]) == 0
-    again = json.loads((tmp_path / "r.json").read_text())
-    assert {k: v for k, v in again.items() if k != "made"} == {k: v for k, v in first.items() if k != "made"}
-
-
 def test_fits_find_their_tables(fitted):
     t, result = fitted
     with pytest.raises(GonioError, match="2 fits came for 1 table"):
@@ -282,26 +229,3 @@ def test_every_subject_makes_a_page_and_an_unknown_option_is_refused(fitted, tmp
         gonio.report(path, fit=[fitted[1]])
     with pytest.raises(GonioError, match="A dict is neither a table nor a model"):
         gonio.report([{}])
-
-
-def test_charts_back_the_settings(tmp_path, monkeypatch):
-    from gonio.charts import MeasuredChart
-    from gonio.charts.diagrams import CHARTS
-    from gonio.charts.point import Point
-    from gonio.charts.scan_time import Pace
-
-    chart = CHARTS["hemisphere"]
-    cost, error = (axis.key for axis in chart.frames[0])
-    points = tuple(
-        Point("α 0.1", f"<b>{k}", str(k), {cost: 10.0**-k, error: 10.0 ** (k - 6), "bound": 1.0}) for k in range(3)
-    )
-    keys = ("processor", "cores", "device", "gonio", "jax", "numpy", "scipy", "python")
-    now = datetime.datetime.now(datetime.UTC)
-    measured = MeasuredChart(chart, points, dict.fromkeys(keys, "x"), now, 1.0, True, Pace())
-    index = {"gonio_charts": 1, "charts": {"hemisphere": measured.to_dict() | {"recipe": {}}}}
-    (tmp_path / "charts.json").write_text(json.dumps(index))
-    (tmp_path / "hemisphere.svg").write_text("<svg xmlns='http://www.w3.org/2000/svg'/>")
-    gonio.report("perfect_diffuser", tmp_path / "r.html", check=False, chart=tmp_path)
-    text, values = (tmp_path / "r.html").read_text(), json.loads((tmp_path / "r.json").read_text())
-    assert "data:image/svg+xml;base64," in text and "<b>0" not in text and "claimed bound" in text
-    assert len(values["charts"][0]["front"]) == 3 and math.isclose(values["charts"][0]["front"][0]["bound"], 1.0)
