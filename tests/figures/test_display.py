@@ -9,12 +9,13 @@ from matplotlib.axes import Axes
 
 import gonio
 from gonio.data.scene import load_scene
+from gonio.instrument.scans import scan
 
 
 @pytest.fixture(scope="module")
 def shown():
     material = gonio.material("lambert(rho=0.3) + ggx(alpha=0.3)")
-    table = gonio.measure(material, gonio.Instrument(photons=1e6))
+    table = gonio.measure(material, gonio.Instrument(photons=1e6), scan("isotropic", step=np.radians(10)))
     return {
         "material": material,
         "table": table,
