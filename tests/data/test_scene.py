@@ -31,6 +31,20 @@ def test_an_error_is_that_of_the_radiance():
     assert np.isnan(scene.error(f, 0 * f))
 
 
+@pytest.mark.parametrize("angle", [0.3, 2.0, 5.5])
+def test_a_turned_scene_sees_turned_pairs(angle):
+    def scene(turn):
+        light = Range((0.2, 1.2), (0.1 + turn, 1.0 + turn), 2.0, fills=True)
+        return Scene("s", 0.1, (light,), (Range((0.0, 1.0), (turn, 3.0 + turn), 1.0),)).pairs(400)
+
+    plain, turned = scene(0.0), scene(angle)
+    c, s = np.cos(angle), np.sin(angle)
+    for a, b in ((plain.wi, turned.wi), (plain.wo, turned.wo)):
+        np.testing.assert_allclose(b, [c * a.x - s * a.y, s * a.x + c * a.y, a.z], atol=1e-12)
+    np.testing.assert_allclose(turned.amount, plain.amount)
+    np.testing.assert_allclose(turned.share, plain.share, rtol=1e-9)
+
+
 def test_shipped_scenes_are_read_by_name(tmp_path):
     assert {"matte_room", "low_sun_car", "satellite_nadir"} <= set(shipped_scenes())
     for name in shipped_scenes():

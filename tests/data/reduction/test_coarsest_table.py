@@ -1,5 +1,7 @@
 """Reduced tables: within the tolerance as measured afterwards, smaller, and no symmetry that the surface breaks."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from gonio.data.reduction.coarsest_table import reduce_table
 from gonio.data.reduction.start_grids import StartGrid
 from gonio.data.reduction.thin_grid import SceneValues, Thinning
 from gonio.data.scene import Range, Scene
+from gonio.data.table import whole_table_of_values
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from support.fit_tables import ONE_LOBE as ONE
@@ -49,17 +52,10 @@ def test_a_trial_is_what_the_interpolant_of_the_thinned_table_says(whole):
     thinning = Thinning(StartGrid(whole.layout, whole.f, np.isfinite(whole.f)), SceneValues(pairs, truth))
     assert thinning.error(thinning.grid.nodes) < 1e-6  # single precision
     kept = (np.array([0, 3, 4, 8]), np.array([1, 5]), np.array([0, 2, 7, 11]))
-    axes = {n: a[k] for (n, a), k in zip(GRID.axes.items(), kept, strict=True)}
-    small = np.asarray(
-        evaluate(as_material(_table(layouts.isotropic(*axes.values()), whole.f[np.ix_(*kept)])), pairs.wi, pairs.wo)
-    )
-    assert thinning.error(kept) == pytest.approx(pairs.error(small, truth), rel=1e-5)
-
-
-def _table(layout, f):
-    from gonio.data.table import whole_table_of_values
-
-    return whole_table_of_values(layout, f)
+    grid = GRID.with_axes({n: a[k] for (n, a), k in zip(GRID.axes.items(), kept, strict=True)})
+    small = as_material(whole_table_of_values(grid, whole.f[np.ix_(*kept)]))
+    f = np.asarray(evaluate(small, pairs.wi, pairs.wo))
+    assert thinning.error(kept) == pytest.approx(pairs.error(f, truth), rel=1e-5)
 
 
 def test_a_reduced_table_is_small_and_within_the_tolerance(whole):
@@ -70,6 +66,35 @@ def test_a_reduced_table_is_small_and_within_the_tolerance(whole):
     assert strict.error <= 0.01 and strict.cells[1] > found.cells[1]
 
 
+def same_reduction(a, b):
+    """Whether two reductions keep the same nodes and err alike."""
+    assert a.table.layout == b.table.layout and a.error == pytest.approx(b.error, rel=1e-3)
+    assert a.left_out == b.left_out and a.cells[1] == b.cells[1]
+
+
+@pytest.mark.parametrize("factor", [1e-3, 7.0])
+def test_scaling_f_scales_the_reduced_table_and_nothing_else(whole, factor):
+    scaled = reduce_table(dataclasses.replace(whole, f=factor * whole.f), SUN)
+    plain = reduce_table(whole, SUN)
+    same_reduction(scaled, plain)
+    np.testing.assert_allclose(scaled.table.f, factor * plain.table.f, rtol=1e-6)
+
+
+def test_permuting_channels_permutes_the_reduced_table_and_nothing_else(whole):
+    order = [2, 0, 1]
+    permuted, plain = reduce_table(dataclasses.replace(whole, f=whole.f[..., order]), SUN), reduce_table(whole, SUN)
+    same_reduction(permuted, plain)
+    np.testing.assert_array_equal(permuted.table.f, plain.table.f[..., order])
+
+
+def test_channels_of_the_scene_are_those_of_a_table_of_them(whole):
+    of_scene = reduce_table(whole, dataclasses.replace(SUN, channels=("B", "R")))
+    assert of_scene.left_out[0].startswith("1 of 3 channels")
+    of_table = reduce_table(whole.only(["B", "R"]), SUN)
+    same_reduction(dataclasses.replace(of_scene, left_out=of_scene.left_out[1:]), of_table)
+    np.testing.assert_array_equal(of_scene.table.f, of_table.table.f)
+
+
 def test_grey_and_flat_surfaces_need_next_to_nothing():
     found = reduce_table(table_of("lambert(rho=[.3,.3,.3])", GRID, noise=0.0), SUN)
     assert found.cells[1] == 1 and found.error < 1e-6 and any("colour" in words for words in found.left_out)
@@ -77,19 +102,28 @@ def test_grey_and_flat_surfaces_need_next_to_nothing():
 
 def test_no_symmetry_is_assumed_that_the_scene_would_miss():
     brushed = table_of("lambert(rho=.1) + 0.4*ggx(alpha_x=.2, alpha_y=.6)", WHOLE_ROUND, noise=0.0)
-    found = reduce_table(brushed, SUN)
-    assert found.table.layout.name == "spherical" and found.error <= 0.05
-    same = reduce_table(table_of("lambert(rho=.1) + 0.2*ggx(alpha=.6)", WHOLE_ROUND, noise=0.0), SUN, tolerance=0.1)
-    assert same.table.layout.name != "spherical" and any("isotropy" in words for words in same.left_out)
+    reduced = reduce_table(brushed, SUN)
+    assert reduced.table.layout.name == "spherical" and reduced.error <= 0.05
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.1])
+def test_isotropy_is_found_from_any_azimuth(turn):
+    axes = {n: a + turn if n.startswith("phi") else a for n, a in WHOLE_ROUND.axes.items()}
+    table = table_of("lambert(rho=.1) + 0.2*ggx(alpha=.6)", WHOLE_ROUND.with_axes(axes), noise=0.0)
+    reduced = reduce_table(table, SUN, tolerance=0.1)
+    assert reduced.error <= 0.1 and reduced.table.layout.name != "spherical"
+    assert any("isotropy" in words for words in reduced.left_out)
 
 
 def test_what_cannot_be_reduced_is_one_sentence(whole):
     with pytest.raises(GonioError, match="larger tolerance"):
-        reduce_table(_table(layouts.isotropic([0.3], [0.4], [0.0]), np.full((1, 1, 1, 1), 0.3, np.float32)), SUN)
+        reduce_table(
+            whole_table_of_values(layouts.isotropic([0.3], [0.4], [0.0]), np.full((1, 1, 1, 1), 0.3, np.float32)), SUN
+        )
     flat = layouts.in_plane(THETA, np.radians(np.arange(-60, 61, 20.0)))
     with pytest.raises(GonioError, match="in-plane"):
         reduce_table(table_of(ONE, flat), SUN)
-    dark = _table(GRID, np.zeros((*GRID.shape, 1)))
+    dark = whole_table_of_values(GRID, np.zeros((*GRID.shape, 1)))
     with pytest.raises(GonioError, match="dark"):
         reduce_table(dark, SUN)
 
