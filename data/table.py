@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gonio.data.angles import as_numbers, radian_arrays
+from gonio.data.cell_ranges import boxes
 from gonio.data.channels import Channels as Channels
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout, scattered
@@ -277,25 +278,6 @@ def _readings(name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarra
             f"{name} has shape {array.shape}, but the angles make {shape}; give one value for each pair of directions,"
             " or one for each channel on a last axis"
         ) from None
-
-
-def boxes(shape: tuple[int, ...], start: int, stop: int) -> Iterator[tuple[slice, ...]]:
-    """The rectangular pieces, in order, that make up the C-order range start..stop of such an array."""
-    if len(shape) == 1:
-        yield (slice(start, stop),)
-        return
-    inner = math.prod(shape[1:])
-    (row, head), (last, tail) = divmod(start, inner), divmod(stop, inner)
-    if row == last:
-        yield from ((slice(row, row + 1), *box) for box in boxes(shape[1:], head, tail))
-        return
-    if head:
-        yield from ((slice(row, row + 1), *box) for box in boxes(shape[1:], head, inner))
-        row += 1
-    if row < last:
-        yield (slice(row, last), *(slice(0, n) for n in shape[1:]))
-    if tail:
-        yield from ((slice(last, last + 1), *box) for box in boxes(shape[1:], 0, tail))
 
 
 def whole_table_of_values(layout: Layout, f: np.ndarray, channels: Channels | None = None, **fields: Any) -> Table:

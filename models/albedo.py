@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, from_spherical
@@ -76,7 +77,9 @@ def _floor(absolute: np.ndarray) -> np.ndarray:
     return (64 * np.finfo(np.dtype(jnp.result_type(float))).eps + HIDDEN) * absolute
 
 
-def directional_albedo(brdf: AbstractBRDF, theta_i, phi_i=0.0, tolerance: float = 1e-9) -> Estimate:
+def directional_albedo(
+    brdf: AbstractBRDF, theta_i: ArrayLike, phi_i: ArrayLike = 0.0, tolerance: float = 1e-9
+) -> Estimate:
     """∫ f cosθo dωo for light from (theta_i, phi_i), radians, theta_i in [0, π/2): the share that is reflected.
 
     Shapes: the angles broadcast to S; value and bound have S, or S + (channels,). `tolerance` is absolute. Orders

@@ -1,6 +1,6 @@
 """Where the cells of a table are: the layouts, their constructors, and their list by name."""
 
-from gonio.data.layouts.base import AxisKind as AxisKind
+from gonio.data.layouts.axes import AxisKind as AxisKind
 from gonio.data.layouts.base import Layout as Layout
 from gonio.data.layouts.half_difference_grid import half_difference as half_difference
 from gonio.data.layouts.half_difference_grid import merl as merl

@@ -6,51 +6,23 @@ Conventions as in `gonio.models.geometry.directions`: radians, +z the normal, `w
 import abc
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from gonio.data.layouts.axes import TURN, AxisKind, OutgoingGrid
 from gonio.data.layouts.nodes import node_numbers, spherical_angles
 from gonio.models.errors import GonioError
 
 if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
 
-TURN = 2 * math.pi
 
 Angles = Sequence[float] | np.ndarray
 Trig = Sequence[tuple[Any, Any]]
 """(cosine, sine) of the angles on each axis, arrays that broadcast."""
 NodeMap = list[tuple[int, np.ndarray]]
 """For each dimension of the related cell: the dimension of the cell that decides it, and the node for each node."""
-
-
-class AxisKind(NamedTuple):
-    """One angle that cells are laid out by: its closed domain, radians, and its period if it is an azimuth."""
-
-    name: str
-    long_name: str
-    low: float
-    high: float
-    period: float | None = None
-    quadratic: bool = False
-    """Whether grids often step evenly in the angle's square root."""
-
-
-THETA_I = AxisKind("theta_i", "polar angle of the direction to the light", 0.0, math.pi)
-PHI_I = AxisKind("phi_i", "azimuth of the direction to the light", 0.0, TURN, TURN)
-THETA_O = AxisKind("theta_o", "polar angle of the direction to the detector", 0.0, math.pi)
-PHI_O = AxisKind("phi_o", "azimuth of the direction to the detector", 0.0, TURN, TURN)
-
-
-class OutgoingGrid(NamedTuple):
-    """The directions of the detector that are the same for every incidence, and the incidences; radians."""
-
-    theta_i: np.ndarray
-    phi_i: np.ndarray
-    theta_o: np.ndarray
-    azimuth: np.ndarray
-    """Azimuths of the detector, relative to the surface or, for `phi_i` = 0 alone, to the light."""
 
 
 class Layout(abc.ABC):

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gonio.data.layouts.base import TURN, Angles, AxisKind, Layout, NodeMap, Trig, spacing
+from gonio.data.layouts.axes import TURN, AxisKind
+from gonio.data.layouts.base import Angles, Layout, NodeMap, Trig, spacing
 from gonio.data.layouts.nodes import node_numbers
 from gonio.models.errors import GonioError
 

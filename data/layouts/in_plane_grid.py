@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gonio.data.layouts.base import THETA_I, Angles, AxisKind, Layout, Trig
+from gonio.data.layouts.axes import THETA_I, AxisKind
+from gonio.data.layouts.base import Angles, Layout, Trig
 from gonio.data.layouts.nodes import node_numbers
 
 if TYPE_CHECKING:

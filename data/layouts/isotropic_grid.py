@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gonio.data.layouts.base import THETA_I, THETA_O, TURN, Angles, AxisKind, Layout, NodeMap, OutgoingGrid, Trig
+from gonio.data.layouts.axes import THETA_I, THETA_O, TURN, AxisKind, OutgoingGrid
+from gonio.data.layouts.base import Angles, Layout, NodeMap, Trig
 from gonio.data.layouts.nodes import SAME, node_numbers
 
 if TYPE_CHECKING:

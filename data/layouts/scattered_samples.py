@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gonio.data.layouts.base import PHI_I, PHI_O, THETA_I, THETA_O, Angles, Layout
+from gonio.data.layouts.axes import PHI_I, PHI_O, THETA_I, THETA_O
+from gonio.data.layouts.base import Angles, Layout
 from gonio.data.layouts.spherical_grid import angles_of_pair, pair_by_angles
 from gonio.models.errors import GonioError
 

@@ -4,18 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gonio.data.layouts.base import (
-    PHI_I,
-    PHI_O,
-    THETA_I,
-    THETA_O,
-    TURN,
-    Angles,
-    Layout,
-    NodeMap,
-    OutgoingGrid,
-    Trig,
-)
+from gonio.data.layouts.axes import PHI_I, PHI_O, THETA_I, THETA_O, TURN, OutgoingGrid
+from gonio.data.layouts.base import Angles, Layout, NodeMap, Trig
 from gonio.data.layouts.nodes import node_numbers
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gonio.data import layouts
+from gonio.data.cell_ranges import boxes
 from gonio.data.flags import Flag
-from gonio.data.table import Channels, Table, boxes, whole_table_of_values
+from gonio.data.table import Channels, Table, whole_table_of_values
 from gonio.models.errors import GonioError
 
 GRID = layouts.isotropic(np.radians([0, 30, 60, 85]), np.radians([0, 40, 88]), np.radians([0, 90, 180, 270]))
