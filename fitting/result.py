@@ -3,10 +3,12 @@
 import dataclasses
 import functools
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gonio.data.files import new_file
 from gonio.data.material import Material
@@ -17,6 +19,10 @@ from gonio.fitting.residuals.summary import Evidence, ResidualSummary, summarise
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import renamed_attribute
 from gonio.models.display import Displayed
+from gonio.models.expression.builder import build, frame
+from gonio.models.expression.labels import number_label
+from gonio.models.expression.parser import Value, parse
+from gonio.models.expression.paths import changed
 
 CORRELATED = 0.95  # from which on a correlation is reported
 MOST_CORRELATED = 5
@@ -41,6 +47,17 @@ class ParameterEstimate:
     def label(self) -> str:
         """Name with its channel, such as ``lambert.rho[R]``."""
         return self.name if self.channel is None else f"{self.name}[{self.channel}]"
+
+
+class DerivedNumber(NamedTuple):
+    """A quantity of a fitted model with both of its errors, arrays of one shape.
+
+    `numerical_error`: bound on the error of computing it; `standard_uncertainty`: from the covariance of the fit.
+    """
+
+    value: np.ndarray
+    numerical_error: np.ndarray
+    standard_uncertainty: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -145,6 +162,48 @@ class FitResult(Displayed):
             for i, j in pairs
             if size[i, j] >= CORRELATED
         ]
+
+    def albedo(self, theta_i: ArrayLike, phi_i: ArrayLike = 0.0, degrees: bool = False) -> DerivedNumber:
+        """Share of the light from (theta_i, phi_i) that the fitted model reflects; see `Material.albedo`."""
+        estimate = self.material.albedo(theta_i, phi_i, degrees)
+        spread = self.propagated(lambda material: material.albedo(theta_i, phi_i, degrees).value)
+        return DerivedNumber(estimate.value, estimate.bound, spread)
+
+    def propagated(self, quantity: Callable[[Material], np.ndarray]) -> np.ndarray:
+        """Standard uncertainty of a quantity of the material from the covariance of the fit.
+
+        By central differences over one standard uncertainty on either side, within the domain [JCGM 100:2008, eq. 13].
+        Numbers on an active bound add nothing; NaN where the readings leave a number without a covariance.
+        """
+        free = [p for p in self.parameters if p.label in self.free_names]
+        moving = [k for k, p in enumerate(free) if not p.status.startswith("at ")]
+        slopes = []
+        for p in (free[k] for k in moving):
+            u = p.standard_uncertainty
+            low, high = (min(max(p.value + step, p.low), p.high) for step in (-u, u))
+            ends = [quantity(self._with_number(p, value)) for value in (low, high)] if low < high else [np.nan, np.nan]
+            slopes.append((ends[1] - ends[0]) / (high - low if low < high else np.nan))
+        if not slopes:
+            return np.zeros_like(quantity(self.material))
+        j = np.stack(np.broadcast_arrays(*slopes))
+        covariance = self.covariance[np.ix_(moving, moving)]
+        return np.sqrt(np.maximum(np.einsum("i...,ij,j...->...", j, covariance, j), 0.0))
+
+    def _with_number(self, p: ParameterEstimate, value: float) -> Material:
+        """The material with one of its numbers changed."""
+        terms = parse(self.expression)
+        frames = tuple(frame(t) for t in terms)
+        channel = None if p.channel is None else self.channels.names.index(p.channel)
+
+        def change(index: int, path: str, v: Value) -> Value:
+            if number_label(frames, index, path) != p.name:
+                return v
+            if channel is None or not isinstance(v.number, tuple):
+                return Value(value)
+            return Value((*v.number[:channel], value, *v.number[channel + 1 :]))
+
+        terms = tuple(changed(t, functools.partial(change, index)) for index, t in enumerate(terms))
+        return dataclasses.replace(self.material, brdf=build(terms))
 
     @property
     def exit_status(self) -> int:

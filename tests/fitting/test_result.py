@@ -53,3 +53,30 @@ def test_its_material_is_a_subject(result):
     measured = gonio.measure(result, scan=COARSE_ISOTROPIC)
     assert np.nanmax(np.asarray(measured.f)) > 0
     assert gonio.check(result).overall == gonio.check(material).overall == "pass"
+
+
+def test_an_albedo_has_both_of_its_errors(result):
+    """Of a Lambertian the directional albedo is ρ, and its uncertainty is that of ρ; with a lobe it is not."""
+    bare = gonio.fit(table_of("lambert(rho=[.1,.2,.4])", COARSE_ISOTROPIC, noise=0.02), "lambert")
+    albedo = bare.albedo(np.array([10.0, 60.0]), degrees=True)
+    rho = np.array([p.value for p in bare.parameters])
+    u = np.array([p.standard_uncertainty for p in bare.parameters])
+    np.testing.assert_allclose(albedo.value, [rho, rho], rtol=1e-6)
+    np.testing.assert_allclose(albedo.standard_uncertainty, [u, u], rtol=1e-6)
+    assert np.all(albedo.numerical_error < 1e-5)
+    lobe = result.albedo(0.5)
+    assert np.all(lobe.standard_uncertainty > 0) and np.all(lobe.numerical_error < lobe.standard_uncertainty)
+
+
+def test_a_linear_quantity_propagates_as_the_covariance_says(result):
+    """f is linear in ρ and scale: u² of f at one pair of directions is g C gᵀ with the gradient of the material."""
+    pair = (0.4, 0.0, 0.5, np.pi)
+    gradient = result.material.gradient(*pair)
+    rows = np.zeros((3, len(result.free_names)))
+    for c, name in enumerate("RGB"):
+        for k, label in enumerate(result.free_names):
+            path, _, channel = label.partition("[")
+            if channel.rstrip("]") in ("", name):
+                rows[c, k] = gradient[path][..., c]
+    expected = np.sqrt(np.einsum("ci,ij,cj->c", rows, result.covariance, rows))
+    np.testing.assert_allclose(result.propagated(lambda m: m.f(*pair)), expected, rtol=1e-3)
