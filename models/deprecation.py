@@ -42,7 +42,7 @@ def old_keywords(**new_names: str) -> Callable[[Callable[P, R]], Callable[P, R]]
     def decorator(function: Callable[P, R]) -> Callable[P, R]:
         @functools.wraps(function)
         def wrapper(*args: P.args, **options: P.kwargs) -> R:
-            return function(*args, **cast(Any, renamed_options(options, new_names)))
+            return cast(Callable[..., R], function)(*args, **renamed_options(options, new_names))
 
         return wrapper
 

@@ -1,0 +1,26 @@
+"""The reference's slopes, at forty digits."""
+
+import numpy as np
+import pytest
+from mpmath import mp
+
+from gonio.stability.reference import DIGITS, Reference
+
+
+def test_infinite_slopes_inside_of_a_domain_are_seen():
+    """(θ − θ0)^k has a cusp at θ = θ0 for k < 1."""
+    wi, wo = (0.0, 0.0, 1.0), (0.6, 0.0, 0.8)
+    words = "alpha=0.1, p=0.7, kappa=5, f0=0.04, f1=0, lam=3, c=0.1, theta_0=0"
+    with mp.workdps(DIGITS):
+        for k, infinite in ((0.5, True), (2, False)):
+            reference = Reference(f"sgd({words}, k={k})", np.float64)
+            assert reference.infinite("theta_0", reference.inputs(wi, wo)) == infinite
+
+
+def test_a_slope_at_forty_digits():
+    reference = Reference("phong(n=3)", np.float64)
+    wi, wo = (0.0, 0.6, 0.8), (0.0, 0.0, 1.0)
+    with mp.workdps(DIGITS):
+        n, c = mp.mpf(3), mp.mpf(0.8)
+        exact = c**n / (2 * mp.pi) * (1 + (n + 2) * mp.log(c))
+        assert float(reference.slope("n", reference.inputs(wi, wo))) == pytest.approx(float(exact), rel=1e-12)
