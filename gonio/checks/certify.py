@@ -52,9 +52,10 @@ def check(
         evidence = TableEvidence(judged.table, level, feature_width, reference).gathered()
     properties = []
     for key, spec in PROPERTIES.items():
-        if reference is not None or not spec.needs_reference:
-            judge = pkgutil.resolve_name(f"gonio.checks.{getattr(spec, judged.kind)}")
-            properties.append(judge(evidence, given.get(key, getattr(spec, f"{judged.kind}_tolerance"))))
+        path, tolerance = getattr(spec, judged.kind), getattr(spec, f"{judged.kind}_tolerance")
+        if path is not None and (reference is not None or not spec.needs_reference):
+            judge = pkgutil.resolve_name(f"gonio.checks.{path}")
+            properties.append(judge(evidence, given.get(key, tolerance)))
     return Certificate(name or judged.name, judged.kind, properties, strict)
 
 

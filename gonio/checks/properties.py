@@ -7,11 +7,12 @@ class PropertySpec(NamedTuple):
     """How one property is checked and how its verdict counts.
 
     The checks are named, ``folder.module:function``, and imported when they run: listing the properties loads no JAX.
+    None: there is no such check.
     """
 
-    model: str
+    model: str | None
     """Check of a model, ``(ModelEvidence, tolerance) -> Property``."""
-    table: str
+    table: str | None
     """Check of a table, ``(TableEvidence, tolerance) -> Property``."""
     model_tolerance: float
     table_tolerance: float

@@ -30,7 +30,7 @@ REGIMES = {
 }
 VIOLATIONS = (0.02, 0.05, 0.10)
 LEVELS = (0.01, 0.10)
-DRAWN = 100
+REPEATS = 100
 
 
 def p_value(instrument, seed, violation=0.0):
@@ -51,7 +51,7 @@ def main() -> None:
         alarms = [float(np.mean(p < level)) for level in LEVELS]
         total += alarms
         power = [
-            np.mean([p_value(instrument, 10_000 + seed, v) < LEVELS[0] for seed in range(DRAWN)]) for v in VIOLATIONS
+            np.mean([p_value(instrument, 10_000 + seed, v) < LEVELS[0] for seed in range(REPEATS)]) for v in VIOLATIONS
         ]
         row = "".join(f"{a:16.2%}" for a in alarms) + "".join(f"{float(x):14.0%}" for x in power)
         print(f"{name:28}{row}", flush=True)
