@@ -1,13 +1,14 @@
 """The options of a report: the public keywords of `gonio.report`, and the same checked."""
 
 import dataclasses
+import errno
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypedDict
 
 from gonio.checks.certificate import Certificate
-from gonio.data.files import refuse_existing, refuse_input
+from gonio.data.files import output_errors, refuse_existing, refuse_input
 from gonio.models.errors import GonioError
 
 MOST_SUBJECTS = 50
@@ -67,11 +68,7 @@ class ReportSettings:
             raise GonioError(f"{path} is no name of a page; end it in .html (its values go to {values.name} beside it)")
         refuse_existing(values, self.force)
         refuse_input(values, *inputs)
-        folder = path.absolute().parent
-        if not folder.is_dir():
-            raise GonioError(f"the folder {folder} of {path} does not exist; make it first")
-        if not os.access(folder, os.W_OK):
-            raise GonioError(f"{path} cannot be written (Permission denied); choose a folder you may write to")
+        _require_writable_folder(path)
         return values
 
     def refuse_figures(self) -> None:
@@ -81,7 +78,12 @@ class ReportSettings:
         folder = Path(self.figures)
         if folder.exists() and not folder.is_dir():
             raise GonioError(f"{folder} is a file; name a folder for the figures")
-        if not folder.absolute().parent.is_dir():
-            raise GonioError(f"the folder {folder.absolute().parent} of {folder} does not exist; make it first")
+        _require_writable_folder(folder)
         if not self.force and folder.is_dir() and any(folder.iterdir()):
             raise GonioError(f"{folder} holds files already; name another folder, or --force to write among them")
+
+
+def _require_writable_folder(path: Path) -> None:
+    with output_errors(path):
+        if not os.access(path.absolute().parent, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
