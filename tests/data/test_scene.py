@@ -81,8 +81,8 @@ def test_each_fault_of_a_file_is_one_sentence(tmp_path, text, words):
     path.write_text(text)
     with pytest.raises(GonioError) as error:
         read_scene(path)
-    said = str(error.value)
-    assert "\n" not in said and "scene.toml" in said and any(w in said for w in words.split("|"))
+    message = str(error.value)
+    assert "\n" not in message and "scene.toml" in message and any(w in message for w in words.split("|"))
 
 
 def test_what_a_scene_or_a_table_lacks_is_named():

@@ -38,7 +38,7 @@ def main() -> None:
             began = time.process_time()
             fit = gonio.fit(table, scene=scene, starts=0)
             row = next(a for a in fit.alternatives if a["verdict"].startswith("chosen"))
-            asked = max(
+            wanted = max(
                 (a for a in fit.alternatives if a["scene_error"] <= tolerance), key=lambda a: a["free"], default=row
             )
             fitted, began = time.process_time() - began, time.process_time()
@@ -47,7 +47,7 @@ def main() -> None:
             before, after = (t.f.nbytes + t.flag.nbytes for t in (table, small.table))
             print(
                 f"{name:8} {scene:16} tolerance {tolerance:.0%}: model {row['model']} ({row['free']} numbers of "
-                f"{asked['free']}), error {row['scene_error']:.2%}, {row['verdict']}, {fitted:.1f} CPU s",
+                f"{wanted['free']}), error {row['scene_error']:.2%}, {row['verdict']}, {fitted:.1f} CPU s",
                 flush=True,
             )
             print(

@@ -59,11 +59,11 @@ def test_a_trial_is_what_the_interpolant_of_the_thinned_table_says(whole):
 
 
 def test_a_reduced_table_is_small_and_within_the_tolerance(whole):
-    found = reduce_table(whole, SUN)
-    assert found.error <= 0.05 and error_of(found.table, whole, SUN) <= 0.055
-    assert found.cells[1] < found.cells[0] / 4 and any("bilateral symmetry" in words for words in found.left_out)
+    reduced = reduce_table(whole, SUN)
+    assert reduced.error <= 0.05 and error_of(reduced.table, whole, SUN) <= 0.055
+    assert reduced.cells[1] < reduced.cells[0] / 4 and any("bilateral symmetry" in words for words in reduced.left_out)
     strict = reduce_table(whole, SUN, tolerance=0.01)
-    assert strict.error <= 0.01 and strict.cells[1] > found.cells[1]
+    assert strict.error <= 0.01 and strict.cells[1] > reduced.cells[1]
 
 
 def same_reduction(a, b):
@@ -96,8 +96,8 @@ def test_channels_of_the_scene_are_those_of_a_table_of_them(whole):
 
 
 def test_grey_and_flat_surfaces_need_next_to_nothing():
-    found = reduce_table(table_of("lambert(rho=[.3,.3,.3])", GRID, noise=0.0), SUN)
-    assert found.cells[1] == 1 and found.error < 1e-6 and any("colour" in words for words in found.left_out)
+    reduced = reduce_table(table_of("lambert(rho=[.3,.3,.3])", GRID, noise=0.0), SUN)
+    assert reduced.cells[1] == 1 and reduced.error < 1e-6 and any("colour" in words for words in reduced.left_out)
 
 
 def test_no_symmetry_is_assumed_that_the_scene_would_miss():
@@ -107,7 +107,7 @@ def test_no_symmetry_is_assumed_that_the_scene_would_miss():
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.1])
-def test_isotropy_is_found_from_any_azimuth(turn):
+def test_isotropy_shows_from_any_azimuth(turn):
     axes = {n: a + turn if n.startswith("phi") else a for n, a in WHOLE_ROUND.axes.items()}
     table = table_of("lambert(rho=.1) + 0.2*ggx(alpha=.6)", WHOLE_ROUND.with_axes(axes), noise=0.0)
     reduced = reduce_table(table, SUN, tolerance=0.1)
@@ -128,7 +128,7 @@ def test_what_cannot_be_reduced_is_one_sentence(whole):
         reduce_table(dark, SUN)
 
 
-def test_the_command_line_says_what_was_left_out(tmp_path, capsys, whole):
+def test_the_command_line_lists_what_is_omitted(tmp_path, capsys, whole):
     from gonio.__main__ import main
     from gonio.data.hdf5.writer import open_table, write_table
 
@@ -138,8 +138,8 @@ def test_the_command_line_says_what_was_left_out(tmp_path, capsys, whole):
         'gonio_scene = 1\ntolerance = 0.05\nchannels = ["R"]\n[[light]]\ntheta = [50, 70]\n[[view]]\ntheta = [0, 70]\n'
     )
     assert main(["reduce", source, "--scene", scene, "-o", out]) == 0
-    said = capsys.readouterr().out
-    assert "2 of 3 channels" in said and "times less" in said and "measured against the whole table" in said
+    text = capsys.readouterr().out
+    assert "2 of 3 channels" in text and "times less" in text and "measured against the whole table" in text
     small = open_table(out)
     assert small.channels.names == ("R",) and small.f.dtype == np.float32 and small.provenance["reduced"]
     assert main(["reduce", source, "--scene", scene, "-o", out]) == 2

@@ -28,7 +28,7 @@ def test_chi_squared_beside_scipy(freedom):
     assert tests.chi2_p == pytest.approx(stats.chi2.sf(value, freedom)) and tests.reduced_chi2 == pytest.approx(1.3)
 
 
-def test_noise_and_structure_are_told_apart():
+def test_noise_and_structure_are_distinguished():
     rng = np.random.default_rng(0)
     wave = np.sin(np.arange(4000) / 50)[:, None]
     results = [judged(rng.standard_normal((4000, 2)) + a * wave) for a in (0.0, 0.05, 0.5)]

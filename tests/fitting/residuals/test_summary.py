@@ -48,11 +48,11 @@ def test_masked_missing_and_negative_are_counted_apart():
     for k, flag in enumerate((Flag.SATURATED, Flag.SHADOWED, Flag.NOT_MEASURED)):
         table.flag.ravel()[valid[k::50]] = flag
     table.f.ravel()[valid[10::50]] *= -1
-    left = valid.size - sum(valid[k::50].size for k in range(3))
+    remaining = valid.size - sum(valid[k::50].size for k in range(3))
     near = np.minimum(*(w.z for w in ISOTROPIC.directions())) > np.cos(np.radians(60))
     counts = fit(table, "lambert", theta_max=np.radians(60)).counts
     usable = (table.flag.ravel() == Flag.VALID) & near
-    assert counts["used"] == np.count_nonzero(usable) and counts["left_out"] == left - counts["used"]
+    assert counts["used"] == np.count_nonzero(usable) and counts["left_out"] == remaining - counts["used"]
     assert counts["saturated"] == valid[::50].size and counts["shadowed"] == valid[1::50].size
     assert counts["missing"] == valid[2::50].size
     assert counts["negative"] == np.count_nonzero(usable & (table.f.ravel() < 0)) > 0

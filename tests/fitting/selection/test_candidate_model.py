@@ -72,7 +72,7 @@ def test_numbers_are_carried_between_shared_and_separate_ones():
 
 
 @pytest.mark.parametrize(("terms", "p", "tolerance"), [((LAMBERT,), SEVEN_P[:3], 1e-6), (SEVEN, SEVEN_P, 0.05)])
-def test_held_out_readings_are_those_of_a_fit_without_them(terms, p, tolerance):
+def test_cross_validation_is_that_of_refits(terms, p, tolerance):
     """The closed form against refits: exact for a linear model, within a few per cent for a lobe's width."""
     data, groups = data_of(SEVEN, SEVEN_P, noise=0.05), neighbourhood(WI, WO).groups
     problem = CandidateProblem(terms, data)

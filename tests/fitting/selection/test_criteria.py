@@ -26,7 +26,7 @@ def test_a_model_with_every_number_on_a_bound_predicts_what_it_is():
     np.testing.assert_allclose(chi2, [np.sum(r[groups == g] ** 2) for g in range(3)])
 
 
-def test_noise_is_seen_beside_what_a_model_misses():
+def test_noise_shows_beside_what_a_model_misses():
     """Rice's differences find 1 % noise under a smooth misfit twenty times as large, which correlates the residuals."""
     near, noise = neighbourhood(WI, WO), 0.01 * np.random.default_rng(3).standard_normal(SHAPE)
     size, used = np.ones(SHAPE), np.ones(SHAPE, bool)

@@ -19,7 +19,7 @@ HALF = Range((0.0, np.pi / 2), (0.0, 2 * np.pi), 1.0)
 
 
 @pytest.mark.parametrize(("layout", "anisotropic", "step"), [(ISOTROPIC, False, 10), (ROUND, True, 35)])
-def test_a_scene_looks_at_the_readings_nearest_to_it(layout, anisotropic, step):
+def test_a_view_takes_the_nearest_readings(layout, anisotropic, step):
     table = table_of(ONE, layout, noise=0.0)
     view = view_of(Scene("all", 0.1, (HALF,), (HALF,)), readings_of(table), anisotropic)
     assert 0 < view.distance < step
@@ -41,7 +41,7 @@ def test_noise_is_taken_off_the_error():
 
 
 def test_a_scene_takes_the_cheapest_model_that_it_allows():
-    """A plastic under ceiling lights passes for matte at 10 %, not at 1 %; what the table asks for is said."""
+    """A plastic under ceiling lights passes for matte at 10 %, not at 1 %; the note names what the table asks for."""
     table = table_of("lambert(rho=[.3,.4,.5]) + [.9,.7,.8]*ggx(alpha=.25, f0=0.04)", noise=0.01)
     above = Range((0.0, np.radians(60)), (0.0, 2 * np.pi), 1.0, fills=True)
     view = Range((0.0, np.radians(70)), (0.0, 2 * np.pi), 1.0)
@@ -54,7 +54,7 @@ def test_a_scene_takes_the_cheapest_model_that_it_allows():
     assert "room" in named.notes[0] and "tolerance 10 %" in named.notes[0]
 
 
-def test_a_tolerance_that_nothing_meets_is_said():
+def test_a_tolerance_that_nothing_meets_is_noted():
     table = table_of(ONE, noise=0.1)
     table.f = np.where(np.arange(table.f.size).reshape(table.f.shape) % 5 == 0, 3.0, 1.0) * table.f
     result = fit(table, scene=Scene("all", 1e-4, (HALF,), (HALF,)), starts=0)

@@ -47,7 +47,7 @@ def test_the_structure_that_made_the_data_is_chosen(truth, layout, expression, n
     assert selected(table_of(truth, layout, noise)).expression == expression
 
 
-def test_faint_structure_is_left_out_where_noise_hides_it():
+def test_faint_structure_is_omitted_where_noise_hides_it():
     """A second lobe of a hundredth of the first is seen at 0.3 % noise, and not asked for at 30 %."""
     faint = "lambert(rho=[.1,.2,.4]) + [.9,.6,.7]*ggx(alpha=.4, f0=0.04) + [.01,.02,.015]*ggx(alpha=.1, f0=0.04)"
     assert selected(table_of(faint, noise=0.003)).expression.count("ggx") == 2
@@ -72,7 +72,7 @@ def test_what_neighbours_share_does_not_buy_numbers():
     assert selection.result.design_effect > 3 and selection.expression.count("ggx") == 1
 
 
-def test_a_fit_without_a_model_says_what_it_tried_and_fits_the_chosen():
+def test_a_fit_without_a_model_lists_the_candidates_and_fits_the_chosen():
     lines = []
     result = fit(table_of(ONE), starts=1, log=lines.append)
     rows = {row["model"]: row for row in result.alternatives}
