@@ -12,7 +12,7 @@ from gonio.data.reduction.thin_grid import SceneValues, Thinning
 from gonio.data.scene import Scene, load_scene
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Channels, Table
-from gonio.models.deprecation import renamed
+from gonio.models.deprecation import old_keywords
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate_in_blocks
@@ -41,12 +41,12 @@ class Reduction(Displayed):
         }
 
 
+@old_keywords(say="log")
 def reduce_table(
     table: SubjectLike,
     scene: str | Scene,
     tolerance: float | None = None,
     log: Callable[[str], None] = lambda line: None,
-    say: Callable[[str], None] | None = None,
 ) -> Reduction:
     """The coarsest table found whose radiance in a scene is within the tolerance.
 
@@ -57,14 +57,11 @@ def reduce_table(
         table: a table, or the path of one in any format that can be read.
         scene: a scene, its file, or the name of a shipped one.
         tolerance: rms error of the reflected radiance over its rms; the scene's own if None.
-        log: called with a line for each grid that was thinned (`say` is its old name).
+        log: called with a line for each grid that was thinned.
 
     Raises:
         GonioError: the table does not answer for what the scene sees, or no smaller table is within the tolerance.
     """
-    if say is not None:
-        renamed("say", "log")
-        log = say
     table, scene = resolve_subject(table).require_table(), load_scene(scene)
     tolerance = scene.tolerance if tolerance is None else tolerance
     whole, left_out = table, ()

@@ -134,7 +134,8 @@ _EXTRA = (f"lambert(rho=0.2) + 0.5*ggx(alpha=.3) + 0*ggx(alpha={ANY})",
 _OPEN, _ATLAS, _QUICK, _TEST = (frozenset({t}) for t in ("left open", "atlas", "quick atlas", "test"))
 
 
-def _hard() -> list[RecoveryProblem]:
+def _extremes() -> list[RecoveryProblem]:
+    """Widths and Fresnel reflectances at the ends of their domains."""
     of = RecoveryProblem
     widths = [
         of(f"α = {a:g}, {where}", (_PLASTIC.format(a),), _MODEL, frozenset(tags), scan)
@@ -147,10 +148,15 @@ def _hard() -> list[RecoveryProblem]:
            _TEST if f == 0 else frozenset())
         for f in (0.0, 0.001, 0.5, 1.0)
     ]  # fmt: skip
+    return widths + schlick
+
+
+def _hard() -> list[RecoveryProblem]:
+    of = RecoveryProblem
     beckmann = "lambert(rho=0.2)+0.5*beckmann(alpha=.3)"
     hard = frozenset({"hard"})
     problems = [
-        *widths, *schlick,
+        *_extremes(),
         of("1 % outliers × 100, σ known", _USUAL, _MODEL, spikes=0.01),
         of("1 % outliers × 100", _USUAL, _MODEL, spikes=0.01, known=False),
         of("1 % outliers × 100, σ known, robust", _USUAL, _MODEL, spikes=0.01, robust=True),
