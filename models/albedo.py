@@ -5,6 +5,7 @@ width, by Gauss–Legendre panels whose order doubles until the bound meets the 
 """
 
 import functools
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -13,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, from_spherical
 
@@ -42,9 +44,11 @@ def panel_rule(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @eqx.filter_jit
-def _term_sums(brdf_terms, wi, u1, u2, weight):
-    def one(term, w):
-        def node(a, b, c):
+def _term_sums(
+    brdf_terms: tuple[AbstractBRDF, ...], wi: Direction, u1: Scalar, u2: Scalar, weight: Scalar
+) -> list[tuple[Channels, Channels]]:
+    def one(term: AbstractBRDF, w: Direction) -> tuple[Channels, Channels]:
+        def node(a: Scalar, b: Scalar, c: Scalar) -> Channels:
             wo, jacobian = term.lobe_map(w, a, b)
             return term.f(w, wo) * (c * jnp.maximum(wo.z, 0.0) * jacobian)
 
@@ -58,19 +62,19 @@ def _padded(a: np.ndarray, size: int, fill: float) -> np.ndarray:
     return np.concatenate([a, np.full(size - a.size, fill)])
 
 
-def _rule_sums(brdf_terms, wi: Direction, order: int) -> tuple[np.ndarray, np.ndarray]:
+def _rule_sums(brdf_terms: tuple[AbstractBRDF, ...], wi: Direction, order: int) -> list[np.ndarray]:
+    """(Σ, Σ of absolute values) of each term by the rule of one order."""
     # One compiled program for every order and number of incidences: nodes and incidences are padded to fixed blocks.
     u1, u2, weight = panel_rule(order)
-    total = None
+    blocks = []
     for start in range(0, u1.size, NODES_A_CALL):
         block = (
             _padded(a[start : start + NODES_A_CALL], NODES_A_CALL, f)
             for a, f in zip((u1, u2, weight), (0.3, 0.3, 0.0), strict=True)
         )
         sums = _term_sums(brdf_terms, wi, *(jnp.asarray(a) for a in block))
-        sums = [np.stack([np.asarray(p) for p in pair]) for pair in sums]
-        total = sums if total is None else [a + b for a, b in zip(total, sums, strict=True)]
-    return total
+        blocks.append([np.stack([np.asarray(p) for p in pair]) for pair in sums])
+    return [functools.reduce(np.add, sums) for sums in zip(*blocks, strict=True)]
 
 
 def _floor(absolute: np.ndarray) -> np.ndarray:
@@ -98,7 +102,9 @@ def directional_albedo(
     return Estimate(value, bound, evaluations)
 
 
-def _albedo_block(parts, theta, phi, tolerance) -> tuple[np.ndarray, np.ndarray, int]:
+def _albedo_block(
+    parts: tuple[AbstractBRDF, ...], theta: np.ndarray, phi: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, np.ndarray, int]:
     t, p = (_padded(a, INCIDENCES_A_CALL, 0.5) for a in (theta, phi))
     wi = Direction(*(jnp.asarray(c) for c in from_spherical(t, p, np)))
     done: dict[int, tuple[np.ndarray, np.ndarray]] = {}
@@ -126,11 +132,12 @@ def _albedo_block(parts, theta, phi, tolerance) -> tuple[np.ndarray, np.ndarray,
         open_terms = unmet
         if not open_terms:
             break
-    value, bound = (sum(_channels_last(d[k], done.values()) for d in done.values())[: theta.size] for k in (0, 1))
+    totals = [np.add.reduce([_channels_last(d[k], done.values()) for d in done.values()]) for k in (0, 1)]
+    value, bound = (total[: theta.size] for total in totals)
     return value, bound, evaluations
 
 
-def _channels_last(a: np.ndarray, everything) -> np.ndarray:
+def _channels_last(a: np.ndarray, everything: Iterable[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     channels = any(v.ndim > 1 for v, _ in everything)
     return a[:, None] if channels and a.ndim == 1 else a
 

@@ -127,11 +127,11 @@ def _refuse_mixed_axes(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> None
     shape = jnp.broadcast_shapes(*(jnp.shape(c) for c in (*wi, *wo)))
     if shape[-1:] in ((), (1,)):
         return
-    channels = max((jnp.shape(leaf)[-1:] for leaf in jax.tree.leaves(brdf)), default=())
-    if channels not in ((), (1,)):
+    channels = max((jnp.shape(leaf)[-1] for leaf in jax.tree.leaves(brdf) if jnp.ndim(leaf)), default=1)
+    if channels != 1:
         raise GonioError(
             f"f takes one pair of directions where parameters have channels: directions of shape {shape} would mix "
-            f"with {channels[0]} channels. Use gonio.models.evaluate(brdf, wi, wo), or Material.f."
+            f"with {channels} channels. Use gonio.models.evaluate(brdf, wi, wo), or Material.f."
         )
 
 
@@ -142,7 +142,7 @@ class Scaled(AbstractBRDF):
     """scale · base, with one scale or one for each channel."""
 
     scale: Channels = parameter(SCALE)
-    base: AbstractBRDF
+    base: AbstractBRDF  # pyright: ignore[reportGeneralTypeIssues]  # it takes `parameter` for a default
 
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         return self.scale * self.base.formula(wi, wo)
@@ -251,7 +251,7 @@ def terms(brdf: AbstractBRDF) -> tuple[AbstractBRDF, ...]:
         return tuple(t for part in brdf.parts for t in terms(part))
     if isinstance(brdf, Scaled) and isinstance(brdf.base, Sum | Scaled):
         inner = terms(brdf.base)
-        if len(inner) > 1 or isinstance(inner[0], Scaled):
+        if len(inner) > 1 or any(isinstance(t, Scaled) for t in inner):
             return tuple(
                 Scaled(brdf.scale * t.scale, t.base) if isinstance(t, Scaled) else Scaled(brdf.scale, t) for t in inner
             )

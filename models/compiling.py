@@ -1,6 +1,8 @@
 """Compilation of what runs over many directions: as wide vectors as the machine has."""
 
 import functools
+from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -21,15 +23,16 @@ def options() -> dict:
     return WIDE
 
 
-def wide_jit(function):
+def wide_jit(function: Callable[..., Any]) -> Callable[..., Any]:
     """`eqx.filter_jit` for kernels over many directions; positional arguments only."""
 
     @functools.cache
-    def compiled():
-        return eqx.filter_jit(function, compiler_options=options())
+    def compiled() -> Callable[..., Any]:
+        jit: Any = eqx.filter_jit
+        return jit(function, compiler_options=options())
 
     @functools.wraps(function)
-    def call(*args):
+    def call(*args) -> Any:
         return compiled()(*args)
 
     return call

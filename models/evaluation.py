@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.compiling import wide_jit
 from gonio.models.errors import GonioError
@@ -17,19 +18,19 @@ SMALL_BLOCK = 8192
 
 
 @wide_jit
-def _values(brdf, wi, wo):
+def _values(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> Channels:
     pairs = wi.z.shape[0]
     if pairs <= BLOCK:
         return jax.vmap(brdf.f)(wi, wo)
 
-    def start(index):
+    def start(index: Scalar) -> Scalar:
         return jnp.minimum(index * BLOCK, pairs - BLOCK)  # the last block begins inside the one before it
 
-    def block(index):
+    def block(index: Scalar) -> Channels:
         part = [Direction(*(jax.lax.dynamic_slice(c, (start(index),), (BLOCK,)) for c in w)) for w in (wi, wo)]
         return jax.vmap(brdf.f)(*part)
 
-    def put(index, values):
+    def put(index: Scalar, values: Channels) -> Channels:
         return jax.lax.dynamic_update_slice_in_dim(values, block(index), start(index), 0)
 
     kind = jax.eval_shape(block, 0)

@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 
-from gonio.models.arrays import Scalar
+from gonio.models.arrays import Channels, Scalar
 
 
 def fresnel_schlick1994(cos_d: Scalar, f0: Scalar) -> Scalar:
@@ -53,10 +53,15 @@ def fresnel_conductor(cos_d: Scalar, eta: Scalar, k: Scalar) -> Scalar:
     return (total_s - cross) * sum_p / ((total_s + cross) * (sum_p + cross * sin2_d) + least)
 
 
-def fresnel(cos_d: Scalar, f0, eta, k) -> Scalar:
+def fresnel(cos_d: Scalar, f0: Channels | None, eta: Channels | None, k: Channels | None) -> Scalar:
     """The reflectance that the given parameters mean: none, 1; `f0`, Schlick; `eta` (with `k`), exact."""
     if f0 is not None:
         return fresnel_schlick1994(cos_d, f0)
     if eta is None:
         return jnp.ones_like(cos_d)
     return fresnel_dielectric(cos_d, eta) if k is None else fresnel_conductor(cos_d, eta, k)
+
+
+def fresnel_of(parameters: object, cos_d: Scalar) -> Channels:
+    """`fresnel` by the fields f0, eta and k of a model; one that it does not have is None."""
+    return fresnel(cos_d, *(getattr(parameters, name, None) for name in ("f0", "eta", "k")))

@@ -5,7 +5,7 @@ import functools
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.models.arrays import Scalar
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.fresnel import fresnel_conductor, fresnel_dielectric
 
 NODES = 48
@@ -17,7 +17,7 @@ def _rule() -> tuple[np.ndarray, np.ndarray]:
     return (x + 1) / 2, w / 2
 
 
-def _nodes(like: Scalar) -> tuple[Scalar, Scalar]:
+def _nodes(like: Scalar) -> tuple[Scalar, ...]:
     return tuple(jnp.asarray(a, like.dtype).reshape((-1,) + (1,) * like.ndim) for a in _rule())
 
 
@@ -33,7 +33,7 @@ def _outside(eta: Scalar) -> Scalar:
     return jnp.sum(4.0 * w * v * span * g * jnp.cosh(y) * mu * fresnel_dielectric(mu, eta), 0)
 
 
-def fresnel_average(f0, eta, k) -> Scalar:
+def fresnel_average(f0: Channels | None, eta: Channels | None, k: Channels | None) -> Scalar:
     """2 ∫ F μ dμ of what `gonio.models.fresnel.fresnel` means by the same parameters.
 
     Schlick: f0 + (1 − f0)/21. A dielectric of η < 1 by 1 − F_avg(η) = η² (1 − F_avg(1/η)), as the étendue that

@@ -4,9 +4,9 @@ import dataclasses
 from typing import Any, Literal
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 Role = Literal[
     "albedo", "scale", "weight",  # levels: of what is reflected, of a lobe, of a term
@@ -57,4 +57,4 @@ def known_equal(a: Any, b: Any) -> bool:
     """Whether two parameters are the same in every channel, None like None: a question to values, so no under JAX."""
     if a is None or b is None:
         return a is b
-    return not any(isinstance(v, jax.core.Tracer) for v in (a, b)) and bool(np.all(np.asarray(a) == np.asarray(b)))
+    return not any(isinstance(v, Tracer) for v in (a, b)) and bool(np.all(np.asarray(a) == np.asarray(b)))

@@ -33,7 +33,7 @@ class AshikhminShirleyDiffuse(AbstractBRDF):
         return polar_map(u1, u2)
 
 
-def _entering(mu):
+def _entering(mu: Scalar) -> Scalar:
     # 1 − (1 − x)⁵ with x = μ/2, multiplied out so that grazing keeps its digits.
     x = 0.5 * mu
     return x * (5.0 - x * (10.0 - x * (10.0 - x * (5.0 - x))))

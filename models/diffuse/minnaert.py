@@ -46,7 +46,7 @@ class Minnaert(AbstractBRDF):
         return _polar(u1, log_mu), 2 * jnp.pi * power * jnp.exp(log_mu) / u2
 
 
-def _polar(u1, log_mu) -> Direction:
+def _polar(u1: Scalar, log_mu: Scalar) -> Direction:
     sin2 = -jnp.expm1(2.0 * log_mu)
     away = sin2 > 0
     sin_t = jnp.where(away, jnp.sqrt(jnp.where(away, sin2, 1.0)), 0.0)

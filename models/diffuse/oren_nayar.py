@@ -40,13 +40,13 @@ class OrenNayar(AbstractBRDF):
         shape = self._full(wi, wo) if self.form == "full" else self._qualitative(wi, wo)
         return self.rho / jnp.pi * shape
 
-    def _qualitative(self, wi, wo):
+    def _qualitative(self, wi: Direction, wo: Direction) -> Channels:
         s2 = self.sigma**2
         # cosφ sinα tanβ = (wi·wo − μi μo)/max(μi, μo).
         turned = jnp.maximum(wi.x * wo.x + wi.y * wo.y, 0.0) / jnp.maximum(wi.z, wo.z)
         return 1.0 - 0.5 * s2 / (s2 + 0.33) + 0.45 * s2 / (s2 + 0.09) * turned
 
-    def _full(self, wi, wo):
+    def _full(self, wi: Direction, wo: Direction) -> Channels:
         s2 = self.sigma**2
         (sin_i, cx_i, cy_i), (sin_o, cx_o, cy_o) = polar_parts(wi), polar_parts(wo)
         sin_a, cos_a, sin_b, cos_b = _larger_angle(sin_i, wi.z, sin_o, wo.z)
@@ -82,6 +82,6 @@ class OrenNayar(AbstractBRDF):
         return Direction(sin_t * x, sin_t * y, jnp.sin(height)), 2 * jnp.pi * sin_t * rate
 
 
-def _larger_angle(sin_i, cos_i, sin_o, cos_o):
+def _larger_angle(sin_i: Scalar, cos_i: Scalar, sin_o: Scalar, cos_o: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     # (sinα, cosα, sinβ, cosβ) of the larger and the smaller polar angle.
     return jnp.maximum(sin_i, sin_o), jnp.minimum(cos_i, cos_o), jnp.minimum(sin_i, sin_o), jnp.maximum(cos_i, cos_o)

@@ -5,11 +5,12 @@ import jax.numpy as jnp
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.empirical.cosine_power import exponent_at, power_density, power_normal, power_widths
-from gonio.models.fresnel import fresnel
+from gonio.models.fresnel import fresnel_of
 from gonio.models.geometry.directions import Direction, reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles, log_cosine, mirrored_pdf
 from gonio.models.microfacet import base as mf
+from gonio.models.microfacet.widths import along_axes
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.radial_laws import power_reach, power_slope
 from gonio.models.warps.slopes import facet_direction, slope_ray
@@ -45,12 +46,13 @@ class AshikhminShirley(AbstractBRDF):
     @property
     def exponents(self) -> tuple[Scalar, Scalar]:
         """(n_x, n_y); twice n where the surface is isotropic."""
-        return (self.n, self.n) if self.n_x is None else (self.n_x, self.n_y)
+        return along_axes(self, "n")
 
     @property
     def mean_exponents(self) -> tuple[Scalar, Scalar]:
         """The exponents by which directions are drawn: their mean where channels differ."""
-        return tuple(jnp.mean(n) for n in self.exponents)
+        n_x, n_y = self.exponents
+        return jnp.mean(n_x), jnp.mean(n_y)
 
     @property
     def facet_widths(self) -> tuple[Scalar, Scalar] | None:
@@ -62,7 +64,7 @@ class AshikhminShirley(AbstractBRDF):
         n_x, n_y = self.exponents
         power = jnp.exp(exponent_at(h, sin2_h, n_x, n_y) * log_cosine(h, sin2_h))
         scale = jnp.sqrt((n_x + 1.0) * (n_y + 1.0)) / (8 * jnp.pi)
-        return scale * power * fresnel(cos_d, self.f0, self.eta, self.k) * (1.0 / cos_d) * (1.0 / higher)
+        return scale * power * fresnel_of(self, cos_d) * (1.0 / cos_d) * (1.0 / higher)
 
     def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         return reflect(wi, power_normal(*self.mean_exponents, u1, u2))

@@ -3,6 +3,7 @@
 import abc
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 
 from gonio.models.arrays import Channels, Scalar
@@ -23,6 +24,7 @@ class AbstractBlinnPhong(AbstractBRDF):
     """A factor that depends on n alone, times cosⁿθ_h."""
 
     lobe = True
+    n: eqx.AbstractVar[Channels]
 
     @abc.abstractmethod
     def factor(self) -> Channels:
@@ -65,7 +67,7 @@ class BlinnPhong(AbstractBlinnPhong):
 
     n: Channels = parameter(EXPONENT)
 
-    def factor(self):
+    def factor(self) -> Channels:
         n = self.n
         return (n + 2.0) * (n + 4.0) / (8 * jnp.pi * (jnp.exp2(-0.5 * n) + n))
 
@@ -78,5 +80,5 @@ class BlinnPhongPopular(AbstractBlinnPhong):
 
     n: Channels = parameter(EXPONENT)
 
-    def factor(self):
+    def factor(self) -> Channels:
         return (self.n + 8.0) / (8 * jnp.pi)

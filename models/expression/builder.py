@@ -1,11 +1,12 @@
 """From an expression to a model, and back."""
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
+from gonio.models.arrays import Channels
 from gonio.models.brdf import AbstractBRDF, Scaled, Sum, terms
 from gonio.models.catalog import MODELS, name_of
 from gonio.models.errors import GonioError
@@ -26,7 +27,12 @@ def build(expression: str | tuple[Term, ...]) -> AbstractBRDF:
     for n in (n for term in spelled for n in numbers(term)):
         if n.value.number is None:
             raise GonioError(f"{n.call.name} has no value for a scale; give one, as in 0.5 * {n.call.name}(...).")
-    return together([assemble(frame(t), {n.path: as_array(n.value.number) for n in numbers(t)}) for t in spelled])
+    return together(
+        [
+            assemble(frame(t), {n.path: as_array(n.value.number) for n in numbers(t) if n.value.number is not None})
+            for t in spelled
+        ]
+    )
 
 
 class Frame(NamedTuple):
@@ -45,12 +51,12 @@ def frame(term: Term) -> Frame:
 
 def assemble(of: Frame, values: dict[str, jnp.ndarray]) -> AbstractBRDF:
     """One term of the given numbers by their paths (see `paths`), which may be traced by JAX."""
-    own = {n: v for n, v in values.items() if "." not in n and n != FACTOR}
+    fields: dict[str, Any] = {n: v for n, v in values.items() if "." not in n and n != FACTOR}
     for field, parts in of.inside:
         starts = [f"{field}.{index}." for index in range(len(parts))]
-        within = [{n[len(at) :]: v for n, v in values.items() if n.startswith(at)} for at in starts]
-        own[field] = together([assemble(part, v) for part, v in zip(parts, within, strict=True)])
-    model = MODELS[of.name](**own, **dict(of.options))
+        within = [{n.removeprefix(start): v for n, v in values.items() if n.startswith(start)} for start in starts]
+        fields[field] = together([assemble(part, v) for part, v in zip(parts, within, strict=True)])
+    model = MODELS[of.name](**fields, **dict(of.options))
     return Scaled(values[FACTOR], model) if FACTOR in values else model
 
 
@@ -73,7 +79,7 @@ def example(name: str) -> str:
     return f"'{name}({', '.join(said)})'"
 
 
-def _number_text(value) -> str:
+def _number_text(value: Channels) -> str:
     a = np.asarray(value)
     # The shortest decimal that reads back as the same number of the array's own precision.
     texts = [np.format_float_positional(x, trim="-") if 1e-5 <= abs(x) < 1e6 else repr(x.item()) for x in a.reshape(-1)]

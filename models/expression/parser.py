@@ -16,6 +16,8 @@ import dataclasses
 import re
 from collections.abc import Iterator
 
+import numpy as np
+
 from gonio.models.brdf import SCALE
 from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError, nearest
@@ -63,7 +65,7 @@ class Term:
 
 
 class _Parser:
-    def __init__(self, text: str):
+    def __init__(self, text: str) -> None:
         if len(text) > LONGEST:
             raise GonioError(f"A model expression of {len(text)} characters came; at most {LONGEST} are read.")
         self.text, self.tokens, self.at = text, [], 0
@@ -73,8 +75,8 @@ class _Parser:
             if match is None:
                 bad = text[position:].strip()[:1]
                 raise self.error(f"the character {bad!r} has no meaning in it")
-            kind = match.lastgroup
-            self.tokens.append((kind, match.group(kind)))
+            kind = str(match.lastgroup)
+            self.tokens.append((kind, match[kind]))
             position = match.end()
 
     def error(self, what: str) -> GonioError:
@@ -131,14 +133,11 @@ class _Parser:
             return a
         if a.number is None or b.number is None:
             raise self.error("a free scale around a scaled term has no single meaning; give one scale a term")
-        lists = [v.number if isinstance(v.number, tuple) else None for v in (a, b)]
-        if lists[0] is None and lists[1] is None:
-            return Value(a.number * b.number, a.free or b.free)
-        n = len(lists[0] or lists[1])
-        left, right = (v.number if isinstance(v.number, tuple) else (v.number,) * n for v in (a, b))
-        if len(left) != len(right):
-            raise self.error(f"scales of {len(left)} and {len(right)} channels multiply each other")
-        return Value(tuple(x * y for x, y in zip(left, right, strict=True)), a.free or b.free)
+        counts = [len(v.number) for v in (a, b) if isinstance(v.number, tuple)]
+        if len(set(counts)) > 1:
+            raise self.error(f"scales of {counts[0]} and {counts[1]} channels multiply each other")
+        number = (np.asarray(a.number) * np.asarray(b.number)).tolist()
+        return Value(tuple(number) if counts else number, a.free or b.free)
 
     def call(self, depth: int) -> Call:
         kind, name = self.take()

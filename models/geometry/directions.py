@@ -99,7 +99,9 @@ def reflect(w: Direction, m: Direction) -> Direction:
     return Direction(twice * m.x - w.x, twice * m.y - w.y, twice * m.z - w.z)
 
 
-def pair_from_half_difference_trig(cos_h, sin_h, cos_d, sin_d, cos_phi_d, sin_phi_d) -> tuple[Direction, Direction]:
+def pair_from_half_difference_trig(
+    cos_h: Scalar, sin_h: Scalar, cos_d: Scalar, sin_d: Scalar, cos_phi_d: Scalar, sin_phi_d: Scalar
+) -> tuple[Direction, Direction]:
     """(wi, wo) of half/difference coordinates at phi_h = 0, from cosines and sines already at hand.
 
     [Rusinkiewicz 1998]: wi = R_y(theta_h) d, wo its mirror image about h; here d has the azimuth phi_d of `wi`.

@@ -1,5 +1,6 @@
 """What the half-vector lobes share: h and the half angle, log cosθ_h, cosines that may be divided by, and densities."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -50,7 +51,7 @@ def log_cosine(h: Direction, sin2_h: Scalar) -> Scalar:
     return jnp.where(near, 0.5 * jnp.log1p(-jnp.where(near, sin2_h, 0.0)), jnp.log(jnp.where(near, 1.0, positive(h.z))))
 
 
-def mirrored_pdf(projected_density, wi: Direction, wo: Direction) -> Scalar:
+def mirrored_pdf(projected_density: Callable[[Direction], Scalar], wi: Direction, wo: Direction) -> Scalar:
     """Density, 1/sr, of wi mirrored in facets drawn with `projected_density(m)` (1/sr of m, 0 for m.z ≤ 0)."""
     h, cos_d, _ = half_angles(wi, wo)
     up = jnp.where(h.z < 0, -1.0, 1.0)

@@ -37,16 +37,20 @@ def coated_map(base: AbstractBRDF, eta: Scalar, wi: Direction, u1: Scalar, u2: S
     return _refracted_map(base, eta, inner, u1, u2) if base.lobe else rough_diffuser_map(wi, u1, u2)
 
 
-def _facet_map(widths, eta, inner, wi, u1, u2):
+def _facet_map(
+    widths: tuple[Scalar, Scalar], eta: Scalar, inner: Direction, wi: Direction, u1: Scalar, u2: Scalar
+) -> tuple[Direction, Scalar]:
     # The lobe is as much wider outside as refraction makes it; equal steps of the inverse hyperbolic sine suit any law.
     wider = eta * inner.z / jnp.maximum(wi.z, 0.2)
-    widths = [jnp.minimum(a * wider, 1.0) for a in widths]
+    widths = jnp.minimum(widths[0] * wider, 1.0), jnp.minimum(widths[1] * wider, 1.0)
     ray = slope_ray(wi, u1, *widths)
     span = jnp.arcsinh(ray.horizon)
     return facet_direction(wi, ray, jnp.sinh(span * u2), jnp.cosh(span * u2) * span, *widths)
 
 
-def _refracted_map(base, eta, inner, u1, u2):
+def _refracted_map(
+    base: AbstractBRDF, eta: Scalar, inner: Direction, u1: Scalar, u2: Scalar
+) -> tuple[Direction, Scalar]:
     # What is trapped inside has no area: a kink, which the bound tells of, where the lobe reaches it.
     inside, area = base.lobe_map(inner, u1, u2)
     out2 = 1.0 - eta**2 * (inside.x**2 + inside.y**2)

@@ -1,5 +1,7 @@
 """The coupled specular and matte model of Kelemen and Szirmay-Kalos."""
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 
@@ -13,13 +15,14 @@ from gonio.models.microfacet import base as mf
 from gonio.models.microfacet import distributions as slopes
 from gonio.models.microfacet.energy_compensation import cosine_layer_map
 from gonio.models.microfacet.gaussian_sampling import LAST_SLOPE, AbstractGaussianFacets
+from gonio.models.microfacet.widths import AbstractWidths
 from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
 RHO = ParameterInfo(0.0, 1.0, "1", "albedo of the matte part", start=0.5, role="albedo", per_channel=True)
 
 
-class KelemenLobe(AbstractGaussianFacets):
+class KelemenLobe(AbstractWidths, AbstractGaussianFacets):
     """f = F D/|i + o|² with Beckmann's D and Schlick's F [Kelemen & Szirmay-Kalos 2001]."""
 
     alpha: Channels
@@ -33,11 +36,6 @@ class KelemenLobe(AbstractGaussianFacets):
         h, cos_d, _ = half_angles(wi, wo)
         density = slopes.beckmann_d(h, self.alpha, self.alpha)
         return 0.25 * fresnel_schlick1994(cos_d, self.f0) * density / jnp.maximum(cos_d, floor) ** 2
-
-    @property
-    def mean_widths(self) -> tuple[Scalar, Scalar]:
-        alpha = jnp.mean(self.alpha)
-        return alpha, alpha
 
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """Polar coordinates of the facet's slope, out to the horizon's or to the last slope that matters."""
@@ -61,7 +59,7 @@ class KelemenMatte(AbstractBRDF):
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         white, grazing = (tables.width_series(name, self.alpha) for name in ("kelemen_white", "kelemen_grazing"))
 
-        def missing(of):
+        def missing(of: Callable[[str, tables.Series], Channels]) -> Channels:
             return of("kelemen_white", white) + (1.0 - self.f0) * of("kelemen_grazing", grazing)
 
         m_i, m_o = (missing(lambda n, s, w=w: tables.tabulated(n, s, w.z, self.alpha)) for w in (wi, wo))

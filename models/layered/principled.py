@@ -54,8 +54,8 @@ class PrincipledTerm(AbstractBRDF):
 
     @property
     def _widths(self) -> tuple[Scalar, Scalar]:
-        widths = self.whole.widths if self.term == "specular" else (self.whole.clearcoat_alpha,) * 2
-        return tuple(jnp.mean(w) for w in widths)
+        alpha_x, alpha_y = self.whole.widths if self.term == "specular" else (self.whole.clearcoat_alpha,) * 2
+        return jnp.mean(alpha_x), jnp.mean(alpha_y)
 
     def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         if self.term == "diffuse":

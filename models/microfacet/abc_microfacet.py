@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.fresnel import fresnel
+from gonio.models.fresnel import fresnel_of
 from gonio.models.geometry.directions import Direction, reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles, mirrored_pdf
@@ -44,7 +44,7 @@ class ABCMicrofacet(AbstractBRDF):
         half = half_angles(wi, wo)
         fall = half.sin2_h / (1.0 + half.h.z)  # 1 − cosθ_h
         s = jnp.exp(-self.c * jnp.log1p(self.b * fall))
-        return fresnel(positive(half.cos_d), self.f0, self.eta, self.k) * s * v_cavity_visibility(wi, wo, half)
+        return fresnel_of(self, positive(half.cos_d)) * s * v_cavity_visibility(wi, wo, half)
 
     @property
     def width(self) -> Scalar:

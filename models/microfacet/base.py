@@ -3,7 +3,7 @@
 import abc
 
 from gonio.models.arrays import Channels, Scalar
-from gonio.models.fresnel import fresnel
+from gonio.models.fresnel import fresnel_of
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.half_vector import half_angles
 from gonio.models.microfacet.widths import AbstractWidths
@@ -43,7 +43,7 @@ class AbstractMicrofacet(AbstractWidths):
 
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         h, cos_d, _ = half_angles(wi, wo)
-        return fresnel(cos_d, self.f0, self.eta, self.k) * (self.density(h) * self.visibility(wi, wo))
+        return fresnel_of(self, cos_d) * (self.density(h) * self.visibility(wi, wo))
 
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """Polar coordinates of the facet's slope, out to the horizon's (see `gonio.models.warps.slopes`)."""

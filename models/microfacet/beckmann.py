@@ -43,7 +43,7 @@ class Beckmann(AbstractCompensated):
 
     @property
     def violates(self) -> Mapping[str, str]:
-        return super().violates | ({"energy": UNSHADOWED} if self.smith == "none" else {})
+        return {**super().violates, **({"energy": UNSHADOWED} if self.smith == "none" else {})}
 
     def density(self, m: Direction) -> Channels:
         return slopes.beckmann_d(m, *self.widths)

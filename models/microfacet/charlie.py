@@ -57,7 +57,7 @@ class Charlie(AbstractBRDF):
         share = (1.0 - self.alpha) ** 2
         a, b, c, d, e = (at_1 + (at_0 - at_1) * share for at_0, at_1 in zip(AT_0, AT_1, strict=True))
 
-        def fit(x):
+        def fit(x: Scalar) -> Scalar:
             some = x > 0
             power = jnp.where(some, jnp.exp(c * jnp.log(jnp.where(some, x, 1.0))), 0.0)
             return a / (1.0 + b * power) + d * x + e

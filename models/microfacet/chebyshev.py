@@ -9,7 +9,7 @@ from gonio.models.arrays import Scalar
 def chebyshev_basis(x: Scalar, n: int) -> Scalar:
     """T₀(x) ... T₍ₙ₋₁₎(x) for x in [−1, 1], by their recurrence."""
 
-    def step(pair, _):
+    def step(pair: tuple[Scalar, Scalar], _: None) -> tuple[tuple[Scalar, Scalar], Scalar | None]:
         last, this = pair
         return (this, 2.0 * x * this - last), last
 
@@ -17,7 +17,7 @@ def chebyshev_basis(x: Scalar, n: int) -> Scalar:
 
 
 def _summed(series: Scalar, x: Scalar, unroll: bool) -> Scalar:
-    def step(pair, c):
+    def step(pair: tuple[Scalar, Scalar], c: Scalar) -> tuple[tuple[Scalar, Scalar], Scalar | None]:
         above, this = pair
         return (this, 2.0 * x * this - above + c), None
 
@@ -36,6 +36,6 @@ def clenshaw(series: Scalar, x: Scalar) -> Scalar:
 
 
 @clenshaw.defjvp
-def _clenshaw_jvp(primals, tangents):
+def _clenshaw_jvp(primals: tuple[Scalar, Scalar], tangents: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
     # Term after term written out, slopes of slopes of a coat take a minute to compile.
     return jax.jvp(lambda series, x: _summed(series, x, False), primals, tangents)

@@ -3,10 +3,8 @@
 import dataclasses
 from typing import ClassVar
 
-import jax.numpy as jnp
-
 from gonio.models.arrays import Channels, Scalar
-from gonio.models.fresnel import fresnel
+from gonio.models.fresnel import fresnel_of
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles
@@ -14,13 +12,14 @@ from gonio.models.microfacet import base as mf
 from gonio.models.microfacet import distributions as slopes
 from gonio.models.microfacet.gaussian_sampling import LAST_SLOPE, AbstractGaussianFacets
 from gonio.models.microfacet.v_cavity import v_cavity_map, v_cavity_visibility
+from gonio.models.microfacet.widths import AbstractWidths
 from gonio.models.parameters import parameter
 from gonio.models.warps.radial_laws import linear_law
 
 ALPHA = dataclasses.replace(mf.ALPHA, high=3.0)  # published fits go to 2.1
 
 
-class AbstractCookTorrance(AbstractGaussianFacets):
+class AbstractCookTorrance(AbstractWidths, AbstractGaussianFacets):
     """A constant that the final class gives, times F D G/(cosθi cosθo): Beckmann's D, the G of V-cavities."""
 
     lobe = True
@@ -28,18 +27,13 @@ class AbstractCookTorrance(AbstractGaussianFacets):
 
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         half = half_angles(wi, wo)
-        density = slopes.beckmann_d(half.h, self.alpha, self.alpha)
-        reflected = fresnel(positive(half.cos_d), self.f0, self.eta, self.k)
+        density = slopes.beckmann_d(half.h, *self.widths)
+        reflected = fresnel_of(self, positive(half.cos_d))
         return self.factor * reflected * density * v_cavity_visibility(wi, wo, half)
-
-    @property
-    def mean_widths(self) -> tuple[Scalar, Scalar]:
-        alpha = jnp.mean(self.alpha)
-        return alpha, alpha
 
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """Polar coordinates of the facet's slope, cut at the kinks of G."""
-        return v_cavity_map(wi, u1, u2, jnp.mean(self.alpha), LAST_SLOPE, linear_law)
+        return v_cavity_map(wi, u1, u2, self.mean_widths[0], LAST_SLOPE, linear_law)
 
 
 class CookTorrance(AbstractCookTorrance):

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
-from gonio.models.fresnel import fresnel
+from gonio.models.fresnel import fresnel_of
 from gonio.models.fresnel_average import fresnel_average
 from gonio.models.geometry.directions import Direction
 from gonio.models.microfacet import albedo_tables as tables
@@ -23,7 +23,9 @@ TURQUIN = (
 )
 
 
-def cosine_layer_map(cosines: tables.Cosines, alpha: Scalar, wi: Direction, u1, u2) -> tuple[Direction, Scalar]:
+def cosine_layer_map(
+    cosines: tables.Cosines, alpha: Scalar, wi: Direction, u1: Scalar, u2: Scalar
+) -> tuple[Direction, Scalar]:
     """Equal steps of azimuth from that of wi, and μ by the variable of a table: fine where μo is below α."""
     mu, rate = cosines.forward(u2, alpha)
     mu = jnp.clip(mu, 0.0, 1.0)
@@ -66,7 +68,14 @@ class AbstractCompensated(mf.AbstractMicrofacet):
     direction of the light, where the energy is counted [Turquin 2019]; not reciprocal. Isotropic widths only.
     """
 
-    def __check_init__(self):
+    alpha: eqx.AbstractVar[Channels | None]
+    f0: eqx.AbstractVar[Channels | None]
+    eta: eqx.AbstractVar[Channels | None]
+    k: eqx.AbstractVar[Channels | None]
+    smith: eqx.AbstractVar[str]
+    energy: eqx.AbstractVar[str]
+
+    def __check_init__(self) -> None:
         if self.energy == "single":
             return
         if self.alpha is None:
@@ -92,12 +101,12 @@ class AbstractCompensated(mf.AbstractMicrofacet):
     @property
     def single(self) -> mf.AbstractMicrofacet:
         """The model of a single bounce."""
-        return type(self)(alpha=self.alpha, f0=self.f0, eta=self.eta, k=self.k, smith=self.smith)
+        return type(self)(alpha=self.alpha, f0=self.f0, eta=self.eta, k=self.k, smith=self.smith, energy="single")
 
     @property
     def bounces(self) -> MultipleBounces:
         """The term of two bounces and more [Kulla & Conty 2017]."""
-        return MultipleBounces(alpha=self.alpha, f0=self.f0, eta=self.eta, k=self.k, table=self.table)
+        return MultipleBounces(alpha=self.widths[0], f0=self.f0, eta=self.eta, k=self.k, table=self.table)
 
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         once = super().formula(wi, wo)
@@ -105,7 +114,7 @@ class AbstractCompensated(mf.AbstractMicrofacet):
             return once + self.bounces.formula(wi, wo)
         if self.energy == "turquin":
             missing = tables.tabulated(self.table, tables.width_series(self.table, self.alpha), wi.z, self.alpha)
-            normal = fresnel(jnp.ones_like(wi.z), self.f0, self.eta, self.k)
+            normal = fresnel_of(self, jnp.ones_like(wi.z))
             return once * (1.0 + normal * (missing / (1.0 - missing)))
         return once
 

@@ -71,10 +71,6 @@ class GTR(mf.AbstractMicrofacet):
     k: Channels | None = parameter(mf.K, default=None)
     smith: str = eqx.field(static=True, default="correlated", metadata={"choices": ("correlated", "separable")})
 
-    @property
-    def widths(self) -> tuple[Scalar, Scalar]:
-        return self.alpha, self.alpha
-
     def density(self, m: Direction) -> Channels:
         return gtr_d(m, self.alpha, self.gamma)
 

@@ -30,7 +30,7 @@ class Retro(AbstractBRDF):
     @property
     def surface(self) -> GGX:
         """The facets that would mirror light from the mirror image of `wi` in the normal."""
-        return GGX(self.alpha, self.alpha_x, self.alpha_y, self.f0, self.eta, self.k, self.smith)
+        return GGX(**vars(self))
 
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         return self.surface.formula(mirrored(wi), wo)

@@ -13,6 +13,7 @@ from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import HalfAngles
 from gonio.models.warps.grazing_azimuth import grazing_tangent
+from gonio.models.warps.radial_laws import Law
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
 SEAM = 0.881373587019543  # asinh(1): t = ρ, in the variable that the azimuth is clustered by
@@ -26,7 +27,9 @@ def v_cavity_visibility(wi: Direction, wo: Direction, half: HalfAngles) -> Scala
     return jnp.where(shadowed, 2.0 * half.h.z * (1.0 / cos_d), 1.0 / lower) * (1.0 / higher)
 
 
-def v_cavity_map(wi: Direction, u1: Scalar, u2: Scalar, alpha: Scalar, last: Scalar, law) -> tuple[Direction, Scalar]:
+def v_cavity_map(
+    wi: Direction, u1: Scalar, u2: Scalar, alpha: Scalar, last: Scalar, law: Law
+) -> tuple[Direction, Scalar]:
     """(wo, dω/(du1 du2)) with every kink of G on an edge of the panels that `gonio.models.albedo` uses.
 
     `law(v, low, high)` is a slope in units of α between two others, for v in [0, 1], and its derivative by v; slopes

@@ -5,7 +5,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from gonio.models.arrays import Channels, Scalar
-from gonio.models.fresnel import fresnel
+from gonio.models.fresnel import fresnel_of
 from gonio.models.geometry.directions import Direction
 from gonio.models.microfacet.base import ETA, F0, K
 from gonio.models.parameters import ParameterInfo, parameter
@@ -36,7 +36,7 @@ class ABCSmooth(AbstractDiscLobe):
 
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         lobe = jnp.exp(-self.c * jnp.log1p(self.b * projected_distance2(wi, wo)))
-        return fresnel(_projected_cos_d(wi, wo), self.f0, self.eta, self.k) * lobe
+        return fresnel_of(self, _projected_cos_d(wi, wo)) * lobe
 
     def core(self, wi: Direction) -> tuple[Channels, Channels]:
         return 1.0 / jnp.sqrt(jnp.maximum(self.b, 1e-2)), self.c

@@ -5,6 +5,7 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool
 
 from gonio.models.arrays import Scalar
 
@@ -20,7 +21,7 @@ def _ln_factorial_rest(m: np.ndarray) -> np.ndarray:
     return np.where(m < 12, whole - (m * np.log(m) - m + 0.5 * np.log(2 * np.pi * m)), _stirling_rest(1.0 / m))
 
 
-def _stirling_rest(inverse_m):
+def _stirling_rest(inverse_m: Scalar) -> Scalar:
     # The asymptotic series, to 1e-16 from m = 12 on.
     s = inverse_m * inverse_m
     return inverse_m * (1 / 12 - s * (1 / 360 - s * (1 / 1260 - s * (1 / 1680 - s * (1 / 1188 - s * 691 / 360360)))))
@@ -55,12 +56,12 @@ def wave_series(g: Scalar, b: Scalar) -> Scalar:
 
 
 @jax.custom_jvp
-def _series(g, b):
+def _series(g: Scalar, b: Scalar) -> Scalar:
     return _sums(g, b)[0]
 
 
 @_series.defjvp
-def _series_jvp(at, rates):
+def _series_jvp(at: tuple[Scalar, Scalar], rates: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
     value, by_g, by_b = _sums(*at)
     return value, by_g * rates[0] + by_b * rates[1]
 
@@ -78,7 +79,7 @@ def _sums(g: Scalar, b: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     first = jnp.where(spread, low - g, 1.0 - g)
 
     # A loop, or XLA would compute what stands above anew for each of the terms.
-    def add(total, orders):
+    def add(total: tuple, orders: tuple) -> tuple[tuple, None]:
         terms = _terms(g, b, first, step, spread, *orders)
         return tuple(a + t for a, t in zip(total, terms, strict=True)), None
 
@@ -88,7 +89,9 @@ def _sums(g: Scalar, b: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     return value * scale, by_g * scale, by_b * scale
 
 
-def _terms(g, b, first, step, spread, order, order_rest):
+def _terms(
+    g: Scalar, b: Scalar, first: Scalar, step: Scalar, spread: Bool[Array, "..."], order: Scalar, order_rest: Scalar
+) -> tuple[Scalar, Scalar, Scalar]:
     """Terms of R, ∂R/∂g and ∂R/∂b."""
     above = first + step * (order - 1.0)
     m = jnp.where(spread, g + above, order)

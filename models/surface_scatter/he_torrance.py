@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax.scipy.special import erfc
 
 from gonio.models.arrays import Channels, Scalar
-from gonio.models.fresnel import fresnel
+from gonio.models.fresnel import fresnel_of
 from gonio.models.geometry.directions import Direction, add, dot
 from gonio.models.microfacet.base import ETA, K
 from gonio.models.parameters import ParameterInfo, parameter
@@ -61,7 +61,7 @@ class HeTorrance(AbstractDiscLobe):
         shown = self._shown(wi.z, sin_i, hidden_i) * self._shown(wo.z, sin_o, hidden_o)
         some = cos2_d > 0
         cos_d = jnp.where(some, jnp.sqrt(jnp.where(some, cos2_d, 1.0)), 0.0)
-        return fresnel(cos_d, None, self.eta, self.k) * scattered * shown
+        return fresnel_of(self, cos_d) * scattered * shown
 
     @property
     def _inverse_length(self) -> Scalar:

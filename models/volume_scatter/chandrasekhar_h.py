@@ -14,11 +14,10 @@ SQRT3 = 3**0.5
 class _Rule:
     """Nodes t of the integral over ln t, 1 − arctan(t)/t there, and the weights over π."""
 
-    def __init__(self, count: int, low: float, high: float, centre: float, scale: float):
+    def __init__(self, count: int, low: float, high: float, centre: float, scale: float) -> None:
         # Equal steps of x, ln t = centre + scale · sinh x: the integrand falls on both sides, so its poles, all at
         # Im ln t = ±π/2, matter less there and the steps may grow.
-        ends = [np.arcsinh((end - centre) / scale) for end in (low, high)]
-        x = np.linspace(*ends, count)
+        x = np.linspace(np.arcsinh((low - centre) / scale), np.arcsinh((high - centre) / scale), count)
         self.t = np.exp(centre + scale * np.sinh(x))
         self.weight = scale * np.cosh(x) * (x[1] - x[0]) / np.pi
         t2 = np.minimum(self.t, 0.1) ** 2
@@ -51,13 +50,13 @@ def h_isotropic(mu: Scalar, w: Channels) -> Channels:
     w = jnp.asarray(w, dtype)
     white = 1.0 - w
 
-    def log_rest(t_j, bend_j, weight_j):
+    def log_rest(t_j: Scalar, bend_j: Scalar, weight_j: Scalar) -> Scalar:
         t2 = t_j * t_j
         return weight_j * jnp.log((white + w * bend_j) * (3.0 + t2) / (3.0 * white + t2))
 
     logs = jax.vmap(log_rest)(t, bend, weight)
 
-    def node(total, at):
+    def node(total: Channels, at: tuple[Scalar, Channels]) -> tuple[Channels, None]:
         t_j, log_j = at
         far = mu * t_j
         return total + log_j * (far / (1.0 + far * far)), None

@@ -51,7 +51,7 @@ class Hapke(AbstractHotSpot):
         twice = self._h(wi.z) * self._h(wo.z) - 1.0
         return self.w * ((1.0 + surge) * phase + twice) / (4 * jnp.pi * (wi.z + wo.z))
 
-    def _h(self, mu):
+    def _h(self, mu: Scalar) -> Channels:
         if self.h_function == "exact":
             return h_isotropic(mu, self.w)
         gamma = absorption_root(self.w)

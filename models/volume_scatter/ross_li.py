@@ -59,7 +59,7 @@ class RossLi(AbstractBRDF):
         return back_direction(wi, ray, g, rate)
 
 
-def ross_thick(mu_i, mu_o, chords: PhaseChords):
+def ross_thick(mu_i: Scalar, mu_o: Scalar, chords: PhaseChords) -> Scalar:
     """((π/2 − ξ) cos ξ + sin ξ)/(μi + μo) − π/4, ξ the phase angle [Lucht 2000, eq. 38]."""
     apart, together = chords
     xi = 2.0 * jnp.arctan2(apart, together)
@@ -67,7 +67,7 @@ def ross_thick(mu_i, mu_o, chords: PhaseChords):
     return ((0.5 * jnp.pi - xi) * cos_xi + sin_xi) / (mu_i + mu_o) - 0.25 * jnp.pi
 
 
-def li_sparse(mu_i, mu_o, chords: PhaseChords):
+def li_sparse(mu_i: Scalar, mu_o: Scalar, chords: PhaseChords) -> Scalar:
     """O − sec θi − sec θo + ½(1 + cos ξ) sec θi sec θo, O the overlap of the shadows [Lucht 2000, eq. 39 to 44].
 
     D² + (tanθi tanθo sinφ)² there is |wi × wo|²/(μi μo)², so that cos t = (h/b) sin ξ/(μi + μo).
@@ -79,7 +79,7 @@ def li_sparse(mu_i, mu_o, chords: PhaseChords):
 
 
 @jax.custom_jvp
-def _overlap(cos_t):
+def _overlap(cos_t: Scalar) -> Scalar:
     # t − sin t cos t, 0 where cos t would exceed 1; its slope −2 sin t needs no inverse cosine.
     c = jnp.minimum(cos_t, 1.0)
     s = jnp.sqrt((1.0 - c) * (1.0 + c))
@@ -87,6 +87,6 @@ def _overlap(cos_t):
 
 
 @_overlap.defjvp
-def _overlap_jvp(primals, tangents):
+def _overlap_jvp(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, Scalar]:
     c = jnp.minimum(primals[0], 1.0)
     return _overlap(primals[0]), -2.0 * jnp.sqrt((1.0 - c) * (1.0 + c)) * tangents[0]

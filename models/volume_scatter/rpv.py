@@ -51,14 +51,14 @@ class RPV(AbstractHotSpot):
         return jnp.clip(wi.z**2, 1e-8, peak), jnp.clip(wi.z, 1e-8, peak)
 
 
-def _asymmetric(wi: Direction, wo: Direction, theta):
+def _asymmetric(wi: Direction, wo: Direction, theta: Channels) -> Scalar:
     # 1 + 2Θ cos g + Θ² by the chord that is small where the function peaks.
     apart, together = phase_chords(wi, wo)
     d = jnp.where(theta < 0, (1.0 + theta) ** 2 - theta * apart**2, (1.0 - theta) ** 2 + theta * together**2)
     return (1.0 - theta) * (1.0 + theta) / (d * jnp.sqrt(d))
 
 
-def _closeness(wi: Direction, mu_i, wo: Direction, mu_o):
+def _closeness(wi: Direction, mu_i: Scalar, wo: Direction, mu_o: Scalar) -> Scalar:
     # 1/(1 + G), G = |wi/μi − wo/μo| in the plane: by sum and difference, so that it keeps its digits where they agree.
     low, high = jnp.minimum(mu_i, mu_o), jnp.maximum(mu_i, mu_o)
     mean, apart = 0.5 * (mu_i + mu_o) / high, (mu_i - mu_o) / high

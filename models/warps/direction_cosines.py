@@ -42,7 +42,7 @@ def uniform_ray(wi: Direction, u1: Scalar) -> DiscRay:
     return _ray(wi, grazing_tangent(wi), jnp.cos(angle), jnp.sin(angle), jnp.full_like(angle, 2 * jnp.pi))
 
 
-def _ray(wi, tan_i, cos_p, sin_p, azimuth_rate) -> DiscRay:
+def _ray(wi: Direction, tan_i: Scalar, cos_p: Scalar, sin_p: Scalar, azimuth_rate: Scalar) -> DiscRay:
     t = tan_i * cos_p
     root = jnp.sqrt(1.0 + t * t)
     long, short = root + jnp.abs(t), 1.0 / (root + jnp.abs(t))

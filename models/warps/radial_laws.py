@@ -3,9 +3,14 @@
 Each law is (slope in units of the width, its derivative by v) for v in [0, 1].
 """
 
+from collections.abc import Callable
+
 import jax.numpy as jnp
 
 from gonio.models.arrays import Scalar
+
+Law = Callable[[Scalar, Scalar, Scalar], tuple[Scalar, Scalar]]
+"""(slope, its derivative by v) of v in [0, 1], between a low and a high slope."""
 
 S_MAX = 8.6  # exp(−S_MAX²/2) = 9e-17: the lobe beyond is below rounding
 
