@@ -119,7 +119,7 @@ def _albedo_block(
         for i, (value, absolute) in zip(open_terms, sums, strict=True):
             if i in previous:
                 change = np.abs(value - previous[i])
-                earlier = step.get(i, change)
+                earlier = step.setdefault(i, change)
                 # Agreement of two orders by accident is caught by the square of the change before it.
                 bound = 2 * change + earlier * np.minimum(earlier, 1.0) + _floor(absolute)
                 done[i] = (value, bound)
