@@ -59,11 +59,11 @@ class Textbook(AbstractBRDF):
         return fresnel * density * masking
 
 
-def _mirrored(w):
+def _mirrored(w: Direction) -> Direction:
     return Direction(-w.x, -w.y, w.z)
 
 
-def _cos2(w):
+def _cos2(w: Direction) -> jnp.ndarray:
     # Of twice the azimuth, which at the normal is nowhere.
     return (w.x**2 - w.y**2) / jnp.maximum(w.x**2 + w.y**2, 1e-300)
 
@@ -88,7 +88,7 @@ def mutants() -> list[Mutant]:
     brushed = build("ggx(alpha_x=0.1, alpha_y=0.4)")
     colours = build("lambert(rho=[0.5, 0.9, 0.7])")
 
-    def wrong(name, base=paint):
+    def wrong(name: str, base: AbstractBRDF = paint) -> Mistaken:
         return Mistaken(base, name)
 
     return [
