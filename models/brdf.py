@@ -200,8 +200,8 @@ class Sum(AbstractBRDF):
     def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         n = len(self.parts)
         which = jnp.minimum(jnp.floor(u1 * n), n - 1)
-        drawn = [part.sample(wi, u1 * n - which, u2) for part in self.parts]
-        return Direction(*(jnp.select([which == i for i in range(n)], list(c)) for c in zip(*drawn, strict=True)))
+        samples = [part.sample(wi, u1 * n - which, u2) for part in self.parts]
+        return Direction(*(jnp.select([which == i for i in range(n)], list(c)) for c in zip(*samples, strict=True)))
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return sum(part.pdf(wi, wo) for part in self.parts) / len(self.parts)

@@ -25,8 +25,8 @@ def _fujii_shape(wi: Direction, wo: Direction, r: Scalar) -> Scalar:
     s = wi.x * wo.x + wi.y * wo.y
     forward = s > 0
     t = jnp.where(forward, jnp.maximum(wi.z, wo.z), 1.0)
-    left = 0.5 * ((wi.x + wo.x) ** 2 + (wi.y + wo.y) ** 2 + (wi.z + wo.z) ** 2) - wi.z * wo.z
-    return jnp.where(forward, 1.0 + r * (s / t), (1.0 - r) + r * left) / (1.0 + C1 * r)
+    remainder = 0.5 * ((wi.x + wo.x) ** 2 + (wi.y + wo.y) ** 2 + (wi.z + wo.z) ** 2) - wi.z * wo.z
+    return jnp.where(forward, 1.0 + r * (s / t), (1.0 - r) + r * remainder) / (1.0 + C1 * r)
 
 
 def fujii_g(w: Direction) -> Scalar:

@@ -68,7 +68,7 @@ class _Parser:
     def __init__(self, text: str) -> None:
         if len(text) > LONGEST:
             raise GonioError(f"A model expression of {len(text)} characters came; at most {LONGEST} are read.")
-        self.text, self.tokens, self.at = text, [], 0
+        self.text, self.tokens, self.next_token = text, [], 0
         position, end = 0, len(text.rstrip())
         while position < end:
             match = _TOKEN.match(text, position)
@@ -86,16 +86,16 @@ class _Parser:
         )
 
     def peek(self) -> tuple[str, str]:
-        return self.tokens[self.at] if self.at < len(self.tokens) else ("end", "the end")
+        return self.tokens[self.next_token] if self.next_token < len(self.tokens) else ("end", "the end")
 
     def take(self) -> tuple[str, str]:
         token = self.peek()
-        self.at += 1
+        self.next_token += 1
         return token
 
     def accept(self, sign: str) -> bool:
         if self.peek() == ("sign", sign):
-            self.at += 1
+            self.next_token += 1
             return True
         return False
 
@@ -106,14 +106,14 @@ class _Parser:
     def sum(self, depth: int = 0) -> list[Term]:
         if depth > DEEPEST:
             raise self.error(f"more than {DEEPEST} brackets inside one another")
-        found = self.term(depth)
+        terms = self.term(depth)
         while True:
             kind, text = self.peek()
             if kind == "number" and text[0] == "+":  # "a +2 * b": the sign belongs to the sum
-                self.tokens[self.at] = (kind, text[1:])
+                self.tokens[self.next_token] = (kind, text[1:])
             elif not self.accept("+"):
-                return found
-            found += self.term(depth)
+                return terms
+            terms += self.term(depth)
 
     def term(self, depth: int) -> list[Term]:
         scale = None
@@ -234,27 +234,27 @@ def submodels_of(model_class: type) -> tuple[str, ...]:
     return tuple(f.name for f in dataclasses.fields(model_class) if "model" in f.metadata)
 
 
-def _said(terms: list[Term] | tuple[Term, ...]) -> Iterator[Value]:
+def _values_of(terms: list[Term] | tuple[Term, ...]) -> Iterator[Value]:
     for t in terms:
         yield from t.call.values.values()
         if t.scale is not None:
             yield t.scale
         for inside in t.call.models.values():
-            yield from _said(inside)
+            yield from _values_of(inside)
 
 
 def parse(text: str) -> tuple[Term, ...]:
     """The terms of a spelled model; GonioError, in one sentence, for anything that is not one."""
     parser = _Parser(text)
-    found = parser.sum()
+    terms = parser.sum()
     if parser.peek()[0] != "end":
         raise parser.error(f"nothing more was expected where {parser.peek()[1]!r} came")
-    lists = {len(v.number) for v in _said(found) if isinstance(v.number, tuple)}
+    lists = {len(v.number) for v in _values_of(terms) if isinstance(v.number, tuple)}
     if len(lists) > 1:
         raise parser.error(
             f"its lists have {' and '.join(map(str, sorted(lists)))} values; all lists are one value a channel"
         )
-    return tuple(found)
+    return tuple(terms)
 
 
 def require_one_fresnel(call: Call) -> None:

@@ -17,7 +17,7 @@ def positive(cosine: Scalar) -> Scalar:
     return jnp.where(cosine >= tiny**0.2, cosine, jax.lax.stop_gradient(jnp.maximum(cosine, tiny)))
 
 
-def lift(dtype: DTypeLike) -> float:
+def grazing_scale(dtype: DTypeLike) -> float:
     """A power of two by which what is as small as a grazing cosine may be multiplied, and then squared.
 
     2³⁰ in single precision: squares, and their inverses in gradients, of 1e-16 to 2 are then numbers; 2²⁰⁰ in double.

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction
-from gonio.models.geometry.guards import lift, positive
+from gonio.models.geometry.guards import grazing_scale, positive
 
 UNEVEN = 16.0
 """Difference of two squared lengths, in roundings, up to which both directions are taken as unit vectors."""
@@ -30,7 +30,7 @@ def half_angles(wi: Direction, wo: Direction) -> HalfAngles:
     letter, as renderers do: it is longer by (|wi|² − |wo|²)/(2|wi + wo|).
     """
     dtype = jnp.result_type(wi.x, wo.x)
-    up = lift(dtype)
+    up = grazing_scale(dtype)
     x, y, z = ((a + b) * up for a, b in zip(wi, wo, strict=True))
     length2 = x * x + y * y + z * z
     null = length2 <= 0

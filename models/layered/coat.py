@@ -39,16 +39,16 @@ class UnderCoat(AbstractBRDF):
 
     def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         """The base's sample, refracted outwards; what is trapped or below goes below the horizon, linearly in z."""
-        drawn, eta = self.base.sample(refracted(wi, self.index), u1, u2), self.index
+        sampled, eta = self.base.sample(refracted(wi, self.index), u1, u2), self.index
         inner = _trapped_below(eta)
-        out2 = 1.0 - eta * eta * (drawn.x**2 + drawn.y**2)
-        leaves = (drawn.z > 0) & (out2 > 0)
-        down = jnp.clip((drawn.z - inner) / (1.0 + inner), -1.0, 0.0)
-        side2 = drawn.x**2 + drawn.y**2
+        out2 = 1.0 - eta * eta * (sampled.x**2 + sampled.y**2)
+        leaves = (sampled.z > 0) & (out2 > 0)
+        down = jnp.clip((sampled.z - inner) / (1.0 + inner), -1.0, 0.0)
+        side2 = sampled.x**2 + sampled.y**2
         turned = jnp.sqrt((1.0 - down) * (1.0 + down) / jnp.where(side2 > 0, side2, 1.0))
         stretch = jnp.where(leaves, eta, jnp.where(side2 > 0, turned, 0.0))
         z = jnp.where(leaves, jnp.sqrt(jnp.where(leaves, out2, 1.0)), down)
-        return Direction(drawn.x * stretch, drawn.y * stretch, z)
+        return Direction(sampled.x * stretch, sampled.y * stretch, z)
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         eta, inner = self.index, _trapped_below(self.index)

@@ -138,8 +138,8 @@ class Principled(AbstractComposite):
             return jnp.ones_like(color)
         weights = jnp.asarray(LUMINANCE[self.variant], color.dtype) if color.shape == (3,) else 1.0 / color.shape[0]
         luminance = jnp.sum(weights * color)
-        seen = luminance > 0
-        return jnp.where(seen, color / jnp.where(seen, luminance, 1.0), 1.0)
+        reflects = luminance > 0
+        return jnp.where(reflects, color / jnp.where(reflects, luminance, 1.0), 1.0)
 
     def _diffuse(self, wi: Direction, wo: Direction) -> Scalar:
         cos_d = half_angles(wi, wo).cos_d
@@ -158,8 +158,8 @@ class Principled(AbstractComposite):
         metal = _mix(self.base_color, 1.0, weight)
         tinted = _mix(f0 * _mix(1.0, self.tint, self.specular_tint), 1.0, weight)
         if self.variant == "mitsuba":
-            seen = f0 > 0
-            eta = jnp.where(seen, 2.0 / (1.0 - jnp.sqrt(jnp.where(seen, f0, 0.04))) - 1.0, 1.0)
+            reflects = f0 > 0
+            eta = jnp.where(reflects, 2.0 / (1.0 - jnp.sqrt(jnp.where(reflects, f0, 0.04))) - 1.0, 1.0)
             plain = fresnel_dielectric(jnp.maximum(cos_d, 1e-12), eta)
             tinted = _mix(plain, _mix(f0 * self.tint, 1.0, weight), self.specular_tint)
         return _mix(tinted, metal, self.metallic)

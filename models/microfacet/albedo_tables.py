@@ -55,8 +55,8 @@ class Cosines(NamedTuple):
         if self.logarithmic:
             span = jnp.log1p(1.0 / c)
             return c * jnp.expm1(span * t), (c * jnp.exp(span * t)) * span * rate
-        left = c + (1.0 - t)
-        return c * t / left, c * (1.0 + c) / left**2 * rate
+        denominator = c + (1.0 - t)
+        return c * t / denominator, c * (1.0 + c) / denominator**2 * rate
 
 
 class Kind(NamedTuple):

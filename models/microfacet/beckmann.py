@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.geometry.directions import Direction, reflect
-from gonio.models.geometry.guards import lift, positive
+from gonio.models.geometry.guards import grazing_scale, positive
 from gonio.models.geometry.half_vector import mirrored_pdf
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet import distributions as slopes
@@ -52,7 +52,8 @@ class Beckmann(AbstractCompensated):
         if self.smith == "correlated":
             m_i, m_o = (slopes.beckmann_shadow_excess(w, *self.widths) for w in (wi, wo))
             z_i, z_o = positive(wi.z), positive(wo.z)
-            up = lift(jnp.result_type(z_i))  # the square of the denominator, in the gradient, does not underflow then
+            # The square of the denominator, in the gradient, does not underflow then
+            up = grazing_scale(jnp.result_type(z_i))
             return (0.25 * up) / ((z_i * z_o + z_o * m_i + z_i * m_o) * up)
         if self.smith == "none":
             return 0.25 * (1.0 / positive(wi.z)) * (1.0 / positive(wo.z))

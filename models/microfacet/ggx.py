@@ -5,7 +5,7 @@ import jax.numpy as jnp
 
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.geometry.directions import Direction, half_vector, reflect
-from gonio.models.geometry.guards import lift, positive
+from gonio.models.geometry.guards import grazing_scale, positive
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet.distributions import ggx_d, ggx_masked_cosine, ggx_shadow_root, ggx_visible_normal
 from gonio.models.microfacet.energy_compensation import ENERGY, AbstractCompensated
@@ -37,7 +37,8 @@ class GGX(AbstractCompensated):
             return 0.25 / (ggx_masked_cosine(wi, *self.widths) * ggx_masked_cosine(wo, *self.widths))
         s_i, s_o = ggx_shadow_root(wi, *self.widths), ggx_shadow_root(wo, *self.widths)
         z_i, z_o = positive(wi.z), positive(wo.z)
-        up = lift(jnp.result_type(z_i))  # the square of the denominator, in the gradient, does not underflow then
+        # The square of the denominator, in the gradient, does not underflow then
+        up = grazing_scale(jnp.result_type(z_i))
         return (0.5 * up) / ((z_o * s_i + z_i * s_o) * up)
 
     def slope_radius(self, u2: Scalar, horizon: Scalar) -> tuple[Scalar, Scalar]:

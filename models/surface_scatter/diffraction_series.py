@@ -61,9 +61,9 @@ def _series(g: Scalar, b: Scalar) -> Scalar:
 
 
 @_series.defjvp
-def _series_jvp(at: tuple[Scalar, Scalar], rates: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
-    value, by_g, by_b = _sums(*at)
-    return value, by_g * rates[0] + by_b * rates[1]
+def _series_jvp(primals: tuple[Scalar, Scalar], tangents: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
+    value, by_g, by_b = _sums(*primals)
+    return value, by_g * tangents[0] + by_b * tangents[1]
 
 
 def _sums(g: Scalar, b: Scalar) -> tuple[Scalar, Scalar, Scalar]:

@@ -56,8 +56,8 @@ def h_isotropic(mu: Scalar, w: Channels) -> Channels:
 
     logs = jax.vmap(log_rest)(t, bend, weight)
 
-    def node(total: Channels, at: tuple[Scalar, Channels]) -> tuple[Channels, None]:
-        t_j, log_j = at
+    def node(total: Channels, tabulated: tuple[Scalar, Channels]) -> tuple[Channels, None]:
+        t_j, log_j = tabulated
         far = mu * t_j
         return total + log_j * (far / (1.0 + far * far)), None
 
