@@ -68,7 +68,7 @@ def main(path: str | None = None) -> None:
                 cases[tolerance] += THETA.size
                 for k in np.flatnonzero(np.abs(found.value - truth) > found.bound + known):
                     # Nobody is accused by one witness: the other middles have to agree.
-                    truth[k], known[k] = reference_albedo(brdf, float(THETA[k]), every=True)
+                    truth[k], known[k] = reference_albedo(brdf, float(THETA[k]), all_middles=True)
                 error, bound = np.abs(found.value - truth)[sure], (found.bound + known)[sure]
                 total, held = total + error.size, held + int(np.count_nonzero(error <= bound))
                 short += int(np.count_nonzero(found.bound[sure] > tolerance * np.maximum(np.abs(truth[sure]), 1.0)))
