@@ -167,7 +167,7 @@ def _block(
     strengths = _strengths(s, p, fixed)
     lobes = _computed(always, lambda: _lobes(s, p, fixed, wi, wo))
 
-    def compared():
+    def compared() -> tuple[Array, Array, Array]:
         f = _sum_of_lobes(lobes, strengths)
         weight = page.weight[b].T
         used = weight > 0
@@ -179,7 +179,7 @@ def _block(
 
     residual, by_f, f = _computed(always, compared)
 
-    def rows():
+    def rows() -> Array:
         return jnp.stack([residual, *(row * by_f for row in _rows(s, lobes, strengths))], axis=1)
 
     return _computed(always, rows), f

@@ -26,7 +26,7 @@ class Pace:
     count_rate: float = 1e6
     """Counts a second of the perfect white diffuser at normal incidence."""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("axis_speed", "settling", "count_rate"):
             value = getattr(self, name)
             if not (math.isfinite(value) and (value > 0 or (value == 0 and name == "settling"))):
