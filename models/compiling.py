@@ -32,7 +32,7 @@ def wide_jit(function: Callable[..., Any]) -> Callable[..., Any]:
         return jit(function, compiler_options=options())
 
     @functools.wraps(function)
-    def call(*args) -> Any:
+    def call(*args: Any) -> Any:
         return compiled()(*args)
 
     return call

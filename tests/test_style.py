@@ -1,7 +1,11 @@
 """The shape of the code and its words: what a reader may rely on in every function of the four floors."""
 
 import ast
+import io
 import pathlib
+import tokenize
+
+import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 FLOORS = ("models", "data", "fitting", "gonio")
@@ -9,6 +13,7 @@ FILES = {p.relative_to(ROOT).as_posix(): p.read_text("utf-8") for f in FLOORS fo
 TREES = {name: ast.parse(text) for name, text in FILES.items()}
 
 MOST_PARAMETERS = 7
+MOST_LINES = 45
 RIDDLES = {
     "found", "at", "said", "seen", "told", "say", "talk", "asked", "drawn", "tried", "held", "left", "own", "mine",
     "aside", "worth", "lift", "raised", "surprise", "spelling", "summands",
@@ -36,6 +41,19 @@ def parameters(function: Function, bound: bool) -> list[ast.arg]:
     return every[1:] if bound else every
 
 
+def code_lines(text: str, tree: ast.Module) -> set[int]:
+    """Numbers of the lines that hold code: no blanks, comments or docstrings."""
+    skipped = (tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER)
+    lines: set[int] = set()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type not in skipped:
+            lines.update(range(token.start[0], token.end[0] + 1))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            lines -= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    return lines
+
+
 def identifiers(tree: ast.Module) -> set[str]:
     """Names that a module defines: functions, classes, parameters, variables and attributes; not old public ones."""
     names: set[str] = set()
@@ -59,6 +77,30 @@ def test_no_function_takes_more_than_seven_parameters():
         f"{name}:{f.name}": len(parameters(f, bound)) for name, tree in TREES.items() for f, bound in functions(tree)
     }
     assert {f: n for f, n in counts.items() if n > MOST_PARAMETERS} == {}
+
+
+def test_every_parameter_and_result_is_typed():
+    untyped = []
+    for name, tree in TREES.items():
+        for f, bound in functions(tree):
+            untyped += [f"{name}:{f.name}({p.arg})" for p in parameters(f, bound) if p.annotation is None]
+            untyped += [f"{name}:{f.name} ->"] if f.returns is None and f.name != "__init__" else []
+    assert untyped == []
+
+
+def test_no_function_is_longer_than_a_screen():
+    lengths = {}
+    for name, text in FILES.items():
+        lines = code_lines(text, TREES[name])
+        for f, _ in functions(TREES[name]):
+            lengths[f"{name}:{f.name}"] = sum(f.lineno <= line <= (f.end_lineno or f.lineno) for line in lines)
+    assert {f: n for f, n in lengths.items() if n > MOST_LINES} == {}
+
+
+@pytest.mark.parametrize("floor", FLOORS)
+def test_identifiers_are_the_fields_terms(floor):
+    riddles = {n: identifiers(t) & RIDDLES for n, t in TREES.items() if n.startswith(f"{floor}/")}
+    assert {name: words for name, words in riddles.items() if words} == {}
 
 
 def test_the_counts_see_what_they_count():

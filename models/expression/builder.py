@@ -74,9 +74,9 @@ def as_array(number: float | tuple[float, ...]) -> jnp.ndarray:
 def example(name: str) -> str:
     """A complete expression of one model, at its starting values."""
     known = parameters_of(MODELS[name])
-    said = [f"{inside}=lambert(rho=0.5)" for inside in submodels_of(MODELS[name])]
-    said += [f"{n}={known[n].start:g}" for n in needed(Call(name, {}, {}))]
-    return f"'{name}({', '.join(said)})'"
+    texts = [f"{inside}=lambert(rho=0.5)" for inside in submodels_of(MODELS[name])]
+    texts += [f"{n}={known[n].start:g}" for n in needed(Call(name, {}, {}))]
+    return f"'{name}({', '.join(texts)})'"
 
 
 def _number_text(value: Channels) -> str:
@@ -110,7 +110,7 @@ def _spell_term(brdf: AbstractBRDF) -> str:
 def terms_to_expression(spelled: tuple[Term, ...]) -> str:
     """The text of parsed terms, with what is free in them."""
 
-    def said(v: Value, sign: str = "=") -> str:
+    def value_text(v: Value, sign: str = "=") -> str:
         if v.number is None:
             return sign + ("?" if v.each is None else "each" if v.each else "shared")
         return f"{'~' if v.free else sign}{_number_text(as_array(v.number))}"
@@ -118,8 +118,8 @@ def terms_to_expression(spelled: tuple[Term, ...]) -> str:
     texts = []
     for t in spelled:
         inside = [f"{field}={terms_to_expression(parts)}" for field, parts in t.call.models.items()]
-        inside += [f"{n}{said(v)}" for n, v in t.call.values.items()]
+        inside += [f"{n}{value_text(v)}" for n, v in t.call.values.items()]
         inside += [f'{n}="{v}"' for n, v in t.call.options.items()]
-        factor = "" if t.scale is None else said(t.scale, "") + " * "
+        factor = "" if t.scale is None else value_text(t.scale, "") + " * "
         texts.append(f"{factor}{t.call.name}({', '.join(inside)})")
     return " + ".join(texts)
