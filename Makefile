@@ -14,7 +14,7 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed-tests
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
-lint: $(VENV)/.installed-tests
+lint: $(VENV)/.installed-tests types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 

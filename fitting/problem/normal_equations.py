@@ -167,7 +167,7 @@ def _block(
     strengths = _strengths(s, p, fixed)
     lobes = _computed(always, lambda: _lobes(s, p, fixed, wi, wo))
 
-    def compared() -> tuple[Array, Array, Array]:
+    def compared() -> tuple[Array, Array, AnyArray]:
         f = _sum_of_lobes(lobes, strengths)
         weight = page.weight[b].T
         used = weight > 0
