@@ -132,7 +132,8 @@ def _albedo_block(
         open_terms = unmet
         if not open_terms:
             break
-    totals = [np.add.reduce([_channels_last(d[k], done.values()) for d in done.values()]) for k in (0, 1)]
+    # Terms without channels broadcast against those that have some, so no array of them all can be made.
+    totals = [functools.reduce(np.add, [_channels_last(d[k], done.values()) for d in done.values()]) for k in (0, 1)]
     value, bound = (total[: theta.size] for total in totals)
     return value, bound, evaluations
 
