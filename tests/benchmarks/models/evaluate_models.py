@@ -131,7 +131,7 @@ def mitsuba_call(scene, wi, wo):
 def our_call(expression, dtype, inputs, on_grid):
     brdf = cast(build(expression), dtype)
     if on_grid:
-        return lambda: jax.block_until_ready(_kernel(brdf, "half_difference", inputs))
+        return lambda: jax.block_until_ready(_kernel(brdf, layouts.merl().pair, inputs))
     return lambda: jax.block_until_ready(_values(brdf, *inputs))
 
 
