@@ -1,4 +1,7 @@
-"""What every BRDF is, and the two ways to make one of others: the sum and the scaling."""
+"""What every BRDF is, and the two ways to make one of others: the sum and the scaling.
+
+What the file of a model needs has this one address, the types of its fields and arguments included.
+"""
 
 import abc
 import functools

@@ -4,12 +4,10 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, Scalar, parameter
 from gonio.models.diffuse.energy_preserving_oren_nayar import ROUGHNESS
 from gonio.models.diffuse.lambert import ALBEDO
-from gonio.models.geometry.directions import Direction, add, dot
-from gonio.models.parameters import parameter
+from gonio.models.geometry.directions import add, dot
 from gonio.models.warps.polar import polar_map
 
 

@@ -2,11 +2,8 @@
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.diffuse.lambert import ALBEDO
-from gonio.models.geometry.directions import Direction
-from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.grazing_azimuth import polar_parts
 
 # Portsmouth, Kutz & Hill 2024 (arXiv 2410.18026), their constants c1 and c2 of the average albedo.

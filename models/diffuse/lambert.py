@@ -2,10 +2,7 @@
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction
-from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, parameter
 
 ALBEDO = ParameterInfo(0.0, 1.0, "1", "albedo", start=0.5, role="albedo", per_channel=True, linear=True)
 

@@ -4,12 +4,9 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.diffuse.lambert import ALBEDO
-from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.guards import positive
-from gonio.models.parameters import ParameterInfo, parameter
 
 LIMB = ParameterInfo(0.0, 5.0, "1", "limb darkening: 1 is Lambert, 0.5 the full moon", start=1.0, role="exponent")
 

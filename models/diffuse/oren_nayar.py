@@ -5,10 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction
-from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.warps.grazing_azimuth import TANGENT_MAX, polar_parts
 
 FACET_ALBEDO = ParameterInfo(0.0, 1.0, "1", "albedo of a facet", start=0.5, role="albedo", per_channel=True)

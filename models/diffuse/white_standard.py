@@ -2,9 +2,7 @@
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, Scalar
 from gonio.models.warps.volume import volume_map
 
 MISSING = 0.5908629074132604  # 1 − E_avg = (4 ln 2 − 1)/3

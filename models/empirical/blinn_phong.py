@@ -6,12 +6,10 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.empirical.cosine_power import power_density, power_normal, power_widths
-from gonio.models.geometry.directions import Direction, reflect
+from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.half_vector import half_angles, log_cosine, mirrored_pdf
-from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.radial_laws import power_reach, power_slope
 from gonio.models.warps.slopes import facet_direction, slope_ray
 

@@ -2,8 +2,7 @@
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Scalar
-from gonio.models.geometry.directions import Direction
+from gonio.models.brdf import Direction, Scalar
 from gonio.models.geometry.half_vector import log_cosine
 
 

@@ -5,11 +5,9 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, known_equal, parameter
 from gonio.models.empirical.phong import Phong
-from gonio.models.geometry.directions import Direction, normalize
-from gonio.models.parameters import ParameterInfo, known_equal, parameter
+from gonio.models.geometry.directions import normalize
 
 C_X = ParameterInfo(
     -2.0, 2.0, "1", "weight of wi.x wo.x: negative mirrors, positive sends back", start=-0.6, role="weight"

@@ -3,10 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction
-from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts
 from gonio.models.warps.radial_laws import S_MAX
 

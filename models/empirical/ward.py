@@ -5,14 +5,12 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.geometry.directions import Direction
+from gonio.models.brdf import Channels, Direction, Scalar, parameter
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet.gaussian_sampling import LAST_SLOPE, AbstractGaussianFacets
 from gonio.models.microfacet.widths import AbstractWidths
-from gonio.models.parameters import parameter
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
 

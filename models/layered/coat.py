@@ -6,13 +6,19 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF, AbstractComposite, Scaled
-from gonio.models.geometry.directions import Direction
+from gonio.models.brdf import (
+    AbstractBRDF,
+    AbstractComposite,
+    Channels,
+    Direction,
+    ParameterInfo,
+    Scalar,
+    Scaled,
+    parameter,
+)
 from gonio.models.layered.coat_warp import coated_map, refracted
 from gonio.models.microfacet import albedo_tables as tables
 from gonio.models.microfacet.ggx import GGX
-from gonio.models.parameters import ParameterInfo, parameter
 
 ALPHA = ParameterInfo(1e-4, 1.0, "1", "width of the coat's slope distribution", start=0.1, role="width", log=True)
 ETA = ParameterInfo(1.01, 4.0, "1", "refractive index of the coat", start=1.5, role="index", log=True)

@@ -5,10 +5,8 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF, AbstractComposite
+from gonio.models.brdf import AbstractBRDF, AbstractComposite, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.fresnel import fresnel_schlick1994
-from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.half_vector import half_angles
 from gonio.models.microfacet import albedo_tables as tables
 from gonio.models.microfacet import base as mf
@@ -16,7 +14,6 @@ from gonio.models.microfacet import distributions as slopes
 from gonio.models.microfacet.energy_compensation import cosine_layer_map
 from gonio.models.microfacet.gaussian_sampling import LAST_SLOPE, AbstractGaussianFacets
 from gonio.models.microfacet.widths import AbstractWidths
-from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
 RHO = ParameterInfo(0.0, 1.0, "1", "albedo of the matte part", start=0.5, role="albedo", per_channel=True)

@@ -5,14 +5,23 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF, AbstractComposite
+from gonio.models.brdf import (
+from gonio.models.parameters import Role
+    AbstractBRDF,
+    AbstractComposite,
+    Channels,
+    Direction,
+    ParameterInfo,
+    Role,
+    Scalar,
+    known_equal,
+    parameter,
+)
 from gonio.models.diffuse.energy_preserving_oren_nayar import rough_diffuser_map
 from gonio.models.fresnel import fresnel_dielectric
-from gonio.models.geometry.directions import Direction, reflect
+from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.half_vector import half_angles, mirrored_pdf
-from gonio.models.microfacet.distributions import ggx_d, ggx_masked_cosine, ggx_visible_normal
-from gonio.models.parameters import ParameterInfo, Role, known_equal, parameter
+from gonio.models.microfacet.distributions import ggx_cos_over_g1, ggx_d, ggx_visible_normal
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
 LEAST_ALPHA = 1e-3  # Burley's code: a perfect mirror is not meant
@@ -72,7 +81,7 @@ class PrincipledTerm(AbstractBRDF):
             return super().pdf(wi, wo)
         if self.term == "specular":
             h = half_angles(wi, wo).h
-            return 0.25 * ggx_d(h, *self._widths) / ggx_masked_cosine(wi, *self._widths)
+            return 0.25 * ggx_d(h, *self._widths) / ggx_cos_over_g1(wi, *self._widths)
         return mirrored_pdf(lambda m: gtr1_d(m, self._widths[0]) * m.z, wi, wo)
 
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
@@ -166,13 +175,13 @@ class Principled(AbstractComposite):
 
     def _specular(self, wi: Direction, wo: Direction) -> Scalar:
         h, cos_d, _ = half_angles(wi, wo)
-        masked = ggx_masked_cosine(wi, *self.widths) * ggx_masked_cosine(wo, *self.widths)
+        masked = ggx_cos_over_g1(wi, *self.widths) * ggx_cos_over_g1(wo, *self.widths)
         return self._fresnel(cos_d) * ggx_d(h, *self.widths) * (0.25 / masked)
 
     def _clearcoat(self, wi: Direction, wo: Direction) -> Scalar:
         h, cos_d, _ = half_angles(wi, wo)
         smith = CLEARCOAT_SMITH
-        masking = 0.25 / (ggx_masked_cosine(wi, smith, smith) * ggx_masked_cosine(wo, smith, smith))
+        masking = 0.25 / (ggx_cos_over_g1(wi, smith, smith) * ggx_cos_over_g1(wo, smith, smith))
         if self.variant == "mitsuba":
             masking = masking * 4.0 * wi.z * wo.z
         reflected = _mix(0.04, 1.0, schlick_weight(cos_d))

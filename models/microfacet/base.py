@@ -2,12 +2,10 @@
 
 import abc
 
-from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import Channels, Direction, ParameterInfo, Scalar
 from gonio.models.fresnel import fresnel_of
-from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.half_vector import half_angles
 from gonio.models.microfacet.widths import AbstractWidths
-from gonio.models.parameters import ParameterInfo
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
 ALPHA = ParameterInfo(1e-4, 1.0, "1", "width of the slope distribution", start=0.3, role="width", log=True)

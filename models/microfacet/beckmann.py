@@ -5,15 +5,14 @@ from collections.abc import Mapping
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.geometry.directions import Direction, reflect
+from gonio.models.brdf import Channels, Direction, Scalar, parameter
+from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.guards import grazing_scale, positive
 from gonio.models.geometry.half_vector import mirrored_pdf
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet import distributions as slopes
 from gonio.models.microfacet.energy_compensation import ENERGY, AbstractCompensated
 from gonio.models.microfacet.gaussian_sampling import LAST_SLOPE
-from gonio.models.parameters import parameter
 
 UNSHADOWED = (
     'with smith="none" every facet is seen in full, and near grazing more of them than the surface has area: for '
@@ -50,14 +49,14 @@ class Beckmann(AbstractCompensated):
 
     def visibility(self, wi: Direction, wo: Direction) -> Channels:
         if self.smith == "correlated":
-            m_i, m_o = (slopes.beckmann_shadow_excess(w, *self.widths) for w in (wi, wo))
+            m_i, m_o = (slopes.beckmann_cos_lambda(w, *self.widths) for w in (wi, wo))
             z_i, z_o = positive(wi.z), positive(wo.z)
             # The square of the denominator, in the gradient, does not underflow then
             up = grazing_scale(jnp.result_type(z_i))
             return (0.25 * up) / ((z_i * z_o + z_o * m_i + z_i * m_o) * up)
         if self.smith == "none":
             return 0.25 * (1.0 / positive(wi.z)) * (1.0 / positive(wo.z))
-        one = slopes.walter_masked_cosine if self.smith == "walter" else slopes.beckmann_masked_cosine
+        one = slopes.walter_cos_over_g1 if self.smith == "walter" else slopes.beckmann_cos_over_g1
         return 0.25 / (one(wi, *self.widths) * one(wo, *self.widths))
 
     def slope_radius(self, u2: Scalar, horizon: Scalar) -> tuple[Scalar, Scalar]:

@@ -5,12 +5,9 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles
-from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.grazing_azimuth import polar_parts
 
 ALPHA = ParameterInfo(0.01, 1.0, "1", "width: the inverse of the sine's power", start=0.3, role="width", log=True)

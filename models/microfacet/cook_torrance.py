@@ -3,9 +3,8 @@
 import dataclasses
 from typing import ClassVar
 
-from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import Channels, Direction, Scalar, parameter
 from gonio.models.fresnel import fresnel_of
-from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles
 from gonio.models.microfacet import base as mf
@@ -13,7 +12,6 @@ from gonio.models.microfacet import distributions as slopes
 from gonio.models.microfacet.gaussian_sampling import LAST_SLOPE, AbstractGaussianFacets
 from gonio.models.microfacet.v_cavity import v_cavity_map, v_cavity_visibility
 from gonio.models.microfacet.widths import AbstractWidths
-from gonio.models.parameters import parameter
 from gonio.models.warps.radial_laws import linear_law
 
 ALPHA = dataclasses.replace(mf.ALPHA, high=3.0)  # published fits go to 2.1

@@ -8,8 +8,8 @@ divides by a cosine that may be 0.
 import jax.numpy as jnp
 from jax.scipy.special import erf, erfc
 
-from gonio.models.arrays import Scalar
-from gonio.models.geometry.directions import Direction, normalize
+from gonio.models.brdf import Direction, Scalar
+from gonio.models.geometry.directions import normalize
 
 _SQRT_PI = 1.7724538509055159
 
@@ -33,14 +33,14 @@ def ggx_d(m: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
     return jnp.where(m.z > 0, 1.0 / (jnp.pi * alpha_x * alpha_y * s**2), 0.0)
 
 
-def ggx_shadow_root(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
+def ggx_cos_1_plus_2_lambda(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
     """√(w.z² + α_x²w.x² + α_y²w.y²), that is w.z (1 + 2Λ) [Heitz 2014, eq. 72 and 85]."""
     return jnp.sqrt(w.z**2 + _stretched(w, alpha_x, alpha_y))
 
 
-def ggx_masked_cosine(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
+def ggx_cos_over_g1(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
     """L(w) = w.z (1 + Λ(w)) of GGX [Heitz 2014, eq. 72], for w.z ≥ 0."""
-    return 0.5 * (w.z + ggx_shadow_root(w, alpha_x, alpha_y))
+    return 0.5 * (w.z + ggx_cos_1_plus_2_lambda(w, alpha_x, alpha_y))
 
 
 def ggx_visible_normal(wi: Direction, alpha_x: Scalar, alpha_y: Scalar, u1: Scalar, u2: Scalar) -> Direction:
@@ -66,7 +66,7 @@ def beckmann_d(m: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
     return jnp.where(live, jnp.exp(-tan2) / (jnp.pi * alpha_x * alpha_y * z2 * z2), 0.0)
 
 
-def beckmann_shadow_excess(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
+def beckmann_cos_lambda(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
     """w.z Λ(w) of Beckmann, exact with erf [Walter 2007, eq. 26; Heitz 2014, eq. 68], for w.z ≥ 0."""
     b = _roughness_along(w, alpha_x, alpha_y)
     # erfc and the exponential are both 0 beyond 26; squaring a larger ratio could overflow in float32.
@@ -74,14 +74,14 @@ def beckmann_shadow_excess(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Sc
     return 0.5 * (b * jnp.exp(-a * a) / _SQRT_PI - w.z * erfc(a))
 
 
-def beckmann_masked_cosine(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
+def beckmann_cos_over_g1(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
     """L(w) = w.z (1 + Λ(w)) of Beckmann, exact [Walter 2007, eq. 26], for w.z ≥ 0."""
     b = _roughness_along(w, alpha_x, alpha_y)
     a = jnp.minimum(w.z / b, 26.0)
     return 0.5 * (w.z * (1.0 + erf(a)) + b * jnp.exp(-a * a) / _SQRT_PI)
 
 
-def walter_masked_cosine(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
+def walter_cos_over_g1(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
     """w.z / G₁ by the rational fit to Beckmann's G₁ that renderers use [Walter 2007, eq. 27], off by up to 6.3e-3."""
     b = _roughness_along(w, alpha_x, alpha_y)
     a = jnp.minimum(w.z / b, 1.6)

@@ -5,15 +5,12 @@ from collections.abc import Mapping
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, Scalar, parameter
 from gonio.models.errors import GonioError
 from gonio.models.fresnel import fresnel_of
 from gonio.models.fresnel_average import fresnel_average
-from gonio.models.geometry.directions import Direction
 from gonio.models.microfacet import albedo_tables as tables
 from gonio.models.microfacet import base as mf
-from gonio.models.parameters import parameter
 from gonio.models.warps.grazing_azimuth import polar_parts
 
 ENERGY = {"choices": ("single", "kulla_conty", "turquin")}

@@ -2,9 +2,8 @@
 
 import abc
 
-from gonio.models.arrays import Scalar
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction, reflect
+from gonio.models.brdf import AbstractBRDF, Direction, Scalar
+from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.half_vector import mirrored_pdf
 from gonio.models.microfacet import distributions as slopes
 

@@ -3,13 +3,12 @@
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.geometry.directions import Direction, half_vector, reflect
+from gonio.models.brdf import Channels, Direction, Scalar, parameter
+from gonio.models.geometry.directions import half_vector, reflect
 from gonio.models.geometry.guards import grazing_scale, positive
 from gonio.models.microfacet import base as mf
-from gonio.models.microfacet.distributions import ggx_d, ggx_masked_cosine, ggx_shadow_root, ggx_visible_normal
+from gonio.models.microfacet.distributions import ggx_cos_1_plus_2_lambda, ggx_cos_over_g1, ggx_d, ggx_visible_normal
 from gonio.models.microfacet.energy_compensation import ENERGY, AbstractCompensated
-from gonio.models.parameters import parameter
 
 
 class GGX(AbstractCompensated):
@@ -34,8 +33,8 @@ class GGX(AbstractCompensated):
 
     def visibility(self, wi: Direction, wo: Direction) -> Channels:
         if self.smith == "separable":
-            return 0.25 / (ggx_masked_cosine(wi, *self.widths) * ggx_masked_cosine(wo, *self.widths))
-        s_i, s_o = ggx_shadow_root(wi, *self.widths), ggx_shadow_root(wo, *self.widths)
+            return 0.25 / (ggx_cos_over_g1(wi, *self.widths) * ggx_cos_over_g1(wo, *self.widths))
+        s_i, s_o = ggx_cos_1_plus_2_lambda(wi, *self.widths), ggx_cos_1_plus_2_lambda(wo, *self.widths)
         z_i, z_o = positive(wi.z), positive(wo.z)
         # The square of the denominator, in the gradient, does not underflow then
         up = grazing_scale(jnp.result_type(z_i))
@@ -51,4 +50,4 @@ class GGX(AbstractCompensated):
         return reflect(wi, ggx_visible_normal(wi, *self.mean_widths, u1, u2))
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
-        return 0.25 * ggx_d(half_vector(wi, wo), *self.mean_widths) / ggx_masked_cosine(wi, *self.mean_widths)
+        return 0.25 * ggx_d(half_vector(wi, wo), *self.mean_widths) / ggx_cos_over_g1(wi, *self.mean_widths)

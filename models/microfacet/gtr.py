@@ -6,13 +6,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.geometry.directions import Direction, reflect
+from gonio.models.brdf import Channels, Direction, ParameterInfo, Scalar, parameter
+from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import mirrored_pdf
 from gonio.models.microfacet import base as mf
-from gonio.models.microfacet.distributions import ggx_masked_cosine, ggx_shadow_root
-from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.microfacet.distributions import ggx_cos_1_plus_2_lambda, ggx_cos_over_g1
 from gonio.models.warps.radial_laws import horizon_law
 
 GAMMA = ParameterInfo(
@@ -77,8 +76,8 @@ class GTR(mf.AbstractMicrofacet):
     def visibility(self, wi: Direction, wo: Direction) -> Channels:
         wi, wo = (Direction(w.x, w.y, positive(w.z)) for w in (wi, wo))
         if self.smith == "separable":
-            return 0.25 / (ggx_masked_cosine(wi, *self.widths) * ggx_masked_cosine(wo, *self.widths))
-        s_i, s_o = ggx_shadow_root(wi, *self.widths), ggx_shadow_root(wo, *self.widths)
+            return 0.25 / (ggx_cos_over_g1(wi, *self.widths) * ggx_cos_over_g1(wo, *self.widths))
+        s_i, s_o = ggx_cos_1_plus_2_lambda(wi, *self.widths), ggx_cos_1_plus_2_lambda(wo, *self.widths)
         # Both parts of the quotient in units of the larger cosine: its square, in the gradient, does not underflow.
         unit = jax.lax.stop_gradient(jnp.maximum(wi.z, wo.z))
         return (0.5 / unit) / ((wo.z * s_i + wi.z * s_o) / unit)

@@ -2,12 +2,9 @@
 
 import equinox as eqx
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, Scalar, parameter
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet.ggx import GGX
-from gonio.models.parameters import parameter
 
 
 class Retro(AbstractBRDF):

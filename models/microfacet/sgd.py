@@ -4,13 +4,11 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction, reflect
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
+from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles, mirrored_pdf
 from gonio.models.microfacet.distributions import ggx_d
-from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.grazing_azimuth import polar_parts
 from gonio.models.warps.radial_laws import power_law
 from gonio.models.warps.slopes import facet_direction, slope_ray

@@ -7,12 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.geometry.directions import Direction, reflect
+from gonio.models.brdf import Channels, Direction, ParameterInfo, Scalar, parameter
+from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import log_cosine, mirrored_pdf
 from gonio.models.microfacet import base as mf
-from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.radial_laws import horizon_law, power_rate
 
 GAMMA = ParameterInfo(

@@ -8,8 +8,7 @@ G = min(1, 2cosθ_h cosθi/cosθ_d, 2cosθ_h cosθo/cosθ_d) has three kinks. Wi
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Scalar
-from gonio.models.geometry.directions import Direction
+from gonio.models.brdf import Direction, Scalar
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import HalfAngles
 from gonio.models.warps.grazing_azimuth import grazing_tangent

@@ -2,8 +2,7 @@
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
+from gonio.models.brdf import AbstractBRDF, Channels, Scalar
 
 
 def along_axes(brdf: AbstractBRDF, name: str) -> tuple[Channels, Channels]:

@@ -4,11 +4,9 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.fresnel import fresnel_of
-from gonio.models.geometry.directions import Direction
 from gonio.models.microfacet.base import ETA, F0, K
-from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.surface_scatter.shift_invariant import AbstractDiscLobe
 from gonio.models.warps.direction_cosines import projected_distance2
 

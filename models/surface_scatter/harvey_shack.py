@@ -4,9 +4,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels
-from gonio.models.geometry.directions import Direction
-from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.brdf import Channels, Direction, ParameterInfo, parameter
 from gonio.models.surface_scatter.shift_invariant import AbstractDiscLobe
 from gonio.models.warps.direction_cosines import projected_distance2
 

@@ -6,11 +6,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax.scipy.special import erfc
 
-from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.fresnel import fresnel_of
-from gonio.models.geometry.directions import Direction, add, dot
+from gonio.models.geometry.directions import add, dot
 from gonio.models.microfacet.base import ETA, K
-from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.surface_scatter.diffraction_series import lambert_w, wave_series
 from gonio.models.surface_scatter.shift_invariant import AbstractDiscLobe
 from gonio.models.warps.direction_cosines import projected_distance2

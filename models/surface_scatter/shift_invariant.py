@@ -5,9 +5,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Scalar
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction
+from gonio.models.brdf import AbstractBRDF, Direction, Scalar
 from gonio.models.warps.direction_cosines import (
     disc_direction,
     disc_jacobian,

@@ -2,10 +2,7 @@
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction
-from gonio.models.parameters import ParameterInfo, parameter
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.volume_scatter.chandrasekhar_h import h_isotropic
 from gonio.models.warps.volume import volume_map
 

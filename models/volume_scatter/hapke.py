@@ -5,10 +5,8 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.geometry.directions import Direction
+from gonio.models.brdf import Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.geometry.phase_angle import henyey_greenstein, phase_chords
-from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.volume_scatter.chandrasekhar_h import absorption_root, h_isotropic
 from gonio.models.volume_scatter.half_space import MULTIPLE
 from gonio.models.volume_scatter.hot_spot import AbstractHotSpot

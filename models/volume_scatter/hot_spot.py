@@ -2,9 +2,7 @@
 
 import abc
 
-from gonio.models.arrays import Scalar
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction
+from gonio.models.brdf import AbstractBRDF, Direction, Scalar
 from gonio.models.warps.retroreflection import hot_spot_map
 
 

@@ -5,12 +5,9 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.phase_angle import PhaseChords, phase_chords
-from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.warps.retroreflection import back_direction, back_ray
 
 ISOTROPIC = ParameterInfo(0.0, 2.0, "1", "weight of the constant 1", start=0.3, role="weight", per_channel=True)

@@ -4,11 +4,10 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.arrays import Channels, Scalar
-from gonio.models.geometry.directions import Direction, norm
+from gonio.models.brdf import Channels, Direction, ParameterInfo, Scalar, parameter
+from gonio.models.geometry.directions import norm
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.phase_angle import phase_chords
-from gonio.models.parameters import ParameterInfo, parameter
 from gonio.models.volume_scatter.hot_spot import AbstractHotSpot
 
 LEVEL = ParameterInfo(

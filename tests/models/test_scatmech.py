@@ -52,7 +52,7 @@ def test_smith(witness):
     d, wi, wo = witness
 
     def lit(w, alpha=0.3 * 2**0.5):
-        excess = jax.vmap(lambda x, y, z: slopes.beckmann_shadow_excess(Direction(x, y, z), alpha, alpha))(*w)
+        excess = jax.vmap(lambda x, y, z: slopes.beckmann_cos_lambda(Direction(x, y, z), alpha, alpha))(*w)
         slope = w.z / (alpha * np.maximum(np.hypot(w.x, w.y), 1e-300))
         return (1 - 0.5 * erfc(slope)) / (1 + np.asarray(excess) / w.z)
 

@@ -18,8 +18,8 @@ from support.directions import slope_grid
 
 WIDTHS = [(0.001, 0.001), (0.1, 0.1), (0.5, 0.1), (1.0, 1.0)]
 KINDS = {
-    "ggx": (slopes.ggx_d, slopes.ggx_masked_cosine),
-    "beckmann": (slopes.beckmann_d, slopes.beckmann_masked_cosine),
+    "ggx": (slopes.ggx_d, slopes.ggx_cos_over_g1),
+    "beckmann": (slopes.beckmann_d, slopes.beckmann_cos_over_g1),
 }
 
 
