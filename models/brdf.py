@@ -18,7 +18,7 @@ from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.horizon import Hemispheres, guarded_pair
 from gonio.models.parameters import ParameterInfo, known_equal, parameter
-from gonio.models.warps.cosine_hemisphere import cosine_pdf, cosine_sample
+from gonio.models.warps.hemisphere import cosine_pdf, cosine_sample
 
 
 class AbstractBRDF(eqx.Module):

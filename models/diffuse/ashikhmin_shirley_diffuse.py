@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 
 from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
-from gonio.models.warps.polar import polar_map
+from gonio.models.warps.hemisphere import polar_map
 
 DIFFUSE = ParameterInfo(
     0.0, 1.0, "1", "reflectance of the diffuser below", start=0.5, role="albedo", per_channel=True, linear=True

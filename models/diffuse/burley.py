@@ -8,7 +8,7 @@ from gonio.models.brdf import AbstractBRDF, Channels, Direction, Scalar, paramet
 from gonio.models.diffuse.energy_preserving_oren_nayar import ROUGHNESS
 from gonio.models.diffuse.lambert import ALBEDO
 from gonio.models.geometry.directions import add, dot
-from gonio.models.warps.polar import polar_map
+from gonio.models.warps.hemisphere import polar_map
 
 
 class BurleyDiffuse(AbstractBRDF):

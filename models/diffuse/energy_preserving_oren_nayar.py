@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.diffuse.lambert import ALBEDO
 from gonio.models.warps.grazing_azimuth import polar_parts
+from gonio.models.warps.hemisphere import rough_diffuser_map
 
 # Portsmouth, Kutz & Hill 2024 (arXiv 2410.18026), their constants c1 and c2 of the average albedo.
 C1 = 0.5 - 2 / (3 * jnp.pi)
@@ -37,20 +38,6 @@ def fujii_g(w: Direction) -> Scalar:
     theta = jnp.arctan2(sin_t, mu)
     inner = mu * (1.0 + sin_t + sin_t**2) / (1.0 + sin_t) - 1.0
     return sin_t * (theta - sin_t * mu) + 2.0 / 3.0 * sin_t * inner
-
-
-def rough_diffuser_map(wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
-    # Azimuth from that of wi, so the change of sign of s falls on u1 = ¼ and ¾; θ split at θ_i,
-    # where t changes.
-    sin_i, cos_a, sin_a = polar_parts(wi)
-    theta_i = jnp.arctan2(sin_i, wi.z)
-    low, rest = 2.0 * theta_i, jnp.pi - 2.0 * theta_i
-    inner = u2 < 0.5
-    theta = jnp.where(inner, low * u2, theta_i + rest * (u2 - 0.5))
-    cos_p, sin_p = jnp.cos(2 * jnp.pi * u1), jnp.sin(2 * jnp.pi * u1)
-    sin_t = jnp.sin(theta)
-    wo = Direction(sin_t * (cos_a * cos_p - sin_a * sin_p), sin_t * (sin_a * cos_p + cos_a * sin_p), jnp.cos(theta))
-    return wo, 2 * jnp.pi * sin_t * jnp.where(inner, low, rest)
 
 
 class FujiiOrenNayar(AbstractBRDF):

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 
 from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.warps.grazing_azimuth import TANGENT_MAX, polar_parts
+from gonio.models.warps.hemisphere import beside
 
 FACET_ALBEDO = ParameterInfo(0.0, 1.0, "1", "albedo of a facet", start=0.5, role="albedo", per_channel=True)
 SLOPE_ANGLE = ParameterInfo(
@@ -66,17 +67,13 @@ class OrenNayar(AbstractBRDF):
 
         Above it the sum of both heights grows exponentially, as 1/(μi + μo) is narrow at grazing; below, equal steps.
         """
-        sin_i, cos_a, sin_a = polar_parts(wi)
-        height_i = jnp.arctan2(jnp.maximum(wi.z, 1.0 / TANGENT_MAX), sin_i)
+        height_i = jnp.arctan2(jnp.maximum(wi.z, 1.0 / TANGENT_MAX), polar_parts(wi)[0])
         growth = jnp.log((0.5 * jnp.pi + height_i) / (2.0 * height_i))
         inner = u2 < 0.5
         grown = 2.0 * height_i * jnp.exp(growth * jnp.where(inner, 1.0 - 2.0 * u2, 0.0))
         height = jnp.where(inner, grown - height_i, 2.0 * height_i * (1.0 - u2))
         rate = jnp.where(inner, 2.0 * growth * grown, 2.0 * height_i)
-        cos_p, sin_p = jnp.cos(2 * jnp.pi * u1), jnp.sin(2 * jnp.pi * u1)
-        sin_t = jnp.cos(height)
-        x, y = cos_a * cos_p - sin_a * sin_p, sin_a * cos_p + cos_a * sin_p
-        return Direction(sin_t * x, sin_t * y, jnp.sin(height)), 2 * jnp.pi * sin_t * rate
+        return beside(wi, u1, jnp.cos(height), jnp.sin(height)), 2 * jnp.pi * jnp.cos(height) * rate
 
 
 def _larger_angle(sin_i: Scalar, cos_i: Scalar, sin_o: Scalar, cos_o: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:

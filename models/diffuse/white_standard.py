@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 
 from gonio.models.brdf import AbstractBRDF, Channels, Direction, Scalar
-from gonio.models.warps.volume import volume_map
+from gonio.models.warps.hemisphere import volume_map
 
 MISSING = 0.5908629074132604  # 1 − E_avg = (4 ln 2 − 1)/3
 

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
-from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts
+from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts, rotated
 from gonio.models.warps.radial_laws import S_MAX
 
 EXPONENT = ParameterInfo(
@@ -84,4 +84,4 @@ def _about_mirror(wi: Direction, log_cos: Scalar, cos_p: Scalar, sin_p: Scalar) 
     along, across = sin_b * cos_p, sin_b * sin_p
     # The mirror's azimuth is (−cos_a, −sin_a).
     tangent = along * wi.z - cos_b * sin_i
-    return Direction(tangent * cos_a - across * sin_a, tangent * sin_a + across * cos_a, cos_b * wi.z + along * sin_i)
+    return Direction(*rotated(cos_a, sin_a, tangent, across), cos_b * wi.z + along * sin_i)

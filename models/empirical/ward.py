@@ -9,12 +9,11 @@ from gonio.models.brdf import Channels, Direction, Scalar, parameter
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles
 from gonio.models.microfacet import base as mf
-from gonio.models.microfacet.gaussian_sampling import LAST_SLOPE, AbstractGaussianFacets
-from gonio.models.microfacet.widths import AbstractWidths
+from gonio.models.microfacet.widths import LAST_SLOPE, AbstractGaussianFacets
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
 
-class AbstractWard(AbstractWidths, AbstractGaussianFacets):
+class AbstractWard(AbstractGaussianFacets):
     """exp(−tan²θ_h (cos²φ_h/α_x² + sin²φ_h/α_y²))/(4πα_xα_y), times a factor that the final class gives."""
 
     lobe = True

@@ -7,10 +7,10 @@ with a peak needs a branch here, or `lobe`, by which its own map is refracted.
 import jax.numpy as jnp
 
 from gonio.models.brdf import AbstractBRDF, Direction, Scalar
-from gonio.models.diffuse.energy_preserving_oren_nayar import rough_diffuser_map
 from gonio.models.microfacet.retro import Retro, mirrored
 from gonio.models.surface_scatter.shift_invariant import AbstractDiscLobe
 from gonio.models.volume_scatter.hot_spot import AbstractHotSpot
+from gonio.models.warps.hemisphere import rough_diffuser_map
 from gonio.models.warps.retroreflection import hot_spot_map
 from gonio.models.warps.slopes import facet_direction, slope_ray
 

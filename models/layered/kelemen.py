@@ -12,14 +12,12 @@ from gonio.models.microfacet import albedo_tables as tables
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet import distributions as slopes
 from gonio.models.microfacet.energy_compensation import cosine_layer_map
-from gonio.models.microfacet.gaussian_sampling import LAST_SLOPE, AbstractGaussianFacets
-from gonio.models.microfacet.widths import AbstractWidths
-from gonio.models.warps.slopes import facet_direction, slope_ray
+from gonio.models.microfacet.widths import AbstractGaussianFacets
 
 RHO = ParameterInfo(0.0, 1.0, "1", "albedo of the matte part", start=0.5, role="albedo", per_channel=True)
 
 
-class KelemenLobe(AbstractWidths, AbstractGaussianFacets):
+class KelemenLobe(AbstractGaussianFacets):
     """f = F D/|i + o|² with Beckmann's D and Schlick's F [Kelemen & Szirmay-Kalos 2001]."""
 
     alpha: Channels
@@ -33,13 +31,6 @@ class KelemenLobe(AbstractWidths, AbstractGaussianFacets):
         h, cos_d, _ = half_angles(wi, wo)
         density = slopes.beckmann_d(h, self.alpha, self.alpha)
         return 0.25 * fresnel_schlick1994(cos_d, self.f0) * density / jnp.maximum(cos_d, floor) ** 2
-
-    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
-        """Polar coordinates of the facet's slope, out to the horizon's or to the last slope that matters."""
-        widths = self.mean_widths
-        ray = slope_ray(wi, u1, *widths)
-        last = jnp.minimum(ray.horizon, LAST_SLOPE)
-        return facet_direction(wi, ray, last * u2, last, *widths)
 
 
 class KelemenMatte(AbstractBRDF):

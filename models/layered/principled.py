@@ -6,22 +6,21 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from gonio.models.brdf import (
-from gonio.models.parameters import Role
     AbstractBRDF,
     AbstractComposite,
     Channels,
     Direction,
     ParameterInfo,
-    Role,
     Scalar,
     known_equal,
     parameter,
 )
-from gonio.models.diffuse.energy_preserving_oren_nayar import rough_diffuser_map
 from gonio.models.fresnel import fresnel_dielectric
 from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.half_vector import half_angles, mirrored_pdf
 from gonio.models.microfacet.distributions import ggx_cos_over_g1, ggx_d, ggx_visible_normal
+from gonio.models.parameters import Role
+from gonio.models.warps.hemisphere import rough_diffuser_map
 from gonio.models.warps.slopes import facet_direction, slope_ray
 
 LEAST_ALPHA = 1e-3  # Burley's code: a perfect mirror is not meant

@@ -11,7 +11,7 @@ from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles, mirrored_pdf
 from gonio.models.microfacet import base as mf
-from gonio.models.microfacet.distributions import ggx_d
+from gonio.models.microfacet.distributions import ggx_d, ggx_normal
 from gonio.models.microfacet.v_cavity import v_cavity_map, v_cavity_visibility
 from gonio.models.warps.radial_laws import power_law
 
@@ -55,9 +55,7 @@ class ABCMicrofacet(AbstractBRDF):
 
     def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         """wi mirrored in a facet of GGX slopes of the same width, which S of c = 2 has."""
-        r = self.width * jnp.sqrt(u2 / (1.0 - u2))
-        z = 1.0 / jnp.sqrt(1.0 + r * r)
-        return reflect(wi, Direction(r * z * jnp.cos(2 * jnp.pi * u1), r * z * jnp.sin(2 * jnp.pi * u1), z))
+        return reflect(wi, ggx_normal(self.width, u1, u2))
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return mirrored_pdf(lambda m: ggx_d(m, self.width, self.width) * m.z, wi, wo)

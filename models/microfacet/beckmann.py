@@ -5,14 +5,12 @@ from collections.abc import Mapping
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.brdf import Channels, Direction, Scalar, parameter
-from gonio.models.geometry.directions import reflect
+from gonio.models.brdf import Channels, Direction, parameter
 from gonio.models.geometry.guards import grazing_scale, positive
-from gonio.models.geometry.half_vector import mirrored_pdf
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet import distributions as slopes
 from gonio.models.microfacet.energy_compensation import ENERGY, AbstractCompensated
-from gonio.models.microfacet.gaussian_sampling import LAST_SLOPE
+from gonio.models.microfacet.widths import AbstractGaussianFacets
 
 UNSHADOWED = (
     'with smith="none" every facet is seen in full, and near grazing more of them than the surface has area: for '
@@ -20,7 +18,7 @@ UNSHADOWED = (
 )
 
 
-class Beckmann(AbstractCompensated):
+class Beckmann(AbstractCompensated, AbstractGaussianFacets):
     """Microfacets with Gaussian slopes [Beckmann & Spizzichino 1963; Walter 2007, eq. 25], Smith's masking.
 
     `smith`: "correlated" (the default), "separable" (both with the exact erf form), "walter" (separable, with the
@@ -58,13 +56,3 @@ class Beckmann(AbstractCompensated):
             return 0.25 * (1.0 / positive(wi.z)) * (1.0 / positive(wo.z))
         one = slopes.walter_cos_over_g1 if self.smith == "walter" else slopes.beckmann_cos_over_g1
         return 0.25 / (one(wi, *self.widths) * one(wo, *self.widths))
-
-    def slope_radius(self, u2: Scalar, horizon: Scalar) -> tuple[Scalar, Scalar]:
-        last = jnp.minimum(horizon, LAST_SLOPE)
-        return last * u2, last
-
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
-        return reflect(wi, slopes.beckmann_normal(*self.mean_widths, u1, u2))
-
-    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
-        return mirrored_pdf(lambda m: slopes.beckmann_d(m, *self.mean_widths) * m.z, wi, wo)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles
-from gonio.models.warps.grazing_azimuth import polar_parts
+from gonio.models.warps.hemisphere import beside
 
 ALPHA = ParameterInfo(0.01, 1.0, "1", "width: the inverse of the sine's power", start=0.3, role="width", log=True)
 
@@ -64,12 +64,9 @@ class Charlie(AbstractBRDF):
 
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """(θo, φ) with φ from the azimuth of wi, the seam of Λ at θo = 60° on u2 = ½, closer towards the horizon."""
-        _, cos_a, sin_a = polar_parts(wi)
         high, rest = u2 < 0.5, 2.0 - 2.0 * u2
         above_horizon = jnp.pi / 6 * rest**4
         theta = jnp.where(high, 2 * jnp.pi / 3 * u2, jnp.pi / 2 - above_horizon)
         rate = jnp.where(high, 2 * jnp.pi / 3, 4 * jnp.pi / 3 * rest**3)
         sin_t, cos_t = jnp.sin(theta), jnp.where(high, jnp.cos(theta), jnp.sin(above_horizon))
-        cos_p, sin_p = jnp.cos(2 * jnp.pi * u1), jnp.sin(2 * jnp.pi * u1)
-        x, y = cos_a * cos_p - sin_a * sin_p, sin_a * cos_p + cos_a * sin_p
-        return Direction(sin_t * x, sin_t * y, cos_t), 2 * jnp.pi * sin_t * rate
+        return beside(wi, u1, sin_t, cos_t), 2 * jnp.pi * sin_t * rate

@@ -9,15 +9,14 @@ from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet import distributions as slopes
-from gonio.models.microfacet.gaussian_sampling import LAST_SLOPE, AbstractGaussianFacets
 from gonio.models.microfacet.v_cavity import v_cavity_map, v_cavity_visibility
-from gonio.models.microfacet.widths import AbstractWidths
+from gonio.models.microfacet.widths import LAST_SLOPE, AbstractGaussianFacets
 from gonio.models.warps.radial_laws import linear_law
 
 ALPHA = dataclasses.replace(mf.ALPHA, high=3.0)  # published fits go to 2.1
 
 
-class AbstractCookTorrance(AbstractWidths, AbstractGaussianFacets):
+class AbstractCookTorrance(AbstractGaussianFacets):
     """A constant that the final class gives, times F D G/(cosθi cosθo): Beckmann's D, the G of V-cavities."""
 
     lobe = True

@@ -1,8 +1,8 @@
 """Distributions of microfacet slopes: density D, Smith's masking and sampling, written in components.
 
 A facet of normal m has the slopes (m.x, m.y)/m.z; widths `alpha_x`, `alpha_y` > 0 are those of the distribution
-(Beckmann: √2 times the rms slope). `masked_cosine` is L(w) = w.z (1 + Λ(w)), so that Smith's G₁ = w.z / L and nothing
-divides by a cosine that may be 0.
+(Beckmann: √2 times the rms slope). Smith's G₁ = 1/(1 + Λ) and Λ come multiplied out with the cosine w.z: w.z/G₁
+= w.z (1 + Λ), w.z Λ and w.z (1 + 2Λ), so that nothing divides by a cosine that may be 0.
 """
 
 import jax.numpy as jnp
@@ -41,6 +41,13 @@ def ggx_cos_1_plus_2_lambda(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> S
 def ggx_cos_over_g1(w: Direction, alpha_x: Scalar, alpha_y: Scalar) -> Scalar:
     """L(w) = w.z (1 + Λ(w)) of GGX [Heitz 2014, eq. 72], for w.z ≥ 0."""
     return 0.5 * (w.z + ggx_cos_1_plus_2_lambda(w, alpha_x, alpha_y))
+
+
+def ggx_normal(alpha: Scalar, u1: Scalar, u2: Scalar) -> Direction:
+    """Normal drawn from the isotropic GGX D cosθ [Walter 2007, eq. 35 and 36]."""
+    r = alpha * jnp.sqrt(u2 / (1.0 - u2))
+    z = 1.0 / jnp.sqrt(1.0 + r * r)
+    return Direction(r * z * jnp.cos(2 * jnp.pi * u1), r * z * jnp.sin(2 * jnp.pi * u1), z)
 
 
 def ggx_visible_normal(wi: Direction, alpha_x: Scalar, alpha_y: Scalar, u1: Scalar, u2: Scalar) -> Direction:

@@ -7,11 +7,10 @@ import jax.numpy as jnp
 
 from gonio.models.brdf import AbstractBRDF, Channels, Direction, Scalar, parameter
 from gonio.models.errors import GonioError
-from gonio.models.fresnel import fresnel_of
-from gonio.models.fresnel_average import fresnel_average
+from gonio.models.fresnel import fresnel_average, fresnel_of
 from gonio.models.microfacet import albedo_tables as tables
 from gonio.models.microfacet import base as mf
-from gonio.models.warps.grazing_azimuth import polar_parts
+from gonio.models.warps.hemisphere import beside
 
 ENERGY = {"choices": ("single", "kulla_conty", "turquin")}
 ACCURACY = 2e-8
@@ -26,11 +25,7 @@ def cosine_layer_map(
     """Equal steps of azimuth from that of wi, and μ by the variable of a table: fine where μo is below α."""
     mu, rate = cosines.forward(u2, alpha)
     mu = jnp.clip(mu, 0.0, 1.0)
-    _, cos_a, sin_a = polar_parts(wi)
-    sin_t = jnp.sqrt((1.0 - mu) * (1.0 + mu))
-    cos_p, sin_p = jnp.cos(2 * jnp.pi * u1), jnp.sin(2 * jnp.pi * u1)
-    wo = Direction(sin_t * (cos_a * cos_p - sin_a * sin_p), sin_t * (sin_a * cos_p + cos_a * sin_p), mu)
-    return wo, 2 * jnp.pi * rate
+    return beside(wi, u1, jnp.sqrt((1.0 - mu) * (1.0 + mu)), mu), 2 * jnp.pi * rate
 
 
 class MultipleBounces(AbstractBRDF):

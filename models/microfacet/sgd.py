@@ -8,7 +8,7 @@ from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, 
 from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles, mirrored_pdf
-from gonio.models.microfacet.distributions import ggx_d
+from gonio.models.microfacet.distributions import ggx_d, ggx_normal
 from gonio.models.warps.grazing_azimuth import polar_parts
 from gonio.models.warps.radial_laws import power_law
 from gonio.models.warps.slopes import facet_direction, slope_ray
@@ -85,9 +85,7 @@ class SGD(AbstractBRDF):
 
     def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
         """wi mirrored in a facet of GGX slopes as wide as the core."""
-        r = self.core[0] * jnp.sqrt(u2 / (1.0 - u2))
-        z = 1.0 / jnp.sqrt(1.0 + r * r)
-        return reflect(wi, Direction(r * z * jnp.cos(2 * jnp.pi * u1), r * z * jnp.sin(2 * jnp.pi * u1), z))
+        return reflect(wi, ggx_normal(self.core[0], u1, u2))
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return mirrored_pdf(lambda m: ggx_d(m, self.core[0], self.core[0]) * m.z, wi, wo)

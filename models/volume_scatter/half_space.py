@@ -4,7 +4,7 @@ import jax.numpy as jnp
 
 from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.volume_scatter.chandrasekhar_h import h_isotropic
-from gonio.models.warps.volume import volume_map
+from gonio.models.warps.hemisphere import volume_map
 
 SCATTERED = "single-scattering albedo"
 SINGLE = ParameterInfo(0.0, 1.0, "1", SCATTERED, start=0.8, role="albedo", per_channel=True, linear=True)

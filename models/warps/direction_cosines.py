@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction
-from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts
+from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts, rotated
 
 
 def projected_distance2(wi: Direction, wo: Direction) -> Scalar:
@@ -59,7 +59,7 @@ def disc_direction(wi: Direction, ray: DiscRay, rho: Scalar) -> Direction:
     z2 = jnp.maximum((ray.rim - rho) * (ray.behind + rho), 0.0)
     up = z2 > 0
     z = jnp.where(up, jnp.sqrt(jnp.where(up, z2, 1.0)), 0.0)
-    return Direction(-along * cos_a + across * sin_a, -along * sin_a - across * cos_a, z)
+    return Direction(*rotated(cos_a, sin_a, -along, -across), z)
 
 
 def disc_jacobian(wo: Direction, rho: Scalar, radial_rate: Scalar, ray: DiscRay) -> Scalar:

@@ -17,6 +17,11 @@ def polar_parts(w: Direction) -> tuple[Scalar, Scalar, Scalar]:
     return sin_t, jnp.where(tilted, w.x / length, 1.0), jnp.where(tilted, w.y / length, 0.0)
 
 
+def rotated(cos_a: Scalar, sin_a: Scalar, x: Scalar, y: Scalar) -> tuple[Scalar, Scalar]:
+    """(x, y) turned by the angle a."""
+    return x * cos_a - y * sin_a, x * sin_a + y * cos_a
+
+
 def grazing_tangent(w: Direction) -> Scalar:
     """tan θ of a direction on or above the horizon, at most `TANGENT_MAX`; gradients are finite."""
     return polar_parts(w)[0] / jnp.maximum(w.z, 1.0 / TANGENT_MAX)

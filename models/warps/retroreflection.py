@@ -10,7 +10,7 @@ import jax.numpy as jnp
 
 from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction
-from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts
+from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts, rotated
 
 
 class BackRay(NamedTuple):
@@ -36,7 +36,7 @@ def back_direction(wi: Direction, ray: BackRay, g: Scalar, radial_rate: Scalar) 
     cos_g, sin_g = jnp.cos(g), jnp.sin(g)
     along, across = sin_g * ray.cos_p, sin_g * ray.sin_p
     out = cos_g * sin_i - along * wi.z
-    wo = Direction(out * cos_a - across * sin_a, out * sin_a + across * cos_a, cos_g * wi.z + along * sin_i)
+    wo = Direction(*rotated(cos_a, sin_a, out, across), cos_g * wi.z + along * sin_i)
     return wo, sin_g * radial_rate * ray.azimuth_rate
 
 

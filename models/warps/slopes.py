@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction, dot, reflect
-from gonio.models.warps.grazing_azimuth import TANGENT_MAX, grazing_azimuth, polar_parts
+from gonio.models.warps.grazing_azimuth import TANGENT_MAX, grazing_azimuth, polar_parts, rotated
 
 
 class SlopeRay(NamedTuple):
@@ -30,8 +30,7 @@ def slope_ray(wi: Direction, u1: Scalar, alpha_x: Scalar, alpha_y: Scalar) -> Sl
     lean_most, cos_a, sin_a = polar_parts(Direction(alpha_x * wi.x / cos_i, alpha_y * wi.y / cos_i, wi.z))
     across = jnp.sqrt((alpha_x * sin_a) ** 2 + (alpha_y * cos_a) ** 2)
     cos_p, sin_p, azimuth_rate = grazing_azimuth(lean_most / across, u1)
-    slope_x = alpha_x * (cos_a * cos_p - sin_a * sin_p)
-    slope_y = alpha_y * (sin_a * cos_p + cos_a * sin_p)
+    slope_x, slope_y = (a * c for a, c in zip((alpha_x, alpha_y), rotated(cos_a, sin_a, cos_p, sin_p), strict=True))
     length2 = slope_x**2 + slope_y**2
     lean = lean_most * cos_p
     root = jnp.sqrt(lean * lean + length2)

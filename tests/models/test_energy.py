@@ -14,7 +14,7 @@ from gonio.models.diffuse.white_standard import WhiteStandard
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
-from gonio.models.fresnel_average import fresnel_average
+from gonio.models.fresnel import fresnel_average
 from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.microfacet import albedo_tables as albedo_table
 from gonio.models.microfacet.beckmann import Beckmann

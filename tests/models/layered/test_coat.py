@@ -11,7 +11,7 @@ from gonio.models.diffuse.white_standard import WhiteStandard
 from gonio.models.empirical.phong import Phong
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
-from gonio.models.fresnel_average import fresnel_average
+from gonio.models.fresnel import fresnel_average
 from gonio.models.geometry.directions import Direction
 from gonio.models.layered.coat import Coat, UnderCoat, refracted
 from gonio.models.layered.kelemen import KelemenLobe
