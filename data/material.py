@@ -72,7 +72,11 @@ class Material(Displayed):
         """(theta_o, phi_o) that the importance sampler draws for uniform numbers u1, u2 in [0, 1].
 
         Angles come and go in radians, or in degrees; all arguments broadcast to the shape of both results. theta_o may
-        lie below the horizon. Raises GonioError as `f` does, for u1 or u2 out of range, and without a sampler.
+        lie below the horizon, where f is 0; of light that does not leave the surface (total reflection below a coat)
+        it is π, and pdf is 0 there: count its weight f cosθ/pdf as 0.
+
+        Raises:
+            GonioError: as `f` does, for u1 or u2 out of range, and without a sampler.
         """
         angles = radian_arrays(degrees, theta_i=theta_i, phi_i=phi_i)
         uniform = {name: as_numbers(name, u) for name, u in (("u1", u1), ("u2", u2))}

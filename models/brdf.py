@@ -12,6 +12,7 @@ from typing import Any, ClassVar, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Bool
 
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.errors import GonioError
@@ -19,6 +20,10 @@ from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.horizon import Hemispheres, guarded_pair
 from gonio.models.parameters import ParameterInfo, known_equal, parameter
 from gonio.models.warps.hemisphere import cosine_pdf, cosine_sample
+
+Sample = tuple[Direction, Bool[Array, ""] | bool]
+"""A direction that an importance sampler draws, and whether the light leaves the surface along it: if not, it is lost
+inside, as by total reflection below a coat, and the direction means nothing."""
 
 
 class AbstractBRDF(eqx.Module):
@@ -82,16 +87,20 @@ class AbstractBRDF(eqx.Module):
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         """The bare formula of f, 1/sr, for two directions of the declared hemispheres, neither on the horizon."""
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
-        """The outgoing direction that an importance sampler draws from (u1, u2) uniform in [0, 1)².
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
+        """(wo, leaves): the direction that an importance sampler draws from (u1, u2) uniform in [0, 1)².
 
-        It may fall below the horizon (f is 0 there). The default is the cosine-weighted hemisphere; what has no
-        sampler at all raises NotImplementedError.
+        `leaves` is whether the light leaves the surface along it. wo may fall outside of the hemispheres that the model
+        declares (f is 0 there). The default is the cosine-weighted hemisphere; what has no sampler at all raises
+        NotImplementedError.
         """
-        return cosine_sample(u1, u2)
+        return cosine_sample(u1, u2), True
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
-        """Density, 1/sr, of the directions that `sample` draws, for a `wo` anywhere on the sphere."""
+        """Density, 1/sr, of the directions that `sample` draws, for a `wo` anywhere on the sphere.
+
+        Its integral is the share of what is drawn that leaves: 1 where nothing is lost inside.
+        """
         return cosine_pdf(wo)
 
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
@@ -101,8 +110,8 @@ class AbstractBRDF(eqx.Module):
         quarters, u2 at the half), whatever the width of the lobe; the square covers the whole hemisphere above the
         horizon, or all of it where the lobe is above 1e-16 of its integral.
         """
-        wo = self.sample(wi, u1, u2)
-        return wo, 1.0 / self.pdf(wi, wo)
+        wo, leaves = self.sample(wi, u1, u2)
+        return wo, jnp.where(leaves, 1.0 / jnp.where(leaves, self.pdf(wi, wo), 1.0), 0.0)
 
     def terms(self) -> "tuple[AbstractBRDF, ...]":
         """The BRDFs that add up to this one and have a lobe map each; itself, for most."""
@@ -154,7 +163,7 @@ class Scaled(AbstractBRDF):
     def hemispheres(self) -> Hemispheres:
         return self.base.hemispheres
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         return self.base.sample(wi, u1, u2)
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
@@ -200,11 +209,14 @@ class Sum(AbstractBRDF):
     def hemispheres(self) -> Hemispheres:
         return functools.reduce(operator.or_, (p.hemispheres for p in self.parts))
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         n = len(self.parts)
         which = jnp.minimum(jnp.floor(u1 * n), n - 1)
         samples = [part.sample(wi, u1 * n - which, u2) for part in self.parts]
-        return Direction(*(jnp.select([which == i for i in range(n)], list(c)) for c in zip(*samples, strict=True)))
+        chosen = [which == i for i in range(n)]
+        directions, leaves = zip(*samples, strict=True)
+        wo = Direction(*(jnp.select(chosen, list(c)) for c in zip(*directions, strict=True)))
+        return wo, jnp.select(chosen, list(leaves), default=False)
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return sum(part.pdf(wi, wo) for part in self.parts) / len(self.parts)
@@ -238,7 +250,7 @@ class AbstractComposite(AbstractBRDF):
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         return Sum(self.terms()).formula(wi, wo)
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         return Sum(self.terms()).sample(wi, u1, u2)
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:

@@ -15,6 +15,8 @@ BLOCK = 1 << 17
 """Pairs of one pass: what a formula of several loops, a quadrature or channels puts aside stays in the cache."""
 SMALL_BLOCK = 8192
 """Pairs of one pass where their number changes from call to call."""
+LOST = (0.0, 0.0, -1.0)
+"""What stands for the direction of light that does not leave the surface: against the normal, where pdf is 0 then."""
 
 
 @wide_jit
@@ -82,7 +84,11 @@ def evaluate_in_blocks(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> np.n
 
 @wide_jit
 def _samples(brdf: AbstractBRDF, wi: Direction, u1: jax.Array, u2: jax.Array) -> Direction:
-    return jax.vmap(brdf.sample)(wi, u1, u2)
+    def one(w: Direction, a: jax.Array, b: jax.Array) -> Direction:
+        wo, leaves = brdf.sample(w, a, b)
+        return Direction(*(jnp.where(leaves, c, d) for c, d in zip(wo, LOST, strict=True)))
+
+    return jax.vmap(one)(wi, u1, u2)
 
 
 @wide_jit
@@ -91,9 +97,12 @@ def _densities(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> jax.Array:
 
 
 def sampled_directions(brdf: AbstractBRDF, wi: Direction, u1: np.ndarray, u2: np.ndarray) -> Direction:
-    """The directions that the importance sampler draws for u1, u2 in [0, 1); all of one shape (n,)."""
+    """The directions that the importance sampler draws for u1, u2 in [0, 1); `LOST` for what does not leave.
+
+    u1 and u2 have the shape (n,); wi has it, or is one direction.
+    """
     dtype = jnp.result_type(float)
-    w = Direction(*(jnp.asarray(c, dtype) for c in wi))
+    w = Direction(*(jnp.broadcast_to(jnp.asarray(c, dtype), np.shape(u1)) for c in wi))
     return Direction(*_samples(brdf, w, jnp.asarray(u1, dtype), jnp.asarray(u2, dtype)))
 
 

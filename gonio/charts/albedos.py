@@ -86,8 +86,9 @@ def _product(brdf: AbstractBRDF, order: float) -> Albedos:
 @eqx.filter_jit
 def _sampled(brdf: AbstractBRDF, wi: Direction, u1: jax.Array, u2: jax.Array) -> tuple[jax.Array, jax.Array]:
     def one(w: Direction, a: jax.Array, b: jax.Array) -> jax.Array:
-        wo = brdf.sample(w, a, b)
-        return brdf.f(w, wo) * jnp.maximum(wo.z, 0.0) / brdf.pdf(w, wo)
+        wo, leaves = brdf.sample(w, a, b)
+        weight = jnp.maximum(wo.z, 0.0) / jnp.where(leaves, brdf.pdf(w, wo), 1.0)
+        return jnp.where(leaves, brdf.f(w, wo) * weight, 0.0)
 
     values = jax.vmap(lambda w: jax.vmap(lambda a, b: one(w, a, b))(u1, u2))(wi)
     return jnp.mean(values, 1), jnp.var(values, 1, ddof=1)

@@ -2,23 +2,14 @@
 
 import dataclasses
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.evaluation import evaluate
+from gonio.models.evaluation import evaluate, sampled_directions, sampling_density
 from gonio.models.geometry.directions import NORMAL, Direction
 from gonio.stability.directions import unit_vector
 
 THETA_MAX = np.radians(80.0)
-
-
-@eqx.filter_jit
-def _sampled(brdf: AbstractBRDF, wi: Direction, u1: jax.Array, u2: jax.Array) -> tuple[Direction, jax.Array]:
-    wo = jax.vmap(brdf.sample)(wi, u1, u2)
-    return wo, jax.vmap(brdf.pdf)(wi, wo)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,10 +33,10 @@ def light_of(brdf: AbstractBRDF, count: int = 20_000, seed: int = 0) -> Light:
     rng = np.random.default_rng(seed)
     theta = np.arcsin(np.sin(THETA_MAX) * np.sqrt(rng.random(count)))
     phi = rng.uniform(0, 2 * np.pi, count)
-    wi = Direction(*(jnp.asarray(c) for c in unit_vector(theta, phi)))
-    wo, density = _sampled(brdf, wi, jnp.asarray(rng.random(count)), jnp.asarray(rng.random(count)))
+    wi = Direction(*unit_vector(theta, phi))
+    wo = sampled_directions(brdf, wi, rng.random(count), rng.random(count))
     # Always as many pairs: one compiled program serves all surfaces of a kind.
     up = np.asarray(wo.z) > np.cos(THETA_MAX)
     wi, wo = (Direction(*(np.where(up, c, e) for c, e in zip(w, NORMAL, strict=True))) for w in (wi, wo))
     f = np.asarray(evaluate(brdf, wi, wo), float).reshape(count)
-    return Light(wi, wo, np.where(up, wo.z / np.asarray(density), 0.0), f)
+    return Light(wi, wo, np.where(up, wo.z / np.asarray(sampling_density(brdf, wi, wo)), 0.0), f)

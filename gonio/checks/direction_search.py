@@ -2,15 +2,13 @@
 
 from collections.abc import Callable
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import SMALL_BLOCK as BLOCK
-from gonio.models.evaluation import evaluate_in_blocks
+from gonio.models.evaluation import evaluate_in_blocks, sampled_directions
 from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.geometry.low_discrepancy import low_discrepancy
 
@@ -104,17 +102,10 @@ def _near_lobes(brdf: AbstractBRDF) -> list[np.ndarray]:
     return angles
 
 
-@eqx.filter_jit
-def _samples(brdf: AbstractBRDF, wi: Direction, u1: jax.Array, u2: jax.Array) -> Direction:
-    return jax.vmap(brdf.sample)(wi, u1, u2)
-
-
 def sampled_angles(brdf: AbstractBRDF, theta_i: np.ndarray, phi_i: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(theta_o, phi_o) of one direction from the model's sampler for each incidence; π where it has none."""
-    u1, u2 = (jnp.asarray(c, jnp.result_type(float)) for c in low_discrepancy(theta_i.size, 2, 0.75).T)
-    wi = Direction(*(jnp.asarray(c, u1.dtype) for c in directions(theta_i, phi_i)))
     try:
-        wo = _samples(brdf, wi, u1, u2)
+        wo = sampled_directions(brdf, directions(theta_i, phi_i), *low_discrepancy(theta_i.size, 2, 0.75).T)
     except NotImplementedError:  # how a model says that it has no sampler; any other failure is an error of its own
         return np.full(theta_i.shape, np.pi), np.zeros(theta_i.shape)
     x, y, z = (np.asarray(c, float) for c in wo)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy import special
 
 from gonio.checks.table.count_statistics import sidak
-from gonio.models.brdf import AbstractBRDF
+from gonio.models.brdf import AbstractBRDF, Sample
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction
 from gonio.stability.directions import unit_vector
@@ -36,7 +36,7 @@ WHOLE = {"float64": 1e-5, "float32": 1e-3}
 
 
 @eqx.filter_jit
-def _sampled(brdf: AbstractBRDF, wi: Direction, u1: jax.Array, u2: jax.Array) -> Direction:
+def _sampled(brdf: AbstractBRDF, wi: Direction, u1: jax.Array, u2: jax.Array) -> Sample:
     return jax.vmap(brdf.sample, in_axes=(None, 0, 0))(wi, u1, u2)
 
 
@@ -63,13 +63,15 @@ def _polar(frame: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class Counts(NamedTuple):
     """Counts of drawn directions in cells (rings, sectors), and the shares that the density claims for them.
 
-    `error` is that of the shares' sum; `not_finite` the share of drawn directions that are no numbers.
+    `error` is that of the shares' sum; `not_finite` the share of drawn directions that are no numbers; `lost` the
+    number of samples that do not leave the surface.
     """
 
     counts: np.ndarray
     shares: np.ndarray
     error: float
     not_finite: float
+    lost: int
 
 
 def count_and_expect(brdf: AbstractBRDF, theta: float, number: int, dtype: Any = np.float64, seed: int = 0) -> Counts:
@@ -78,8 +80,10 @@ def count_and_expect(brdf: AbstractBRDF, theta: float, number: int, dtype: Any =
     wi = cast_directions(unit_vector(theta), dtype)
     u = rng.random((2, number)).astype(dtype)
     u = np.minimum(u, np.nextafter(dtype(1), dtype(0)))
-    w = np.stack([np.asarray(c, float) for c in _sampled(brdf, wi, *(jnp.asarray(c) for c in u))], -1)
+    sampled, leaves = _sampled(brdf, wi, *(jnp.asarray(c) for c in u))
+    w = np.stack([np.asarray(c, float) for c in sampled], -1)[np.asarray(leaves)]
     good = np.isfinite(w).all(axis=1)
+    lost = number - len(w)
     w = w[good] / np.linalg.norm(w[good], axis=1, keepdims=True)
     frames = _frames(np.array([float(c) for c in wi]))
     frame = min(frames, key=lambda f: np.median(_polar(f, w[:20000])[0]))
@@ -97,7 +101,7 @@ def count_and_expect(brdf: AbstractBRDF, theta: float, number: int, dtype: Any =
         return np.asarray(density, float).reshape(beta.shape) * s
 
     shares, error = integrate(integrand, *_cells(edges, sectors, float(np.arccos(frame[2, 2]))), ENOUGH)
-    return Counts(counts, shares.reshape(RINGS, SECTORS), error, float(1.0 - good.mean()))
+    return Counts(counts, shares.reshape(RINGS, SECTORS), error, float(1.0 - good.mean()), lost)
 
 
 def _cells(edges: np.ndarray, sectors: np.ndarray, tilt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -117,10 +121,16 @@ def _cells(edges: np.ndarray, sectors: np.ndarray, tilt: float) -> tuple[np.ndar
     return np.array(cells), np.array(bins)
 
 
-def p_value(counts: np.ndarray, shares: np.ndarray) -> float:
-    """Pearson's χ² test of counts against shares, cells of few expected counts taken together."""
-    order = np.argsort(shares.ravel() * counts.sum())
-    expected, observed = (shares.ravel() * counts.sum())[order], counts.ravel()[order]
+def p_value(counts: Counts) -> float:
+    """Pearson's χ² test of counts against shares, cells of few expected counts taken together.
+
+    What does not leave the surface is a cell of its own, which has the rest of the shares.
+    """
+    observed, shares = counts.counts.ravel(), counts.shares.ravel()
+    if counts.lost:
+        observed, shares = np.append(observed, counts.lost), np.append(shares, 1.0 - shares.sum())
+    order = np.argsort(shares)
+    expected, observed = shares[order] * observed.sum(), observed[order]
     few = max(int(np.searchsorted(np.cumsum(expected), LEAST)) + 1, int(np.searchsorted(expected, LEAST)))
     expected, observed = (np.concatenate([[a[:few].sum()], a[few:]]) for a in (expected, observed))
     if expected[0] < 1:
@@ -139,8 +149,8 @@ def sampler_cells(name: str, expression: str, precision: str, number: int) -> li
         seed = zlib.crc32(f"{expression} {column} {precision}".encode())
         counts = count_and_expect(brdf, theta, number, dtype, seed)
         whole, level, most = float(counts.shares.sum()), sidak(LEVEL, TESTS), WHOLE[precision]
-        p = p_value(counts.counts, counts.shares) if np.isfinite(counts.shares).all() else 0.0
-        error = abs(whole - 1)
+        p = p_value(counts) if np.isfinite(counts.shares).all() else 0.0
+        error = max(whole - 1, 0.0) if counts.lost else abs(whole - 1)
         detail = f"p = {p:.3g} (level {level:.2g}) of {number:,} directions; the density adds up to {whole:.7g}"
         if counts.not_finite:
             verdict, detail = SAYS_SO, f"{counts.not_finite:.2g} of the directions drawn are not finite"

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Sample, Scalar, parameter
 from gonio.models.diffuse.lambert import ALBEDO
 from gonio.models.geometry.guards import positive
 
@@ -26,9 +26,9 @@ class Minnaert(AbstractBRDF):
         limb_i, limb_o = (jnp.power(positive(w.z), self.k - 1.0) for w in (wi, wo))
         return self.rho * (self.k + 1.0) / (2 * jnp.pi) * (limb_i * limb_o)
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         """Density (k+1)/(2π) μᵏ, which is f cosθ over its albedo: μ = (1 − u2)^(1/(k+1))."""
-        return _polar(u1, jnp.log1p(-u2) / (jnp.mean(self.k) + 1.0))
+        return _polar(u1, jnp.log1p(-u2) / (jnp.mean(self.k) + 1.0)), True
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         k = jnp.mean(self.k)

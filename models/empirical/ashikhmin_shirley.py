@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Sample, Scalar, parameter
 from gonio.models.empirical.cosine_power import exponent_at, power_density, power_normal, power_widths
 from gonio.models.fresnel import fresnel_of
 from gonio.models.geometry.directions import reflect
@@ -64,8 +64,8 @@ class AshikhminShirley(AbstractBRDF):
         scale = jnp.sqrt((n_x + 1.0) * (n_y + 1.0)) / (8 * jnp.pi)
         return scale * power * fresnel_of(self, cos_d) * (1.0 / cos_d) * (1.0 / higher)
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
-        return reflect(wi, power_normal(*self.mean_exponents, u1, u2))
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
+        return reflect(wi, power_normal(*self.mean_exponents, u1, u2)), True
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return mirrored_pdf(lambda m: power_density(m, *self.mean_exponents), wi, wo)

@@ -6,7 +6,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Sample, Scalar, parameter
 from gonio.models.empirical.cosine_power import power_density, power_normal, power_widths
 from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.half_vector import half_angles, log_cosine, mirrored_pdf
@@ -36,9 +36,9 @@ class AbstractBlinnPhong(AbstractBRDF):
         h, _, sin2_h = half_angles(wi, wo)
         return self.factor() * jnp.exp(self.n * log_cosine(h, sin2_h))
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         n = jnp.mean(self.n)
-        return reflect(wi, power_normal(n, n, u1, u2))
+        return reflect(wi, power_normal(n, n, u1, u2)), True
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         n = jnp.mean(self.n)

@@ -5,7 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, known_equal, parameter
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Sample, Scalar, known_equal, parameter
 from gonio.models.empirical.phong import Phong
 from gonio.models.geometry.directions import normalize
 
@@ -65,7 +65,7 @@ class Lafortune(AbstractBRDF):
         c_x, c_y, c_z = (jnp.mean(c) for c in (self.c_x, self.c_y, self.c_z))
         return normalize(Direction(-c_x * wi.x, -c_y * wi.y, c_z * wi.z))
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         """Phong's lobe about (c_x wi.x, c_y wi.y, c_z wi.z)."""
         return Phong(self.n).sample(self._mirrored_axis(wi), u1, u2)
 

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Sample, Scalar, parameter
 from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts, rotated
 from gonio.models.warps.radial_laws import S_MAX
 
@@ -38,10 +38,10 @@ class Phong(AbstractBRDF):
         alpha = jnp.sqrt(1.0 / (self.mean_n + 2.0))
         return alpha, alpha
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         """cosβ = (1 − u2)^(1/(n+1)) about the mirror direction, azimuth 2πu1 [Lafortune & Willems 1994]."""
         log_cos = jnp.log1p(-u2) / (self.mean_n + 1.0)
-        return _about_mirror(wi, log_cos, jnp.cos(2 * jnp.pi * u1), jnp.sin(2 * jnp.pi * u1))
+        return _about_mirror(wi, log_cos, jnp.cos(2 * jnp.pi * u1), jnp.sin(2 * jnp.pi * u1)), True
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         """(n+1)/(2π) cosⁿβ, over the half sphere about the mirror direction."""

@@ -12,11 +12,12 @@ from gonio.models.brdf import (
     Channels,
     Direction,
     ParameterInfo,
+    Sample,
     Scalar,
     Scaled,
     parameter,
 )
-from gonio.models.layered.coat_warp import coated_map, refracted
+from gonio.models.layered.coat_warp import coated_map, refracted, refracted_outwards
 from gonio.models.microfacet import albedo_tables as tables
 from gonio.models.microfacet.ggx import GGX
 
@@ -43,30 +44,17 @@ class UnderCoat(AbstractBRDF):
         base = self.base.formula(*(refracted(w, self.index) for w in (wi, wo)))
         return base * (passed[0] * passed[1] * (1.0 / self.index**2))
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
-        """The base's sample, refracted outwards; what is trapped or below goes below the horizon, linearly in z."""
-        sampled, eta = self.base.sample(refracted(wi, self.index), u1, u2), self.index
-        inner = _trapped_below(eta)
-        out2 = 1.0 - eta * eta * (sampled.x**2 + sampled.y**2)
-        leaves = (sampled.z > 0) & (out2 > 0)
-        down = jnp.clip((sampled.z - inner) / (1.0 + inner), -1.0, 0.0)
-        side2 = sampled.x**2 + sampled.y**2
-        turned = jnp.sqrt((1.0 - down) * (1.0 + down) / jnp.where(side2 > 0, side2, 1.0))
-        stretch = jnp.where(leaves, eta, jnp.where(side2 > 0, turned, 0.0))
-        z = jnp.where(leaves, jnp.sqrt(jnp.where(leaves, out2, 1.0)), down)
-        return Direction(sampled.x * stretch, sampled.y * stretch, z)
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
+        """The base's sample, refracted outwards; what the interface reflects totally does not leave."""
+        inside, leaves = self.base.sample(refracted(wi, self.index), u1, u2)
+        outside, passes = refracted_outwards(inside, self.index)
+        return outside, leaves & passes
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
-        eta, inner = self.index, _trapped_below(self.index)
         up = wo.z > 0
-        through = refracted(wo, eta)
-        z = jnp.clip(jnp.where(up, 0.0, wo.z) * (1.0 + inner) + inner, -1.0, 1.0)
-        side2 = wo.x**2 + wo.y**2
-        turned = jnp.sqrt((1.0 - z) * (1.0 + z) / jnp.where(side2 > 0, side2, 1.0))
-        below = Direction(wo.x * turned, wo.y * turned, z)
-        inside = Direction(*(jnp.where(up, a, b) for a, b in zip(through, below, strict=True)))
-        rate = jnp.where(up, wo.z / (eta * eta * through.z), 1.0 + inner)
-        return self.base.pdf(refracted(wi, eta), inside) * rate
+        inside = refracted(wo, self.index)
+        density = self.base.pdf(refracted(wi, self.index), inside) * (wo.z / (self.index**2 * inside.z))
+        return jnp.where(up, density, 0.0)
 
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         """That of the base, over the directions outside; coats over one another refract as one."""
@@ -79,11 +67,6 @@ class UnderCoat(AbstractBRDF):
     @property
     def isotropic(self) -> bool:
         return self.base.isotropic
-
-
-def _trapped_below(eta: Scalar) -> Scalar:
-    # The cosine inside of the critical angle.
-    return jnp.sqrt((eta - 1.0) * (eta + 1.0)) / eta
 
 
 class Coat(AbstractComposite):

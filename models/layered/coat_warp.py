@@ -5,6 +5,7 @@ with a peak needs a branch here, or `lobe`, by which its own map is refracted.
 """
 
 import jax.numpy as jnp
+from jaxtyping import Array, Bool
 
 from gonio.models.brdf import AbstractBRDF, Direction, Scalar
 from gonio.models.microfacet.retro import Retro, mirrored
@@ -19,6 +20,13 @@ def refracted(w: Direction, eta: Scalar) -> Direction:
     """The direction inside a medium of index η > 1 of a direction outside, both from the surface upwards."""
     x, y = w.x / eta, w.y / eta
     return Direction(x, y, jnp.sqrt((eta - 1.0) * (eta + 1.0) + w.z * w.z) / eta)
+
+
+def refracted_outwards(w: Direction, eta: Scalar) -> tuple[Direction, Bool[Array, "..."]]:
+    """The direction outside of a direction inside, and whether there is one: from above, and not totally reflected."""
+    out2 = 1.0 - eta**2 * (w.x**2 + w.y**2)
+    passes = (w.z > 0) & (out2 > 0)
+    return Direction(eta * w.x, eta * w.y, jnp.sqrt(jnp.where(passes, out2, 1.0))), passes
 
 
 def coated_map(base: AbstractBRDF, eta: Scalar, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
@@ -51,7 +59,5 @@ def _refracted_map(
 ) -> tuple[Direction, Scalar]:
     # What is trapped inside has no area: a kink, which the bound tells of, where the lobe reaches it.
     inside, area = base.lobe_map(inner, u1, u2)
-    out2 = 1.0 - eta**2 * (inside.x**2 + inside.y**2)
-    leaves = (inside.z > 0) & (out2 > 0)
-    z = jnp.sqrt(jnp.where(leaves, out2, 1.0))
-    return Direction(eta * inside.x, eta * inside.y, z), jnp.where(leaves, area * eta**2 * inside.z / z, 0.0)
+    outside, passes = refracted_outwards(inside, eta)
+    return outside, jnp.where(passes, area * eta**2 * inside.z / outside.z, 0.0)

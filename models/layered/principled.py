@@ -11,6 +11,7 @@ from gonio.models.brdf import (
     Channels,
     Direction,
     ParameterInfo,
+    Sample,
     Scalar,
     known_equal,
     parameter,
@@ -65,15 +66,15 @@ class PrincipledTerm(AbstractBRDF):
         alpha_x, alpha_y = self.whole.widths if self.term == "specular" else (self.whole.clearcoat_alpha,) * 2
         return jnp.mean(alpha_x), jnp.mean(alpha_y)
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         if self.term == "diffuse":
             return super().sample(wi, u1, u2)
         if self.term == "specular":
-            return reflect(wi, ggx_visible_normal(wi, *self._widths, u1, u2))
+            return reflect(wi, ggx_visible_normal(wi, *self._widths, u1, u2)), True
         a2 = self._widths[0] ** 2
         sin2 = jnp.clip((a2 ** (1.0 - u2) - a2) / (1.0 - a2), 0.0, 1.0)  # [Burley 2012, eq. 5]
         sin, phi = jnp.sqrt(sin2), 2 * jnp.pi * u1
-        return reflect(wi, Direction(sin * jnp.cos(phi), sin * jnp.sin(phi), jnp.sqrt(1.0 - sin2)))
+        return reflect(wi, Direction(sin * jnp.cos(phi), sin * jnp.sin(phi), jnp.sqrt(1.0 - sin2))), True
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         if self.term == "diffuse":

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Sample, Scalar, parameter
 from gonio.models.fresnel import fresnel_of
 from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.guards import positive
@@ -53,9 +53,9 @@ class ABCMicrofacet(AbstractBRDF):
     def facet_widths(self) -> tuple[Scalar, Scalar] | None:
         return self.width, self.width
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         """wi mirrored in a facet of GGX slopes of the same width, which S of c = 2 has."""
-        return reflect(wi, ggx_normal(self.width, u1, u2))
+        return reflect(wi, ggx_normal(self.width, u1, u2)), True
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return mirrored_pdf(lambda m: ggx_d(m, self.width, self.width) * m.z, wi, wo)

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 
-from gonio.models.brdf import Channels, Direction, Scalar, parameter
+from gonio.models.brdf import Channels, Direction, Sample, Scalar, parameter
 from gonio.models.geometry.directions import half_vector, reflect
 from gonio.models.geometry.guards import grazing_scale, positive
 from gonio.models.microfacet import base as mf
@@ -46,8 +46,8 @@ class GGX(AbstractCompensated):
         x = x_max * u2
         return jnp.sinh(x), jnp.cosh(x) * x_max
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
-        return reflect(wi, ggx_visible_normal(wi, *self.mean_widths, u1, u2))
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
+        return reflect(wi, ggx_visible_normal(wi, *self.mean_widths, u1, u2)), True
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return 0.25 * ggx_d(half_vector(wi, wo), *self.mean_widths) / ggx_cos_over_g1(wi, *self.mean_widths)

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from gonio.models.brdf import Channels, Direction, ParameterInfo, Scalar, parameter
+from gonio.models.brdf import Channels, Direction, ParameterInfo, Sample, Scalar, parameter
 from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import mirrored_pdf
@@ -88,7 +88,7 @@ class GTR(mf.AbstractMicrofacet):
         last = jnp.where(last * jnp.max(self.alpha) < 1.0, last, EVERY_SLOPE)
         return horizon_law(u2, last, horizon, self.mean_widths[0])
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         """wi mirrored in a facet drawn from D cosθ [Burley 2012, appendix B], without a seam at γ = 1 or α = 1."""
         size, x = 2.0 * jnp.log(self.mean_widths[0]), (1.0 - jnp.mean(self.gamma)) * 2.0 * jnp.log(self.mean_widths[0])
         flat = jnp.abs(x) < 1e-9
@@ -97,7 +97,7 @@ class GTR(mf.AbstractMicrofacet):
         sin2 = jnp.exp(size) * fall * exprel(-size * fall) / exprel(size)
         cos2 = (1.0 - fall) * exprel(size * (1.0 - fall)) / exprel(size)
         s = jnp.sqrt(sin2)
-        return reflect(wi, Direction(s * jnp.cos(2 * jnp.pi * u1), s * jnp.sin(2 * jnp.pi * u1), jnp.sqrt(cos2)))
+        return reflect(wi, Direction(s * jnp.cos(2 * jnp.pi * u1), s * jnp.sin(2 * jnp.pi * u1), jnp.sqrt(cos2))), True
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         alpha, gamma = self.mean_widths[0], jnp.mean(self.gamma)

@@ -2,7 +2,7 @@
 
 import equinox as eqx
 
-from gonio.models.brdf import AbstractBRDF, Channels, Direction, Scalar, parameter
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, Sample, Scalar, parameter
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet.ggx import GGX
 
@@ -32,7 +32,7 @@ class Retro(AbstractBRDF):
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         return self.surface.formula(mirrored(wi), wo)
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         return self.surface.sample(mirrored(wi), u1, u2)
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:

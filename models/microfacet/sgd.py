@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Sample, Scalar, parameter
 from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles, mirrored_pdf
@@ -83,9 +83,9 @@ class SGD(AbstractBRDF):
         alpha = jnp.mean(self.alpha)
         return jnp.minimum(alpha, jnp.sqrt(alpha)), jnp.sqrt(40.0 * jnp.max(self.alpha))
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         """wi mirrored in a facet of GGX slopes as wide as the core."""
-        return reflect(wi, ggx_normal(self.core[0], u1, u2))
+        return reflect(wi, ggx_normal(self.core[0], u1, u2)), True
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return mirrored_pdf(lambda m: ggx_d(m, self.core[0], self.core[0]) * m.z, wi, wo)

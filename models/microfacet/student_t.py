@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.models.brdf import Channels, Direction, ParameterInfo, Scalar, parameter
+from gonio.models.brdf import Channels, Direction, ParameterInfo, Sample, Scalar, parameter
 from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import log_cosine, mirrored_pdf
@@ -108,14 +108,14 @@ class STD(mf.AbstractMicrofacet):
         last = jnp.sqrt(c) * jnp.exp(20.0 / c)  # a share of 4e-18 of the facets is steeper
         return horizon_law(u2, last, horizon, jnp.minimum(*self.mean_widths))
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         """wi mirrored in a facet drawn from D cosθ: tan² = c((1 − u2)^(−1/c) − 1) in units of the widths."""
         alpha_x, alpha_y = self.mean_widths
         c = jnp.mean(self.gamma) - 1.0
         r = jnp.sqrt(c * jnp.expm1(-jnp.log1p(-u2) / c))
         p, q = alpha_x * r * jnp.cos(2 * jnp.pi * u1), alpha_y * r * jnp.sin(2 * jnp.pi * u1)
         z = 1.0 / jnp.sqrt(1.0 + p * p + q * q)
-        return reflect(wi, Direction(p * z, q * z, z))
+        return reflect(wi, Direction(p * z, q * z, z)), True
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         gamma = jnp.mean(self.gamma)

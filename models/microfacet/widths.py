@@ -4,7 +4,7 @@ import abc
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels, Direction, Scalar
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, Sample, Scalar
 from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.half_vector import mirrored_pdf
 from gonio.models.microfacet.distributions import beckmann_d, beckmann_normal
@@ -56,8 +56,8 @@ class AbstractGaussianFacets(AbstractFacets):
         last = jnp.minimum(horizon, LAST_SLOPE)
         return last * u2, last
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
-        return reflect(wi, beckmann_normal(*self.mean_widths, u1, u2))
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
+        return reflect(wi, beckmann_normal(*self.mean_widths, u1, u2)), True
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         return mirrored_pdf(lambda m: beckmann_d(m, *self.mean_widths) * m.z, wi, wo)

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Direction, Scalar
+from gonio.models.brdf import AbstractBRDF, Direction, Sample, Scalar
 from gonio.models.warps.direction_cosines import (
     disc_direction,
     disc_jacobian,
@@ -55,7 +55,7 @@ class AbstractDiscLobe(AbstractBRDF):
         wo = disc_direction(wi, ray, rho)
         return wo, disc_jacobian(wo, rho, width * jnp.cosh(x) * (2.0 * x_max * (1.0 - u2)), ray)
 
-    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Direction:
+    def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         width, fall = self.drawn_core(wi)
         ray = uniform_ray(wi, u1)
         log_max = jnp.log1p((ray.rim / width) ** 2)
@@ -65,7 +65,7 @@ class AbstractDiscLobe(AbstractBRDF):
         share = jnp.where(small, u2 + 0.5 * y * u2 * (1.0 - u2), jnp.log1p(u2 * jnp.expm1(safe)) / safe)
         stretched = jnp.maximum(jnp.expm1(log_max * share), 0.0)
         rho = width * jnp.where(stretched > 0, jnp.sqrt(jnp.where(stretched > 0, stretched, 1.0)), 0.0)
-        return disc_direction(wi, ray, jnp.minimum(rho, ray.rim))
+        return disc_direction(wi, ray, jnp.minimum(rho, ray.rim)), True
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         width, fall = self.drawn_core(wi)

@@ -48,7 +48,7 @@ def test_sums_sample_their_mixture():
     u = np.random.default_rng(2).random((2, 100_000))
 
     def weight(a, b):
-        wo = brdf.sample(wi, a, b)
+        wo, _ = brdf.sample(wi, a, b)
         return brdf.f(wi, wo) * jnp.maximum(wo.z, 0) / brdf.pdf(wi, wo)
 
     from gonio.models.albedo import directional_albedo

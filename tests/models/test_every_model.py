@@ -125,7 +125,7 @@ def maps(brdf, wi, u):
         return *found, jnp.linalg.norm(jnp.cross(rows[:, 0], rows[:, 1]))
 
     def one(u):
-        drawn, _, stretched = area(lambda v: (brdf.sample(wi, v[0], v[1]), None), u)
+        drawn, _, stretched = area(lambda v: brdf.sample(wi, v[0], v[1]), u)
         mapped, jacobian, spread = area(lambda v: brdf.lobe_map(wi, v[0], v[1]), u)
         return stretched * brdf.pdf(wi, drawn), spread, jacobian, mapped.z
 

@@ -34,7 +34,7 @@ def test_minnaert_draws_in_proportion():
     model, wi = Minnaert(0.8, 0.4), Direction(0.6, 0.0, 0.8)
 
     def weight(u1, u2):
-        wo = model.sample(wi, u1, u2)
+        wo, _ = model.sample(wi, u1, u2)
         return model.f(wi, wo) * wo.z / model.pdf(wi, wo)
 
     u = np.random.default_rng(3).random((2, 200))

@@ -118,3 +118,12 @@ def test_mitsuba_rough_dielectrics_on_file():
         np.testing.assert_allclose(found[kept], expected[kept, 0], rtol=1e-4, err_msg=name)
         seen += 1
     assert seen >= 4
+
+
+def test_total_reflection_is_a_mask():
+    """A Lambertian base sends sin²θ = u2 upwards: beyond 1/η² nothing leaves, and the density adds up to what does."""
+    brdf = build("coat(base=lambert(rho=1), alpha=0.2, eta=1.5)").terms()[1]
+    u2 = np.linspace(0.01, 0.99, 99)
+    wo, leaves = jax.vmap(lambda v: brdf.sample(Direction(0.0, 0.0, 1.0), 0.3, v))(jnp.asarray(u2))
+    np.testing.assert_array_equal(leaves, u2 < 1 / 1.5**2)
+    assert (np.asarray(wo.z)[np.asarray(leaves)] > 0).all()

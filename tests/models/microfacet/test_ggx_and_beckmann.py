@@ -190,7 +190,7 @@ def test_sampler_draws_by_its_density(model):
     wi = Direction(*(jnp.asarray(c) for c in (np.sin(theta) * 0.6, np.sin(theta) * 0.8, np.cos(theta))))
     n, n_z, n_phi, fine = 200_000, 12, 16, 24
     u = np.random.default_rng(5).random((2, n))
-    wo = jax.jit(jax.vmap(lambda a, b: model.sample(wi, a, b)))(*u)
+    wo, _ = jax.jit(jax.vmap(lambda a, b: model.sample(wi, a, b)))(*u)
     counts = np.histogram2d(
         np.asarray(wo.z), np.arctan2(wo.y, wo.x), bins=(n_z, n_phi), range=((-1, 1), (-np.pi, np.pi))
     )[0]
