@@ -30,18 +30,17 @@ def guarded_pair(
 ) -> tuple[Bool[Array, "..."], Direction, Direction]:
     """(mask, wi, wo): whether a surface scatters between two directions, and the pair with which its formula is safe.
 
-    A refused pair is replaced by the normals of the two sides: no formula divides by 0 there, no gradient is NaN, and
+    What is refused is replaced by the normals of the two sides: no formula divides by 0 there, no gradient is NaN, and
     arctangents and logarithms end early.
     """
-    side = 1.0
     if hemispheres == Hemispheres.REFLECTION:
-        mask = above_horizon(wi, wo)
+        # Each by its own cosine: along the rows of a grid, one direction is then selected once
+        return above_horizon(wi, wo), _selected(wi.z > HORIZON, wi, 1.0), _selected(wo.z > HORIZON, wo, 1.0)
+    mask, side = jnp.minimum(jnp.abs(wi.z), jnp.abs(wo.z)) > HORIZON, 1.0
+    if hemispheres == Hemispheres.TRANSMISSION:
+        mask, side = mask & (wi.z * wo.z < 0), -1.0
     else:
-        mask = jnp.minimum(jnp.abs(wi.z), jnp.abs(wo.z)) > HORIZON
-        if hemispheres == Hemispheres.TRANSMISSION:
-            mask, side = mask & (wi.z * wo.z < 0), -1.0
-        else:
-            mask = mask & ((wi.z > 0) | (wo.z > 0))
+        mask = mask & ((wi.z > 0) | (wo.z > 0))
     return mask, _selected(mask, wi, 1.0), _selected(mask, wo, side)
 
 
