@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from gonio.data.angles import as_numbers, broadcast, radian_arrays
 from gonio.data.channels import Channels
 from gonio.data.layouts import spherical_angles
-from gonio.data.layouts.spherical_grid import pair_by_angles
 from gonio.models.albedo import Estimate, directional_albedo
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import renamed_attribute
@@ -21,7 +20,7 @@ from gonio.models.errors import GonioError
 from gonio.models.evaluation import channel_count, evaluate, flat_pair, sampled_directions, sampling_density
 from gonio.models.expression.builder import to_expression
 from gonio.models.expression.derivatives import parameter_derivatives
-from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.directions import Direction, from_spherical
 
 REFERENCE_FOLDER = Path(__file__).parent / "materials"
 
@@ -84,7 +83,7 @@ class Material(Displayed):
             if not ((u >= 0) & (u <= 1)).all():
                 raise GonioError(f"{name} leaves [0, 1]; give uniform random numbers")
         theta, phi, first, second = broadcast(theta_i=angles[0], phi_i=angles[1], **uniform)
-        wi = Direction(*(c.ravel() for c in _pair([theta, phi, theta, phi])[0]))
+        wi = Direction(*(c.ravel() for c in from_spherical(theta, phi, np)))
         try:
             directions = sampled_directions(self.brdf, wi, first.ravel(), second.ravel())
         except NotImplementedError:
@@ -161,8 +160,7 @@ class Material(Displayed):
 
 
 def _pair(angles: list[np.ndarray]) -> tuple[Direction, Direction]:
-    wi, wo = pair_by_angles([(np.cos(a), np.sin(a)) for a in angles])
-    return Direction(*wi), Direction(*wo)
+    return from_spherical(*angles[:2], np), from_spherical(*angles[2:], np)
 
 
 def reference_materials() -> list[str]:

@@ -20,7 +20,6 @@ from gonio.data.flags import FLAG_MEANINGS, Flag
 from gonio.data.formats.base import FileHead, Format, stem
 from gonio.data.formats.csv_columns import CsvText, write_columns
 from gonio.data.layouts import spherical_angles
-from gonio.data.layouts.spherical_grid import pair_by_angles
 from gonio.data.round_trip import RoundTrip, compare
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
@@ -88,7 +87,7 @@ def read_directions(path: str | os.PathLike[str]) -> ListedDirections:
 
     Raises GonioError, with the line, for what is no direction or below the horizon.
     """
-    from gonio.models.geometry.directions import Direction
+    from gonio.models.geometry.directions import Direction, from_spherical
 
     text = CsvText(path)
     names = _direction_names(text)
@@ -96,10 +95,10 @@ def read_directions(path: str | os.PathLike[str]) -> ListedDirections:
     angles = _angles(text, columns, names)
     if names == VECTORS:
         components = np.stack([columns[name] for name in VECTORS])
-        wi, wo = (_lengthened(w) for w in (components[:3], components[3:]))
+        wi, wo = (Direction(*_lengthened(w)) for w in (components[:3], components[3:]))
     else:
-        wi, wo = pair_by_angles([(np.cos(a), np.sin(a)) for a in angles])
-    return ListedDirections(Direction(*wi), Direction(*wo), {n: columns[n] for n in text.names if n in columns})
+        wi, wo = from_spherical(*angles[:2], np), from_spherical(*angles[2:], np)
+    return ListedDirections(wi, wo, {n: columns[n] for n in text.names if n in columns})
 
 
 def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:

@@ -14,8 +14,7 @@ from gonio.data.files import input_size
 from gonio.data.hdf5.block_writer import FOOTER, MAGIC, RECORD
 from gonio.data.hdf5.heap_check import damaged_heap
 from gonio.data.hdf5.schema import GONIO_FORMAT
-from gonio.data.layouts.base import Layout
-from gonio.data.layouts.registry import LAYOUTS
+from gonio.data.layouts import LAYOUTS, Layout
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 

@@ -5,31 +5,61 @@ Conventions as in `gonio.models.geometry.directions`: radians, +z the normal, `w
 
 import abc
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from gonio.data.layouts.axes import TURN, AxisKind, OutgoingGrid
-from gonio.data.layouts.nodes import node_numbers, spherical_angles
 from gonio.models.errors import GonioError
 
 if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
 
-
+TURN = 2 * math.pi
+SAME = 1e-9
+"""Angles of nodes that differ by less than this many radians are one."""
 Angles = Sequence[float] | np.ndarray
+Components = tuple[Any, Any, Any]
+"""x, y, z of directions, arrays that broadcast."""
 Trig = Sequence[tuple[Any, Any]]
 """(cosine, sine) of the angles on each axis, arrays that broadcast."""
 NodeMap = list[tuple[int, np.ndarray]]
 """For each dimension of the related cell: the dimension of the cell that decides it, and the node for each node."""
 
 
+class AxisKind(NamedTuple):
+    """One angle that cells are laid out by: its closed domain, radians, and its period if it is an azimuth."""
+
+    name: str
+    long_name: str
+    low: float
+    high: float
+    period: float | None = None
+    quadratic: bool = False
+    """Whether grids often step evenly in the angle's square root."""
+
+
+THETA_I = AxisKind("theta_i", "polar angle of the direction to the light", 0.0, math.pi)
+PHI_I = AxisKind("phi_i", "azimuth of the direction to the light", 0.0, TURN, TURN)
+THETA_O = AxisKind("theta_o", "polar angle of the direction to the detector", 0.0, math.pi)
+PHI_O = AxisKind("phi_o", "azimuth of the direction to the detector", 0.0, TURN, TURN)
+
+
+class OutgoingGrid(NamedTuple):
+    """The directions of the detector that are the same for every incidence, and the incidences; radians."""
+
+    theta_i: np.ndarray
+    phi_i: np.ndarray
+    theta_o: np.ndarray
+    azimuth: np.ndarray
+    """Azimuths of the detector, relative to the surface or, for `phi_i` = 0 alone, to the light."""
+
+
 class Layout(abc.ABC):
     """The cells of a table: axes of angles, float64 radians, in the order of the dimensions.
 
     A gridded layout has one dimension an axis, strictly increasing; cells are numbered in C order. To add a layout:
-    one subclass in a file of its own, and its name in `gonio.data.layouts.registry`.
+    one subclass, imported in `gonio.data.layouts`, which the readers of files then know by its `name`.
 
     Raises GonioError where an axis is missing, empty, not finite, out of its domain or out of order.
     """
@@ -54,6 +84,22 @@ class Layout(abc.ABC):
         if not set(names) - self.optional_axes <= set(axes) <= set(names):
             raise GonioError(f"layout {self.name} has axes {', '.join(axes)}; give it {', '.join(names)}")
         self.axes = {k.name: self._checked_axis(k, axes[k.name]) for k in self.axis_kinds if k.name in axes}
+        sizes = tuple(a.size for a in self.axes.values())
+        if not self.gridded and len(set(sizes)) > 1:
+            listed = ", ".join(f"{n} {a.size}" for n, a in self.axes.items())
+            raise GonioError(f"a {self.name} layout needs axes of one length, but they have {listed} angles")
+        self.dims = tuple(self.axes) if self.gridded else ("sample",)
+        """Names of the dimensions, without those of the values."""
+        self.shape = sizes if self.gridded else sizes[:1]
+        """Number of cells along each dimension."""
+        self.size = math.prod(self.shape)
+        """Number of cells."""
+        self.row_size = math.prod(self.shape[1:])
+        """Number of cells at one node of the leading dimension."""
+
+    def __init_subclass__(cls) -> None:
+        if "name" in vars(cls):
+            LAYOUTS[cls.name] = cls
 
     def _checked_axis(self, kind: AxisKind, values: Angles) -> np.ndarray:
         what = f"axis {kind.name} of a {self.name} layout"
@@ -94,26 +140,6 @@ class Layout(abc.ABC):
         return type(self)(axes)
 
     @property
-    def dims(self) -> tuple[str, ...]:
-        """Names of the dimensions, without those of the values."""
-        return tuple(self.axes)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Number of cells along each dimension."""
-        return tuple(a.size for a in self.axes.values())
-
-    @property
-    def size(self) -> int:
-        """Number of cells."""
-        return math.prod(self.shape)
-
-    @property
-    def row_size(self) -> int:
-        """Number of cells at one node of the leading dimension."""
-        return math.prod(self.shape[1:])
-
-    @property
     def has_azimuth_of_light(self) -> bool:
         """Whether cells may differ by the light's azimuth about the surface's own x axis."""
         return "phi_i" in self.axes
@@ -141,7 +167,7 @@ class Layout(abc.ABC):
 
     @staticmethod
     @abc.abstractmethod
-    def pair(trig: Trig) -> tuple["Direction", "Direction"]:
+    def pair(trig: Trig) -> tuple[Components, Components]:
         """(wi, wo) by the cosines and sines of the axes' angles; NumPy or JAX, components that broadcast."""
 
     @staticmethod
@@ -156,22 +182,11 @@ class Layout(abc.ABC):
 
     def directions(self, start: int = 0, stop: int | None = None) -> tuple["Direction", "Direction"]:
         """(wi, wo) of the cells start..stop in C order: components of shape (stop − start,), float64."""
-        start, stop = self._range(start, stop)
-        if stop - start < self.row_size:
-            return self.directions_at(np.arange(start, stop))
-        from gonio.models.geometry.directions import Direction
-
-        flat = self._on_rows(start, stop, lambda trig: [c for w in self.pair(trig) for c in w])
-        return Direction(*flat[:3]), Direction(*flat[3:])
+        return _directions(self._on_cells(self._components_of, start, stop))
 
     def directions_at(self, cells: np.ndarray) -> tuple["Direction", "Direction"]:
         """(wi, wo) of the cells of these C-order numbers, shape (n,): components of shape (n,), float64."""
-        from gonio.models.geometry.directions import Direction
-
-        nodes = np.unravel_index(cells, self.shape)
-        wi, wo = self.pair([(np.cos(a)[k], np.sin(a)[k]) for a, k in zip(self.axes.values(), nodes, strict=True)])
-        shape = np.shape(cells)
-        return Direction(*(np.broadcast_to(c, shape) for c in wi)), Direction(*(np.broadcast_to(c, shape) for c in wo))
+        return _directions(np.broadcast_to(c, np.shape(cells)) for c in self._components_of(self._trig_at(cells)))
 
     def angles(self, start: int = 0, stop: int | None = None) -> tuple[np.ndarray, ...]:
         """(theta_i, phi_i, theta_o, phi_o) of the cells start..stop, radians; azimuths in [0, 2π)."""
@@ -179,12 +194,8 @@ class Layout(abc.ABC):
 
     def cosines(self, start: int = 0, stop: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(cos theta_i, cos theta_o) of the cells start..stop, shape (stop − start,)."""
-        start, stop = self._range(start, stop)
-        if stop - start >= self.row_size:
-            cos_i, cos_o = self._on_rows(start, stop, self._cosines_of)
-            return cos_i, cos_o
-        wi, wo = self.directions_at(np.arange(start, stop))
-        return wi.z, wo.z
+        cos_i, cos_o = self._on_cells(self._cosines_of, start, stop)
+        return cos_i, cos_o
 
     def above_horizon(self, start: int = 0, stop: int | None = None) -> np.ndarray:
         """Whether both directions of the cells start..stop are above the horizon."""
@@ -198,6 +209,8 @@ class Layout(abc.ABC):
 
         The rim of a grid counts half a step outwards.
         """
+        if not self.gridded:
+            return None
         sizes = []
         for name, w in (("theta_i", wi), ("theta_o", wo)):
             theta, axis = np.arctan2(np.hypot(w.x, w.y), w.z), np.unique(np.abs(self.axes[name]))
@@ -247,6 +260,8 @@ class Layout(abc.ABC):
 
     def _axis_angles(self, start: int, stop: int | None) -> list[np.ndarray]:
         """The angles on each axis of the cells start..stop."""
+        if not self.gridded:
+            return [a[start:stop] for a in self.axes.values()]
         nodes = np.unravel_index(np.arange(*self._range(start, stop)), self.shape)
         return [a[k] for a, k in zip(self.axes.values(), nodes, strict=True)]
 
@@ -254,23 +269,61 @@ class Layout(abc.ABC):
         first, last, _ = slice(start, stop).indices(self.size)
         return first, last
 
-    def _on_rows(
-        self, start: int, stop: int, function: Callable[[Trig], Sequence[np.ndarray]]
+    def _trig_at(self, cells: np.ndarray) -> Trig:
+        if not self.gridded:
+            return [(np.cos(a[cells]), np.sin(a[cells])) for a in self.axes.values()]
+        nodes = np.unravel_index(cells, self.shape)
+        return [(np.cos(a)[k], np.sin(a)[k]) for a, k in zip(self.axes.values(), nodes, strict=True)]
+
+    def _on_cells(
+        self, function: Callable[[Trig], Sequence[np.ndarray]], start: int, stop: int | None
     ) -> tuple[np.ndarray, ...]:
-        """Flat results of a function of the axes' trigonometry, evaluated on whole rows: no index is gathered."""
-        row = self.row_size
-        first, last = start // row, -(-stop // row)
+        """Flat results of a function of the axes' trigonometry; whole rows are evaluated without an index."""
+        start, stop = self._range(start, stop)
+        if not self.gridded or stop - start < self.row_size:
+            return tuple(np.broadcast_to(c, stop - start) for c in function(self._trig_at(np.arange(start, stop))))
+        first, last = start // self.row_size, -(-stop // self.row_size)
+        leading, *others = self.axes.values()
+        angles = np.ix_(leading[first:last], *others)
+        cut = slice(start - first * self.row_size, stop - first * self.row_size)
         shape = (last - first, *self.shape[1:])
-        cut = slice(start - first * row, stop - first * row)
-        trig = []
-        for k, a in enumerate(self.axes.values()):
-            angle = (a[first:last] if k == 0 else a).reshape([-1 if j == k else 1 for j in range(len(self.axes))])
-            trig.append((np.cos(angle), np.sin(angle)))
-        return tuple(np.broadcast_to(c, shape).reshape(-1)[cut] for c in function(trig))
+        results = function([(np.cos(a), np.sin(a)) for a in angles])
+        return tuple(np.broadcast_to(c, shape).reshape(-1)[cut] for c in results)
+
+    def _components_of(self, trig: Trig) -> Sequence[np.ndarray]:
+        wi, wo = self.pair(trig)
+        return *wi, *wo
 
     def _cosines_of(self, trig: Trig) -> tuple[np.ndarray, np.ndarray]:
-        wi, wo = self.pair(trig)
-        return wi.z, wo.z
+        (*_, cos_i), (*_, cos_o) = self.pair(trig)
+        return cos_i, cos_o
+
+
+LAYOUTS: dict[str, type[Layout]] = {}
+"""The layouts by the names that files have for them."""
+
+
+def _directions(components: Iterable[np.ndarray]) -> tuple["Direction", "Direction"]:
+    from gonio.models.geometry.directions import Direction
+
+    x_i, y_i, z_i, x_o, y_o, z_o = components
+    return Direction(x_i, y_i, z_i), Direction(x_o, y_o, z_o)
+
+
+def node_numbers(axis: np.ndarray, angles: np.ndarray, period: float | None = None) -> np.ndarray:
+    """Number of the node of an increasing axis at each angle (modulo the period), or −1 where there is none."""
+    if period is not None:
+        angles = np.mod(angles - axis[0] + SAME, period) + axis[0] - SAME
+    upper = np.clip(np.searchsorted(axis, angles), 1, max(axis.size - 1, 1))
+    low, high = upper - 1, np.minimum(upper, axis.size - 1)
+    nearest = np.where(np.abs(axis[low] - angles) <= np.abs(axis[high] - angles), low, high)
+    return np.where(np.abs(axis[nearest] - angles) <= SAME, nearest, -1)
+
+
+def spherical_angles(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(theta in [0, π], phi in [0, 2π)), radians, of directions by their components (NumPy)."""
+    phi = np.arctan2(y, x) % (2 * np.pi)
+    return np.arctan2(np.hypot(x, y), z), np.where(phi >= 2 * np.pi, 0.0, phi)
 
 
 def spacing(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:

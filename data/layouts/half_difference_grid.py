@@ -5,9 +5,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gonio.data.layouts.axes import TURN, AxisKind
-from gonio.data.layouts.base import Angles, Layout, NodeMap, Trig, spacing
-from gonio.data.layouts.nodes import node_numbers
+from gonio.data.layouts.base import (
+    TURN,
+    Angles,
+    AxisKind,
+    Components,
+    Layout,
+    NodeMap,
+    Trig,
+    node_numbers,
+    spacing,
+)  # fmt: skip
 from gonio.models.errors import GonioError
 
 if TYPE_CHECKING:
@@ -46,7 +54,7 @@ class HalfDifferenceGrid(Layout):
         return super().periods | {"phi_d": math.pi if self.reciprocal_by_construction else TURN}
 
     @staticmethod
-    def pair(trig: Trig) -> tuple["Direction", "Direction"]:
+    def pair(trig: Trig) -> tuple[Components, Components]:
         from gonio.models.geometry.directions import pair_from_half_difference_trig, rotate_z
 
         (ch, sh), (cd, sd), (cp, sp), *turn = trig
