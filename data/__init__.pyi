@@ -8,10 +8,10 @@ from .hdf5.dataset import from_dataset as from_dataset
 from .hdf5.dataset import to_dataset as to_dataset
 from .layouts import Layout as Layout
 from .material import Material as Material
-from .material import reference_materials as reference_materials
 from .scene import Scene as Scene
 from .scene import load_scene as load_scene
 from .subject import load_material as load_material
+from .subject import reference_materials as reference_materials
 from .subject import resolve_subject as resolve_subject
 from .table import Block as Block
 from .table import Table as Table

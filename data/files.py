@@ -27,12 +27,9 @@ def input_size(path: str | os.PathLike[str]) -> int:
     return size
 
 
-def is_there(path: str | os.PathLike[str]) -> bool:
-    """Whether a path exists; False for what can be no path: an expression too long for a name, or a null character."""
-    try:
-        return Path(path).exists()
-    except (OSError, ValueError):
-        return False
+def stem(path: str | os.PathLike[str]) -> str:
+    """The name of a file without folder and ending: what a table is called that has no name in its file."""
+    return os.path.splitext(os.path.basename(path))[0]
 
 
 def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
@@ -40,6 +37,8 @@ def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
     path = Path(path)
     if path.is_dir():
         raise GonioError(f"{path} is a folder; name a file to write")
+    if path.exists() and not path.is_file():
+        raise GonioError(f"{path} is a device, not a file; name a file to write")
     if path.exists() and not force:
         raise GonioError(f"{path} exists already; give another name, or --force to replace it")
 

@@ -22,8 +22,6 @@ from gonio.models.expression.builder import to_expression
 from gonio.models.expression.derivatives import parameter_derivatives
 from gonio.models.geometry.directions import Direction, from_spherical
 
-REFERENCE_FOLDER = Path(__file__).parent / "materials"
-
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Material(Displayed):
@@ -161,11 +159,6 @@ class Material(Displayed):
 
 def _pair(angles: list[np.ndarray]) -> tuple[Direction, Direction]:
     return from_spherical(*angles[:2], np), from_spherical(*angles[2:], np)
-
-
-def reference_materials() -> list[str]:
-    """The names of the reference materials that come with gonio, sorted."""
-    return sorted(path.stem for path in REFERENCE_FOLDER.glob("*.toml"))
 
 
 def channels_of(brdf: AbstractBRDF) -> Channels:

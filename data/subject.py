@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
 from gonio.data.channels import Channels
-from gonio.data.files import is_there
-from gonio.data.formats.registry import load, read, split_entry
-from gonio.data.material import REFERENCE_FOLDER, Material, channels_of, material_of, reference_materials
+from gonio.data.formats.registry import is_there, load, read, split_entry
+from gonio.data.material import Material, channels_of, material_of
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.catalog import MODELS
@@ -20,6 +19,7 @@ from gonio.models.expression.builder import build
 LARGEST_STREAM = 256 << 20
 """Bytes that are taken from an open file."""
 CHUNK = 1 << 20
+REFERENCE_FOLDER = Path(__file__).parent / "materials"
 
 SubjectLike = str | os.PathLike[str] | BinaryIO | Table | Material | AbstractBRDF | Any
 """A readable file (path or open binary file), a reference material's name, an expression, ``FILE.fit:NAME``, or an
@@ -96,6 +96,11 @@ def resolve_subject(subject: SubjectLike, **options: Any) -> Subject:
         "reference material's name, an expression such as 'lambert(rho=0.3)', a table, a material, a model or a fit "
         "result"
     )
+
+
+def reference_materials() -> list[str]:
+    """The names of the reference materials that come with gonio, sorted."""
+    return sorted(path.stem for path in REFERENCE_FOLDER.glob("*.toml"))
 
 
 def load_material(subject: SubjectLike) -> Material:

@@ -13,14 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gonio.data.files import input_size
-from gonio.data.formats.base import Format
 from gonio.models.errors import GonioError, nearest
 
 if TYPE_CHECKING:
     from gonio.data.material import Material
 
 LARGEST = 4 << 20
-SUFFIX = ".fit"
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)|(?P<sign>[()\[\],=]))"
 )
@@ -214,9 +212,3 @@ def _text(value: object) -> str:
     if isinstance(value, float):
         return repr(value)
     raise GonioError(f"{value!r} came where a number or a list of them was expected")
-
-
-FORMAT = Format(
-    "published fits", "published fits (.fit)", "model", lambda head: head.suffix == SUFFIX, read_published,
-    options=("entry",), suffixes=(SUFFIX,), entries=published_names,
-)  # fmt: skip

@@ -15,9 +15,8 @@ import numpy as np
 
 from gonio.data import layouts
 from gonio.data.channels import Channels
-from gonio.data.files import new_file
+from gonio.data.files import new_file, stem
 from gonio.data.flags import FLAG_MEANINGS, Flag
-from gonio.data.formats.base import FileHead, Format, stem
 from gonio.data.formats.csv_columns import CsvText, write_columns
 from gonio.data.layouts import spherical_angles
 from gonio.data.round_trip import RoundTrip, compare
@@ -31,11 +30,6 @@ ANGLES = ("theta_i", "phi_i", "theta_o", "phi_o")
 VECTORS = ("wi_x", "wi_y", "wi_z", "wo_x", "wo_y", "wo_z")
 UNIT_TOLERANCE = 1e-3
 """A vector whose length is off by more is no direction; a smaller error is divided out."""
-
-
-def looks_like_csv(head: FileHead) -> bool:
-    """Whether a header names directions."""
-    return set(ANGLES) <= set(head.columns) or set(VECTORS) <= set(head.columns)
 
 
 def read_csv(path: str | os.PathLike[str]) -> Table:
@@ -212,9 +206,3 @@ def _degrees(radians: np.ndarray) -> np.ndarray:
     degrees = np.degrees(radians)
     rounded = np.round(degrees, 10)
     return np.where(np.radians(rounded) == radians, rounded, degrees)
-
-
-FORMAT = Format(
-    "CSV", "CSV with a header (theta_i,phi_i,theta_o,phi_o,f)", "table", looks_like_csv, read_csv, write_csv,
-    suffixes=(".csv",),
-)  # fmt: skip

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from gonio.data.channels import Channels
 from gonio.data.files import new_file
-from gonio.data.formats.base import FileHead, Format
 from gonio.data.serialise import toml_values
 from gonio.data.toml_file import FORMAT as VERSION
 from gonio.data.toml_file import read_toml
@@ -19,11 +18,6 @@ if TYPE_CHECKING:
 LARGEST = 4 << 20  # bytes: ten thousand wavelengths at full precision are a quarter of it
 MOST_CHANNELS = 10_000
 _KEYS = ("gonio_material", "name", "description", "model", "channels", "wavelengths_nm", "source", "fit")
-
-
-def looks_like_material(head: FileHead) -> bool:
-    """Whether a file holds a material rather than a table."""
-    return head.suffix == ".toml" or b"gonio_material" in head.start
 
 
 def read_material(path: str | os.PathLike[str]) -> "Material":
@@ -134,6 +128,3 @@ def write_material(path: str | os.PathLike[str], material: "Material", force: bo
     with new_file(path, force) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return Path(path)
-
-
-FORMAT = Format("material", "a material (.toml)", "model", looks_like_material, read_material, suffixes=(".toml",))

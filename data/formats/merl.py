@@ -12,9 +12,8 @@ import numpy as np
 
 from gonio.data import layouts
 from gonio.data.channels import Channels
-from gonio.data.files import input_size, new_file
+from gonio.data.files import input_size, new_file, stem
 from gonio.data.flags import Flag
-from gonio.data.formats.base import FileHead, Format, stem
 from gonio.data.layouts import Layout
 from gonio.data.round_trip import RoundTrip, compare, compare_cells
 from gonio.data.table import Table, whole_table_of_values
@@ -36,13 +35,10 @@ def header_counts(start: bytes, size: int) -> tuple[int, int, int] | None:
     return (h, d, p) if min(h, d, p) > 0 and size == 12 + 3 * 8 * h * d * p else None
 
 
-def looks_like_merl(head: FileHead) -> bool:
-    """Whether a file has MERL's header, its own counts (with a wrong size), or is a binary of its suffix.
-
-    The reader says what is wrong with the latter two.
-    """
-    standard_counts = len(head.start) >= 12 and tuple(np.frombuffer(head.start[:8], HEADER)) == (90, 90)
-    return bool(header_counts(head.start, head.size)) or standard_counts or (head.binary and head.suffix == ".binary")
+def has_header(start: bytes, size: int) -> bool:
+    """Whether a file begins with a header that fits its size, or with the counts of MERL (the reader checks its size)."""
+    own_counts = len(start) >= 12 and tuple(np.frombuffer(start[:8], HEADER)) == (90, 90)
+    return header_counts(start, size) is not None or own_counts
 
 
 def read_merl(path: str | os.PathLike[str], nodes: str = "lower") -> Table:
@@ -135,8 +131,3 @@ def _on_merl_grid(source: "Table | AbstractBRDF", nodes: str) -> Table:
         source = as_material(source)
     grid = layouts.merl(nodes)
     return whole_table_of_values(grid, grid_values(source, grid))
-
-
-FORMAT = Format(
-    "MERL", "MERL .binary", "table", looks_like_merl, read_merl, write_merl, options=("nodes",), suffixes=(".binary",)
-)

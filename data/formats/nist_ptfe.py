@@ -6,7 +6,7 @@ import numpy as np
 
 from gonio.data import layouts
 from gonio.data.channels import Channels
-from gonio.data.formats.base import FileHead, Format, stem
+from gonio.data.files import stem
 from gonio.data.formats.csv_columns import CsvText
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
@@ -22,9 +22,9 @@ ALIASES = {
 WAVELENGTH_TOLERANCE_NM = 0.5
 
 
-def looks_like_nist(head: FileHead) -> bool:
+def has_columns(names: list[str]) -> bool:
     """Whether a header is that of NIST's files."""
-    return all(any(a in head.columns for a in aliases) for aliases in ALIASES.values())
+    return all(any(a in names for a in aliases) for aliases in ALIASES.values())
 
 
 def read_nist(path: str | os.PathLike[str], wavelength_nm: float | None = None) -> Table:
@@ -78,6 +78,3 @@ def read_nist(path: str | os.PathLike[str], wavelength_nm: float | None = None) 
     }
     flag = np.zeros(f.shape, np.uint8)
     return Table(grid, f, flag, Channels.of_wavelengths(wavelengths), provenance=provenance, name=stem(path))
-
-
-FORMAT = Format("NIST", "NIST's PTFE CSV", "table", looks_like_nist, read_nist, options=("wavelength_nm",))

@@ -1,11 +1,15 @@
 """Any file that gonio can read, known by what is in it, not by its name: the one list of formats."""
 
+import dataclasses
+import functools
 import os
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
-from gonio.data.files import is_there
-from gonio.data.formats import bbm_fits, csv, hdf5_file, material_file, merl, nist_ptfe, rgl_file
-from gonio.data.formats.base import FileHead, Format, file_head
+from gonio.data.files import input_size
+from gonio.data.formats import bbm_fits, csv, material_file, merl, nist_ptfe, rgl_file
+from gonio.data.formats.csv_columns import CsvText
 from gonio.data.round_trip import RoundTrip
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
@@ -13,28 +17,109 @@ from gonio.models.errors import GonioError
 if TYPE_CHECKING:
     from gonio.data.material import Material
 
-FORMATS: tuple[Format, ...] = (
-    material_file.FORMAT,
-    bbm_fits.FORMAT,
-    hdf5_file.FORMAT,
-    rgl_file.FORMAT,
-    merl.FORMAT,
-    nist_ptfe.FORMAT,
-    csv.FORMAT,
-)
+HEAD_BYTES = 4096
+HEADER_CHARACTERS = 1 << 16
+
+
+@dataclasses.dataclass(frozen=True)
+class FileHead:
+    """The beginning of a file, by which its format is recognised."""
+
+    path: str
+    size: int
+    """Bytes of the whole file."""
+    start: bytes
+    suffix: str
+    """The ending of the name, small letters."""
+    binary: bool
+    """Whether the file is no text."""
+
+    @functools.cached_property
+    def columns(self) -> list[str]:
+        """The header of a text file as names of columns. Raises GonioError for a text that has none."""
+        return [] if self.binary else CsvText(self.path, HEADER_CHARACTERS).names
+
+
+@dataclasses.dataclass(frozen=True)
+class Format:
+    """A format: to add one, a module that reads it, and its entry in `FORMATS`."""
+
+    name: str
+    title: str
+    """How a sentence names such a file."""
+    holds: Literal["table", "model"]
+    recognises: Callable[[FileHead], bool]
+    """By the signature alone: what is damaged behind it is the reader's to say."""
+    read: Callable[..., "Table | Material"]
+    write: Callable[..., RoundTrip] | None = None
+    options: tuple[str, ...] = ()
+    """Keywords of `read`."""
+    suffixes: tuple[str, ...] = ()
+    """Endings by which the format of an output is chosen, the usual one first."""
+    entries: Callable[[str | os.PathLike[str]], list[str]] | None = None
+    """The names in a file of several materials; `read` then takes one as `entry`, written FILE:NAME."""
+
+
+def _read_hdf5(path: str | os.PathLike[str]) -> Table:
+    from gonio.data.hdf5.reader import open_table  # h5py is loaded with the first such file
+
+    return open_table(path)
+
+
+def _write_hdf5(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
+    from gonio.data.hdf5.writer import write_compared
+
+    return write_compared(path, table, force)
+
+
+FORMATS = (
+    Format(
+        "material", "a material (.toml)", "model",
+        lambda head: head.suffix == ".toml" or b"gonio_material" in head.start,
+        material_file.read_material, suffixes=(".toml",),
+    ),
+    Format(
+        "published fits", "published fits (.fit)", "model", lambda head: head.suffix == ".fit",
+        bbm_fits.read_published, options=("entry",), suffixes=(".fit",), entries=bbm_fits.published_names,
+    ),
+    Format(
+        "HDF5", "a table of gonio (HDF5)", "table", lambda head: head.start.startswith(b"\x89HDF\r\n\x1a\n"),
+        _read_hdf5, _write_hdf5, suffixes=(".h5", ".hdf5", ".nc"),
+    ),
+    Format("RGL", "RGL .bsdf", "table", lambda head: head.start.startswith(b"tensor_file\0"), rgl_file.read_rgl),
+    Format(
+        "MERL", "MERL .binary", "table",
+        lambda head: merl.has_header(head.start, head.size) or (head.binary and head.suffix == ".binary"),
+        merl.read_merl, merl.write_merl, options=("nodes",), suffixes=(".binary",),
+    ),
+    Format(
+        "NIST", "NIST's PTFE CSV", "table", lambda head: nist_ptfe.has_columns(head.columns),
+        nist_ptfe.read_nist, options=("wavelength_nm",),
+    ),
+    Format(
+        "CSV", "CSV with a header (theta_i,phi_i,theta_o,phi_o,f)", "table",
+        lambda head: any(set(names) <= set(head.columns) for names in (csv.ANGLES, csv.VECTORS)),
+        csv.read_csv, csv.write_csv, suffixes=(".csv",),
+    ),
+)  # fmt: skip
 """In the order in which files are tried."""
 
 
 def sniff(path: str | os.PathLike[str]) -> Format:
     """The format of a file. Raises GonioError, in one sentence, for an unknown one and for what cannot be read."""
-    head = file_head(path)
+    size = input_size(path)
+    with open(path, "rb") as file:
+        start = file.read(HEAD_BYTES)
+    head = FileHead(os.fspath(path), size, start, _suffix(path), b"\0" in start)
     for known in FORMATS:
-        if known.sniff(head):
+        if known.recognises(head):
             return known
     names = head.columns
     if len(names) > 1 and not _is_number(names[0]):
         csv.read_directions(path)  # raises, naming the columns that are missing
-    return _refuse(head)
+    *first, last = (known.title for known in FORMATS if known.holds == "table")
+    kind = "binary" if head.binary else "text"
+    raise GonioError(f"{path} is {kind} of an unknown kind; expected {', '.join(first)}, or {last}")
 
 
 def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
@@ -60,25 +145,32 @@ def read(path: str | os.PathLike[str], **options: Any) -> Table:
     return table
 
 
+def is_there(path: str | os.PathLike[str]) -> bool:
+    """Whether a path exists; False for what can be no path: an expression too long for a name, or a null character."""
+    try:
+        return Path(path).exists()
+    except (OSError, ValueError):
+        return False
+
+
 def split_entry(path: str | os.PathLike[str]) -> tuple[str, str | None]:
     """(file, entry) of ``FILE:NAME`` where FILE is of a format with entries; (path, None) of any other path."""
     text = os.fspath(path)
     file, colon, entry = text.rpartition(":")
-    if not colon or is_there(text):
-        return text, None
     suffixes = {suffix for known in FORMATS if known.entries for suffix in known.suffixes}
-    return (file, entry) if os.path.splitext(file)[1].lower() in suffixes else (text, None)
+    if not colon or is_there(text) or _suffix(file) not in suffixes:
+        return text, None
+    return file, entry
 
 
 def writable(path: str | os.PathLike[str]) -> Format:
     """The format in which an output of this name is written. Raises GonioError, naming the endings, for others."""
-    suffix = os.path.splitext(path)[1].lower()
     writers = [known for known in FORMATS if known.write is not None]
     for known in writers:
-        if suffix in known.suffixes:
+        if _suffix(path) in known.suffixes:
             return known
     *first, last = (f"{known.suffixes[0]} ({known.name})" for known in writers)
-    raise GonioError(f"{path} ends in '{suffix}'; give {', '.join(first)} or {last} to say the format")
+    raise GonioError(f"{path} ends in '{_suffix(path)}'; give {', '.join(first)} or {last} to say the format")
 
 
 def write(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
@@ -91,15 +183,13 @@ def write(path: str | os.PathLike[str], table: Table, force: bool = False) -> Ro
     return writer(path, table, force=force)
 
 
+def _suffix(path: str | os.PathLike[str]) -> str:
+    return os.path.splitext(path)[1].lower()
+
+
 def _is_number(text: str) -> bool:
     try:
         float(text)
     except ValueError:
         return False
     return True
-
-
-def _refuse(head: FileHead) -> Format:
-    *first, last = (known.title for known in FORMATS if known.holds == "table")
-    kind = "binary" if head.binary else "text"
-    raise GonioError(f"{head.path} is {kind} of an unknown kind; expected {', '.join(first)}, or {last}")

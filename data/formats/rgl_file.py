@@ -7,9 +7,9 @@ import numpy as np
 
 from gonio.data import layouts
 from gonio.data.channels import Channels
+from gonio.data.files import stem
 from gonio.data.flags import Flag
-from gonio.data.formats.base import FileHead, Format, stem
-from gonio.data.formats.tensor_file import MAGIC, read_tensors
+from gonio.data.formats.tensor_file import read_tensors
 from gonio.data.interpolation.rgl_data import RGLData, coarser, samples_of
 from gonio.data.layouts import spherical_angles
 from gonio.data.table import Table
@@ -96,11 +96,3 @@ def read_rgl(path: str | os.PathLike[str]) -> Table:
         "assumptions": ["the files' values include cos theta_o; it was divided out"],
     }
     return Table(grid, f, flag, data.channels, provenance=provenance, name=stem(path), interpolant=interpolant)
-
-
-def looks_like_rgl(head: FileHead) -> bool:
-    """Whether a file is a tensor file; the reader says what is missing in it."""
-    return head.start.startswith(MAGIC)
-
-
-FORMAT = Format("RGL", "RGL .bsdf", "table", looks_like_rgl, read_rgl)

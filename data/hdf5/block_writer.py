@@ -17,7 +17,16 @@ from typing import Self
 import numpy as np
 
 from gonio.data.files import output_errors, publish, refuse_existing
-from gonio.data.hdf5.schema import CellLocations, TableHeader, cell_locations, create, provenance_location
+from gonio.data.hdf5.schema import (
+    FOOTER,
+    MAGIC,
+    RECORD,
+    CellLocations,
+    TableHeader,
+    cell_locations,
+    create,
+    provenance_location,
+)  # fmt: skip
 from gonio.models.errors import GonioError
 
 try:
@@ -25,9 +34,6 @@ try:
 except ImportError:  # not a POSIX system: two writers of one file are not kept apart
     fcntl = None
 
-RECORD = np.dtype([("done", "<u4"), ("crc", "<u4")])
-FOOTER = struct.Struct("<32sQ8s")
-MAGIC = b"GONIOPRT"
 BLOCK_CELLS = 1 << 18
 
 

@@ -2,8 +2,9 @@
 
 import json
 import math
+import mmap
 import os
-from collections.abc import Callable
+from types import UnionType
 from typing import Any, NoReturn, TypeVar
 
 import h5py
@@ -11,9 +12,7 @@ import numpy as np
 
 from gonio.data.channels import Channels
 from gonio.data.files import input_size
-from gonio.data.hdf5.block_writer import FOOTER, MAGIC, RECORD
-from gonio.data.hdf5.heap_check import damaged_heap
-from gonio.data.hdf5.schema import GONIO_FORMAT
+from gonio.data.hdf5.schema import FOOTER, GONIO_FORMAT, MAGIC, RECORD
 from gonio.data.layouts import LAYOUTS, Layout
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
@@ -23,53 +22,79 @@ LAZY_BYTES = 256 << 20
 MAX_DEFLATE = 1100
 """Deflate packs at most 1032 bytes into one: a dataset that claims more than this lies about its size."""
 RADIANS = {"radian": 1.0, "radians": 1.0, "rad": 1.0, "degree": math.pi / 180, "degrees": math.pi / 180}
+HEAP, HEAP_HEADER = b"GCOL\x01\x00\x00\x00", 16
+SEARCHED = 64 << 20
+"""Bytes that are searched for heaps: texts stand at the front, and to look through a large table takes seconds."""
 
-Kind = TypeVar("Kind", dict, list)
+T = TypeVar("T")
 
 
 def open_table(path: str | os.PathLike[str], lazy_bytes: int = LAZY_BYTES) -> Table:
-    """The table of an HDF5 file that gonio wrote (format 1 or older); values stay in the file beyond
-    `lazy_bytes`.
+    """The table of an HDF5 file that gonio wrote (format 1 or older); values stay in the file beyond `lazy_bytes`.
 
-    Raises GonioError, naming the file and what is wrong, for anything else: truncated, foreign, newer,
-    inconsistent.
+    Raises GonioError, naming the file and what is wrong, for anything else: truncated, foreign, newer, inconsistent.
     """
-    if done := _unfinished(path, input_size(path)):
-        raise GonioError(
-            f"{path} is an unfinished measurement ({done} blocks); run the same command again to go on with it"
-        )
-    if damaged_heap(path) is not None:
-        raise GonioError(f"{path} is a damaged table (its texts run into each other); measure or copy it again")
+    input_size(path)
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        if progress := _unfinished(content):
+            raise GonioError(
+                f"{path} is an unfinished measurement ({progress} blocks); run the same command again to go on with it"
+            )
+        if _has_damaged_heap(content):
+            raise GonioError(f"{path} is a damaged table (its texts run into each other); measure or copy it again")
     try:
         file = h5py.File(path, "r")
     except OSError:
         message = f"{path} is not a whole HDF5 file (truncated, or another format); measure or copy it again"
         raise GonioError(message) from None
     try:
-        return _Reader(file, str(path)).table(lazy_bytes)
-    except GonioError:
+        return _Reader(file).table(lazy_bytes)
+    except GonioError as error:
         file.close()
-        raise
+        raise GonioError(f"{path}: {error}") from None
     except (OSError, KeyError, ValueError, TypeError, RuntimeError, MemoryError) as error:
         file.close()
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise GonioError(f"{path} is a damaged table ({text}); measure or copy it again") from None
 
 
-def _unfinished(path: str | os.PathLike[str], size: int) -> str | None:
+def _unfinished(content: mmap.mmap) -> str | None:
     """Progress of a writer, '3 of 4', by the file's tail; None for a file without one, or with all blocks written."""
-    with open(path, "rb") as file:
-        file.seek(max(size - FOOTER.size, 0))
-        tail = file.read()
-        if len(tail) < FOOTER.size or not tail.endswith(MAGIC):
-            return None
-        count = FOOTER.unpack(tail)[1]
-        start = size - FOOTER.size - count * RECORD.itemsize
-        if start < 0:
-            return None
-        file.seek(start)
-        done = np.count_nonzero(np.frombuffer(file.read(count * RECORD.itemsize), RECORD)["done"])
+    tail = content[-FOOTER.size :]
+    if len(tail) < FOOTER.size or not tail.endswith(MAGIC):
+        return None
+    count = FOOTER.unpack(tail)[1]
+    start = len(content) - FOOTER.size - count * RECORD.itemsize
+    if start < 0:
+        return None
+    done = np.count_nonzero(np.frombuffer(content[start : -FOOTER.size], RECORD)["done"])
     return None if done == count else f"{done} of {count}"
+
+
+def _has_damaged_heap(content: mmap.mmap) -> bool:
+    """Whether the chain of some collection of heap objects does not end where it should.
+
+    The library never returns from such a file. Layout by the HDF5 File Format Specification, III.E: objects of
+    (index, uses, reserved, size); index 0 is what is left over, and its size counts its own header.
+    """
+    start = content.find(HEAP, 0, SEARCHED)
+    while start >= 0:
+        size = int.from_bytes(content[start + 8 : start + 16], "little")
+        position, end = start + HEAP_HEADER, start + size
+        if not position <= end <= len(content):
+            return True
+        while position + HEAP_HEADER <= end:
+            index = int.from_bytes(content[position : position + 2], "little")
+            length = int.from_bytes(content[position + 8 : position + 16], "little")
+            if index == 0:
+                if position + length != end:
+                    return True
+                break
+            position += HEAP_HEADER + (length + 7) // 8 * 8
+        if position > end:
+            return True
+        start = content.find(HEAP, end, SEARCHED)
+    return False
 
 
 def _plain(kind: h5py.h5t.TypeID) -> bool:
@@ -81,136 +106,112 @@ def _plain(kind: h5py.h5t.TypeID) -> bool:
     return any(kind.equal(h5py.h5t.py_create(h5py.string_dtype(code), logical=True)) for code in ("utf-8", "ascii"))
 
 
-class _Reader:
-    def __init__(self, file: h5py.File, path: str) -> None:
-        self.file, self.path, self.bytes = file, path, os.path.getsize(path)
+def _fail(text: str) -> NoReturn:
+    raise GonioError(text)
 
-    def fail(self, text: str) -> NoReturn:
-        raise GonioError(f"{self.path}: {text}")
+
+class _Reader:
+    def __init__(self, file: h5py.File) -> None:
+        self.file, self.bytes = file, os.path.getsize(file.filename)
 
     def table(self, lazy_bytes: int) -> Table:
-        version = self.attribute("gonio_format")
+        version = self.attribute("gonio_format", int | float | str)
         if version is None:
-            self.fail("an HDF5 file, but no table of gonio (no attribute gonio_format); see gonio convert")
+            _fail("an HDF5 file, but no table of gonio (no attribute gonio_format); see gonio convert")
         if not isinstance(version, int) or not 1 <= version <= GONIO_FORMAT:
-            self.fail(
-                f"its format is gonio_format {version}, this gonio reads up to {GONIO_FORMAT}; install a newer one"
-            )
-        layout = self.layout()
+            _fail(f"its format is gonio_format {version}, this gonio reads up to {GONIO_FORMAT}; install a newer one")
         f, flag, u_f = (self.node(name) for name in ("f", "flag", "u_f"))
         if f.dtype.kind != "f" or f.dtype.itemsize not in (4, 8) or u_f.dtype != f.dtype or flag.dtype != np.uint8:
-            self.fail(f"f, u_f and flag have types {f.dtype}, {u_f.dtype}, {flag.dtype}; expected floats and uint8")
-        channels = self.channels(f.shape[-1] if f.shape else 0)
-        shape = (*layout.shape, len(channels))
-        for node in (f, u_f, flag):
+            _fail(f"f, u_f and flag have types {f.dtype}, {u_f.dtype}, {flag.dtype}; expected floats and uint8")
+        names, count = self.json("channel_names", list), f.shape[-1] if f.shape else 0
+        if len(names) != count:
+            _fail(f"it names {len(names)} channels but holds {count}; copy it again")
+        wavelengths, (kind, axes) = self.wavelengths(count), self.axes()
+        fields: dict[str, Any] = {
+            "provenance": self.json("provenance", dict),
+            "source_solid_angle": self.attribute("source_solid_angle_sr", int | float),
+            "receiver_solid_angle": self.attribute("receiver_solid_angle_sr", int | float),
+            "name": self.attribute("title", str) or "",
+        }
+        layout, channels = kind(axes), Channels(tuple(names), wavelengths)
+        shape, nodes = (*layout.shape, count), {"f": f, "flag": flag, "u_f": u_f}
+        for name, node in nodes.items():
             if node.shape != shape:
-                self.fail(f"{node.name} has shape {node.shape}, but its axes and channels make {shape}")
-        if self.unstored(f) or self.unstored(flag):
-            self.fail("f or flag hold no values; measure it again")
-
-        def load(node: h5py.Dataset) -> Any:
-            return node if f.nbytes > lazy_bytes else node[...]
-
-        return Table(
-            layout=layout,
-            f=load(f),
-            flag=load(flag),
-            u_f=self.uncertainty(u_f, load),
-            channels=channels,
-            provenance=self.json("provenance", dict),
-            source_solid_angle=self.number("source_solid_angle_sr"),
-            receiver_solid_angle=self.number("receiver_solid_angle_sr"),
-            name=self.text("title") or "",
-        )
+                _fail(f"{name} has shape {node.shape}, but its axes and channels make {shape}")
+            if self.stored(node):
+                fields[name] = node if f.nbytes > lazy_bytes else node[...]
+            elif name != "u_f":
+                _fail("f or flag hold no values; measure it again")
+            elif not np.isnan(node.fillvalue):
+                fields[name] = np.broadcast_to(node.fillvalue, shape)
+        return Table(layout=layout, channels=channels, **fields)
 
     def node(self, name: str) -> h5py.Dataset:
         link = self.file.get(name, getlink=True)
         if link is None:
-            self.fail(f"variable {name} is missing; measure or copy it again")
+            _fail(f"variable {name} is missing; measure or copy it again")
         # A link or a virtual dataset could lead to another file of whoever opens this one.
         node = self.file[name] if isinstance(link, h5py.HardLink) else None
         if not isinstance(node, h5py.Dataset) or node.is_virtual or node.external:
-            self.fail(f"variable {name} is not stored in the file itself; copy the values into it")
+            _fail(f"variable {name} is not stored in the file itself; copy the values into it")
         if node.dtype.kind not in "fiu":
-            self.fail(f"variable {name} has type {node.dtype}; expected numbers")
-        stored = node.id.get_storage_size()
-        limit = MAX_DEFLATE * stored if node.chunks else self.bytes
-        if not self.unstored(node) and (stored > self.bytes or node.nbytes > limit):
-            self.fail(f"variable {name} claims {node.nbytes} bytes, more than the file can hold; copy it again")
+            _fail(f"variable {name} has type {node.dtype}; expected numbers")
+        size = node.id.get_storage_size()
+        limit = MAX_DEFLATE * size if node.chunks else self.bytes
+        if self.stored(node) and (size > self.bytes or node.nbytes > limit):
+            _fail(f"variable {name} claims {node.nbytes} bytes, more than the file can hold; copy it again")
         return node
 
     @staticmethod
-    def unstored(node: h5py.Dataset) -> bool:
-        return node.id.get_storage_size() == 0
+    def stored(node: h5py.Dataset) -> bool:
+        return node.id.get_storage_size() > 0
 
-    def layout(self) -> Layout:
-        name = self.text("layout")
+    def axes(self) -> tuple[type[Layout], dict[str, np.ndarray]]:
+        """The kind of the layout, and its axes in radians."""
+        name = self.attribute("layout", str)
         if name not in LAYOUTS:
-            self.fail(f"layout {name!r} is unknown; expected one of {', '.join(LAYOUTS)}")
-        kind = LAYOUTS[name]
-        names = [k.name for k in kind.axis_kinds if k.name not in kind.optional_axes or k.name in self.file]
-        return kind({axis: self.axis(axis) for axis in names})
+            _fail(f"layout {name!r} is unknown; expected one of {', '.join(LAYOUTS)}")
+        kind, axes = LAYOUTS[name], {}
+        for axis in (k.name for k in kind.axis_kinds if k.name not in kind.optional_axes or k.name in self.file):
+            node = self.node(axis)
+            unit = self.attribute("units", str, node)
+            if unit not in RADIANS:
+                _fail(f"axis {axis} has units {unit!r}, expected 'radian' or 'degree'; convert it first")
+            if not self.stored(node) or node.nbytes > LAZY_BYTES:
+                _fail(f"axis {axis} holds no values or far too many ({node.shape}); measure or copy it again")
+            axes[axis] = node[...] * RADIANS[unit]
+        return kind, axes
 
-    def axis(self, name: str) -> np.ndarray:
-        node = self.node(name)
-        unit = self.text("units", node)
-        if unit not in RADIANS:
-            self.fail(f"axis {name} has units {unit!r}, expected 'radian' or 'degree'; convert it first")
-        if self.unstored(node) or node.nbytes > LAZY_BYTES:
-            self.fail(f"axis {name} holds no values or far too many ({node.shape}); measure or copy it again")
-        return node[...] * RADIANS[unit]
-
-    def channels(self, count: int) -> Channels:
-        names = self.json("channel_names", list)
-        if len(names) != count:
-            self.fail(f"it names {len(names)} channels but holds {count}; copy it again")
+    def wavelengths(self, count: int) -> tuple[float, ...] | None:
         if "wavelength" not in self.file:
-            return Channels(tuple(names))
+            return None
         node = self.node("wavelength")
-        if node.shape != (count,) or self.text("units", node) != "nm":
-            self.fail(
-                f"wavelength has shape {node.shape} and units {self.text('units', node)!r}, expected one each in nm"
-            )
-        return Channels(tuple(names), tuple(node[...]))
+        unit = self.attribute("units", str, node)
+        if node.shape != (count,) or unit != "nm":
+            _fail(f"wavelength has shape {node.shape} and units {unit!r}, expected one each in nm")
+        return tuple(node[...])
 
-    def uncertainty(self, node: h5py.Dataset, load: Callable[[h5py.Dataset], Any]) -> Any:
-        if not self.unstored(node):
-            return load(node)
-        return None if np.isnan(node.fillvalue) else np.broadcast_to(node.fillvalue, node.shape)
-
-    def attribute(self, name: str, node: h5py.Dataset | None = None) -> Any:
-        """A Python value, or None; netCDF writers wrap a single number in an array."""
+    def attribute(self, name: str, kind: type | UnionType, node: h5py.Dataset | None = None) -> Any:
+        """A Python value of this kind, or None; netCDF writers wrap a single number in an array."""
         attributes = (self.file if node is None else node).attrs
         if name not in attributes:
             return None
         stored = attributes.get_id(name)
         if stored.shape not in ((), (1,)) or not _plain(stored.get_type()):
-            self.fail(f"attribute {name} is neither a text nor a number; copy the file again")
+            _fail(f"attribute {name} is neither a text nor a number; copy the file again")
         value = attributes[name]
-        return value.item() if isinstance(value, np.generic | np.ndarray) and value.size == 1 else value
-
-    def text(self, name: str, node: h5py.Dataset | None = None) -> str | None:
-        value = self.attribute(name, node)
-        if isinstance(value, bytes):
-            value = value.decode()
-        if value is not None and not isinstance(value, str):
-            self.fail(f"attribute {name} is {value!r}, expected a text")
+        value = value.item() if isinstance(value, np.generic | np.ndarray) and value.size == 1 else value
+        value = value.decode() if isinstance(value, bytes) else value
+        if not isinstance(value, kind):
+            _fail(f"attribute {name} is {value!r}, expected a {'text' if kind is str else 'number'}")
         return value
 
-    def json(self, name: str, kind: type[Kind]) -> Kind:
-        text = self.text(name)
+    def json(self, name: str, kind: type[T]) -> T:
+        text = self.attribute(name, str)
         try:
             value = json.loads(text or "null")
         except (json.JSONDecodeError, RecursionError):
             value = None
         if not isinstance(value, kind):
-            self.fail(f"attribute {name} is no JSON {kind.__name__}; copy the file again")
+            _fail(f"attribute {name} is no JSON {kind.__name__}; copy the file again")
         return value
-
-    def number(self, name: str) -> float | None:
-        value = self.attribute(name)
-        if value is None:
-            return None
-        if not isinstance(value, int | float):
-            self.fail(f"attribute {name} is {value!r}, expected a number")
-        return float(value)

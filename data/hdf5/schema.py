@@ -8,6 +8,7 @@ import dataclasses
 import json
 import mmap
 import os
+import struct
 import zlib
 from collections.abc import Mapping
 from typing import BinaryIO
@@ -21,6 +22,13 @@ from gonio.data.flags import FLAG_MEANINGS, Flag
 from gonio.data.layouts import Layout
 
 GONIO_FORMAT = 1
+RECORD = np.dtype([("done", "<u4"), ("crc", "<u4")])
+"""State of one block of an unfinished file, behind its HDF5 part."""
+FOOTER = struct.Struct("<32sQ8s")
+"""Behind the records: digest of the recipe, number of blocks, `MAGIC`."""
+MAGIC = b"GONIOPRT"
+METADATA_ROOM = 1 << 16
+"""Bytes, more than the metadata take besides axes and texts."""
 PROVENANCE_ROOM = 512
 """Spaces after the provenance: what is known only at the end of a measurement is written over them, in place."""
 
@@ -89,10 +97,20 @@ class CellLocations:
 
 
 def create(path: str | os.PathLike[str], header: TableHeader, u_f: float | None) -> CellLocations:
-    """Makes a whole file but for its cells. `u_f`: None keeps room for a value per cell, a number stands for all."""
+    """Makes a whole file but for its cells. `u_f`: None keeps room for a value per cell, a number stands for all.
+
+    Raises OSError where it cannot be written.
+    """
     dtype = np.dtype(header.dtype).newbyteorder("<")
+    attributes = header.attributes()
+    if hasattr(os, "posix_fallocate"):
+        # The library writes its metadata last, and on a full disk ends in a trace of its insides.
+        texts = sum(len(str(value)) for value in attributes.values())
+        room = METADATA_ROOM + 4 * texts + sum(axis.nbytes for axis in header.layout.axes.values())
+        with open(path, "wb") as reserved:
+            os.posix_fallocate(reserved.fileno(), 0, room)
     with h5py.File(path, "w", libver=("earliest", "v110")) as file:
-        file.attrs.update(header.attributes())
+        file.attrs.update(attributes)
         scales = [*_axes(file, header.layout), _channels(file, header.channels)]
         for name, kind in (("f", dtype), ("u_f", dtype), ("flag", np.dtype(np.uint8))):
             node = _cells(file, name, header.shape, kind, u_f if name == "u_f" else None)

@@ -9,6 +9,7 @@ from gonio.data.files import new_file
 from gonio.data.hdf5.block_writer import BlockWriter
 from gonio.data.hdf5.reader import open_table
 from gonio.data.hdf5.schema import TableHeader, create
+from gonio.data.round_trip import RoundTrip, compare_cells
 from gonio.data.table import Table
 
 __all__ = ["BlockWriter", "TableHeader", "open_table", "write_table"]
@@ -31,6 +32,12 @@ def write_table(path: str | os.PathLike[str], table: Table, force: bool = False)
             for start, stop in table.blocks():
                 locations.write(file, start, table.read_values(start, stop))
     return Path(path)
+
+
+def write_compared(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
+    """Writes a table as `write_table` does, and returns what reading it again shows to be lost."""
+    written = open_table(write_table(path, table, force))
+    return compare_cells(table.read_values(), written.read_values())
 
 
 def _constant_uncertainty(table: Table) -> float | None:

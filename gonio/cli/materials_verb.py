@@ -18,8 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from gonio.data.formats.material_file import material_text
-    from gonio.data.material import reference_materials
-    from gonio.data.subject import load_material
+    from gonio.data.subject import load_material, reference_materials
 
     known = reference_materials()
     if args.name and args.name not in known:

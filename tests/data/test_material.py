@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from gonio.data import layouts
-from gonio.data import material as mat
 from gonio.data.formats.material_file import LARGEST, write_material
 from gonio.data.hdf5.writer import write_table
-from gonio.data.material import Material, reference_materials
-from gonio.data.subject import load_material
+from gonio.data.material import Material
+from gonio.data.subject import REFERENCE_FOLDER, load_material, reference_materials
 from gonio.data.table import Channels, Table
 from gonio.models.albedo import directional_albedo
 from gonio.models.brdf import Scaled, terms
@@ -204,6 +203,6 @@ def test_unknown_names_are_said_with_the_nearest(text, said):
 
 def test_reference_files_are_plain_toml_without_surprises():
     for name in reference_materials():
-        data = tomllib.loads((mat.REFERENCE_FOLDER / f"{name}.toml").read_text())
+        data = tomllib.loads((REFERENCE_FOLDER / f"{name}.toml").read_text())
         assert data["gonio_material"] == 1
         assert data["source"]["text"]
