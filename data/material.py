@@ -158,7 +158,8 @@ class Material(Displayed):
 
 
 def _pair(angles: list[np.ndarray]) -> tuple[Direction, Direction]:
-    return from_spherical(*angles[:2], np), from_spherical(*angles[2:], np)
+    theta_i, phi_i, theta_o, phi_o = angles
+    return from_spherical(theta_i, phi_i, np), from_spherical(theta_o, phi_o, np)
 
 
 def channels_of(brdf: AbstractBRDF) -> Channels:

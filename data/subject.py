@@ -79,18 +79,15 @@ def resolve_subject(subject: SubjectLike, **options: Any) -> Subject:
     """
     if isinstance(subject, Subject):
         return subject
-    if isinstance(subject, Table):
-        return Subject("table", subject.name or "table", subject.channels, subject)
     if isinstance(subject, AbstractBRDF):
-        return _of_material(material_of(subject))
+        return _of_content(material_of(subject))
     if isinstance(subject, str | os.PathLike):
         return _named(subject, options)
-    material = subject if isinstance(subject, Material) else getattr(subject, "material", None)
-    if isinstance(material, Material):
-        return _of_material(material)
+    content = subject if isinstance(subject, Table | Material) else getattr(subject, "material", None)
+    if isinstance(content, Table | Material):
+        return _of_content(content)
     if callable(getattr(subject, "read", None)):
-        stream: Any = subject
-        return _stream(stream, options)
+        return _of_stream(subject, options)
     raise GonioError(
         f"A {type(subject).__name__} is neither a table nor a model; give a file (its path, or opened as 'rb'), a "
         "reference material's name, an expression such as 'lambert(rho=0.3)', a table, a material, a model or a fit "
@@ -108,13 +105,17 @@ def load_material(subject: SubjectLike) -> Material:
     return resolve_subject(subject).as_material()
 
 
-def _of_material(material: Material) -> Subject:
-    file = material.meta.get("file")
-    if material.expression is None and file:
+def _of_content(content: Table | Material, file: str | None = None) -> Subject:
+    """The subject of a table or a material that `file` holds, where it is one of a file."""
+    if isinstance(content, Table):
+        name = content.name or ("table" if file is None else Path(file).stem)
+        return Subject("table", name, content.channels, content, file=file)
+    file = content.meta.get("file")
+    if content.expression is None and file:
         # The readings themselves, not what lies between them.
         table = read(file)
-        return Subject("table", material.name, table.channels, table, file=file)
-    return Subject("model", material.name, material.channels, material=material, file=file)
+        return Subject("table", content.name, table.channels, table, file=file)
+    return Subject("model", content.name, content.channels, material=content, file=file)
 
 
 def _named(given: str | os.PathLike[str], options: dict[str, Any]) -> Subject:
@@ -123,12 +124,13 @@ def _named(given: str | os.PathLike[str], options: dict[str, Any]) -> Subject:
         # Where this gonio is installed is nobody's provenance: a reference material is known by its name.
         material = load(REFERENCE_FOLDER / f"{text}.toml")
         assert isinstance(material, Material)
-        return _of_material(dataclasses.replace(material, meta={"reference": text}))
+        return _of_content(dataclasses.replace(material, meta={"reference": text}))
     if is_there(text) or isinstance(given, os.PathLike) or split_entry(text)[1] is not None:
-        return _file(Path(text), options)
+        file = os.fspath(Path(text))
+        return _of_content(load(file, **options), file)
     if "(" in text:
         brdf = build(text)
-        return _of_material(Material(text, brdf, text, channels_of(brdf), "spelled on the spot"))
+        return _of_content(Material(text, brdf, text, channels_of(brdf), "spelled on the spot"))
     if os.sep in text or Path(text).suffix:
         raise GonioError(f"{text} does not exist; check the name and the folder")
     if text in MODELS:
@@ -136,31 +138,23 @@ def _named(given: str | os.PathLike[str], options: dict[str, Any]) -> Subject:
     raise GonioError(f"Unknown material '{text[:80]}'; {nearest(text[:80], [*reference_materials(), *MODELS])}")
 
 
-def _file(path: Path, options: dict[str, Any]) -> Subject:
-    content = load(path, **options)
-    if isinstance(content, Material):
-        return _of_material(content)
-    return Subject("table", content.name or path.stem, content.channels, content, file=os.fspath(path))
-
-
-def _stream(stream: BinaryIO, options: dict[str, Any]) -> Subject:
+def _of_stream(stream: Any, options: dict[str, Any]) -> Subject:
     name = getattr(stream, "name", None)
-    name = os.path.basename(name) if isinstance(name, str) else ""
+    name = os.path.basename(name) if isinstance(name, str) else "stream"
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, name or "stream")
-        with path.open("wb") as copy:
+        path = os.path.join(folder, name or "stream")
+        with open(path, "wb") as copy:
             while chunk := stream.read(CHUNK):
                 if not isinstance(chunk, bytes):
-                    raise GonioError(f"{path.name} gives text, not bytes; open the file as 'rb'")
+                    raise GonioError(f"{name} gives text, not bytes; open the file as 'rb'")
                 copy.write(chunk)
                 if copy.tell() > LARGEST_STREAM:
-                    raise GonioError(f"{path.name} gives more than {LARGEST_STREAM >> 20} MiB; give the file's path")
+                    raise GonioError(f"{name} gives more than {LARGEST_STREAM >> 20} MiB; give the file's path")
         try:
-            subject = _file(path, options)
+            content = load(path, **options)
         except GonioError as error:
-            raise GonioError(str(error).replace(str(path), path.name)) from None
-    material = subject.material
-    if material is not None:
-        meta = {key: value for key, value in material.meta.items() if key != "file"}
-        material = dataclasses.replace(material, meta=meta)
-    return dataclasses.replace(subject, material=material, file=None)
+            raise GonioError(str(error).replace(path, name)) from None
+    if isinstance(content, Table):
+        return dataclasses.replace(_of_content(content, name), file=None)
+    meta = {key: value for key, value in content.meta.items() if key != "file"}
+    return _of_content(dataclasses.replace(content, meta=meta))

@@ -40,7 +40,7 @@ class ArrayOptions(TypedDict, total=False):
 
 
 class Block(NamedTuple):
-    """Some cells of a table: directions with components of shape (n,), values of shape (n, channels)."""
+    """Some cells of a table: directions with components of shape (n,), values as `Table.read_values` gives them."""
 
     wi: "Direction"
     wo: "Direction"
@@ -189,9 +189,22 @@ class Table(Displayed):
             "layout": f"{self.layout.name}, {self.layout.size:,} cells: {', '.join(axes)}",
             "channels": f"{len(self.channels)}: {listed(self.channels.names)}",
             "readings": ", ".join(kinds),
-            "uncertainty": "not stated" if self.u_f is None else "stored for each reading",
+            "uncertainty": self.uncertainty() if isinstance(self.f, np.ndarray) else "stored in the file",
             "source": str(self.provenance.get("source", simulated)),
         }
+
+    def uncertainty(self) -> str:
+        """The standard uncertainties of the valid readings, in words: not stated, exact, unknown, or their median."""
+        if self.u_f is None:
+            return "not stated"
+        blocks = (self.read_values(*block) for block in self.blocks())
+        u = np.concatenate([values["u_f"][values["flag"] == Flag.VALID] for values in blocks])
+        if not u.any():
+            return "0: exact, no noise"
+        known = u[np.isfinite(u) & (u > 0)]
+        if not known.size:
+            return "unknown"
+        return f"stored for {known.size} of {u.size} valid readings, median {np.median(known):.4g} 1/sr"
 
     def only(self, names: Sequence[str]) -> "Table":
         """The same table with these channels alone, in this order. Raises GonioError for a channel it does not have."""
@@ -218,7 +231,10 @@ class Table(Displayed):
         return Block(wi, wo, **self.read_values(start, stop))
 
     def read_values(self, start: int = 0, stop: int | None = None) -> dict[str, np.ndarray]:
-        """`f`, `u_f` and `flag` of the cells start..stop, each ``(cells, channels)``: `read` without directions."""
+        """`f`, `u_f` and `flag` of the cells start..stop, each (cells, values): the `value_dims` as one, in C order.
+
+        This is how all readings are taken out of a table, whatever the dimensions of a value.
+        """
         stop = self.layout.size if stop is None else stop
         flag = self._flat("flag", start, stop)
         u_f = np.broadcast_to(np.nan, flag.shape) if self.u_f is None else self._flat("u_f", start, stop)
@@ -261,9 +277,10 @@ class Table(Displayed):
 
     def _flat(self, what: str, start: int, stop: int) -> np.ndarray:
         values = getattr(self, what)
+        count = math.prod(self.value_shape)
         if isinstance(values, np.ndarray):
-            return values.reshape(-1, *self.value_shape)[start:stop]
-        pieces = [values[box].reshape(-1, *self.value_shape) for box in boxes(self.layout.shape, start, stop)]
+            return values.reshape(-1, count)[start:stop]
+        pieces = [values[box].reshape(-1, count) for box in boxes(self.layout.shape, start, stop)]
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
 
 

@@ -91,7 +91,7 @@ def read_directions(path: str | os.PathLike[str]) -> ListedDirections:
         components = np.stack([columns[name] for name in VECTORS])
         wi, wo = (Direction(*_lengthened(w)) for w in (components[:3], components[3:]))
     else:
-        wi, wo = from_spherical(*angles[:2], np), from_spherical(*angles[2:], np)
+        wi, wo = from_spherical(angles[0], angles[1], np), from_spherical(angles[2], angles[3], np)
     return ListedDirections(wi, wo, {n: columns[n] for n in text.names if n in columns})
 
 

@@ -36,7 +36,7 @@ def header_counts(start: bytes, size: int) -> tuple[int, int, int] | None:
 
 
 def has_header(start: bytes, size: int) -> bool:
-    """Whether a file begins with a header that fits its size, or with the counts of MERL (the reader checks its size)."""
+    """Whether a file begins with a header that fits its size, or with MERL's own counts, whatever its size."""
     own_counts = len(start) >= 12 and tuple(np.frombuffer(start[:8], HEADER)) == (90, 90)
     return header_counts(start, size) is not None or own_counts
 

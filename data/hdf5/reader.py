@@ -134,7 +134,7 @@ class _Reader:
             "name": self.attribute("title", str) or "",
         }
         layout, channels = kind(axes), Channels(tuple(names), wavelengths)
-        shape, nodes = (*layout.shape, count), {"f": f, "flag": flag, "u_f": u_f}
+        shape, nodes = (*layout.shape, len(channels)), {"f": f, "flag": flag, "u_f": u_f}
         for name, node in nodes.items():
             if node.shape != shape:
                 _fail(f"{name} has shape {node.shape}, but its axes and channels make {shape}")

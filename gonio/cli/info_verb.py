@@ -61,21 +61,7 @@ def _table(t: "Table") -> dict[str, Any]:
     counts = t.counts()
     facts["readings"] = ", ".join(f"{v} {k.replace('_', ' ')}" for k, v in counts.items() if v and k != "cells")
     facts["negative readings"] = counts["negative"]
-    facts["uncertainty"] = _uncertainty(t)
+    facts["uncertainty"] = t.uncertainty()
     for name, sr in (("source", t.source_solid_angle), ("receiver", t.receiver_solid_angle)):
         facts[f"{name} solid angle"] = "not stated" if sr is None else f"{sr:.6g} sr"
     return facts | {f"provenance: {k}": v for k, v in t.provenance.items()}
-
-
-def _uncertainty(t: "Table") -> str:
-    import numpy as np
-
-    if t.u_f is None:
-        return "not stated"
-    u = np.concatenate([v["u_f"][v["flag"] == 0] for v in (t.read_values(*block) for block in t.blocks())])
-    known = u[np.isfinite(u) & (u > 0)]
-    if not u.any():
-        return "0: exact"
-    if not known.size:
-        return "unknown"
-    return f"stored for {known.size} of {u.size} valid readings, median {np.median(known):.4g} 1/sr"

@@ -17,7 +17,7 @@ def albedo_rows(table: Table, channel: int) -> sparse.csr_array:
 
     No rows where the layout has no albedo (readings in a plane) or the grid does not cover the hemisphere.
     """
-    valid = np.asarray(table.flag[..., channel]) == Flag.VALID
+    valid = (table.read_values()["flag"][:, channel] == Flag.VALID).reshape(table.layout.shape)
     rows = _half_rows(table, valid) if table.layout.in_half_vectors else _grid_rows(table, valid)
     if not rows:
         return sparse.csr_array((0, table.layout.size))

@@ -158,9 +158,8 @@ class _Channel:
 
     @classmethod
     def of(cls, table: Table, c: int) -> Self:
-        f = np.array(table.f[..., c], dtype=float).ravel()
-        u = np.full(f.shape, np.nan) if table.u_f is None else np.array(table.u_f[..., c], float).ravel()
-        return cls(f, u, np.asarray(table.flag[..., c]).ravel() == Flag.VALID)
+        f, u, flag = (values[:, c] for values in table.read_values().values())
+        return cls(np.array(f, float), np.array(u, float), flag == Flag.VALID)
 
     def weights(self, group: np.ndarray) -> np.ndarray:
         """The weight of each valid reading: by its uncertainty, or by the mean size of its pair."""
