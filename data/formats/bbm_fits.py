@@ -4,11 +4,11 @@ The form in which the BSDF benchmark (https://github.com/bsdfbenchmark/bbm) coll
 et al. 2012 and Bagher et al. 2012. Each becomes an expression of ours with the factors that the fit was made with.
 """
 
+import ast
+import contextlib
 import dataclasses
 import math
 import os
-import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from gonio.data.material import Material
 
 LARGEST = 4 << 20
-_TOKEN = re.compile(
-    r"\s*(?:(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)|(?P<sign>[()\[\],=]))"
-)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,61 +30,23 @@ class PublishedModel:
     models: tuple["PublishedModel", ...]
 
 
-class _Parser:
-    def __init__(self, text: str) -> None:
-        self.tokens: list[tuple[str, str]] = []
-        position = 0
-        while position < len(text.rstrip()):
-            match = _TOKEN.match(text, position)
-            if match is None or match.lastgroup is None:
-                raise GonioError(f"the character {text[position:].strip()[:1]!r} has no meaning in a published fit")
-            self.tokens.append((match.lastgroup, match.group(match.lastgroup)))
-            position = match.end()
-        self.position = 0
+def _model(node: ast.expr, depth: int = 0) -> PublishedModel:
+    if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)) or depth > 4:
+        raise GonioError(f"a model's name expected where '{ast.unparse(node)[:80]}' came")
+    values = {keyword.arg or "**": _value(keyword.value) for keyword in node.keywords}
+    return PublishedModel(node.func.id, values, tuple(_model(inner, depth + 1) for inner in node.args))
 
-    def take(self, sign: str | None = None) -> tuple[str, str]:
-        kind, text = self.tokens[self.position] if self.position < len(self.tokens) else ("end", "the end")
-        if sign is not None and text != sign:
-            raise GonioError(f"'{sign}' expected where {text!r} came")
-        self.position += 1
-        return kind, text
 
-    def next_is(self, sign: str, ahead: int = 0) -> bool:
-        return self.tokens[self.position + ahead : self.position + ahead + 1] == [("sign", sign)]
-
-    def items(self, close: str) -> Iterator[None]:
-        """One step for each item of a list with commas, up to the closing sign."""
-        while not self.next_is(close):
-            yield
-            if not self.next_is(close):
-                self.take(",")
-        self.take(close)
-
-    def model(self, depth: int = 0) -> PublishedModel:
-        kind, name = self.take()
-        if kind != "name" or depth > 4:
-            raise GonioError(f"a model's name expected where {name!r} came")
-        values, models = {}, []
-        self.take("(")
-        for _ in self.items(")"):
-            if self.next_is("=", ahead=1):
-                key = self.take()[1]
-                self.take("=")
-                values[key] = self.value()
-            else:
-                models.append(self.model(depth + 1))
-        return PublishedModel(name, values, tuple(models))
-
-    def value(self, depth: int = 0) -> float | list:
-        if not self.next_is("["):
-            kind, text = self.take()
-            if kind != "number" or not math.isfinite(float(text)):
-                raise GonioError(f"a number expected where {text!r} came")
-            return float(text)
+def _value(node: ast.expr, depth: int = 0) -> float | list:
+    if isinstance(node, ast.List):
         if depth > 1:
             raise GonioError("lists of lists of lists have no meaning in a published fit")
-        self.take("[")
-        return [self.value(depth + 1) for _ in self.items("]")]
+        return [_value(item, depth + 1) for item in node.elts]
+    with contextlib.suppress(ValueError, OverflowError):
+        value = ast.literal_eval(node)
+        if type(value) in (int, float) and math.isfinite(value):
+            return float(value)
+    raise GonioError(f"a number expected where '{ast.unparse(node)[:80]}' came")
 
 
 def published_names(path: str | os.PathLike[str]) -> list[str]:
@@ -105,13 +64,12 @@ def published_expression(path: str | os.PathLike[str], name: str) -> str:
     if name not in lines:
         raise GonioError(f"{path} has no material '{name[:80]}'; {nearest(name[:80], lines)}")
     try:
-        parser = _Parser(lines[name])
-        model = parser.model()
-        if parser.position != len(parser.tokens):
-            raise GonioError(f"nothing more was expected where {parser.take()[1]!r} came")
+        model = _model(ast.parse(lines[name].strip(), mode="eval").body)  # the form is that of a call in Python
         return " + ".join(_term(m) for m in (model.models if model.name == "Aggregate" else (model,)))
     except GonioError as error:
         raise GonioError(f"{path}, {name}: {error}") from None
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise GonioError(f"{path}, {name}: this is no Model(number = ..., ...)") from None
 
 
 def read_published(path: str | os.PathLike[str], entry: str | None = None) -> "Material":
