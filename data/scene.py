@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from gonio.data.toml_file import read_toml, require_keys
+from gonio.data.files import read_toml, require_keys
 from gonio.models.display import Displayed, listed
 from gonio.models.errors import GonioError, nearest
 from gonio.models.geometry.directions import Direction, from_spherical

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.data.layouts.base import Components, Layout, Trig
+from gonio.data.layouts.base import Layout, Pair, Trig
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.compiling import wide_jit
 from gonio.models.evaluation import evaluate
@@ -68,7 +68,7 @@ def _padded(axis: np.ndarray, start: int, rows: int) -> np.ndarray:
 
 
 @wide_jit
-def _kernel(brdf: AbstractBRDF, pair: Callable[[Trig], tuple[Components, Components]], trig: Trig) -> jax.Array:
+def _kernel(brdf: AbstractBRDF, pair: Callable[[Trig], Pair], trig: Trig) -> jax.Array:
     def cell(*trig: tuple[Any, Any]) -> jax.Array:
         wi, wo = (Direction(*(jnp.asarray(c, trig[0][0].dtype) for c in w)) for w in pair(trig))
         return brdf.f(wi, wo)

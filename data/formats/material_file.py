@@ -5,10 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gonio.data.channels import Channels
-from gonio.data.files import new_file
+from gonio.data.files import TOML_FORMAT, new_file, read_toml
 from gonio.data.serialise import toml_values
-from gonio.data.toml_file import FORMAT as VERSION
-from gonio.data.toml_file import read_toml
 from gonio.models.errors import GonioError
 
 if TYPE_CHECKING:
@@ -104,7 +102,7 @@ def material_text(material: "Material") -> str:
     from gonio.models.expression.builder import to_expression
 
     data: dict[str, Any] = {
-        "gonio_material": VERSION,
+        "gonio_material": TOML_FORMAT,
         "name": material.name,
         "description": material.description,
         "model": material.expression or to_expression(material.brdf),

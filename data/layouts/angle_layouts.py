@@ -4,27 +4,17 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from gonio.data.layouts.base import (
-    PHI_I,
-    PHI_O,
-    SAME,
-    THETA_I,
-    THETA_O,
-    TURN,
-    Angles,
-    AxisKind,
-    Components,
-    Layout,
-    NodeMap,
-    OutgoingGrid,
-    Trig,
-    node_numbers,
-)  # fmt: skip
+from gonio.data.layouts.base import SAME, TURN, AxisKind, Layout, NodeMap, OutgoingGrid, Pair, Trig, node_numbers
 
 if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
 
+THETA_I = AxisKind("theta_i", "polar angle of the direction to the light", 0.0, math.pi)
+PHI_I = AxisKind("phi_i", "azimuth of the direction to the light", 0.0, TURN, TURN)
+THETA_O = AxisKind("theta_o", "polar angle of the direction to the detector", 0.0, math.pi)
+PHI_O = AxisKind("phi_o", "azimuth of the direction to the detector", 0.0, TURN, TURN)
 DELTA_PHI = AxisKind("delta_phi", "azimuth of the detector minus that of the light, specular at pi", 0.0, TURN, TURN)
 PLANE_WIDTH = 1e-6
 """|wo.y| in the plane's frame beyond which a direction is out of the plane of incidence."""
@@ -40,7 +30,7 @@ class _FourAngles(Layout):
     axis_kinds = (THETA_I, PHI_I, THETA_O, PHI_O)
 
     @staticmethod
-    def pair(trig: Trig) -> tuple[Components, Components]:
+    def pair(trig: Trig) -> Pair:
         (ci, si), (ca, sa), (co, so), (cb, sb) = trig
         return (si * ca, si * sa, ci), (so * cb, so * sb, co)
 
@@ -103,7 +93,7 @@ class IsotropicGrid(Layout):
         return ("delta_phi",) if self.axes["delta_phi"][-1] <= np.pi + SAME else ()
 
     @staticmethod
-    def pair(trig: Trig) -> tuple[Components, Components]:
+    def pair(trig: Trig) -> Pair:
         (ci, si), (co, so), (cp, sp) = trig
         return (si, 0.0, ci), (so * cp, so * sp, co)
 
@@ -152,7 +142,7 @@ class InPlaneGrid(Layout):
     in_one_plane = True
 
     @staticmethod
-    def pair(trig: Trig) -> tuple[Components, Components]:
+    def pair(trig: Trig) -> Pair:
         (ci, si), (co, so) = trig
         return (si, 0.0, ci), (-so, 0.0, co)
 
@@ -187,21 +177,21 @@ class InPlaneGrid(Layout):
         return np.where((light >= 0) & (detector >= 0), light * self.row_size + detector, -1)
 
 
-def spherical(theta_i: Angles, phi_i: Angles, theta_o: Angles, phi_o: Angles) -> SphericalGrid:
+def spherical(theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike) -> SphericalGrid:
     """A grid over both hemispheres; radians."""
     return SphericalGrid({"theta_i": theta_i, "phi_i": phi_i, "theta_o": theta_o, "phi_o": phi_o})
 
 
-def isotropic(theta_i: Angles, theta_o: Angles, delta_phi: Angles) -> IsotropicGrid:
+def isotropic(theta_i: ArrayLike, theta_o: ArrayLike, delta_phi: ArrayLike) -> IsotropicGrid:
     """A grid over both polar angles and delta_phi = phi_o − phi_i (specular at π); radians."""
     return IsotropicGrid({"theta_i": theta_i, "theta_o": theta_o, "delta_phi": delta_phi})
 
 
-def in_plane(theta_i: Angles, theta_o: Angles) -> InPlaneGrid:
+def in_plane(theta_i: ArrayLike, theta_o: ArrayLike) -> InPlaneGrid:
     """A grid in the plane of incidence; `theta_o` is signed, positive on the specular side; radians."""
     return InPlaneGrid({"theta_i": theta_i, "theta_o": theta_o})
 
 
-def scattered(theta_i: Angles, phi_i: Angles, theta_o: Angles, phi_o: Angles) -> ScatteredSamples:
+def scattered(theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike) -> ScatteredSamples:
     """Samples anywhere: four lists of one length; radians, azimuths in [0, 2π)."""
     return ScatteredSamples({"theta_i": theta_i, "phi_i": phi_i, "theta_o": theta_o, "phi_o": phi_o})

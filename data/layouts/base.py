@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gonio.models.errors import GonioError
 
@@ -17,12 +18,11 @@ if TYPE_CHECKING:
 
 TURN = 2 * math.pi
 SAME = 1e-9
-"""Angles of nodes that differ by less than this many radians are one."""
-Angles = Sequence[float] | np.ndarray
-Components = tuple[Any, Any, Any]
-"""x, y, z of directions, arrays that broadcast."""
+"""ArrayLike of nodes that differ by less than this many radians are one."""
 Trig = Sequence[tuple[Any, Any]]
 """(cosine, sine) of the angles on each axis, arrays that broadcast."""
+Pair = tuple[tuple[Any, Any, Any], tuple[Any, Any, Any]]
+"""Components of wi and wo, arrays that broadcast."""
 NodeMap = list[tuple[int, np.ndarray]]
 """For each dimension of the related cell: the dimension of the cell that decides it, and the node for each node."""
 
@@ -37,12 +37,6 @@ class AxisKind(NamedTuple):
     period: float | None = None
     quadratic: bool = False
     """Whether grids often step evenly in the angle's square root."""
-
-
-THETA_I = AxisKind("theta_i", "polar angle of the direction to the light", 0.0, math.pi)
-PHI_I = AxisKind("phi_i", "azimuth of the direction to the light", 0.0, TURN, TURN)
-THETA_O = AxisKind("theta_o", "polar angle of the direction to the detector", 0.0, math.pi)
-PHI_O = AxisKind("phi_o", "azimuth of the direction to the detector", 0.0, TURN, TURN)
 
 
 class OutgoingGrid(NamedTuple):
@@ -79,7 +73,7 @@ class Layout(abc.ABC):
     pole_axes: ClassVar[tuple[tuple[str, str], ...]] = ()
     """(polar angle, azimuth) whose azimuth has no meaning where the polar angle is 0."""
 
-    def __init__(self, axes: Mapping[str, Angles]) -> None:
+    def __init__(self, axes: Mapping[str, ArrayLike]) -> None:
         names = [kind.name for kind in self.axis_kinds]
         if not set(names) - self.optional_axes <= set(axes) <= set(names):
             raise GonioError(f"layout {self.name} has axes {', '.join(axes)}; give it {', '.join(names)}")
@@ -101,7 +95,7 @@ class Layout(abc.ABC):
         if "name" in vars(cls):
             LAYOUTS[cls.name] = cls
 
-    def _checked_axis(self, kind: AxisKind, values: Angles) -> np.ndarray:
+    def _checked_axis(self, kind: AxisKind, values: ArrayLike) -> np.ndarray:
         what = f"axis {kind.name} of a {self.name} layout"
         try:
             axis = np.array(values, dtype=np.float64)
@@ -135,7 +129,7 @@ class Layout(abc.ABC):
             lines.append(f"  {name:<10}{np.degrees(a.min()):.6g}° to {np.degrees(a.max()):.6g}°, {a.size} values")
         return "\n".join(lines)
 
-    def with_axes(self, axes: Mapping[str, Angles]) -> Self:
+    def with_axes(self, axes: Mapping[str, ArrayLike]) -> Self:
         """A layout of this kind with other axes."""
         return type(self)(axes)
 
@@ -167,7 +161,7 @@ class Layout(abc.ABC):
 
     @staticmethod
     @abc.abstractmethod
-    def pair(trig: Trig) -> tuple[Components, Components]:
+    def pair(trig: Trig) -> Pair:
         """(wi, wo) by the cosines and sines of the axes' angles; NumPy or JAX, components that broadcast."""
 
     @staticmethod

@@ -4,18 +4,9 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from gonio.data.layouts.base import (
-    TURN,
-    Angles,
-    AxisKind,
-    Components,
-    Layout,
-    NodeMap,
-    Trig,
-    node_numbers,
-    spacing,
-)  # fmt: skip
+from gonio.data.layouts.base import TURN, AxisKind, Layout, NodeMap, Pair, Trig, node_numbers, spacing
 from gonio.models.errors import GonioError
 
 if TYPE_CHECKING:
@@ -54,7 +45,7 @@ class HalfDifferenceGrid(Layout):
         return super().periods | {"phi_d": math.pi if self.reciprocal_by_construction else TURN}
 
     @staticmethod
-    def pair(trig: Trig) -> tuple[Components, Components]:
+    def pair(trig: Trig) -> Pair:
         from gonio.models.geometry.directions import pair_from_half_difference_trig, rotate_z
 
         (ch, sh), (cd, sd), (cp, sp), *turn = trig
@@ -96,7 +87,9 @@ class HalfDifferenceGrid(Layout):
         return up - across, up + across
 
 
-def half_difference(theta_h: Angles, theta_d: Angles, phi_d: Angles, phi_h: Angles | None = None) -> HalfDifferenceGrid:
+def half_difference(
+    theta_h: ArrayLike, theta_d: ArrayLike, phi_d: ArrayLike, phi_h: ArrayLike | None = None
+) -> HalfDifferenceGrid:
     """A grid over Rusinkiewicz's half/difference angles, `phi_h` only for anisotropic surfaces; radians."""
     axes = {"theta_h": theta_h, "theta_d": theta_d, "phi_d": phi_d}
     return HalfDifferenceGrid(axes if phi_h is None else {**axes, "phi_h": phi_h})

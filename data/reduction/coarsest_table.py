@@ -5,19 +5,25 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.interpolation.multilinear import as_material
-from gonio.data.reduction.start_grids import Nodes, StartGrid, start_grids
-from gonio.data.reduction.thin_grid import SceneValues, Thinning
+from gonio.data.layouts.base import Layout
+from gonio.data.reduction.thin_grid import Nodes, SceneValues, StartGrid, Thinning
 from gonio.data.scene import Scene, load_scene
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Channels, Table
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import old_keywords
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate_in_blocks
+from gonio.models.geometry.directions import NORMAL, Direction, rotate_z
 
 RANKING, SEARCH, CHECK = 1000, 6000, 30_000  # pairs of directions that rank nodes, judge trials, and measure the error
+HALF_DIFFERENCE = (45, 30, 24)  # nodes of theta_h, theta_d, phi_d where a table is laid out anew
+MAX_TURNS = 8  # azimuths of the light over which an anisotropic table is averaged
+ISOTROPY, BILATERAL, RECIPROCITY = "isotropy", "bilateral symmetry", "reciprocity"
 TIGHTER = (0.97, 0.85, 0.6, 0.3)  # of the tolerance: targets of the search, until the measured error is within it
 
 
@@ -169,3 +175,52 @@ def _smallest(
             if grey:
                 break
     return smallest
+
+
+def start_grids(table: Table, truth: AbstractBRDF) -> list[StartGrid]:
+    """The grids that a table, with the interpolant `truth`, can be thinned from.
+
+    No symmetry is tested beforehand: one that the surface breaks costs its error in the scene.
+    """
+    grids = []
+    layout = table.layout if table.layout.gridded and table.interpolant is None else None
+    if layout is not None:
+        f = np.asarray(table.f[...], float)
+        grids.append(StartGrid(layout, f, (np.asarray(table.flag[...]) == Flag.VALID) & np.isfinite(f)))
+    turning = layout is None or layout.has_azimuth_of_light
+    isotropy = (ISOTROPY,) if turning else ()
+    outgoing = None if layout is None else layout.outgoing_grid()
+    if outgoing is not None:
+        azimuth = outgoing.azimuth
+        if turning:
+            grid = layouts.isotropic(outgoing.theta_i, outgoing.theta_o, azimuth)
+            grids.append(_averaged(truth, grid, isotropy, outgoing.phi_i))
+        if azimuth[-1] > np.pi * (1 + 1e-9):
+            half = np.unique(np.round(np.append(azimuth[azimuth <= np.pi], np.pi), 12))
+            grid = layouts.isotropic(outgoing.theta_i, outgoing.theta_o, np.minimum(half, np.pi))
+            grids.append(_averaged(truth, grid, (*isotropy, BILATERAL), outgoing.phi_i))
+    if turning or outgoing is not None:
+        turns = np.linspace(0, 2 * np.pi, MAX_TURNS, endpoint=False) if turning else np.zeros(1)
+        simplified_by = (*isotropy, BILATERAL, "half/difference angles", RECIPROCITY)
+        grids.append(_averaged(truth, layouts.merl("lower", HALF_DIFFERENCE), simplified_by, turns))
+    elif layout is not None and layout.in_half_vectors and not layout.reciprocal_by_construction:
+        phi_d = layout.axes["phi_d"]
+        grid = layouts.half_difference(layout.axes["theta_h"], layout.axes["theta_d"], phi_d[phi_d < np.pi - 1e-9])
+        grids.append(_averaged(truth, grid, (RECIPROCITY,), np.zeros(1)))
+    return grids
+
+
+def _averaged(truth: AbstractBRDF, layout: Layout, simplified_by: tuple[str, ...], turns: np.ndarray) -> StartGrid:
+    """A grid of the mean of a table over azimuths of the light and what the simplifications take for equal."""
+    above = layout.above_horizon()
+    wi, wo = (
+        Direction(*(np.where(above, c, up) for c, up in zip(w, NORMAL, strict=True))) for w in layout.directions()
+    )
+    total, number = np.zeros(()), 0
+    for phi in turns[:: max(1, -(-len(turns) // MAX_TURNS))]:
+        for side in (1, -1) if BILATERAL in simplified_by else (1,):
+            a, b = (rotate_z(Direction(w.x, side * w.y, w.z), np.cos(phi), np.sin(phi)) for w in (wi, wo))
+            for pair in ((a, b), (b, a)) if RECIPROCITY in simplified_by else ((a, b),):
+                total, number = total + evaluate_in_blocks(truth, *pair), number + 1
+    f = (total / number).reshape(*layout.shape, -1)
+    return StartGrid(layout, f, np.broadcast_to(above.reshape(*layout.shape, 1), f.shape), simplified_by)

@@ -4,6 +4,7 @@ Only the corners that a scene's directions need are gathered, out of the whole g
 millisecond and no copy. Interpolation is that of `gonio.data.interpolation.multilinear`.
 """
 
+import dataclasses
 import itertools
 import math
 from typing import NamedTuple
@@ -12,15 +13,37 @@ import jax
 import numpy as np
 
 from gonio.data.interpolation.multilinear import interpolation_axis
-from gonio.data.reduction.start_grids import Nodes, StartGrid
+from gonio.data.layouts import Layout
 from gonio.data.scene import ScenePairs
 from gonio.models.geometry.directions import Direction
 
 MAX_BRACKETS = 256
 SHARES = (0.5, 0.25, 0.1)  # of the nodes of an axis that one step tries to remove
 
+Nodes = tuple[np.ndarray, ...]
+"""Numbers of the kept nodes of each axis, increasing."""
 Bracket = tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """(Lower, upper) numbers of nodes, and their weights."""
+
+
+@dataclasses.dataclass(frozen=True)
+class StartGrid:
+    """A grid to thin: values (*shape, C), validity of the same shape, and the simplifications that led to it."""
+
+    layout: Layout
+    f: np.ndarray
+    valid: np.ndarray
+    simplified_by: tuple[str, ...] = ()
+
+    @property
+    def nodes(self) -> Nodes:
+        """All nodes of each axis."""
+        return tuple(np.arange(n) for n in self.layout.shape)
+
+    def grey(self) -> "StartGrid":
+        """The mean over the channels, valid where all of them are."""
+        f = np.mean(np.where(self.valid, self.f, 0.0), axis=-1, keepdims=True)
+        return dataclasses.replace(self, f=f, valid=self.valid.all(-1, keepdims=True))
 
 
 class SceneValues(NamedTuple):

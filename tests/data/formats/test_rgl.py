@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from gonio.data.flags import Flag
-from gonio.data.formats.rgl_file import read_rgl, read_rgl_data
-from gonio.data.formats.tensor_file import DTYPES, parse_tensors, read_tensors
+from gonio.data.formats.rgl_file import DTYPES, parse_tensors, read_rgl, read_rgl_data, read_tensors
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction

@@ -7,10 +7,9 @@ import pytest
 
 from gonio.data import layouts
 from gonio.data.interpolation.multilinear import as_material
-from gonio.data.reduction import coarsest_table, start_grids
+from gonio.data.reduction import coarsest_table
 from gonio.data.reduction.coarsest_table import reduce_table
-from gonio.data.reduction.start_grids import StartGrid
-from gonio.data.reduction.thin_grid import SceneValues, Thinning
+from gonio.data.reduction.thin_grid import SceneValues, StartGrid, Thinning
 from gonio.data.scene import Range, Scene
 from gonio.data.table import whole_table_of_values
 from gonio.models.errors import GonioError
@@ -32,7 +31,7 @@ def quick(monkeypatch):
     """Fewer directions and coarser grids to start from: the rules are the same."""
     monkeypatch.setattr(coarsest_table, "SEARCH", 2500)
     monkeypatch.setattr(coarsest_table, "CHECK", 9000)
-    monkeypatch.setattr(start_grids, "HALF_DIFFERENCE", (18, 12, 8))
+    monkeypatch.setattr(coarsest_table, "HALF_DIFFERENCE", (18, 12, 8))
 
 
 def error_of(reduced, whole, scene):
