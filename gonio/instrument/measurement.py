@@ -1,21 +1,28 @@
 """Measuring: an instrument reads a material in the directions of a scan, block by block."""
 
+import functools
+import importlib.util
 import os
+import time
 import warnings
-from typing import Unpack
+from typing import Self, Unpack
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
 from gonio.data.layouts import Layout
 from gonio.data.subject import SubjectLike, load_material
 from gonio.data.table import Table
 from gonio.instrument.instrument import Instrument
 from gonio.instrument.options import OLD_NAMES, MeasureOptions, MeasureSettings
-from gonio.instrument.progress import CellCount
 from gonio.instrument.reader import Reader
 from gonio.instrument.scans import default_name, isotropy_remark
 from gonio.instrument.scans import scan as named_scan
 from gonio.instrument.sinks import open_sink
-from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import settings_of
+
+PATIENCE = 0.5
+"""Seconds of work before a bar is shown."""
 
 
 def measure(
@@ -48,9 +55,9 @@ def measure(
         GonioError: for an unknown material or scan, a table too large for memory, an output that exists.
     """
     settings = settings_of(MeasureSettings, "measure", options, OLD_NAMES)
-    log = settings.log or _warn
+    log = settings.log or functools.partial(warnings.warn, stacklevel=2)
     subject = load_material(material)
-    layout = _layout(scan, subject.brdf)
+    layout = scan if isinstance(scan, Layout) else named_scan(scan or default_name(subject.brdf))
     if remark := isotropy_remark(layout, subject.brdf):
         log(remark)
     reader = Reader(subject, instrument or Instrument(), layout, int(settings.seed))
@@ -70,11 +77,44 @@ def measure(
     return table
 
 
-def _warn(text: str) -> None:
-    warnings.warn(text, stacklevel=3)
+class CellCount:
+    """A context that counts measured cells; with `bar` it shows a progress bar of a long job."""
 
+    def __init__(self, cells: int, already: int, bar: bool) -> None:
+        self.cells, self.already, self.fresh, self.started = cells, already, 0, time.perf_counter()
+        console = Console(stderr=True)
+        notebook = console.is_jupyter and importlib.util.find_spec("ipywidgets") is not None
+        self._shown = bar and (console.is_terminal or notebook)
+        times = (TimeElapsedColumn(), "left", TimeRemainingColumn())
+        texts = ("{task.percentage:3.0f} %", "{task.fields[rate]}")
+        self._bar = Progress("measuring", BarColumn(), *texts, *times, console=console, transient=True)
+        self._task = self._bar.add_task("measuring", total=cells, completed=already, rate="")
 
-def _layout(scan: Layout | str | os.PathLike[str] | None, brdf: AbstractBRDF) -> Layout:
-    if isinstance(scan, Layout):
-        return scan
-    return named_scan(default_name(brdf) if scan is None else scan)
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar.live.is_started:
+            self._bar.stop()
+
+    @property
+    def seconds(self) -> float:
+        """Seconds since the beginning."""
+        return time.perf_counter() - self.started
+
+    def add(self, cells: int) -> None:
+        """Counts cells that have just been measured."""
+        self.fresh += cells
+        completed = self.already + self.fresh
+        if self._shown and completed < self.cells and self.seconds > PATIENCE:
+            self._bar.start()
+        self._bar.update(self._task, completed=completed, rate=f"{self._rate()} cells/s")
+
+    def summary(self, channels: int) -> str:
+        """Cells, seconds and rate, as text."""
+        times = f" × {channels} channels" if channels > 1 else ""
+        return f"{self.fresh} cells{times} in {self.seconds:.2f} s, {self._rate()} cells/s"
+
+    def _rate(self) -> str:
+        rate = self.fresh / max(self.seconds, 1e-9)
+        return f"{rate / 1e6:.3g} M" if rate >= 1e6 else f"{rate / 1e3:.3g} k" if rate >= 1e3 else f"{rate:.3g}"

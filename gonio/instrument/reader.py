@@ -13,14 +13,13 @@ from gonio.data.material import Material
 from gonio.data.tabulate import grid_values
 from gonio.instrument import aperture, noise
 from gonio.instrument.instrument import Instrument
-from gonio.models.evaluation import evaluate
+from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import Direction
 
 FLOOR = 1e-8
 """1/sr; no instrument resolves less, and tails below it need no relative accuracy."""
 SHARE_OF_NOISE = 0.02
 """An error of the aperture average this small beside the standard uncertainty does not matter."""
-FLAT_BATCH = 1 << 14
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,15 +33,6 @@ class WorstAverage:
     cell: int
     theta_i_deg: float
     theta_o_deg: float
-
-    def to_dict(self) -> dict:
-        """For a table's provenance."""
-        return dataclasses.asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: dict | None) -> "WorstAverage | None":
-        """The inverse of `to_dict`; None for None."""
-        return None if values is None else cls(**values)
 
     @staticmethod
     def of(a: "WorstAverage | None", b: "WorstAverage | None") -> "WorstAverage | None":
@@ -148,7 +138,9 @@ class Reader:
     ) -> tuple[np.ndarray, WorstAverage | None]:
         instrument = self.instrument
         if not instrument.has_apertures:
-            return self._point_values(wi, wo), None
+            if not cells.size:
+                return np.zeros((0, self.channels)), None
+            return evaluate_in_blocks(self.material.brdf, wi, wo), None
         half_angles = instrument.source_half_angle, instrument.detector_half_angle
 
         def tolerance(values: np.ndarray, k: np.ndarray) -> np.ndarray:
@@ -156,15 +148,6 @@ class Reader:
 
         values, error = aperture.average(self.material.brdf, wi, wo, *half_angles, tolerance)
         return values, self._worst(cells, values, error, self._tolerance(values, irradiance))
-
-    def _point_values(self, wi: Direction, wo: Direction) -> np.ndarray:
-        count = wi.x.size
-        pieces = [np.zeros((0, self.channels), self.dtype)]
-        for start in range(0, count, FLAT_BATCH):
-            batch = [Direction(*(_padded(c[start : start + FLAT_BATCH]) for c in w)) for w in (wi, wo)]
-            values = np.asarray(evaluate(self.material.brdf, *batch)).reshape(FLAT_BATCH, -1)
-            pieces.append(np.broadcast_to(values, (FLAT_BATCH, self.channels)))
-        return np.concatenate(pieces)[:count]
 
     def _tolerance(self, values: np.ndarray, irradiance: np.ndarray) -> np.ndarray:
         """Error allowed to averages, 1/sr."""
@@ -185,10 +168,6 @@ class Reader:
         theta_i, _, theta_o, _ = (math.degrees(a[0]) for a in self.layout.angles(cell, cell + 1))
         relative = float(error[k, channel] / max(abs(values[k, channel]), FLOOR)) if excess[k, channel] else 0.0
         return WorstAverage(float(excess[k, channel]), relative, cell, theta_i, theta_o)
-
-
-def _padded(values: np.ndarray) -> np.ndarray:
-    return np.pad(values, (0, FLAT_BATCH - values.size), mode="edge")
 
 
 def _masked(values: np.ndarray, flag: np.ndarray) -> np.ndarray:

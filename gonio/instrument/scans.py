@@ -18,44 +18,33 @@ from gonio.models.geometry.directions import Direction
 
 MAX_CELLS = 1 << 31
 """A table of so many cells fills tens of gigabytes in one channel."""
-STEP = {
-    "isotropic": math.radians(5),
-    "spherical": math.radians(10),
-    "half-difference": math.radians(5),
-    "in-plane": math.radians(1),
-}
+DEGREE_1, DEGREES_5, DEGREES_10 = (math.radians(degrees) for degrees in (1, 5, 10))
+"""Default steps."""
 THETA_MAX = math.radians(85)
 """Beyond, the lit patch of a real instrument is more than eleven times as long as it is wide."""
 INCIDENCES = tuple(math.radians(t) for t in (0, 15, 30, 45, 60, 75))
 
 
-def isotropic(step: float = STEP["isotropic"], theta_max: float = THETA_MAX, phi_step: float | None = None) -> Layout:
+def isotropic(step: float = DEGREES_5, theta_max: float = THETA_MAX, phi_step: float | None = None) -> Layout:
     """Both polar angles from 0 to `theta_max` by `step`, delta_phi once round by `phi_step` (or `step`)."""
     polar, azimuth = _polar(step, theta_max), _azimuth(phi_step or step)
-    _require_cells(polar.size**2 * azimuth.size)
-    return layouts.isotropic(polar, polar, azimuth)
+    return _checked(layouts.isotropic(polar, polar, azimuth))
 
 
-def spherical(step: float = STEP["spherical"], theta_max: float = THETA_MAX, phi_step: float | None = None) -> Layout:
+def spherical(step: float = DEGREES_10, theta_max: float = THETA_MAX, phi_step: float | None = None) -> Layout:
     """All four angles, polar ones by `step`, azimuths by `phi_step` (or `step`): for anisotropic surfaces too."""
     polar, azimuth = _polar(step, theta_max), _azimuth(phi_step or step)
-    _require_cells((polar.size * azimuth.size) ** 2)
-    return layouts.spherical(polar, azimuth, polar, azimuth)
+    return _checked(layouts.spherical(polar, azimuth, polar, azimuth))
 
 
-def half_difference(step: float = STEP["half-difference"], phi_step: float | None = None) -> Layout:
+def half_difference(step: float = DEGREES_5, phi_step: float | None = None) -> Layout:
     """MERL's spacing, square in theta_h, with other numbers of nodes: theta_d and phi_d by `step`.
 
     `phi_step`: also turns the half vector about the normal, for anisotropic surfaces.
     """
     counts = _count(math.pi / 2, step), _count(math.pi / 2, step), _count(math.pi, step)
-    if phi_step is None:
-        _require_cells(math.prod(counts))
-        return layouts.merl(counts=counts)
-    turns = _azimuth(phi_step)
-    _require_cells(math.prod(counts) * turns.size)
-    axes = layouts.merl(counts=counts).axes
-    return layouts.half_difference(axes["theta_h"], axes["theta_d"], axes["phi_d"], turns)
+    turns = None if phi_step is None else _azimuth(phi_step)
+    return _checked(layouts.half_difference(**layouts.merl(counts=counts).axes, phi_h=turns))
 
 
 def merl() -> Layout:
@@ -63,13 +52,10 @@ def merl() -> Layout:
     return layouts.merl()
 
 
-def in_plane(
-    step: float = STEP["in-plane"], theta_max: float = THETA_MAX, theta_i: Sequence[float] = INCIDENCES
-) -> Layout:
+def in_plane(step: float = DEGREE_1, theta_max: float = THETA_MAX, theta_i: Sequence[float] = INCIDENCES) -> Layout:
     """The plane of incidence: the incidences `theta_i`, the detector from −`theta_max` to `theta_max` by `step`."""
     polar = _polar(step, theta_max)
-    _require_cells(len(theta_i) * 2 * polar.size)
-    return layouts.in_plane(sorted(theta_i), np.concatenate([-polar[:0:-1], polar]))
+    return _checked(layouts.in_plane(sorted(theta_i), np.concatenate([-polar[:0:-1], polar])))
 
 
 def listed(path: str | os.PathLike[str]) -> Layout:
@@ -77,8 +63,7 @@ def listed(path: str | os.PathLike[str]) -> Layout:
     from gonio.data.formats.csv import read_directions
 
     wi, wo, _ = read_directions(path)
-    angles = [a for w in (wi, wo) for a in layouts.spherical_angles(*(np.asarray(c, np.float64) for c in w))]
-    return layouts.scattered(*angles)
+    return layouts.scattered(*layouts.spherical_angles(*wi), *layouts.spherical_angles(*wo))
 
 
 def default_name(brdf: AbstractBRDF) -> str:
@@ -179,18 +164,16 @@ def _count(whole: float, step: float) -> int:
 
 
 def _require_step(step: float, whole: float) -> None:
-    if not step > 0:
-        raise GonioError(f"a step of {_angle(step)} came; give one above 0")
-    if step < whole / 1e6:
-        raise GonioError(f"a step of {_angle(step)} makes more cells than can be measured; give a larger one")
-    if step > whole:
-        raise GonioError(f"a step of {_angle(step)} does not fit {math.degrees(whole):g}°; give a smaller one")
+    if not whole / 1e6 <= step <= whole:
+        most = f"{math.degrees(whole):g}°"
+        raise GonioError(f"a step of {_angle(step)} came; give one above 0, from a millionth of {most} to {most}")
 
 
 def _angle(value: float) -> str:
     return f"{math.degrees(value):g}° ({value:.6g} rad)"
 
 
-def _require_cells(cells: int) -> None:
-    if cells > MAX_CELLS:
-        raise GonioError(f"this scan has {cells:.3g} cells, more than {MAX_CELLS:.3g}; give a larger step")
+def _checked(layout: Layout) -> Layout:
+    if layout.size > MAX_CELLS:
+        raise GonioError(f"this scan has {layout.size:.3g} cells, more than {MAX_CELLS:.3g}; give a larger step")
+    return layout

@@ -1,19 +1,32 @@
-"""Where readings go: arrays in memory, or a file that is written in blocks and continued where it was stopped."""
+"""Where readings go: arrays in memory, or a file that is written in blocks and continued where it was stopped.
+
+The provenance of the table holds all that is needed to make it again, in a form that JSON can hold.
+"""
 
 import abc
+import dataclasses
+import datetime
+import hashlib
 import os
-from typing import NamedTuple, Self
+import re
+from typing import Any, NamedTuple, Self
 
+import jax
 import numpy as np
 
 from gonio.data.hdf5.writer import BlockWriter, TableHeader, open_table
+from gonio.data.material import Material
 from gonio.data.table import Table
 from gonio.data.tabulate import block_rows
-from gonio.instrument import provenance
+from gonio.instrument.instrument import Systematic
 from gonio.instrument.options import MeasureSettings
 from gonio.instrument.reader import BlockReadings, Reader, WorstAverage
 from gonio.models.errors import GonioError
+from gonio.models.expression.builder import to_expression
+from gonio.text import versions
 
+LONG_TEXT = 4000
+"""Characters that the provenance keeps of a text."""
 FLAT_BLOCK = 1 << 14
 """Cells of a block whose readings are averages over rays: some seconds of work at most, even for narrow lobes."""
 MEMORY_BYTES = 8 << 30
@@ -40,7 +53,7 @@ class Sink(abc.ABC):
     def __init__(self, reader: Reader, settings: MeasureSettings) -> None:
         layout, material = reader.layout, reader.material
         source, receiver = reader.instrument.solid_angles()
-        dtype, about = np.dtype(settings.dtype or reader.dtype), provenance.of(reader, settings.command)
+        dtype, about = np.dtype(settings.dtype or reader.dtype), _provenance(reader, settings.command)
         self.header = TableHeader(layout, material.channels, dtype, about, material.name, source, receiver)
         self.block_cells = layout.row_size * block_rows(layout) if reader.by_rows else FLAT_BLOCK
 
@@ -83,7 +96,7 @@ class MemorySink(Sink):
 
     def finish(self) -> Table:
         h = self.header
-        about = h.provenance if self.worst is None else {**h.provenance, "aperture_error": self.worst.to_dict()}
+        about = h.provenance | ({} if self.worst is None else {"aperture_error": dataclasses.asdict(self.worst)})
         f, u_f, flag = self.arrays.values()
         return Table(h.layout, f, flag, h.channels, u_f, about, h.source_solid_angle, h.receiver_solid_angle, h.name)
 
@@ -93,7 +106,7 @@ class FileSink(Sink):
 
     def __init__(self, reader: Reader, settings: MeasureSettings, output: str | os.PathLike[str]) -> None:
         super().__init__(reader, settings)
-        recipe = provenance.recipe(self.header.provenance, reader.material)
+        recipe = _recipe(self.header.provenance, reader.material)
         self.writer = BlockWriter(
             output, self.header, recipe, settings.force, u_f=reader.noisy, block_cells=self.block_cells
         )
@@ -101,7 +114,8 @@ class FileSink(Sink):
         done = len(self.writer.blocks) - len(self.missing)
         if done:
             self.remark = f"going on with {self.writer.part}: {done} of {len(self.writer.blocks)} blocks were there"
-            self.worst = WorstAverage.from_dict(self.writer.provenance.get("aperture_error"))
+            worst = self.writer.provenance.get("aperture_error")
+            self.worst = worst and WorstAverage(**worst)
 
     def __exit__(self, *_: object) -> None:
         """Ends the work; the file keeps its finished blocks for the next time."""
@@ -111,7 +125,7 @@ class FileSink(Sink):
         worst = WorstAverage.of(self.worst, readings.worst)
         if worst is not None and worst is not self.worst:
             # Before the block is marked as written: the worst may be recorded too early, but never be lost.
-            self.writer.amend({**self.writer.provenance, "aperture_error": worst.to_dict()})
+            self.writer.amend({**self.writer.provenance, "aperture_error": dataclasses.asdict(worst)})
             self.worst = worst
         self.writer.write(block.number, readings.f, readings.u_f, readings.flag)
 
@@ -122,3 +136,40 @@ class FileSink(Sink):
 def open_sink(reader: Reader, settings: MeasureSettings) -> Sink:
     """The file of the settings, or arrays where they name none."""
     return MemorySink(reader, settings) if settings.output is None else FileSink(reader, settings, settings.output)
+
+
+def _provenance(reader: Reader, command: str | None) -> dict[str, Any]:
+    """The provenance of a measurement that begins now. `command`: the way to ask for it on the command line."""
+    material, layout = reader.material, reader.layout
+    values: dict[str, Any] = {
+        "material": {
+            "name": material.name[:LONG_TEXT],
+            # In full precision: what a person wrote may hold fewer digits than the numbers of a fit.
+            "spelling": to_expression(material.brdf) if material.expression is not None else None,
+            "description": material.description[:LONG_TEXT],
+            "source": material.source[:LONG_TEXT],
+        },
+        "instrument": reader.instrument.to_dict() or "ideal",
+        "scan": {"layout": layout.name, "shape": list(layout.shape)},
+        "seed": reader.seed,
+        "versions": versions("jax", "numpy"),
+        "computed": {"platform": jax.default_backend(), "precision": str(reader.dtype)},
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }
+    if material.meta.get("file"):
+        values["material"]["file"] = str(material.meta["file"])
+    if command:
+        values["command"] = command[:LONG_TEXT]
+    if reader.errors != Systematic():
+        values["systematic"] = reader.errors.to_dict()
+    return values
+
+
+def _recipe(provenance: dict[str, Any], material: Material) -> dict[str, Any]:
+    """What determines the values, bit for bit: the provenance but for time, with the material's own numbers."""
+    kept = {name: value for name, value in provenance.items() if name not in ("created", "command", "scan")}
+    leaves, structure = jax.tree.flatten(material.brdf)
+    digest = hashlib.sha256(re.sub(r" at 0x[0-9a-f]+", "", str(structure)).encode())
+    for values in map(np.asarray, leaves):
+        digest.update(f"{values.dtype}{values.shape}".encode() + np.ascontiguousarray(values).tobytes())
+    return kept | {"material": {"digest": digest.hexdigest()}}

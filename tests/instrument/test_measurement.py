@@ -245,10 +245,10 @@ def test_remarks_and_the_rate_are_logged_and_the_old_name_of_the_option_works():
 
 
 def test_no_bar_is_written_where_no_terminal_is(capfd):
-    from gonio.instrument import progress
+    from gonio.instrument import measurement
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(progress, "PATIENCE", 0.0)
+        patch.setattr(measurement, "PATIENCE", 0.0)
         measure("lambert(rho=0.5)", Instrument(source_half_angle=0.01), SMALL, progress=True)
         assert capfd.readouterr() == ("", "")
         patch.setenv("FORCE_COLOR", "1")  # a terminal, for rich

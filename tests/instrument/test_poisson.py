@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gonio.instrument.poisson import log_probability, poisson
+from gonio.instrument.noise import log_probability, poisson
 
 N = 1 << 16
 
