@@ -112,3 +112,12 @@ def test_channels_alone():
     assert part.channels.wavelengths_nm == (650.0, 450.0) and np.array_equal(part.f, whole.f[..., [2, 0]])
     with pytest.raises(GonioError, match="'550 nm'"):
         whole.only(["555 nm"])
+
+
+@pytest.mark.parametrize(
+    ("u_f", "words"), [(None, "not stated"), (0.0, "exact, no noise"), (np.nan, "unknown"), (0.1, "median 0.1 1/sr")]
+)
+def test_a_table_shows_what_is_known_of_its_uncertainties(u_f, words):
+    grid = layouts.isotropic([0.1], [0.2, 0.3], [0.0])
+    uncertainty = None if u_f is None else np.full((*grid.shape, 1), u_f)
+    assert words in repr(whole_table_of_values(grid, np.ones(grid.shape), u_f=uncertainty))

@@ -3,6 +3,9 @@
 import errno
 import os
 import random
+import subprocess
+import sys
+import textwrap
 
 import h5py
 import numpy as np
@@ -173,3 +176,38 @@ def test_nothing_is_overwritten_or_left_behind(tmp_path, monkeypatch):
     with pytest.raises(GonioError, match="no room on the disk"):
         write_table(tmp_path / "u.h5", table)
     assert [p.name for p in tmp_path.iterdir()] == ["t.h5"]
+
+
+FULL = """
+    import resource, signal, sys
+    import numpy as np
+    from gonio.data import layouts
+    from gonio.data.channels import Channels
+    from gonio.data.hdf5.writer import BlockWriter, TableHeader, write_table
+    from gonio.data.table import whole_table_of_values
+    from gonio.models.errors import GonioError
+
+    table = whole_table_of_values(layouts.merl(counts=(20, 20, 20)), np.ones((20, 20, 20)))
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)  # as a disk that has so much room
+    header = TableHeader(table.layout, Channels.grey())
+    for write in (lambda: write_table("t.h5", table), lambda: BlockWriter("t.h5", header)):
+        try:
+            write()
+        except GonioError as error:
+            print(error)
+"""
+
+
+@pytest.mark.parametrize("room", [0, 100, 5000, 80_000])
+def test_a_full_disk_ends_in_one_sentence_and_leaves_nothing(tmp_path, room):
+    (tmp_path / "full.py").write_text(textwrap.dedent(FULL))
+    command = [sys.executable, "full.py", str(room)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == 2 * ["no room on the disk for t.h5; free some, or write to another folder"]
+    assert done.stderr == "" and [p.name for p in tmp_path.iterdir()] == ["full.py"]
+
+
+def test_a_device_is_no_output(tmp_path):
+    with pytest.raises(GonioError, match="is a device"):
+        write_table(os.devnull, random_table(LAYOUTS["in_plane"]), force=True)
