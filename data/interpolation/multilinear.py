@@ -174,7 +174,7 @@ def coarsened(table: Table) -> Table:
     step = {name: slice(None, None, 2 if axis.size > 2 else 1) for name, axis in layout.axes.items()}
     cells = tuple(step.values())[: len(layout.shape)]
     f, flag, u_f = (None if a is None else np.asarray(a[...])[cells] for a in (table.f, table.flag, table.u_f))
-    coarser = layout.with_axes({name: axis[step[name]] for name, axis in layout.axes.items()})
+    coarser = layout.part(**step)
     return dataclasses.replace(table, layout=coarser, interpolant=None, f=f, flag=flag, u_f=u_f)
 
 

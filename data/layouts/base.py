@@ -129,9 +129,9 @@ class Layout(abc.ABC):
             lines.append(f"  {name:<10}{np.degrees(a.min()):.6g}° to {np.degrees(a.max()):.6g}°, {a.size} values")
         return "\n".join(lines)
 
-    def with_axes(self, axes: Mapping[str, ArrayLike]) -> Self:
-        """A layout of this kind with other axes."""
-        return type(self)(axes)
+    def part(self, **nodes: np.ndarray | slice) -> Self:
+        """The layout of these nodes of some axes, by the axes' names, and of all nodes of the others."""
+        return type(self)({name: axis[nodes.get(name, slice(None))] for name, axis in self.axes.items()})
 
     @property
     def has_azimuth_of_light(self) -> bool:

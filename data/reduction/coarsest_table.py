@@ -9,7 +9,7 @@ from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.interpolation.multilinear import as_material
 from gonio.data.layouts.base import Layout
-from gonio.data.reduction.thin_grid import Nodes, SceneValues, StartGrid, Thinning
+from gonio.data.reduction.thin_grid import SceneValues, StartGrid, Thinning
 from gonio.data.scene import Scene, load_scene
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Channels, Table
@@ -85,14 +85,14 @@ def reduce_table(
         thinned = _smallest(grids, search, ranking, share * tolerance, log)
         if thinned is None:
             break
-        reduced = thinned.table(whole)
+        reduced, words = _reduced(whole, thinned)
         f = evaluate_in_blocks(as_material(reduced), check.pairs.wi, check.pairs.wo)
         error = check.pairs.error(np.broadcast_to(f, check.f.shape), check.f)
         if error <= tolerance:
             if reduced.f.nbytes + reduced.flag.nbytes >= _bytes(table):
                 break
             cells = (table.layout.size * len(table.channels), reduced.layout.size * len(reduced.channels))
-            return Reduction(reduced, error, tolerance, (*left_out, *thinned.left_out(whole)), cells)
+            return Reduction(reduced, error, tolerance, (*left_out, *words), cells)
     raise GonioError(
         f"no smaller table than {table.name or 'this one'} is within {100 * tolerance:g} % of it in the scene "
         f"'{scene.name}'; allow a larger tolerance, or keep the table"
@@ -115,42 +115,18 @@ def _bytes(table: Table) -> int:
     return sum(np.dtype(a.dtype).itemsize * int(np.prod(a.shape)) for a in arrays)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Thinned:
-    """A grid and the nodes of it that are kept."""
-
-    grid: StartGrid
-    nodes: Nodes
-    grey: bool
-
-    @property
-    def size(self) -> int:
-        """Number of values."""
-        return int(np.prod([k.size for k in self.nodes])) * self.grid.f.shape[-1]
-
-    def table(self, whole: Table) -> Table:
-        """The reduced table, single precision."""
-        nodes, axes = np.ix_(*self.nodes), self.grid.layout.axes
-        layout = self.grid.layout.with_axes({n: a[k] for (n, a), k in zip(axes.items(), self.nodes, strict=True)})
-        flag = np.where(self.grid.valid[nodes], np.uint8(Flag.VALID), np.uint8(Flag.NOT_MEASURED))
-        flag[~layout.above_horizon().reshape(layout.shape)] = Flag.BELOW_HORIZON
-        f = np.where(flag == Flag.VALID, self.grid.f[nodes], np.nan).astype(np.float32)
-        provenance = {**whole.provenance, "reduced": self.left_out(whole)}
-        channels = Channels.grey() if self.grey else whole.channels
-        return Table(layout, f, flag, channels, provenance=provenance, name=whole.name)
-
-    def left_out(self, whole: Table) -> list[str]:
-        """What of the whole table is left out, in words."""
-        words = [f"colour: one channel in place of {len(whole.channels)}"] if self.grey else []
-        if self.grid.simplified_by:
-            words.append(f"by {', '.join(self.grid.simplified_by)}")
-        for (name, axis), k in zip(self.grid.layout.axes.items(), self.nodes, strict=True):
-            low, high = np.degrees(axis[k[[0, -1]]])
-            if k.size < axis.size:
-                words.append(f"{name}: {k.size} of {axis.size} nodes, {low:.4g}° to {high:.4g}°")
-        if np.asarray(whole.f[:0]).dtype != np.float32:
-            words.append("single precision")
-        return words if whole.u_f is None else [*words, "standard uncertainties"]
+def _reduced(whole: Table, thinned: StartGrid) -> tuple[Table, list[str]]:
+    """The table of a thinned grid, single precision, and what of the whole one it leaves out, in words."""
+    layout = thinned.layout
+    flag = np.where(thinned.valid, np.uint8(Flag.VALID), np.uint8(Flag.NOT_MEASURED))
+    flag[~layout.above_horizon().reshape(layout.shape)] = Flag.BELOW_HORIZON
+    f = np.where(flag == Flag.VALID, thinned.f, np.nan).astype(np.float32)
+    words = [f"by {', '.join(thinned.simplified_by)}"] if thinned.simplified_by else []
+    words += thinned.left_out
+    words += ["single precision"] if np.asarray(whole.f[:0]).dtype != np.float32 else []
+    words += ["standard uncertainties"] if whole.u_f is not None else []
+    channels = Channels.grey() if f.shape[-1] < len(whole.channels) else whole.channels
+    return Table(layout, f, flag, channels, provenance=whole.provenance | {"reduced": words}, name=whole.name), words
 
 
 def _smallest(
@@ -159,7 +135,7 @@ def _smallest(
     ranking: SceneValues,
     tolerance: float,
     log: Callable[[str], None],
-) -> _Thinned | None:
+) -> StartGrid | None:
     """The smallest of the thinned grids, grey ones before coloured ones; None where none is within the tolerance."""
     smallest = None
     for grid in grids:
@@ -168,9 +144,10 @@ def _smallest(
             nodes = Thinning(start, search, ranking).thin(tolerance)
             if nodes is None:
                 continue
-            thinned = _Thinned(start, nodes, grey)
-            log(f"{', '.join(grid.simplified_by) or grid.layout.name}{', grey' if grey else ''}: {thinned.size} values")
-            if smallest is None or thinned.size < smallest.size:
+            thinned = start.part(nodes)
+            names = ", ".join(grid.simplified_by) or grid.layout.name
+            log(f"{names}{', grey' if grey else ''}: {thinned.f.size} values")
+            if smallest is None or thinned.f.size < smallest.f.size:
                 smallest = thinned
             if grey:
                 break

@@ -28,12 +28,14 @@ Bracket = tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 @dataclasses.dataclass(frozen=True)
 class StartGrid:
-    """A grid to thin: values (*shape, C), validity of the same shape, and the simplifications that led to it."""
+    """A grid to thin: values (*shape, C), validity of the same shape, the simplifications that led to it, in words."""
 
     layout: Layout
     f: np.ndarray
     valid: np.ndarray
     simplified_by: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    """What else the whole table has, in words."""
 
     @property
     def nodes(self) -> Nodes:
@@ -43,7 +45,18 @@ class StartGrid:
     def grey(self) -> "StartGrid":
         """The mean over the channels, valid where all of them are."""
         f = np.mean(np.where(self.valid, self.f, 0.0), axis=-1, keepdims=True)
-        return dataclasses.replace(self, f=f, valid=self.valid.all(-1, keepdims=True))
+        words = f"colour: one channel in place of {self.f.shape[-1]}"
+        return dataclasses.replace(self, f=f, valid=self.valid.all(-1, keepdims=True), left_out=(words,))
+
+    def part(self, nodes: Nodes) -> "StartGrid":
+        """The grid of these nodes of each axis."""
+        axes, index = self.layout.axes.items(), np.ix_(*nodes)
+        ranges = [(name, axis.size, np.degrees(axis[k])) for (name, axis), k in zip(axes, nodes, strict=True)]
+        words = [f"{name}: {kept.size} of {count} nodes, {kept[0]:.4g}° to {kept[-1]:.4g}°"
+                 for name, count, kept in ranges if kept.size < count]  # fmt: skip
+        layout = self.layout.part(**dict(zip(self.layout.axes, nodes, strict=True)))
+        left_out = (*self.left_out, *words)
+        return dataclasses.replace(self, layout=layout, f=self.f[index], valid=self.valid[index], left_out=left_out)
 
 
 class SceneValues(NamedTuple):
@@ -90,8 +103,7 @@ class Thinning:
         if key not in self._brackets:
             if len(self._brackets) > MAX_BRACKETS:
                 self._brackets.clear()
-            axes = self.grid.layout.axes
-            axis = interpolation_axis(self.grid.layout.with_axes({**axes, name: axes[name][nodes]}), name)
+            axis = interpolation_axis(self.grid.layout.part(**{name: nodes}), name)
             (low, high), weights = axis.bracket(np.asarray(self.coordinates[name]), np)
             self._brackets[key] = ((nodes[low], nodes[high]), weights)
         return self._brackets[key]

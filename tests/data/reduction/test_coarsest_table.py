@@ -51,7 +51,7 @@ def test_a_trial_is_what_the_interpolant_of_the_thinned_table_says(whole):
     thinning = Thinning(StartGrid(whole.layout, whole.f, np.isfinite(whole.f)), SceneValues(pairs, truth))
     assert thinning.error(thinning.grid.nodes) < 1e-6  # single precision
     kept = (np.array([0, 3, 4, 8]), np.array([1, 5]), np.array([0, 2, 7, 11]))
-    grid = GRID.with_axes({n: a[k] for (n, a), k in zip(GRID.axes.items(), kept, strict=True)})
+    grid = GRID.part(**dict(zip(GRID.axes, kept, strict=True)))
     small = as_material(whole_table_of_values(grid, whole.f[np.ix_(*kept)]))
     f = np.asarray(evaluate(small, pairs.wi, pairs.wo))
     assert thinning.error(kept) == pytest.approx(pairs.error(f, truth), rel=1e-5)
@@ -108,7 +108,7 @@ def test_no_symmetry_is_assumed_that_the_scene_would_miss():
 @pytest.mark.parametrize("turn", [0.0, 0.1])
 def test_isotropy_shows_from_any_azimuth(turn):
     axes = {n: a + turn if n.startswith("phi") else a for n, a in WHOLE_ROUND.axes.items()}
-    table = table_of("lambert(rho=.1) + 0.2*ggx(alpha=.6)", WHOLE_ROUND.with_axes(axes), noise=0.0)
+    table = table_of("lambert(rho=.1) + 0.2*ggx(alpha=.6)", type(WHOLE_ROUND)(axes), noise=0.0)
     reduced = reduce_table(table, SUN, tolerance=0.1)
     assert reduced.error <= 0.1 and reduced.table.layout.name != "spherical"
     assert any("isotropy" in words for words in reduced.left_out)
