@@ -132,11 +132,9 @@ class Instrument(Displayed):
             raise GonioError(
                 f"photons is {self.photons:g}; give more than 0 and at most {PHOTONS_MAX:g}, or none for no shot noise"
             )
-        if self.photons is None:
-            counted = [n for n in ("dark", "read_noise") if getattr(self, n)]
-            counted += ["saturation"] if self.saturation is not None else []
-            if counted:
-                raise GonioError(f"{', '.join(counted)} is in counts; give photons too, which says what a count is")
+        counted = [n for n in ("dark", "read_noise", "saturation") if getattr(self, n) != getattr(Instrument, n)]
+        if self.photons is None and counted:
+            raise GonioError(f"{', '.join(counted)} is in counts; give photons too, which says what a count is")
         if not self.tolerance > 0:
             raise GonioError("the instrument's tolerance is 0; give the relative error that is allowed, such as 1e-3")
 
@@ -175,18 +173,16 @@ class Instrument(Displayed):
 
     def to_dict(self) -> dict:
         """The fields that are not ideal, for JSON: angles in degrees, counts and shares as given."""
-        changed = [f for f in dataclasses.fields(self) if getattr(self, f.name) != f.default and f.name != "systematic"]
-        values: dict = {}
-        for f in changed:
-            value = getattr(self, f.name)
-            values |= {f"{f.name}_deg": math.degrees(value)} if f.name in ANGLES else {f.name: value}
-        return values if self.systematic is None else values | {"systematic": self.systematic.to_dict()}
+        values: dict = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        values = {f.name: values[f.name] for f in dataclasses.fields(self) if values[f.name] != f.default}
+        if self.systematic is not None:
+            values["systematic"] = values.pop("systematic").to_dict()
+        return {f"{n}_deg" if n in ANGLES else n: math.degrees(v) if n in ANGLES else v for n, v in values.items()}
 
     def solid_angles(self) -> tuple[float, float]:
         """Solid angles of source and detector, sr; 0 for points."""
-        source, detector = (
-            4 * math.pi * math.sin(s / 2) ** 2 for s in (self.source_half_angle, self.detector_half_angle)
-        )
+        half_angles = self.source_half_angle, self.detector_half_angle
+        source, detector = (4 * math.pi * math.sin(s / 2) ** 2 for s in half_angles)
         return source, detector
 
 

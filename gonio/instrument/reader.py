@@ -103,13 +103,12 @@ class Reader:
         return BlockReadings(_masked(readings, flag), _masked(u_f, flag), flag, worst)
 
     def _flags(self, start: int, stop: int) -> np.ndarray:
-        if not self.instrument.shadow:
-            above = self.layout.above_horizon(start, stop)
-            return np.where(above, np.uint8(Flag.VALID), np.uint8(Flag.BELOW_HORIZON))
-        wi, wo = self.layout.directions(start, stop)
-        apart = 2 * np.arcsin(np.minimum(0.5 * np.sqrt(sum((a - b) ** 2 for a, b in zip(wi, wo, strict=True))), 1.0))
-        flag = np.where(apart < self.instrument.shadow, np.uint8(Flag.SHADOWED), np.uint8(Flag.VALID))
-        flag[~self.layout.above_horizon(start, stop)] = Flag.BELOW_HORIZON
+        above = self.layout.above_horizon(start, stop)
+        flag = np.where(above, np.uint8(Flag.VALID), np.uint8(Flag.BELOW_HORIZON))
+        if self.instrument.shadow:
+            wi, wo = self.layout.directions(start, stop)
+            chord = np.sqrt(sum((a - b) ** 2 for a, b in zip(wi, wo, strict=True)))
+            flag[above & (2 * np.arcsin(np.minimum(0.5 * chord, 1.0)) < self.instrument.shadow)] = Flag.SHADOWED
         return flag
 
     def _expected(self, start: int, stop: int, usable: np.ndarray) -> Expected:
@@ -136,18 +135,19 @@ class Reader:
     def _values(
         self, wi: Direction, wo: Direction, irradiance: np.ndarray, cells: np.ndarray
     ) -> tuple[np.ndarray, WorstAverage | None]:
-        instrument = self.instrument
+        brdf, instrument = self.material.brdf, self.instrument
+        if not cells.size:
+            return np.zeros((0, self.channels)), None
         if not instrument.has_apertures:
-            if not cells.size:
-                return np.zeros((0, self.channels)), None
-            return evaluate_in_blocks(self.material.brdf, wi, wo), None
+            return evaluate_in_blocks(brdf, wi, wo), None
         half_angles = instrument.source_half_angle, instrument.detector_half_angle
-
-        def tolerance(values: np.ndarray, k: np.ndarray) -> np.ndarray:
-            return self._tolerance(values, irradiance[k])
-
-        values, error = aperture.average(self.material.brdf, wi, wo, *half_angles, tolerance)
-        return values, self._worst(cells, values, error, self._tolerance(values, irradiance))
+        values, error = aperture.average(brdf, wi, wo, *half_angles, lambda f, k: self._tolerance(f, irradiance[k]))
+        excess = np.nan_to_num(error / self._tolerance(values, irradiance), posinf=0.0)
+        k, channel = np.unravel_index(np.argmax(excess), excess.shape)
+        cell, most = int(cells[k]), float(excess[k, channel])
+        theta_i, _, theta_o, _ = (math.degrees(a[0]) for a in self.layout.angles(cell, cell + 1))
+        relative = float(error[k, channel] / max(abs(values[k, channel]), FLOOR)) if most else 0.0
+        return values, WorstAverage(most, relative, cell, theta_i, theta_o)
 
     def _tolerance(self, values: np.ndarray, irradiance: np.ndarray) -> np.ndarray:
         """Error allowed to averages, 1/sr."""
@@ -155,19 +155,6 @@ class Reader:
         if not self.noisy:
             return allowed
         return np.maximum(allowed, SHARE_OF_NOISE * noise.standard_uncertainty(self.instrument, values, irradiance))
-
-    def _worst(
-        self, cells: np.ndarray, values: np.ndarray, error: np.ndarray, allowed: np.ndarray
-    ) -> WorstAverage | None:
-        if not cells.size:
-            return None
-        excess = error / allowed
-        excess = np.where(np.isfinite(excess), excess, 0.0)
-        k, channel = np.unravel_index(np.argmax(excess), excess.shape)
-        cell = int(cells[k])
-        theta_i, _, theta_o, _ = (math.degrees(a[0]) for a in self.layout.angles(cell, cell + 1))
-        relative = float(error[k, channel] / max(abs(values[k, channel]), FLOOR)) if excess[k, channel] else 0.0
-        return WorstAverage(float(excess[k, channel]), relative, cell, theta_i, theta_o)
 
 
 def _masked(values: np.ndarray, flag: np.ndarray) -> np.ndarray:

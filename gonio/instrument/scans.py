@@ -132,7 +132,7 @@ def scan(name: str | os.PathLike[str], **options: Unpack[ScanOptions]) -> Layout
         make, known = (lambda: listed(name)), ()
     else:
         raise GonioError(f"scan {os.fspath(name)!r} is unknown; give {', '.join(SCANS)}, or a CSV file of directions")
-    if unknown := [option for option in given if option not in known]:
+    if unknown := sorted(given.keys() - {*known}):
         takes = f"it takes {', '.join(known)}" if known else "its directions are fixed"
         raise GonioError(f"scan {text} has no {', '.join(unknown)}; {takes}")
     return make(**given)
