@@ -47,7 +47,7 @@ def average(
     detector_half_angle: float,
     tolerance: Tolerance,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(readings in 1/sr, estimates of their error): (n, channels) each, for NumPy directions of shape (n,).
+    """(readings in 1/sr, estimates of their error): (n, channels) each, for NumPy directions of shape (n,), n > 0.
 
     Half-angles in [0, π/4], radians; 0 is a point. The estimate is how much the last two steps differ, which is the
     error of the coarser one; it stays above the tolerance where the ladder ends first. 0 where a whole disc is below
@@ -59,7 +59,7 @@ def average(
     kinds = np.sum([lower <= bound for bound, _ in LADDERS[:-1]], axis=0)
     kinds[_crosses(source[2], half_angles[0]) | _crosses(detector[2], half_angles[1])] = len(LADDERS)
     pieces = []
-    for kind in np.unique(kinds) if kinds.size else [0]:
+    for kind in np.unique(kinds):
         cells = np.flatnonzero(kinds == kind)
         climb = _Climb(brdf, source[:, cells], detector[:, cells], half_angles, crossing=bool(kind == len(LADDERS)))
         ladder = LADDERS[min(kind, len(LADDERS) - 1)][1]
@@ -76,9 +76,8 @@ def irradiance(cos_theta: np.ndarray, half_angle: float) -> np.ndarray:
     if not index.size or half_angle == 0:
         return cosine
     theta = np.arccos(np.clip(np.asarray(cos_theta)[index], -1.0, 1.0))
-    cosine[index] = np.asarray(projected_cap(jnp.asarray(half_angle), jnp.asarray(theta))) / (
-        math.pi * math.sin(half_angle) ** 2
-    )
+    lit = np.asarray(projected_cap(jnp.asarray(half_angle), jnp.asarray(theta)))
+    cosine[index] = lit / (math.pi * math.sin(half_angle) ** 2)
     return cosine
 
 
@@ -121,7 +120,9 @@ class _Climb:
         rules = [disc_rule(*(rule if s > 0 else (1, 1))) for s in self.half_angles]
         # Arrays all, or each number would be compiled in.
         radii = [jnp.asarray(s, jnp.result_type(float)) for s in self.half_angles]
-        split = _lanes_per_cell(math.prod(rule) if self.half_angles[0] > 0 else 1)
+        # By the rule alone, never by how many cells there are: a cell's value is summed in one order in any batch.
+        nodes = math.prod(rule) if self.half_angles[0] > 0 else 1
+        split = 1 if nodes < 64 else 16 if nodes < 400 else 512
         per_call = LANES // split
         first = np.tile(np.arange(split), per_call)
         axes = (self.source[:, cells], self.detector[:, cells])
@@ -132,8 +133,12 @@ class _Climb:
             total, *rest = disc_sums(self.brdf, source, detector, first, np.asarray(split), self.crossing)
             return [np.asarray(a).reshape(per_call, split, -1) for a in (total.T, *rest)]
 
+        # The kernel is a loop of small steps, which the compiler leaves to one core. Compiled once, before the others.
+        starts = range(0, cells.size, per_call)
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            sums = [call(0), *pool.map(call, starts[1:])]
         values, missed = [], []
-        for total, weight_i, weight_o, met, probe in _on_all_cores(call, range(0, max(cells.size, 1), per_call)):
+        for total, weight_i, weight_o, met, probe in sums:
             weight = weight_i.sum(axis=1) * weight_o[:, 0]
             lit = weight > 0
             values.append(np.where(lit, total.sum(axis=1) / np.where(lit, weight, 1.0), 0.0))
@@ -141,23 +146,6 @@ class _Climb:
         return np.concatenate(values)[: cells.size], np.concatenate(missed)[: cells.size]
 
 
-def _on_all_cores(call: Callable[[int], list[np.ndarray]], starts: range) -> list[list[np.ndarray]]:
-    # The kernel is a loop of small steps, which the compiler leaves to one core. Compiled once, before the others.
-    results = [call(starts[0])]
-    if len(starts) > 1:
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            results += pool.map(call, starts[1:])
-    return results
-
-
-def _lanes_per_cell(nodes: int) -> int:
-    # By the rule alone, never by how many cells there are: a cell's value is summed in one order in any batch.
-    return 1 if nodes < 64 else 16 if nodes < 400 else 512
-
-
 def _lanes(w: np.ndarray, split: int, per_call: int) -> Direction:
-    if w.shape[1] < per_call:
-        spare = np.zeros((3, per_call - w.shape[1]))
-        spare[2] = 1.0
-        w = np.concatenate([w, spare], axis=1)
+    w = np.pad(w, ((0, 0), (0, per_call - w.shape[1])), mode="edge")
     return Direction(*(np.repeat(c, split).astype(jnp.result_type(float)) for c in w))
