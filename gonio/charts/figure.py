@@ -1,25 +1,85 @@
 """Speed against accuracy on logarithmic axes: methods as marks, their bounds as bars, the Pareto front as a line."""
 
 import dataclasses
-import io
 import math
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis as MatplotlibAxis
 from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
-from gonio.charts.label_placement import Box, nearest_of, places
 from gonio.charts.point import Axis, Chart, Point, cheapest, front, shown
-from gonio.figures.style import FAINT, INK, MARKERS, PALETTE, RULE, mix, styled, svg
-from gonio.figures.ticks import decades_between, sr_label
+from gonio.figures.style import (
+    FAINT,
+    INK,
+    MARKERS,
+    PALETTE,
+    RULE,
+    Picture,
+    decades_between,
+    fixed_ticks,
+    mantissa_ticks,
+    mix,
+    sr_label,
+    styled,
+)
+
+ANGLES = np.radians([20, -20, 160, -160, 60, -60, 120, -120, 0, 180, 90, -90])
+DISTANCES = (3, 7, 13, 21, 34, 46, 60, 78, 100, 130, 165, 205, 250, 300)
+SLACK = np.array([-1.0, -1.0, 1.0, 1.0])
+"""Free space around a label, in the units of the coordinates."""
+
+Box = tuple[float, float, float, float]
+"""Left, lower, right and upper edge."""
+
+
+def places(
+    points: np.ndarray, sizes: np.ndarray, inside: Box, radii: np.ndarray, others: Sequence[Box] = ()
+) -> list[tuple[float, float] | None]:
+    """The lower left corner of each label, placed in the order they come in; None for one without room.
+
+    Args:
+        points: positions (n, 2), in one unit such as pixels.
+        sizes: width and height (n, 2) of the labels.
+        inside: where labels may stand.
+        radii: of the points' marks, (n,).
+        others: boxes that no label may cover either.
+    """
+    points, sizes = np.asarray(points, float), np.asarray(sizes, float)
+    marks = np.concatenate([points - radii[:, None], points + radii[:, None]], axis=1)
+    taken = np.concatenate([marks, np.asarray(others, float).reshape(-1, 4)])
+    corners: list[tuple[float, float] | None] = []
+    for point, size, radius in zip(points, sizes, radii, strict=True):
+        boxes = _candidates(point, size, radius)
+        free = (boxes[:, :2] >= inside[:2]).all(1) & (boxes[:, 2:] <= inside[2:]).all(1)
+        low, high = boxes[:, None, :2], boxes[:, None, 2:]
+        free &= ~((low < taken[:, 2:]) & (taken[:, :2] < high)).all(axis=-1).any(axis=-1)
+        if not free.any():
+            corners.append(None)
+            continue
+        best = boxes[np.argmax(free)]
+        corners.append((float(best[0]), float(best[1])))
+        taken = np.concatenate([taken, [best + SLACK]])
+    return corners
+
+
+def _candidates(point: np.ndarray, size: np.ndarray, radius: float) -> np.ndarray:
+    # Boxes (k, 4), the nearest first. The side of the label that faces the mark is `distance` from it.
+    along = np.stack([np.cos(ANGLES), np.sin(ANGLES)], -1)
+    away = (radius + np.array(DISTANCES))[:, None, None] + size / 2
+    corners = (point + along * away - size / 2).reshape(-1, 2)
+    return np.concatenate([corners, corners + size], axis=1)
+
+
+def nearest_of(corner: Sequence[float], size: Sequence[float], point: Sequence[float]) -> list[float]:
+    """The position on a label's box that is nearest to its point: where the line between them ends."""
+    return [min(max(p, c), c + s) for p, c, s in zip(point, corner, size, strict=True)]
+
 
 WIDTH, HEIGHT = 5.4, 4.5  # inches of a frame
 LARGE = (7.6, 6.4)  # of one with very many points
@@ -146,8 +206,7 @@ class _Frame:
         return None if self.error.key != "error" or math.isnan(bound) else min(bound, CEILING)
 
     def draw(self, title: str) -> None:
-        self.ax.set_xscale("log")
-        self.ax.set_yscale("log")
+        self.ax.set(xscale="log", yscale="log")
         line = np.reshape([self.place(p) for p in self.front], (-1, 2))
         self.ax.plot(*line.T, color=INK, lw=1.0, ls=DASHES, zorder=1.5)
         for p in self.points:
@@ -174,10 +233,10 @@ class _Frame:
     def _scale(self) -> None:
         costs, heights = (list(values) for values in zip(*map(self.place, self.points), strict=True))
         heights += [b for p in self.points if (b := self.bound(p)) is not None]
-        _scale_axis(self.ax.xaxis, costs, 1.7, self.ax.set_xlim)
-        _scale_axis(self.ax.yaxis, heights, 2.2, self.ax.set_ylim)
-        self.ax.set_xlabel(self.cost.title)
-        self.ax.set_ylabel(self.error.title)
+        xlim, ylim = (min(costs) / 1.7, max(costs) * 1.7), (min(heights) / 2.2, max(heights) * 2.2)
+        self.ax.set(xlim=xlim, ylim=ylim, xlabel=self.cost.title, ylabel=self.error.title)
+        fixed_ticks(self.ax.xaxis, _ticks(*xlim))
+        fixed_ticks(self.ax.yaxis, _ticks(*ylim))
         self.ax.grid(color=RULE)
 
     def label(self, renderer: RendererAgg) -> None:
@@ -221,16 +280,9 @@ class _Frame:
         return [(x - half, y - half, x + half, y + half) for x, y in pixels]
 
 
-def _scale_axis(axis: MatplotlibAxis, values: list[float], pad: float, limit: Callable[[float, float], object]) -> None:
-    low, high = min(values) / pad, max(values) * pad
-    limit(low, high)
-    ticks = [t for t in decades_between(low, high) if low <= t <= high]
-    if len(ticks) < 3:
-        ticks = [s * 10.0**e for e in range(-20, 20) for s in (1, 2, 5) if low <= s * 10.0**e <= high]
-    axis.set_major_locator(FixedLocator(ticks))
-    axis.set_minor_locator(FixedLocator([]))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: sr_label(value)))
-    axis.set_minor_formatter(NullFormatter())
+def _ticks(low: float, high: float) -> list[float]:
+    decades = [t for t in decades_between(low, high) if low <= t <= high]
+    return decades if len(decades) >= 3 else mantissa_ticks(low, high, (1, 2, 5))
 
 
 def picture_files(
@@ -238,9 +290,6 @@ def picture_files(
 ) -> dict[str, bytes]:
     """The picture as files: ``{"svg": ..., "png": ...}``."""
     with styled(), matplotlib.rc_context({"font.size": 9}):
-        fig = chart_figure(chart, points, caption, tolerance)
-        png = io.BytesIO()
-        fig.savefig(png, format="png", dpi=144)
         label = f"{chart.title}: {', '.join(dict.fromkeys(p.method for p in points))}"
-        text = svg(fig, label).replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1)
-    return {"svg": text.encode(), "png": png.getvalue()}
+        picture = Picture(chart_figure(chart, points, caption, tolerance), label)
+    return {"svg": picture.svg_file(), "png": picture.png(dpi=144)}

@@ -1,17 +1,21 @@
 """A measured chart: its points, where and when they were measured, and its CSV and JSON."""
 
+import contextlib
 import csv
 import dataclasses
 import datetime
 import io
 import math
+import os
+import platform
+import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
-from gonio.charts.machine import sentence
-from gonio.charts.point import Chart, Point, cheapest, front
-from gonio.charts.scan_time import Pace
+from gonio.charts.point import Chart, Pace, Point, cheapest, front
 from gonio.charts.timing import unit
+from gonio.text import versions
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,14 +35,14 @@ class MeasuredChart:
         """The conditions that methods are compared under."""
         return list(dict.fromkeys(p.panel for p in self.points))
 
-    def front(self, panel: str, frame: int = 0) -> list[Point]:
-        """The points of a panel that no other beats, by the axes of a frame."""
-        cost, error = self.chart.frames[frame]
+    def front(self, panel: str) -> list[Point]:
+        """The points of a panel that no other beats, by the axes of the first frame."""
+        cost, error = self.chart.frames[0]
         return front(self._of(panel), cost.key, error.key)
 
-    def cheapest(self, panel: str, tolerance: float, frame: int = 0) -> Point | None:
+    def cheapest(self, panel: str, tolerance: float) -> Point | None:
         """The cheapest point of a panel whose error is at most `tolerance`, or None."""
-        cost, error = self.chart.frames[frame]
+        cost, error = self.chart.frames[0]
         return cheapest(self._of(panel), cost.key, error.key, tolerance)
 
     def _of(self, panel: str) -> list[Point]:
@@ -88,3 +92,33 @@ def to_csv(charts: Sequence[MeasuredChart]) -> str:
             holds = "" if p.holds is None else int(p.holds)
             out.writerow([c.chart.name, p.panel, p.method, p.setting, *values, int(p in best[p.panel]), holds, p.note])
     return text.getvalue()
+
+
+def machine() -> dict[str, str]:
+    """Processor, its cores that this process may use, system and versions, by name."""
+    import jax
+
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    device = jax.devices()[0]
+    return {
+        "processor": _processor(),
+        "cores": str(usable),
+        "device": "the processor" if device.platform == "cpu" else device.device_kind,
+        "system": f"{platform.system()} {platform.release()}",
+        **versions("jax", "numpy", "scipy"),
+    }
+
+
+def sentence(of: dict[str, str], when: datetime.datetime) -> str:
+    """The machine in a line of a caption."""
+    programs = ", ".join(f"{name} {of[name]}" for name in ("gonio", "jax", "numpy", "scipy", "python"))
+    on = "" if of["device"] == "the processor" else f", {of['device']}"
+    return f"{of['processor']}, {of['cores']} cores{on}; {programs}; {when:%Y-%m-%d %H:%M} UTC"
+
+
+def _processor() -> str:
+    with contextlib.suppress(OSError):
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+        if model := re.search(r"^model name.*?:(.*)", text, re.MULTILINE):
+            return model[1].strip()
+    return platform.processor() or platform.machine()

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gonio.charts.flux_error import Light, light_of
 from gonio.charts.point import Axis, Chart, Point, Settings
+from gonio.charts.tables import Light, light_of
 from gonio.charts.timing import precision
 from gonio.data import layouts
 from gonio.data.layouts import Layout

@@ -1,9 +1,11 @@
-"""What several verbs share: their arguments, what they refuse before any work, and how they write a text."""
+"""What several verbs share: tables of options, what they refuse before any work, and how they write a text."""
 
 import argparse
+import json
+import math
 import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from gonio.models.errors import GonioError
 
@@ -11,14 +13,48 @@ if TYPE_CHECKING:
     from gonio.data.table import Table
 
 MATERIAL = "a reference material, a readable file or an expression"
+FORCE = {"--force": "replace existing outputs"}
+MERL = {"--merl-nodes": {"choices": ("lower", "centre"), "help": "where a MERL file's nodes lie in their bins"}}
+JSON = {"--json": "machine-readable"}
 
 
-def add_force(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--force", action="store_true", help="replace existing outputs")
+def degrees(text: str) -> float:
+    """Radians of an angle that is written in degrees."""
+    return math.radians(float(text))
 
 
-def add_merl_nodes(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--merl-nodes", choices=("lower", "centre"), help="where a MERL file's nodes lie in their bins")
+KINDS: dict[str, Callable[[str], Any]] = {
+    "DEG": degrees, "DEG/S": degrees, "N": int, "SEED": int,
+    **dict.fromkeys(("SHARE", "REL", "ERROR", "T", "P", "1/S"), float),
+}  # fmt: skip
+
+
+def add_options(
+    parser: argparse.ArgumentParser | argparse._ArgumentGroup,
+    options: Mapping[str, str | dict[str, Any]],
+    **kinds: Callable[[str], Any],
+) -> None:
+    """Adds options to a parser.
+
+    Args:
+        parser: of a verb, or a group of it.
+        options: "-m/--model MODEL" (the word in capitals decides the type, see `KINDS`) or "--flag", each with its
+            help, or with the arguments of `add_argument`.
+        kinds: types of this verb's words in capitals, where `KINDS` has another or none.
+    """
+    for words, text in options.items():
+        names, _, word = words.partition(" ")
+        how = {"help": text} if isinstance(text, str) else dict(text)
+        if word:
+            how |= {"metavar": word, "type": (KINDS | kinds).get(word, str)}
+        elif "choices" not in how:
+            how["action"] = "store_true"
+        parser.add_argument(*names.split("/"), **how)
+
+
+def given(args: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Those of the options that the command line gives."""
+    return {name: getattr(args, name) for name in names if getattr(args, name) is not None}
 
 
 def read_table(path: str, merl_nodes: str | None) -> "Table":
@@ -42,9 +78,9 @@ def refuse_outputs(outputs: Sequence[str | None], inputs: Sequence[str | None], 
             refuse_input(path, *(i for i in inputs if i is not None))
 
 
-def require_range(option: str, value: float | None, low: float, high: float) -> None:
-    """Refuses degrees outside of [low, high]; None is no value."""
-    if value is not None and not low <= value <= high:
+def require_degrees(option: str, angle: float | None, low: float, high: float) -> None:
+    """Refuses an angle, radians, outside of [low, high], degrees; None is no angle."""
+    if angle is not None and not low <= (value := round(math.degrees(angle), 9)) <= high:
         raise GonioError(f"{option} is {value:g}; give degrees from {low:g} to {high:g}")
 
 
@@ -57,3 +93,8 @@ def write_text(path: str, text: str, force: bool) -> None:
 
     with new_file(path, force) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: str, content: object, force: bool) -> None:
+    """Writes JSON as `write_text` writes a text."""
+    write_text(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", force)

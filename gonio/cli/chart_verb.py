@@ -4,40 +4,34 @@ import argparse
 import math
 from typing import TYPE_CHECKING
 
-from gonio.cli.arguments import add_force
+from gonio.cli.arguments import FORCE, add_options, given
 from gonio.text import columns, log, number, show
 
 if TYPE_CHECKING:
     from gonio.charts import MeasuredChart
 
+OPTIONS = {
+    "-o/--output FOLDER": "where to put pictures (SVG, PNG), CSV and charts.json",
+    "--quick": "fewer settings: less than two minutes",
+    "--tolerance ERROR": "name the cheapest method within this error",
+    "--axis-speed DEG/S": "of the real instrument (default: 10)",
+    "--settling S": "of the real instrument, seconds (default: 0.3)",
+    "--count-rate 1/S": "photons a second off the white diffuser (default: 1e6)",
+}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("names", nargs="*", metavar="NAME", help="evaluation, hemisphere, tables, fits, measuring (default: all)")
-    add("-o", "--output", metavar="FOLDER", help="where to put pictures (SVG, PNG), CSV and charts.json")
-    add("--quick", action="store_true", help="fewer settings: less than two minutes")
-    add("--tolerance", type=float, metavar="ERROR", help="name the cheapest method within this error")
-    add("--axis-speed", type=float, metavar="DEG/S", help="of the real instrument (default: 10)")
-    add("--settling", type=float, metavar="S", help="of the real instrument, seconds (default: 0.3)")
-    add("--count-rate", type=float, metavar="1/S", help="photons a second off the white diffuser (default: 1e6)")
-    add_force(parser)
+    names = "evaluation, hemisphere, tables, fits, measuring (default: all)"
+    parser.add_argument("names", nargs="*", metavar="NAME", help=names)
+    add_options(parser, OPTIONS | FORCE, S=float)
 
 
 def run(args: argparse.Namespace) -> int:
-    from gonio.charts import chart
-    from gonio.charts.scan_time import Pace
+    from gonio.charts import Pace, chart
 
-    speed = None if args.axis_speed is None else math.radians(args.axis_speed)
-    pace = {"settling": args.settling, "count_rate": args.count_rate, "axis_speed": speed}
-    measured = chart(
-        args.names,
-        output=args.output,
-        quick=args.quick,
-        tolerance=args.tolerance,
-        pace=Pace(**{name: value for name, value in pace.items() if value is not None}),
-        force=args.force,
-        log=log,
-    )
+    options = {name: getattr(args, name) for name in ("output", "quick", "tolerance", "force")}
+    pace = Pace(**given(args, "settling", "count_rate", "axis_speed"))
+    measured = chart(args.names, pace=pace, log=log, **options)
     for m in measured:
         _print_chart(m, args.tolerance)
     if args.output:
@@ -48,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _print_chart(measured: "MeasuredChart", tolerance: float | None) -> None:
     from gonio.charts.point import shown
-    from gonio.figures.ticks import sr_label
+    from gonio.figures.style import sr_label
 
     cost, error = measured.chart.frames[0]
     show(f"\n{measured.chart.title}: {error.title} against {cost.title}")

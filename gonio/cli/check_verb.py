@@ -1,13 +1,36 @@
-"""``gonio check FILE|MATERIAL``: a certificate to read, and one for machines."""
+"""``gonio check FILE|MATERIAL``: a certificate to read, and one for machines; a repair; the self-test of the checks."""
 
 import argparse
-import math
-from typing import Any
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from gonio.checks.properties import PROPERTIES
-from gonio.cli.arguments import add_force, refuse_outputs, require_range, write_text
-from gonio.cli.certificate_text import print_certificate
+from gonio.cli.arguments import FORCE, add_options, refuse_outputs, require_degrees, write_json, write_text
 from gonio.models.errors import GonioError
+from gonio.text import columns, log, show
+
+if TYPE_CHECKING:
+    from gonio.checks.certificate import Certificate
+    from gonio.checks.repairs.nearest_table import Repaired
+
+OPTIONS = {
+    "--self-test": "judge models and tables whose verdicts are known, some with mistakes; exit status 0 if all are "
+    "right",
+    "--strict": "all properties but isotropy count",
+    **{f"--tol-{name} T": f"tolerance of {name}: {spec.unit}" for name, spec in PROPERTIES.items()},
+    "--feature-width DEG": "tables: no lobe is narrower than this, so a grid that leaves out the mirror direction may "
+    "be judged",
+    "--level P": "tables with stored uncertainties: chance of calling an honest one significantly wrong (0.01)",
+    "--against FILE|MATERIAL": "the truth, if known: agreement with it counts too",
+    "--repair OUT.h5": "write the nearest table that is reciprocal and conserves energy; the exit status is then that "
+    "table's",
+    "--nonnegative": "no reading of the repaired table is negative",
+    "--step DEG": {"type": float, "help": "a file that is no grid (RGL's) is repaired on one of this step (5)"},
+    "--json FILE": "write the certificate as JSON too; '-' prints it instead",
+}
+COLOURS = {"pass": "green", "fail": "red", "undecided": "yellow", "not applicable": "dim"}
+HEADINGS = ("property", "verdict", "residual", "bound", "tolerance", "worst at")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,32 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Judges reciprocity, energy conservation, positivity, symmetries and edges of a model or a table, each with"
         " the error of the judgement. Exit status: 0 pass, 1 fail, 3 undecided."
     )
-    add = parser.add_argument
-    add("subject", metavar="FILE|MATERIAL", nargs="?", help="a table, a material's name, or an expression")
-    add(
-        "--self-test", action="store_true",
-        help="judge models and tables whose verdicts are known, some with mistakes; exit status 0 if all are right",
-    )  # fmt: skip
-    add("--strict", action="store_true", help="all properties but isotropy count")
-    for name, spec in PROPERTIES.items():
-        add(f"--tol-{name}", type=float, metavar="T", help=f"tolerance of {name}: {spec.unit}")
-    add(
-        "--feature-width", type=float, default=0.0, metavar="DEG",
-        help="tables: no lobe is narrower than this, so a grid that leaves out the mirror direction may be judged",
-    )  # fmt: skip
-    add(
-        "--level", type=float, default=0.01, metavar="P",
-        help="tables with stored uncertainties: chance of calling an honest one significantly wrong (0.01)",
-    )  # fmt: skip
-    add("--against", metavar="FILE|MATERIAL", help="the truth, if known: agreement with it counts too")
-    add(
-        "--repair", metavar="OUT.h5",
-        help="write the nearest table that is reciprocal and conserves energy; the exit status is then that table's",
-    )  # fmt: skip
-    add("--nonnegative", action="store_true", help="no reading of the repaired table is negative")
-    add("--step", type=float, metavar="DEG", help="a file that is no grid (RGL's) is repaired on one of this step (5)")
-    add("--json", metavar="FILE", help="write the certificate as JSON too; '-' prints it instead")
-    add_force(parser)
+    subject = "a table, a material's name, or an expression"
+    parser.add_argument("subject", metavar="FILE|MATERIAL", nargs="?", help=subject)
+    add_options(parser, OPTIONS | FORCE)
+    parser.set_defaults(feature_width=0.0, level=0.01)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -48,18 +49,11 @@ def run(args: argparse.Namespace) -> int:
     _refuse_contradictions(args)
     refuse_outputs([args.json, args.repair], [args.subject], args.force)
     if args.self_test:
-        from gonio.cli.self_test_output import run_self_test
-
         return run_self_test(args.json, args.force)
-    options: dict[str, Any] = {
-        "tolerances": {name: getattr(args, f"tol_{name}") for name in PROPERTIES},
-        "feature_width": math.radians(args.feature_width),
-        "level": args.level,
-    }
+    tolerances = {name: getattr(args, f"tol_{name}") for name in PROPERTIES}
+    options = {"tolerances": tolerances, "feature_width": args.feature_width, "level": args.level}
     if args.repair:
-        from gonio.cli.repair_output import run_repair
-
-        return run_repair(args, options)
+        return _run_repair(args, options)
     from gonio.checks.certify import check
 
     certificate = check(args.subject, strict=args.strict, against=args.against, **options)
@@ -73,9 +67,98 @@ def run(args: argparse.Namespace) -> int:
 def _refuse_contradictions(args: argparse.Namespace) -> None:
     if args.self_test == (args.subject is not None):
         raise GonioError("give either a FILE or MATERIAL to check, or --self-test")
-    require_range("--feature-width", args.feature_width, 0, 90)
+    require_degrees("--feature-width", args.feature_width, 0, 90)
     if args.repair and (args.self_test or args.against or args.strict):
         raise GonioError("--repair goes with tolerances and --json only; check what it wrote by a second command")
     if not args.repair and (args.nonnegative or args.step is not None):
         option = "--nonnegative" if args.nonnegative else "--step"
         raise GonioError(f"{option} is an option of the repair; give --repair OUT.h5 too")
+
+
+def print_certificate(certificate: "Certificate") -> None:
+    """Prints a certificate, a table and a sentence for each property; verdicts are coloured on a terminal."""
+    from gonio.checks.certificate import place_in_words
+
+    title = f"{certificate.subject} ({certificate.kind}): {certificate.overall.upper()}"
+    rows = [
+        (p.name, p.verdict, *map(_number, (p.residual, p.bound, p.tolerance)), place_in_words(p.where) or "-")
+        for p in certificate.properties
+    ]
+    if sys.stdout.isatty():
+        _print_coloured(title, rows)
+    else:
+        show(f"{title}\n\n{columns(rows, HEADINGS)}\n")
+    for p in certificate.properties:
+        show(f"{p.name}: {p.detail}")
+    show(f"The overall verdict is the worst of {certificate.basis}.")
+
+
+def _print_coloured(title: str, rows: Sequence[tuple[str, ...]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(*HEADINGS, title=Text(title), title_justify="left")
+    for name, verdict, *rest in rows:
+        table.add_row(name, Text(verdict, style=COLOURS[verdict]), *rest)
+    Console().print(table)
+
+
+def _number(value: float | None) -> str:
+    if value is None:
+        return "-"
+    return "no bound" if value == float("inf") else f"{value:.3g}"
+
+
+def _run_repair(args: argparse.Namespace, options: dict[str, Any]) -> int:
+    """Repairs, prints and writes; the exit status is that of the repaired table."""
+    from gonio.checks.repairs.nearest_table import repair
+    from gonio.data.hdf5.writer import write_table
+
+    result = repair(args.subject, nonnegative=args.nonnegative, step=args.step, **options)
+    write_table(args.repair, result.table, args.force)
+    if args.json:
+        change = {"file": args.repair, "moved": result.moved, "remark": result.remark, "after": result.after.to_dict()}
+        write_json(args.json, result.before.to_dict() | {"repair": change}, args.force)
+    if args.json != "-":
+        print_certificate(result.before)
+        show(f"\n{repair_sentence(result)}\n")
+        print_certificate(result.after)
+    return result.after.exit_status
+
+
+def repair_sentence(result: "Repaired") -> str:
+    """How far the readings moved, relative to themselves and in units of their uncertainties."""
+    m = result.moved
+    text = f"Repaired{f', {result.remark}' if result.remark else ''}: the {m['readings']:,} readings moved by"
+    text += f" {m['relative_rms']:.2%} (rms, of their own), {m['median_relative']:.2%} at the median and"
+    text += f" {m['percentile_95_relative']:.2%} at the 95th percentile"
+    if "rms_in_uncertainties" in m:
+        text += f"; by {m['rms_in_uncertainties']:.2f} standard uncertainties (rms), {m['share_beyond_2_u']:.1%} of"
+        text += " them by more than two"
+    at_limit = sum(m["incidences_at_the_limit"])
+    return text + (f". {at_limit} albedos stand at the limit of 1." if at_limit else ". No albedo stands at 1.")
+
+
+def run_self_test(path: str | None, force: bool) -> int:
+    """Judges all subjects, prints each verdict, then the confusion table; 0 only if every verdict is right.
+
+    `path`: where all of it goes as JSON; "-" prints that alone, to standard output.
+    """
+    from gonio.checks.controls.self_test import confusion, self_test
+
+    out = log if path == "-" else show
+    judged = []
+    for one in self_test():
+        judged.append(one)
+        mark = "right" if one.right else "WRONG"
+        out(f"{mark}  {one.kind:12}  {one.subject[:64]:64}  expected {one.expected:12}  found {one.outcome}")
+    table = confusion(judged)
+    wrong = sum(row["wrong"] for row in table.values())
+    rows = [(name, str(row["right"]), str(row["wrong"])) for name, row in table.items()]
+    out(f"\n{columns(rows, ('subjects: expected', 'right', 'wrong'))}\n")
+    out(f"{len(judged)} subjects, {wrong} judged wrongly.")
+    if path:
+        content = {"gonio_self_test": 1, "confusion": table, "judged": [one.to_dict() for one in judged]}
+        write_json(path, content, force)
+    return 1 if wrong else 0

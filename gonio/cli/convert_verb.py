@@ -2,15 +2,14 @@
 
 import argparse
 
-from gonio.cli.arguments import add_force, add_merl_nodes, read_table, refuse_outputs
+from gonio.cli.arguments import FORCE, MERL, add_options, read_table, refuse_outputs
 from gonio.text import show
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("input", metavar="IN", help="any file that can be read")
     parser.add_argument("output", metavar="OUT", help=".h5 (gonio's HDF5), .binary (MERL) or .csv (scattered)")
-    add_merl_nodes(parser)
-    add_force(parser)
+    add_options(parser, MERL | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,94 +1,91 @@
 """``gonio fit``: from a table to a model, written as a material file."""
 
 import argparse
-import json
-import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from gonio.cli.arguments import add_force, add_merl_nodes, refuse_outputs, require_range, write_text
+from gonio.cli.arguments import FORCE, MERL, add_options, refuse_outputs, require_degrees, write_json
 from gonio.cli.fit_batch import SUFFIX, is_batch, run_batch, table_of
-from gonio.cli.fit_summary import summary
 from gonio.models.errors import GonioError
-from gonio.text import log, show
+from gonio.text import columns, log, number, show
+
+if TYPE_CHECKING:
+    from gonio.fitting.result import FitResult
+
+
+OPTIONS = {
+    "-m/--model MODEL": {
+        "action": "append",
+        "help": "such as 'lambert + ggx(eta=1.5)': omitted shapes are free, name=v is fixed, name~v free from v; "
+        "several are ranked by BIC; without one, a model grows until BIC and held-out directions ask for no more",
+    },
+    "-o/--output FIT.toml": "the fitted material, or the folder of those of several files; FILE's name with .fit.toml "
+    "if not given",
+    "--json FILE": "also write everything about the fit as JSON ('-': standard output)",
+    "--loss LOSS": "sigma, linear, cbrt, log or log1p; by default sigma where known, else cbrt",
+    "--relative-noise SHARE": "noise as a share of f, such as 0.05; reweighted",
+    "--weight HOW": "solid-angle: by the solid angle of a cell; cosine: by cosθi cosθo; projected-solid-angle: by both",
+    "--robust KIND": {
+        "nargs": "?",
+        "const": "tukey",
+        "help": "count outliers less: tukey (default), student or soft-l1; says how many readings, and where",
+    },
+    "--bootstrap N": "N refits to readings resampled in blocks of neighbouring directions: intervals for any noise",
+    "--bootstrap-kind KIND": "wild (default: random signs of residuals) or block_pairs (directions are resampled with "
+    "their readings)",
+    "--theta-max DEG": "leave out readings beyond this polar angle, on either side",
+    "--channel NAME": {"action": "append", "help": "only this channel, such as R or '633 nm'"},
+    "--per-channel": "fit each channel by itself",
+    "--samples N": "use at most N cells, chosen by the seed",
+    "--starts N": "random starts beside those from the data (default 8)",
+    "--scene S": "a scene's file, or a shipped scene's name: weigh by what it sees, meet its tolerance",
+    "--seed SEED": "of random starts and samples (default 0)",
+}
+METRIC_NAMES = {
+    "relative_rms": "relative rms",
+    "relative_rms_cosine": "with cosines",
+    "median_relative": "median |Δ|/f",
+    "log_rms": "log rms",
+    "cbrt_rms": "cube-root rms",
+    "bias": "bias (1/sr)",
+    "reduced_chi2": "reduced χ²",
+}
+COUNT_NAMES = {"negative": "negative (used as they are)", "missing": "missing", "left_out": "left out as asked"}
+CANDIDATE_COLUMNS: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
+    ("free", "free numbers", lambda v: str(v)),
+    ("bic_above_best", "BIC above best", lambda v: number(v, 5)),
+    ("held_out_above_best", "held-out error above best", lambda v: f"{100 * v:.2f} %"),
+    ("relative_rms", "relative rms", lambda v: number(v, 3)),
+    ("scene_error", "error in the scene", lambda v: f"{100 * v:.2g} %"),
+    ("cost_ns", "ns an evaluation", lambda v: number(v, 3)),
+    ("seconds", "s", lambda v: f"{v:.2f}"),
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add(
-        "files", nargs="+", metavar="FILE",
-        help="a table in any format that can be read; several, or folders of them, are fitted one after another, on "
-        "all processors, and a killed run goes on where it stopped",
-    )  # fmt: skip
-    add(
-        "-m", "--model", action="append", metavar="MODEL",
-        help="such as 'lambert + ggx(eta=1.5)': omitted shapes are free, name=v is fixed, name~v free from v; "
-        "several are ranked by BIC; without one, a model grows until BIC and held-out directions ask for no more",
-    )  # fmt: skip
-    add(
-        "-o", "--output", metavar="FIT.toml",
-        help="the fitted material, or the folder of those of several files; FILE's name with .fit.toml if not given",
-    )  # fmt: skip
-    add("--json", metavar="FILE", help="also write everything about the fit as JSON ('-': standard output)")
-    _add_weighting(parser)
-    _add_selection(parser)
-    add_merl_nodes(parser)
-    add_force(parser)
-
-
-def _add_weighting(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("--loss", help="sigma, linear, cbrt, log or log1p; by default sigma where known, else cbrt")
-    add("--relative-noise", type=float, metavar="SHARE", help="noise as a share of f, such as 0.05; reweighted")
-    add(
-        "--weight", metavar="HOW",
-        help="solid-angle: by the solid angle of a cell; cosine: by cosθi cosθo; projected-solid-angle: by both",
-    )  # fmt: skip
-    add(
-        "--robust", nargs="?", const="tukey", metavar="KIND",
-        help="count outliers less: tukey (default), student or soft-l1; says how many readings, and where",
-    )  # fmt: skip
-    add(
-        "--bootstrap", type=int, default=0, metavar="N",
-        help="N refits to readings resampled in blocks of neighbouring directions: intervals for any noise",
-    )  # fmt: skip
-    add(
-        "--bootstrap-kind", metavar="KIND",
-        help="wild (default: random signs of residuals) or block_pairs (directions are resampled with their readings)",
-    )  # fmt: skip
-
-
-def _add_selection(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("--theta-max", type=float, metavar="DEG", help="leave out readings beyond this polar angle, on either side")
-    add("--channel", action="append", metavar="NAME", help="only this channel, such as R or '633 nm'")
-    add("--per-channel", action="store_true", help="fit each channel by itself")
-    add("--samples", type=int, metavar="N", help="use at most N cells, chosen by the seed")
-    add("--starts", type=int, default=8, metavar="N", help="random starts beside those from the data (default 8)")
-    add(
-        "--scene", metavar="S",
-        help="a scene's file, or a shipped scene's name: weigh by what it sees, meet its tolerance",
-    )  # fmt: skip
-    add("--seed", type=int, default=0, help="of random starts and samples (default 0)")
+    files = "a table in any format that can be read; several, or folders of them, are fitted one after another, on all "
+    files += "processors, and a killed run goes on where it stopped"
+    parser.add_argument("files", nargs="+", metavar="FILE", help=files)
+    add_options(parser, OPTIONS | MERL | FORCE)
+    parser.set_defaults(bootstrap=0, starts=8, seed=0)
 
 
 def run(args: argparse.Namespace) -> int:
     if args.theta_max == 0:
         raise GonioError("--theta-max is 0; give degrees above 0 and up to 90")
-    require_range("--theta-max", args.theta_max, 0, 90)
+    require_degrees("--theta-max", args.theta_max, 0, 90)
     return run_batch(args, _options(args)) if is_batch(args.files) else _run_one(args, args.files[0])
 
 
 def _options(args: argparse.Namespace) -> dict[str, Any]:
-    names = ("loss", "weight", "relative_noise", "robust", "bootstrap", "per_channel", "samples", "starts", "scene")
-    options = {name: getattr(args, name) for name in (*names, "seed")}
-    if args.bootstrap_kind is not None:
-        from gonio.fitting.options import OLD_KINDS
+    from gonio.fitting.options import OLD_KINDS, FitOptions
 
-        options["bootstrap_kind"] = OLD_KINDS.get(args.bootstrap_kind, args.bootstrap_kind)
-        if args.bootstrap_kind in OLD_KINDS:
-            log(f"gonio: --bootstrap-kind {args.bootstrap_kind} is called {options['bootstrap_kind']} now")
-    return {**options, "theta_max": None if args.theta_max is None else math.radians(args.theta_max)}
+    options = {name: getattr(args, name) for name in FitOptions.__annotations__ if hasattr(args, name)}
+    kind = options.pop("bootstrap_kind")
+    if kind in OLD_KINDS:
+        log(f"gonio: --bootstrap-kind {kind} is called {OLD_KINDS[kind]} now")
+    return options | ({"bootstrap_kind": OLD_KINDS.get(kind, kind)} if kind is not None else {})
 
 
 def _run_one(args: argparse.Namespace, file: str) -> int:
@@ -107,8 +104,68 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
     result = fit(table_of(file, args), args.model, **options)
     result.save(output, args.force)
     if args.json:
-        text = json.dumps(plain(result.to_dict()), indent=2, ensure_ascii=False, allow_nan=False)
-        write_text(args.json, text + "\n", args.force)
+        write_json(args.json, plain(result.to_dict()), args.force)
     if args.json != "-":
         show("\n".join([*summary(result), f"written: {output}"]))
     return result.exit_status
+
+
+def summary(r: "FitResult") -> list[str]:
+    """What is known of a fit, the numbers first."""
+    floor = f" (floor {number(max(r.floor), 3)})" if r.loss in ("cbrt", "log") and r.floor else ""
+    weighting = [f"{name} {kind}" for name, kind in (("weight", r.weight), ("robust", r.robust)) if kind]
+    verdict = "converged" if r.converged else "NOT converged"
+    unusual = {k: n for k, n in r.counts.items() if n and k not in ("used", "below_horizon")}
+    counts = [f"{n} {COUNT_NAMES.get(k, f'masked as {k}')}" for k, n in unusual.items()]
+    return [
+        f"{r.requested} on {r.table}: {r.samples} readings, {', '.join([f'loss {r.loss}{floor}', *weighting])}",
+        f"{verdict}: {r.reason}; {r.starts_agreed} of {r.starts} starts agree",
+        *_free_numbers(r),
+        "; ".join(f"{METRIC_NAMES.get(k, k)} {number(v, 3)}" for k, v in r.metrics.items()),
+        *(
+            f"a lit sphere: {c['name']} {number(c['mean'], 3)} in the mean, {number(c['p95'], 3)} at most over 95 %"
+            for c in [r.colour_difference]
+            if c
+        ),
+        *([f"readings: {', '.join(counts)}"] if counts else []),
+        *(f"active bound: {name}" for name in r.active_bounds),
+        *(f"undetermined: {sentence}" for sentence in r.undetermined),
+        *(f"correlated: {c['a']} and {c['b']} by {number(c['correlation'], 4)}" for c in r.correlated),
+        *(f"residuals: {sentence}" for sentence in (r.residuals.sentences if r.residuals else [])),
+        *(f"note: {note}" for note in r.notes),
+        *([candidate_table(r.alternatives)] if r.alternatives else []),
+    ]
+
+
+def candidate_table(alternatives: Sequence[dict[str, Any]]) -> str:
+    """One line for each model that was fitted, with whatever is known of it and why it was taken or refused."""
+    known = [c for c in CANDIDATE_COLUMNS if any(c[0] in a for a in alternatives)]
+    rows: list[list[str]] = []
+    for a in alternatives:
+        why = a.get("refused") or a.get("verdict") or ("" if a["converged"] else "not converged")
+        rows.append([a["model"], *(form(a[key]) if key in a else "–" for key, _, form in known), why])
+    return columns(rows, ["tried", *(heading for _, heading, _ in known), ""])
+
+
+def _free_numbers(r: "FitResult") -> list[str]:
+    """The table of free numbers, and a line on the bootstrap."""
+    b = r.bootstrap
+    refits = {n["name"]: n for n in b["numbers"]} if b else {}
+    rows: list[list[str]] = []
+    for p in (p for p in r.parameters if p.status != "fixed"):
+        spread = [_interval(p.interval95)]
+        if p.label in refits:
+            spread = [number(refits[p.label]["standard_uncertainty"], 2), _interval(refits[p.label]["interval95"])]
+        rows.append([p.label, number(p.value, 8), number(p.standard_uncertainty, 2), *spread, p.status])
+    spread = ["bootstrap", "95 % of refits"] if refits else ["95 % interval"]
+    lines = [columns(rows, ["number", "value", "std. unc.", *spread, "status"])] if rows else []
+    if b:
+        lines.append(
+            f"bootstrap ({b['kind']}): {b['refits']} refits, {b['failed']} failed; "
+            f"{max(b['blocks'])} blocks of {max(b['block_cells'])} neighbouring cells"
+        )
+    return lines
+
+
+def _interval(ends: Sequence[float]) -> str:
+    return f"[{number(ends[0])}, {number(ends[1])}]"

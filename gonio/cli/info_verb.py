@@ -4,6 +4,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any
 
+from gonio.cli.arguments import JSON, add_options
 from gonio.text import columns, show
 
 if TYPE_CHECKING:
@@ -14,10 +15,9 @@ FIT_FACTS = ("converged", "reason", "loss", "samples", "starts_agreed", "starts"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "file", metavar="FILE", help="a table (HDF5, MERL, RGL, NIST or plain CSV), a material file, or published fits"
-    )
-    parser.add_argument("--json", action="store_true", help="machine-readable")
+    file = "a table (HDF5, MERL, RGL, NIST or plain CSV), a material file, or published fits"
+    parser.add_argument("file", metavar="FILE", help=file)
+    add_options(parser, JSON)
 
 
 def run(args: argparse.Namespace) -> int:

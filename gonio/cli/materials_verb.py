@@ -4,6 +4,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
+from gonio.cli.arguments import JSON, add_options
 from gonio.models.errors import GonioError, nearest
 from gonio.text import columns, show
 
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="?", help="show one material whole, as its file")
-    parser.add_argument("--json", action="store_true", help="machine-readable")
+    add_options(parser, JSON)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -6,18 +6,17 @@ import json
 from pathlib import Path
 from typing import Any
 
-from gonio.cli.arguments import add_force
+from gonio.cli.arguments import FORCE, JSON, add_options
 from gonio.models.errors import GonioError, nearest
 from gonio.text import columns, show
 
+PICTURES = (".png", ".svg", ".pdf")
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("name", nargs="?", help="show one model whole")
-    add("--json", action="store_true", help="machine-readable")
+    parser.add_argument("name", nargs="?", help="show one model whole")
     picture = "write a small picture of the model's lobe, at its usual values (png, svg, pdf)"
-    add("--picture", metavar="FILE", help=picture)
-    add_force(parser)
+    add_options(parser, JSON | {"--picture FILE": picture} | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -27,8 +26,8 @@ def run(args: argparse.Namespace) -> int:
         raise GonioError(f"Unknown model '{args.name}'; {nearest(args.name, MODELS)}")
     if args.picture and not args.name:
         raise GonioError("--picture shows one model; name it, as in 'gonio models ggx --picture ggx.png'")
-    # Before anything is printed, so that a refusal stands alone.
-    picture = [f"    written: {_picture(args.name, args.picture, args.force)}"] if args.picture else []
+    if args.picture:  # before anything is printed, so that a refusal stands alone
+        _write_picture(args.name, args.picture, args.force)
     names: list[str] = [args.name] if args.name else list(MODELS)
     facts = {name: _facts(name) for name in names}
     if args.json:
@@ -36,7 +35,8 @@ def run(args: argparse.Namespace) -> int:
         return 0
     show("\n".join(line for name in facts for line in _lines(name, facts[name], whole=bool(args.name))))
     if args.name:
-        show("\n".join([*_laws(args.name, facts[args.name]), *picture]))
+        written = [f"    written: {args.picture}"] if args.picture else []
+        show("\n".join([*_laws(args.name, facts[args.name]), *written]))
     else:
         show("\nSums and factors: 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)'; a list means channels.")
         show("No Fresnel parameter means F = 1, f0 Schlick's, eta (with k) the exact one.")
@@ -61,14 +61,6 @@ def _laws(name: str, facts: dict[str, Any]) -> list[str]:
     return [*lines, f"    example: {example(name)}"]
 
 
-def _picture(name: str, path: str, force: bool) -> Path:
-    from gonio.models.expression.builder import build, example
-    from gonio.reports.lobe_picture import lobe_picture
-
-    expression = example(name).strip("'")
-    return lobe_picture(build(expression), expression, path, force)
-
-
 def _facts(name: str) -> dict[str, Any]:
     from gonio.models.catalog import MODELS
     from gonio.models.expression.builder import build, example
@@ -87,3 +79,34 @@ def _facts(name: str) -> dict[str, Any]:
         },
         "options": {o: list(c) for o, c in options_of(MODELS[name]).items()},
     }
+
+
+def _write_picture(name: str, output: str, force: bool) -> None:
+    """Writes polar diagrams of a model's lobe, linear and logarithmic, in the plane of incidence."""
+    from matplotlib.figure import Figure
+
+    from gonio.data.files import new_file, refuse_existing
+    from gonio.figures.lobes import Curve, draw_polar
+    from gonio.figures.style import HEIGHT, PALETTE, WIDTH, shades, styled
+    from gonio.figures.values import INCIDENCES, plane_angles, plane_values
+    from gonio.models.expression.builder import build, example
+
+    ending = Path(output).suffix.lower()
+    if ending not in PICTURES:
+        raise GonioError(f"{output} is no picture that can be written; end its name in {', '.join(PICTURES)}")
+    refuse_existing(output, force)
+    expression = example(name).strip("'")
+    # The grey of the channels: their mean, as one line an incidence is what a small picture holds.
+    curves = [
+        Curve(plane_angles(t), f.mean(axis=1), f"θᵢ {t:g}°", tone, theta_i=t)
+        for t, f, tone in zip(
+            INCIDENCES, plane_values(build(expression), INCIDENCES), shades(PALETTE[0], len(INCIDENCES)), strict=True
+        )
+    ]
+    with styled(), new_file(output, force) as temporary:
+        fig = Figure(figsize=(2 * WIDTH, HEIGHT + 0.3), layout="constrained")
+        for ax, log, scale in zip(fig.subplots(1, 2), (False, True), ("linear", "logarithmic"), strict=True):
+            draw_polar(ax, curves, log)
+            ax.text(1.0, -0.06, scale, transform=ax.transAxes, va="top", ha="right", fontsize=9)
+        fig.suptitle(expression, fontsize=10)
+        fig.savefig(temporary, format=ending[1:])

@@ -3,19 +3,20 @@
 import argparse
 from pathlib import Path
 
-from gonio.cli.arguments import add_force, add_merl_nodes, read_table, refuse_outputs
+from gonio.cli.arguments import FORCE, MERL, add_options, read_table, refuse_outputs
 from gonio.models.errors import GonioError
 from gonio.text import log, number, show
 
+OPTIONS = {
+    "--scene S": {"required": True, "help": "a scene's file, or a shipped scene's name"},
+    "-o/--output OUT.h5": {"required": True, "help": "the reduced table"},
+    "--tolerance SHARE": "in place of the scene's own, such as 0.05",
+}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("table", metavar="TABLE", help="a table in any format that can be read")
-    add("--scene", required=True, metavar="S", help="a scene's file, or a shipped scene's name")
-    add("-o", "--output", required=True, metavar="OUT.h5", help="the reduced table")
-    add("--tolerance", type=float, metavar="SHARE", help="in place of the scene's own, such as 0.05")
-    add_merl_nodes(parser)
-    add_force(parser)
+    parser.add_argument("table", metavar="TABLE", help="a table in any format that can be read")
+    add_options(parser, OPTIONS | MERL | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -2,20 +2,22 @@
 
 import argparse
 
-from gonio.cli.arguments import add_force
+from gonio.cli.arguments import FORCE, add_options
 from gonio.models.errors import GonioError
 from gonio.text import columns, log, show
 
+OPTIONS = {
+    "-o/--output FOLDER": "where to put the page, the pictures and stress.csv",
+    "--quick": "six models that stand for all, few settings: about a minute on two cores",
+    "--cell KEY": "do one cell of a model again, by the key in stress.csv",
+    "--processes N": "how many at once (default: one for each processor)",
+}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("models", nargs="*", metavar="NAME", help="default: all, a quarter of an hour on two cores")
-    add("-o", "--output", metavar="FOLDER", help="where to put the page, the pictures and stress.csv")
-    quick = "six models that stand for all, few settings: about a minute on two cores"
-    add("--quick", action="store_true", help=quick)
-    add("--cell", metavar="KEY", help="do one cell of a model again, by the key in stress.csv")
-    add("--processes", type=int, metavar="N", help="how many at once (default: one for each processor)")
-    add_force(parser)
+    names = "default: all, a quarter of an hour on two cores"
+    parser.add_argument("models", nargs="*", metavar="NAME", help=names)
+    add_options(parser, OPTIONS | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -31,9 +33,8 @@ def run(args: argparse.Namespace) -> int:
         for c in cells:
             show(f"{c.verdict}: {c.detail}\nerror {c.error:.3g}, allowed {c.allowed:.3g}")
         return int(any(c.verdict == SILENT for c in cells))
-    atlas = stress(
-        args.models, quick=args.quick, output=args.output, processes=args.processes, force=args.force, log=log
-    )
+    options = {name: getattr(args, name) for name in ("quick", "output", "processes", "force")}
+    atlas = stress(args.models, log=log, **options)
     show(columns(atlas.summary(), ["method", "cells", "right", "says so", "silently wrong"]))
     for c in atlas.silent:
         show(f"\nsilently wrong: {c.method} of {c.row} at {c.column}, {c.precision}")

@@ -11,7 +11,7 @@ from matplotlib.patches import Wedge
 from gonio.checks.certificate import Certificate
 from gonio.data.scene import Scene
 from gonio.data.table import Channels
-from gonio.figures.albedo import albedo_series, draw_albedo
+from gonio.figures.diagnostics import albedo_series, draw_albedo
 from gonio.figures.plots import (
     draw_on,
     plot_albedo,

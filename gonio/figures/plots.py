@@ -15,23 +15,30 @@ from matplotlib.axes import Axes
 from gonio.data.flags import Flag
 from gonio.data.subject import Subject, SubjectLike, resolve_subject
 from gonio.data.table import Table
-from gonio.figures.albedo import AlbedoCurve, albedo_series, draw_albedo
-from gonio.figures.half_difference_slice import draw_slice, draw_slice_readings, slice_range
-from gonio.figures.hemisphere import colour_range
+from gonio.figures.diagnostics import (
+    AlbedoCurve,
+    albedo_series,
+    draw_albedo,
+    draw_residual_histogram,
+    draw_residual_map,
+    median_grid,
+)
 from gonio.figures.lobes import Curve, draw_in_plane, draw_polar
-from gonio.figures.model_values import (
+from gonio.figures.maps import colour_range, draw_slice, draw_slice_readings, slice_range
+from gonio.figures.spheres import draw_spheres, sphere_pixels, spheres_size
+from gonio.figures.style import HEIGHT, PALETTE, WIDTH, legend_columns, picture, shades, styled
+from gonio.figures.values import (
     INCIDENCES,
     fewer_channels,
+    in_plane_readings,
     of_channel,
     plane_angles,
     plane_values,
+    readings_near,
     slice_values,
     sphere_values,
+    table_incidences,
 )
-from gonio.figures.readings import in_plane_readings, readings_near, table_incidences
-from gonio.figures.residuals import draw_residual_histogram, draw_residual_map, median_grid
-from gonio.figures.spheres import draw_spheres, sphere_pixels, spheres_size
-from gonio.figures.style import HEIGHT, PALETTE, WIDTH, legend_columns, picture, shades, styled
 from gonio.fitting.residuals.pair_angles import pair_angles
 from gonio.models.errors import GonioError, nearest
 from gonio.models.geometry.directions import to_half_difference

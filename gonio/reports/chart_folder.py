@@ -7,8 +7,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from gonio.charts.diagrams import CHARTS
-from gonio.charts.folder import INDEX
+from gonio.charts.diagrams import CHARTS, INDEX
 from gonio.charts.point import Point, front, shown
 from gonio.data.serialise import plain
 from gonio.models.errors import GonioError

@@ -1,19 +1,32 @@
-"""Figures of what is judged: albedo with its bound, reciprocity pair by pair, p-values, residuals and correlations."""
+"""Figures of what is judged (albedo, reciprocity, p-values, residuals, correlations), and of subjects side by side."""
 
+import base64
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gonio.checks.certificate import Property
-from gonio.figures.albedo import AlbedoSeries, albedo_series, draw_albedo
-from gonio.figures.correlations import SIZE as CORRELATION_SIZE
-from gonio.figures.correlations import draw_correlations
-from gonio.figures.readings import evenly_chosen, fit_residuals
-from gonio.figures.reciprocity import SCATTER_SIZE, draw_p_values, draw_reciprocity
-from gonio.figures.residuals import draw_residual_histogram, draw_residual_map, median_grid, residual_density
+from gonio.figures.diagnostics import (
+    CORRELATIONS_SIZE,
+    SCATTER_SIZE,
+    AlbedoCurve,
+    AlbedoSeries,
+    albedo_series,
+    draw_albedo,
+    draw_correlations,
+    draw_p_values,
+    draw_reciprocity,
+    draw_residual_histogram,
+    draw_residual_map,
+    median_grid,
+    residual_density,
+)
+from gonio.figures.lobes import Curve, draw_in_plane
+from gonio.figures.spheres import png, sphere_pixels
 from gonio.figures.style import colour_of, picture, size_for
-from gonio.reports.figure import ReportFigure, rounded
-from gonio.reports.subject import ReportSubject
+from gonio.figures.values import COMPARED, evenly_chosen, fit_residuals, plane_angles
+from gonio.reports.subject import Evaluation, ReportFigure, ReportSubject, rounded
 
 MOST_PAIRS = 1500
 
@@ -165,5 +178,74 @@ def correlation_figures(s: ReportSubject, fit: dict | None) -> list[ReportFigure
     correlation = np.array(rows, float)
     caption = "Correlations of the fitted numbers; empty where a number is not determined by the readings."
     label = f"Correlations of the numbers fitted to {s.name}"
-    image = picture(label, draw_correlations, names, correlation, size=CORRELATION_SIZE)
+    image = picture(label, draw_correlations, names, correlation, size=CORRELATIONS_SIZE)
     return [ReportFigure("correlations", caption, image, {"names": names, "correlation": rounded(correlation, 4)})]
+
+
+LONGEST = 22
+
+
+def shortened(name: str) -> str:
+    """A name that fits a legend of two columns."""
+    return name if len(name) <= LONGEST else name[: LONGEST - 9] + "…" + name[-8:]
+
+
+def comparison_figures(evaluated: Sequence[tuple[ReportSubject, Evaluation]]) -> list[ReportFigure]:
+    """Figures of several subjects at once; none for a single one."""
+    if len(evaluated) < 2:
+        return []
+    lobes = [_lobes(evaluated, k, theta_i) for k, theta_i in enumerate(COMPARED)]
+    return [f for f in (*lobes, _albedo([s for s, _ in evaluated])) if f is not None]
+
+
+def _lobes(evaluated: Sequence[tuple[ReportSubject, Evaluation]], k: int, theta_i: float) -> ReportFigure | None:
+    curves, data = [], []
+    for s, e in evaluated:
+        sources = e.sources(s)
+        if sources:
+            name, values = sources[-1]
+            style = colour_of(s.number)
+            f = values.compared[k]
+            curves.append(Curve(plane_angles(theta_i), f, shortened(s.name), style.colour, style.dash))
+            data.append({"subject": s.name, "channel": s.channel, "of": name, "f_per_sr": rounded(f)})
+    if len(curves) < 2:
+        return None
+    caption = (
+        f"In the plane of incidence, θᵢ = {theta_i:g}°, the middle channel of each. Tables: the fitted model "
+        "where there is one, else the readings, interpolated."
+    )
+    label = f"f of all subjects in the plane of incidence, incidence {theta_i:g}°"
+    image = picture(label, draw_in_plane, curves, True, size=size_for([c.label for c in curves]))
+    angles = np.round(plane_angles(theta_i), 4)
+    data = {"theta_i_deg": theta_i, "theta_o_deg": angles, "all": data}
+    return ReportFigure(f"lobes-{theta_i:g}", caption, image, data)
+
+
+def _albedo(subjects: Sequence[ReportSubject]) -> ReportFigure | None:
+    curves, data = [], []
+    for s in subjects:
+        series = albedo_of(s)
+        if series is not None:
+            k = s.shown if len(series.names) > 1 else 0
+            style = colour_of(s.number)
+            albedo, bound = series.albedo[k], series.bound[k]
+            curves.append(AlbedoCurve(series.theta_i, albedo, bound, shortened(s.name), style.colour, dash=style.dash))
+            data.append(
+                {"subject": s.name, "channel": series.names[k], "theta_i_deg": rounded(series.theta_i),
+                 "albedo": rounded(albedo), "bound": rounded(bound)}
+            )  # fmt: skip
+    if len(curves) < 2:
+        return None
+    caption = "Directional albedo, the middle channel of each, with its bound where there is one; the dashed line is 1."
+    size = size_for([c.label for c in curves])
+    image = picture("Directional albedo of all subjects", draw_albedo, curves, size=size)
+    return ReportFigure("albedo", caption, image, {"all": data})
+
+
+def sphere_of(s: ReportSubject, e: Evaluation) -> str | None:
+    """A small sphere under the first light as the data of an image; None where there is none."""
+    sources = e.sources(s)
+    if not sources:
+        return None
+    pixels = sphere_pixels(sources[0][1].spheres[0])
+    return "data:image/png;base64," + base64.b64encode(png(pixels)).decode()

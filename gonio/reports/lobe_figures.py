@@ -5,20 +5,26 @@ from typing import Any
 import numpy as np
 
 from gonio.data.table import Table
-from gonio.figures.half_difference_slice import DIFFERENCE, HALF, SHOWN, draw_slice, slice_range
-from gonio.figures.hemisphere import SCALE_SIZE, SIDE, colour_range, draw_dots, draw_map, draw_scale
-from gonio.figures.hemisphere import SIZE as MAP_SIZE
-from gonio.figures.lobe3d import SIZE as LOBE_SIZE
-from gonio.figures.lobe3d import draw_lobe, mesh_angles
-from gonio.figures.lobes import Curve, draw_in_plane, draw_polar
-from gonio.figures.model_values import ModelValues, plane_angles
-from gonio.figures.readings import NEAR_INCIDENCE, OFF_PLANE, in_plane_readings
+from gonio.figures.lobes import SPACE_SIZE, Curve, draw_in_plane, draw_lobe, draw_polar, mesh_angles
+from gonio.figures.maps import (
+    DIFFERENCE,
+    HALF,
+    MAP_SIZE,
+    SCALE_SIZE,
+    SHOWN,
+    SIDE,
+    colour_range,
+    draw_dots,
+    draw_map,
+    draw_scale,
+    draw_slice,
+    slice_range,
+)
 from gonio.figures.spheres import LIGHTS, draw_spheres, sphere_pixels, spheres_size
 from gonio.figures.style import colour_of, picture, shades, size_for
+from gonio.figures.values import NEAR_INCIDENCE, OFF_PLANE, ModelValues, in_plane_readings, plane_angles
 from gonio.fitting.residuals.colour_difference import colour_matrix
-from gonio.reports.evaluations import Evaluation
-from gonio.reports.figure import ReportFigure, rounded
-from gonio.reports.subject import ReportSubject
+from gonio.reports.subject import Evaluation, ReportFigure, ReportSubject, rounded
 
 MOST_DOTS = 4000
 PEAKED = 20.0
@@ -90,7 +96,7 @@ def map_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     figures = []
     where = f"of {s.name} over the outgoing hemisphere, incidence"
     for theta_i, readings in dots:
-        image = picture(f"Readings {where} {theta_i:.4g}°", draw_dots, readings, scale, theta_i, size=MAP_SIZE)
+        image = picture(f"Readings {where} {theta_i:.4g}°", draw_dots, *readings, scale, theta_i, size=MAP_SIZE)
         numbers = zip(("theta_o_deg", "delta_phi_deg", "f_per_sr"), map(rounded, readings), strict=True)
         data = {"theta_i_deg": theta_i, **dict(numbers)}
         figures.append(ReportFigure(f"readings-{theta_i:.4g}", "Readings.", image, data, "small"))
@@ -131,7 +137,7 @@ def space_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     }
     label = f"Lobe of {s.name} in space, incidence {e.incidences[k]:.4g}°, {name}"
     top = float(positive.max()) if positive.size else high
-    image = picture(label, draw_lobe, e.incidences[k], mesh, top, log, size=LOBE_SIZE)
+    image = picture(label, draw_lobe, e.incidences[k], mesh, top, log, size=SPACE_SIZE)
     caption = f"The lobe in space, channel {s.channel}; {e.interpolation}." if s.table else "The lobe in space."
     return [ReportFigure("lobe", caption, image, data, "space")]
 

@@ -4,15 +4,18 @@ import base64
 import importlib.resources
 import json
 import math
+import re
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup, escape
+from matplotlib.colors import to_hex, to_rgb
 
-from gonio.figures.albedo import channel_colours
-from gonio.figures.dark_theme import rules, themed, variable
-from gonio.figures.style import PALETTE, shades
+from gonio.figures.diagnostics import channel_colours
+from gonio.figures.style import MARK_BLACK, MARK_WHITE, PALETTE, shades
 from gonio.reports.document import Document
-from gonio.reports.number_format import Values
+from gonio.text import power_of_ten
 
 MARKS = {"pass": "✓", "fail": "✗", "undecided": "?", "not applicable": "–"}
 STEPS = 65535
@@ -88,3 +91,139 @@ def _packed(f_per_sr: list[list[float | None]], high: float) -> str:
     level = 1 + (np.log10(np.where(shown, f, 1.0)) - math.log10(high)) / DECADES
     code = np.where(shown & (level > 0), np.ceil(np.clip(level, 0, 1) * STEPS), 0).astype("<u2")
     return base64.b64encode(code.tobytes()).decode()
+
+
+def written(value: float, digits: int = 6) -> str:
+    """A number at so many significant digits, with a power of ten where it is very small or large."""
+    if value == 0:
+        return "0"
+    text = f"{value:.{digits - 1}e}"
+    mantissa, exponent = text.split("e")
+    power = int(exponent)
+    if -5 < power < digits:
+        return f"{float(text):.{digits - 1 - power}f}".replace("-", "−")
+    if -5 < power < 6:
+        return f"{value:.0f}".replace("-", "−")
+    return f"{_without_zeros(mantissa)}×{power_of_ten(power)}".replace("-", "−", 1)
+
+
+def _without_zeros(text: str) -> str:
+    return text.rstrip("0").rstrip(".") if "." in text and "×" not in text else text
+
+
+def decimals_of(uncertainty: float | None) -> int | None:
+    """Decimals at which an uncertainty has two significant digits [GUM 7.2.6]; None where there is no such."""
+    if uncertainty is None or not math.isfinite(uncertainty) or not 1e-9 < abs(uncertainty) < 1e5:
+        return None
+    return max(0, 1 - math.floor(math.log10(abs(uncertainty))))
+
+
+class Values:
+    """Values of the document by their place, as marked texts."""
+
+    def __init__(self, document: dict[str, Any]) -> None:
+        self.document = document
+
+    def find(self, pointer: str) -> Any:
+        """The value at a JSON pointer; None where there is none."""
+        value: Any = self.document
+        for part in pointer.split("/")[1:]:
+            key = part.replace("~1", "/").replace("~0", "~")
+            try:
+                value = value[int(key)] if isinstance(value, list) else value[key]
+            except (KeyError, IndexError, ValueError, TypeError):
+                return None
+        return value
+
+    def __call__(
+        self, pointer: str, digits: int = 6, none: str = "–", beside: str | None = None, exact: bool = False
+    ) -> Markup:
+        """The value as a marked text.
+
+        `beside`: the pointer to its uncertainty, which sets the number of digits. `exact`: a number that somebody
+        chose, without zeros at its end.
+        """
+        value = self.find(pointer)
+        if value is None:
+            return escape(none)
+        text = _text(value, digits, decimals_of(self.find(beside)) if beside else None)
+        if exact:
+            text = _without_zeros(text)
+        return Markup('<span data-at="{}">{}</span>').format(pointer, text)
+
+
+def _text(value: Any, digits: int, decimals: int | None) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}".replace("-", "−")
+    if not isinstance(value, float):
+        return str(value)
+    if decimals is not None and abs(value) < 1e7:
+        return f"{value:.{decimals}f}".replace("-", "−")
+    return written(value, digits)
+
+
+DARK_PAGE = "#15181c"
+LEAST = 0.52
+"""Lightness of an accent on a dark page, at least."""
+
+_TO_LMS = np.array(  # linear sRGB to Oklab [Ottosson 2020]
+    [
+        [0.4122214708, 0.5363325363, 0.0514459929],
+        [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ]
+)
+_TO_LAB = np.array(
+    [
+        [0.2104542553, 0.7936177850, -0.0040720468],
+        [1.9779984951, -2.4285922050, 0.4505937099],
+        [0.0259040371, 0.7827717662, -0.8086757660],
+    ]
+)
+
+
+def on_dark(colour: str) -> str:
+    """The colour (#rrggbb) that stands for another on a dark page: greys inverted, others lightened in their order."""
+    rgb = np.array(to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    lab = _TO_LAB @ np.cbrt(_TO_LMS @ linear)
+    if np.ptp(rgb) < 0.02:
+        page = 0.205  # lightness of the page itself, where white goes
+        lab = np.array([page + (1 - lab[0]) * (0.95 - page) / (1 - 0.24), 0.0, 0.0])
+    else:
+        lab[0] = LEAST + (0.95 - LEAST) * np.clip((lab[0] - 0.3) / 0.5, 0, 1)
+    linear = np.linalg.inv(_TO_LMS) @ (np.linalg.inv(_TO_LAB) @ lab) ** 3
+    rgb = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.abs(linear) ** (1 / 2.4) - 0.055)
+    red, green, blue = np.clip(rgb, 0, 1)
+    return to_hex((red, green, blue))
+
+
+def variable(colour: str) -> str:
+    """The CSS value of a colour that turns light on a dark page."""
+    return f"var(--c{colour[1:].lower()},{colour})"
+
+
+def themed(svg: str, accents: Iterable[str]) -> tuple[str, set[str]]:
+    """An SVG whose greys and accents (#rrggbb) are variables, and which of these it needs."""
+    wanted = {a.lower() for a in accents}
+    used: set[str] = set()
+
+    def colour(match: re.Match) -> str:
+        code = match[0].lower()
+        channels = {code[1:3], code[3:5], code[5:7]}
+        if code in (MARK_WHITE, MARK_BLACK) or (len(channels) > 1 and code not in wanted):
+            return match[0]
+        used.add(code)
+        return variable(code)
+
+    def style(match: re.Match) -> str:
+        return re.sub(r"#[0-9a-fA-F]{6}\b", colour, match[0])
+
+    return re.sub(r'(?<=\s)style="[^"]*"', style, svg), used
+
+
+def rules(colours: Iterable[str]) -> str:
+    """The style sheet's declarations of the variables, for a dark page."""
+    return "".join(f"--c{c[1:]}:{on_dark(c)};" for c in sorted({c.lower() for c in colours}))

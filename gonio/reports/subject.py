@@ -1,13 +1,27 @@
-"""Subjects of a report: tables and models with their fits and certificates, from whatever a user names."""
+"""Subjects of a report: tables and models with their fits, their certificates and the values that figures show."""
 
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from gonio.checks.certificate import Certificate
 from gonio.data.material import Material
 from gonio.data.subject import SubjectLike, load_material, resolve_subject
 from gonio.data.table import Channels, Table
+from gonio.figures.style import Picture
+from gonio.figures.values import (
+    INCIDENCES,
+    MAP_INCIDENCES,
+    ModelValues,
+    Readings,
+    fewer_channels,
+    model_values,
+    readings_near,
+    table_incidences,
+)
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import channel_count
@@ -112,3 +126,66 @@ def assign_fits(subjects: Sequence[ReportSubject], fits: Sequence[Material]) -> 
 
 def _table_name(fit: Material) -> str | None:
     return fit.meta["fit"].get("table")
+
+
+@dataclasses.dataclass
+class Evaluation:
+    """Readings of a subject near some incidences (degrees), values of its model, and of its interpolated table."""
+
+    incidences: list[float]
+    map_incidences: list[float]
+    near: dict[float, Readings]
+    model: ModelValues | None
+    interpolated: ModelValues | None
+    interpolation: str
+    """How a table is interpolated, or why it cannot be."""
+
+    def sources(self, s: ReportSubject) -> list[tuple[str, ModelValues]]:
+        """(name, values) of what has a value in every direction: the interpolated table, the model."""
+        if s.table is None:
+            return [("model", self.model)] if self.model is not None else []
+        named = (("readings, interpolated", self.interpolated), ("model fitted", self.model))
+        return [(name, values) for name, values in named if values is not None]
+
+
+def evaluate_subject(s: ReportSubject) -> Evaluation:
+    """Evaluates a subject for its figures."""
+    if s.table is None:
+        values = model_values(s.model, s.channels, s.shown, INCIDENCES, MAP_INCIDENCES)
+        return Evaluation(list(INCIDENCES), list(MAP_INCIDENCES), {}, values, None, "")
+    incidences, maps = (table_incidences(s.table, wanted) for wanted in (INCIDENCES, MAP_INCIDENCES))
+    every = sorted({*incidences, *maps})
+    near = dict(zip(every, readings_near(s.table, every), strict=True))
+    model = None if s.fitted is None else model_values(s.fitted, s.channels, s.shown, incidences, maps)
+    interpolated, how = None, "readings in one plane do not cover the hemisphere"
+    if not s.table.layout.in_one_plane:
+        from gonio.data.interpolation.multilinear import as_material, interpolation
+
+        try:
+            table, shown = fewer_channels(s.table, s.shown)
+            interpolated = model_values(as_material(table), table.channels, shown, incidences, maps)
+            how = interpolation(s.table)
+        except GonioError as error:
+            how = str(error)
+    return Evaluation(incidences, maps, near, model, interpolated, how)
+
+
+@dataclasses.dataclass
+class ReportFigure:
+    """A picture with its caption; `data` holds the numbers that it shows, as JSON can hold them."""
+
+    slug: str
+    caption: str
+    picture: Picture
+    data: dict[str, Any]
+    kind: str = "panel"
+    """panel, small (some in a row), bar (a colour scale below them) or space (a lobe to be turned)."""
+    id: str = ""
+
+
+def rounded(values: Any, digits: int = 6) -> Any:
+    """Nested lists of numbers at so many significant digits; None where there is no finite one."""
+    if isinstance(values, np.ndarray | list | tuple):
+        return [rounded(v, digits) for v in values]
+    value = float(values)
+    return float(f"{value:.{digits}g}") if np.isfinite(value) else None

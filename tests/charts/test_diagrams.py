@@ -10,13 +10,12 @@ import pytest
 
 from gonio.__main__ import main
 from gonio.charts import albedos as hemisphere
-from gonio.charts import evaluation, tables
+from gonio.charts import diagrams, evaluation, tables
 from gonio.charts.diagrams import CHARTS, chart
-from gonio.charts.flux_error import light_of
-from gonio.charts.point import GAIN, Axis, Chart, Point, Settings, cheapest, front
+from gonio.charts.fits import cosines, lambert_ggx
+from gonio.charts.point import GAIN, Axis, Chart, Pace, Point, Settings, cheapest, front
 from gonio.charts.result import to_csv
-from gonio.charts.scan_time import Pace
-from gonio.charts.scipy_fit import cosines, lambert_ggx
+from gonio.charts.tables import light_of
 from gonio.charts.timing import in_turns, precision
 from gonio.data import layouts
 from gonio.data.tabulate import grid_values
@@ -198,19 +197,18 @@ def test_a_killed_run_goes_on(tmp_path, monkeypatch):
 
 
 def test_a_run_killed_while_it_drew_draws_again(tmp_path, monkeypatch):
-    from gonio.charts import folder
 
-    made, whole = [], folder.picture_files
+    made, whole = [], diagrams.picture_files
 
     def killed(*args):
         raise KeyboardInterrupt
 
     again = dataclasses.replace(fake(POINTS), points=lambda settings: made.append(1) or iter(POINTS))
     monkeypatch.setitem(CHARTS, "fits", again)
-    monkeypatch.setattr(folder, "picture_files", killed)
+    monkeypatch.setattr(diagrams, "picture_files", killed)
     with pytest.raises(KeyboardInterrupt):
         chart("fits", output=tmp_path)
-    monkeypatch.setattr(folder, "picture_files", whole)
+    monkeypatch.setattr(diagrams, "picture_files", whole)
     chart("fits", output=tmp_path)
     assert made == [1] and (tmp_path / "fits.svg").exists()
 

@@ -4,8 +4,7 @@ import matplotlib
 import numpy as np
 import pytest
 
-from gonio.charts.figure import CEILING, chart_figure
-from gonio.charts.label_placement import places
+from gonio.charts.figure import CEILING, chart_figure, places
 from gonio.charts.point import Axis, Chart, Point
 from gonio.figures.style import styled
 

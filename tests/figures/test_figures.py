@@ -5,17 +5,13 @@ import re
 import numpy as np
 import pytest
 
-from gonio.figures.albedo import AlbedoCurve, draw_albedo
-from gonio.figures.dark_theme import DARK_PAGE, on_dark, rules, themed
-from gonio.figures.half_difference_slice import DIFFERENCE, HALF, slice_pairs
-from gonio.figures.hemisphere import colour_range, disc_points, draw_map, on_disc
-from gonio.figures.lobe3d import mesh_angles
-from gonio.figures.lobes import Curve, draw_in_plane, draw_polar, value_range
-from gonio.figures.residuals import draw_residual_histogram, draw_residual_map, median_grid
+from gonio.figures.diagnostics import AlbedoCurve, draw_albedo, draw_residual_histogram, draw_residual_map, median_grid
+from gonio.figures.lobes import Curve, draw_in_plane, draw_polar, mesh_angles, value_range
+from gonio.figures.maps import DIFFERENCE, HALF, colour_range, disc_points, draw_map, on_disc, slice_pairs
 from gonio.figures.spheres import LIGHTS, sphere_pairs
-from gonio.figures.style import FAINT, INK, PALETTE, colour_of, picture, shades
-from gonio.figures.ticks import decades_between, sr_label
+from gonio.figures.style import FAINT, INK, PALETTE, colour_of, decades_between, picture, shades, sr_label
 from gonio.fitting.residuals.pair_angles import pair_angles
+from gonio.reports.page import DARK_PAGE, on_dark, rules, themed
 
 
 def test_equal_areas_of_a_map_are_equal_solid_angles():

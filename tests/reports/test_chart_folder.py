@@ -7,8 +7,7 @@ import math
 import gonio
 from gonio.charts import MeasuredChart
 from gonio.charts.diagrams import CHARTS
-from gonio.charts.point import Point
-from gonio.charts.scan_time import Pace
+from gonio.charts.point import Pace, Point
 
 
 def test_charts_back_the_settings(tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ from gonio.checks.controls import self_test as testing
 from gonio.checks.controls.model_mutants import mutants
 from gonio.checks.controls.self_test import Judgement, confusion, must_fail, must_pass
 from gonio.checks.controls.table_mutants import honest_table, material, table_mutants
-from gonio.cli import self_test_output as cli
+from gonio.cli import check_verb as cli
 from gonio.models.errors import GonioError
 
 
