@@ -5,13 +5,16 @@ import errno
 import os
 import tempfile
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from gonio.models.errors import GonioError, nearest
 
 TOML_FORMAT = 1
+TomlKeys = Mapping[str, tuple[type, str]]
+"""The types of the entries of a TOML table by their keys, and what to call them in a sentence."""
+T = TypeVar("T")
 
 
 def input_size(path: str | os.PathLike[str]) -> int:
@@ -105,39 +108,47 @@ def publish(temporary: str | os.PathLike[str], path: str | os.PathLike[str]) -> 
     os.replace(temporary, path)
 
 
-def read_toml(path: str | os.PathLike[str], kind: str, largest: int, keys: Sequence[str]) -> dict[str, Any]:
-    """Content of a TOML file that begins with ``gonio_<kind> = 1``.
+def read_toml(
+    path: str | os.PathLike[str], kind: str, largest: int, keys: TomlKeys, make: Callable[[dict[str, Any]], T]
+) -> T:
+    """What `make` makes of a TOML file that begins with ``gonio_<kind> = 1``.
 
     Args:
         path: the file.
         kind: what it holds, such as "scene".
         largest: bytes, at most.
-        keys: those that it may have, the first of them ``gonio_<kind>``.
+        keys: those that it may have besides the first.
+        make: from the content; a GonioError of it gets the name of the file.
 
     Raises:
         GonioError: in one sentence that names the file, for anything else.
     """
-    size = input_size(path)
-    if size > largest:
+    first = f"gonio_{kind}"
+    if (size := input_size(path)) > largest:
         raise GonioError(f"{path} has {size} bytes; a {kind} file has at most {largest}")
     try:
         data = tomllib.loads(Path(path).read_bytes().decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise GonioError(f"{path} is not a TOML file ({reason}); expected a {kind}") from None
-    version = data.get(keys[0])
+    version = data.pop(first, None)
     if type(version) is not int:
-        raise GonioError(f"{path}: it has no integer {keys[0]}; a {kind} file begins with '{keys[0]} = {TOML_FORMAT}'")
+        raise GonioError(f"{path}: it has no integer {first}; a {kind} file begins with '{first} = {TOML_FORMAT}'")
     if version != TOML_FORMAT:
-        raise GonioError(
-            f"{path}: {kind} format {version} is not known; this gonio reads format {TOML_FORMAT}, so update gonio"
-        )
-    require_keys(data, keys, f"{path}: ")
-    return data
+        update = f"this gonio reads format {TOML_FORMAT}, so update gonio"
+        raise GonioError(f"{path}: {kind} format {version} is not known; {update}")
+    try:
+        check_keys(data, keys)
+        return make(data)
+    except GonioError as error:
+        raise GonioError(f"{path}: {error}") from None
 
 
-def require_keys(given: Iterable[str], known: Sequence[str], where: str) -> None:
-    """Raises GonioError, beginning with `where` and naming the nearest, for a key that is not known."""
-    for key in given:
-        if key not in known:
-            raise GonioError(f"{where}unknown key '{key}'; {nearest(key, known)}")
+def check_keys(given: Mapping[str, Any], keys: TomlKeys, where: str = "") -> None:
+    """Raises GonioError, beginning with `where`, for a key that is not known (with the nearest), and a wrong type."""
+    for key, value in given.items():
+        if key not in keys:
+            raise GonioError(f"{where}unknown key '{key}'; {nearest(key, keys)}")
+        kind, expected = keys[key]
+        if not isinstance(value, kind):
+            raise GonioError(f"{where}{key} is {type(value).__name__}; expected {expected}")

@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from gonio.data.files import read_toml, require_keys
+from gonio.data.files import check_keys, read_toml
 from gonio.models.display import Displayed, listed
 from gonio.models.errors import GonioError, nearest
 from gonio.models.geometry.directions import Direction, from_spherical
@@ -40,7 +40,12 @@ SKY = 8  # directions of a light that fills its range, for each view
 STEP = 7919  # points between the sequences of the skies
 MIN_TILT = 1e-3  # radians: tilt of the facets that views of highlights begin with
 MAX_THETA = 89.0  # degrees: beyond, a surface reflects nothing that a table could hold
-_KEYS = ("gonio_scene", "name", "description", "tolerance", "channels", "light", "view")
+_KEYS = {
+    "name": (str, "a text"), "description": (str, "a text"), "tolerance": (object, ""), "light": (list, "[[light]]"),
+    "channels": (list, "a list of names, such as ['R', 'G', 'B']"), "view": (list, "[[view]]"),
+}  # fmt: skip
+_VIEW_KEYS = {"theta": (object, ""), "phi": (object, ""), "weight": (object, "")}
+_LIGHT_KEYS = {**_VIEW_KEYS, "fills": (bool, "true or false")}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -215,11 +220,7 @@ def load_scene(scene: str | os.PathLike[str] | Scene) -> Scene:
 
 def read_scene(path: str | os.PathLike[str]) -> Scene:
     """A scene file of format 1. Raises GonioError, in one sentence that names file and key, for anything else."""
-    data = read_toml(path, "scene", LARGEST, _KEYS)
-    try:
-        return _scene(data, Path(path).stem)
-    except GonioError as error:
-        raise GonioError(f"{path}: {error}") from None
+    return read_toml(path, "scene", LARGEST, _KEYS, lambda data: _scene(data, Path(path).stem))
 
 
 def _scene(data: dict[str, Any], stem: str) -> Scene:
@@ -227,12 +228,8 @@ def _scene(data: dict[str, Any], stem: str) -> Scene:
     if tolerance == 0.0:
         raise GonioError("tolerance is 0; give a share of the radiance above 0, such as 0.05")
     channels = data.get("channels")
-    names = isinstance(channels, list) and channels and all(isinstance(c, str) for c in channels)
-    if channels is not None and not names:
-        raise GonioError(f"channels is {channels!r}; give a list of names, such as ['R', 'G', 'B']")
-    for key in ("name", "description"):
-        if not isinstance(data.get(key, ""), str):
-            raise GonioError(f"{key} is {data[key]!r}; give a text")
+    if channels is not None and not (channels and all(isinstance(c, str) for c in channels)):
+        raise GonioError(f"channels is {channels!r}; give {_KEYS['channels'][1]}")
     lights, views = (_ranges(data, key) for key in ("light", "view"))
     channels = None if channels is None else tuple(channels)
     return Scene(data.get("name", stem), tolerance, lights, views, channels, data.get("description", ""))
@@ -240,17 +237,15 @@ def _scene(data: dict[str, Any], stem: str) -> Scene:
 
 def _ranges(data: dict[str, Any], key: str) -> tuple[Range, ...]:
     entries = data.get(key)
-    if not isinstance(entries, list) or not entries or not all(isinstance(e, dict) for e in entries):
+    if not entries or not all(isinstance(e, dict) for e in entries):
         raise GonioError(f"it has no [[{key}]]; give at least one, with theta = [from, to] in degrees")
     ranges = []
     for n, e in enumerate(entries):
         where = f"{key} {n + 1}: "
-        require_keys(e, ("theta", "phi", "weight", "fills")[: 4 if key == "light" else 3], where)
+        check_keys(e, _LIGHT_KEYS if key == "light" else _VIEW_KEYS, where)
         first, last = _interval(e.get("theta"), f"{where}theta", 0.0, 90.0)
         phi = _interval(e.get("phi", [0, 360]), f"{where}phi", -360.0, 720.0)
         weight = _number(e.get("weight", 1.0), f"{where}weight", 0.0, 1e12)
-        if not isinstance(e.get("fills", False), bool):
-            raise GonioError(f"{where}fills is {e['fills']!r}; give true or false")
         theta = (math.radians(min(first, MAX_THETA)), math.radians(min(last, MAX_THETA)))
         ranges.append(Range(theta, (math.radians(phi[0]), math.radians(phi[1])), weight, e.get("fills", False)))
     if sum(e.weight for e in ranges) == 0:

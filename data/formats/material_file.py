@@ -14,84 +14,60 @@ if TYPE_CHECKING:
     from gonio.models.brdf import AbstractBRDF
 
 LARGEST = 4 << 20  # bytes: ten thousand wavelengths at full precision are a quarter of it
-MOST_CHANNELS = 10_000
-_KEYS = ("gonio_material", "name", "description", "model", "channels", "wavelengths_nm", "source", "fit")
+KEYS = {
+    "name": (str, "a text"), "description": (str, "a text"), "model": (str, "a spelled model in quotes"),
+    "channels": (list, "a list of names"), "wavelengths_nm": (list, "a list of numbers, nm"),
+    "source": (dict, "a table [source] with a text"), "fit": (dict, "a table"),
+}  # fmt: skip
 
 
 def read_material(path: str | os.PathLike[str]) -> "Material":
     """A material file of format 1. Raises GonioError, in one sentence that names the file, for anything else."""
-    path = Path(path)
-    data = read_toml(path, "material", LARGEST, _KEYS)
-    try:
-        return _material(data, path.stem, str(path))
-    except GonioError as error:
-        raise GonioError(f"{path}: {error}") from None
+    return read_toml(path, "material", LARGEST, KEYS, lambda data: _material(data, Path(path)))
 
 
-def _material(data: dict, stem: str, file: str) -> "Material":
+def _material(data: dict[str, Any], path: Path) -> "Material":
     # Models load JAX, and a table's file does without it.
     from gonio.data.material import Material
     from gonio.models.expression.builder import build
 
-    expression = " ".join(_typed(data, "model", str, "a spelled model in quotes").split())
+    if "model" not in data:
+        raise GonioError("it has no model; expected a spelled model in quotes")
+    expression = " ".join(data["model"].split())
     brdf = build(expression)
-    source = _typed(data, "source", dict, "a table [source] with a text", {})
-    meta = {"file": file}
-    if "fit" in data:
-        meta["fit"] = _typed(data, "fit", dict, "a table")
-    return Material(
-        _typed(data, "name", str, "a text", stem),
-        brdf,
-        expression,
-        _declared_channels(data, brdf),
-        _typed(data, "description", str, "a text", ""),
-        _typed(source, "text", str, "a text", ""),
-        meta,
-    )
+    source = data.get("source", {}).get("text", "")
+    if not isinstance(source, str):
+        raise GonioError(f"source.text is {type(source).__name__}; expected a text")
+    meta = {"file": str(path)} | ({"fit": data["fit"]} if "fit" in data else {})
+    name, description = data.get("name", path.stem), data.get("description", "")
+    return Material(name, brdf, expression, _declared_channels(data, brdf), description, source, meta)
 
 
-_NO_DEFAULT = object()
-
-
-def _typed(data: dict, key: str, kind: type, expected: str, default: Any = _NO_DEFAULT) -> Any:
-    value = data.get(key, default)
-    if value is _NO_DEFAULT:
-        raise GonioError(f"it has no {key}; expected {expected}")
-    if not isinstance(value, kind):
-        raise GonioError(f"{key} is {type(value).__name__}; expected {expected}")
-    return value
-
-
-def _declared_channels(data: dict, brdf: "AbstractBRDF") -> Channels:
+def _declared_channels(data: dict[str, Any], brdf: "AbstractBRDF") -> Channels:
     from gonio.data.material import channels_of
 
-    if "channels" in data and "wavelengths_nm" in data:
+    names, wavelengths = data.get("channels"), data.get("wavelengths_nm")
+    if names is not None and wavelengths is not None:
         raise GonioError("it has both channels and wavelengths_nm; give one of them")
-    if "channels" in data:
-        names = _typed(data, "channels", list, "a list of names")
-        if not names or not all(isinstance(n, str) for n in names):
-            raise GonioError("channels holds something that is not a name; expected a list of texts")
-        channels = Channels(tuple(names[:MOST_CHANNELS]))
-    elif "wavelengths_nm" in data:
-        channels = Channels.of_wavelengths(_wavelengths(data))
-    else:
+    if names is None and wavelengths is None:
         return channels_of(brdf)
     count = len(channels_of(brdf))
+    if names is not None:
+        if not names or not all(isinstance(n, str) for n in names):
+            raise GonioError("channels holds something that is not a name; expected a list of texts")
+        channels = Channels(tuple(names))
+    else:
+        for v in wavelengths or []:
+            if isinstance(v, bool) or not isinstance(v, int | float) or not 1 <= v <= 1e6:
+                raise GonioError(f"wavelengths_nm holds {v!r}; expected wavelengths from 1 to 1e6 nm")
+        if not wavelengths:
+            raise GonioError("wavelengths_nm is empty; leave it out for a grey material")
+        channels = Channels.of_wavelengths(map(float, wavelengths))
     if len(channels) != count:
         raise GonioError(
             f"{len(channels)} channels are named, but the model has {count}; name as many as its lists hold"
         )
     return channels
-
-
-def _wavelengths(data: dict) -> list[float]:
-    values = _typed(data, "wavelengths_nm", list, "a list of numbers, nm")
-    for v in values[:MOST_CHANNELS]:
-        if isinstance(v, bool) or not isinstance(v, int | float) or not 1 <= v <= 1e6:
-            raise GonioError(f"wavelengths_nm holds {v!r}; expected wavelengths from 1 to 1e6 nm")
-    if not values:
-        raise GonioError("wavelengths_nm is empty; leave it out for a grey material")
-    return [float(v) for v in values[:MOST_CHANNELS]]
 
 
 def material_text(material: "Material") -> str:
