@@ -240,6 +240,18 @@ class Table(Displayed):
         u_f = np.broadcast_to(np.nan, flag.shape) if self.u_f is None else self._flat("u_f", start, stop)
         return {"f": self._flat("f", start, stop), "u_f": u_f, "flag": flag}
 
+    def values_at(self, cells: np.ndarray) -> dict[str, np.ndarray]:
+        """What `read_values` gives of the cells of these C-order numbers, in any order, (n,)."""
+        order = np.argsort(cells, kind="stable")
+        sorted_cells = cells[order]
+        values = {k: np.empty((cells.size, *v.shape[1:]), v.dtype) for k, v in self.read_values(0, 0).items()}
+        for start, stop in self.blocks():
+            first, last = np.searchsorted(sorted_cells, (start, stop))
+            if first < last:
+                for name, block in self.read_values(start, stop).items():
+                    values[name][order[first:last]] = block[sorted_cells[first:last] - start]
+        return values
+
     def counts(self) -> dict[str, int]:
         """Number of `cells`; of readings (cells × channels): those of each flag, and the `negative` valid."""
         by_flag, negative = np.zeros(256, np.int64), 0
@@ -259,14 +271,7 @@ class Table(Displayed):
         cells = np.concatenate([self._usable(start, stop, theta_max) for start, stop in self.blocks()])
         if limit is not None and limit < cells.size:
             cells = np.sort(np.random.default_rng(seed).choice(cells, limit, replace=False, shuffle=False))
-        pieces = [list(self.read_values(0, 0).values())]
-        for start, stop in self.blocks():
-            first, last = np.searchsorted(cells, (start, stop))
-            if first < last:
-                rows = cells[first:last] - start
-                pieces.append([values[rows] for values in self.read_values(start, stop).values()])
-        f, u_f, flag = (np.concatenate(p) for p in zip(*pieces, strict=True))
-        return Block(*self.layout.directions_at(cells), f, u_f, flag)
+        return Block(*self.layout.directions_at(cells), **self.values_at(cells))
 
     def _usable(self, start: int, stop: int, theta_max: float | None) -> np.ndarray:
         usable = (self._flat("flag", start, stop) == Flag.VALID).any(axis=1)

@@ -44,18 +44,8 @@ class Pairs:
 
 def readings_of(table: Table, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(f, u_f) of cells in any order, each (n, channels), float64; f is NaN where it is not valid."""
-    order = np.argsort(cells, kind="stable")
-    wanted = cells[order]
-    f, u = (np.full((cells.size, len(table.channels)), np.nan) for _ in range(2))
-    for start, stop in table.blocks():
-        first, last = np.searchsorted(wanted, (start, stop))
-        if first == last:
-            continue
-        block = table.read_values(start, stop)
-        of_block, into = wanted[first:last] - start, order[first:last]
-        f[into] = np.where(block["flag"][of_block] == Flag.VALID, block["f"][of_block], np.nan)
-        u[into] = block["u_f"][of_block]
-    return f, u
+    values = table.values_at(cells)
+    return np.where(values["flag"] == Flag.VALID, values["f"].astype(float), np.nan), values["u_f"].astype(float)
 
 
 def angles_of(layout: Layout, cells: np.ndarray) -> np.ndarray:
