@@ -86,14 +86,11 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _versions() -> str:
-    import importlib.metadata
-    import platform
+    from gonio.text import versions
 
-    from gonio import __version__
-
-    packages = ("jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "scipy", "h5py")
-    installed = [f"{name} {importlib.metadata.version(name)}" for name in packages]
-    return f"gonio {__version__}\nPython {platform.python_version()}, {', '.join(installed)}"
+    of = versions("jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "scipy", "h5py")
+    gonio, python = of.pop("gonio"), of.pop("python")
+    return f"gonio {gonio}\nPython {python}, {', '.join(f'{name} {version}' for name, version in of.items())}"
 
 
 def command() -> None:

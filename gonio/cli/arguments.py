@@ -4,7 +4,7 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gonio.models.errors import GonioError
@@ -13,9 +13,14 @@ if TYPE_CHECKING:
     from gonio.data.table import Table
 
 MATERIAL = "a reference material, a readable file or an expression"
-FORCE = {"--force": "replace existing outputs"}
-MERL = {"--merl-nodes": {"choices": ("lower", "centre"), "help": "where a MERL file's nodes lie in their bins"}}
-JSON = {"--json": "machine-readable"}
+Options = dict[str, str | dict[str, Any]]
+"""Options by "-m/--model MODEL" or "--flag", each with its help or with the arguments of `add_argument`."""
+
+FORCE: Options = {"--force": "replace existing outputs"}
+MERL: Options = {
+    "--merl-nodes": {"choices": ("lower", "centre"), "help": "where a MERL file's nodes lie in their bins"}
+}
+JSON: Options = {"--json": "machine-readable"}
 
 
 def degrees(text: str) -> float:
@@ -31,15 +36,14 @@ KINDS: dict[str, Callable[[str], Any]] = {
 
 def add_options(
     parser: argparse.ArgumentParser | argparse._ArgumentGroup,
-    options: Mapping[str, str | dict[str, Any]],
+    options: Options,
     **kinds: Callable[[str], Any],
 ) -> None:
     """Adds options to a parser.
 
     Args:
         parser: of a verb, or a group of it.
-        options: "-m/--model MODEL" (the word in capitals decides the type, see `KINDS`) or "--flag", each with its
-            help, or with the arguments of `add_argument`.
+        options: the word in capitals decides the type (see `KINDS`).
         kinds: types of this verb's words in capitals, where `KINDS` has another or none.
     """
     for words, text in options.items():

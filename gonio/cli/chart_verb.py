@@ -4,13 +4,13 @@ import argparse
 import math
 from typing import TYPE_CHECKING
 
-from gonio.cli.arguments import FORCE, add_options, given
+from gonio.cli.arguments import FORCE, Options, add_options, given
 from gonio.text import columns, log, number, show
 
 if TYPE_CHECKING:
     from gonio.charts import MeasuredChart
 
-OPTIONS = {
+OPTIONS: Options = {
     "-o/--output FOLDER": "where to put pictures (SVG, PNG), CSV and charts.json",
     "--quick": "fewer settings: less than two minutes",
     "--tolerance ERROR": "name the cheapest method within this error",

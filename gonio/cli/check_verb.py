@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from gonio.checks.properties import PROPERTIES
-from gonio.cli.arguments import FORCE, add_options, refuse_outputs, require_degrees, write_json, write_text
+from gonio.cli.arguments import FORCE, Options, add_options, refuse_outputs, require_degrees, write_json, write_text
 from gonio.models.errors import GonioError
 from gonio.text import columns, log, show
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gonio.checks.certificate import Certificate
     from gonio.checks.repairs.nearest_table import Repaired
 
-OPTIONS = {
+OPTIONS: Options = {
     "--self-test": "judge models and tables whose verdicts are known, some with mistakes; exit status 0 if all are "
     "right",
     "--strict": "all properties but isotropy count",
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     if args.self_test:
         return run_self_test(args.json, args.force)
     tolerances = {name: getattr(args, f"tol_{name}") for name in PROPERTIES}
-    options = {"tolerances": tolerances, "feature_width": args.feature_width, "level": args.level}
+    options: dict[str, Any] = {"tolerances": tolerances, "feature_width": args.feature_width, "level": args.level}
     if args.repair:
         return _run_repair(args, options)
     from gonio.checks.certify import check
@@ -145,10 +145,10 @@ def run_self_test(path: str | None, force: bool) -> int:
 
     `path`: where all of it goes as JSON; "-" prints that alone, to standard output.
     """
-    from gonio.checks.controls.self_test import confusion, self_test
+    from gonio.checks.controls.self_test import Judgement, confusion, self_test
 
     out = log if path == "-" else show
-    judged = []
+    judged: list[Judgement] = []
     for one in self_test():
         judged.append(one)
         mark = "right" if one.right else "WRONG"

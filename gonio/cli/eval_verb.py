@@ -3,15 +3,17 @@
 import argparse
 import io
 
-from gonio.cli.arguments import FORCE, MATERIAL, add_options, refuse_outputs, write_text
+from gonio.cli.arguments import FORCE, MATERIAL, Options, add_options, refuse_outputs, write_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("material", metavar="MATERIAL", help=MATERIAL)
     columns = "columns theta_i,phi_i,theta_o,phi_o in degrees, or wi_x,wi_y,wi_z,wo_x,wo_y,wo_z"
-    output = {"default": "-", "help": "default: standard output"}
-    directions = {"required": True, "help": columns}
-    add_options(parser, {"--directions DIRS.csv": directions, "-o/--output OUT.csv": output} | FORCE)
+    options: Options = {
+        "--directions DIRS.csv": {"required": True, "help": columns},
+        "-o/--output OUT.csv": {"default": "-", "help": "default: standard output"},
+    }
+    add_options(parser, options | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gonio.cli.arguments import FORCE, MERL, add_options, refuse_outputs, require_degrees, write_json
+from gonio.cli.arguments import FORCE, MERL, Options, add_options, refuse_outputs, require_degrees, write_json
 from gonio.cli.fit_batch import SUFFIX, is_batch, run_batch, table_of
 from gonio.models.errors import GonioError
 from gonio.text import columns, log, number, show
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gonio.fitting.result import FitResult
 
 
-OPTIONS = {
+OPTIONS: Options = {
     "-m/--model MODEL": {
         "action": "append",
         "help": "such as 'lambert + ggx(eta=1.5)': omitted shapes are free, name=v is fixed, name~v free from v; "

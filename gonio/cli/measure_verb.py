@@ -6,7 +6,7 @@ import shlex
 import sys
 from typing import TYPE_CHECKING
 
-from gonio.cli.arguments import FORCE, MATERIAL, add_options, degrees, given, refuse_outputs
+from gonio.cli.arguments import FORCE, MATERIAL, Options, add_options, degrees, given, refuse_outputs
 from gonio.models.errors import GonioError
 from gonio.text import log, show
 
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
 
 SYSTEMATIC = ("tilt_x", "tilt_y", "theta_i", "theta_o", "phi")
 SCANS = "isotropic, spherical, half-difference, merl, in-plane, or a CSV file of directions"
-OUTPUT = {"-o/--output T.h5": {"required": True, "help": "the table; a killed run is continued"}}
-SCAN = {
+OUTPUT: Options = {"-o/--output T.h5": {"required": True, "help": "the table; a killed run is continued"}}
+SCAN: Options = {
     "--scan SCAN": f"{SCANS} (default: isotropic, or spherical for an anisotropic material)",
     "--step DEG": "step of the angles",
     "--phi-step DEG": "step of the azimuths, where it is another",
     "--theta-max DEG": "largest polar angle (default 85)",
     "--theta-i DEG,DEG,...": "incidences of the in-plane scan",
 }
-INSTRUMENT = {
+INSTRUMENT: Options = {
     "--source-half-angle DEG": "half-angle of the source's disc (default 0: a point)",
     "--detector-half-angle DEG": "half-angle of the detector's disc (default 0: a point)",
     "--misalignment DEG": "standard deviation of tilts and arm angles, one sample of each from the seed",
@@ -41,7 +41,7 @@ INSTRUMENT = {
     "--systematic NAME=V,...": f"the systematic errors themselves: {', '.join(SYSTEMATIC)} in degrees, gain as a "
     "factor",
 }
-RUN = {
+RUN: Options = {
     "--seed SEED": {"default": 0, "help": "of the noise and the systematic errors (default 0)"},
     "--float32": "store single precision",
     "--progress": "show a bar even where no terminal is",
@@ -75,8 +75,8 @@ def run(args: argparse.Namespace) -> int:
 def _instrument(args: argparse.Namespace) -> "Instrument":
     from gonio.instrument.instrument import Instrument
 
-    options = given(args, *(field.name for field in dataclasses.fields(Instrument)))
-    return Instrument(**options | ({"systematic": _systematic(args.systematic)} if args.systematic else {}))
+    args.systematic = _systematic(args.systematic) if args.systematic else None
+    return Instrument(**given(args, *(field.name for field in dataclasses.fields(Instrument))))
 
 
 def _systematic(text: str) -> "Systematic":

@@ -3,14 +3,11 @@
 import argparse
 import inspect
 import json
-from pathlib import Path
 from typing import Any
 
 from gonio.cli.arguments import FORCE, JSON, add_options
 from gonio.models.errors import GonioError, nearest
 from gonio.text import columns, show
-
-PICTURES = (".png", ".svg", ".pdf")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +24,10 @@ def run(args: argparse.Namespace) -> int:
     if args.picture and not args.name:
         raise GonioError("--picture shows one model; name it, as in 'gonio models ggx --picture ggx.png'")
     if args.picture:  # before anything is printed, so that a refusal stands alone
-        _write_picture(args.name, args.picture, args.force)
+        from gonio.figures.plots import write_lobe
+        from gonio.models.expression.builder import example
+
+        write_lobe(example(args.name).strip("'"), args.picture, args.force)
     names: list[str] = [args.name] if args.name else list(MODELS)
     facts = {name: _facts(name) for name in names}
     if args.json:
@@ -79,34 +79,3 @@ def _facts(name: str) -> dict[str, Any]:
         },
         "options": {o: list(c) for o, c in options_of(MODELS[name]).items()},
     }
-
-
-def _write_picture(name: str, output: str, force: bool) -> None:
-    """Writes polar diagrams of a model's lobe, linear and logarithmic, in the plane of incidence."""
-    from matplotlib.figure import Figure
-
-    from gonio.data.files import new_file, refuse_existing
-    from gonio.figures.lobes import Curve, draw_polar
-    from gonio.figures.style import HEIGHT, PALETTE, WIDTH, shades, styled
-    from gonio.figures.values import INCIDENCES, plane_angles, plane_values
-    from gonio.models.expression.builder import build, example
-
-    ending = Path(output).suffix.lower()
-    if ending not in PICTURES:
-        raise GonioError(f"{output} is no picture that can be written; end its name in {', '.join(PICTURES)}")
-    refuse_existing(output, force)
-    expression = example(name).strip("'")
-    # The grey of the channels: their mean, as one line an incidence is what a small picture holds.
-    curves = [
-        Curve(plane_angles(t), f.mean(axis=1), f"θᵢ {t:g}°", tone, theta_i=t)
-        for t, f, tone in zip(
-            INCIDENCES, plane_values(build(expression), INCIDENCES), shades(PALETTE[0], len(INCIDENCES)), strict=True
-        )
-    ]
-    with styled(), new_file(output, force) as temporary:
-        fig = Figure(figsize=(2 * WIDTH, HEIGHT + 0.3), layout="constrained")
-        for ax, log, scale in zip(fig.subplots(1, 2), (False, True), ("linear", "logarithmic"), strict=True):
-            draw_polar(ax, curves, log)
-            ax.text(1.0, -0.06, scale, transform=ax.transAxes, va="top", ha="right", fontsize=9)
-        fig.suptitle(expression, fontsize=10)
-        fig.savefig(temporary, format=ending[1:])

@@ -3,11 +3,11 @@
 import argparse
 from pathlib import Path
 
-from gonio.cli.arguments import FORCE, MERL, add_options, read_table, refuse_outputs
+from gonio.cli.arguments import FORCE, MERL, Options, add_options, read_table, refuse_outputs
 from gonio.models.errors import GonioError
 from gonio.text import log, number, show
 
-OPTIONS = {
+OPTIONS: Options = {
     "--scene S": {"required": True, "help": "a scene's file, or a shipped scene's name"},
     "-o/--output OUT.h5": {"required": True, "help": "the reduced table"},
     "--tolerance SHARE": "in place of the scene's own, such as 0.05",

@@ -4,11 +4,11 @@ import argparse
 import shlex
 from pathlib import Path
 
-from gonio.cli.arguments import FORCE, add_options
+from gonio.cli.arguments import FORCE, Options, add_options
 from gonio.text import show
 
 TITLE = "BRDF report"
-OPTIONS = {
+OPTIONS: Options = {
     "-o/--output OUT.html": {"required": True, "help": "the page; all values go to OUT.json beside it"},
     "--fit FIT.toml": {"action": "append", "default": [], "help": "a fitted material, for the table that it names"},
     "--against FILE|MATERIAL": "the truth, if known: agreement with it is judged too",

@@ -2,11 +2,11 @@
 
 import argparse
 
-from gonio.cli.arguments import FORCE, add_options
+from gonio.cli.arguments import FORCE, Options, add_options
 from gonio.models.errors import GonioError
 from gonio.text import columns, log, show
 
-OPTIONS = {
+OPTIONS: Options = {
     "-o/--output FOLDER": "where to put the page, the pictures and stress.csv",
     "--quick": "six models that stand for all, few settings: about a minute on two cores",
     "--cell KEY": "do one cell of a model again, by the key in stress.csv",

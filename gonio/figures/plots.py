@@ -5,13 +5,17 @@ interpolation. Angles are radians in the arguments and degrees on the axes.
 """
 
 import math
+import os
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from gonio.data.files import new_file, refuse_existing
 from gonio.data.flags import Flag
 from gonio.data.subject import Subject, SubjectLike, resolve_subject
 from gonio.data.table import Table
@@ -41,6 +45,7 @@ from gonio.figures.values import (
 )
 from gonio.fitting.residuals.pair_angles import pair_angles
 from gonio.models.errors import GonioError, nearest
+from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import to_half_difference
 
 if TYPE_CHECKING:
@@ -51,6 +56,7 @@ NEAR_SLICE = 10.0
 """Degrees of difference azimuth about 90° within which readings are in the slice."""
 ALBEDO_TOLERANCE = 1e-6
 MOST_LETTERS = 60
+PICTURES = (".png", ".svg", ".pdf")
 
 
 def plot_lobe(
@@ -139,6 +145,30 @@ def plot_residuals(
     across, up = (np.broadcast_to(getattr(of_pair, a)[:, None], valid.shape)[valid] for a in angles)
     grid = median_grid(across, up, relative, angles[0] == "theta_h")
     return draw_on(ax, title, draw_residual_map, grid, angles)
+
+
+def write_lobe(expression: str, output: str | os.PathLike[str], force: bool = False) -> None:
+    """Writes polar diagrams of a model's lobe, linear and logarithmic, in the plane of incidence, as PNG, SVG or PDF.
+
+    Raises GonioError for another ending, or an existing file.
+    """
+    ending = Path(output).suffix.lower()
+    if ending not in PICTURES:
+        raise GonioError(f"{output} is no picture that can be written; end its name in {', '.join(PICTURES)}")
+    refuse_existing(output, force)
+    values, tones = plane_values(build(expression), INCIDENCES), shades(PALETTE[0], len(INCIDENCES))
+    # The grey of the channels: their mean, as one line an incidence is what a small picture holds.
+    curves = [
+        Curve(plane_angles(t), f.mean(axis=1), f"θᵢ {t:g}°", tone, theta_i=t)
+        for t, f, tone in zip(INCIDENCES, values, tones, strict=True)
+    ]
+    with styled(), new_file(output, force) as temporary:
+        fig = Figure(figsize=(2 * WIDTH, HEIGHT + 0.3), layout="constrained")
+        for ax, log, scale in zip(fig.subplots(1, 2), (False, True), ("linear", "logarithmic"), strict=True):
+            draw_polar(ax, curves, log)
+            ax.text(1.0, -0.06, scale, transform=ax.transAxes, va="top", ha="right", fontsize=9)
+        fig.suptitle(expression, fontsize=10)
+        fig.savefig(temporary, format=ending[1:])
 
 
 def thumbnail_svg(subject: SubjectLike) -> str:

@@ -1,0 +1,42 @@
+from gonio.charts import chart as chart
+from gonio.checks.certificate import Certificate as Certificate
+from gonio.checks.certify import check as check
+from gonio.checks.repairs.nearest_table import repair as repair
+from gonio.data.formats.registry import read as _read
+from gonio.data.material import Material as Material
+from gonio.data.reduction.coarsest_table import reduce_table as reduce
+from gonio.data.scene import Scene as Scene
+from gonio.data.subject import load_material as material
+from gonio.data.table import Table as Table
+from gonio.fitting.batch import fit_many as fit_many
+from gonio.fitting.fit_table import fit as fit
+from gonio.fitting.result import FitResult as FitResult
+from gonio.instrument.instrument import Instrument as Instrument
+from gonio.instrument.measurement import measure as measure
+from gonio.models.errors import GonioError as GonioError
+from gonio.reports.build import report as report
+from gonio.stability import stress as stress
+
+open = _read
+
+__version__: str
+__all__ = [
+    "Certificate",
+    "FitResult",
+    "GonioError",
+    "Instrument",
+    "Material",
+    "Scene",
+    "Table",
+    "__version__",
+    "chart",
+    "check",
+    "fit",
+    "fit_many",
+    "material",
+    "measure",
+    "reduce",
+    "repair",
+    "report",
+    "stress",
+]  # without `open`: a star import leaves Python's own
