@@ -262,23 +262,24 @@ class Table(Displayed):
         named = {flag.name.lower(): int(by_flag[flag]) for flag in Flag}
         return {"cells": self.layout.size, "negative": negative, **named}
 
+    def valid_cells(self, theta_max: float | None = None) -> np.ndarray:
+        """C-order numbers of the cells valid in any channel, both polar angles below `theta_max`, radians."""
+        valid = [(self._flat("flag", *block) == Flag.VALID).any(axis=1) for block in self.blocks()]
+        if theta_max is not None:
+            for usable, block in zip(valid, self.blocks(), strict=True):
+                usable &= np.minimum(*self.layout.cosines(*block)) > math.cos(theta_max)
+        return np.flatnonzero(np.concatenate(valid))
+
     def samples(self, limit: int | None = None, theta_max: float | None = None, seed: int = 0) -> Block:
         """The cells valid in any channel, in C order; at most `limit` of them, drawn by `seed` without bias.
 
         `theta_max`, radians: only cells with both polar angles below it. Flags still say which channels are
         valid.
         """
-        cells = np.concatenate([self._usable(start, stop, theta_max) for start, stop in self.blocks()])
+        cells = self.valid_cells(theta_max)
         if limit is not None and limit < cells.size:
             cells = np.sort(np.random.default_rng(seed).choice(cells, limit, replace=False, shuffle=False))
         return Block(*self.layout.directions_at(cells), **self.values_at(cells))
-
-    def _usable(self, start: int, stop: int, theta_max: float | None) -> np.ndarray:
-        usable = (self._flat("flag", start, stop) == Flag.VALID).any(axis=1)
-        if theta_max is not None:
-            cos_i, cos_o = self.layout.cosines(start, stop)
-            usable &= np.minimum(cos_i, cos_o) > math.cos(theta_max)
-        return start + np.flatnonzero(usable)
 
     def _flat(self, what: str, start: int, stop: int) -> np.ndarray:
         values = getattr(self, what)

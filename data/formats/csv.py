@@ -106,13 +106,10 @@ def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -
         f"channels: {json.dumps(list(table.channels.names))}",
         *([f"wavelengths_nm: {json.dumps(w)}"] if (w := table.channels.wavelengths_nm) else []),
     ]
-    pieces = []
-    for start, stop in table.blocks():
-        values = table.read_values(start, stop)
-        rows = np.flatnonzero((values["flag"] == Flag.VALID).any(axis=1))
-        pieces.append([a[rows] for a in (*table.layout.angles(start, stop), *values.values())])
-    *angles, f, u_f, flag = (np.concatenate(p) for p in zip(*pieces, strict=True))
-    if f.shape[0] == 0:
+    cells = table.valid_cells()
+    angles = [a[cells] for a in table.layout.angles()]
+    f, u_f, flag = table.values_at(cells).values()
+    if cells.size == 0:
         raise GonioError(f"the table holds no valid reading; there is nothing to write to {path}")
     valid = flag == Flag.VALID
     values = {"f": np.where(valid, f.astype(np.float64), 0.0)}

@@ -11,20 +11,16 @@ from gonio.data.formats.csv_columns import CsvText
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 
-ALIASES = {
-    "lambda": ("lambda",),
-    "thetai": ("thetai",),
-    "phii": ("phi", "phii"),
-    "thetar": ("thetar",),
-    "phir": ("phir",),
-    "f11": ("f_r11", "fr11"),
-}
+NAMES = ("lambda", "thetai", "phii", "thetar", "phir", "f_r11")
+ALIASES = {"phi": "phii", "fr11": "f_r11"}
+"""Other names of the columns."""
 WAVELENGTH_TOLERANCE_NM = 0.5
 
 
-def has_columns(names: list[str]) -> bool:
-    """Whether a header is that of NIST's files."""
-    return all(any(a in names for a in aliases) for aliases in ALIASES.values())
+def columns_of(names: list[str]) -> dict[str, str]:
+    """The columns of a header by our names for them; empty for a header that is not of NIST's files."""
+    columns = {ALIASES.get(name, name): name for name in reversed(names)}
+    return {key: columns[key] for key in NAMES} if set(NAMES) <= set(columns) else {}
 
 
 def read_nist(path: str | os.PathLike[str], wavelength_nm: float | None = None) -> Table:
@@ -36,8 +32,8 @@ def read_nist(path: str | os.PathLike[str], wavelength_nm: float | None = None) 
     number.
     """
     text = CsvText(path)
-    columns = {key: a for key, aliases in ALIASES.items() for a in reversed(aliases) if a in text.names}
-    if len(columns) < len(ALIASES):
+    columns = columns_of(text.names)
+    if not columns:
         raise GonioError(f"{path} is no NIST PTFE file: expected columns lambda, thetai, phi, thetar, phir, f_r11")
     numbers = text.numbers(columns.values())
     data = {key: numbers[name] for key, name in columns.items()}
@@ -65,7 +61,7 @@ def read_nist(path: str | os.PathLike[str], wavelength_nm: float | None = None) 
     delta_phi = np.where(theta_r < 0, delta_phi + np.pi, delta_phi)
     turn = 2 * np.pi
     grid = layouts.scattered(np.abs(theta_i), phi_i % turn, np.abs(theta_r), (phi_i + delta_phi) % turn)
-    f = np.stack([data["f11"][r] for r in rows], axis=-1)
+    f = np.stack([data["f_r11"][r] for r in rows], axis=-1)
     provenance = {
         "format": "NIST PTFE CSV",
         "source": os.path.basename(path),

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -93,7 +94,7 @@ FORMATS = (
         merl.read_merl, merl.write_merl, options=("nodes",), suffixes=(".binary",),
     ),
     Format(
-        "NIST", "NIST's PTFE CSV", "table", lambda head: nist_ptfe.has_columns(head.columns),
+        "NIST", "NIST's PTFE CSV", "table", lambda head: bool(nist_ptfe.columns_of(head.columns)),
         nist_ptfe.read_nist, options=("wavelength_nm",),
     ),
     Format(
@@ -115,7 +116,7 @@ def sniff(path: str | os.PathLike[str]) -> Format:
         if known.recognises(head):
             return known
     names = head.columns
-    if len(names) > 1 and not _is_number(names[0]):
+    if len(names) > 1 and not re.fullmatch(r"[\d.eE+-]+", names[0]):
         csv.read_directions(path)  # raises, naming the columns that are missing
     *first, last = (known.title for known in FORMATS if known.holds == "table")
     kind = "binary" if head.binary else "text"
@@ -185,11 +186,3 @@ def write(path: str | os.PathLike[str], table: Table, force: bool = False) -> Ro
 
 def _suffix(path: str | os.PathLike[str]) -> str:
     return os.path.splitext(path)[1].lower()
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -71,11 +71,9 @@ def _distance2(samples: Array, pair: Array) -> Array:
 
 
 def scattered_material(table: Table) -> Scattered:
-    """The interpolant of a scattered table. Raises GonioError for more than `MAX_SAMPLES` samples, or no valid one."""
+    """The interpolant of a scattered table. Raises GonioError for more than `MAX_SAMPLES` samples."""
     block = table.samples()
     n = block.f.shape[0]
-    if n == 0:
-        raise GonioError(f"table {table.name or 'without a name'} holds no valid reading; nothing can be interpolated")
     if n > MAX_SAMPLES:
         raise GonioError(
             f"{n} scattered samples are too many to interpolate (at most {MAX_SAMPLES}); fit a model, or thin them out"
@@ -86,7 +84,7 @@ def scattered_material(table: Table) -> Scattered:
     isotropic = azimuth.size == 0 or np.ptp(azimuth) < 1e-9
     if isotropic and azimuth.size:
         c, s = np.cos(azimuth[0]), -np.sin(azimuth[0])
-        wi, wo = (Direction(w.x * c - w.y * s, w.x * s + w.y * c, w.z) for w in (wi, wo))
+        wi, wo = (rotate_z(w, c, s) for w in (wi, wo))
     dtype = jnp.result_type(float)
     valid = block.flag == Flag.VALID
     arrays = np.stack([*wi, *wo], axis=-1), np.where(valid, block.f, 0.0), valid

@@ -98,13 +98,13 @@ def as_material(table: Table) -> AbstractBRDF:
     """
     if table.interpolant is not None:
         return table.interpolant()
+    if not table.valid_cells().size:
+        raise GonioError(f"table {table.name or 'without a name'} holds no valid reading; nothing can be interpolated")
     if not table.layout.gridded:
         from gonio.data.interpolation.inverse_distance import scattered_material
 
         return scattered_material(table)
     valid = np.asarray(table.flag[...]) == Flag.VALID
-    if not valid.any():
-        raise GonioError(f"table {table.name or 'without a name'} holds no valid reading; nothing can be interpolated")
     values = np.where(valid, np.asarray(table.f[...]), 0.0)
     if (valid == valid[..., :1]).all():
         valid = valid[..., :1]
