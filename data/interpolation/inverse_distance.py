@@ -11,6 +11,7 @@ from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction, rotate_z
+from gonio.models.warps.grazing_azimuth import polar_parts
 
 CHUNK = 64
 MAX_SAMPLES = 50_000
@@ -59,11 +60,8 @@ class Scattered(AbstractBRDF):
     def _turned(self, wi: Direction, wo: Direction) -> Float[Array, " 6"]:
         if not self.same_all_round:
             return jnp.stack([*wi, *wo])
-        sin_i = jnp.sqrt(wi.x**2 + wi.y**2)
-        no_azimuth = sin_i == 0
-        safe = jnp.where(no_azimuth, 1.0, sin_i)
-        cos_p, sin_p = jnp.where(no_azimuth, 1.0, wi.x / safe), jnp.where(no_azimuth, 0.0, -wi.y / safe)
-        return jnp.stack([*rotate_z(wi, cos_p, sin_p), *rotate_z(wo, cos_p, sin_p)])
+        _, cos_p, sin_p = polar_parts(wi)
+        return jnp.stack([*rotate_z(wi, cos_p, -sin_p), *rotate_z(wo, cos_p, -sin_p)])
 
 
 def _distance2(samples: Array, pair: Array) -> Array:

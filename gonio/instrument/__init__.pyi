@@ -1,10 +1,10 @@
 from .instrument import Instrument as Instrument
 from .instrument import Systematic as Systematic
 from .measurement import measure as measure
-from .options import MeasureOptions as MeasureOptions
 from .scans import half_difference as half_difference
 from .scans import in_plane as in_plane
 from .scans import isotropic as isotropic
 from .scans import merl as merl
 from .scans import scan as scan
 from .scans import spherical as spherical
+from .sinks import MeasureOptions as MeasureOptions

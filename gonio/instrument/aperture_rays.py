@@ -15,6 +15,7 @@ import numpy as np
 
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, normalize
+from gonio.models.warps.grazing_azimuth import polar_parts
 
 NODES_MAX = 180
 Array = jax.Array | np.ndarray
@@ -121,10 +122,7 @@ def disc_sums(
 
 def _frame(disc: Disc, crossing: bool) -> Frame:
     w = disc.axis
-    sin_t = jnp.sqrt(w.x**2 + w.y**2)
-    tilted = sin_t > 0
-    safe = jnp.where(tilted, sin_t, 1.0)
-    cos_p, sin_p = jnp.where(tilted, w.x / safe, 1.0), jnp.where(tilted, w.y / safe, 0.0)
+    sin_t, cos_p, sin_p = polar_parts(w)
     up = Direction(-w.z * cos_p, -w.z * sin_p, sin_t)
     tan_s = jnp.tan(disc.half_angle)
     psi_end = None

@@ -14,11 +14,10 @@ from gonio.data.layouts import Layout
 from gonio.data.subject import SubjectLike, load_material
 from gonio.data.table import Table
 from gonio.instrument.instrument import Instrument
-from gonio.instrument.options import OLD_NAMES, MeasureOptions, MeasureSettings
 from gonio.instrument.reader import Reader
 from gonio.instrument.scans import default_name, isotropy_remark
 from gonio.instrument.scans import scan as named_scan
-from gonio.instrument.sinks import open_sink
+from gonio.instrument.sinks import OLD_NAMES, MeasureOptions, MeasureSettings, open_sink
 from gonio.models.deprecation import settings_of
 
 PATIENCE = 0.5

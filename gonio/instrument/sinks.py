@@ -1,4 +1,4 @@
-"""Where readings go: arrays in memory, or a file that is written in blocks and continued where it was stopped.
+"""The options of a measurement, and where its readings go: arrays, or a file in blocks, continued where it stopped.
 
 The provenance of the table holds all that is needed to make it again, in a form that JSON can hold.
 """
@@ -9,17 +9,18 @@ import datetime
 import hashlib
 import os
 import re
-from typing import Any, NamedTuple, Self
+from collections.abc import Callable
+from typing import Any, NamedTuple, Self, TypedDict
 
 import jax
 import numpy as np
+from numpy.typing import DTypeLike
 
 from gonio.data.hdf5.writer import BlockWriter, TableHeader, open_table
 from gonio.data.material import Material
 from gonio.data.table import Table
 from gonio.data.tabulate import block_rows
 from gonio.instrument.instrument import Systematic
-from gonio.instrument.options import MeasureSettings
 from gonio.instrument.reader import BlockReadings, Reader, WorstAverage
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import to_expression
@@ -31,6 +32,39 @@ FLAT_BLOCK = 1 << 14
 """Cells of a block whose readings are averages over rays: some seconds of work at most, even for narrow lobes."""
 MEMORY_BYTES = 8 << 30
 """Larger tables are only written to a file, in blocks."""
+OLD_NAMES = {"say": "log"}
+"""Of options."""
+
+
+class MeasureOptions(TypedDict, total=False):
+    """Keywords of `gonio.measure`; `help(gonio.measure)` describes each."""
+
+    output: str | os.PathLike[str] | None
+    seed: int
+    progress: bool
+    force: bool
+    dtype: DTypeLike | None
+    log: Callable[[str], None] | None
+    command: str | None
+
+
+@dataclasses.dataclass(frozen=True)
+class MeasureSettings:
+    """The options of a measurement, complete and checked; see `gonio.measure`."""
+
+    output: str | os.PathLike[str] | None = None
+    seed: int = 0
+    progress: bool = False
+    force: bool = False
+    dtype: DTypeLike | None = None
+    log: Callable[[str], None] | None = None
+    command: str | None = None
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.seed, int | np.integer) and 0 <= self.seed < 1 << 64):
+            raise GonioError(f"the seed is {self.seed!r}; give a whole number from 0 to 2^64 − 1")
+        if self.dtype is not None and np.dtype(self.dtype) not in (np.float32, np.float64):
+            raise GonioError(f"values of type {np.dtype(self.dtype)} cannot be stored; give float32 or float64")
 
 
 class CellBlock(NamedTuple):
