@@ -85,24 +85,16 @@ def read(
     readings, full = np.empty(number.size, expected.dtype), np.empty(number.size, bool)
     for first in range(0, number.size, BATCH):
         part = slice(first, min(first + BATCH, number.size))
-        padded = (np.pad(a[part], (0, BATCH - part.stop + first), mode="edge") for a in inputs)
-        batch = _batch(photons is not None, key, chain, *padded)
-        for whole, values in zip((readings, full), batch, strict=True):
-            whole[part] = np.asarray(values)[: part.stop - first]
+        padded = tuple(np.pad(a[part], (0, BATCH - part.stop + first), mode="edge") for a in inputs)
+        batch = _batch(photons is not None, key, chain, padded)
+        readings[part], full[part] = (np.asarray(values)[: part.stop - first] for values in batch)
     return readings.reshape(expected.shape), full.reshape(expected.shape)
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def _batch(
-    counted: bool,
-    key: jax.Array,
-    chain: jax.Array,
-    low: jax.Array,
-    high: jax.Array,
-    expected: jax.Array,
-    irradiance: jax.Array,
-) -> tuple[jax.Array, jax.Array]:
+def _batch(counted: bool, key: jax.Array, chain: jax.Array, inputs: State) -> tuple[jax.Array, jax.Array]:
     """(readings, whether the detector was full); `low` and `high` are the halves of the readings' numbers."""
+    low, high, expected, irradiance = inputs
     noise, scale, background, read_noise, saturation = chain
     keys = jax.vmap(lambda lo, hi: jax.random.fold_in(jax.random.fold_in(key, hi), lo))(low, high)
     streams = jax.vmap(lambda k: jax.vmap(functools.partial(jax.random.fold_in, k))(jnp.arange(4)))(keys)
