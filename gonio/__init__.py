@@ -41,7 +41,8 @@ _PUBLIC = {  # public name: where it is defined; `__init__.pyi` has the same for
     "stress": "gonio.stability:stress",
 }
 
-__all__ = ["__version__", *(name for name in _PUBLIC if name != "open")]  # a star import leaves Python's own `open`
+# A star import leaves Python's own `open`.
+__all__ = ["__version__", *(n for n in _PUBLIC if n != "open")]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

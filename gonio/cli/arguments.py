@@ -34,26 +34,22 @@ KINDS: dict[str, Callable[[str], Any]] = {
 }  # fmt: skip
 
 
-def add_options(
-    parser: argparse.ArgumentParser | argparse._ArgumentGroup,
-    options: Options,
-    **kinds: Callable[[str], Any],
-) -> None:
-    """Adds options to a parser.
+def add_options(add: Callable[..., object], options: Options, **kinds: Callable[[str], Any]) -> None:
+    """Adds options to a verb.
 
     Args:
-        parser: of a verb, or a group of it.
+        add: `add_argument` of the verb's parser, or of a group of it.
         options: the word in capitals decides the type (see `KINDS`).
         kinds: types of this verb's words in capitals, where `KINDS` has another or none.
     """
     for words, text in options.items():
         names, _, word = words.partition(" ")
-        how = {"help": text} if isinstance(text, str) else dict(text)
+        how: dict[str, Any] = {"help": text} if isinstance(text, str) else text
         if word:
-            how |= {"metavar": word, "type": (KINDS | kinds).get(word, str)}
+            how = {"metavar": word, "type": (KINDS | kinds).get(word, str), **how}
         elif "choices" not in how:
             how["action"] = "store_true"
-        parser.add_argument(*names.split("/"), **how)
+        add(*names.split("/"), **how)
 
 
 def given(args: argparse.Namespace, *names: str) -> dict[str, Any]:

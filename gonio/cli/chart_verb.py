@@ -23,7 +23,7 @@ OPTIONS: Options = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     names = "evaluation, hemisphere, tables, fits, measuring (default: all)"
     parser.add_argument("names", nargs="*", metavar="NAME", help=names)
-    add_options(parser, OPTIONS | FORCE, S=float)
+    add_options(parser.add_argument, OPTIONS | FORCE, S=float)
 
 
 def run(args: argparse.Namespace) -> int:

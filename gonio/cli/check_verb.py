@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     subject = "a table, a material's name, or an expression"
     parser.add_argument("subject", metavar="FILE|MATERIAL", nargs="?", help=subject)
-    add_options(parser, OPTIONS | FORCE)
+    add_options(parser.add_argument, OPTIONS | FORCE)
     parser.set_defaults(feature_width=0.0, level=0.01)
 
 

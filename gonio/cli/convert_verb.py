@@ -9,7 +9,7 @@ from gonio.text import show
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("input", metavar="IN", help="any file that can be read")
     parser.add_argument("output", metavar="OUT", help=".h5 (gonio's HDF5), .binary (MERL) or .csv (scattered)")
-    add_options(parser, MERL | FORCE)
+    add_options(parser.add_argument, MERL | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:

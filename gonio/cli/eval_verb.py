@@ -13,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--directions DIRS.csv": {"required": True, "help": columns},
         "-o/--output OUT.csv": {"default": "-", "help": "default: standard output"},
     }
-    add_options(parser, options | FORCE)
+    add_options(parser.add_argument, options | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:

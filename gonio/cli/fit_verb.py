@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     files = "a table in any format that can be read; several, or folders of them, are fitted one after another, on all "
     files += "processors, and a killed run goes on where it stopped"
     parser.add_argument("files", nargs="+", metavar="FILE", help=files)
-    add_options(parser, OPTIONS | MERL | FORCE)
+    add_options(parser.add_argument, OPTIONS | MERL | FORCE)
     parser.set_defaults(bootstrap=0, starts=8, seed=0)
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="?", help="show one material whole, as its file")
-    add_options(parser, JSON)
+    add_options(parser.add_argument, JSON)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -50,10 +50,10 @@ RUN: Options = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("material", metavar="MATERIAL", help=MATERIAL)
-    add_options(parser, OUTPUT)
-    add_options(parser.add_argument_group("scan"), SCAN)
-    add_options(parser.add_argument_group("instrument (ideal by default)"), INSTRUMENT, N=float)
-    add_options(parser, RUN | FORCE)
+    add_options(parser.add_argument, OUTPUT)
+    add_options(parser.add_argument_group("scan").add_argument, SCAN)
+    add_options(parser.add_argument_group("instrument (ideal by default)").add_argument, INSTRUMENT, N=float)
+    add_options(parser.add_argument, RUN | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:

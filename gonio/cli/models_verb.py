@@ -13,7 +13,7 @@ from gonio.text import columns, show
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="?", help="show one model whole")
     picture = "write a small picture of the model's lobe, at its usual values (png, svg, pdf)"
-    add_options(parser, JSON | {"--picture FILE": picture} | FORCE)
+    add_options(parser.add_argument, JSON | {"--picture FILE": picture} | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -16,7 +16,7 @@ OPTIONS: Options = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("table", metavar="TABLE", help="a table in any format that can be read")
-    add_options(parser, OPTIONS | MERL | FORCE)
+    add_options(parser.add_argument, OPTIONS | MERL | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -22,7 +22,7 @@ OPTIONS: Options = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     subjects = "tables or materials: files, names or expressions"
     parser.add_argument("subjects", nargs="+", metavar="FILE", help=subjects)
-    add_options(parser, OPTIONS | FORCE)
+    add_options(parser.add_argument, OPTIONS | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:

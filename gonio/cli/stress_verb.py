@@ -17,7 +17,7 @@ OPTIONS: Options = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     names = "default: all, a quarter of an hour on two cores"
     parser.add_argument("models", nargs="*", metavar="NAME", help=names)
-    add_options(parser, OPTIONS | FORCE)
+    add_options(parser.add_argument, OPTIONS | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:
