@@ -14,20 +14,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
 from gonio.charts.point import Axis, Chart, Point, cheapest, front, shown
-from gonio.figures.style import (
-    FAINT,
-    INK,
-    MARKERS,
-    PALETTE,
-    RULE,
-    Picture,
-    decades_between,
-    fixed_ticks,
-    mantissa_ticks,
-    mix,
-    sr_label,
-    styled,
-)
+from gonio.figures import style
+from gonio.figures.style import FAINT, INK, sr_label
 
 ANGLES = np.radians([20, -20, 160, -160, 60, -60, 120, -120, 0, 180, 90, -90])
 DISTANCES = (3, 7, 13, 21, 34, 46, 60, 78, 100, 130, 165, 205, 250, 300)
@@ -86,7 +74,7 @@ LARGE = (7.6, 6.4)  # of one with very many points
 MANY = 45
 COLUMNS = 3
 MARK, RING = 5.0, 11.0  # points across
-MARKS = (*MARKERS, "P", "X")
+MARKS = (*style.MARKERS, "P", "X")
 CEILING = 10.0
 """Errors beyond stand on the upper edge: they are as wrong as can be."""
 LETTERS = 8.0
@@ -147,7 +135,7 @@ def _looks(methods: Sequence[str]) -> Looks:
     for m, (first, _, last) in parts.items():
         family = families.index(first or m)
         mark = variants.index(last) if first else family
-        looks[m] = PALETTE[family % len(PALETTE)], MARKS[mark % len(MARKS)]
+        looks[m] = style.PALETTE[family % len(style.PALETTE)], MARKS[mark % len(MARKS)]
     return looks
 
 
@@ -235,16 +223,18 @@ class _Frame:
         heights += [b for p in self.points if (b := self.bound(p)) is not None]
         xlim, ylim = (min(costs) / 1.7, max(costs) * 1.7), (min(heights) / 2.2, max(heights) * 2.2)
         self.ax.set(xlim=xlim, ylim=ylim, xlabel=self.cost.title, ylabel=self.error.title)
-        fixed_ticks(self.ax.xaxis, _ticks(*xlim))
-        fixed_ticks(self.ax.yaxis, _ticks(*ylim))
-        self.ax.grid(color=RULE)
+        style.fixed_ticks(self.ax.xaxis, _ticks(*xlim))
+        style.fixed_ticks(self.ax.yaxis, _ticks(*ylim))
+        self.ax.grid(color=style.RULE)
 
     def label(self, renderer: RendererAgg) -> None:
         """Writes the settings beside their points, the front first: it is what a reader looks for."""
         unit, to_pixels = renderer.dpi / 72, self.ax.transData.transform
         order = sorted(self.points, key=lambda p: (p not in self.front, p.value(self.cost.key)))
         texts = [
-            self.ax.text(0, 0, p.setting, fontsize=LETTERS, color=mix(self.looks[p.method][0], "black", 0.25), zorder=5)
+            self.ax.text(
+                0, 0, p.setting, fontsize=LETTERS, color=style.mix(self.looks[p.method][0], "black", 0.25), zorder=5
+            )
             for p in order
         ]
         extents = [t.get_window_extent(renderer) for t in texts]
@@ -264,7 +254,13 @@ class _Frame:
             if math.dist(end, mark) > 8 * unit:
                 line = to_axes([mark, end])
                 self.ax.plot(
-                    *line.T, transform=self.ax.transAxes, color=FAINT, lw=0.4, zorder=2, scalex=False, scaley=False
+                    *line.T,
+                    transform=self.ax.transAxes,
+                    color=FAINT,
+                    lw=0.4,
+                    zorder=2,
+                    scalex=False,
+                    scaley=False,
                 )
         missing = corners.count(None)
         if missing:
@@ -281,15 +277,15 @@ class _Frame:
 
 
 def _ticks(low: float, high: float) -> list[float]:
-    decades = [t for t in decades_between(low, high) if low <= t <= high]
-    return decades if len(decades) >= 3 else mantissa_ticks(low, high, (1, 2, 5))
+    decades = [t for t in style.decades_between(low, high) if low <= t <= high]
+    return decades if len(decades) >= 3 else style.mantissa_ticks(low, high, (1, 2, 5))
 
 
 def picture_files(
     chart: Chart, points: Sequence[Point], caption: str, tolerance: float | None = None
 ) -> dict[str, bytes]:
     """The picture as files: ``{"svg": ..., "png": ...}``."""
-    with styled(), matplotlib.rc_context({"font.size": 9}):
+    with style.styled(), matplotlib.rc_context({"font.size": 9}):
         label = f"{chart.title}: {', '.join(dict.fromkeys(p.method for p in points))}"
-        picture = Picture(chart_figure(chart, points, caption, tolerance), label)
+        picture = style.Picture(chart_figure(chart, points, caption, tolerance), label)
     return {"svg": picture.svg_file(), "png": picture.png(dpi=144)}

@@ -12,22 +12,7 @@ from matplotlib.ticker import FuncFormatter
 
 from gonio.checks.certificate import Property
 from gonio.data.table import Channels
-from gonio.figures.style import (
-    AXIS_GREY,
-    INK,
-    MARK_BLACK,
-    MARK_WHITE,
-    Dash,
-    colour_bar,
-    decades_between,
-    degree_axis,
-    fixed_ticks,
-    legend_above,
-    mantissa_ticks,
-    root_degree_axis,
-    shades,
-    sr_label,
-)
+from gonio.figures import style
 from gonio.fitting.residuals.maps import bins, grouped_median
 
 MOST_CURVES = 6
@@ -43,12 +28,12 @@ class AlbedoCurve:
     label: str
     colour: str
     marker: str | None = None
-    dash: Dash = "-"
+    dash: style.Dash = "-"
 
 
 def draw_albedo(ax: Axes, curves: Sequence[AlbedoCurve]) -> None:
     """All curves on one pair of axes; a band is value ± bound, and the line at 1 is the most that can be reflected."""
-    ax.axhline(1.0, color=AXIS_GREY, lw=0.8, ls=(0, (4, 2)))
+    ax.axhline(1.0, color=style.AXIS_GREY, lw=0.8, ls=(0, (4, 2)))
     top, cap = 1.05, 3.0
     for c in curves:
         bound = np.where(np.isfinite(c.bound), c.bound, np.nan)
@@ -60,9 +45,9 @@ def draw_albedo(ax: Axes, curves: Sequence[AlbedoCurve]) -> None:
             cap = max(cap, 1.5 * float(np.median(finite)))
             top = max(top, 1.05 * float(finite.max()))
     ax.set(xlim=(0, 90), ylim=(0, min(top, cap)), xlabel="θᵢ", ylabel="directional albedo")
-    degree_axis(ax.xaxis)
+    style.degree_axis(ax.xaxis)
     ax.grid(axis="y")
-    legend_above(ax)
+    style.legend_above(ax)
 
 
 class AlbedoSeries(NamedTuple):
@@ -100,7 +85,7 @@ def channel_colours(colour: str, names: Sequence[str]) -> list[str]:
     """A colour for each channel: red, green and blue as readers expect, else shades of the subject's colour."""
     if tuple(names) == ("R", "G", "B"):
         return ["#D55E00", "#009E73", "#0072B2"]
-    return shades(colour, len(names))
+    return style.shades(colour, len(names))
 
 
 CORRELATIONS_SIZE = (4.9, 4.1)
@@ -124,9 +109,9 @@ def draw_correlations(ax: Axes, names: Sequence[str], correlation: np.ndarray) -
     for (row, column), value in np.ndenumerate(correlation if n <= WRITTEN else np.empty((0, 0))):
         if np.isfinite(value):
             text = f"{value:.2f}".replace("-", "−").replace("0.", ".")
-            colour = MARK_WHITE if abs(value) > 0.65 else MARK_BLACK
+            colour = style.MARK_WHITE if abs(value) > 0.65 else style.MARK_BLACK
             ax.text(column, row, text, ha="center", va="center", fontsize=7, color=colour)
-    colour_bar(ax, image, "correlation")
+    style.colour_bar(ax, image, "correlation")
 
 
 SCATTER_SIZE = (4.3, 3.9)
@@ -143,14 +128,14 @@ def draw_reciprocity(ax: Axes, a: np.ndarray, b: np.ndarray, tolerance: float | 
     ends = np.array([low, high])
     if tolerance is not None and 0 < tolerance < 2:
         ratio = (2 + tolerance) / (2 - tolerance)
-        ax.fill_between(ends, ends / ratio, ends * ratio, color=AXIS_GREY, alpha=0.25, lw=0)
-    ax.plot(ends, ends, color=AXIS_GREY, lw=0.8)
+        ax.fill_between(ends, ends / ratio, ends * ratio, color=style.AXIS_GREY, alpha=0.25, lw=0)
+    ax.plot(ends, ends, color=style.AXIS_GREY, lw=0.8)
     ax.plot(a, b, "o", ms=2.6, mec="none", mfc=colour, alpha=0.5, rasterized=True)
-    ticks = [t for t in decades_between(low, high) if low <= t <= high]
+    ticks = [t for t in style.decades_between(low, high) if low <= t <= high]
     if len(ticks) < 2:
-        ticks = mantissa_ticks(low, high, (1, 2, 5) if high / low > 3 else (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8))
+        ticks = style.mantissa_ticks(low, high, (1, 2, 5) if high / low > 3 else (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8))
     for axis in (ax.xaxis, ax.yaxis):
-        fixed_ticks(axis, ticks)
+        style.fixed_ticks(axis, ticks)
     ax.set(xlim=(low, high), ylim=(low, high), xlabel="f(ωᵢ, ωₒ) / sr⁻¹", ylabel="f(ωₒ, ωᵢ) / sr⁻¹")
 
 
@@ -169,22 +154,22 @@ def draw_p_values(ax: Axes, theta: np.ndarray, p: np.ndarray, level: float) -> N
             bright = norm(max(value, floor)) > 0.55
             ax.text(
                 float(theta[column]), float(theta[row]), _short(value, floor), ha="center", va="center", fontsize=7.5,
-                color=MARK_BLACK if bright else MARK_WHITE, weight="bold" if value < level else "normal",
+                color=style.MARK_BLACK if bright else style.MARK_WHITE, weight="bold" if value < level else "normal",
             )  # fmt: skip
-    bar = colour_bar(ax, image, f"p-value (line: level {level:g})", extend="min")
-    bar.ax.axhline(level, color=INK, lw=1.4)
+    bar = style.colour_bar(ax, image, f"p-value (line: level {level:g})", extend="min")
+    bar.ax.axhline(level, color=style.INK, lw=1.4)
     bar.ax.minorticks_off()
     bar.set_ticks([10.0**e for e in range(math.ceil(math.log10(floor)), 1)])
-    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(v)))
+    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: style.sr_label(v)))
     for axis in (ax.xaxis, ax.yaxis):
-        degree_axis(axis, np.arange(math.floor(low / 10) * 10, high + 1, 10))
+        style.degree_axis(axis, np.arange(math.floor(low / 10) * 10, high + 1, 10))
     ax.set(xlabel="one polar angle", ylabel="the other")
 
 
 def _short(p: float, floor: float) -> str:
     if p < floor:
-        return f"<{sr_label(floor)}"
-    return f"{p:.2f}".lstrip("0") if p >= 0.01 else sr_label(float(f"{p:.0e}"))
+        return f"<{style.sr_label(floor)}"
+    return f"{p:.2f}".lstrip("0") if p >= 0.01 else style.sr_label(float(f"{p:.0e}"))
 
 
 BINS = 30
@@ -224,9 +209,9 @@ def draw_residual_map(ax: Axes, grid: MedianGrid, axes: tuple[str, str]) -> None
         np.sqrt(grid.x_edges) if root else grid.x_edges, grid.y_edges, grid.median.T, cmap="RdBu_r",
         norm=CenteredNorm(halfrange=limit), rasterized=True,
     )  # fmt: skip
-    colour_bar(ax, mesh, "median of (model − reading)/|reading|, %", extend="both")
-    (root_degree_axis if root else degree_axis)(ax.xaxis)
-    degree_axis(ax.yaxis)
+    style.colour_bar(ax, mesh, "median of (model − reading)/|reading|, %", extend="both")
+    (style.root_degree_axis if root else style.degree_axis)(ax.xaxis)
+    style.degree_axis(ax.yaxis)
     ax.set(xlabel=NAMES[axes[0]], ylabel=NAMES[axes[1]])
 
 
@@ -236,7 +221,7 @@ def draw_residual_histogram(ax: Axes, values: np.ndarray, in_sigma: bool, colour
     ax.stairs(density, edges, fill=True, color=colour, alpha=0.55)
     if in_sigma:
         x = np.linspace(-5, 5, 201)
-        ax.plot(x, np.exp(-x * x / 2) / np.sqrt(2 * np.pi), color=INK, lw=1.1, label="noise alone")
+        ax.plot(x, np.exp(-x * x / 2) / np.sqrt(2 * np.pi), color=style.INK, lw=1.1, label="noise alone")
         ax.legend(loc="upper right")
     ax.set(xlim=(edges[0], edges[-1]), ylabel="share of readings per unit", ylim=(0, None))
     ax.set_xlabel("(model − reading) / u(f)" if in_sigma else "(model − reading)/reading, %")

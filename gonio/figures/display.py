@@ -11,17 +11,7 @@ from matplotlib.patches import Wedge
 from gonio.checks.certificate import Certificate
 from gonio.data.scene import Scene
 from gonio.data.table import Channels
-from gonio.figures.diagnostics import albedo_series, draw_albedo
-from gonio.figures.plots import (
-    draw_on,
-    plot_albedo,
-    plot_lobe,
-    plot_residuals,
-    plot_slice,
-    plot_sphere,
-    thumbnail_svg,
-)
-from gonio.figures.style import AXIS_GREY, PALETTE, legend_above, picture
+from gonio.figures import diagnostics, plots, style
 from gonio.fitting.result import FitResult
 from gonio.instrument.instrument import Instrument
 from gonio.models.display import Displayed
@@ -52,10 +42,10 @@ def plot(shown: Displayed, kind: str | None = None, *, ax: Axes | None = None, *
 def thumbnail(shown: Displayed) -> str:
     """A small picture as an SVG element; empty where the object has none."""
     if isinstance(shown, Scene | Instrument):
-        return picture(type(shown).__name__, _draw_beams, _beams(shown), size=(2.4, 1.5)).svg()
+        return style.picture(type(shown).__name__, _draw_beams, _beams(shown), size=(2.4, 1.5)).svg()
     subject = shown.material if isinstance(shown, FitResult) else shown
     try:
-        return "" if isinstance(shown, Certificate) else thumbnail_svg(subject)
+        return "" if isinstance(shown, Certificate) else plots.thumbnail_svg(subject)
     except GonioError:  # a table whose readings do not make a lobe, or an object that is no subject
         return ""
 
@@ -65,29 +55,28 @@ def _kinds(shown: Displayed) -> dict[str, Callable[..., Axes]]:
         return {"directions": _plot_beams}
     if isinstance(shown, Certificate):
         return {"albedo": _plot_certificate}
-    kinds = {"lobe": plot_lobe, "slice": plot_slice, "sphere": plot_sphere, "albedo": plot_albedo}
-    return kinds | ({"residuals": plot_residuals} if isinstance(shown, FitResult) else {})
+    kinds = {kind: getattr(plots, f"plot_{kind}") for kind in ("lobe", "slice", "sphere", "albedo")}
+    return kinds | ({"residuals": plots.plot_residuals} if isinstance(shown, FitResult) else {})
 
 
 def _plot_certificate(certificate: Certificate, *, ax: Axes | None = None) -> Axes:
     """Directional albedo as the check computed it, with the bound on its error."""
     energy = certificate["energy"]
     count = np.shape(energy.series.get("albedo", [[]]))
-    series = albedo_series(energy, Channels.of_count(count[0] if len(count) > 1 else 1))
+    series = diagnostics.albedo_series(energy, Channels.of_count(count[0] if len(count) > 1 else 1))
     if series is None:
         raise GonioError(f"the check of {certificate.subject} computed no albedo: {energy.detail}")
-    return draw_on(
-        ax, certificate.subject, draw_albedo, series.curves(PALETTE[0], "o" if certificate.kind == "table" else None)
-    )
+    curves = series.curves(style.PALETTE[0], "o" if certificate.kind == "table" else None)
+    return plots.draw_on(ax, certificate.subject, diagnostics.draw_albedo, curves)
 
 
 def _plot_beams(shown: Scene | Instrument, *, ax: Axes | None = None) -> Axes:
     """Lights and views of a scene, or source and detector of an instrument, in a section of the hemisphere."""
-    return draw_on(ax, type(shown).__name__, _draw_beams, _beams(shown))
+    return plots.draw_on(ax, type(shown).__name__, _draw_beams, _beams(shown))
 
 
 def _beams(shown: Scene | Instrument) -> list[Beam]:
-    light, view = PALETTE[4], PALETTE[0]
+    light, view = style.PALETTE[4], style.PALETTE[0]
     if isinstance(shown, Instrument):
         source, detector = (math.degrees(a) for a in (shown.source_half_angle, shown.detector_half_angle))
         return [
@@ -99,7 +88,7 @@ def _beams(shown: Scene | Instrument) -> list[Beam]:
 
 
 def _draw_beams(ax: Axes, beams: Sequence[Beam]) -> None:
-    ax.add_patch(Wedge((0, 0), 1.0, 0, 180, facecolor="none", edgecolor=AXIS_GREY, lw=0.8))
+    ax.add_patch(Wedge((0, 0), 1.0, 0, 180, facecolor="none", edgecolor=style.AXIS_GREY, lw=0.8))
     labels: set[str] = set()
     for b in beams:
         middle, half = (b.low + b.high) / 2, max(b.high - b.low, NARROWEST) / 2
@@ -108,4 +97,4 @@ def _draw_beams(ax: Axes, beams: Sequence[Beam]) -> None:
         ax.add_patch(Wedge((0, 0), 1.0, 90 - middle - half, 90 - middle + half, color=b.colour, alpha=0.4, label=label))
     ax.set(xlim=(-1.05, 1.05), ylim=(-0.05, 1.05), aspect="equal")
     ax.set_axis_off()
-    legend_above(ax)
+    style.legend_above(ax)

@@ -12,19 +12,9 @@ from matplotlib.patches import PathPatch, Wedge
 from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter
 
+from gonio.figures import style
 from gonio.figures.maps import MAP
-from gonio.figures.style import (
-    AXIS_GREY,
-    FAINT,
-    INK,
-    RULE,
-    Dash,
-    decades_between,
-    degree_axis,
-    legend_above,
-    log_axis,
-    sr_label,
-)
+from gonio.figures.style import AXIS_GREY, FAINT, INK, RULE, degree_axis, log_axis, sr_label
 
 DECADES = 6
 """A logarithmic picture shows this many decades below its largest value."""
@@ -38,7 +28,7 @@ class Curve:
     f: np.ndarray
     label: str
     colour: str
-    dash: Dash = "-"
+    dash: style.Dash = "-"
     marker: str | None = None
     """Drawn as points, never joined, where a marker is given."""
     theta_i: float | None = None
@@ -57,7 +47,7 @@ def draw_in_plane(ax: Axes, curves: Sequence[Curve], log: bool) -> None:
     for c in curves:
         _draw(ax, c.theta_o, np.where(c.f > 0, c.f, np.nan) if log else c.f, c)
     ax.set_ylabel("f / sr⁻¹")
-    legend_above(ax)
+    style.legend_above(ax)
 
 
 def _linear_axis(ax: Axes, curves: Sequence[Curve]) -> None:
@@ -116,7 +106,7 @@ def draw_polar(ax: Axes, curves: Sequence[Curve], log: bool) -> None:
         _draw(ax, radius * np.sin(t), radius * np.cos(t), c)
         if c.theta_i is not None:
             _incoming(ax, c.theta_i, c.colour)
-    legend_above(ax)
+    style.legend_above(ax)
 
 
 def _radius(f: np.ndarray, floor: float, span: float, log: bool) -> np.ndarray:
@@ -135,7 +125,7 @@ def _linear_rings(curves: Sequence[Curve]) -> list[float]:
 
 
 def _log_rings(low: float, high: float) -> list[float]:
-    ticks = decades_between(low, high)
+    ticks = style.decades_between(low, high)
     return ticks if len(ticks) > 1 else [low, math.sqrt(low * high), high]
 
 
@@ -155,7 +145,15 @@ def _half_disc(ax: Axes, rings: list[float], radii: list[float]) -> None:
         ax.add_patch(Wedge((0, 0), radius, 0, 180, fill=False, ec=RULE, lw=0.6, zorder=0))
         if radius > 0:
             ax.text(radius, -0.025, sr_label(value), color=FAINT, fontsize=8, ha="center", va="top")
-    ax.text(0, -0.025, "0" if radii[0] > 0 else sr_label(rings[0]), color=FAINT, fontsize=8, ha="center", va="top")
+    ax.text(
+        0,
+        -0.025,
+        "0" if radii[0] > 0 else sr_label(rings[0]),
+        color=FAINT,
+        fontsize=8,
+        ha="center",
+        va="top",
+    )
     ax.text(-1.0, -0.025, "f / sr⁻¹", color=INK, fontsize=9, ha="left", va="top")
     ax.plot([-1.02, 1.02], [0, 0], color=AXIS_GREY, lw=1.0, zorder=1)
 

@@ -10,16 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.patches import Circle
 
-from gonio.figures.style import (
-    MARK_BLACK,
-    MARK_WHITE,
-    colour_bar,
-    decades_between,
-    degree_axis,
-    mantissa_ticks,
-    root_degree_axis,
-    sr_label,
-)
+from gonio.figures import style
 from gonio.models.geometry.directions import Direction
 
 SIDE = 121
@@ -81,7 +72,7 @@ def draw_map(ax: Axes, values: np.ndarray, scale: Scale, theta_i: float) -> None
     rgba = np.full((*inside.shape, 4), [255, 255, 255, 0], np.uint8)
     rgba[inside] = colours(values, scale)
     ax.imshow(rgba, extent=(-1, 1, -1, 1), interpolation="none")
-    _draw_marks(ax, theta_i, MARK_WHITE)
+    _draw_marks(ax, theta_i, style.MARK_WHITE)
 
 
 def draw_dots(
@@ -111,25 +102,25 @@ def _draw_marks(ax: Axes, theta_i: float, line: str) -> None:
         ax.text(x, y, text, ha="center", va="center", fontsize=8.5)
     t = math.radians(theta_i)
     (light, _), (mirror, _) = (on_disc(np.array(t), np.array(p)) for p in (0.0, math.pi))
-    edge = {"mec": MARK_BLACK, "zorder": 5, "ls": "none"}
-    ax.plot(light, 0, "o", ms=6.5, mfc=MARK_WHITE, mew=0.9, **edge)
-    ax.plot(mirror, 0, "+", ms=9, mew=2.6, mec=MARK_WHITE, zorder=5)
-    ax.plot(mirror, 0, "+", ms=8, mew=1.0, mec=MARK_BLACK, zorder=6)
+    edge = {"mec": style.MARK_BLACK, "zorder": 5, "ls": "none"}
+    ax.plot(light, 0, "o", ms=6.5, mfc=style.MARK_WHITE, mew=0.9, **edge)
+    ax.plot(mirror, 0, "+", ms=9, mew=2.6, mec=style.MARK_WHITE, zorder=5)
+    ax.plot(mirror, 0, "+", ms=8, mew=1.0, mec=style.MARK_BLACK, zorder=6)
     ax.set_title(f"θᵢ = {theta_i:g}°", pad=1)
 
 
 def draw_scale(ax: Axes, scale: Scale) -> None:
     """The one colour bar of a row of maps: f, 1/sr, logarithmic."""
     low, high = np.log10(scale)
-    ticks = decades_between(*scale)
+    ticks = style.decades_between(*scale)
     if high - low < 0.5:
         ticks = (10 ** np.linspace(low, high, 4)).tolist()
     elif high - low < 1.6:
-        ticks = mantissa_ticks(scale[0] * (1 - 1e-9), scale[1] * (1 + 1e-9), (1, 2, 3, 5))
+        ticks = style.mantissa_ticks(scale[0] * (1 - 1e-9), scale[1] * (1 + 1e-9), (1, 2, 3, 5))
     ramp = colormaps[MAP](np.linspace(0, 1, 128), bytes=True)[None]
     ax.imshow(ramp, extent=(low, high, 0, 1), aspect="auto", interpolation="none")
     shown = [t for t in ticks if low - 1e-9 <= math.log10(t) <= high + 1e-9]
-    ax.set_xticks([math.log10(t) for t in shown], [sr_label(float(f"{t:.3g}")) for t in shown])
+    ax.set_xticks([math.log10(t) for t in shown], [style.sr_label(float(f"{t:.3g}")) for t in shown])
     ax.set_yticks([])
     ax.spines[["left", "bottom"]].set_visible(False)
     ax.set_xlabel("f / sr⁻¹")
@@ -178,12 +169,12 @@ def draw_slice_readings(ax: Axes, theta_h: np.ndarray, theta_d: np.ndarray, f: n
 
 
 def _draw_axes(ax: Axes, scale: Scale) -> None:
-    root_degree_axis(ax.xaxis)
-    degree_axis(ax.yaxis)
+    style.root_degree_axis(ax.xaxis)
+    style.degree_axis(ax.yaxis)
     ax.set(xlabel="θh (half angle)", ylabel="θd (difference angle)")
     low, high = np.log10(scale)
-    bar = colour_bar(ax, ScalarMappable(Normalize(low, high), MAP), "f / sr⁻¹")
-    ticks = [t for t in decades_between(*scale) if low - 1e-9 <= math.log10(t) <= high + 1e-9]
+    bar = style.colour_bar(ax, ScalarMappable(Normalize(low, high), MAP), "f / sr⁻¹")
+    ticks = [t for t in style.decades_between(*scale) if low - 1e-9 <= math.log10(t) <= high + 1e-9]
     if len(ticks) < 3:
         ticks = (10 ** np.linspace(low, high, 4)).tolist()
-    bar.set_ticks([math.log10(t) for t in ticks], labels=[sr_label(float(f"{t:.2g}")) for t in ticks])
+    bar.set_ticks([math.log10(t) for t in ticks], labels=[style.sr_label(float(f"{t:.2g}")) for t in ticks])

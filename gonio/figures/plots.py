@@ -6,7 +6,7 @@ interpolation. Angles are radians in the arguments and degrees on the axes.
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,30 +19,11 @@ from gonio.data.files import new_file, refuse_existing
 from gonio.data.flags import Flag
 from gonio.data.subject import Subject, SubjectLike, resolve_subject
 from gonio.data.table import Table
-from gonio.figures.diagnostics import (
-    AlbedoCurve,
-    albedo_series,
-    draw_albedo,
-    draw_residual_histogram,
-    draw_residual_map,
-    median_grid,
-)
+from gonio.figures import diagnostics, maps, sampling, spheres, style
+from gonio.figures.diagnostics import AlbedoCurve, draw_albedo, draw_residual_histogram, draw_residual_map
 from gonio.figures.lobes import Curve, draw_in_plane, draw_polar
-from gonio.figures.maps import colour_range, draw_slice, draw_slice_readings, slice_range
-from gonio.figures.spheres import draw_spheres, sphere_pixels, spheres_size
-from gonio.figures.style import HEIGHT, PALETTE, WIDTH, legend_columns, picture, shades, styled
-from gonio.figures.values import (
-    INCIDENCES,
-    fewer_channels,
-    in_plane_readings,
-    of_channel,
-    plane_angles,
-    plane_values,
-    readings_near,
-    slice_values,
-    sphere_values,
-    table_incidences,
-)
+from gonio.figures.sampling import INCIDENCES, of_channel, plane_angles, plane_values
+from gonio.figures.style import HEIGHT, PALETTE, WIDTH, shades, styled
 from gonio.fitting.residuals.pair_angles import pair_angles
 from gonio.models.errors import GonioError, nearest
 from gonio.models.expression.builder import build
@@ -90,10 +71,10 @@ def plot_slice(subject: SubjectLike, *, channel: str | int | None = None, ax: Ax
     """f over half and difference angle at a difference azimuth of 90°; of a table its readings within 10° of that."""
     s = resolve_subject(subject)
     if s.table is None:
-        f = of_channel(slice_values(s.brdf), _channel(s, channel))
-        return draw_on(ax, s.name, draw_slice, f, slice_range([f]))
+        f = of_channel(sampling.slice_values(s.brdf), _channel(s, channel))
+        return draw_on(ax, s.name, maps.draw_slice, f, maps.slice_range([f]))
     theta_h, theta_d, f = _slice_readings(s.table, _channel(s, channel))
-    return draw_on(ax, s.name, draw_slice_readings, theta_h, theta_d, f, colour_range(f))
+    return draw_on(ax, s.name, maps.draw_slice_readings, theta_h, theta_d, f, maps.colour_range(f))
 
 
 def plot_sphere(subject: SubjectLike, *, channel: str | int | None = None, ax: Axes | None = None) -> Axes:
@@ -103,9 +84,9 @@ def plot_sphere(subject: SubjectLike, *, channel: str | int | None = None, ax: A
         GonioError: for a table that cannot be interpolated over the hemisphere.
     """
     s = resolve_subject(subject)
-    pixels = [sphere_pixels(p) for p in _sphere(s, _channel(s, channel))]
+    pixels = [spheres.sphere_pixels(p) for p in _sphere(s, _channel(s, channel))]
     row = ("" if s.table is None else "readings, interpolated", pixels)
-    return draw_on(ax, s.name, draw_spheres, [row], size=spheres_size(1))
+    return draw_on(ax, s.name, spheres.draw_spheres, [row], size=spheres.spheres_size(1))
 
 
 def plot_albedo(subject: SubjectLike, *, ax: Axes | None = None) -> Axes:
@@ -138,12 +119,12 @@ def plot_residuals(
     relative = ((model - readings.f) / np.where(valid, np.abs(readings.f), 1.0))[valid]
     title = f"{result.requested}, fitted to {result.table or 'a table'}"
     if angles is None:
-        return draw_on(ax, title, draw_residual_histogram, 100 * relative, in_sigma=False, colour=PALETTE[0])
+        return draw_on(ax, title, draw_residual_histogram, 100 * relative, False, PALETTE[0])
     if angles not in (("theta_h", "theta_d"), ("theta_i", "theta_o")):
         raise GonioError(f"there is no map of residuals by {angles!r}; give theta_h, theta_d or theta_i, theta_o")
     of_pair = pair_angles(readings.wi, readings.wo)
     across, up = (np.broadcast_to(getattr(of_pair, a)[:, None], valid.shape)[valid] for a in angles)
-    grid = median_grid(across, up, relative, angles[0] == "theta_h")
+    grid = diagnostics.median_grid(across, up, relative, angles[0] == "theta_h")
     return draw_on(ax, title, draw_residual_map, grid, angles)
 
 
@@ -156,12 +137,9 @@ def write_lobe(expression: str, output: str | os.PathLike[str], force: bool = Fa
     if ending not in PICTURES:
         raise GonioError(f"{output} is no picture that can be written; end its name in {', '.join(PICTURES)}")
     refuse_existing(output, force)
-    values, tones = plane_values(build(expression), INCIDENCES), shades(PALETTE[0], len(INCIDENCES))
     # The grey of the channels: their mean, as one line an incidence is what a small picture holds.
-    curves = [
-        Curve(plane_angles(t), f.mean(axis=1), f"θᵢ {t:g}°", tone, theta_i=t)
-        for t, f, tone in zip(INCIDENCES, values, tones, strict=True)
-    ]
+    values = [f.mean(axis=1) for f in plane_values(build(expression), INCIDENCES)]
+    curves = _curves(map(plane_angles, INCIDENCES), values, INCIDENCES, None)
     with styled(), new_file(output, force) as temporary:
         fig = Figure(figsize=(2 * WIDTH, HEIGHT + 0.3), layout="constrained")
         for ax, log, scale in zip(fig.subplots(1, 2), (False, True), ("linear", "logarithmic"), strict=True):
@@ -175,7 +153,7 @@ def thumbnail_svg(subject: SubjectLike) -> str:
     """A small polar diagram of the lobe as an SVG element, for a notebook."""
     s = resolve_subject(subject)
     curves = _lobe_curves(s, list(INCIDENCES), _channel(s, None))
-    small = picture(f"Lobe of {s.name} in the plane of incidence", draw_polar, curves, log=True)
+    small = style.picture(f"Lobe of {s.name} in the plane of incidence", draw_polar, curves, log=True)
     return small.svg().replace("<svg ", '<svg width="240" height="174" ', 1)
 
 
@@ -192,7 +170,7 @@ def draw_on(
         draw(ax, *args, **options)
         legend = ax.get_legend()
         labels = [] if legend is None else [text.get_text() for text in legend.get_texts()]
-        rows = math.ceil(len(labels) / legend_columns(labels)) if labels else 0
+        rows = math.ceil(len(labels) / style.legend_columns(labels)) if labels else 0
         short = title if len(title) <= MOST_LETTERS else title[: MOST_LETTERS - 1] + "…"
         ax.set_title(short, fontsize=10, pad=6.0 + 13.0 * rows)
     return ax
@@ -220,27 +198,29 @@ def _degrees(theta_i: float | Sequence[float] | None) -> list[float]:
 
 def _sphere(s: Subject, channel: int) -> list[np.ndarray]:
     if s.table is None:
-        return sphere_values(s.brdf, s.channels, channel)
+        return sampling.sphere_values(s.brdf, s.channels, channel)
     if s.table.layout.in_one_plane:
         raise GonioError(f"the readings of {s.name} lie in one plane; a sphere needs them over the hemisphere")
-    table, channel = fewer_channels(s.table, channel)
-    return sphere_values(resolve_subject(table).brdf, table.channels, channel)
+    table, channel = sampling.fewer_channels(s.table, channel)
+    return sampling.sphere_values(resolve_subject(table).brdf, table.channels, channel)
 
 
 def _lobe_curves(s: Subject, incidences: list[float], channel: int) -> list[Curve]:
-    if s.table is not None:
-        incidences = table_incidences(s.table, incidences)
-    tones = shades(PALETTE[0], len(incidences))
-    labels = [f"θᵢ {t:.4g}°" for t in incidences]
     if s.table is None:
-        values = [(plane_angles(t), f) for t, f in zip(incidences, plane_values(s.brdf, incidences), strict=True)]
-        marker = None
-    else:
-        values = [in_plane_readings(near) for near in readings_near(s.table, incidences)]
-        marker = "o"
+        values = [of_channel(f, channel) for f in plane_values(s.brdf, incidences)]
+        return _curves(map(plane_angles, incidences), values, incidences, None)
+    incidences = sampling.table_incidences(s.table, incidences)
+    angles, values = zip(*map(sampling.in_plane_readings, sampling.readings_near(s.table, incidences)), strict=True)
+    return _curves(angles, [f[:, channel] for f in values], incidences, "o")
+
+
+def _curves(
+    theta_o: Iterable[np.ndarray], f: Iterable[np.ndarray], incidences: Sequence[float], marker: str | None
+) -> list[Curve]:
+    tones = shades(PALETTE[0], len(incidences))
     return [
-        Curve(x, of_channel(f, channel), label, tone, marker=marker, theta_i=t)
-        for (x, f), label, tone, t in zip(values, labels, tones, incidences, strict=True)
+        Curve(x, y, f"θᵢ {t:.4g}°", tone, marker=marker, theta_i=t)
+        for x, y, tone, t in zip(theta_o, f, tones, incidences, strict=True)
     ]
 
 
@@ -263,7 +243,7 @@ def _albedo_curves(s: Subject) -> list[AlbedoCurve]:
         energy = model_energy(ModelEvidence(s.brdf), ALBEDO_TOLERANCE)
     else:
         energy = table_energy(TableEvidence(s.table), ALBEDO_TOLERANCE)
-    series = albedo_series(energy, s.channels)
+    series = diagnostics.albedo_series(energy, s.channels)
     if series is None:
         raise GonioError(energy.detail.rstrip("."))
     return series.curves(PALETTE[0], None if s.table is None else "o")

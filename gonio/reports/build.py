@@ -139,14 +139,19 @@ def report(
     _certify(shown, settings)
     document = assemble(shown, settings.title, settings.command, charts)
     text = page(document, None if values_file is None else values_file.name)
-    files = {} if settings.figures is None else _figure_files(document, shown)
+    files: dict[Path, bytes] = {}
+    if output is not None and values_file is not None:
+        values = json.dumps(document.values, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n"
+        files = {Path(output): text.encode(), values_file: values.encode()}
+    if settings.figures is not None:
+        files |= _figure_files(Path(settings.figures), document, shown)
+        with output_errors(Path(settings.figures)):
+            os.makedirs(settings.figures, exist_ok=True)
     with contextlib.ExitStack() as stack:
-        if output is not None and values_file is not None:
-            stack.enter_context(new_file(output, settings.force)).write_text(text, encoding="utf-8")
-            values = json.dumps(document.values, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n"
-            stack.enter_context(new_file(values_file, settings.force)).write_text(values, encoding="utf-8")
-        if settings.figures is not None:
-            _write(Path(settings.figures), files)
+        for path, content in files.items():
+            # The folder of figures was found empty, or may be written into.
+            force = settings.force or path.suffix in (".svg", ".png")
+            stack.enter_context(new_file(path, force)).write_bytes(content)
     return text if output is None else Path(output)
 
 
@@ -156,30 +161,18 @@ def _certify(subjects: Sequence[ReportSubject], settings: ReportSettings) -> Non
     for s, given in zip(subjects, settings.certificates or [None] * len(subjects), strict=True):
         if given is not None:
             s.certificate = given
-        elif settings.check and (s.table is None or s.table.counts()["valid"]):
-            judged = s.table if s.table is not None else s.material
-            s.certificate = check(judged, against=settings.against, name=s.name)
+        elif settings.check and not s.empty:
+            s.certificate = check(s.material if s.table is None else s.table, against=settings.against, name=s.name)
 
 
-def _figure_files(document: Document, subjects: Sequence[ReportSubject]) -> dict[str, bytes]:
-    """Contents of every figure's files, by their names."""
-    names = {s.anchor: f"{s.number + 1:02d}-{_file_name(s.name)}" for s in subjects}
+def _figure_files(folder: Path, document: Document, subjects: Sequence[ReportSubject]) -> dict[Path, bytes]:
+    """Contents of every figure's files, SVG and PNG; names take only letters that every system takes."""
+    stems = {s.anchor: re.sub(r"[^A-Za-z0-9._-]+", "_", s.name).strip("._")[:60] or "subject" for s in subjects}
+    names = {s.anchor: f"{s.number + 1:02d}-{stems[s.anchor]}" for s in subjects}
     files = {}
-    for figure in document.figures.values():
-        anchor = figure.id.removesuffix(f"-{figure.slug}")
+    for name, figure in document.figures.items():
+        anchor = name.removesuffix(f"-{figure.slug}")
         stem = f"{names.get(anchor, anchor)}-{figure.slug}"
-        files |= {f"{stem}.svg": figure.picture.svg_file(), f"{stem}.png": figure.picture.png()}
+        files[folder / f"{stem}.svg"] = figure.picture.svg_file()
+        files[folder / f"{stem}.png"] = figure.picture.png()
     return files
-
-
-def _write(folder: Path, files: dict[str, bytes]) -> None:
-    with output_errors(folder):
-        folder.mkdir(exist_ok=True)
-    with contextlib.ExitStack() as stack:
-        for name, data in files.items():
-            stack.enter_context(new_file(folder / name, force=True)).write_bytes(data)
-
-
-def _file_name(name: str) -> str:
-    """A part of a file's name that every system takes."""
-    return re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._")[:60] or "subject"

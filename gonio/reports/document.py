@@ -3,28 +3,21 @@
 import datetime
 import hashlib
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from gonio.data.serialise import plain
-from gonio.figures.style import colour_of
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import to_expression
-from gonio.reports.check_figures import (
-    albedo_figures,
-    comparison_figures,
-    correlation_figures,
-    property_of,
-    reciprocity_figures,
-    residual_figures,
-    sphere_of,
-)
-from gonio.reports.lobe_figures import map_figures, plane_figures, slice_figures, space_figures, sphere_figures
+from gonio.reports import check_figures, lobe_figures
 from gonio.reports.subject import Evaluation, ReportFigure, ReportSubject, evaluate_subject
 from gonio.text import number, versions
 
 FORMAT = 1
+MOST_TEXT = 2000
+NAMES_LISTED = 8
+ON_THE_SPOT = "spelled on the spot"  # the description of a material that an expression made
 
 
 class Document(NamedTuple):
@@ -44,16 +37,15 @@ def assemble(
     subjects: Sequence[ReportSubject], title: str, command: str | None, charts: list[dict[str, Any]]
 ) -> Document:
     """Evaluates the subjects, and draws and lists everything that the page holds."""
-    evaluated = [(s, None if _is_empty(s) else evaluate_subject(s)) for s in subjects]
+    evaluated = [(s, None if s.empty else evaluate_subject(s)) for s in subjects]
     drawable = [(s, e) for s, e in evaluated if e is not None]
-    compared = comparison_figures(drawable)
-    figures = _with_ids("all", compared)
-    sections = []
+    compared = _named("all", check_figures.comparison_figures(drawable))
+    sections, figures = [], dict(compared)
     for s, e in evaluated:
         fit = fit_facts(s)
-        of_subject = [] if e is None else _figures(s, e, fit)
-        figures |= _with_ids(s.anchor, of_subject)
-        sections.append(_section(s, e, fit) | {"figures": _listed(of_subject)})
+        made = {} if e is None else _named(s.anchor, lobe_figures.figures(s, e) + check_figures.figures(s, fit))
+        figures |= made
+        sections.append(_section(s, e, fit) | {"figures": _listed(made)})
     values = {
         "gonio_report": FORMAT,
         "title": title,
@@ -65,24 +57,19 @@ def assemble(
         "comparison": {"figures": _listed(compared)},
         "charts": [{k: v for k, v in c.items() if k != "picture"} for c in charts],
     }
-    spheres = {s.anchor: image for s, e in drawable if (image := sphere_of(s, e))}
+    spheres = {s.anchor: image for s, e in drawable if (image := check_figures.sphere_of(s, e))}
     return Document(plain(values), figures, spheres, charts)
-
-
-def _is_empty(s: ReportSubject) -> bool:
-    return s.table is not None and s.table.counts()["valid"] == 0
 
 
 def _section(s: ReportSubject, e: Evaluation | None, fit: dict[str, Any] | None) -> dict[str, Any]:
     """Everything in the section of a subject but the figures."""
     rows = facts(s)
-    style = colour_of(s.number)
     return {
         "anchor": s.anchor,
         "name": s.name,
-        "kind": s.kind,
-        "colour": style.colour,
-        "dash": list(style.lengths),
+        "kind": "model" if s.table is None else "table",
+        "colour": s.look.colour,
+        "dash": list(s.look.lengths),
         "channels": list(s.channels.names),
         "wavelengths_nm": s.channels.wavelengths_nm,
         "shown_channel": s.channel,
@@ -97,25 +84,17 @@ def _section(s: ReportSubject, e: Evaluation | None, fit: dict[str, Any] | None)
     }
 
 
-def _figures(s: ReportSubject, e: Evaluation, fit: dict[str, Any] | None) -> list[ReportFigure]:
-    of_values = (plane_figures, space_figures, map_figures, sphere_figures, slice_figures)
-    figures = [f for make in of_values for f in make(s, e)] + albedo_figures(s) + reciprocity_figures(s)
-    return figures + residual_figures(s, (fit or {}).get("theta_max")) + correlation_figures(s, fit)
-
-
 def _interpolation_note(e: Evaluation) -> str:
     without = "; no sphere, lobe in space or slice of the readings is drawn" if e.interpolated is None else ""
     return f"Between the readings: {e.interpolation}{without}."
 
 
-def _with_ids(anchor: str, figures: Sequence[ReportFigure]) -> dict[str, ReportFigure]:
-    for f in figures:
-        f.id = f"{anchor}-{f.slug}"
-    return {f.id: f for f in figures}
+def _named(anchor: str, figures: Sequence[ReportFigure]) -> dict[str, ReportFigure]:
+    return {f"{anchor}-{f.slug}": f for f in figures}
 
 
-def _listed(figures: Sequence[ReportFigure]) -> list[dict[str, Any]]:
-    return [{"id": f.id, "kind": f.kind, "caption": f.caption, "data": f.data} for f in figures]
+def _listed(figures: Mapping[str, ReportFigure]) -> list[dict[str, Any]]:
+    return [{"id": name, "kind": f.kind, "caption": f.caption, "data": f.data} for name, f in figures.items()]
 
 
 def _columns(sections: Sequence[dict[str, Any]]) -> list[str]:
@@ -127,18 +106,13 @@ def _columns(sections: Sequence[dict[str, Any]]) -> list[str]:
 
 def _hemispherical(s: ReportSubject) -> list[dict[str, Any]]:
     """Albedo under uniform light by channel, with its bound, where the certificate has it."""
-    energy = property_of(s, "energy")
+    energy = check_figures.property_of(s, "energy")
     values = None if energy is None else energy.facts.get("hemispherical_albedo")
     if energy is None or values is None:
         return []
     bounds = energy.facts.get("hemispherical_bound") or [None] * len(values)
     names = s.channels.names if len(values) == len(s.channels) else ["grey"]
     return [{"channel": n, "albedo": v, "bound": b} for n, v, b in zip(names, values, bounds, strict=True)]
-
-
-MOST_TEXT = 2000
-NAMES_LISTED = 8
-ON_THE_SPOT = "spelled on the spot"  # the description of a material that an expression made
 
 
 def facts(s: ReportSubject) -> list[dict[str, Any]]:
@@ -190,7 +164,9 @@ def provenance(s: ReportSubject) -> list[dict[str, str]]:
     if s.file:
         path = Path(s.file)
         rows.append({"name": "file", "value": f"{path.name}, {path.stat().st_size:,} bytes"})
-        rows.append({"name": "SHA-256", "value": fingerprint(path), "code": True})
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        rows.append({"name": "SHA-256", "value": digest, "code": True})
     if s.table is None:
         if s.material and s.material.source:
             rows.append({"name": "source", "value": s.material.source})
@@ -199,12 +175,6 @@ def provenance(s: ReportSubject) -> list[dict[str, str]]:
         text = _as_text(plain(value))
         rows.append({"name": str(key), "value": text if len(text) <= MOST_TEXT else text[:MOST_TEXT] + " …"})
     return rows
-
-
-def fingerprint(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _as_text(value: Any) -> str:
@@ -222,8 +192,8 @@ def sentence(s: ReportSubject, rows: list[dict], fit: dict | None) -> str:
         value = {r["name"]: r["value"] for r in rows}
         channels = f"{value['channels']} channel{'s' * (value['channels'] > 1)}"
         if not value["valid readings"]:
-            nothing = f"No valid reading in {value['cells']:,} cells and {channels}: nothing can be judged or drawn."
-            sentences.append(nothing)
+            where = f"{value['cells']:,} cells and {channels}"
+            sentences.append(f"No valid reading in {where}: nothing can be judged or drawn.")
         else:
             sentences.append(f"{value['valid readings']:,} valid readings in {channels}, layout {value['layout']}.")
         if value["negative readings"]:

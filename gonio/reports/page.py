@@ -1,7 +1,6 @@
 """The page: the document in HTML, with its figures drawn in; nothing comes from elsewhere, nobody's name is code."""
 
 import base64
-import importlib.resources
 import json
 import math
 import re
@@ -34,7 +33,6 @@ def page(document: Document, values_file: str | None) -> str:
     for name, figure in document.figures.items():
         pictures[name], needed = themed(figure.picture.svg(), accents)
         used |= needed
-    folder = importlib.resources.files("gonio.reports") / "templates"
     subjects = document.values["subjects"]
     lobes = {s["anchor"]: _lobe(f["data"]) for s in subjects for f in s["figures"] if f["kind"] == "space"}
     return environment.get_template("report.html.j2").render(
@@ -46,9 +44,7 @@ def page(document: Document, values_file: str | None) -> str:
         chart_pictures=[c["picture"] for c in document.charts],
         variable=variable,
         values_file=values_file,
-        css=(folder / "report.css").read_text(encoding="utf-8"),
         dark=rules(used),
-        script=(folder / "report_lobes.js").read_text(encoding="utf-8"),
         lobes=embedded(lobes),
     )
 
@@ -66,22 +62,14 @@ def embedded(value: Any) -> str:
 
 def _lobe(data: dict[str, Any]) -> dict[str, Any]:
     """The meshes of a lobe for the script: logarithms of f below the highest, in 16 bits; 0 is no positive value."""
-    high = data["highest_per_sr"]
-    sources = [
-        {
-            "name": source["name"],
-            "sets": [
-                {
-                    "i": m["theta_i_deg"],
-                    "t": m["theta_o_deg"],
-                    "p": m["delta_phi_deg"],
-                    "f": _packed(m["f_per_sr"], high),
-                }
-                for m in source["incidences"]
-            ],
-        }
-        for source in data["sources"]
-    ]
+    high, sources = data["highest_per_sr"], []
+    for source in data["sources"]:
+        names = {"i": "theta_i_deg", "t": "theta_o_deg", "p": "delta_phi_deg"}
+        sets = [
+            {**{k: m[name] for k, name in names.items()}, "f": _packed(m["f_per_sr"], high)}
+            for m in source["incidences"]
+        ]
+        sources.append({"name": source["name"], "sets": sets})
     return {"high": high, "decades": DECADES, "log": data["logarithmic"], "sources": sources}
 
 

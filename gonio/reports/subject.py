@@ -11,17 +11,9 @@ from gonio.checks.certificate import Certificate
 from gonio.data.material import Material
 from gonio.data.subject import SubjectLike, load_material, resolve_subject
 from gonio.data.table import Channels, Table
-from gonio.figures.style import Picture
-from gonio.figures.values import (
-    INCIDENCES,
-    MAP_INCIDENCES,
-    ModelValues,
-    Readings,
-    fewer_channels,
-    model_values,
-    readings_near,
-    table_incidences,
-)
+from gonio.figures import sampling
+from gonio.figures.sampling import INCIDENCES, MAP_INCIDENCES, ModelValues, model_values
+from gonio.figures.style import LineStyle, Picture, colour_of
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import channel_count
@@ -48,16 +40,20 @@ class ReportSubject:
         return f"subject-{self.number + 1}"
 
     @property
+    def look(self) -> LineStyle:
+        """Its line in figures of several subjects."""
+        return colour_of(self.number)
+
+    @property
     def model(self) -> AbstractBRDF:
         """The BRDF of a model."""
-        if self.material is None:
-            raise TypeError(f"{self.name} is a table")
+        assert self.material is not None, f"{self.name} is a table"
         return self.material.brdf
 
     @property
-    def kind(self) -> str:
-        """table or model."""
-        return "model" if self.table is None else "table"
+    def empty(self) -> bool:
+        """Whether it is a table without a valid reading."""
+        return self.table is not None and self.table.counts()["valid"] == 0
 
     @property
     def shown(self) -> int:
@@ -118,9 +114,8 @@ def assign_fits(subjects: Sequence[ReportSubject], fits: Sequence[Material]) -> 
         table = match or free[0]
         count = channel_count(fit.brdf)
         if count not in (None, len(table.channels)):
-            raise GonioError(
-                f"The fit has {count} channels and {table.name} has {len(table.channels)}; give the fit of that table."
-            )
+            counts = f"The fit has {count} channels and {table.name} has {len(table.channels)}"
+            raise GonioError(f"{counts}; give the fit of that table.")
         table.fit = fit
 
 
@@ -134,7 +129,7 @@ class Evaluation:
 
     incidences: list[float]
     map_incidences: list[float]
-    near: dict[float, Readings]
+    near: dict[float, sampling.Readings]
     model: ModelValues | None
     interpolated: ModelValues | None
     interpolation: str
@@ -151,18 +146,18 @@ class Evaluation:
 def evaluate_subject(s: ReportSubject) -> Evaluation:
     """Evaluates a subject for its figures."""
     if s.table is None:
-        values = model_values(s.model, s.channels, s.shown, INCIDENCES, MAP_INCIDENCES)
-        return Evaluation(list(INCIDENCES), list(MAP_INCIDENCES), {}, values, None, "")
-    incidences, maps = (table_incidences(s.table, wanted) for wanted in (INCIDENCES, MAP_INCIDENCES))
+        incidences, maps = list(INCIDENCES), list(MAP_INCIDENCES)
+        return Evaluation(incidences, maps, {}, model_values(s.model, s.channels, s.shown, incidences, maps), None, "")
+    incidences, maps = (sampling.table_incidences(s.table, wanted) for wanted in (INCIDENCES, MAP_INCIDENCES))
     every = sorted({*incidences, *maps})
-    near = dict(zip(every, readings_near(s.table, every), strict=True))
+    near = dict(zip(every, sampling.readings_near(s.table, every), strict=True))
     model = None if s.fitted is None else model_values(s.fitted, s.channels, s.shown, incidences, maps)
     interpolated, how = None, "readings in one plane do not cover the hemisphere"
     if not s.table.layout.in_one_plane:
         from gonio.data.interpolation.multilinear import as_material, interpolation
 
         try:
-            table, shown = fewer_channels(s.table, s.shown)
+            table, shown = sampling.fewer_channels(s.table, s.shown)
             interpolated = model_values(as_material(table), table.channels, shown, incidences, maps)
             how = interpolation(s.table)
         except GonioError as error:
@@ -170,7 +165,7 @@ def evaluate_subject(s: ReportSubject) -> Evaluation:
     return Evaluation(incidences, maps, near, model, interpolated, how)
 
 
-@dataclasses.dataclass
+@dataclasses.dataclass(frozen=True)
 class ReportFigure:
     """A picture with its caption; `data` holds the numbers that it shows, as JSON can hold them."""
 
@@ -180,7 +175,6 @@ class ReportFigure:
     data: dict[str, Any]
     kind: str = "panel"
     """panel, small (some in a row), bar (a colour scale below them) or space (a lobe to be turned)."""
-    id: str = ""
 
 
 def rounded(values: Any, digits: int = 6) -> Any:
