@@ -24,11 +24,7 @@ def block_rows(layout: Layout, block_cells: int = BLOCK_CELLS) -> int:
 
 
 def grid_values(
-    brdf: AbstractBRDF,
-    layout: Layout,
-    start_row: int = 0,
-    stop_row: int | None = None,
-    block_cells: int = BLOCK_CELLS,
+    brdf: AbstractBRDF, layout: Layout, start_row: int = 0, stop_row: int | None = None, block_cells: int = BLOCK_CELLS
 ) -> np.ndarray:
     """f, 1/sr, of the cells in the rows start..stop of the leading axis: ``(rows, *layout.shape[1:],
     channels)``.

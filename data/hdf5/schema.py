@@ -112,31 +112,27 @@ def create(path: str | os.PathLike[str], header: TableHeader, u_f: float | None)
     with h5py.File(path, "w", libver=("earliest", "v110")) as file:
         file.attrs.update(attributes)
         scales = [*_axes(file, header.layout), _channels(file, header.channels)]
-        for name, kind in (("f", dtype), ("u_f", dtype), ("flag", np.dtype(np.uint8))):
-            node = _cells(file, name, header.shape, kind, u_f if name == "u_f" else None)
+        nodes = {
+            "f": _cells(file, "f", header.shape, dtype, None),
+            "u_f": _cells(file, "u_f", header.shape, dtype, u_f),
+            "flag": _cells(file, "flag", header.shape, np.dtype(np.uint8), None),
+        }
+        for node in nodes.values():
             for dimension, scale in zip(node.dims, scales, strict=True):
                 dimension.attach_scale(scale)
             if not header.layout.gridded:
                 node.attrs["coordinates"] = " ".join(header.layout.axes)
-        _describe(file)
+        _describe(**nodes)
     return cell_locations(path)
 
 
 def cell_locations(path: str | os.PathLike[str]) -> CellLocations:
     """Where the cells of a file made by `create` lie."""
     with h5py.File(path, "r", locking=False) as file:
-        nodes = {name: dataset(file, name) for name in ("f", "flag", "u_f")}
+        nodes = {n: node for n in ("f", "flag", "u_f") if isinstance(node := file[n], h5py.Dataset)}
         offsets = {name: node.id.get_offset() for name, node in nodes.items()}
         stored = {name: offset for name, offset in offsets.items() if offset is not None}
         return CellLocations(stored, {name: nodes[name].dtype for name in stored}, nodes["f"].shape[-1])
-
-
-def dataset(file: h5py.File, name: str) -> h5py.Dataset:
-    """A variable of a file. Raises KeyError for another kind of object."""
-    node = file[name]
-    if not isinstance(node, h5py.Dataset):
-        raise KeyError(f"{name} is no variable")
-    return node
 
 
 def provenance_location(path: str | os.PathLike[str]) -> tuple[int, int]:
@@ -195,8 +191,7 @@ def _cells(file: h5py.File, name: str, shape: tuple[int, ...], dtype: np.dtype, 
     return h5py.Dataset(h5py.h5d.create(file.id, name.encode(), kind, space, plist))
 
 
-def _describe(file: h5py.File) -> None:
-    f, u_f, flag = (dataset(file, name) for name in ("f", "u_f", "flag"))
+def _describe(f: h5py.Dataset, u_f: h5py.Dataset, flag: h5py.Dataset) -> None:
     f.attrs["units"] = u_f.attrs["units"] = "sr-1"
     f.attrs["long_name"] = "BRDF, radiance per irradiance, without the cosine"
     f.attrs["ancillary_variables"] = "u_f flag"

@@ -19,10 +19,7 @@ DELTA_PHI = AxisKind("delta_phi", "azimuth of the detector minus that of the lig
 PLANE_WIDTH = 1e-6
 """|wo.y| in the plane's frame beyond which a direction is out of the plane of incidence."""
 SIGNED_THETA_O = AxisKind(
-    "theta_o",
-    "polar angle of the detector, positive on the specular side, negative on the light's",
-    -math.pi,
-    math.pi,
+    "theta_o", "polar angle of the detector, positive on the specular side, negative on the light's", -math.pi, math.pi
 )
 
 

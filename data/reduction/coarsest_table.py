@@ -130,11 +130,7 @@ def _reduced(whole: Table, thinned: StartGrid) -> tuple[Table, list[str]]:
 
 
 def _smallest(
-    grids: Sequence[StartGrid],
-    search: SceneValues,
-    ranking: SceneValues,
-    tolerance: float,
-    log: Callable[[str], None],
+    grids: Sequence[StartGrid], search: SceneValues, ranking: SceneValues, tolerance: float, log: Callable[[str], None]
 ) -> StartGrid | None:
     """The smallest of the thinned grids, grey ones before coloured ones; None where none is within the tolerance."""
     smallest = None

@@ -55,12 +55,7 @@ def _mean_magnitude(sd: float) -> float:
 
 
 def read(
-    instrument: Instrument,
-    seed: int,
-    start: int,
-    expected: np.ndarray,
-    irradiance: np.ndarray,
-    gain: float = 1.0,
+    instrument: Instrument, seed: int, start: int, expected: np.ndarray, irradiance: np.ndarray, gain: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """(readings in 1/sr, whether the detector was full) of the cells from number `start` on: both (n, channels).
 
