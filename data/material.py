@@ -1,6 +1,7 @@
 """Materials: a model with its name, channels and source; from a name, a file or an expression, and to a file."""
 
 import dataclasses
+import importlib
 import math
 import os
 from pathlib import Path
@@ -138,9 +139,7 @@ class Material(Displayed):
 
         Raises GonioError where `path` exists (unless `force`) or cannot be written, and for a table's interpolant.
         """
-        from gonio import data
-
-        return data.write_material(path, self, force)
+        return importlib.import_module("gonio.data").write_material(path, self, force)
 
     def _by_channel(self, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
         array = np.asarray(values)

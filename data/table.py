@@ -1,6 +1,7 @@
 """The table: what an instrument read, cell by cell, with its uncertainty, its flags and how it came about."""
 
 import dataclasses
+import importlib
 import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypedDict, Unpack
@@ -154,15 +155,11 @@ class Table(Displayed):
     @classmethod
     def from_xarray(cls, dataset: "xarray.Dataset") -> "Table":
         """The table of a dataset that `to_xarray` made, or that was opened from a table's file. Raises GonioError."""
-        from gonio import data
-
-        return data.from_dataset(dataset)
+        return importlib.import_module("gonio.data").from_dataset(dataset)
 
     def to_xarray(self) -> "xarray.Dataset":
         """f, u_f and flag with named dimensions, as xarray opens the table's file. Raises GonioError without xarray."""
-        from gonio import data
-
-        return data.to_dataset(self)
+        return importlib.import_module("gonio.data").to_dataset(self)
 
     def save(self, path: "str | os.PathLike[str]", force: bool = False) -> "RoundTrip":
         """Writes the table in the format of the path's ending (.h5, .csv, .binary), whole or not at all.
@@ -173,9 +170,7 @@ class Table(Displayed):
         Raises:
             GonioError: another ending, a path that exists (unless `force`) or cannot be written.
         """
-        from gonio import data
-
-        return data.write(path, self, force)
+        return importlib.import_module("gonio.data").write(path, self, force)
 
     def facts(self) -> dict[str, str]:
         """Layout, axes, channels, readings by what became of them, and where they come from."""
