@@ -40,6 +40,37 @@ def power_of_ten(exponent: int) -> str:
     return "10" + str(exponent).translate(_SUPERSCRIPTS)
 
 
+def written(value: float, digits: int = 6) -> str:
+    """A number at so many significant digits, with a power of ten where it is very small or large."""
+    if value == 0:
+        return "0"
+    text = f"{value:.{digits - 1}e}"
+    mantissa, exponent = text.split("e")
+    power = int(exponent)
+    if -5 < power < digits:
+        return f"{float(text):.{digits - 1 - power}f}".replace("-", "−")
+    if -5 < power < 6:
+        return f"{value:.0f}".replace("-", "−")
+    return f"{without_zeros(mantissa)}×{power_of_ten(power)}".replace("-", "−", 1)
+
+
+def without_zeros(text: str) -> str:
+    """A plain number without zeros at the end of its decimals."""
+    return text.rstrip("0").rstrip(".") if "." in text and "×" not in text else text
+
+
+def sr_label(value: float) -> str:
+    """Text of a tick's value: a plain number between 0.01 and 9999, else with a power of ten."""
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(value)) + 1e-9)
+    if -3 < exponent < 4:
+        return f"{value:.4g}".replace("-", "−")
+    mantissa = value / 10.0**exponent
+    head = "" if abs(mantissa - 1) < 1e-6 else f"{mantissa:.3g}·".replace("-", "−")
+    return head + power_of_ten(exponent)
+
+
 def show(text: str = "") -> None:
     """A line to standard output, at once: a user of a long command sees it when it is true."""
     print(text, flush=True)

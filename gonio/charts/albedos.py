@@ -1,7 +1,7 @@
 """Hemisphere integrals: rules, orders and widths of the lobe, the claimed bound beside the true error."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import equinox as eqx
 import jax
@@ -27,7 +27,7 @@ THETA = np.radians([5.0, 20.0, 35.0, 50.0, 60.0, 70.0, 80.0, 85.0])
 CONFIDENCE = math.log(2 / 1e-6)
 """The bound of a random rule may be exceeded once in a million."""
 
-Albedos = Callable[[], tuple[np.ndarray, np.ndarray]]
+Albedos = Callable[[], Iterable[np.ndarray]]
 """Computes the albedos at the incidences, and the claimed bounds; NaN where the rule claims none."""
 
 
@@ -40,19 +40,15 @@ def _lobe_map(brdf: AbstractBRDF, tolerance: float) -> Albedos:
 
 
 def _rings(brdf: AbstractBRDF, tolerance: float) -> Albedos:
-    def call() -> tuple[np.ndarray, np.ndarray]:
-        value, error = np.transpose([ring_albedo(brdf, float(t), "mirror", tolerance) for t in THETA])
-        return value, error + UNRESOLVED * np.maximum(np.abs(value), 1.0)
+    def one(theta: float) -> tuple[float, float]:
+        value, error = ring_albedo(brdf, theta, "mirror", tolerance)
+        return value, error + UNRESOLVED * max(abs(value), 1.0)
 
-    return call
+    return lambda: np.transpose([one(t) for t in THETA.tolist()])
 
 
 def _cubature(brdf: AbstractBRDF, tolerance: float) -> Albedos:
-    def call() -> tuple[np.ndarray, np.ndarray]:
-        value, bound = np.transpose([np.ravel(cubature_albedo(brdf, float(t), AZIMUTH, tolerance)) for t in THETA])
-        return value, bound
-
-    return call
+    return lambda: np.transpose([np.ravel(cubature_albedo(brdf, t, AZIMUTH, tolerance)) for t in THETA.tolist()])
 
 
 def _grid(brdf: AbstractBRDF, step: float) -> Albedos:

@@ -15,7 +15,8 @@ from matplotlib.lines import Line2D
 
 from gonio.charts.point import Axis, Chart, Point, cheapest, front, shown
 from gonio.figures import style
-from gonio.figures.style import FAINT, INK, sr_label
+from gonio.figures.style import FAINT, INK
+from gonio.text import sr_label
 
 ANGLES = np.radians([20, -20, 160, -160, 60, -60, 120, -120, 0, 180, 90, -90])
 DISTANCES = (3, 7, 13, 21, 34, 46, 60, 78, 100, 130, 165, 205, 250, 300)

@@ -5,7 +5,7 @@ import math
 from typing import TYPE_CHECKING
 
 from gonio.cli.arguments import FORCE, Options, add_options, given
-from gonio.text import columns, log, number, show
+from gonio.text import columns, log, number, show, sr_label
 
 if TYPE_CHECKING:
     from gonio.charts import MeasuredChart
@@ -42,7 +42,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _print_chart(measured: "MeasuredChart", tolerance: float | None) -> None:
     from gonio.charts.point import shown
-    from gonio.figures.style import sr_label
 
     cost, error = measured.chart.frames[0]
     show(f"\n{measured.chart.title}: {error.title} against {cost.title}")

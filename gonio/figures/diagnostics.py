@@ -14,6 +14,7 @@ from gonio.checks.certificate import Property
 from gonio.data.table import Channels
 from gonio.figures import style
 from gonio.fitting.residuals.maps import bins, grouped_median
+from gonio.text import sr_label
 
 MOST_CURVES = 6
 
@@ -160,7 +161,7 @@ def draw_p_values(ax: Axes, theta: np.ndarray, p: np.ndarray, level: float) -> N
     bar.ax.axhline(level, color=style.INK, lw=1.4)
     bar.ax.minorticks_off()
     bar.set_ticks([10.0**e for e in range(math.ceil(math.log10(floor)), 1)])
-    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: style.sr_label(v)))
+    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(v)))
     for axis in (ax.xaxis, ax.yaxis):
         style.degree_axis(axis, np.arange(math.floor(low / 10) * 10, high + 1, 10))
     ax.set(xlabel="one polar angle", ylabel="the other")
@@ -168,8 +169,8 @@ def draw_p_values(ax: Axes, theta: np.ndarray, p: np.ndarray, level: float) -> N
 
 def _short(p: float, floor: float) -> str:
     if p < floor:
-        return f"<{style.sr_label(floor)}"
-    return f"{p:.2f}".lstrip("0") if p >= 0.01 else style.sr_label(float(f"{p:.0e}"))
+        return f"<{sr_label(floor)}"
+    return f"{p:.2f}".lstrip("0") if p >= 0.01 else sr_label(float(f"{p:.0e}"))
 
 
 BINS = 30

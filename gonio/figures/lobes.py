@@ -14,10 +14,8 @@ from matplotlib.ticker import FuncFormatter
 
 from gonio.figures import style
 from gonio.figures.maps import MAP
-from gonio.figures.style import AXIS_GREY, FAINT, INK, RULE, degree_axis, log_axis, sr_label
-
-DECADES = 6
-"""A logarithmic picture shows this many decades below its largest value."""
+from gonio.figures.style import AXIS_GREY, FAINT, INK, RULE, degree_axis, log_axis, positive_range
+from gonio.text import sr_label
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,8 +49,8 @@ def draw_in_plane(ax: Axes, curves: Sequence[Curve], log: bool) -> None:
 
 
 def _linear_axis(ax: Axes, curves: Sequence[Curve]) -> None:
-    values = np.concatenate([c.f[np.isfinite(c.f)] for c in curves]) if curves else np.zeros(0)
-    low, high = (min(values.min(), 0.0), max(values.max(), 0.0)) if values.size else (0.0, 1.0)
+    values = np.concatenate([np.zeros(1), *(c.f[np.isfinite(c.f)] for c in curves)])
+    low, high = values.min(), values.max() if values.size > 1 else 1.0
     span = (high - low) or 1.0
     ax.set_ylim(low - (0.04 * span if low < 0 else 0.0), high + 0.04 * span)
     ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(float(f"{v:.6g}"))))
@@ -62,16 +60,8 @@ def _linear_axis(ax: Axes, curves: Sequence[Curve]) -> None:
 
 
 def value_range(curves: Sequence[Curve]) -> tuple[float, float]:
-    """The smallest and largest positive value to be shown on a logarithmic scale, `DECADES` apart at most."""
-    values = np.concatenate([c.f for c in curves]) if curves else np.zeros(0)
-    values = values[np.isfinite(values) & (values > 0)]
-    if not values.size:
-        return 0.1, 1.0
-    high = float(values.max())
-    low = max(float(values.min()), high * 10.0**-DECADES)
-    if high / low < 2:
-        low, high = low / 1.5, high * 1.5
-    return low, high
+    """The smallest and largest positive value to be shown on a logarithmic scale."""
+    return positive_range(np.concatenate([np.zeros(0), *(c.f for c in curves)]), 2.0, 1.5)
 
 
 def _draw(ax: Axes, x: np.ndarray, y: np.ndarray, c: Curve) -> None:

@@ -11,7 +11,9 @@ from matplotlib.colors import Normalize
 from matplotlib.patches import Circle
 
 from gonio.figures import style
+from gonio.figures.style import positive_range
 from gonio.models.geometry.directions import Direction
+from gonio.text import sr_label
 
 SIDE = 121
 """Pixels along a map's diameter: about 1° each at the pole."""
@@ -42,14 +44,9 @@ def on_disc(theta_o: np.ndarray, delta_phi: np.ndarray) -> tuple[np.ndarray, np.
     return -radius * np.cos(delta_phi), -radius * np.sin(delta_phi)
 
 
-def colour_range(values: np.ndarray, decades: float = 6.0) -> Scale:
+def colour_range(values: np.ndarray) -> Scale:
     """The colour scale for all the maps of a subject."""
-    positive = values[np.isfinite(values) & (values > 0)]
-    if not positive.size:
-        return 0.1, 1.0
-    high = float(positive.max())
-    low = max(float(positive.min()), high * 10**-decades)
-    return (low, high) if high / low > 1.2 else (low / 1.1, high * 1.1)
+    return positive_range(values, 1.2, 1.1)
 
 
 def decade_levels(values: np.ndarray, scale: Scale) -> np.ndarray:
@@ -120,7 +117,7 @@ def draw_scale(ax: Axes, scale: Scale) -> None:
     ramp = colormaps[MAP](np.linspace(0, 1, 128), bytes=True)[None]
     ax.imshow(ramp, extent=(low, high, 0, 1), aspect="auto", interpolation="none")
     shown = [t for t in ticks if low - 1e-9 <= math.log10(t) <= high + 1e-9]
-    ax.set_xticks([math.log10(t) for t in shown], [style.sr_label(float(f"{t:.3g}")) for t in shown])
+    ax.set_xticks([math.log10(t) for t in shown], [sr_label(float(f"{t:.3g}")) for t in shown])
     ax.set_yticks([])
     ax.spines[["left", "bottom"]].set_visible(False)
     ax.set_xlabel("f / sr⁻¹")
@@ -177,4 +174,4 @@ def _draw_axes(ax: Axes, scale: Scale) -> None:
     ticks = [t for t in style.decades_between(*scale) if low - 1e-9 <= math.log10(t) <= high + 1e-9]
     if len(ticks) < 3:
         ticks = (10 ** np.linspace(low, high, 4)).tolist()
-    bar.set_ticks([math.log10(t) for t in ticks], labels=[style.sr_label(float(f"{t:.2g}")) for t in ticks])
+    bar.set_ticks([math.log10(t) for t in ticks], labels=[sr_label(float(f"{t:.2g}")) for t in ticks])

@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
-from gonio.text import power_of_ten
+from gonio.text import sr_label
 
 # Okabe & Ito 2008, without its yellow (too pale for a line on white); the order keeps neighbours far apart.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4D4D4D")
@@ -60,14 +60,6 @@ def styled() -> Iterator[None]:
     """Matplotlib's settings for gonio's panels while the block lasts; one thread at a time."""
     with _LOCK, matplotlib.rc_context(_RC):
         yield
-
-
-def panel(width: float, height: float) -> tuple[Figure, Axes]:
-    """A transparent figure of one axes, inches; only inside `styled`."""
-    fig = Figure(
-        figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03), facecolor="none"
-    )  # fmt: skip
-    return fig, fig.add_subplot(facecolor="none")
 
 
 def mix(colour: str, other: str, share: float) -> str:
@@ -161,8 +153,8 @@ def picture(
 ) -> Picture:
     """`draw(axes, *args, **options)` on a panel of its own; `label` is the alternative text, `size` in inches."""
     with styled():
-        fig, ax = panel(*size)
-        draw(ax, *args, **options)
+        fig = Figure(figsize=size, layout=ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03), facecolor="none")
+        draw(fig.add_subplot(facecolor="none"), *args, **options)
         return Picture(fig, label)
 
 
@@ -201,20 +193,10 @@ def _tidy(text: str, label: str) -> str:
     return re.sub(r"<svg[^>]*>", lambda m: opening, text, count=1)
 
 
+DECADES = 6
+"""A logarithmic picture shows this many decades below its largest value."""
 ROOT_DEGREES = (0, 1, 5, 15, 30, 50, 75)
 """Ticks of an axis whose scale is the square root of the angle."""
-
-
-def sr_label(value: float) -> str:
-    """Text of a tick's value: a plain number between 0.01 and 9999, else with a power of ten."""
-    if value == 0:
-        return "0"
-    exponent = math.floor(math.log10(abs(value)) + 1e-9)
-    if -3 < exponent < 4:
-        return f"{value:.4g}".replace("-", "−")
-    mantissa = value / 10.0**exponent
-    head = "" if abs(mantissa - 1) < 1e-6 else f"{mantissa:.3g}·".replace("-", "−")
-    return head + power_of_ten(exponent)
 
 
 def decades_between(low: float, high: float) -> list[float]:
@@ -222,6 +204,16 @@ def decades_between(low: float, high: float) -> list[float]:
     first, last = math.floor(math.log10(low) + 1e-9), math.ceil(math.log10(high) - 1e-9)
     step = max(1, math.ceil((last - first) / 6))
     return [10.0**e for e in range(last - (last - first) // step * step, last + 1, step)]
+
+
+def positive_range(values: np.ndarray, least: float, widen: float) -> tuple[float, float]:
+    """Ends of a logarithmic scale, `DECADES` apart at most; widened where the positive values are within `least`."""
+    positive = values[np.isfinite(values) & (values > 0)]
+    if not positive.size:
+        return 0.1, 1.0
+    high = float(positive.max())
+    low = max(float(positive.min()), high * 10.0**-DECADES)
+    return (low, high) if high / low >= least else (low / widen, high * widen)
 
 
 def fixed_ticks(axis: Axis, ticks: Sequence[float]) -> None:

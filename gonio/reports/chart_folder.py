@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gonio.charts.diagrams import CHARTS, INDEX
+from gonio.charts.figure import picture_files
 from gonio.charts.point import Point, front, shown
 from gonio.data.serialise import plain
 from gonio.models.errors import GonioError
@@ -39,22 +40,19 @@ def charts_of(folder: str | os.PathLike[str]) -> list[dict[str, Any]]:
 
 
 def _chart(folder: Path, name: str, stored: dict) -> dict[str, Any]:
-    points = [Point(**{**p, "values": {k: float(v) for k, v in p["values"].items()}}) for p in stored["points"]]
+    points = [Point.from_dict(p) for p in stored["points"]]
     cost, error = stored["frames"][0]
-    best = []
-    for panel in dict.fromkeys(p.panel for p in points):
-        for p in front([q for q in points if q.panel == panel], cost["key"], error["key"]):
-            best.append(
-                {
-                    "panel": p.panel, "method": p.method, "setting": p.setting, "cost": p.value(cost["key"]),
-                    "error": shown(p, error["key"]), "bound": p.value("bound"), "note": p.note,
-                }
-            )  # fmt: skip
+    best = [
+        {
+            "panel": p.panel, "method": p.method, "setting": p.setting, "cost": p.value(cost["key"]),
+            "error": shown(p, error["key"]), "bound": p.value("bound"), "note": p.note,
+        }
+        for panel in dict.fromkeys(p.panel for p in points)
+        for p in front([q for q in points if q.panel == panel], cost["key"], error["key"])
+    ]  # fmt: skip
     return {
         "name": name,
-        "title": str(stored["title"]),
-        "about": str(stored["about"]),
-        "caption": str(stored["caption"]),
+        **{key: str(stored[key]) for key in ("title", "about", "caption")},
         "made": datetime.datetime.fromisoformat(stored["made"]).isoformat(timespec="seconds"),
         "cost": str(cost["title"]),
         "error": str(error["title"]),
@@ -70,7 +68,5 @@ def _picture(folder: Path, name: str, points: list[Point], caption: str) -> str:
         path = folder / f"{name}.{kind}"
         if path.is_file() and 0 < path.stat().st_size <= LARGEST:
             return f"data:{media};base64,{base64.b64encode(path.read_bytes()).decode()}"
-    from gonio.charts.figure import picture_files
-
     data = picture_files(CHARTS[name], points, caption)["svg"]
     return f"data:{MEDIA['svg']};base64,{base64.b64encode(data).decode()}"

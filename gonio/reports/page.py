@@ -14,7 +14,7 @@ from matplotlib.colors import to_hex, to_rgb
 from gonio.figures.diagnostics import channel_colours
 from gonio.figures.style import MARK_BLACK, MARK_WHITE, PALETTE, shades
 from gonio.reports.document import Document
-from gonio.text import power_of_ten
+from gonio.text import without_zeros, written
 
 MARKS = {"pass": "✓", "fail": "✗", "undecided": "?", "not applicable": "–"}
 STEPS = 65535
@@ -81,24 +81,6 @@ def _packed(f_per_sr: list[list[float | None]], high: float) -> str:
     return base64.b64encode(code.tobytes()).decode()
 
 
-def written(value: float, digits: int = 6) -> str:
-    """A number at so many significant digits, with a power of ten where it is very small or large."""
-    if value == 0:
-        return "0"
-    text = f"{value:.{digits - 1}e}"
-    mantissa, exponent = text.split("e")
-    power = int(exponent)
-    if -5 < power < digits:
-        return f"{float(text):.{digits - 1 - power}f}".replace("-", "−")
-    if -5 < power < 6:
-        return f"{value:.0f}".replace("-", "−")
-    return f"{_without_zeros(mantissa)}×{power_of_ten(power)}".replace("-", "−", 1)
-
-
-def _without_zeros(text: str) -> str:
-    return text.rstrip("0").rstrip(".") if "." in text and "×" not in text else text
-
-
 def decimals_of(uncertainty: float | None) -> int | None:
     """Decimals at which an uncertainty has two significant digits [GUM 7.2.6]; None where there is no such."""
     if uncertainty is None or not math.isfinite(uncertainty) or not 1e-9 < abs(uncertainty) < 1e5:
@@ -136,7 +118,7 @@ class Values:
             return escape(none)
         text = _text(value, digits, decimals_of(self.find(beside)) if beside else None)
         if exact:
-            text = _without_zeros(text)
+            text = without_zeros(text)
         return Markup('<span data-at="{}">{}</span>').format(pointer, text)
 
 

@@ -9,9 +9,10 @@ from gonio.figures.diagnostics import AlbedoCurve, draw_albedo, draw_residual_hi
 from gonio.figures.lobes import Curve, draw_in_plane, draw_polar, mesh_angles, value_range
 from gonio.figures.maps import DIFFERENCE, HALF, colour_range, disc_points, draw_map, on_disc, slice_pairs
 from gonio.figures.spheres import LIGHTS, sphere_pairs
-from gonio.figures.style import FAINT, INK, PALETTE, colour_of, decades_between, picture, shades, sr_label
+from gonio.figures.style import FAINT, INK, PALETTE, colour_of, decades_between, picture, shades
 from gonio.fitting.residuals.pair_angles import pair_angles
 from gonio.reports.page import DARK_PAGE, on_dark, rules, themed
+from gonio.text import sr_label
 
 
 def test_equal_areas_of_a_map_are_equal_solid_angles():
