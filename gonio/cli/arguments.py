@@ -44,7 +44,7 @@ def add_options(add: Callable[..., object], options: Options, **kinds: Callable[
     """
     for words, text in options.items():
         names, _, word = words.partition(" ")
-        how: dict[str, Any] = {"help": text} if isinstance(text, str) else text
+        how: dict[str, Any] = {"help": text} if isinstance(text, str) else dict(text)
         if word:
             how = {"metavar": word, "type": (KINDS | kinds).get(word, str), **how}
         elif "choices" not in how:

@@ -142,12 +142,16 @@ def draw_reciprocity(ax: Axes, a: np.ndarray, b: np.ndarray, tolerance: float | 
 
 def draw_p_values(ax: Axes, theta: np.ndarray, p: np.ndarray, level: float) -> None:
     """p-values (n, n) of squares of both polar angles, degrees; the line on the colour bar is the level."""
-    step = float(np.diff(theta)[0]) if theta.size > 1 else 10.0
+    step = float(np.diff(theta).min()) if theta.size > 1 else 10.0
+    # Bands without readings are missing in theta; in the picture they are empty.
+    place = np.rint((theta - theta[0]) / step).astype(int)
+    squares = np.full((place[-1] + 1, place[-1] + 1), np.nan)
+    squares[np.ix_(place, place)] = p
     low, high = theta[0] - step / 2, theta[-1] + step / 2
     floor = level / 1e4
     norm = LogNorm(floor, 1.0)
     image = ax.imshow(
-        np.ma.masked_invalid(np.clip(p, floor, 1.0)), extent=(low, high, low, high), origin="lower",
+        np.ma.masked_invalid(np.clip(squares, floor, 1.0)), extent=(low, high, low, high), origin="lower",
         cmap="cividis", norm=norm, interpolation="none",
     )  # fmt: skip
     for (row, column), value in np.ndenumerate(p):

@@ -4,8 +4,16 @@ import re
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
-from gonio.figures.diagnostics import AlbedoCurve, draw_albedo, draw_residual_histogram, draw_residual_map, median_grid
+from gonio.figures.diagnostics import (
+    AlbedoCurve,
+    draw_albedo,
+    draw_p_values,
+    draw_residual_histogram,
+    draw_residual_map,
+    median_grid,
+)
 from gonio.figures.lobes import Curve, draw_in_plane, draw_polar, mesh_angles, value_range
 from gonio.figures.maps import DIFFERENCE, HALF, colour_range, disc_points, draw_map, on_disc, slice_pairs
 from gonio.figures.spheres import LIGHTS, sphere_pairs
@@ -127,3 +135,11 @@ def test_every_picture_stands_alone():
     for p in pictures:
         assert p.startswith("<svg ") and p.count('aria-label="&lt;b&gt;&amp;$x$"') == 1 and "<b>" not in p
         assert "http" not in re.sub(r'xmlns(:\w+)?="[^"]*"', "", p)
+
+
+def test_p_values_stand_at_their_angles_where_bands_have_no_readings():
+    axes = Figure().add_subplot()
+    draw_p_values(axes, np.array([5.0, 15.0, 35.0]), np.full((3, 3), 0.5), 0.01)
+    (image,) = axes.images
+    assert image.get_extent() == [0, 40, 0, 40]
+    assert image.get_array().mask[2].all() and not image.get_array().mask[3, [0, 1, 3]].any()
