@@ -11,6 +11,8 @@ from gonio.data.serialise import plain
 from gonio.models.display import Displayed
 
 PASS, FAIL, UNDECIDED, NOT_APPLICABLE = "pass", "fail", "undecided", "not applicable"
+NOT_TESTABLE = "not testable"
+"""What should hold, and of which nothing was read: the whole is then undecided at best."""
 EXIT_STATUS = {PASS: 0, FAIL: 1, UNDECIDED: 3}
 SYMBOLS = {"theta_i": "θi", "phi_i": "φi", "theta_o": "θo", "phi_o": "φo"}
 
@@ -23,11 +25,13 @@ def verdict_of(residual: float, bound: float, tolerance: float) -> str:
 
 
 def worst(verdicts: list[str]) -> str:
-    """fail before undecided before pass; "not applicable" does not count, and an empty list is undecided."""
-    for verdict in (FAIL, UNDECIDED, PASS):
-        if verdict in verdicts:
-            return verdict
-    return UNDECIDED
+    """fail before undecided before pass; "not testable" is undecided, "not applicable" does not count.
+
+    Nothing that counts is undecided.
+    """
+    if FAIL in verdicts:
+        return FAIL
+    return PASS if PASS in verdicts and not {UNDECIDED, NOT_TESTABLE} & {*verdicts} else UNDECIDED
 
 
 def relative_difference(a: np.ndarray, b: np.ndarray, floor: float = 0.0) -> np.ndarray:

@@ -29,7 +29,7 @@ OPTIONS: Options = {
     "--step DEG": {"type": float, "help": "a file that is no grid (RGL's) is repaired on one of this step (5)"},
     "--json FILE": "write the certificate as JSON too; '-' prints it instead",
 }
-COLOURS = {"pass": "green", "fail": "red", "undecided": "yellow", "not applicable": "dim"}
+COLOURS = {"pass": "green", "fail": "red", "undecided": "yellow", "not testable": "yellow", "not applicable": "dim"}
 HEADINGS = ("property", "verdict", "residual", "bound", "tolerance", "worst at")
 
 

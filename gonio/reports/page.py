@@ -16,7 +16,7 @@ from gonio.figures.style import MARK_BLACK, MARK_WHITE, PALETTE, shades
 from gonio.reports.document import Document
 from gonio.text import without_zeros, written
 
-MARKS = {"pass": "✓", "fail": "✗", "undecided": "?", "not applicable": "–"}
+MARKS = {"pass": "✓", "fail": "✗", "undecided": "?", "not testable": "?", "not applicable": "–"}
 STEPS = 65535
 DECADES = 8.0
 

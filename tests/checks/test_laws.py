@@ -25,7 +25,8 @@ NOISE = 0.05
 
 def slanted(f, theta_i, phi_i, theta_o, phi_o):
     """Neither reciprocal nor symmetric, and below 0 at some angles."""
-    return f * (1 + 0.3 * np.cos(theta_i) + 0.2 * np.sin(phi_o - phi_i)) - 0.9 * f * (theta_o > 1.2) * (phi_o > 5)
+    turn = np.mod(phi_o - phi_i, 2 * np.pi)
+    return f * (1 + 0.3 * np.cos(theta_i) + 0.2 * np.sin(turn)) - 0.9 * f * (theta_o > 1.2) * (turn > 5)
 
 
 def slanted_table(layout, stated=NOISE, noise=NOISE):

@@ -12,9 +12,9 @@ from gonio.checks.certificate import (
     without_residual,
 )
 from gonio.checks.direction_search import refuse_other_channels, values
-from gonio.checks.table.equal_readings import ROUNDING
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs import FEWEST, THETA_MAX, Pairs, pair_angles
+from gonio.checks.table.pairs import FEWEST, Pairs, pair_angles
+from gonio.checks.table.regions import ROUNDING
 from gonio.checks.table.significance import decided_by_uncertainty, judged_by_level
 from gonio.data.flags import Flag
 
@@ -29,7 +29,7 @@ def table_agreement(evidence: TableEvidence, tolerance: float) -> Property:
     """
     if evidence.reference is None:
         return without_residual("agreement", NOT_APPLICABLE, tolerance, "Not testable: no truth is stated.")
-    block = evidence.table.samples(MOST_READINGS, THETA_MAX)
+    block = evidence.table.samples(MOST_READINGS, np.radians(70.0))
     f = np.where(block.flag == Flag.VALID, block.f, np.nan).astype(float)
     if len(f) < FEWEST:
         detail = f"Only {len(f)} readings below 70° can be compared; at least {FEWEST} are needed."

@@ -7,7 +7,7 @@ from gonio.checks.direction_search import directions, values
 from gonio.checks.grid_resolution import LARGEST
 from gonio.checks.table.albedo_on_grid import floor_of
 from gonio.checks.table.pairs import angles_of, readings_of
-from gonio.checks.table.scattered_pairs import LEAF, isotropic_light, warp_of
+from gonio.checks.table.scattered_pairs import LEAF, isotropic_light, merged, warp_of
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
@@ -94,6 +94,10 @@ def _nearest(angles: np.ndarray, f: np.ndarray, u: np.ndarray, isotropic: bool, 
     from scipy.spatial import KDTree
 
     theta_i, phi_i = float(np.median(angles[:, 0])), float(angles[0, 1])
+    # Several readings of one direction, as of the normal, are one: its neighbours are those of other directions.
+    angles, f, u, *_ = merged(angles, f, u, _outgoing(angles, isotropic))
+    if len(f) < FEWEST:
+        return None
     point = low_discrepancy(POINTS, 2)
     theta, phi = np.arcsin(np.sqrt(point[:, 0])), 2 * np.pi * point[:, 1]
     wanted = np.stack([np.full(POINTS, theta_i), np.full(POINTS, phi_i), theta, phi], -1)

@@ -1,9 +1,7 @@
 """Reciprocity and symmetries of a table: readings that should be equal, pair by pair.
 
-Where uncertainties are stored a family of tests decides at a stated level (`significance`). Else the residual
-is the median of 2|a − b|/(|a| + |b|) over the pairs with both polar angles below 70°, of all channels together (dark
-channels, which are mostly noise, are named but do not decide), and the bound is the error of interpolating a partner
-that was not measured.
+Where uncertainties are stored a family of tests decides at a stated level (`significance`), else the region that
+differs most (`regions`). The median difference of all pairs is reported, and decides nothing.
 """
 
 from typing import Any
@@ -12,29 +10,55 @@ import numpy as np
 
 from gonio.checks.certificate import (
     NOT_APPLICABLE,
+    NOT_TESTABLE,
+    PASS,
     UNDECIDED,
     Property,
-    place_of,
     relative_difference,
-    verdict_of,
     without_residual,
 )
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs import FEWEST, Pairs
+from gonio.checks.table.pairs import FEWEST, Pairs, pair_angles
+from gonio.checks.table.regions import judged_by_regions, uncovered
+from gonio.checks.table.scattered_pairs import WIDEST
 from gonio.checks.table.significance import decided_by_uncertainty, judged_by_level
+from gonio.data.flags import Flag
+from gonio.models.geometry.horizon import HORIZON
 
 SCATTER = (0.8, 1.25)
 """Scatter of the pairs, in their stated uncertainties, outside of which these are doubted."""
 
-ROUNDING = 4 * float(np.finfo(np.float32).eps)
-"""Tables may be stored in single precision."""
+MOST_READINGS = 200_000
+MOST_UNCOVERED = 0.05
+"""Share of the readings, by squares of polar angles in which nothing was compared, above which nothing passes."""
 
 
 def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
     """f(wi, wo) = f(wo, wi); not applicable where the layout stores one value for both."""
-    pairs = evidence.pairs("exchanged")
-    sign = None if isinstance(pairs, str) else pairs.angles[:, 0] - pairs.angles[:, 2]
-    return _equal("reciprocity", evidence, pairs, sign, tolerance, "f(wi, wo) and f(wo, wi)")
+    pairs, what = evidence.pairs("exchanged"), "f(wi, wo) and f(wo, wi)"
+    if isinstance(pairs, str):
+        return _equal("reciprocity", evidence, pairs, None, tolerance, what)
+    if not np.isfinite(pairs.a + pairs.b).any():
+        reason = f"Not testable: of {pairs.eligible:,} readings none has the exchanged directions beside it."
+        return without_residual("reciprocity", NOT_TESTABLE, tolerance, reason, pairs=0, method=pairs.how)
+    judged = _equal("reciprocity", evidence, pairs, pairs.angles[:, 0] - pairs.angles[:, 2], tolerance, what)
+    if evidence.table.interpolant is not None:
+        judged.verdict = UNDECIDED if judged.verdict == PASS else judged.verdict
+        judged.detail += f" Nothing was compared beyond θ {np.degrees(WIDEST):g}°: undecided there."
+        return judged
+    share, where = uncovered(_all_angles(evidence), pairs.angles[np.isfinite(pairs.a + pairs.b).any(axis=1)])
+    judged.facts["share_not_compared"] = share
+    if share > MOST_UNCOVERED and judged.verdict == PASS:
+        judged.verdict = UNDECIDED
+    if share > 0:
+        judged.detail += f" Nothing exchanged was read for {share:.1%} of the readings, {where}: undecided there."
+    return judged
+
+
+def _all_angles(evidence: TableEvidence) -> np.ndarray:
+    block = evidence.table.samples(MOST_READINGS)
+    valid = (block.flag == Flag.VALID).any(axis=1) & (np.minimum(block.wi.z, block.wo.z) > HORIZON)
+    return pair_angles(block.wi, block.wo)[valid]
 
 
 def table_symmetry(evidence: TableEvidence, tolerance: float) -> Property:
@@ -68,19 +92,16 @@ def _equal(
     number = int(comparable.any(axis=1).sum())
     facts = {"pairs": number, "cells_asked": pairs.eligible, "method": pairs.how}
     if comparable.sum(axis=0).max(initial=0) < FEWEST:
-        detail = (
-            f"Only {number} pairs of readings below 70° can be compared ({pairs.how}); at least {FEWEST} are needed."
-        )
+        detail = f"Only {number} pairs of readings can be compared ({pairs.how}); at least {FEWEST} are needed."
         return without_residual(name, UNDECIDED, tolerance, detail, **facts)
     difference = np.where(comparable, relative_difference(np.nan_to_num(pairs.a), np.nan_to_num(pairs.b)), np.nan)
     medians = [float(np.nanmedian(d)) if np.isfinite(d).any() else np.nan for d in difference.T]
-    residual, bound = float(np.nanmedian(difference)), pairs.error + ROUNDING
-    k, channel = np.unravel_index(np.nanargmax(difference), difference.shape)
+    residual = float(np.nanmedian(difference))
     facts |= {
         "median_by_channel": medians,
-        "largest": float(difference[k, channel]),
+        "largest": float(np.nanmax(difference)),
         "percentile_95": float(np.nanpercentile(difference, 95)),
-        "interpolation_error": pairs.error,
+        "interpolation_error": float(np.median(pairs.error)),
         **_scatter(pairs, comparable),
     }
     if decided_by_uncertainty(pairs):
@@ -89,16 +110,12 @@ def _equal(
         judged = judged_by_level(name, evidence, pairs, signs, tolerance, what)
         judged.facts, judged.detail = facts | judged.facts, judged.detail + _remark_on_scatter(facts)
     else:
-        detail = (
-            f"The median of 2|a−b|/(|a|+|b|) of {what} over {number:,} {pairs.how}, below 70°, is {residual:.2%}"
-            f" (±{bound:.2%}); the largest is {facts['largest']:.2g}."
+        signs = np.zeros(len(pairs.a)) if sign is None else np.sign(np.round(sign, 9))
+        judged = judged_by_regions(name, evidence, pairs, signs, tolerance, what)
+        judged.facts, judged.detail = (
+            facts | judged.facts,
+            f"{judged.detail} Their median difference is {residual:.2%}.",
         )
-        worst = int(np.nanargmax(medians))
-        if residual <= tolerance < medians[worst] - bound:
-            detail += f" Channel {evidence.channel(worst)} alone has {medians[worst]:.2%}."
-        where = place_of(pairs.angles[k], evidence.channel(int(channel)))
-        verdict = verdict_of(residual, bound, tolerance)
-        judged = Property(name, verdict, residual, bound, tolerance, where, detail, facts)
     judged.series |= _by_band(pairs, difference)
     return judged
 
@@ -106,7 +123,7 @@ def _equal(
 def _by_band(pairs: Pairs, difference: np.ndarray) -> dict[str, list[float]]:
     """Median difference over bands of 5° of the larger polar angle."""
     theta = np.degrees(np.maximum(pairs.angles[:, 0], pairs.angles[:, 2]))
-    bands = {low + 2.5: difference[(theta >= low) & (theta < low + 5)] for low in range(0, 70, 5)}
+    bands = {low + 2.5: difference[(theta >= low) & (theta < low + 5)] for low in range(0, 90, 5)}
     bands = {middle: float(np.nanmedian(band)) for middle, band in bands.items() if np.isfinite(band).any()}
     return {"theta_deg": list(bands), "median": list(bands.values())}
 

@@ -4,7 +4,19 @@ import dataclasses
 from collections.abc import Callable
 from typing import Self
 
-from gonio.checks.table.pairs import FEWEST, Pairs, exchanged_pairs, mirrored_pairs, pole_pairs, turned_pairs
+import numpy as np
+
+from gonio.checks.table.pairs import (
+    Pairs,
+    angles_of,
+    cells_without_partner,
+    exchanged_pairs,
+    joined,
+    mirrored_pairs,
+    places,
+    pole_pairs,
+    turned_pairs,
+)
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 
@@ -13,16 +25,20 @@ LEVEL = 0.01
 
 
 def reciprocal_pairs(table: Table) -> Pairs | str:
-    """Readings with those of the exchanged directions: measured, near, interpolated or by the format's own warp."""
-    if table.interpolant is None and table.layout.gridded:
-        pairs = exchanged_pairs(table)
-        if isinstance(pairs, str) or table.layout.in_one_plane or len(pairs.a) >= max(FEWEST, 0.01 * pairs.eligible):
-            return pairs
+    """Readings with those of the exchanged directions: measured, interpolated, or by the format's own warp."""
     from gonio.checks.table.scattered_pairs import interpolated_pairs, scattered_pairs, warped_pairs
 
     if table.interpolant is not None:
         return warped_pairs(table)
-    return interpolated_pairs(table) if table.layout.gridded else scattered_pairs(table)
+    if not table.layout.gridded:
+        return scattered_pairs(table)
+    pairs = exchanged_pairs(table)
+    if isinstance(pairs, str) or table.layout.in_one_plane:
+        return pairs
+    alone = cells_without_partner(table)
+    # Interpolation is for what the measured pairs leave open.
+    alone = alone[~np.isin(places(angles_of(table.layout, alone)).square, places(pairs.angles).square)]
+    return joined(pairs, interpolated_pairs(table, alone)) if alone.size else pairs
 
 
 PAIRS: dict[str, Callable[[Table], Pairs | str]] = {

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,9 +10,7 @@ from gonio.data.flags import Flag
 from gonio.data.layouts import Layout, spherical_angles
 from gonio.data.table import Table
 from gonio.models.geometry.directions import Direction
-
-THETA_MAX = np.radians(70.0)
-"""Readings at polar angles beyond are not compared."""
+from gonio.models.geometry.horizon import HORIZON
 
 FEWEST = 12
 """Pairs below which a median says nothing."""
@@ -22,6 +21,29 @@ MOST_CELLS = 2_000_000
 
 TURN = np.pi / 2
 """A brushed surface is the same after half a turn: a quarter shows most."""
+
+
+BAND, SECTOR = 10.0, 30.0
+"""Size of a region of pairs, degrees: of both polar angles, and of the azimuth difference."""
+
+SIDE = int(90 // BAND)
+
+
+class Place(NamedTuple):
+    """Numbers of the regions of pairs, (n,) each, from the finest to the coarsest; and the square of polar angles."""
+
+    sector: np.ndarray
+    square: np.ndarray
+    band: np.ndarray
+
+
+def places(angles: np.ndarray) -> Place:
+    """The regions of pairs of directions, (n, 4) radians; the same for an exchanged pair."""
+    bands = np.minimum((np.degrees(angles[:, [0, 2]]) / BAND + 1e-9).astype(int), SIDE - 1)
+    low, high = bands.min(axis=1), bands.max(axis=1)
+    turn = np.abs(np.mod(angles[:, 3] - angles[:, 1] + np.pi, 2 * np.pi) - np.pi)
+    square = high * SIDE + low
+    return Place(square * 100 + (np.degrees(turn) / SECTOR - 1e-9).astype(int), square, high)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,10 +58,10 @@ class Pairs:
     """(n, 4): theta_i, phi_i, theta_o, phi_o of a, radians."""
     eligible: int
     """Cells that should have a partner, with one or without."""
-    how: str = "measured pairs"
+    how: str = "measured"
     """How the partners came about, in words."""
-    error: float = 0.0
-    """Relative error of the values b that interpolation makes."""
+    error: np.ndarray | float = 0.0
+    """Relative error of the values b that interpolation makes, (n, channels) or one for all."""
 
 
 def readings_of(table: Table, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -58,18 +80,18 @@ def pair_angles(wi: Direction, wo: Direction) -> np.ndarray:
     return np.stack([*spherical_angles(*wi), *spherical_angles(*wo)], axis=-1)
 
 
-def _pairs(table: Table, cells: np.ndarray, partner: np.ndarray, eligible: int, how: str = "measured pairs") -> Pairs:
+def _pairs(table: Table, cells: np.ndarray, partner: np.ndarray, eligible: int, how: str = "measured") -> Pairs:
     (a, u_a), (b, u_b) = readings_of(table, cells), readings_of(table, partner)
     return Pairs(a, b, u_a, u_b, angles_of(table.layout, cells), eligible, how)
 
 
 def _pairs_once(table: Table, partner_of: Callable[[np.ndarray], np.ndarray | None], how: str) -> Pairs:
-    """The readings whose polar angles are below `THETA_MAX`, each with its partner; a pair counts once."""
+    """The readings above the horizon, each with its partner; a pair counts once."""
     cells = np.arange(table.layout.size)
     if cells.size > MOST_CELLS:
         cells = np.sort(np.random.default_rng(0).choice(cells.size, MOST_CELLS, replace=False))
     wi, wo = table.layout.directions_at(cells)
-    cells = cells[np.minimum(wi.z, wo.z) > np.cos(THETA_MAX)]
+    cells = cells[np.minimum(wi.z, wo.z) > HORIZON]
     partner = partner_of(cells)
     assert partner is not None
     # A cell that is its own partner says nothing.
@@ -82,7 +104,7 @@ def exchanged_pairs(table: Table) -> Pairs | str:
     layout = table.layout
     if layout.reciprocal_by_construction:
         return "the layout stores one value for phi_d and phi_d + 180°"
-    how = "measured pairs"
+    how = "measured"
     if layout.mirrored_axes:
         how += ", taking the surface as mirror symmetric, as azimuth differences stop at 180°"
     if layout.one_light_azimuth:
@@ -90,11 +112,32 @@ def exchanged_pairs(table: Table) -> Pairs | str:
     return _pairs_once(table, layout.exchanged, how)
 
 
+def cells_without_partner(table: Table) -> np.ndarray:
+    """Cells above the horizon whose exchanged directions no cell has; of a large table some, at random."""
+    cells = np.arange(table.layout.size)
+    if cells.size > MOST_CELLS:
+        cells = np.sort(np.random.default_rng(0).choice(cells.size, MOST_CELLS, replace=False))
+    partner, (wi, wo) = table.layout.exchanged(cells), table.layout.directions_at(cells)
+    assert partner is not None
+    return cells[(partner < 0) & (np.minimum(wi.z, wo.z) > HORIZON)]
+
+
+def joined(first: Pairs, second: Pairs) -> Pairs:
+    """Both kinds of pairs of one table."""
+    if not len(first.a) or not len(second.a):
+        return second if len(second.a) else first
+    error = [np.broadcast_to(np.asarray(p.error, float), p.a.shape) for p in (first, second)]
+    fields = ("a", "b", "u_a", "u_b", "angles")
+    both = {name: np.concatenate([getattr(p, name) for p in (first, second)]) for name in fields}
+    how = f"{first.how} and {len(second.a):,} {second.how}"
+    return Pairs(**both, eligible=max(first.eligible, second.eligible), how=how, error=np.concatenate(error))
+
+
 def mirrored_pairs(table: Table) -> Pairs | str:
     """Readings with those of both directions mirrored at a plane through the normal; or why there are none."""
     if table.layout.mirror_map() is None:
         return "no readings on both sides of a plane"
-    pairs = _pairs_once(table, table.layout.mirrored, "measured pairs")
+    pairs = _pairs_once(table, table.layout.mirrored, "measured")
     return pairs if len(pairs.a) >= FEWEST else "the grid has no mirrored nodes"
 
 
@@ -130,7 +173,7 @@ def pole_pairs(table: Table) -> Pairs | str:
 
 def _comparable(table: Table, cells: np.ndarray, partner: np.ndarray) -> Pairs | str:
     wi, wo = table.layout.directions_at(cells)
-    use = (partner >= 0) & (partner != cells) & (np.minimum(wi.z, wo.z) > np.cos(THETA_MAX))
+    use = (partner >= 0) & (partner != cells) & (np.minimum(wi.z, wo.z) > HORIZON)
     if np.count_nonzero(use) < FEWEST:
         return "too few readings of the grid can be compared"
     return _pairs(table, cells[use], partner[use], int(np.count_nonzero(use)))

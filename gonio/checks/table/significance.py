@@ -1,6 +1,6 @@
 """Readings that should be equal, tested pair by pair and region by region against their stored uncertainties.
 
-Half of the level goes to the single pairs, half to the regions: in a band of polar angles a violation has a sign (the
+Half of the level goes to the single pairs, half to the regions: in a region a violation has a sign (the
 larger value is on the same side), so that its mean shows where no single pair does. Beside each p-value stands the size
 of the effect: the least violation that would explain it at that level, and the largest that is not excluded, both as
 2|a−b|/(|a|+|b|). That separates what is significant but tiny from what is not significant but noisy.
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gonio.checks.certificate import PASS, UNDECIDED, Property, place_in_words, place_of, verdict_of
+from gonio.checks.certificate import PASS, UNDECIDED, Property, place_of, verdict_of
 from gonio.checks.table.count_statistics import (
     critical,
     decimal_step,
@@ -23,12 +23,9 @@ from gonio.checks.table.count_statistics import (
     sidak,
 )
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs import Pairs
+from gonio.checks.table.pairs import BAND, Pairs
+from gonio.checks.table.regions import region_in_words, region_place, regions_of
 
-BAND = 10.0
-"""Width of a region, degrees of the larger polar angle."""
-
-FEWEST_IN_REGION = 12
 FEWEST_KNOWN = 0.5
 """Share of the pairs that must have stored uncertainties for them to decide."""
 
@@ -59,7 +56,7 @@ class _Rows(NamedTuple):
     pair: np.ndarray
     channel: np.ndarray
     angles: np.ndarray
-    error: float
+    error: np.ndarray
     """Relative error of b."""
 
     @property
@@ -76,7 +73,8 @@ def _rows(pairs: Pairs) -> _Rows:
     pair, channel = np.nonzero(usable)
     a, b, u_a, u_b = (v[usable].astype(float) for v in (pairs.a, pairs.b, pairs.u_a, pairs.u_b))
     q_a, q_b = _count_sizes(pairs)
-    return _Rows(a, b, u_a, u_b, q_a[usable], q_b[usable], pair, channel, pairs.angles[pair], pairs.error)
+    error = np.broadcast_to(np.asarray(pairs.error, float), pairs.a.shape)
+    return _Rows(a, b, u_a, u_b, q_a[usable], q_b[usable], pair, channel, pairs.angles[pair], error[usable])
 
 
 def _count_sizes(pairs: Pairs) -> tuple[np.ndarray, np.ndarray]:
@@ -114,18 +112,16 @@ class _Tests:
     least: np.ndarray
     """The least violation that explains the readings at the level; 0 where none is needed."""
     channel: np.ndarray
-    place: np.ndarray
-    """(n, 4) angles, radians, of pairs, or (n,) lower ends, degrees, of bands."""
+    place: np.ndarray | list[dict[str, Any]]
+    """(n, 4) angles, radians, of pairs, or what a certificate calls the regions."""
     evidence: TableEvidence
     family: float
     """The p-value of all of them together."""
 
     def where(self, k: int) -> dict[str, Any]:
-        channel = self.evidence.channel(int(self.channel[k]))
-        if self.place.ndim > 1:
-            return place_of(self.place[k], channel)
-        band = {"theta_from": float(self.place[k]), "theta_to": float(self.place[k] + BAND)}
-        return band if channel is None else {**band, "channel": channel}
+        if isinstance(self.place, list):
+            return self.place[k]
+        return place_of(self.place[k], self.evidence.channel(int(self.channel[k])))
 
     def violation(self, k: np.intp) -> _Violation:
         return _Violation(float(abs(self.estimate[k])), float(self.half[k]), self.where(int(k)))
@@ -147,25 +143,24 @@ def _tests_of_regions(rows: _Rows, sign: np.ndarray, step: float, level: float, 
     # Mean of the signed standardised differences, and what it makes of the mean standardised value: all weights come
     # from the uncertainties, none from readings, so that no noise is in them.
     sign = sign[rows.pair]
-    signed = sign != 0
-    band = (np.degrees(np.maximum(rows.angles[:, 0], rows.angles[:, 2])) / BAND + 1e-9).astype(int)
-    regions, group = np.unique((band * 1000 + rows.channel)[signed], return_inverse=True)
-    count = np.bincount(group, minlength=regions.size)
-    total, bright, rounded = (
-        np.bincount(group, v[signed], minlength=regions.size)
-        for v in (sign * ((rows.a - rows.b) / rows.sigma), rows.mean / rows.sigma, step / rows.sigma)
-    )
-    enough = count >= FEWEST_IN_REGION
-    regions, count, total, bright, rounded = (v[enough] for v in (regions, count, total, bright, rounded))
-    error = rows.error + rounded / bright
-    one = np.sqrt(count) / bright
-    estimate = total / np.sqrt(count) * np.sqrt(count) / bright
+    z, bright, uncertain = sign * (rows.a - rows.b) / rows.sigma, rows.mean / rows.sigma, rows.error * rows.mean
+    estimates, channels, where = [], [], []
+    for channel in np.unique(rows.channel):
+        of_channel = np.flatnonzero((rows.channel == channel) & (sign != 0))
+        for size, number, some in regions_of(rows.angles[of_channel]):
+            group = of_channel[some]
+            weight = bright[group].sum()
+            error = float(np.sum((uncertain[group] + step) / rows.sigma[group]) / weight)
+            estimates.append((z[group].sum() / weight, np.sqrt(group.size) / weight, error))
+            channels.append(channel)
+            where.append(region_place(size, number, evidence.channel(int(channel))))
+    estimate, one, error = np.array(estimates).reshape(-1, 3).T
     estimate = np.sign(estimate) * np.maximum(np.abs(estimate) - error, 0)
     p = normal_p(estimate / one)
     half = critical(sidak(level, p.size)) * one
     least = np.maximum(np.abs(estimate) - half, 0.0)
     family = float(family_p(p.min(), p.size)) if p.size else 1.0
-    return _Tests(p, estimate, half + error, least, regions % 1000, regions // 1000 * BAND, evidence, family)
+    return _Tests(p, estimate, half + error, least, np.array(channels, int), where, evidence, family)
 
 
 def _everywhere(rows: _Rows, level: float) -> _Violation:
@@ -221,7 +216,7 @@ def judged_by_level(
         "strongest_p": float(strongest.p[k]),
     }
     verdict = verdict_of(residual, bound, tolerance)
-    differ = f"{what} over {int(np.isfinite(pairs.a + pairs.b).any(axis=1).sum()):,} {pairs.how}, below 70°,"
+    differ = f"{what} over {int(np.isfinite(pairs.a + pairs.b).any(axis=1).sum()):,} pairs ({pairs.how})"
     detail = f"{differ} {_statement(facts, least_where)}{_reason(verdict, facts, widest, tolerance)}"
     return Property(name, verdict, residual, bound, tolerance, where, detail, facts, {"p_map": _p_map(single)})
 
@@ -234,7 +229,8 @@ def _of_channel(channel: int, kinds: list[_Tests]) -> float | None:
 
 def _p_map(single: _Tests) -> dict[str, list]:
     # The least p-value of each square of polar angles, corrected for the tests in it.
-    squares = np.sort(np.floor(np.degrees(single.place[:, [0, 2]]) / BAND + 1e-9), axis=1).astype(int)
+    angles = np.asarray(single.place)
+    squares = np.sort(np.floor(np.degrees(angles[:, [0, 2]]) / BAND + 1e-9), axis=1).astype(int)
     side = int(90 // BAND)
     key, smallest, count = squares[:, 0] * side + squares[:, 1], np.ones(side * side), np.zeros(side * side, int)
     np.minimum.at(smallest, key, single.p)
@@ -250,7 +246,7 @@ def _statement(facts: dict[str, Any], least_where: dict[str, Any]) -> str:
     family = f"{p} of a family of {facts['tests'] + facts['regions']:,} tests (level {facts['level']:g})"
     if facts["significant"]:
         return (
-            f"differ by more than their uncertainties allow: {family}, strongest at {_words(facts['strongest_at'])}; a"
+            f"differ by more than their uncertainties allow: {family}, strongest: {_words(facts['strongest_at'])}; a"
             f" violation of at least {facts['least_violation']:.2%} is needed to explain it ({_words(least_where)})."
         )
     return (
@@ -274,4 +270,4 @@ def _reason(verdict: str, facts: dict[str, Any], widest: _Violation, tolerance: 
 
 
 def _words(where: dict[str, Any]) -> str:
-    return place_in_words(where) or "all angles together"
+    return region_in_words(where)

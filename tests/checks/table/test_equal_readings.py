@@ -29,10 +29,10 @@ def test_pairs_are_there_on_every_layout_and_differ_as_they_should(layout):
     assert table_reciprocity(TableEvidence(model_table("ggx(alpha=0.4)", layout)), 0.05).residual < 1e-6
     reciprocity = table_reciprocity(TableEvidence(tilted(layout)), 0.05)
     cos_i, cos_o = layout.cosines()
-    below = np.minimum(cos_i, cos_o) > np.cos(np.radians(70))
-    expected = np.max(np.abs(0.2 * (cos_i - cos_o) / (1 + 0.1 * (cos_i + cos_o)))[below])
+    above = np.minimum(cos_i, cos_o) > 1e-9
+    expected = np.max(np.abs(0.2 * (cos_i - cos_o) / (1 + 0.1 * (cos_i + cos_o)))[above])
     assert reciprocity.facts["largest"] == pytest.approx(expected, rel=1e-6)
-    assert 0 < reciprocity.residual < expected
+    assert 0.05 < reciprocity.residual < expected and reciprocity.verdict == "fail"
     assert reciprocity.facts["pairs"] > 10
 
 
@@ -52,7 +52,7 @@ def test_known_noise_is_not_taken_for_a_violated_law():
         table_reciprocity(TableEvidence(model_table("lambert(rho=0.5)", noise=0.1, stated=stated)), 0.05)
         for stated in (0.1, None)
     )
-    assert known.verdict == "undecided" and unknown.verdict == "fail"
+    assert known.verdict == unknown.verdict == "undecided"
     pairs = known.facts["pairs"]
     # Sums of squares and shares beyond 2σ of normal deviates, within four of their standard deviations.
     assert known.facts["chi2_per_pair"] == pytest.approx(1, abs=4 * np.sqrt(2 / pairs))
@@ -80,20 +80,19 @@ def test_readings_at_the_normal_have_no_azimuth(layout):
     assert verdict(table_pole, model_table(PAINT, layout, stated=0.01)) == "pass"
     off = model_table(PAINT, layout, lambda f, ti, pi, to, po: f * (1 + 0.3 * np.cos(po - pi)))
     pole = table_pole(TableEvidence(off), 0.05)
-    assert pole.verdict == "fail" and min(pole.where["theta_i"], pole.where["theta_o"]) == pytest.approx(0)
+    assert pole.verdict == "fail"
     beside = layouts.isotropic(degrees(5, 86, 10), degrees(5, 86, 10), degrees(0, 360, 30))
     assert verdict(table_pole, model_table(PAINT, beside)) == "not applicable"
 
 
-def test_a_channel_that_is_off_alone_is_named():
+def test_a_channel_that_is_off_alone_fails_and_is_named():
     table = model_table("lambert(rho=[0.2, 0.2, 0.2])")
     table.f[..., 2] *= 1 + np.cos(table.layout.axes["theta_i"])[:, None, None]
     reciprocity = table_reciprocity(TableEvidence(table), 0.05)
-    assert reciprocity.verdict == "pass" and "Channel B alone" in reciprocity.detail
-    assert reciprocity.where["channel"] == "B"
+    assert reciprocity.verdict == "fail" and reciprocity.where["channel"] == "B"
 
 
-@pytest.mark.parametrize(("name", "expected"), [("cc_ibiza_sunset", "fail"), ("paper_blue", "pass")])
+@pytest.mark.parametrize(("name", "expected"), [("cc_ibiza_sunset", "fail"), ("acrylic_felt_white", "undecided")])
 def test_measured_materials_are_judged_as_known(name, expected):
     table = read(helpers.shared("data", "rgl", f"{name}_rgb.bsdf"))
     reciprocity = table_reciprocity(TableEvidence(table), 0.05)

@@ -1,0 +1,219 @@
+"""Readings that should be equal, judged region by region: the verdict is that of the region that differs most.
+
+A region is a square of `BAND` × `BAND` in both polar angles with a sector of azimuth difference; with few pairs in it,
+the whole square, or the band of the larger polar angle. In a region a violation has a sign (the larger reading is on
+the same side), so that its mean and median keep it while noise averages out.
+
+Without stored uncertainties the noise is that of the pairs themselves, by the median of their deviations in a region
+and at their brightness: it is robust against a violation of up to half of them. What differs by more than the
+tolerance and six of its noise is no noise; its share is part of the verdict.
+"""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from gonio.checks.certificate import FAIL, PASS, UNDECIDED, Property, place_in_words, place_of
+from gonio.checks.table.count_statistics import critical, sidak
+from gonio.checks.table.evidence import TableEvidence
+from gonio.checks.table.pairs import BAND, SECTOR, SIDE, Pairs, places
+
+FEWEST = 12
+"""Pairs below which a region is judged with those around it."""
+
+OUTLYING = 6.0
+"""Noise, in standard deviations, beyond which a pair differs surely."""
+
+MANY = 0.01
+"""Share of pairs that differ surely from which the table fails; fewer leave it undecided."""
+
+BRIGHT = 48
+"""Pairs of like brightness from which their noise is taken."""
+
+MAD = 1.4826
+"""Standard deviations in a median absolute deviation of a normal law."""
+
+MEDIAN = 1.2533
+"""Standard errors of a mean in that of a median of normal deviates."""
+
+LOPSIDED = 1.5
+"""Ratio of the scatter of a region's pairs to their noise above which they are not alike."""
+
+ROUNDING = 4 * float(np.finfo(np.float32).eps)
+"""Tables may be stored in single precision."""
+
+
+def region_in_words(place: dict[str, Any]) -> str:
+    """θ 40–50° and 60–70°, Δφ 30–60°, channel R."""
+    words = [f"θ {place['theta_from']:g}–{place['theta_to']:g}°"] if "theta_from" in place else []
+    if "other_theta_from" in place:
+        words[0] = f"θ {place['other_theta_from']:g}–{place['other_theta_to']:g}° and " + words[0][2:]
+    if "delta_phi_from" in place:
+        words.append(f"Δφ {place['delta_phi_from']:g}–{place['delta_phi_to']:g}°")
+    if "channel" in place:
+        words.append(f"channel {place['channel']}")
+    return ", ".join(words) or place_in_words(place) or "all angles together"
+
+
+def region_place(level: str, number: int, channel: str | None) -> dict[str, Any]:
+    """What a certificate calls a region of one of the three sizes."""
+    if level == "everywhere":
+        return {} if channel is None else {"channel": channel}
+    square = number // 100 if level == "sector" else number
+    high, low = divmod(square, SIDE) if level != "band" else (square, None)
+    place: dict[str, Any] = {"theta_from": high * BAND, "theta_to": (high + 1) * BAND}
+    if low is not None and low != high:
+        place |= {"other_theta_from": low * BAND, "other_theta_to": (low + 1) * BAND}
+    if level == "sector":
+        place |= {"delta_phi_from": number % 100 * SECTOR, "delta_phi_to": (number % 100 + 1) * SECTOR}
+    return place if channel is None else {**place, "channel": channel}
+
+
+def regions_of(angles: np.ndarray) -> list[tuple[str, int, np.ndarray]]:
+    """(size, number, indices) of the regions of pairs: those that hold `FEWEST`, and all pairs together."""
+    regions = []
+    for level, numbers in places(angles)._asdict().items():
+        order = np.argsort(numbers, kind="stable")
+        groups = np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1)
+        regions += [(level, int(numbers[group[0]]), group) for group in groups if group.size >= FEWEST]
+    if len(angles) >= FEWEST:
+        regions.append(("everywhere", 0, np.arange(len(angles))))
+    return regions
+
+
+def uncovered(angles: np.ndarray, judged: np.ndarray) -> tuple[float, str]:
+    """The share of readings, (m, 4) radians, in squares of polar angles that no judged pair lies in, and where."""
+    angles = angles[np.abs(angles[:, 0] - angles[:, 2]) > 1e-6]  # of equal polar angles many are their own partners
+    square = places(angles).square
+    missing = ~np.isin(square, places(judged).square)
+    if not missing.any():
+        return 0.0, ""
+    high = np.max(angles[:, [0, 2]], axis=1)
+    edge = np.degrees(high[~missing].max()) if (~missing).any() else 0.0
+    if np.all(np.degrees(high[missing]) > edge - BAND):
+        return float(missing.mean()), f"beyond θ {np.degrees(high[missing].min()):.3g}°"
+    worst = np.bincount(square[missing]).argmax()
+    return float(missing.mean()), f"such as at {region_in_words(region_place('square', int(worst), None))}"
+
+
+@dataclasses.dataclass(frozen=True)
+class _Differences:
+    """Signed relative differences of the pairs of one channel, their interpolation errors, and their noise."""
+
+    d: np.ndarray
+    error: np.ndarray
+    noise: np.ndarray
+    angles: np.ndarray
+    index: np.ndarray
+    signed: np.ndarray
+    channel: int
+
+
+def _differences(pairs: Pairs, sign: np.ndarray, channel: int) -> _Differences | None:
+    a, b = pairs.a[:, channel], pairs.b[:, channel]
+    use = np.flatnonzero(np.isfinite(a) & np.isfinite(b))
+    if use.size < FEWEST:
+        return None
+    a, b, sign, angles = a[use], b[use], sign[use], pairs.angles[use]
+    size = np.maximum((np.abs(a) + np.abs(b)) / 2, 1e-300)
+    d = np.where(sign < 0, -1.0, 1.0) * (a - b) / size
+    error = np.broadcast_to(np.asarray(pairs.error, float), pairs.a.shape)[use, channel] + ROUNDING
+    bright = np.argsort(size, kind="stable")
+    noise = np.zeros(use.size)
+    chunks = np.array_split(bright, max(1, use.size // BRIGHT))
+    for group in (*chunks, *(rows for _, _, rows in regions_of(angles))):
+        noise[group] = np.maximum(noise[group], MAD * np.median(np.abs(d[group] - np.median(d[group]))))
+    return _Differences(d, error, noise, angles, use, sign != 0, channel)
+
+
+class _Estimate(NamedTuple):
+    """A relative difference with the half width of its interval, and its place."""
+
+    difference: float
+    half: float
+    where: dict[str, Any]
+
+    @property
+    def least(self) -> float:
+        return self.difference - self.half
+
+    @property
+    def largest(self) -> float:
+        return self.difference + self.half
+
+
+def _estimates(rows: _Differences, level: float, channel: str | None) -> list[_Estimate]:
+    """The mean and the median of each region, at a level of all of them together; without signs, of their sizes."""
+    signed = rows.signed.any()
+    regions = [(size, number, group[rows.signed[group] | ~signed]) for size, number, group in regions_of(rows.angles)]
+    regions = [region for region in regions if region[2].size >= FEWEST]
+    one, estimates = sidak(level, 2 * max(len(regions), 1)), []
+    for size, number, group in regions:
+        d, root = rows.d[group], np.sqrt(group.size)
+        noise, scatter = float(np.sqrt(np.mean(rows.noise[group] ** 2))), float(np.std(d, ddof=1))
+        error, where = float(np.mean(rows.error[group])), region_place(size, number, channel)
+        half = critical(one) * noise / root
+        if not signed:  # noise and violation look alike, and both count
+            half = float(-stdtrit(group.size - 1, one / 2)) * float(np.std(np.abs(d), ddof=1)) / root
+            estimates.append(_Estimate(float(np.mean(np.abs(d))), half + error, where))
+            continue
+        estimates.append(_Estimate(abs(float(np.median(d))), MEDIAN * half + error, where))
+        if scatter > LOPSIDED * noise:  # a part of the region differs: its mean is as uncertain as they scatter
+            half = float(-stdtrit(group.size - 1, one / 2)) * scatter / root
+        estimates.append(_Estimate(abs(float(np.mean(d))), half + error, where))
+    return estimates
+
+
+def judged_by_regions(
+    name: str, evidence: TableEvidence, pairs: Pairs, sign: np.ndarray, tolerance: float, what: str
+) -> Property:
+    """The property of pairs without known uncertainties: fail, if a region surely differs by more than the tolerance.
+
+    It fails also where `MANY` of the pairs differ surely. It passes where no region can differ by more, and no pair
+    does. `sign` (n,) is that of a violation in each pair (0: unknown).
+    """
+    by_channel = [_differences(pairs, sign, c) for c in range(pairs.a.shape[1])]
+    known = [rows for rows in by_channel if rows is not None]
+    estimates = [e for r in known for e in _estimates(r, evidence.level / len(known), evidence.channel(r.channel))]
+    shares, pairs_worst = [], []
+    for rows in known:
+        beyond = np.abs(rows.d) - rows.error - OUTLYING * rows.noise
+        k = int(np.argmax(beyond))
+        shares.append(float(np.mean(beyond > tolerance)))
+        place = place_of(rows.angles[k], evidence.channel(rows.channel))
+        pairs_worst.append(_Estimate(abs(float(rows.d[k])), float(abs(rows.d[k]) - beyond[k]), place))
+    single, share = max(pairs_worst, key=lambda e: e.least), max(shares)
+    surest = max(estimates, key=lambda e: e.least, default=single)
+    widest = max(estimates, key=lambda e: e.largest, default=single)
+    if surest.least > tolerance:
+        verdict, decides = FAIL, surest
+    elif share >= MANY:
+        verdict, decides = FAIL, single
+    elif share > 0:
+        verdict, decides = UNDECIDED, single
+    else:
+        verdict, decides = PASS if estimates and widest.largest <= tolerance else UNDECIDED, widest
+    noise = float(np.median(np.concatenate([rows.noise for rows in known])))
+    facts = {
+        "regions": len(estimates) // 2,
+        "region": f"{BAND:g}° × {BAND:g}° of polar angles × {SECTOR:g}° of azimuth difference",
+        "share_beyond_tolerance": share,
+        "least_violation": max(surest.least, 0.0),
+        "largest_violation": max(widest.largest, single.least),
+        "noise_of_pairs": noise,
+    }
+    number = max(rows.d.size for rows in known)
+    detail = f"{what} over {number:,} pairs ({pairs.how}): {_sentence(decides, tolerance, share, noise)}"
+    return Property(name, verdict, decides.difference, decides.half, tolerance, decides.where, detail, facts)
+
+
+def _sentence(decides: _Estimate, tolerance: float, share: float, noise: float) -> str:
+    where = region_in_words(decides.where)
+    text = f"the region that differs most ({where}) does so by {decides.difference:.2%} (±{decides.half:.2%})"
+    if "theta_i" in decides.where:
+        text = f"the pair that differs most ({where}) does so by {decides.difference:.2%} (±{decides.half:.2%})"
+    if share > 0:
+        text += f"; {share:.2%} of the pairs differ by more than {tolerance:.2%} and their noise"
+    return f"{text}. The pairs themselves scatter by {noise:.2%}." if noise > 10 * ROUNDING else f"{text}."
