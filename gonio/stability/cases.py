@@ -14,8 +14,8 @@ from gonio.models.parameters import ParameterInfo, parameters_of
 LEADING = 5
 """Number of values of the leading parameter."""
 
-LEADERS = ("alpha", "n", "sigma", "k", "w", "roughness", "r", "b", "l", "h")
-"""The first of these that a model has is its leading parameter; else its first."""
+LEADING_ROLES = ("width", "inverse_width", "shoulder", "roughness", "exponent", "length", "albedo")
+"""The leading parameter is the first of the first of these roles that a model has; else its first."""
 
 ANISOTROPIC = {"alpha": ("0.05", "0.4"), "n": ("10", "1000")}
 FRESNEL = ({"f0": "0.04"}, {"eta": "1.5"}, {"eta": "1.000001"}, {"eta": "0.2", "k": "3"})
@@ -27,7 +27,8 @@ def settings_of(name: str) -> list[str]:
     known, required = parameters_of(model), list(needed(Call(name, {}, {})))
     base = {n: f"{known[n].start:g}" for n in required}
     inside = dict.fromkeys(submodels_of(model), "lambert(rho=0.8)")
-    lead = next((n for n in LEADERS if n in required), required[0] if required else None)
+    leading = (n for role in LEADING_ROLES for n in required if known[n].role == role)
+    lead = next(leading, required[0] if required else None)
     changes = [{lead: f"{v:.6g}"} for v in _grid(known[lead])] if lead else [{}]
     changes += [{n: f"{v:.6g}"} for n in known if n in required and n != lead for v in (known[n].low, known[n].high)]
     changes += [{option: choice} for option, choices in options_of(model).items() for choice in choices[1:]]
