@@ -54,16 +54,22 @@ def prediction_error_across_pole(logs: np.ndarray, theta: np.ndarray, azimuth: n
     return prediction_error(longer, np.append(-theta[first], theta), 0)[1:]
 
 
-def excess(f: np.ndarray, floor: np.ndarray, errors: list[np.ndarray], noise: np.ndarray | float = 0.0) -> np.ndarray:
+def excess(
+    f: np.ndarray,
+    floor: np.ndarray,
+    errors: list[np.ndarray],
+    noise: np.ndarray | float = 0.0,
+    remains: float = CANCELLED,
+) -> np.ndarray:
     """What f may be off by near each node, 1/sr: f grown by its prediction errors along all axes, and the floor.
 
     Where they are together below `RESOLVED` e-folds the errors between the nodes have both signs and cancel in a sum
-    to far less: `CANCELLED` of it is taken, and the sums over every second node account for the rest.
+    to far less: `remains` of it is taken, and the sums over every second node account for the rest.
     `noise` is the relative standard uncertainty of f: errors of up to twice what it makes are no structure.
     """
     total = sum((np.maximum(e - 2 * 1.22 * noise, 0.0) for e in errors), np.zeros(f.shape))
     grown = np.maximum(f, floor) * np.expm1(np.minimum(total, LARGEST))
-    return np.where(total <= RESOLVED, CANCELLED * grown, grown) + np.where(f < floor, floor, 0.0)
+    return np.where(total <= RESOLVED, remains * grown, grown) + np.where(f < floor, floor, 0.0)
 
 
 def hat_weights(nodes: np.ndarray, low: float, high: float, density: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:

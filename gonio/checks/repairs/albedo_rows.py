@@ -45,7 +45,8 @@ def _half_rows(table: Table, valid: np.ndarray) -> list[Row]:
         return []
     rows, number = [], np.arange(valid.size).reshape(valid.shape)
     for theta_i, phi_i in grid.incidences():
-        weight, corners = grid.corners(theta_i, phi_i)
+        weight, angles = grid.half_vectors(theta_i, phi_i)
+        corners = grid.corners(angles)
         have = sum(share * valid[cells] for cells, share in corners)
         scale = np.where(have > 1e-12, weight / np.maximum(have, 1e-12), 0.0)
         terms = [(number[cells].ravel(), (scale * share * valid[cells]).ravel()) for cells, share in corners]

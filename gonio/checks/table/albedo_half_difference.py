@@ -1,7 +1,7 @@
-"""Directional albedos of half/difference tables: integrated over half vectors, at the table's own nodes of theta_h.
+"""Directional albedos of half/difference tables: integrated over half vectors, between the table's own nodes.
 
-dωo = 4 cosθd dωh [Walter 2007, eq. 14]: lobes are narrow in theta_h alone, where the nodes are, and f is interpolated
-in the other angles only, in which it is smooth.
+dωo = 4 cosθd dωh [Walter 2007, eq. 14]. Lobes are narrow in theta_h alone, where the nodes are: f is interpolated, and
+the geometry, whose kinks lie at the horizon, is integrated finely between the nodes.
 """
 
 import dataclasses
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gonio.checks.albedos import Albedos, Incidence, albedos_of
-from gonio.checks.grid_resolution import excess, hat_weights, log_values, prediction_error
+from gonio.checks.grid_resolution import LARGEST, excess, log_values, prediction_error
 from gonio.checks.table.albedo_on_grid import MOST_MISSING, floor_of
 from gonio.data.flags import Flag
 from gonio.data.interpolation.multilinear import InterpolationAxis
@@ -20,8 +20,16 @@ from gonio.models.geometry.directions import from_spherical
 AZIMUTHS = 180
 """Azimuths of the half vector, even."""
 
+POINTS = 180
+"""About so many polar angles of the half vector."""
+
+SECOND_ORDER = 0.25
+"""Error of linear interpolation between nodes, in that of predicting them over twice the step."""
+
 COARSER = 1.5
 """Factor on the change by every second node, which for smooth lobes is four times the error."""
+
+FASTEST_GROWTH = 4.0
 
 MOST_VALUES = 60_000_000
 """Values of a table that are held in memory at once."""
@@ -37,9 +45,16 @@ class HalfVectorGrid:
     axes: dict[str, np.ndarray]
     periods: dict[str, float | None]
 
-    def corners(self, theta_i: float, phi_i: float) -> tuple[np.ndarray, list[Corner]]:
-        """f cosθo dωo of each half vector, (theta_h, azimuths), and the cells to read f from."""
-        axes, theta_h = self.axes, self.axes["theta_h"]
+    def half_angles(self) -> tuple[np.ndarray, np.ndarray]:
+        """Polar angles of half vectors and their steps, radians: Gauss–Legendre between each two nodes and beyond."""
+        edges = np.unique(np.concatenate([[0.0], self.axes["theta_h"], [np.pi / 2]]))
+        x, w = np.polynomial.legendre.leggauss(max(2, -(-POINTS // edges.size)))
+        half = np.diff(edges)[:, None] / 2
+        return (edges[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
+
+    def half_vectors(self, theta_i: float, phi_i: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """cosθo dωo of each half vector, (theta_h, azimuths), and its angles by the names of the axes."""
+        theta_h, step = self.half_angles()
         phi_h = (np.arange(AZIMUTHS) + 0.5) * 2 * np.pi / AZIMUTHS
         sin_h, cos_h = np.sin(theta_h)[:, None], np.cos(theta_h)[:, None]
         c, s = np.cos(phi_h)[None], np.sin(phi_h)[None]
@@ -49,16 +64,26 @@ class HalfVectorGrid:
         d_x, d_z = along * cos_h - z * sin_h, along * sin_h + z * cos_h
         cos_o = 2 * d_z * cos_h - z
         theta_d = np.arctan2(np.hypot(d_x, across), d_z)
-        angles = {"theta_d": theta_d, "phi_d": np.arctan2(across, d_x), "phi_h": np.broadcast_to(phi_h, theta_d.shape)}
-        brackets = [self._bracket(name, x) for name, x in angles.items() if name in axes]
-        w_h = hat_weights(theta_h, 0.0, np.pi / 2, np.sin)[:, None] * (2 * np.pi / AZIMUTHS)
-        weight = np.where((d_z > 0) & (cos_o > 0), w_h * 4 * d_z * cos_o, 0.0)
-        row = np.broadcast_to(np.arange(theta_h.size)[:, None], weight.shape)
-        every: list[Corner] = []
+        angles = {
+            "theta_h": np.broadcast_to(theta_h[:, None], theta_d.shape),
+            "theta_d": theta_d,
+            "phi_d": np.arctan2(across, d_x),
+            "phi_h": np.broadcast_to(phi_h, theta_d.shape),
+        }
+        w_h = (step * np.sin(theta_h))[:, None] * (2 * np.pi / AZIMUTHS)
+        return np.where((d_z > 0) & (cos_o > 0), w_h * 4 * d_z * cos_o, 0.0), angles
+
+    def corners(self, angles: dict[str, np.ndarray]) -> list[Corner]:
+        """The cells to read f from at half vectors of these angles."""
+        brackets, corners = [self._bracket(name, angles[name]) for name in self.axes], []
         for sides in np.ndindex(*[2] * len(brackets)):
             chosen = [(nodes[k], shares[k]) for (nodes, shares), k in zip(brackets, sides, strict=True)]
-            every.append(((row, *(n for n, _ in chosen)), np.prod([s for _, s in chosen], axis=0)))
-        return weight, every
+            corners.append((tuple(n for n, _ in chosen), np.prod([s for _, s in chosen], axis=0)))
+        return corners
+
+    def beyond(self, angles: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """How far half vectors lie beyond the last node of each polar angle, radians: f is held constant there."""
+        return {name: np.maximum(angles[name] - self.axes[name][-1], 0.0) for name in ("theta_h", "theta_d")}
 
     def _bracket(self, name: str, x: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
         nodes: Any = self.axes[name]
@@ -93,6 +118,8 @@ class _Readings:
     valid: np.ndarray
     off: np.ndarray | None = None
     """What f may be off by near each node."""
+    slopes: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    """Of each polar angle: the steepest |∂ log f| of the last steps to its last node, per radian, as of all cells."""
 
     def every_second(self, axis: int, first: int) -> "_Readings":
         name, some = list(self.grid.axes)[axis], (slice(None),) * axis + (slice(first, None, 2),)
@@ -102,15 +129,17 @@ class _Readings:
 
     def albedo(self, theta_i: float, phi_i: float) -> Incidence | None:
         """The albedo with the bound that follows from `off`, the gaps and the noise; None where too much is missing."""
-        weight, corners = self.grid.corners(theta_i, phi_i)
-        weight = weight[..., None]
+        weight, angles = self.grid.half_vectors(theta_i, phi_i)
+        corners, weight = self.grid.corners(angles), weight[..., None]
+        beyond = {name: distance[..., None] for name, distance in self.grid.beyond(angles).items()}
         total, error, variance, have = np.zeros((4, *weight.shape[:2], self.f.shape[-1]))
         for cells, share in corners:
             w = share[..., None] * self.valid[cells]
             have += w
             total += w * self.f[cells]
             if self.off is not None:
-                error += w * self.off[cells]
+                grown = sum((slope[cells] * beyond[name] for name, slope in self.slopes.items()), np.zeros(w.shape))
+                error += w * (self.off[cells] + np.abs(self.f[cells]) * np.expm1(np.minimum(grown, LARGEST)))
             if self.u is not None:
                 variance += (w * self.u[cells]) ** 2
         known = have > 1e-12
@@ -158,8 +187,13 @@ def half_difference_albedos(table: Table, reach: float) -> Albedos | str:
         np.nan_to_num(prediction_error(logs, nodes, k, grid.periods[name]))
         for k, (name, nodes) in enumerate(grid.axes.items())
     ]
-    off = excess(f, floor, errors, 0.0 if u is None else u / np.maximum(f, floor)) * valid
-    readings = dataclasses.replace(readings, off=off)
+    noise = 0.0 if u is None else u / np.maximum(f, floor)
+    errors[1] = _grown_at_the_end(errors[1])
+    errors[1:] = [e + _bend(logs, k) for k, e in enumerate(errors[1:], 1)]
+    # In theta_h errors on a lobe's flanks and at its peak cancel; in the other angles f bends one way.
+    off = (excess(f, floor, errors[:1], noise) + excess(f, floor, errors[1:], noise, SECOND_ORDER)) * valid
+    slopes = {name: _last_slopes(logs, nodes, k) for k, (name, nodes) in enumerate(grid.axes.items()) if k < 2}
+    readings = dataclasses.replace(readings, off=off, slopes=slopes)
     rows = [readings.albedo(t, p) for t, p in grid.incidences()]
     unseen = bool(2 * grid.axes["theta_h"][0] > reach)
     rows = [
@@ -167,6 +201,25 @@ def half_difference_albedos(table: Table, reach: float) -> Albedos | str:
         for row in rows
         if row is not None
     ]
-    return albedos_of(
-        rows, "Integrated over half vectors at the table's own theta_h, interpolated in the other angles."
-    )
+    return albedos_of(rows, "Integrated over half vectors, interpolated between the table's own nodes.")
+
+
+def _last_slopes(logs: np.ndarray, nodes: np.ndarray, axis: int) -> np.ndarray:
+    steps = np.diff(np.moveaxis(logs, axis, 0)[-3:], axis=0) / np.diff(nodes[-3:]).reshape(-1, *[1] * (logs.ndim - 1))
+    steepest = np.max(np.nan_to_num(np.abs(steps)), axis=0)
+    return np.broadcast_to(np.expand_dims(steepest, axis), logs.shape)
+
+
+def _grown_at_the_end(error: np.ndarray) -> np.ndarray:
+    # Towards grazing the error of theta_d grows from node to node, and the last node has no neighbour to show it.
+    error = error.copy()
+    growth = error[:, -2] / np.maximum(error[:, -3], 1e-12)
+    error[:, -1] = np.minimum(error[:, -2] * np.clip(growth, 1.0, FASTEST_GROWTH), LARGEST)
+    return error
+
+
+def _bend(logs: np.ndarray, axis: int) -> np.ndarray:
+    # What linear interpolation makes of an exponential of Δ e-folds a step, Δ²/8, as four times as much a prediction.
+    steps = np.nan_to_num(np.abs(np.diff(np.moveaxis(logs, axis, 0), axis=0)))
+    steps = np.maximum(np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]]))
+    return np.moveaxis(np.minimum(steps**2 / 2, LARGEST), 0, axis)

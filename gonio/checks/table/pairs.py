@@ -27,6 +27,8 @@ BAND, SECTOR = 10.0, 30.0
 """Size of a region of pairs, degrees: of both polar angles, and of the azimuth difference."""
 
 SIDE = int(90 // BAND)
+SAME_POLAR = 1e-6
+"""Difference, radians, of polar angles that are one."""
 
 
 class Place(NamedTuple):
@@ -62,6 +64,11 @@ class Pairs:
     """How the partners came about, in words."""
     error: np.ndarray | float = 0.0
     """Relative error of the values b that interpolation makes, (n, channels) or one for all."""
+
+    def where(self, some: np.ndarray) -> "Pairs":
+        """Some of the pairs; all of them have the same error."""
+        fields = {name: getattr(self, name)[some] for name in ("a", "b", "u_a", "u_b", "angles")}
+        return dataclasses.replace(self, **fields)
 
 
 def readings_of(table: Table, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -109,7 +116,11 @@ def exchanged_pairs(table: Table) -> Pairs | str:
         how += ", taking the surface as mirror symmetric, as azimuth differences stop at 180°"
     if layout.one_light_azimuth:
         how += ", taking the surface as isotropic, as the light has one azimuth"
-    return _pairs_once(table, layout.exchanged, how)
+    pairs = _pairs_once(table, layout.exchanged, how)
+    if layout.has_azimuth_of_light:
+        return pairs
+    # On an isotropic surface readings of θo = θi are exchanged by mirroring them: they say nothing of reciprocity.
+    return pairs.where(np.abs(pairs.angles[:, 0] - pairs.angles[:, 2]) > SAME_POLAR)
 
 
 def cells_without_partner(table: Table) -> np.ndarray:

@@ -218,9 +218,12 @@ def interpolated_pairs(table: Table, cells: np.ndarray) -> Pairs:
             angle = np.asarray(exchanged[name])
             within &= (angle >= nodes[0] - SAME_NODE) & (angle <= nodes[-1] + SAME_NODE)
     wi, wo = (Direction(*(c[within] for c in w)) for w in (wi, wo))
+    how = "readings whose partners were interpolated"
+    if not within.any():
+        none = np.zeros((0, len(table.channels)))
+        return Pairs(none, none, none, none, np.zeros((0, 4)), cells.size, how)
     partner, rough = (values(as_material(t), wo, wi) for t in (table, coarsened(table)))
     f, u = readings_of(table, cells[within])
     error = relative_difference(partner, rough)
     partner = np.where(error <= STEEPEST, partner, np.nan)
-    how = "readings whose partners were interpolated"
     return Pairs(f, partner, u, u, pair_angles(wi, wo), cells.size, how, error)

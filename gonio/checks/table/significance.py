@@ -130,6 +130,7 @@ class _Tests:
 def _tests_of_pairs(rows: _Rows, step: float, level: float, evidence: TableEvidence) -> _Tests:
     mean = rows.mean
     p = difference_p(*rows[:6], (rows.error + ROUNDING) * mean + step)
+    p = np.where(rows.error > 0, 1.0, p)  # one interpolated partner proves nothing
     threshold = sidak(level, p.size)
     z, limit = deviates(p), critical(threshold)
     over = np.maximum(np.abs(rows.a - rows.b) - rows.error * mean - step, 0) / mean

@@ -149,8 +149,9 @@ def random_table(seed: int) -> tuple[str, str, str, Truth, gonio.Table]:
         sigma = np.sqrt(f * np.median(f[f > 0]) / 10 ** rng.uniform(2, 6))
     f, u = f + sigma * rng.normal(size=f.shape), None if noise in ("none", "unsaid") else sigma
     read = angles[0][above]
-    inside = (np.min(read) - 1e-9 <= THETA) & (np.max(read) + 1e-9 >= THETA)
-    truth = Truth(expression, float(albedo[inside].max(initial=0.0)), difference, region)
+    ends = np.interp([read.min(), read.max()], THETA, albedo)
+    inside = albedo[(read.min() <= THETA) & (read.max() >= THETA)]
+    truth = Truth(expression, float(max(*ends, *inside)), difference, region)
     if layout is None:
         return kind, noise, wrong, truth, gonio.Table.from_arrays(*angles, f, u_f=u)
     more = {} if u is None else {"u_f": u.reshape(*layout.shape, 1)}

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from gonio.checks.table.energy import table_energy
+from gonio.checks.table.energy import table_albedos, table_energy
 from gonio.checks.table.evidence import TableEvidence
 from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
@@ -84,3 +84,19 @@ def test_a_plane_or_a_cap_has_no_albedo():
     for layout in (plane, cap):
         energy = energy_of("lambert(rho=0.5)", layout)
         assert energy.verdict == "undecided" and energy.residual is None
+
+
+@pytest.mark.parametrize("counts", [(6, 6, 12), (30, 30, 60)], ids=["15°", "3°"])
+@pytest.mark.parametrize(
+    "expression",
+    [
+        "0.9068 * eon(rho=0.8, r=0.8828) + 1.2636 * ggx(alpha=0.2941, eta=1.5)",
+        "0.8895 * eon(rho=0.8, r=0.9976) + 1.954 * ggx(alpha=0.5655, eta=1.5)",
+        "0.6 * lambert(rho=1) + 0.7 * ggx(alpha=0.12, eta=1.76)",
+        "0.05 * eon(rho=0.83, r=0.8) + 0.63 * beckmann(alpha=0.0976, eta=1.93)",
+    ],
+)
+def test_bounds_of_coarse_half_difference_tables_hold_at_every_incidence(expression, counts):
+    albedos = table_albedos(model_table(expression, layouts.merl(counts=counts)))
+    exact = np.asarray(directional_albedo(build(expression), albedos.theta_i, tolerance=1e-7).value)
+    assert (np.abs(albedos.value[:, 0] - exact) <= albedos.below[:, 0]).all()
