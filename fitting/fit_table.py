@@ -8,13 +8,17 @@ import numpy as np
 
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
-from gonio.fitting.assemble_result import assemble_result
-from gonio.fitting.fit_model import FitTask, compile_ahead, fit_model
-from gonio.fitting.options import FitOptions, FitSettings
-from gonio.fitting.problem.losses import NO_UNCERTAINTY, cell_weights, sigma_of
+from gonio.fitting.fit_model import FitOptions, FitSettings, FitTask, compile_ahead, fit_model
 from gonio.fitting.problem.parameterisation import with_defaults
-from gonio.fitting.problem.readings import Readings, count_readings, readings_of
-from gonio.fitting.result import FitResult
+from gonio.fitting.problem.readings import (
+    NO_UNCERTAINTY,
+    Readings,
+    cell_weights,
+    count_readings,
+    readings_of,
+    sigma_of,
+)
+from gonio.fitting.result import FitResult, assemble_result
 from gonio.fitting.selection.automatic import Selection, select_model, shows_anisotropy
 from gonio.fitting.selection.scene_selection import SceneView, view_of
 from gonio.models.errors import GonioError
@@ -131,7 +135,8 @@ def _in_scene(task: FitTask, view: SceneView) -> FitTask:
 
 def _best(tasks: list[FitTask], table: Table, view: SceneView | None, seconds: dict[str, float]) -> FitResult:
     """The result of the lowest BIC, converged ones first, with all of them as alternatives."""
-    results, refused = [], []
+    results: list[FitResult] = []
+    refused: list[dict[str, Any]] = []
     for task in tasks:
         try:
             results.append(_fit_one(task, table, view, None, seconds))

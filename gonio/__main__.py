@@ -10,7 +10,7 @@ import threading
 from typing import NoReturn
 
 AHEAD = "gonio-ahead"
-"""The name of the threads that `gonio.fitting.solver.precompile` begins; that module would bring JAX with it."""
+"""The name of the threads that `gonio.fitting.fit_model` begins; that module would bring JAX with it."""
 
 VERBS = {
     "demo": "the whole job on bundled materials, ending in a report to look at",

@@ -13,8 +13,7 @@ from gonio.fitting.selection.candidate import Candidate, SelectionResult
 from gonio.fitting.selection.candidate_model import candidate_parameters
 from gonio.fitting.selection.scene_selection import SceneSelection, SceneView, select_for_scene
 from gonio.fitting.selection.stepwise import stepwise_selection
-from gonio.models.expression.parser import Term, Value, parse
-from gonio.models.expression.paths import changed
+from gonio.models.expression.parser import Term, Value, changed, parse
 
 
 def shows_anisotropy(layout: Layout, readings: Readings) -> bool:

@@ -12,13 +12,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.fitting.problem.domains import Domains, domain_kind
-from gonio.fitting.problem.losses import transform, uses_cosine
-from gonio.fitting.problem.normal_equations import NormalEquations
-from gonio.fitting.problem.parameterisation import Parameters, parameters, with_defaults
+from gonio.fitting.problem.parameterisation import Domains, Parameters, domain_kind, parameters, with_defaults
+from gonio.fitting.problem.problem import NormalEquations
+from gonio.fitting.problem.readings import transform, uses_cosine
 from gonio.models.expression.builder import Frame, assemble
-from gonio.models.expression.parser import parse
-from gonio.models.expression.paths import FACTOR
+from gonio.models.expression.parser import FACTOR, parse
 from gonio.models.geometry.directions import NORMAL, Direction
 
 CELLS = 4096  # the kernels' size: readings are padded to a multiple of it

@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from gonio.fitting.problem.losses import floor_of, uses_cosine
-from gonio.fitting.problem.readings import Readings, coarse_cells
+from gonio.fitting.problem.readings import Readings, coarse_cells, floor_of, uses_cosine
 from gonio.fitting.selection import criteria
 from gonio.fitting.selection.candidate import Candidate, SelectionResult
 from gonio.fitting.selection.candidate_model import FRESNEL, LAMBERT, CandidateProblem, SelectionData, Terms, TermSpec

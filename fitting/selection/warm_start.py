@@ -4,12 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gonio.fitting.problem.domains import snapped
-from gonio.fitting.problem.parameterisation import FreeParameter
+from gonio.fitting.problem.parameterisation import FreeParameter, snapped
 from gonio.fitting.selection.candidate_model import CandidateProblem, Terms, candidate_parameters
 from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
 from gonio.fitting.solver.multistart import APART, WIDTHS, solve_amounts
-from gonio.models.expression.paths import FACTOR
+from gonio.models.expression.parser import FACTOR
 
 NEW = {"f0": 0.1, "gamma": 2.2, "r": 0.3, "rho": 0.3, FACTOR: 0.1, "alpha": 0.3, "alpha_x": 0.25, "alpha_y": 0.4}
 REFINED = 2

@@ -11,14 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gonio.fitting.problem.domains import Domains, mapped, unmapped
-from gonio.fitting.problem.normal_equations import NormalEquations
-from gonio.fitting.problem.parameterisation import Parameterisation
-from gonio.fitting.problem.problem import FitProblem
+from gonio.fitting.problem.parameterisation import Domains, Parameterisation, mapped, unmapped
+from gonio.fitting.problem.problem import FitProblem, NormalEquations
 from gonio.fitting.problem.readings import LANES, coarse_cells
-from gonio.fitting.solver.convergence import eps
-from gonio.fitting.solver.levenberg_marquardt import Descent, Stopping, minimise
-from gonio.models.expression.paths import last
+from gonio.fitting.solver.levenberg_marquardt import Descent, Stopping, eps, minimise
+from gonio.models.expression.parser import last
 
 COARSE = 512
 EACH = 48  # samples for each free number, where these are many

@@ -14,8 +14,7 @@ from gonio.fitting.problem.readings import Readings
 from gonio.fitting.residuals.pair_angles import neighbour_order
 from gonio.fitting.solver.levenberg_marquardt import NEAR, minimise
 from gonio.fitting.solver.robust_weights import scales
-from gonio.fitting.uncertainty.covariance import NORMAL_95
-from gonio.fitting.uncertainty.optimum import Optimum
+from gonio.fitting.uncertainty.optimum import NORMAL_95, Optimum
 
 KINDS = ("wild", "block_pairs")
 ALONE = 0.1  # correlation below which readings are not neighbours

@@ -1,15 +1,143 @@
-"""Sentences about numbers, and combinations of numbers, that the data leave open."""
+"""Sentences about what the data leave open: numbers, combinations of numbers, and the readings that would tell them."""
 
 import re
+from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
-from gonio.fitting.result import ParameterEstimate
-from gonio.fitting.uncertainty.informative_directions import advice
-from gonio.fitting.uncertainty.optimum import Optimum
+from gonio.fitting.problem.parameterisation import Parameterisation
+from gonio.fitting.problem.problem import sensitivities
+from gonio.fitting.problem.readings import Readings
+from gonio.fitting.solver.robust_weights import NORMAL_MAD
+from gonio.fitting.uncertainty.optimum import LOST, Optimum, ParameterEstimate, open_from
+from gonio.models.geometry.directions import Direction, from_spherical
 
 SMALL = 0.1  # of the largest change, below which a number is no part of a combination
 ALIKE = 0.1  # difference of two relative changes, or of an exponent from ±1, that words pass over
+
+STEP = 5.0  # degrees
+HIGHEST = 85.0
+INCIDENCES = 16
+EACH = 128  # directions of each incidence
+LEAST_NOISE = 1e-3  # of f: what readings without noise are taken to have
+SEPARATED = 1 / 16  # variance of what counts as separated: a quarter of the uncertainty that counts as open
+MANY = 200.0  # times as many readings: beyond that nobody measures
+
+
+class _Probes(NamedTuple):
+    """Directions of possible readings: polar angles (n,), ∂f/∂(free parameter) (n, groups, C), f (n, C)."""
+
+    theta_i: np.ndarray
+    theta_o: np.ndarray
+    rows: np.ndarray
+    f: np.ndarray
+
+
+def advice(e: Optimum, k: int) -> str:
+    """What would determine the k-th open combination of an optimum, as a clause.
+
+    Readings at a grid of directions, with the noise of readings as bright as these, are added to what is known of all
+    numbers together, in order of their larger polar angle: the first angle up to which the combination's variance falls
+    below what counts as open is the answer.
+    """
+    variance, change = e.covariance.combinations[k]
+    s, wi, wo = e.parameters, e.readings.wi, e.readings.wo
+    probes = _probes(e)
+    sigma = _noise(e.readings, e.model_f, probes.f)
+    known, reach = _precision(e), open_from(e.domains, e.p)
+    top = float(np.degrees(np.max(np.arccos(np.clip(np.minimum(wi.z, wo.z), 0, 1)))))
+    outer = np.degrees(np.maximum(probes.theta_i, probes.theta_o))
+
+    def separated(cells: np.ndarray) -> bool:
+        more = _information(s, probes.rows[cells], sigma[cells])
+        return bool(cells.any()) and _determined(known + more, reach, change)
+
+    for angle in np.arange(STEP * (np.floor(top / STEP + 0.01) + 1), HIGHEST + 1e-9, STEP):
+        cells = (outer > top + 0.1 * STEP) & (outer <= angle + 1e-6)
+        if separated(cells):
+            along = np.stack([probes.rows[:, :, c] @ change[s.columns(c)] for c in range(s.channels)], axis=1)
+            best = int(np.argmax(np.sum((along / sigma) ** 2, axis=1) * cells))
+            theta_i, theta_o = (np.degrees(t[best]) for t in (probes.theta_i, probes.theta_o))
+            return (
+                f"readings up to {angle:.0f}° (these end at {top:.0f}°) would separate them, most of all at "
+                f"θi {theta_i:.0f}°, θo {theta_o:.0f}°"
+            )
+    if separated(outer <= top + 0.1 * STEP):
+        return "readings at all azimuths, at polar angles as these, would separate them"
+    if variance / SEPARATED < MANY:
+        return f"no angles separate them, {np.ceil(variance / SEPARATED):.0f} times as many readings would"
+    return "no readings would separate them: hold one of them at a known value (name=value)"
+
+
+def _determined(matrix: np.ndarray, reach: np.ndarray, change: np.ndarray) -> bool:
+    """Whether the combination's variance, in units of what counts as open, is well below 1, all numbers being free."""
+    direction = change / np.linalg.norm(change / reach) / reach**2
+    known_ones = np.diagonal(matrix) > 0
+    if np.abs(change / reach)[~known_ones].max(initial=0.0) > 0.1 * np.abs(change / reach).max():
+        return False
+    lengths = np.sqrt(np.diagonal(matrix)[known_ones])
+    values, vectors = np.linalg.eigh(matrix[np.ix_(known_ones, known_ones)] / np.outer(lengths, lengths))
+    along = vectors.T @ (direction[known_ones] / lengths)
+    lost = values < LOST * values.size
+    if np.abs(along[lost]).max(initial=0.0) > 1e-3 * np.linalg.norm(along):
+        return False
+    return bool(np.sum(along[~lost] ** 2 / values[~lost]) < SEPARATED)
+
+
+def _precision(e: Optimum) -> np.ndarray:
+    """Inverse covariance (P, P) of the open numbers: the normal matrix over the residuals' own variance."""
+    matrix = np.asarray(e.equations.matrix, float)
+    free = np.outer(~e.active_bound, ~e.active_bound)
+    if e.exact:
+        # Without noise everything that is seen at all is determined: as much is taken as the further readings have.
+        scale = LEAST_NOISE**2 * max(e.problem.target_norm_squared, 1e-300) / e.model_f.size
+        return np.where(free, matrix, 0.0) / scale
+    known = np.diagonal(e.covariance.matrix)
+    known_ones = np.isfinite(known) & (known > 0)
+    # Where the covariance is not the inverse of the matrix (robust, or noise not known) their ratio is the variance.
+    scale = 1.0
+    if known_ones.any():
+        inverse = np.linalg.pinv(matrix[np.ix_(known_ones, known_ones)], rcond=1e-14, hermitian=True)
+        scale = float(np.median(known[known_ones] / np.maximum(np.diagonal(inverse), 1e-300)))
+    return np.where(free, matrix, 0.0) / max(scale, 1e-300)
+
+
+def _probes(e: Optimum) -> _Probes:
+    """Possible readings at incidences every few degrees: in the plane and out of it."""
+    incidence = np.radians(np.append(np.arange(10, 86, STEP)[: INCIDENCES - 1], HIGHEST))
+    polar = np.radians(np.linspace(2.5, HIGHEST, EACH // 4))
+    theta_i = np.repeat(incidence, EACH)
+    theta_o = np.tile(np.tile(polar, 4), INCIDENCES)
+    phi = np.tile(np.repeat(np.radians([180.0, 0.0, 175.0, 120.0]), EACH // 4), INCIDENCES)
+    # The mirror direction itself belongs to every incidence: a lobe is often narrower than the grid.
+    theta_o[:: EACH // 4] = theta_i[:: EACH // 4]
+    pair = (from_spherical(theta_i, 0.0, np), from_spherical(theta_o, phi, np))
+    wi, wo = (Direction(*(jnp.asarray(c) for c in w)) for w in pair)
+    f, rows = sensitivities(e.parameters, jnp.asarray(e.p), e.problem.fixed, wi, wo)
+    return _Probes(theta_i, theta_o, np.asarray(rows), np.asarray(f))
+
+
+def _information(s: Parameterisation, rows: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """Normal matrix (P, P) of readings with standard deviations sigma (n, C)."""
+    matrix = np.zeros((s.size, s.size))
+    for c in range(s.channels):
+        j = rows[:, :, c] / sigma[:, c : c + 1]
+        matrix[np.ix_(s.columns(c), s.columns(c))] += j.T @ j
+    return matrix
+
+
+def _noise(readings: Readings, model: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """Standard deviation of readings as bright as f, (n, C), from the residuals of 16 classes of brightness."""
+    valid = readings.valid & (np.abs(model) > 0)
+    level, deviation = np.abs(model[valid]), np.abs((readings.f - model)[valid])
+    if level.size < 2:
+        return LEAST_NOISE * np.maximum(np.abs(f), 1e-30)
+    order = np.array_split(np.argsort(level), min(16, level.size))
+    x = np.array([np.median(level[o]) for o in order])
+    share = np.array([NORMAL_MAD * np.median(deviation[o]) for o in order]) / x
+    size = np.maximum(np.abs(f), 1e-3 * x[0] + 1e-300)
+    return np.maximum(np.interp(np.log(size), np.log(x), share), LEAST_NOISE) * size
 
 
 def undetermined_sentences(e: Optimum, estimates: list[ParameterEstimate]) -> list[str]:

@@ -10,13 +10,12 @@ import dataclasses
 
 import numpy as np
 
-from gonio.fitting.problem.domains import LINEAR, LOG, Domains
+from gonio.fitting.problem.parameterisation import LINEAR, LOG, Domains
 from gonio.fitting.problem.readings import LANES
 from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
-from gonio.fitting.uncertainty.covariance import FACTOR_OPEN, NORMAL_95, WIDE_OPEN, Covariance, open_from
-from gonio.fitting.uncertainty.optimum import Optimum
+from gonio.fitting.uncertainty.optimum import FACTOR_OPEN, NORMAL_95, WIDE_OPEN, Covariance, Optimum, open_from
 
-VAGUE = 0.15  # of the standard uncertainty that counts as open, from which on the profile is followed
+FOLLOWED = 0.15  # of the standard uncertainty that counts as open, from which on the profile is followed
 ALONG = 0.95  # correlation of numbers that go together
 CLOSE = 0.03  # relative error of an interval's end
 TRIALS = 10
@@ -63,9 +62,9 @@ def vague_numbers(e: Optimum) -> list[int]:
     """Numbers whose intervals the covariance may not describe, the vaguest first."""
     u, reach = e.covariance.standard, open_from(e.domains, e.p)
     with np.errstate(invalid="ignore"):
-        vague = (u > VAGUE * reach) & ~e.active_bound
+        vague = (u > FOLLOWED * reach) & ~e.active_bound
         # What goes with a vague number is as vague in its own size, however small that is beside its domain.
-        along = (np.abs(e.covariance.correlation) > ALONG)[:, vague].any(axis=1) & (u > VAGUE * np.abs(e.p) / 2)
+        along = (np.abs(e.covariance.correlation) > ALONG)[:, vague].any(axis=1) & (u > FOLLOWED * np.abs(e.p) / 2)
     indices = np.flatnonzero(vague | (along & ~e.active_bound))
     return [int(k) for k in indices[np.argsort(-(u / reach)[indices])]]
 
@@ -94,7 +93,7 @@ def _opened(c: Covariance, k: int, ends: tuple[float, float], reach: np.ndarray,
     # Others that go with it are as open as it is.
     with np.errstate(invalid="ignore", divide="ignore"):
         alike = np.abs(c.correlation[:, k]) > ALONG
-    vague = np.sqrt(np.nan_to_num(np.diagonal(c.matrix))) > VAGUE * np.minimum(reach, np.abs(p))
+    vague = np.sqrt(np.nan_to_num(np.diagonal(c.matrix))) > FOLLOWED * np.minimum(reach, np.abs(p))
     undetermined |= alike & vague
     same = [v for v, other in c.combinations if _parallel(change / reach, other / reach)]
     return Covariance(c.matrix, undetermined, c.combinations if same else [*c.combinations, (variance, change)])

@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _options(args: argparse.Namespace) -> dict[str, Any]:
-    from gonio.fitting.options import OLD_KINDS, FitOptions
+    from gonio.fitting.fit_model import OLD_KINDS, FitOptions
 
     options = {name: getattr(args, name) for name in FitOptions.__annotations__ if hasattr(args, name)}
     kind = options.pop("bootstrap_kind")
@@ -92,9 +92,9 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
     output = args.output or f"{Path(file).stem}{SUFFIX}"
     refuse_outputs([output, args.json], [file], args.force)
     from gonio.data.serialise import plain
+    from gonio.fitting.fit_model import ahead
     from gonio.fitting.fit_table import fit
-    from gonio.fitting.solver.lm_step import compile_step, padded_size
-    from gonio.fitting.solver.precompile import ahead
+    from gonio.fitting.solver.levenberg_marquardt import compile_step, padded_size
 
     # To load the program of a step takes as long as to read a large file; what goes into it is known already.
     ahead(("step", padded_size(0)), lambda: compile_step(0))

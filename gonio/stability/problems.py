@@ -11,10 +11,8 @@ from typing import TypeVar
 import numpy as np
 
 from gonio.fitting.problem.parameterisation import with_defaults
-from gonio.models.expression.builder import frame
-from gonio.models.expression.labels import number_label
-from gonio.models.expression.parser import parse
-from gonio.models.expression.paths import numbers
+from gonio.models.expression.builder import frame, number_label
+from gonio.models.expression.parser import numbers, parse
 
 ANY = 0.777
 """A true number that nothing determines, such as the width of a lobe without strength: any answer is right."""

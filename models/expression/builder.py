@@ -1,4 +1,4 @@
-"""From an expression to a model, and back."""
+"""From an expression to a model, and back; names for people of the numbers of a model."""
 
 import dataclasses
 from typing import Any, NamedTuple
@@ -10,8 +10,18 @@ from gonio.models.arrays import Channels
 from gonio.models.brdf import AbstractBRDF, Scaled, Sum, terms
 from gonio.models.catalog import MODELS, name_of
 from gonio.models.errors import GonioError
-from gonio.models.expression.parser import Call, Term, Value, needed, options_of, parse, submodels_of
-from gonio.models.expression.paths import FACTOR, calls, numbers
+from gonio.models.expression.parser import (
+    FACTOR,
+    Call,
+    Term,
+    Value,
+    calls,
+    needed,
+    numbers,
+    options_of,
+    parse,
+    submodels_of,
+)
 from gonio.models.parameters import parameters_of
 
 
@@ -123,3 +133,21 @@ def terms_to_expression(spelled: tuple[Term, ...]) -> str:
         factor = "" if t.scale is None else value_text(t.scale, "") + " * "
         texts.append(f"{factor}{t.call.name}({', '.join(inside)})")
     return " + ".join(texts)
+
+
+def model_names(frames: tuple[Frame, ...]) -> list[str]:
+    """A name for each model of a sum: its own, numbered where a model comes more than once."""
+    names = [f.name for f in frames]
+    return [n if names.count(n) == 1 else f"{n}{names[: i + 1].count(n)}" for i, n in enumerate(names)]
+
+
+def number_label(frames: tuple[Frame, ...], term: int, path: str) -> str:
+    """The name of the number at a path of a term: 'ggx.alpha', or 'coat.base.lambert.rho' inside another model."""
+    words, steps = [model_names(frames)[term]], path.split(".")
+    inside = frames[term]
+    while len(steps) > 1:
+        field, index, *steps = steps
+        frames = dict(inside.inside)[field]
+        inside = frames[int(index)]
+        words += [field, model_names(frames)[int(index)]]
+    return ".".join([*words, *steps])

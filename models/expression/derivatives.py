@@ -5,10 +5,8 @@ import jax.numpy as jnp
 
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.compiling import wide_jit
-from gonio.models.expression.builder import Frame, as_array, assemble, frame, to_expression, together
-from gonio.models.expression.labels import number_label
-from gonio.models.expression.parser import parse
-from gonio.models.expression.paths import numbers
+from gonio.models.expression.builder import Frame, as_array, assemble, frame, number_label, to_expression, together
+from gonio.models.expression.parser import numbers, parse
 from gonio.models.geometry.directions import Direction
 
 

@@ -18,8 +18,7 @@ from scipy.optimize import least_squares
 
 import gonio
 from gonio.data.formats.nist_ptfe import read_nist
-from gonio.fitting.problem.losses import floor_of
-from gonio.fitting.problem.readings import readings_of
+from gonio.fitting.problem.readings import floor_of, readings_of
 from gonio.fitting.selection.automatic import shows_anisotropy
 from gonio.fitting.selection.candidate_model import CandidateProblem, SelectionData
 from gonio.fitting.selection.stepwise import stepwise_selection

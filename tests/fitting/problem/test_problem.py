@@ -5,10 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from gonio.fitting.problem.losses import transform
 from gonio.fitting.problem.parameterisation import parameters, with_defaults
 from gonio.fitting.problem.problem import FitProblem
-from gonio.fitting.problem.readings import PAGE, Readings, block_of, coarse_cells, in_blocks
+from gonio.fitting.problem.readings import PAGE, Readings, block_of, coarse_cells, in_blocks, transform
 from gonio.models.expression.builder import assemble, parse, together
 from gonio.models.geometry.directions import Direction
 

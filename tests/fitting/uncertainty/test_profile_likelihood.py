@@ -7,9 +7,9 @@ from scipy.optimize import brentq, minimize_scalar, nnls
 from gonio.data import layouts
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.fitting.fit_table import fit
-from gonio.fitting.problem.domains import Domains, to_parameters, to_unconstrained
+from gonio.fitting.problem.parameterisation import Domains, to_parameters, to_unconstrained
 from gonio.fitting.uncertainty import profile_likelihood as profile
-from gonio.fitting.uncertainty.covariance import NORMAL_95
+from gonio.fitting.uncertainty.optimum import NORMAL_95
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 from support.fit_tables import free, table_of

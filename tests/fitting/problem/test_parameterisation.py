@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gonio.fitting.problem.domains import LINEAR, LOG, LOG1P, Domains, to_parameters, to_unconstrained
+from gonio.fitting.problem.parameterisation import LINEAR, LOG, LOG1P, Domains, to_parameters, to_unconstrained
 
 D = Domains(np.array([LINEAR, LOG, LOG1P]), np.array([0.0, 1e-4, 0.0]), np.array([1.0, 1.0, 1e6]))
 

@@ -8,8 +8,15 @@ import pytest
 
 from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
-from gonio.fitting.problem.losses import LOSSES, floor_of, inverse_cube_root, loss_floor, transform, uses_cosine
-from gonio.fitting.problem.readings import readings_of
+from gonio.fitting.problem.readings import (
+    LOSSES,
+    floor_of,
+    inverse_cube_root,
+    loss_floor,
+    readings_of,
+    transform,
+    uses_cosine,
+)
 
 
 @pytest.mark.parametrize("loss", LOSSES)

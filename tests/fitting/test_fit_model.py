@@ -5,7 +5,7 @@ import sys
 import threading
 
 from gonio.__main__ import AHEAD
-from gonio.fitting.solver.precompile import ahead, finished
+from gonio.fitting.fit_model import ahead, finished
 
 
 def test_a_job_is_begun_once_and_finished_before_it_is_needed():
@@ -24,7 +24,7 @@ def test_what_goes_wrong_ahead_is_left_to_where_it_is_needed():
 SLOW = """
 import sys, threading
 from gonio.__main__ import command
-from gonio.fitting.solver.precompile import ahead
+from gonio.fitting.fit_model import ahead
 begun, never = threading.Event(), threading.Event()
 ahead("slow", lambda: (begun.set(), never.wait()))
 begun.wait()
