@@ -35,6 +35,8 @@ class Albedos:
     """(n,): whether the readings leave out the mirror direction, so that a narrow lobe may hide there."""
     step_needed: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))
     """(n,): about the step, radians, at which a lobe such as the readings suggest would be resolved; NaN: unknown."""
+    partial: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0, bool))
+    """(n,): whether the readings cover too little of the hemisphere: the albedo is that of what was read, at least."""
 
     def deciding(self, tolerance: float) -> tuple[int, int]:
         """(incidence, channel) of what decides: not finite; else surely above 1; else the one that may be largest."""
@@ -62,19 +64,20 @@ class Incidence(NamedTuple):
     noise: np.ndarray
     unseen: bool = False
     step_needed: float = np.nan
+    partial: bool = False
 
 
-def albedos_of(rows: Iterable[Incidence | None], method: str) -> Albedos | str:
-    """The albedos of those incidences that have one; or why there are none.
+def albedos_of(rows: Iterable[Incidence], method: str) -> Albedos | str:
+    """The albedos of the incidences; or why there are none.
 
-    Where the mirror direction is not among the readings an albedo may be larger without a bound.
+    Where the mirror direction or much of the hemisphere was not read an albedo may be larger without a bound.
     """
-    known = [row for row in rows if row is not None]
+    known = list(rows)
     if not known:
-        return "too many of its cells have no reading"
-    theta, phi, value, bound, noise, unseen, step = (np.array(column) for column in zip(*known, strict=True))
-    above = np.where(unseen[:, None], np.inf, bound)
-    return Albedos(theta, phi, value, above, bound, method, (), noise, unseen, step)
+        return "no incidence was read"
+    theta, phi, value, bound, noise, unseen, step, partial = (np.array(c) for c in zip(*known, strict=True))
+    above = np.where((unseen | partial)[:, None], np.inf, bound)
+    return Albedos(theta, phi, value, above, bound, method, (), noise, unseen & ~partial, step, partial)
 
 
 def energy_property(albedos: Albedos, tolerance: float) -> Property:

@@ -127,8 +127,8 @@ class _Readings:
         u = None if self.u is None else self.u[some]
         return _Readings(HalfVectorGrid(axes, self.grid.periods), self.f[some], u, self.valid[some])
 
-    def albedo(self, theta_i: float, phi_i: float) -> Incidence | None:
-        """The albedo with the bound that follows from `off`, the gaps and the noise; None where too much is missing."""
+    def albedo(self, theta_i: float, phi_i: float) -> Incidence:
+        """The albedo with the bound that follows from `off`, the gaps and the noise; of what was read, at the least."""
         weight, angles = self.grid.half_vectors(theta_i, phi_i)
         corners, weight = self.grid.corners(angles), weight[..., None]
         beyond = {name: distance[..., None] for name, distance in self.grid.beyond(angles).items()}
@@ -145,15 +145,14 @@ class _Readings:
         known = have > 1e-12
         scale = np.where(known, have, 1.0)
         gap = np.sum(weight * ~known, axis=(0, 1))
-        if np.max(gap) > MOST_MISSING * np.pi:
-            return None
         mean = total / scale
         # Where corners had no reading the others stood for them, as wrong as they may be.
         guessed = np.sum(weight * np.abs(mean) * np.clip(1 - have, 0, 1), axis=(0, 1))
         empty = gap * np.max(np.abs(mean * (weight > 0)), initial=0.0) * 0.05
         noise = np.sqrt(np.sum(weight**2 * variance / scale**2, axis=(0, 1)))
         bound = np.sum(weight * error / scale, axis=(0, 1)) + guessed + empty + 2 * noise
-        return Incidence(theta_i, phi_i, np.sum(weight * mean, axis=(0, 1)), bound, noise)
+        partial = bool(np.max(gap) > MOST_MISSING * np.pi)
+        return Incidence(theta_i, phi_i, np.sum(weight * mean, axis=(0, 1)), bound, noise, partial=partial)
 
     def change_by_coarser(self, exact: Incidence) -> np.ndarray:
         """The largest change of an albedo by every second node of one axis: of theta_h by either half."""
@@ -162,10 +161,8 @@ class _Readings:
             for first in (0, 1) if name == "theta_h" else (0,):
                 if nodes.size >= 6:
                     rough = self.every_second(k, first).albedo(exact.theta_i, exact.phi_i)
-                    changes.append(
-                        np.full_like(exact.value, np.inf) if rough is None else np.abs(rough.value - exact.value)
-                    )
-        return np.max(changes, axis=0)
+                    changes.append(np.inf if rough.partial > exact.partial else np.abs(rough.value - exact.value))
+        return np.max([np.broadcast_to(change, exact.value.shape) for change in changes], axis=0)
 
 
 def half_difference_albedos(table: Table, reach: float) -> Albedos | str:
@@ -178,7 +175,7 @@ def half_difference_albedos(table: Table, reach: float) -> Albedos | str:
     u = None if table.u_f is None else np.nan_to_num(np.where(valid, np.asarray(table.u_f[...], float), 0.0))
     readings = _Readings(grid, f, u, valid)
     typical = readings.albedo(np.radians(40.0), 0.0)
-    if typical is None:
+    if typical.partial:
         return "too many of its cells have no reading"
     floor = floor_of(typical.value)
     # A neighbour without a reading tells nothing of its node.
@@ -196,11 +193,7 @@ def half_difference_albedos(table: Table, reach: float) -> Albedos | str:
     readings = dataclasses.replace(readings, off=off, slopes=slopes)
     rows = [readings.albedo(t, p) for t, p in grid.incidences()]
     unseen = bool(2 * grid.axes["theta_h"][0] > reach)
-    rows = [
-        row._replace(bound=row.bound + COARSER * readings.change_by_coarser(row), unseen=unseen)
-        for row in rows
-        if row is not None
-    ]
+    rows = [row._replace(bound=row.bound + COARSER * readings.change_by_coarser(row), unseen=unseen) for row in rows]
     return albedos_of(rows, "Integrated over half vectors, interpolated between the table's own nodes.")
 
 

@@ -102,11 +102,13 @@ def grid_albedos(table: Table, reach: float) -> Albedos | str:
         block = table.read_values(number * grid.stored, (number + 1) * grid.stored)
         f, u, valid = (block[name][grid.cells] for name in ("f", "u_f", "flag"))
         valid = valid == Flag.VALID
-        if not grid.missing(valid):
-            estimate = _estimate(grid, f.astype(float), u.astype(float), valid)
-            rows.append(
-                estimate._replace(theta_i=theta_i, phi_i=phi_i, unseen=grid.distance_to_mirror(theta_i, phi_i) > reach)
-            )
+        estimate = _estimate(grid, f.astype(float), u.astype(float), valid)
+        estimate = estimate._replace(theta_i=theta_i, phi_i=phi_i)
+        if grid.missing(valid):
+            read = np.sum(grid.weights * np.where(valid, f.astype(float), 0.0), axis=(0, 1))
+            rows.append(estimate._replace(value=read, partial=True))
+        else:
+            rows.append(estimate._replace(unseen=grid.distance_to_mirror(theta_i, phi_i) > reach))
     method = "Integrated on the table's own grid"
     if grid.mirrored:
         method += ", taking the surface as mirror symmetric, as azimuth differences stop at 180°"

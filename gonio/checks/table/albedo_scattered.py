@@ -1,5 +1,7 @@
 """Directional albedos of scattered tables: by the format's own warp where there is one, else by nearest readings."""
 
+from typing import Any
+
 import numpy as np
 
 from gonio.checks.albedos import Albedos, Incidence, albedos_of
@@ -7,7 +9,7 @@ from gonio.checks.direction_search import directions, values
 from gonio.checks.grid_resolution import LARGEST
 from gonio.checks.table.albedo_on_grid import floor_of
 from gonio.checks.table.pairs import angles_of, readings_of
-from gonio.checks.table.scattered_pairs import LEAF, isotropic_light, merged, warp_of
+from gonio.checks.table.scattered_pairs import LEAF, isotropic_light, merged, one_sided, warp_of
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
@@ -17,10 +19,16 @@ INCIDENCES = np.radians(np.arange(0.0, 80.1, 10.0))
 RULE = (64, 128)
 """Nodes in theta_h and phi_h; half of each is the coarser rule that the error comes from."""
 
-POINTS = 4000
+POINTS, MOST_POINTS = 4000, 200_000
 """Directions of the hemisphere, even in projected solid angle, that take the values of the readings near them."""
 
+POINTS_EACH = 8
+"""So many of them for each reading, within these limits."""
+
 FARTHEST = np.radians(12.0)
+SURROUNDING = 8
+"""Nearest readings that have to lie on all sides of a direction for it to count as read."""
+
 MOST_UNCOVERED = 0.1
 SAME_LIGHT = np.radians(0.05)
 FEWEST = 20
@@ -84,43 +92,60 @@ def scattered_albedos(table: Table, reach: float) -> Albedos | str:
     key = angles[:, :1] if isotropic else np.where(angles[:, :1] < 1e-9, 0.0, angles[:, :2])
     groups = np.unique(np.round(key / SAME_LIGHT).astype(int), axis=0, return_inverse=True)[1].ravel()
     alike = (groups == g for g in range(groups.max(initial=-1) + 1))
-    rows = [_nearest(angles[one], f[one], u[one], isotropic, reach) for one in alike if np.count_nonzero(one) >= FEWEST]
-    how = ", taking the surface as isotropic and mirror symmetric" if isotropic else ""
+    mirrored = isotropic and one_sided(angles)
+    rows = [_nearest(angles[one], f[one], u[one], mirrored, reach) for one in alike]
+    how = ", taking the surface as isotropic and mirror symmetric" if mirrored else ""
     albedos = albedos_of(rows, f"Integrated with the value of the nearest reading in each direction{how}.")
-    return "at no incidence do its readings cover the hemisphere" if isinstance(albedos, str) else albedos
+    none = isinstance(albedos, str) or not albedos.value.any()
+    return "at no incidence do its readings cover the hemisphere" if none else albedos
 
 
-def _nearest(angles: np.ndarray, f: np.ndarray, u: np.ndarray, isotropic: bool, reach: float) -> Incidence | None:
+def _nearest(angles: np.ndarray, f: np.ndarray, u: np.ndarray, mirrored: bool, reach: float) -> Incidence:
     from scipy.spatial import KDTree
 
     theta_i, phi_i = float(np.median(angles[:, 0])), float(angles[0, 1])
     # Several readings of one direction, as of the normal, are one: its neighbours are those of other directions.
-    angles, f, u, *_ = merged(angles, f, u, _outgoing(angles, isotropic))
+    angles, f, u, *_ = merged(angles, f, u, _outgoing(angles, mirrored))
+    nothing = np.zeros(f.shape[1])
     if len(f) < FEWEST:
-        return None
-    point = low_discrepancy(POINTS, 2)
+        return Incidence(theta_i, phi_i, nothing, nothing, nothing, partial=True)
+    points = int(np.clip(POINTS_EACH * len(f), POINTS, MOST_POINTS))
+    point = low_discrepancy(points, 2)
     theta, phi = np.arcsin(np.sqrt(point[:, 0])), 2 * np.pi * point[:, 1]
-    wanted = np.stack([np.full(POINTS, theta_i), np.full(POINTS, phi_i), theta, phi], -1)
-    tree = KDTree(_outgoing(angles, isotropic), LEAF)
-    distance, near = (np.asarray(a) for a in tree.query(_outgoing(wanted, isotropic), k=4))
+    wanted = np.stack([np.full(points, theta_i), np.full(points, phi_i), theta, phi], -1)
+    tree = KDTree(_outgoing(angles, mirrored), LEAF)
+    distance, near = (np.asarray(a) for a in tree.query(_outgoing(wanted, mirrored), k=4))
     uncovered = distance[:, 0] > FARTHEST
-    if uncovered.mean() > MOST_UNCOVERED:
-        return None
+    partial = bool(uncovered.mean() > MOST_UNCOVERED)
     here, around = f[near[:, 0]], f[near]
+    if partial:  # what was read alone
+        here = np.where((uncovered | ~_surrounded(_outgoing(wanted, mirrored), tree))[:, None], 0.0, here)
     value = np.pi * here.mean(axis=0)
     floor = floor_of(value)
     spread = np.minimum(np.ptp(np.log(np.maximum(around, floor)), axis=1), LARGEST)
     error = np.maximum(np.abs(here), floor) * np.expm1(spread) / 2
     error = np.where(uncovered[:, None], np.maximum(error, np.abs(here)), error)
-    counts = np.bincount(near[:, 0], minlength=len(f))[:, None] * np.pi / POINTS
+    counts = np.bincount(near[:, 0], minlength=len(f))[:, None] * np.pi / points
     noise = np.sqrt(np.sum((counts * u) ** 2, axis=0))
     mirror = np.array([[theta_i, phi_i, theta_i, phi_i + np.pi]])
-    unseen = bool(tree.query(_outgoing(mirror, isotropic))[0][0] > reach)
-    return Incidence(theta_i, phi_i, value, np.pi * error.mean(axis=0) + 2 * noise, noise, unseen)
+    unseen = bool(tree.query(_outgoing(mirror, mirrored))[0][0] > reach)
+    return Incidence(theta_i, phi_i, value, np.pi * error.mean(axis=0) + 2 * noise, noise, unseen, partial=partial)
 
 
-def _outgoing(angles: np.ndarray, isotropic: bool) -> np.ndarray:
+def _outgoing(angles: np.ndarray, mirrored: bool) -> np.ndarray:
     theta, phi = angles[:, 2], angles[:, 3] - angles[:, 1]
-    if isotropic:
+    if mirrored:
         phi = np.abs(np.mod(phi + np.pi, 2 * np.pi) - np.pi)
     return np.stack(directions(theta, phi), -1)
+
+
+def _surrounded(points: np.ndarray, tree: Any) -> np.ndarray:
+    """Whether directions, (n, 3), have near readings on all sides: no half plane about them is without one."""
+    _, near = tree.query(points, k=min(SURROUNDING, tree.n))
+    offset = tree.data[near] - points[:, None]
+    across = np.cross(points, np.where(np.abs(points[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
+    along = np.cross(points, across)
+    x, y = (np.einsum("nkc,nc->nk", offset, axis) for axis in (across, along))
+    angle = np.sort(np.arctan2(y, x), axis=1)
+    gaps = np.diff(angle, axis=1, append=angle[:, :1] + 2 * np.pi)
+    return gaps.max(axis=1) < np.pi

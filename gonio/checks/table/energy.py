@@ -71,7 +71,9 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
         "passes_below_theta_i_deg": passes_below,
         "noise_of_albedo": float(np.max(albedos.noise)),
         "incidences_without_mirror_direction": int(albedos.unseen.sum()),
+        "not_judged_theta_i_deg": np.unique(np.round(np.degrees(albedos.theta_i[albedos.partial]), 3)).tolist(),
     }
+    judged.detail += _incidences(albedos)
     if judged.verdict == UNDECIDED and passes_below > 1:
         judged.detail += f" Below θi {passes_below:.4g}° it passes."
     if albedos.unseen.any():
@@ -85,6 +87,18 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
         judged.facts["step_needed_deg"] = step
         judged.detail += _remedy(evidence.table.layout, step)
     return judged
+
+
+def _incidences(albedos: Albedos) -> str:
+    """Which incidences were judged, and which were read too little for it."""
+    whole, part = (np.degrees(np.unique(np.round(albedos.theta_i[p], 6))) for p in (~albedos.partial, albedos.partial))
+    ranges = [f"{a[0]:.4g}°" if a.size == 1 else f"{a[0]:.4g}–{a[-1]:.4g}° ({a.size})" for a in (whole, part) if a.size]
+    text = f" Judged at θi {ranges[0]}." if whole.size else ""
+    if part.size:
+        text += (
+            f" Undecided at θi {ranges[-1]}: too little of the hemisphere was read there; the albedo is at least that."
+        )
+    return text
 
 
 def _remedy(layout: Layout, needed: float | None) -> str:

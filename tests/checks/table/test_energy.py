@@ -5,7 +5,7 @@ from scipy.stats import binom
 from gonio.checks.table.energy import table_albedos, table_energy
 from gonio.checks.table.evidence import TableEvidence
 from gonio.data import layouts
-from gonio.data.table import whole_table_of_values
+from gonio.data.table import Table, whole_table_of_values
 from gonio.data.tabulate import grid_values
 from gonio.models.albedo import directional_albedo
 from gonio.models.expression.builder import build
@@ -100,3 +100,17 @@ def test_bounds_of_coarse_half_difference_tables_hold_at_every_incidence(express
     albedos = table_albedos(model_table(expression, layouts.merl(counts=counts)))
     exact = np.asarray(directional_albedo(build(expression), albedos.theta_i, tolerance=1e-7).value)
     assert (np.abs(albedos.value[:, 0] - exact) <= albedos.below[:, 0]).all()
+
+
+@pytest.mark.parametrize(("albedo", "verdict"), [(1.9, "fail"), (0.9, "undecided")])
+def test_an_incidence_that_was_read_in_part_fails_by_what_was_read_or_stays_open(albedo, verdict):
+    """A diffuser read up to 60°: sin²60° of its albedo is in what was read."""
+    theta, phi = (a.ravel() for a in np.meshgrid(degrees(0, 61, 5), degrees(0, 360, 15), indexing="ij"))
+    whole_theta, whole_phi = (a.ravel() for a in np.meshgrid(degrees(0, 89, 4), degrees(0, 360, 15), indexing="ij"))
+    theta_i = np.r_[np.full(theta.size, degrees(50, 51, 1)), np.full(whole_theta.size, degrees(10, 11, 1))]
+    f = np.r_[np.full(theta.size, albedo / np.pi), np.full(whole_theta.size, 0.5 / np.pi)]
+    table = Table.from_arrays(theta_i, 0.0, np.r_[theta, whole_theta], np.r_[phi, whole_phi], f)
+    energy = table_energy(TableEvidence(table), 0.01)
+    assert energy.verdict == verdict and energy.facts["not_judged_theta_i_deg"] == [50.0]
+    assert albedo * 0.5 < 1 + energy.residual <= albedo * np.sin(np.radians(60)) ** 2 + 0.02
+    assert "Judged at θi 10°" in energy.detail and "Undecided at θi 50°" in energy.detail
