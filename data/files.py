@@ -5,7 +5,7 @@ import errno
 import os
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -50,11 +50,25 @@ def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
         raise GonioError(f"{path} exists already; give another name, or --force to replace it")
 
 
-def refuse_input(path: str | os.PathLike[str], *inputs: str | os.PathLike[str]) -> None:
-    """Raises GonioError where an output is one of the inputs, which no command may touch, --force or not."""
-    for given in inputs:
-        if Path(path).exists() and Path(given).exists() and os.path.samefile(path, given):
+def refuse_outputs(
+    outputs: Iterable[str | os.PathLike[str] | None], inputs: Iterable[str | os.PathLike[str] | None], force: bool
+) -> None:
+    """Refuses outputs that exist (unless `force`), that are inputs, or that are one file, before any work.
+
+    None and "-" are no files; an input may be ``FILE:NAME``, a part of a file. Links are followed.
+    """
+    given = [str(i) for i in inputs if i is not None]
+    given += [i.rsplit(":", 1)[0] for i in given if ":" in i]
+    known: dict[str, str] = {os.path.realpath(i): i for i in given if os.path.exists(i)}
+    written: dict[str, str] = {}
+    for path in (str(o) for o in outputs if o is not None and str(o) != "-"):
+        refuse_existing(path, force)
+        real = os.path.realpath(path)
+        if real in known or (os.path.exists(path) and any(os.path.samefile(path, i) for i in known)):
             raise GonioError(f"{path} is an input of this command; name another output")
+        if real in written:
+            raise GonioError(f"{path} and {written[real]} are one file; give each output a name of its own")
+        written[real] = path
 
 
 @contextlib.contextmanager

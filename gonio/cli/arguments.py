@@ -1,10 +1,11 @@
 """What several verbs share: tables of options, what they refuse before any work, and how they write a text."""
 
 import argparse
+import contextlib
 import json
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, Any
 
 from gonio.models.errors import GonioError
@@ -68,16 +69,6 @@ def read_table(path: str, merl_nodes: str | None) -> "Table":
     return table
 
 
-def refuse_outputs(outputs: Sequence[str | None], inputs: Sequence[str | None], force: bool) -> None:
-    """Refuses outputs that exist (unless `force`) or are inputs, before any work; None and "-" are no files."""
-    from gonio.data.files import refuse_existing, refuse_input
-
-    for path in outputs:
-        if path is not None and path != "-":
-            refuse_existing(path, force)
-            refuse_input(path, *(i for i in inputs if i is not None))
-
-
 def require_degrees(option: str, angle: float | None, low: float, high: float) -> None:
     """Refuses an angle, radians, outside of [low, high], degrees; None is no angle."""
     if angle is not None and not low <= (value := round(math.degrees(angle), 9)) <= high:
@@ -95,6 +86,25 @@ def write_text(path: str, text: str, force: bool) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
+@contextlib.contextmanager
+def writing_json(path: str | None, content: object, force: bool) -> Generator[None]:
+    """Writes JSON where the block ends well, after room for it was found: both outputs are there, or none is."""
+    if path is None or path == "-":
+        yield
+        if path is not None:
+            write_json(path, content, force)
+        return
+    from gonio.data.files import new_file
+
+    with new_file(path, force) as temporary:
+        temporary.write_text(_json_text(content), encoding="utf-8")
+        yield
+
+
+def _json_text(content: object) -> str:
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
 def write_json(path: str, content: object, force: bool) -> None:
     """Writes JSON as `write_text` writes a text."""
-    write_text(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", force)
+    write_text(path, _json_text(content), force)

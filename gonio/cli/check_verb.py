@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from gonio.checks.properties import PROPERTIES
-from gonio.cli.arguments import FORCE, Options, add_options, refuse_outputs, require_degrees, write_json, write_text
+from gonio.cli.arguments import FORCE, Options, add_options, require_degrees, write_json, write_text, writing_json
 from gonio.models.errors import GonioError
 from gonio.text import columns, log, show
 
@@ -47,7 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Checks, prints, writes; the exit status is the certificate's."""
     _refuse_contradictions(args)
-    refuse_outputs([args.json, args.repair], [args.subject], args.force)
+    from gonio.data.files import refuse_outputs
+
+    refuse_outputs([args.json, args.repair], [args.subject, args.against], args.force)
     if args.self_test:
         return run_self_test(args.json, args.force)
     tolerances = {name: getattr(args, f"tol_{name}") for name in PROPERTIES}
@@ -116,10 +118,9 @@ def _run_repair(args: argparse.Namespace, options: dict[str, Any]) -> int:
     from gonio.data.hdf5.writer import write_table
 
     result = repair(args.subject, nonnegative=args.nonnegative, step=args.step, **options)
-    write_table(args.repair, result.table, args.force)
-    if args.json:
-        change = {"file": args.repair, "moved": result.moved, "remark": result.remark, "after": result.after.to_dict()}
-        write_json(args.json, result.before.to_dict() | {"repair": change}, args.force)
+    change = {"file": args.repair, "moved": result.moved, "remark": result.remark, "after": result.after.to_dict()}
+    with writing_json(args.json, result.before.to_dict() | {"repair": change}, args.force):
+        write_table(args.repair, result.table, args.force)
     if args.json != "-":
         print_certificate(result.before)
         show(f"\n{repair_sentence(result)}\n")

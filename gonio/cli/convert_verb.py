@@ -2,7 +2,7 @@
 
 import argparse
 
-from gonio.cli.arguments import FORCE, MERL, add_options, read_table, refuse_outputs
+from gonio.cli.arguments import FORCE, MERL, add_options, read_table
 from gonio.text import show
 
 
@@ -16,6 +16,8 @@ def run(args: argparse.Namespace) -> int:
     from gonio.data.formats.registry import writable, write
 
     writable(args.output)  # refuses other endings, before any work
+    from gonio.data.files import refuse_outputs
+
     refuse_outputs([args.output], [args.input], args.force)
     error = write(args.output, read_table(args.input, args.merl_nodes), force=args.force)
     show(f"{args.output}: {error}")

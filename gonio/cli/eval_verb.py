@@ -3,7 +3,7 @@
 import argparse
 import io
 
-from gonio.cli.arguments import FORCE, MATERIAL, Options, add_options, refuse_outputs, write_text
+from gonio.cli.arguments import FORCE, MATERIAL, Options, add_options, write_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,6 +17,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from gonio.data.files import refuse_outputs
+
     refuse_outputs([args.output], [args.directions, args.material], args.force)
     import numpy as np
 

@@ -45,6 +45,7 @@ def run_batch(args: argparse.Namespace, options: dict[str, Any]) -> int:
     command. Exit status 2 if a file was refused, else 1 if a fit did not converge, else 0.
     """
     models: list[str] = args.model or []
+    from gonio.data.files import refuse_outputs
     from gonio.fitting.batch import as_fitted
     from gonio.models.expression.parser import parse
 
@@ -57,6 +58,7 @@ def run_batch(args: argparse.Namespace, options: dict[str, Any]) -> int:
         raise GonioError(f"{folder} is a file; of many files, -o names the folder of the results.")
     files, ignored = _files(args.files)
     jobs = [Job(f, t, _recipe(args, options, f)) for f, t in zip(files, _targets(files, folder), strict=True)]
+    refuse_outputs([job.target for job in jobs], files, force=True)  # what exists is compared below
     finished = [job for job in jobs if not args.force and _is_finished(job)]
     folder.mkdir(parents=True, exist_ok=True)
     _remove_stale(jobs)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gonio.cli.arguments import FORCE, MERL, Options, add_options, refuse_outputs, require_degrees, write_json
+from gonio.cli.arguments import FORCE, MERL, Options, add_options, require_degrees, writing_json
 from gonio.cli.fit_batch import SUFFIX, is_batch, run_batch, table_of
 from gonio.models.errors import GonioError
 from gonio.text import columns, log, number, show
@@ -90,7 +90,9 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
 
 def _run_one(args: argparse.Namespace, file: str) -> int:
     output = args.output or f"{Path(file).stem}{SUFFIX}"
-    refuse_outputs([output, args.json], [file], args.force)
+    from gonio.data.files import refuse_outputs
+
+    refuse_outputs([output, args.json], [file, args.scene, *(args.model or [])], args.force)
     from gonio.data.serialise import plain
     from gonio.fitting.fit_model import ahead
     from gonio.fitting.fit_table import fit
@@ -102,9 +104,8 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
     if not args.model or len(args.model) > 1:
         options["log"] = log
     result = fit(table_of(file, args), args.model, **options)
-    result.save(output, args.force)
-    if args.json:
-        write_json(args.json, plain(result.to_dict()), args.force)
+    with writing_json(args.json, plain(result.to_dict()) if args.json else None, args.force):
+        result.save(output, args.force)
     if args.json != "-":
         show("\n".join([*summary(result), f"written: {output}"]))
     return result.exit_status

@@ -6,7 +6,7 @@ import shlex
 import sys
 from typing import TYPE_CHECKING
 
-from gonio.cli.arguments import FORCE, MATERIAL, Options, add_options, degrees, given, refuse_outputs
+from gonio.cli.arguments import FORCE, MATERIAL, Options, add_options, degrees, given
 from gonio.models.errors import GonioError
 from gonio.text import log, show
 
@@ -57,6 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from gonio.data.files import refuse_outputs
+
     refuse_outputs([args.output], [args.material, args.scan], args.force)
     from gonio.data.subject import load_material
     from gonio.instrument.measurement import measure

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from gonio.cli.arguments import FORCE, MERL, Options, add_options, read_table, refuse_outputs
+from gonio.cli.arguments import FORCE, MERL, Options, add_options, read_table
 from gonio.models.errors import GonioError
 from gonio.text import log, number, show
 
@@ -20,6 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from gonio.data.files import refuse_outputs
+
     refuse_outputs([args.output], [args.table, args.scene], args.force)
     if Path(args.output).suffix.lower() not in (".h5", ".hdf5", ".nc"):
         raise GonioError(f"{args.output} is not an HDF5 name; a reduced table is gonio's HDF5, so let it end in .h5")

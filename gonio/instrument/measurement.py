@@ -10,6 +10,7 @@ from typing import Self, Unpack
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
+from gonio.data.files import refuse_outputs
 from gonio.data.layouts import Layout
 from gonio.data.subject import SubjectLike, load_material
 from gonio.data.table import Table
@@ -55,6 +56,8 @@ def measure(
     """
     settings = settings_of(MeasureSettings, "measure", options, OLD_NAMES)
     log = settings.log or functools.partial(warnings.warn, stacklevel=2)
+    if settings.output is not None and isinstance(material, str | os.PathLike):
+        refuse_outputs([settings.output], [material], force=True)  # whether it may exist the sink decides
     subject = load_material(material)
     layout = scan if isinstance(scan, Layout) else named_scan(scan or default_name(subject.brdf))
     if remark := isotropy_remark(layout, subject.brdf):

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 from gonio.checks.certificate import Certificate
-from gonio.data.files import new_file, output_errors, refuse_existing, refuse_input
+from gonio.data.files import new_file, output_errors, refuse_outputs
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError
 from gonio.reports.document import Document, assemble
@@ -69,12 +69,9 @@ class ReportSettings:
         values = path.with_suffix(".json")
         index = [] if self.chart is None else [Path(self.chart) / "charts.json"]
         inputs = [g for g in (*subjects, *self.fits, self.against, *index) if isinstance(g, str | os.PathLike)]
-        refuse_existing(path, self.force)
-        refuse_input(path, *inputs)
+        refuse_outputs([path, values], inputs, self.force)
         if path.suffix.lower() not in ENDINGS:
             raise GonioError(f"{path} is no name of a page; end it in .html (its values go to {values.name} beside it)")
-        refuse_existing(values, self.force)
-        refuse_input(values, *inputs)
         _require_writable_folder(path)
         return values
 

@@ -31,6 +31,9 @@ def faulty(here):
     (here / "merl.binary").write_bytes(np.array([2**31 - 1, -90, 180], "<i4").tobytes() + bytes(800))
     (here / "warp.bsdf").write_bytes(b"tensor_file\0" + bytes([1, 0]) + (2**32 - 1).to_bytes(4, "little") + bytes(90))
     (here / "folder").mkdir()
+    (here / "link.h5").symlink_to("t.h5")
+    (here / "s.scene.toml").write_text("gonio_scene = 1\n")
+    (here / "page.json").write_text("{}")
     return here
 
 
@@ -70,6 +73,17 @@ def faulty(here):
         ("fit folder -m lambert", "holds no table"),
         ("convert t.h5 t.xyz", "give .h5"),
         ("convert t.h5 t.h5 --force", "is an input of this command"),
+        ("convert t.h5 link.h5 --force", "is an input of this command"),
+        ("check t.h5 --json t.h5 --force", "is an input of this command"),
+        ("check t.h5 --json link.h5 --force", "is an input of this command"),
+        (f"check {MATT} --against t.h5 --json t.h5 --force", "is an input of this command"),
+        ("check t.h5 --repair t.h5 --force", "is an input of this command"),
+        ("check t.h5 --repair new.h5 --json folder/../new.h5", "are one file"),
+        ("fit t.h5 -m lambert --scene s.scene.toml -o s.scene.toml --force", "is an input of this command"),
+        ("fit t.h5 -m lambert -o new.toml --json ./new.toml", "are one file"),
+        ("reduce t.h5 --scene s.scene.toml -o s.scene.toml --force", "is an input of this command"),
+        ("report t.h5 -o t.h5 --force", "is an input of this command"),
+        ("report t.h5 -o page.html --against page.json --force", "is an input of this command"),
         ("reduce t.h5 --scene nowhere -o x.h5", "known are low_sun_car"),
         ("reduce t.h5 --scene low_sun_car -o x.csv", "not an HDF5 name"),
         ("reduce t.h5 --scene low_sun_car -o x.h5 --tolerance 5", "above 0 and below 1"),
