@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any, TypedDict
 
+import jax.numpy as jnp
 import numpy as np
 
 from gonio.data.layouts import Layout
@@ -24,12 +25,8 @@ from gonio.fitting.solver.levenberg_marquardt import (
     NEAR,
     Descent,
     compile_step,
-    is_double,
-    is_exact,
     minimise,
     padded_size,
-    stationarity,
-    stationary_limit,
 )
 from gonio.fitting.solver.multistart import search
 from gonio.fitting.solver.robust_weights import KINDS as ROBUST_KINDS
@@ -38,7 +35,7 @@ from gonio.fitting.uncertainty.bootstrap import KINDS as BOOTSTRAP_KINDS
 from gonio.fitting.uncertainty.optimum import Optimum, optimum_at
 from gonio.models.deprecation import renamed, renamed_options
 from gonio.models.errors import GonioError, nearest
-from gonio.models.expression.parser import Term, last, numbers
+from gonio.models.expression.parser import Term, numbers
 
 MOST_REFITS = 100_000
 OLD_NAMES = {"say": "log"}
@@ -52,16 +49,16 @@ _running: list[threading.Thread] = []
 
 def ahead(key: Hashable, job: Callable[[], None]) -> None:
     """Begin a job in a thread of its own; nothing where one of this key was begun before."""
-    double = is_double()
-    if (key, double) in _known:
+    precision = jnp.result_type(float)
+    if (key, precision) in _known:
         return
-    _known.add((key, double))
+    _known.add((key, precision))
 
     def run() -> None:
         # A precision that only the caller's thread has is not known here. What goes wrong goes wrong again where it is
         # needed, and is said there.
         with contextlib.suppress(Exception):
-            if is_double() == double:
+            if jnp.result_type(float) == precision:
                 job()
 
     thread = threading.Thread(target=run, name="gonio-ahead")
@@ -231,7 +228,7 @@ def fit_model(task: FitTask) -> list[Optimum]:
     for n in (n for t in task.terms for n in numbers(t)):
         if isinstance(n.value.number, tuple) and len(n.value.number) != channels:
             raise GonioError(
-                f"'{task.requested}' gives {n.call.name}'s {last(n.path)} {len(n.value.number)} values, but the table "
+                f"'{task.requested}' gives {n.call.name}'s {n.name} {len(n.value.number)} values, but the table "
                 f"has {channels} channel{'s' * (channels != 1)}; give one value each, or a single one."
             )
     if task.settings.per_channel and channels > 1:
@@ -243,14 +240,14 @@ def _optimum(task: FitTask) -> Optimum:
     s, fixed, given = parameters(task.terms, len(task.channels))
     _require_enough(task, s)
     readings, settings = task.readings, task.settings
-    share = settings.relative_noise
+    share, likelihood = settings.relative_noise, task.likelihood
     sigma = task.sigma if share is None else relative_sigma(readings, readings.f, share)
     if s.size:
         finished()  # before anything large is laid out: compilers take a lot of memory for a moment
     weight, floor = residual_weights(readings, task.loss, sigma), loss_floor(readings, task.loss)
     problem, notes = FitProblem.create(s, fixed, task.loss, readings, weight, floor), []
     if not s.size:
-        return optimum_at(problem, given, problem.evaluate(given), (1, 1), task.likelihood, notes, None)
+        return optimum_at(problem, given, problem.evaluate(given), (1, 1), likelihood, notes, None)
     starts = search(problem, given, settings.starts, settings.seed)
     if starts is None:
         raise GonioError(
@@ -265,25 +262,23 @@ def _optimum(task: FitTask) -> Optimum:
         end, problem, downweighted = robust.descent, robust.problem, robust.downweighted
         if not robust.settled:
             notes.append(f"the robust weights had not settled after {ROUNDS} rounds")
-    p = s.with_ordered_lobes(fixed, snapped(problem.domains, end.p))
-    evaluation = problem.evaluate(p)
-    cost, target = float(evaluation.equations.cost), problem.target_norm_squared
-    gradient = float(stationarity(problem.domains, p, evaluation.equations).projected_gradient)
-    if end.successful and not (is_exact(cost, target) or gradient <= stationary_limit(cost, target)):
-        # The last step was not evaluated before, and did not do.
-        end = minimise(problem, [p], NEAR)[0]
-        p = s.with_ordered_lobes(fixed, snapped(problem.domains, end.p))
-        evaluation = problem.evaluate(p)
-    if not end.successful:
-        notes.append("the solver stopped at its step limit")
     agreement = (len(starts.ends), starts.agreed)
-    return optimum_at(problem, p, evaluation, agreement, task.likelihood, notes, downweighted)
+
+    def optimum(end: Descent) -> Optimum:
+        p = s.with_ordered_lobes(fixed, snapped(problem.domains, end.p))
+        stopped = [] if end.successful else ["the solver stopped at its step limit"]
+        evaluation = problem.evaluate(p)
+        return optimum_at(problem, p, evaluation, agreement, likelihood, [*notes, *stopped], downweighted)
+
+    best = optimum(end)
+    if end.successful and not best.converged:  # the last step was not evaluated before, and did not do
+        best = optimum(minimise(problem, [best.p], NEAR)[0])
+    return best
 
 
 def _require_enough(task: FitTask, s: Parameterisation) -> None:
-    labels = s.labels()
     for c, name in enumerate(task.channels.names):
-        wanted = [n for n, channel in labels if channel in (c, None)]
+        wanted = [n for n, channel in s.labels if channel in (c, None)]
         have = int(np.count_nonzero(task.readings.valid[:, c]))
         if have < len(wanted):
             raise GonioError(

@@ -9,7 +9,6 @@ import numpy as np
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
 from gonio.fitting.fit_model import FitOptions, FitSettings, FitTask, compile_ahead, fit_model
-from gonio.fitting.problem.parameterisation import with_defaults
 from gonio.fitting.problem.readings import (
     NO_UNCERTAINTY,
     Readings,
@@ -22,7 +21,8 @@ from gonio.fitting.result import FitResult, assemble_result
 from gonio.fitting.selection.automatic import Selection, select_model, shows_anisotropy
 from gonio.fitting.selection.scene_selection import SceneView, view_of
 from gonio.models.errors import GonioError
-from gonio.models.expression.parser import parse
+from gonio.models.expression.builder import Frame, number_label
+from gonio.models.expression.parser import Term, numbers, parse, with_defaults
 
 WIDENS = 0.02  # aperture half-angle over alpha, from which on the averaging shows in a fit
 
@@ -154,7 +154,7 @@ def _fit_one(
     began = time.perf_counter()
     optima = fit_model(task)
     r = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
-    r.notes.extend(_aperture_notes(table, r))
+    r.notes.extend(_aperture_notes(table, optima[0].parameters.frames, task.terms, r))
     if view is not None:
         r.notes.insert(0, view.note(r.brdf, task.readings, selection and selection.scene))
     verdict = "converged" if r.converged else f"NOT converged ({r.reason})"
@@ -165,11 +165,14 @@ def _fit_one(
     return r
 
 
-def _aperture_notes(table: Table, r: FitResult) -> list[str]:
+def _aperture_notes(table: Table, frames: tuple[Frame, ...], terms: tuple[Term, ...], r: FitResult) -> list[str]:
     """A note on lobes that the apertures widen: the model is compared at the centres of what was averaged."""
     solid_angle = max(table.source_solid_angle or 0.0, table.receiver_solid_angle or 0.0)
     half_angle = np.sqrt(solid_angle / np.pi)
-    widths = [p.label for p in r.parameters if ".alpha" in p.name and half_angle > WIDENS * p.value]
+    of_width = {
+        number_label(frames, k, n.path) for k, t in enumerate(terms) for n in numbers(t) if n.info.role == "width"
+    }
+    widths = [p.label for p in r.parameters if p.name in of_width and half_angle > WIDENS * p.value]
     if not widths:
         return []
     return [

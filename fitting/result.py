@@ -27,7 +27,7 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import renamed_attribute
 from gonio.models.display import Displayed
 from gonio.models.expression.builder import build, frame, number_label, to_expression
-from gonio.models.expression.parser import FACTOR, Term, Value, changed, last, numbers, parse
+from gonio.models.expression.parser import FACTOR, Term, Value, changed, numbers, parse
 
 CORRELATED = 0.95  # from which on a correlation is reported
 MOST_CORRELATED = 5
@@ -180,14 +180,15 @@ class FitResult(Displayed):
         frames = tuple(frame(t) for t in terms)
         channel = None if p.channel is None else self.channels.names.index(p.channel)
 
-        def change(index: int, path: str, v: Value) -> Value:
-            if number_label(frames, index, path) != p.name:
-                return v
+        def value_at(v: Value) -> Value:
             if channel is None or not isinstance(v.number, tuple):
                 return Value(value)
             return Value((*v.number[:channel], value, *v.number[channel + 1 :]))
 
-        terms = tuple(changed(t, functools.partial(change, index)) for index, t in enumerate(terms))
+        terms = tuple(
+            changed(t, {n.path: value_at(n.value) for n in numbers(t) if number_label(frames, k, n.path) == p.name})
+            for k, t in enumerate(terms)
+        )
         return dataclasses.replace(self.material, brdf=build(terms))
 
     @property
@@ -248,10 +249,8 @@ class FitResult(Displayed):
 def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, float]) -> FitResult:
     """The result of one joint optimum, or of one optimum for each channel."""
     settings, readings, channels = task.settings, task.readings, task.channels
-    brdf = build(optima[0].parameters.filled(task.terms, [e.p for e in optima]))
-    f = np.concatenate([e.model_f for e in optima], axis=1)
     optima, notes = _widened(task, optima)
-    optima = [with_profiles(e) for e in optima]
+    optima = [with_profiles(e, vague) if (vague := e.vague_numbers()) else e for e in optima]
     of_channel = [None] if len(optima) == 1 else list(channels.names)
     estimates = [e.estimates(channels, name) for e, name in zip(optima, of_channel, strict=True)]
     free = [p for each in estimates for p in each]
@@ -265,9 +264,11 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
             )
     covariance, correlation = _joint_covariance(optima)
     cost = float(sum(e.cost for e in optima))
+    f = np.concatenate([e.model_f for e in optima], axis=1)
     measures = metrics(f, readings)
     if task.likelihood:
         measures["reduced_chi2"] = 2.0 * cost / max(readings.count - len(free), 1)
+    brdf = build(optima[0].parameters.filled(task.terms, [e.p for e in optima]))
     return FitResult(
         expression=to_expression(brdf), requested=task.requested, brdf=brdf, channels=channels,
         parameters=free + _fixed(task.terms, optima[0], channels), free_names=labels,
@@ -278,12 +279,21 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
         negative_readings=int(np.count_nonzero(readings.valid & (readings.f < 0))),
         starts=sum(e.starts for e in optima), starts_agreed=sum(e.agreed for e in optima),
         bic=_bic(task, optima, cost, len(free)),
-        undetermined=[s for e, each in zip(optima, estimates, strict=True) for s in undetermined_sentences(e, each)],
+        undetermined=_undetermined(optima, estimates),
         active_bounds=[p.label for p in free if p.status.startswith("at ")], seconds=seconds,
         theta_max=settings.theta_max, notes=notes + sorted({n for e in optima for n in e.notes}), table=task.table,
-        counts=task.counts, floor=[e.problem.floor for e in optima], robust=settings.robust,
+        counts=task.counts, floor=[float(e.problem.samples.floor) for e in optima], robust=settings.robust,
         evidence=_evidence(task, optima, f, cost), bootstrap=_bootstrap(task, optima, labels),
     )  # fmt: skip
+
+
+def _undetermined(optima: list[Optimum], estimates: list[list[ParameterEstimate]]) -> list[str]:
+    sentences: list[str] = []
+    for e, each in zip(optima, estimates, strict=True):
+        unclear = e.covariance.undetermined.any() or any(p.status == "undetermined" for p in each)
+        if unclear or e.covariance.combinations:
+            sentences += undetermined_sentences(e, each)
+    return sentences
 
 
 def _joint_covariance(optima: list[Optimum]) -> tuple[np.ndarray, np.ndarray]:
@@ -312,7 +322,7 @@ def _evidence(task: FitTask, optima: list[Optimum], f: np.ndarray, cost: float) 
         robust = dataclasses.replace(robust, kept=kept)
     return Evidence(
         task.readings, f, np.concatenate([e.problem.weight for e in optima], axis=1), task.loss,
-        np.array([e.problem.floor for e in optima]), task.likelihood, all(e.exact for e in optima),
+        np.array([float(e.problem.samples.floor) for e in optima]), task.likelihood, all(e.exact for e in optima),
         sum(e.p.size for e in optima), 2.0 * cost if task.likelihood else None, robust, task.layout,
         task.settings.seed,
     )  # fmt: skip
@@ -361,7 +371,7 @@ def _fixed(terms: tuple[Term, ...], e: Optimum, channels: Channels) -> list[Para
     estimates = []
     for index, term in enumerate(terms):
         for n in (n for n in numbers(term) if n.path in e.problem.fixed[index]):
-            high = np.inf if last(n.path) == FACTOR else n.info.high
+            high = np.inf if n.name == FACTOR else n.info.high
             values = np.atleast_1d(np.asarray(n.value.number, float)).tolist()
             for c, value in enumerate(values):
                 channel = channels.names[c] if len(values) > 1 else None

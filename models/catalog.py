@@ -74,10 +74,5 @@ def is_ours(brdf: AbstractBRDF) -> bool:
 def name_of(model_class: type) -> str | None:
     """The expression's name of a model class; None for one that has none."""
     # Only what has been imported can be a model's class.
-    return next(
-        (name for name, known in dict.items(MODELS) if known is model_class or known == _place(model_class)), None
-    )
-
-
-def _place(model_class: type) -> tuple[str, str]:
-    return model_class.__module__.removeprefix("gonio.models."), model_class.__qualname__
+    place = model_class.__module__.removeprefix("gonio.models."), model_class.__qualname__
+    return next((name for name, known in dict.items(MODELS) if known is model_class or known == place), None)

@@ -14,10 +14,9 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.models.catalog import MODELS
 from gonio.models.expression.builder import Frame, frame, number_label
-from gonio.models.expression.parser import Call, ParameterRef, Term, Value, changed, last, needed, numbers
-from gonio.models.parameters import ParameterInfo, parameters_of
+from gonio.models.expression.parser import ParameterRef, Term, Value, changed, numbers
+from gonio.models.parameters import ParameterInfo
 
 LINEAR, LOG, LOG1P = 0, 1, 2
 
@@ -71,6 +70,12 @@ def _span(d: Domains, xp: ModuleType) -> tuple[np.ndarray, np.ndarray]:
     return u_low, mapped(d.kind, d.high, xp) - u_low
 
 
+def evenly(d: Domains, share: np.ndarray) -> np.ndarray:
+    """The parameters (P,) at shares, 0 to 1, of the way through their domains."""
+    u_low, width = _span(d, np)
+    return unmapped(d.kind, u_low + width * share)
+
+
 def to_parameters(d: Domains, x: Any, xp: ModuleType = jnp) -> Mapped:
     """The parameters at unconstrained coordinates x (..., P)."""
     u_low, width = _span(d, xp)
@@ -120,24 +125,29 @@ class FreeParameter:
     info: ParameterInfo
     first: int  # index of its first number in the vector of free numbers
 
-    @property
-    def is_width(self) -> bool:
-        """Whether it is a microfacet width alpha."""
-        return self.info.role == "width"
-
 
 @dataclasses.dataclass(frozen=True)
 class Parameterisation:
-    """A model with its free numbers taken out; hashable, so that one compiled program serves all tables."""
+    """A model with its free numbers taken out; hashable, so that one compiled program serves all tables.
+
+    Attributes:
+        frames: the terms without their numbers.
+        free: the free parameters.
+        channels, size: number of channels, and of free numbers P.
+        labels: (name such as 'ggx.alpha', channel or None) of each free number.
+        linear: which free numbers (P,) f is proportional to.
+        domains: closed domains of the free numbers.
+        columns: index (C, G), in the vector of free numbers, that each free parameter has in each channel.
+    """
 
     frames: tuple[Frame, ...]
     free: tuple[FreeParameter, ...]
     channels: int
     size: int
-
-    def columns(self, channel: int) -> np.ndarray:
-        """The index, in the vector of free numbers, that each free parameter has in one channel."""
-        return np.array([g.first + (channel if g.per_channel else 0) for g in self.free], dtype=int)
+    labels: list[tuple[str, int | None]] = dataclasses.field(compare=False)
+    linear: np.ndarray = dataclasses.field(compare=False)
+    domains: Domains = dataclasses.field(compare=False)
+    columns: np.ndarray = dataclasses.field(compare=False)
 
     def count(self, g: FreeParameter) -> int:
         """How many free numbers a free parameter has."""
@@ -151,25 +161,6 @@ class Parameterisation:
         """A value of each free number (P,), from its free parameter."""
         return np.array([value(g) for g in self.free for _ in range(self.count(g))])
 
-    @property
-    def linear(self) -> np.ndarray:
-        """Which free numbers (P,) f is proportional to."""
-        return self.each(lambda g: g.linear).astype(bool)
-
-    def domains(self) -> Domains:
-        """The closed domains of the free numbers."""
-        kind = self.each(lambda g: domain_kind(g.info.low, g.info.log))
-        low, high = (self.each(lambda g, b=b: getattr(g.info, b)) for b in ("low", "high"))
-        return Domains(kind.astype(int), low.astype(float), high.astype(float))
-
-    def labels(self) -> list[tuple[str, int | None]]:
-        """(name such as 'ggx.alpha', channel or None) of each free number."""
-        return [
-            (number_label(self.frames, g.term, g.path), c if g.per_channel else None)
-            for g in self.free
-            for c in range(self.count(g))
-        ]
-
     def with_ordered_lobes(self, fixed: FixedValues, p: np.ndarray) -> np.ndarray:
         """The same model with lobes of one kind in the order of their widths, narrow first: two fits then compare."""
         kinds: dict[tuple, list[int]] = {}
@@ -179,7 +170,10 @@ class Parameterisation:
             kinds.setdefault((of, values, shapes), []).append(t)
 
         def width(t: int) -> float:
-            return next((float(p[g.first]) for g in self.free if g.term == t and g.is_width and "." not in g.path), 0.0)
+            return next(
+                (float(p[g.first]) for g in self.free if g.term == t and g.info.role == "width" and "." not in g.path),
+                0.0,
+            )
 
         ordered = p.copy()
         for alike in kinds.values():
@@ -191,11 +185,11 @@ class Parameterisation:
 
     def filled(self, terms: tuple[Term, ...], vectors: list[np.ndarray]) -> tuple[Term, ...]:
         """The terms with every free number in its place: from one vector (P,), or one for each channel."""
-        values: dict[tuple[int, str], Value] = {}
+        values: list[dict[str, Value]] = [{} for _ in terms]
         for g in self.free:
             n = np.concatenate([p[self.of(g)] for p in vectors])
-            values[g.term, g.path] = Value(tuple(n.tolist()) if n.size > 1 else float(n[0]))
-        return tuple(changed(t, lambda path, v, i=i: values.get((i, path), v)) for i, t in enumerate(terms))
+            values[g.term][g.path] = Value(tuple(n.tolist()) if n.size > 1 else float(n[0]))
+        return tuple(map(changed, terms, values))
 
 
 class Parameters(NamedTuple):
@@ -204,22 +198,6 @@ class Parameters(NamedTuple):
     parameterisation: Parameterisation
     fixed: FixedValues
     start: np.ndarray
-
-
-def with_defaults(terms: tuple[Term, ...]) -> tuple[Term, ...]:
-    """The terms with what an expression implies written out: omitted shapes and scales are free."""
-    complete = []
-    for t in terms:
-        values = dict(t.call.values)
-        for name in needed(t.call):
-            values.setdefault(name, Value(None, free=True))
-        scale = t.scale
-        if scale is None and MODELS[t.call.name].lobe:
-            scale = Value(None, free=True)
-        order = [n for n in parameters_of(MODELS[t.call.name]) if n in values]
-        inside = {field: with_defaults(inner) for field, inner in t.call.models.items()}
-        complete.append(Term(scale, Call(t.call.name, {n: values[n] for n in order}, t.call.options, inside)))
-    return tuple(complete)
 
 
 def parameters(terms: tuple[Term, ...], channels: int) -> Parameters:
@@ -241,23 +219,35 @@ def parameters(terms: tuple[Term, ...], channels: int) -> Parameters:
             size += count
         fixed.append(values)
     flat = np.concatenate(start) if start else np.empty(0)
+    each = [(g, c) for g in free for c in range(channels if g.per_channel else 1)]
+    domains = Domains(
+        np.array([domain_kind(g.info.low, g.info.log) for g, _ in each], int),
+        np.array([g.info.low for g, _ in each], float),
+        np.array([g.info.high for g, _ in each], float),
+    )
+    columns = np.array([[g.first + (c if g.per_channel else 0) for g in free] for c in range(channels)], int)
+    linear = np.array([g.linear for g, _ in each], bool)
     frames = tuple(frame(t) for t in terms)
-    return Parameters(Parameterisation(frames, tuple(free), channels, size), tuple(fixed), flat)
+    names = {g: number_label(frames, g.term, g.path) for g in free}
+    labels = [(names[g], c if g.per_channel else None) for g, c in each]
+    whole = Parameterisation(frames, tuple(free), channels, size, labels, linear, domains, columns)
+    return Parameters(whole, tuple(fixed), flat)
 
 
 def of_channel(terms: tuple[Term, ...], c: int) -> tuple[Term, ...]:
     """The terms of one channel: of every list its value there."""
-
-    def one(_: str, v: Value) -> Value:
-        return dataclasses.replace(v, number=v.number[c]) if isinstance(v.number, tuple) else v
-
-    return tuple(changed(t, one) for t in terms)
+    complete = []
+    for t in terms:
+        lists = {n.path: (n.value, n.value.number) for n in numbers(t) if isinstance(n.value.number, tuple)}
+        one = {path: dataclasses.replace(value, number=number[c]) for path, (value, number) in lists.items()}
+        complete.append(changed(t, one))
+    return tuple(complete)
 
 
 def _domain(n: ParameterRef) -> ParameterInfo:
     # A dielectric seen from outside has an index of at least 1; below, 1/eta gives nearly the same data.
     info = n.info
-    if last(n.path) == "eta" and "k" not in n.call.values:
+    if n.name == "eta" and "k" not in n.call.values:
         info = dataclasses.replace(info, low=max(info.low, 1.0))
     # What stands inside another model is not what f is proportional to.
     return dataclasses.replace(info, linear=False) if "." in n.path else info

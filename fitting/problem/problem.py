@@ -31,7 +31,6 @@ from gonio.fitting.problem.readings import (
     block_of,
     block_shape,
     in_blocks,
-    pages,
     transform,
     uses_cosine,
 )
@@ -254,7 +253,7 @@ def summed(s: Parameterisation, squares: Float[np.ndarray, "S C g g"]) -> Normal
     """The normal equations over all free numbers, from channel-wise products of residuals and derivatives."""
     gradient, matrix = np.zeros((squares.shape[0], s.size)), np.zeros((squares.shape[0], s.size, s.size))
     for c in range(s.channels):
-        numbers = s.columns(c)
+        numbers = s.columns[c]
         gradient[:, numbers] += squares[:, c, 0, 1:]
         matrix[:, numbers[:, None], numbers[None, :]] += squares[:, c, 1:, 1:]
     return NormalEquations(0.5 * np.sum(squares[:, :, 0, 0], axis=1), gradient, matrix)
@@ -330,12 +329,7 @@ class FitProblem:
             flat[some] = transform(loss, compared, floor, np)[0]
             norm_squared += float(np.sum((weights.reshape(-1, channels)[some] * flat[some]) ** 2))
         samples = Samples(wi, wo, target, weights, np.asarray(-(-n // shape[1])), np.asarray(float(floor)))
-        return cls(parameters, fixed, loss, parameters.domains(), readings, weight, samples, norm_squared)
-
-    @property
-    def floor(self) -> float:
-        """Floor of the loss, in the units of what it compares."""
-        return float(self.samples.floor)
+        return cls(parameters, fixed, loss, parameters.domains, readings, weight, samples, norm_squared)
 
     @property
     def linear(self) -> np.ndarray:
@@ -344,14 +338,21 @@ class FitProblem:
 
     @functools.cached_property
     def _pages(self) -> list[Samples]:
-        return pages(self.samples)
+        """The pages in use, each as `Samples` of `PAGE` blocks, without copies."""
+        whole, used, parts = self.samples, int(self.samples.blocks), []
+        for first in range(0, used, PAGE):
+            cut = slice(first, first + PAGE)
+            wi, wo = (Direction(*(c[cut] for c in w)) for w in (whole.wi, whole.wo))
+            blocks = np.asarray(min(PAGE, used - first))
+            parts.append(Samples(wi, wo, whole.target[cut], whole.weight[cut], blocks, whole.floor))
+        return parts
 
     def subset(self, cells: np.ndarray) -> "FitProblem":
         """The same problem on some of the cells."""
         if cells.size == self.weight.shape[0]:
             return self
         readings, weight = self.readings.part(cells), self.weight[cells]
-        return FitProblem.create(self.parameters, self.fixed, self.loss, readings, weight, self.floor)
+        return FitProblem.create(self.parameters, self.fixed, self.loss, readings, weight, float(self.samples.floor))
 
     def reweighted(self, weight: np.ndarray) -> "FitProblem":
         """The same problem with other weights (n, C); no array changes its shape, and nothing compiles again."""
@@ -370,16 +371,16 @@ class FitProblem:
         """The problem of f itself, its residuals to first order in f − y: for `normal_equations(plain=True)`."""
         cosine = np.asarray(self.readings.wi.z)[:, None] if uses_cosine(self.loss) else 1.0
         with np.errstate(all="ignore"):
-            slope = transform(self.loss, self.readings.f * cosine, self.floor, np)[1]
+            slope = transform(self.loss, self.readings.f * cosine, self.samples.floor, np)[1]
             return self.retargeted(self.readings.f).reweighted(self.weight * slope * cosine)
 
     def compared(self, f: np.ndarray) -> np.ndarray:
         """T(f c), (n, C), of values f (n, C) at the readings' directions."""
-        return compared(self.readings, self.loss, self.floor, f)
+        return compared(self.readings, self.loss, self.samples.floor, f)
 
     def residuals(self, f: np.ndarray) -> np.ndarray:
         """w (T(f c) − T(y c)), (n, C), for the model's values f; 0 where there is no reading."""
-        return weighted_residuals(self.readings, self.loss, self.floor, self.weight, f)
+        return weighted_residuals(self.readings, self.loss, self.samples.floor, self.weight, f)
 
     def normal_equations(self, p: np.ndarray, active: np.ndarray | None = None, plain: bool = False) -> NormalEquations:
         """The normal equations at up to `LANES` vectors p (S, P); of the active ones, zero for the others.
@@ -428,14 +429,14 @@ def _total(squares: list[np.ndarray], number: int) -> np.ndarray:
     return np.sum([np.asarray(s) for s in squares], axis=0, dtype=float)[:number]
 
 
-def compared(readings: Readings, loss: str, floor: float | np.ndarray, f: np.ndarray) -> np.ndarray:
+def compared(readings: Readings, loss: str, floor: float | AnyArray, f: np.ndarray) -> np.ndarray:
     """T(f c) of a loss at the readings' directions, for values f (n, C); the floor may be one for each channel."""
     c = np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else 1.0
     return transform(loss, f * c, floor, np)[0]
 
 
 def weighted_residuals(
-    readings: Readings, loss: str, floor: float | np.ndarray, weight: np.ndarray, f: np.ndarray
+    readings: Readings, loss: str, floor: float | AnyArray, weight: np.ndarray, f: np.ndarray
 ) -> np.ndarray:
     """w (T(f c) − T(y c)), (n, C), for the model's values f; 0 where there is no reading."""
     difference = compared(readings, loss, floor, f) - compared(readings, loss, floor, readings.f)

@@ -147,17 +147,6 @@ class Samples(NamedTuple):
     floor: AnyArray  # of the loss
 
 
-def pages(whole: Samples) -> list[Samples]:
-    """The pages in use, each as `Samples` of `PAGE` blocks, without copies."""
-    used, parts = int(whole.blocks), []
-    for first in range(0, used, PAGE):
-        cut = slice(first, first + PAGE)
-        wi, wo = (Direction(*(c[cut] for c in w)) for w in (whole.wi, whole.wo))
-        blocks = np.asarray(min(PAGE, used - first))
-        parts.append(Samples(wi, wo, whole.target[cut], whole.weight[cut], blocks, whole.floor))
-    return parts
-
-
 def block_shape(n: int, channels: int) -> tuple[int, int]:
     """(blocks, a multiple of those of a page, samples of a block) that hold n samples."""
     block = block_of(channels)

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 
 from gonio.data.layouts import Layout
-from gonio.fitting.problem.parameterisation import with_defaults
 from gonio.fitting.problem.readings import Readings
 from gonio.fitting.selection.candidate import Candidate, SelectionResult
 from gonio.fitting.selection.candidate_model import candidate_parameters
 from gonio.fitting.selection.scene_selection import SceneSelection, SceneView, select_for_scene
 from gonio.fitting.selection.stepwise import stepwise_selection
-from gonio.models.expression.parser import Term, Value, changed, parse
+from gonio.models.expression.parser import Term, Value, changed, numbers, parse, with_defaults
 
 
 def shows_anisotropy(layout: Layout, readings: Readings) -> bool:
@@ -67,16 +66,12 @@ def select_model(
 def _with_starts(candidate: Candidate, channels: int, of_table: int) -> tuple[Term, ...]:
     """The terms of a candidate over some channels, its numbers as starts of a fit of all channels of a table."""
     free = candidate_parameters(candidate.terms, channels).parameterisation
-    starts = {(g.term, g.path): (g, candidate.p[free.of(g)].tolist()) for g in free.free}
-
-    def start(term: int, path: str, value: Value) -> Value:
-        if (term, path) not in starts:
-            return value
-        g, numbers = starts[term, path]
-        if not g.per_channel:
-            return Value(numbers[0], free=True, each=value.each)
-        # Channels beyond those of the selection start where the data put them.
-        return Value(tuple(numbers), free=True) if channels == of_table else value
-
     terms = with_defaults(parse(candidate.expression))
-    return tuple(changed(t, lambda path, v, k=k: start(k, path, v)) for k, t in enumerate(terms))
+    starts: list[dict[str, Value]] = [{n.path: n.value for n in numbers(t)} for t in terms]
+    for g in free.free:
+        values = candidate.p[free.of(g)].tolist()
+        if not g.per_channel:
+            starts[g.term][g.path] = Value(values[0], free=True, each=starts[g.term][g.path].each)
+        elif channels == of_table:  # channels beyond those of the selection start where the data put them
+            starts[g.term][g.path] = Value(tuple(values), free=True)
+    return tuple(map(changed, terms, starts))

@@ -12,11 +12,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.fitting.problem.parameterisation import Domains, Parameters, domain_kind, parameters, with_defaults
+from gonio.fitting.problem.parameterisation import Domains, Parameters, domain_kind, parameters
 from gonio.fitting.problem.problem import NormalEquations
 from gonio.fitting.problem.readings import transform, uses_cosine
 from gonio.models.expression.builder import Frame, assemble
-from gonio.models.expression.parser import FACTOR, parse
+from gonio.models.expression.parser import FACTOR, parse, with_defaults
 from gonio.models.geometry.directions import NORMAL, Direction
 
 CELLS = 4096  # the kernels' size: readings are padded to a multiple of it
@@ -83,9 +83,9 @@ def candidate_parameters(terms: Terms, channels: int) -> Parameters:
 def candidate_domains(terms: Terms, channels: int) -> Domains:
     """Their closed domains: no lobe is narrower than `MIN_WIDTH`, and scales step in their logarithm."""
     free = candidate_parameters(terms, channels).parameterisation
-    kind, low, high = free.domains()
+    kind, low, high = free.domains
     kind = np.where(free.each(lambda g: g.path == FACTOR), domain_kind(0.0, True), kind)
-    return Domains(kind, np.where(free.each(lambda g: g.is_width), MIN_WIDTH, low), high)
+    return Domains(kind, np.where(free.each(lambda g: g.info.role == "width"), MIN_WIDTH, low), high)
 
 
 @functools.partial(jax.jit, static_argnames=("model", "names"))

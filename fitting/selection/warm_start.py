@@ -48,7 +48,7 @@ def carried(old: Terms, p: np.ndarray, new: Terms, channels: int) -> np.ndarray:
 def fit_candidate(problem: CandidateProblem, p: np.ndarray) -> Fitted:
     """A candidate fitted from the free numbers p (P,); a new lobe (NaN) starts at the likeliest of some widths."""
     free = problem.parameters.parameterisation
-    missing, is_width = np.isnan(p), free.each(lambda g: g.is_width).astype(bool)
+    missing, is_width = np.isnan(p), free.each(lambda g: g.info.role == "width").astype(bool)
     starts = [p]
     if missing.any():
         usual, ratio = free.each(lambda g: NEW[g.path]), free.each(lambda g: APART.get(g.path, 1.0))

@@ -314,22 +314,17 @@ class LeastSquares(Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class Descent:
-    """The end of one descent: parameters (P,), the normal equations there or one step before, how stationary.
+    """The end of one descent: parameters (P,), ½ Σ r², how stationary.
 
     Where the last step was not evaluated any more, the cost is what it promised.
     """
 
     p: np.ndarray
-    equations: NormalEquations
+    cost: float
     stationarity: float
     exact: bool
     steps: int
     successful: bool  # by the solver's own word
-
-    @property
-    def cost(self) -> float:
-        """½ Σ r²."""
-        return float(self.equations.cost)
 
 
 class Stopping(NamedTuple):
@@ -379,12 +374,11 @@ def minimise(
 def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> list[Descent]:
     d, target_norm_squared, linear = problem.domains, float(problem.target_norm_squared), problem.linear
     steps_in = np.stack([np.ones_like(linear), linear])
-    trial = to_unconstrained(d, starts)
-    number, free = trial.shape
+    number, free = starts.shape
     size = padded_size(free)
-    start = np.zeros((LANES, size))
-    start[:number, :free] = trial
-    lanes = fresh(size, UNDAMPED if stopping.near else DAMPED, is_double())._replace(trial=start, y=start)
+    lanes, start = fresh(size, UNDAMPED if stopping.near else DAMPED, is_double()), np.zeros((LANES, size))
+    start[:number, :free] = trial = to_unconstrained(d, starts)
+    lanes = lanes._replace(trial=start, y=start)
     active, steps = np.arange(LANES) < number, np.zeros(number, int)
     finished = refused = settled = np.zeros(number, bool)
     points: _Points | None = None
@@ -412,13 +406,11 @@ def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> l
     settled = (settled | (points.promised < stopping.enough)) & ~points.exact
     p = np.where(settled[:, None], to_parameters(d, trial, np).p, points.p)
     cost = np.where(settled, points.cost - points.promised, points.cost)
+    successful = finished & ~refused
     return [
-        Descent(
-            p[k], NormalEquations(cost[k], points.gradient[k], points.matrix[k]), float(points.stationarity[k]),
-            bool(points.exact[k]), int(steps[k]), bool(finished[k] and not refused[k]),
-        )
-        for k in range(number)
-    ]  # fmt: skip
+        Descent(p[k], float(cost[k]), float(points.stationarity[k]), bool(points.exact[k]), int(steps[k]), bool(good))
+        for k, good in enumerate(successful)
+    ]
 
 
 def _evaluated(

@@ -11,11 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gonio.fitting.problem.parameterisation import Domains, Parameterisation, mapped, unmapped
+from gonio.fitting.problem.parameterisation import Domains, Parameterisation, evenly
 from gonio.fitting.problem.problem import FitProblem, NormalEquations
 from gonio.fitting.problem.readings import LANES, coarse_cells
 from gonio.fitting.solver.levenberg_marquardt import Descent, Stopping, eps, minimise
-from gonio.models.expression.parser import last
 
 COARSE = 512
 EACH = 48  # samples for each free number, where these are many
@@ -107,7 +106,7 @@ def starting_points(problem: FitProblem, given: np.ndarray, random: int, seed: i
 
 def width_guesses(s: Parameterisation, given: np.ndarray) -> list[np.ndarray]:
     """Vectors (P,) of free numbers with shapes on a small grid of widths; linear numbers are still NaN."""
-    widths = [g for g in s.free if g.is_width and np.isnan(given[g.first])]
+    widths = [g for g in s.free if g.info.role == "width" and np.isnan(given[g.first])]
     terms = sorted({g.term for g in widths})
     choices = list(itertools.product(WIDTHS, repeat=len(terms)))
     if len(terms) > 1:
@@ -119,7 +118,7 @@ def width_guesses(s: Parameterisation, given: np.ndarray) -> list[np.ndarray]:
     for choice in choices[:: max(1, -(-len(choices) // MOST_GUESSES))]:
         p = given.copy()
         for g in widths:
-            p[s.of(g)] = choice[terms.index(g.term)] * APART.get(last(g.path), 1.0)
+            p[s.of(g)] = choice[terms.index(g.term)] * APART.get(g.path.rpartition(".")[2], 1.0)
         p = np.where(np.isnan(p), usual, p)
         guesses.append(np.where(np.isnan(p), p, np.clip(p, low, high)))
     return guesses
@@ -128,10 +127,8 @@ def width_guesses(s: Parameterisation, given: np.ndarray) -> list[np.ndarray]:
 def random_shapes(problem: FitProblem, given: np.ndarray, number: int, seed: int) -> list[np.ndarray]:
     """Vectors (P,) with every shape at random in its domain, evenly in the coordinate of its map."""
     s, d, rng = problem.parameters, problem.domains, np.random.default_rng(seed)
-    low = s.each(lambda g: max(g.info.low, NARROWEST) if g.is_width else g.info.low)
-    u_low, u_high = (mapped(d.kind, b) for b in (low, d.high))
-    shapes = (unmapped(d.kind, u_low + (u_high - u_low) * rng.random(s.size)) for _ in range(number))
-    return [np.where(s.linear, given, p) for p in shapes]
+    low = s.each(lambda g: max(g.info.low, NARROWEST) if g.info.role == "width" else g.info.low)
+    return [np.where(s.linear, given, evenly(d._replace(low=low), rng.random(s.size))) for _ in range(number)]
 
 
 def solve_linear(problem: FitProblem, shapes: Sequence[np.ndarray]) -> list[tuple[np.ndarray, float]]:

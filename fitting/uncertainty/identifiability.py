@@ -56,7 +56,7 @@ def advice(e: Optimum, k: int) -> str:
     for angle in np.arange(STEP * (np.floor(top / STEP + 0.01) + 1), HIGHEST + 1e-9, STEP):
         cells = (outer > top + 0.1 * STEP) & (outer <= angle + 1e-6)
         if separated(cells):
-            along = np.stack([probes.rows[:, :, c] @ change[s.columns(c)] for c in range(s.channels)], axis=1)
+            along = np.stack([probes.rows[:, :, c] @ change[s.columns[c]] for c in range(s.channels)], axis=1)
             best = int(np.argmax(np.sum((along / sigma) ** 2, axis=1) * cells))
             theta_i, theta_o = (np.degrees(t[best]) for t in (probes.theta_i, probes.theta_o))
             return (
@@ -123,7 +123,7 @@ def _information(s: Parameterisation, rows: np.ndarray, sigma: np.ndarray) -> np
     matrix = np.zeros((s.size, s.size))
     for c in range(s.channels):
         j = rows[:, :, c] / sigma[:, c : c + 1]
-        matrix[np.ix_(s.columns(c), s.columns(c))] += j.T @ j
+        matrix[np.ix_(s.columns[c], s.columns[c])] += j.T @ j
     return matrix
 
 

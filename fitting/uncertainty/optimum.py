@@ -23,6 +23,8 @@ FACTOR_OPEN = 2.0  # a number is open where its 95 % interval spans its domain, 
 PUSHED = 2.0  # standard uncertainties beyond its bound, from which on a number belongs there
 WIDE_OPEN = 2.0 * math.tanh(FACTOR_OPEN / 2)  # length of the interval [p(1 − t), p(1 + t)] over p, with that ratio
 FOLLOWS = 0.9  # share of a number's variance that comes from an open combination, from which on it is open with it
+FOLLOWED = 0.15  # of the standard uncertainty that counts as open, from which on the profile is followed
+ALONG = 0.95  # correlation of numbers that go together
 VAGUE = 0.15  # where it also has at least this relative uncertainty
 
 
@@ -284,10 +286,23 @@ class Optimum:
         spread = self.covariance.scaled(variance, self.domains, self.p)
         return dataclasses.replace(self, covariance=spread, reach=self.reach * np.sqrt(variance))
 
+    def vague_numbers(self) -> list[int]:
+        """Numbers whose intervals the covariance may not describe, the vaguest first; none away from a minimum."""
+        if self.exact or not self.converged:
+            return []
+        u, reach = self.covariance.standard, open_from(self.domains, self.p)
+        with np.errstate(invalid="ignore"):
+            vague = (u > FOLLOWED * reach) & ~self.active_bound
+            # What goes with a vague number is as vague in its own size, however small that is beside its domain.
+            along = np.abs(self.covariance.correlation) > ALONG
+            along = along[:, vague].any(axis=1) & (u > FOLLOWED * np.abs(self.p) / 2)
+        indices = np.flatnonzero(vague | (along & ~self.active_bound))
+        return [int(k) for k in indices[np.argsort(-(u / reach)[indices])]]
+
     def estimates(self, channels: Channels, only: str | None) -> list[ParameterEstimate]:
         """Estimates of the free numbers, of all channels or of the channel `only`."""
         infos, estimates = self.parameters.each(lambda g: g.info), []
-        for k, (name, c) in enumerate(self.parameters.labels()):
+        for k, (name, c) in enumerate(self.parameters.labels):
             value, u = float(self.p[k]), float(self.covariance.standard[k])
             u = max(u, float(np.finfo(float).eps) * abs(value)) if np.isfinite(u) else u
             low, high = float(self.domains.low[k]), float(self.domains.high[k])
@@ -319,7 +334,7 @@ def optimum_at(
     d, count, equations, scores = problem.domains, problem.readings.count, evaluation.equations, evaluation.scores
     measure = stationarity(d, p, equations)
     active, target, cost = measure.active_bound, problem.target_norm_squared, float(equations.cost)
-    exact = is_exact(cost, target)
+    exact, limit = is_exact(cost, target), stationary_limit(cost, target)
     if exact:
         # The gradient of a rounding residual points anywhere: a bound is active where the number lies on it.
         active = np.logical_or(*at_bounds(d, p))
@@ -339,6 +354,6 @@ def optimum_at(
     log_weight = float(np.sum(np.log(problem.weight[problem.weight > 0]))) if likelihood else 0.0
     return Optimum(
         problem, problem.parameters, d, p, evaluation.f, cost, equations, spread, active, reach,
-        float(measure.projected_gradient), stationary_limit(cost, target), exact, log_weight, *agreement, notes,
+        float(measure.projected_gradient), limit, exact, log_weight, *agreement, notes,
         downweighted,
     )  # fmt: skip

@@ -13,10 +13,17 @@ import numpy as np
 from gonio.fitting.problem.parameterisation import LINEAR, LOG, Domains
 from gonio.fitting.problem.readings import LANES
 from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
-from gonio.fitting.uncertainty.optimum import FACTOR_OPEN, NORMAL_95, WIDE_OPEN, Covariance, Optimum, open_from
+from gonio.fitting.uncertainty.optimum import (
+    ALONG,
+    FACTOR_OPEN,
+    FOLLOWED,
+    NORMAL_95,
+    WIDE_OPEN,
+    Covariance,
+    Optimum,
+    open_from,
+)
 
-FOLLOWED = 0.15  # of the standard uncertainty that counts as open, from which on the profile is followed
-ALONG = 0.95  # correlation of numbers that go together
 CLOSE = 0.03  # relative error of an interval's end
 TRIALS = 10
 ENOUGH = 2e-3  # of the allowed rise: what a fit with a number fixed may leave
@@ -27,11 +34,9 @@ FAR_OPEN = FACTOR_OPEN * FAR / NORMAL_95
 MOST = 6  # numbers that are followed
 
 
-def with_profiles(e: Optimum) -> Optimum:
+def with_profiles(e: Optimum, vague: list[int]) -> Optimum:
     """The optimum with profile intervals of its vague numbers, those that are open after all called undetermined."""
-    reach, vague = open_from(e.domains, e.p), vague_numbers(e)
-    if not vague or e.exact or not e.converged:
-        return e
+    reach = open_from(e.domains, e.p)
     followed = {k: _searches(e, k) for k in vague[:MOST]}
     budget = _follow(e, [s for pair in followed.values() for s in pair], BUDGET)
     profile = {
@@ -56,17 +61,6 @@ def with_profiles(e: Optimum) -> Optimum:
             covariance = _opened(covariance, k, ends, reach, e.p)
     unfollowed = tuple(k for k in vague if k not in profile)
     return dataclasses.replace(e, profile=profile, covariance=covariance, unfollowed=unfollowed)
-
-
-def vague_numbers(e: Optimum) -> list[int]:
-    """Numbers whose intervals the covariance may not describe, the vaguest first."""
-    u, reach = e.covariance.standard, open_from(e.domains, e.p)
-    with np.errstate(invalid="ignore"):
-        vague = (u > FOLLOWED * reach) & ~e.active_bound
-        # What goes with a vague number is as vague in its own size, however small that is beside its domain.
-        along = (np.abs(e.covariance.correlation) > ALONG)[:, vague].any(axis=1) & (u > FOLLOWED * np.abs(e.p) / 2)
-    indices = np.flatnonzero(vague | (along & ~e.active_bound))
-    return [int(k) for k in indices[np.argsort(-(u / reach)[indices])]]
 
 
 def is_open(d: Domains, k: int, ends: tuple[float, float], value: float, factor: float = FACTOR_OPEN) -> bool:

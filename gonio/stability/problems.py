@@ -10,9 +10,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from gonio.fitting.problem.parameterisation import with_defaults
 from gonio.models.expression.builder import frame, number_label
-from gonio.models.expression.parser import numbers, parse
+from gonio.models.expression.parser import numbers, parse, with_defaults
 
 ANY = 0.777
 """A true number that nothing determines, such as the width of a lobe without strength: any answer is right."""

@@ -14,7 +14,7 @@ must have a value. Some models stand over others, which are spelled inside:
 
 import dataclasses
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -292,37 +292,33 @@ FACTOR = "scale"
 
 
 class ParameterRef(NamedTuple):
-    """A number that an expression says: where it stands, what was said, what it is, and the model it belongs to."""
+    """A number of an expression: its path, its own name, its value, what it is, and the model it belongs to."""
 
     path: str
+    name: str
     value: Value
     info: ParameterInfo
     call: Call
-
-
-def last(path: str) -> str:
-    """The parameter's own name at the end of a path."""
-    return path.rsplit(".", 1)[-1]
 
 
 def numbers(term: Term, prefix: str = "") -> Iterator[ParameterRef]:
     """The numbers of a term: its parameters, its scale, then those of the models inside it."""
     known = parameters_of(MODELS[term.call.name])
     for name, value in term.call.values.items():
-        yield ParameterRef(prefix + name, value, known[name], term.call)
+        yield ParameterRef(prefix + name, name, value, known[name], term.call)
     if term.scale is not None:
-        yield ParameterRef(prefix + FACTOR, term.scale, SCALE, term.call)
+        yield ParameterRef(prefix + FACTOR, FACTOR, term.scale, SCALE, term.call)
     for field, inside in term.call.models.items():
         for index, part in enumerate(inside):
             yield from numbers(part, f"{prefix}{field}.{index}.")
 
 
-def changed(term: Term, change: Callable[[str, Value], Value], prefix: str = "") -> Term:
-    """The term with every number replaced by what `change(path, value)` answers."""
-    values = {n: change(prefix + n, v) for n, v in term.call.values.items()}
-    scale = None if term.scale is None else change(prefix + FACTOR, term.scale)
+def changed(term: Term, values_of: Mapping[str, Value], prefix: str = "") -> Term:
+    """The term with the numbers at some paths replaced."""
+    values = {n: values_of.get(prefix + n, v) for n, v in term.call.values.items()}
+    scale = None if term.scale is None else values_of.get(prefix + FACTOR, term.scale)
     inside = {
-        field: tuple(changed(part, change, f"{prefix}{field}.{index}.") for index, part in enumerate(parts))
+        field: tuple(changed(part, values_of, f"{prefix}{field}.{index}.") for index, part in enumerate(parts))
         for field, parts in term.call.models.items()
     }
     return Term(scale, Call(term.call.name, values, term.call.options, inside))
@@ -334,3 +330,19 @@ def calls(terms: tuple[Term, ...]) -> Iterator[Call]:
         yield term.call
         for inside in term.call.models.values():
             yield from calls(inside)
+
+
+def with_defaults(terms: tuple[Term, ...]) -> tuple[Term, ...]:
+    """The terms with what an expression implies written out: omitted shapes and scales are free."""
+    complete = []
+    for t in terms:
+        values = dict(t.call.values)
+        for name in needed(t.call):
+            values.setdefault(name, Value(None, free=True))
+        scale = t.scale
+        if scale is None and MODELS[t.call.name].lobe:
+            scale = Value(None, free=True)
+        order = [n for n in parameters_of(MODELS[t.call.name]) if n in values]
+        inside = {field: with_defaults(inner) for field, inner in t.call.models.items()}
+        complete.append(Term(scale, Call(t.call.name, {n: values[n] for n in order}, t.call.options, inside)))
+    return tuple(complete)

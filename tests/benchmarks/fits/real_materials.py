@@ -34,7 +34,7 @@ def scipy_best(terms, readings, starts: int) -> tuple[float, float]:
     problem = CandidateProblem(terms, data)
     _, low, high = problem.domains
     high = np.minimum(high, 1e3)
-    width = problem.parameters.parameterisation.each(lambda g: g.is_width)
+    width = problem.parameters.parameterisation.each(lambda g: g.info.role == "width")
     rng, best, began = np.random.default_rng(0), math.inf, time.process_time()
     last: dict[bytes, tuple] = {}
 

@@ -5,10 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from gonio.fitting.problem.parameterisation import parameters, with_defaults
+from gonio.fitting.problem.parameterisation import parameters
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import PAGE, Readings, block_of, coarse_cells, in_blocks, transform
 from gonio.models.expression.builder import assemble, parse, together
+from gonio.models.expression.parser import with_defaults
 from gonio.models.geometry.directions import Direction
 
 
