@@ -1,4 +1,4 @@
-"""All tests run in double precision, rank promotion is an error; workers of one run share compiled programs."""
+"""All tests run in double precision, rank promotion is an error; processes of one run share compiled programs."""
 
 import os
 import shutil
@@ -12,6 +12,11 @@ os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # as the command line does
 WORKER = "PYTEST_XDIST_WORKER" in os.environ
 PROGRAMS = Path(tempfile.gettempdir()) / f"gonio-tests-{os.getppid() if WORKER else os.getpid()}"
 
+# Programs of other processes that tests start come from here too, from the same length of compilation as theirs.
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(PROGRAMS))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.05")
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "0")
+
 if WORKER:
     # One thread a worker: there are as many workers as processors.
     os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_cpu_multi_thread_eigen=false"
@@ -24,10 +29,6 @@ settings.load_profile("untimed")
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
-if WORKER:
-    jax.config.update("jax_compilation_cache_dir", str(PROGRAMS))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
 
 
 def pytest_sessionfinish():
