@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from gonio.models.catalog import MODELS
-from gonio.models.expression.builder import build
+from gonio.models.evaluation import evaluate
+from gonio.models.expression.builder import build, example
 from gonio.models.geometry.directions import Direction
 from gonio.stability.run import QUICK
 from support.cases import cases_of
@@ -110,6 +111,12 @@ def test_values_and_gradients_are_numbers_and_reciprocal(name):
     (_, f), slopes = with_slopes(single, directions(wi[near], np.float32), directions(wo[near], np.float32))
     assert f.dtype == np.float32
     assert np.isfinite(f).all() and all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slopes))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_its_example_is_a_number(name):
+    wi, wo = (directions(unit(*angles)) for angles in ((0.7, 0.2), (0.5, 2.9)))
+    assert np.isfinite(float(evaluate(build(example(name).strip("'")), wi, wo)))
 
 
 @eqx.filter_jit

@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gonio.models.brdf import Scaled, Sum, terms
-from gonio.models.catalog import MODELS
 from gonio.models.diffuse.lambert import Lambert
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
@@ -109,13 +108,6 @@ def test_spelling_reads_back_to_the_last_bit(rho, alpha_x, alpha_y, scale, smith
     first, second = terms(back)
     assert float(first.rho) == rho and np.array_equal(second.scale, scale)
     assert (float(second.base.alpha_x), float(second.base.alpha_y), second.base.smith) == (alpha_x, alpha_y, smith)
-
-
-def test_every_model_has_its_example():
-    from gonio.models.expression.builder import example
-
-    for name in MODELS:
-        assert np.isfinite(float(evaluate(build(example(name).strip("'")), WI, WO)))
 
 
 def test_what_has_no_spelling_says_so():
