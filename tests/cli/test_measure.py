@@ -65,7 +65,7 @@ def test_an_output_that_exists_or_cannot_be_is_refused(tmp_path, capsys):
 def test_a_killed_measurement_goes_on_to_the_same_bits(tmp_path):
     command = [
         sys.executable, "-m", "gonio", "measure", "0.5*beckmann(alpha=0.02) + lambert(rho=[0.1, 0.3])",
-        "--step", "5", "--source-half-angle", "1", "--detector-half-angle", "1", "--photons", "1e5", "--noise", "0.01",
+        "--step", "6", "--source-half-angle", "1", "--detector-half-angle", "1", "--photons", "1e5", "--noise", "0.01",
         "--misalignment", "0.02", "--seed", "7",
     ]  # fmt: skip
 
