@@ -286,7 +286,7 @@ class FitProblem:
     Attributes:
         parameters: the model, its free numbers taken out (P of them).
         fixed: the other numbers of each term, by path.
-        loss: name of T and c, see `losses`.
+        loss: name of T and c, see `readings`.
         domains: closed domains of the free numbers.
         readings: directions (n,) and values y (n, C), 1/sr.
         weight: w of each residual (n, C), 0 where there is no reading.
