@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+import re
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -15,6 +16,9 @@ TOML_FORMAT = 1
 TomlKeys = Mapping[str, tuple[type, str]]
 """The types of the entries of a TOML table by their keys, and what to call them in a sentence."""
 T = TypeVar("T")
+MOST_PARTS = 32
+DEEP_KEY = re.compile(rf"[\w\"'-]+(?:[ \t]*\.[ \t]*[\w\"'-]+){{{MOST_PARTS},}}")
+"""A dotted key of more parts than any file of gonio has."""
 
 
 def input_size(path: str | os.PathLike[str]) -> int:
@@ -141,9 +145,13 @@ def read_toml(
     if (size := input_size(path)) > largest:
         raise GonioError(f"{path} has {size} bytes; a {kind} file has at most {largest}")
     try:
-        data = tomllib.loads(Path(path).read_bytes().decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        text = Path(path).read_bytes().decode()
+        if DEEP_KEY.search(text):  # the parser's memory grows as the square of the parts of a key
+            raise ValueError(f"a key has more than {MOST_PARTS} parts")
+        data = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
+        reason = reason.partition(" for integer string")[0]  # Python's own advice is for programmers
         raise GonioError(f"{path} is not a TOML file ({reason}); expected a {kind}") from None
     version = data.pop(first, None)
     if type(version) is not int:

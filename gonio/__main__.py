@@ -93,12 +93,27 @@ def _versions() -> str:
     return f"gonio {gonio}\nPython {python}, {', '.join(f'{name} {version}' for name, version in of.items())}"
 
 
+INTERNAL_ERROR = 70
+"""Exit status of a fault of the program itself (EX_SOFTWARE of sysexits.h)."""
+
+
 def command() -> None:
     """The program: `main`, and its exit status without waiting for what is still being compiled ahead.
 
     Waiting would make every refusal as slow as a fit, and an interpreter that ends while XLA compiles aborts.
     """
-    status = main()
+    try:
+        status = main()
+    except Exception as error:
+        # A fault of gonio's own: its status must not be taken for a verdict (1: fail), nor for a refused input (2).
+        if os.environ.get("GONIO_DEBUG"):
+            raise
+        why = (str(error).splitlines() or [""])[0][:200]
+        sys.stderr.write(
+            f"gonio: this is a fault of gonio ({type(error).__name__}: {why}); please report it with the"
+            " command and its files. GONIO_DEBUG=1 shows where it is.\n"
+        )
+        status = INTERNAL_ERROR
     if any(t.name == AHEAD for t in threading.enumerate()):
         with contextlib.suppress(OSError):
             sys.stdout.flush()

@@ -186,7 +186,7 @@ def _channels(text: CsvText, count: int) -> Channels:
     for comment in text.comments:
         key, _, value = comment.partition(":")
         if key in ("channels", "wavelengths_nm"):
-            with contextlib.suppress(json.JSONDecodeError, RecursionError):
+            with contextlib.suppress(ValueError, RecursionError):  # ValueError: no JSON, or too many digits
                 stated[key] = json.loads(value)
 
     def listed(key: str, kind: Any) -> tuple | None:

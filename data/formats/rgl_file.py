@@ -159,6 +159,6 @@ class _Header:
         shape = self.unpack(f"<{dimensions}Q")
         dtype, count = np.dtype(DTYPES[code]), math.prod(shape)
         # Python integers do not overflow: a product of shapes cannot wrap round to something small.
-        if offset + count * dtype.itemsize > len(self.data):
+        if offset + count * dtype.itemsize > len(self.data) or max(shape, default=0) > len(self.data):
             self.fail(f"puts field {name!r} ({count} values at byte {offset}) outside its {len(self.data)} bytes")
         return name, np.frombuffer(self.data, dtype, count, offset).reshape(shape)

@@ -11,6 +11,7 @@ import tomllib
 import numpy as np
 import pytest
 
+import gonio.__main__ as program
 from gonio.__main__ import VERBS, main
 
 
@@ -91,3 +92,17 @@ def test_every_verb_has_help_without_loading_jax():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert all(f"gonio {v}" in done.stdout for v in VERBS)
+
+
+def test_a_fault_of_the_program_is_no_verdict(monkeypatch, capsys):
+    """Exit status 1 means fail and 2 a refused input; a fault of gonio's own has another, and one sentence."""
+
+    def broken(argv=None):
+        raise TypeError("two\nlines")
+
+    monkeypatch.setattr(program, "main", broken)
+    with pytest.raises(SystemExit) as left:
+        program.command()
+    assert left.value.code == 70
+    printed = capsys.readouterr().err
+    assert "a fault of gonio (TypeError: two)" in printed and printed.count("\n") == 1

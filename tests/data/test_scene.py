@@ -90,3 +90,20 @@ def test_what_a_scene_or_a_table_lacks_is_named():
         Scene("s", 0.1, (HALF,), (HALF,), channels=("X",)).channels_of(("R", "G", "B"))
     with pytest.raises(GonioError, match="matte_room"):
         load_scene("matte_rom")
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("a" + ".b" * 100_000 + " = 1", "more than 32 parts"),
+        ("x = " + "1" * 5000, "digits"),
+        ("x = " + "[" * 90_000, ""),
+    ],
+    ids=["a deep key", "a long integer", "deep lists"],
+)
+def test_a_file_that_would_exhaust_the_parser_is_refused_at_once(tmp_path, text, reason):
+    path = tmp_path / "s.scene.toml"
+    path.write_text(f"gonio_scene = 1\n{text}\n")
+    with pytest.raises(GonioError, match=f"is not a TOML file .*{reason}") as caught:
+        load_scene(path)
+    assert len(str(caught.value)) < 300

@@ -186,6 +186,7 @@ def one_field(name=b"theta_i", dimensions=1, code=10, offset=64, shape=(4,), cou
         (one_field(dimensions=2, shape=(1 << 32, 1 << 32)), "outside its"),
         (one_field(dimensions=2, shape=(1 << 63, 2)), "outside its"),
         (one_field(shape=(1 << 40,)), "outside its"),
+        (one_field(dimensions=2, shape=(1 << 63, 0)), "outside its"),
         (one_field(dimensions=65535), "65535 dimensions"),
         (one_field(code=12), "of type 12"),
         (one_field(name=b"\xff\xfe"), "no text"),
