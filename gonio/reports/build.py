@@ -69,6 +69,7 @@ class ReportSettings:
         values = path.with_suffix(".json")
         index = [] if self.chart is None else [Path(self.chart) / "charts.json"]
         inputs = [g for g in (*subjects, *self.fits, self.against, *index) if isinstance(g, str | os.PathLike)]
+        refuse_outputs([path], inputs, self.force)
         if path.suffix.lower() not in ENDINGS:
             raise GonioError(f"{path} is no name of a page; end it in .html (its values go to {values.name} beside it)")
         refuse_outputs([path, values], inputs, self.force)
