@@ -48,10 +48,15 @@ def place_of(angles: np.ndarray, channel: int | str | None = None) -> dict[str, 
 
 
 def place_in_words(place: dict[str, Any]) -> str:
-    """θi 40°, φi 0°, ...; or the band of polar angles θ 40–50°; then the channel. Empty for no place."""
+    """θi 40°, φi 0°, ...; or the region θ 40–50° and 60–70°, Δφ 30–60°; then the channel. Empty for no place."""
     words = [f"{symbol} {place[name]:.4g}°" for name, symbol in SYMBOLS.items() if name in place]
     if "theta_from" in place:
-        words.append(f"θ {place['theta_from']:g}–{place['theta_to']:g}°")
+        other = (
+            f"{place['other_theta_from']:g}–{place['other_theta_to']:g}° and " if "other_theta_from" in place else ""
+        )
+        words.append(f"θ {other}{place['theta_from']:g}–{place['theta_to']:g}°")
+    if "delta_phi_from" in place:
+        words.append(f"Δφ {place['delta_phi_from']:g}–{place['delta_phi_to']:g}°")
     if "channel" in place:
         words.append(f"channel {place['channel']}")
     return ", ".join(words)

@@ -46,15 +46,8 @@ ROUNDING = 4 * float(np.finfo(np.float32).eps)
 
 
 def region_in_words(place: dict[str, Any]) -> str:
-    """θ 40–50° and 60–70°, Δφ 30–60°, channel R."""
-    words = [f"θ {place['theta_from']:g}–{place['theta_to']:g}°"] if "theta_from" in place else []
-    if "other_theta_from" in place:
-        words[0] = f"θ {place['other_theta_from']:g}–{place['other_theta_to']:g}° and " + words[0][2:]
-    if "delta_phi_from" in place:
-        words.append(f"Δφ {place['delta_phi_from']:g}–{place['delta_phi_to']:g}°")
-    if "channel" in place:
-        words.append(f"channel {place['channel']}")
-    return ", ".join(words) or place_in_words(place) or "all angles together"
+    """`place_in_words`, where no place means all of them."""
+    return place_in_words(place) or "all angles together"
 
 
 def region_place(level: str, number: int, channel: str | None) -> dict[str, Any]:
