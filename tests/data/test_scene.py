@@ -96,10 +96,13 @@ def test_what_a_scene_or_a_table_lacks_is_named():
     ("text", "reason"),
     [
         ("a" + ".b" * 100_000 + " = 1", "more than 32 parts"),
+        ("x = {y = 1, a" + " . b" * 50_000 + " = 1}", "more than 32 parts"),
+        ("[a" + ".b" * 100_000 + "]", "more than 32 parts"),
+        ("a" * 200_000, ""),
         ("x = " + "1" * 5000, "digits"),
         ("x = " + "[" * 90_000, ""),
     ],
-    ids=["a deep key", "a long integer", "deep lists"],
+    ids=["a deep key", "a deep key inside", "a deep header", "a long word", "a long integer", "deep lists"],
 )
 def test_a_file_that_would_exhaust_the_parser_is_refused_at_once(tmp_path, text, reason):
     path = tmp_path / "s.scene.toml"
