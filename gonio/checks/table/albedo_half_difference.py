@@ -159,7 +159,7 @@ class _Readings:
         changes = []
         for k, (name, nodes) in enumerate(self.grid.axes.items()):
             for first in (0, 1) if name == "theta_h" else (0,):
-                if nodes.size >= 6:
+                if nodes.size >= 4:
                     rough = self.every_second(k, first).albedo(exact.theta_i, exact.phi_i)
                     changes.append(np.inf if rough.partial > exact.partial else np.abs(rough.value - exact.value))
         return np.max([np.broadcast_to(change, exact.value.shape) for change in changes], axis=0)

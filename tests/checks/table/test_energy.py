@@ -114,3 +114,9 @@ def test_an_incidence_that_was_read_in_part_fails_by_what_was_read_or_stays_open
     assert energy.verdict == verdict and energy.facts["not_judged_theta_i_deg"] == [50.0]
     assert albedo * 0.5 < 1 + energy.residual <= albedo * np.sin(np.radians(60)) ** 2 + 0.02
     assert "Judged at θi 10°" in energy.detail and "Undecided at θi 50°" in energy.detail
+
+
+def test_the_coarsest_half_difference_grid_that_covers_the_hemisphere_has_a_bound():
+    layout = layouts.half_difference(degrees(0, 90, 25), degrees(0, 90, 25), degrees(0, 180, 60))
+    energy = energy_of("lambert(rho=0.5)", layout)
+    assert energy.verdict == "undecided" or abs(1 + energy.residual - 0.5) <= energy.bound
