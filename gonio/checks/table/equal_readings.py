@@ -20,7 +20,6 @@ from gonio.checks.certificate import (
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs import FEWEST, Pairs, pair_angles
 from gonio.checks.table.regions import judged_by_regions, uncovered
-from gonio.checks.table.scattered_pairs import WIDEST
 from gonio.checks.table.significance import decided_by_uncertainty, judged_by_level
 from gonio.data.flags import Flag
 from gonio.models.geometry.horizon import HORIZON
@@ -44,9 +43,11 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
     judged = _equal("reciprocity", evidence, pairs, pairs.angles[:, 0] - pairs.angles[:, 2], tolerance, what)
     if evidence.table.interpolant is not None:
         judged.verdict = UNDECIDED if judged.verdict == PASS else judged.verdict
-        judged.detail += f" Nothing was compared beyond θ {np.degrees(WIDEST):g}°: undecided there."
+        edge = np.degrees(np.max(pairs.angles[:, [0, 2]]))
+        judged.detail += f" Nothing was compared beyond θ {edge:.0f}°: undecided there."
         return judged
-    share, where = uncovered(_all_angles(evidence), pairs.angles[np.isfinite(pairs.a + pairs.b).any(axis=1)])
+    readings = _all_angles(evidence) if pairs.merged is None else pairs.merged
+    share, where = uncovered(readings, pairs.angles[np.isfinite(pairs.a + pairs.b).any(axis=1)])
     judged.facts["share_not_compared"] = share
     if share > MOST_UNCOVERED and judged.verdict == PASS:
         judged.verdict = UNDECIDED
@@ -82,7 +83,7 @@ def table_pole(evidence: TableEvidence, tolerance: float) -> Property:
 def _equal(
     name: str, evidence: TableEvidence, pairs: Pairs | str, sign: np.ndarray | None, tolerance: float, what: str
 ) -> Property:
-    """The property that readings a and b are the same: by their uncertainties at the level, else by their median.
+    """The property that readings a and b are the same: by their uncertainties at the level, else by regions.
 
     `sign` (n,) is that of a violation in each pair; None where a violation has no sign that a mean would keep.
     """
@@ -96,7 +97,7 @@ def _equal(
         return without_residual(name, UNDECIDED, tolerance, detail, **facts)
     difference = np.where(comparable, relative_difference(np.nan_to_num(pairs.a), np.nan_to_num(pairs.b)), np.nan)
     medians = [float(np.nanmedian(d)) if np.isfinite(d).any() else np.nan for d in difference.T]
-    residual = float(np.nanmedian(difference))
+    median = float(np.nanmedian(difference))
     facts |= {
         "median_by_channel": medians,
         "largest": float(np.nanmax(difference)),
@@ -104,18 +105,14 @@ def _equal(
         "interpolation_error": float(np.median(pairs.error)),
         **_scatter(pairs, comparable),
     }
+    signs = np.zeros(len(pairs.a)) if sign is None else np.sign(np.round(sign, 9))
     if decided_by_uncertainty(pairs):
-        facts["median"] = residual
-        signs = np.zeros(len(pairs.a)) if sign is None else np.sign(np.round(sign, 9))
         judged = judged_by_level(name, evidence, pairs, signs, tolerance, what)
-        judged.facts, judged.detail = facts | judged.facts, judged.detail + _remark_on_scatter(facts)
+        judged.detail += _remark_on_scatter(facts)
     else:
-        signs = np.zeros(len(pairs.a)) if sign is None else np.sign(np.round(sign, 9))
         judged = judged_by_regions(name, evidence, pairs, signs, tolerance, what)
-        judged.facts, judged.detail = (
-            facts | judged.facts,
-            f"{judged.detail} Their median difference is {residual:.2%}.",
-        )
+        judged.detail += f" Their median difference is {median:.2%}."
+    judged.facts = facts | {"median": median} | judged.facts
     judged.series |= _by_band(pairs, difference)
     return judged
 

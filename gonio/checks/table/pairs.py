@@ -13,15 +13,13 @@ from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.horizon import HORIZON
 
 FEWEST = 12
-"""Pairs below which a median says nothing."""
-
+"""Pairs below which a region is not judged alone, nor a table at all."""
 
 MOST_CELLS = 2_000_000
 """Of a larger table so many cells are chosen at random."""
 
 TURN = np.pi / 2
 """A brushed surface is the same after half a turn: a quarter shows most."""
-
 
 BAND, SECTOR = 10.0, 30.0
 """Size of a region of pairs, degrees: of both polar angles, and of the azimuth difference."""
@@ -64,6 +62,8 @@ class Pairs:
     """How the partners came about, in words."""
     error: np.ndarray | float = 0.0
     """Relative error of the values b that interpolation makes, (n, channels) or one for all."""
+    merged: np.ndarray | None = None
+    """(m, 4), radians: all readings once their repeats are merged, where there may be repeats."""
 
     def where(self, some: np.ndarray) -> "Pairs":
         """Some of the pairs; all of them have the same error."""

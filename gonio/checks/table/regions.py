@@ -4,8 +4,9 @@ A region is a square of `BAND` × `BAND` in both polar angles with a sector of a
 the whole square, or the band of the larger polar angle. In a region a violation has a sign (the larger reading is on
 the same side), so that its mean and median keep it while noise averages out.
 
-Without stored uncertainties the noise is that of the pairs themselves, by the median of their deviations in a region
-and at their brightness: it is robust against a violation of up to half of them. What differs by more than the
+Without stored uncertainties the noise is that of the pairs themselves, by the median of their deviations in the
+smallest region, and no less than both in the band of angles and at their brightness: a violation of up to half of the
+pairs does not change it. What differs by more than the
 tolerance and six of its noise is no noise; its share is part of the verdict.
 """
 
@@ -18,10 +19,9 @@ from scipy.special import stdtrit
 from gonio.checks.certificate import FAIL, PASS, UNDECIDED, Property, place_in_words, place_of
 from gonio.checks.table.count_statistics import critical, sidak
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs import BAND, SECTOR, SIDE, Pairs, places
+from gonio.checks.table.pairs import BAND, FEWEST, SAME_POLAR, SECTOR, SIDE, Pairs, places
 
-FEWEST = 12
-"""Pairs below which a region is judged with those around it."""
+ENOUGH = 0.1
 
 OUTLYING = 6.0
 """Noise, in standard deviations, beyond which a pair differs surely."""
@@ -76,11 +76,19 @@ def regions_of(angles: np.ndarray) -> list[tuple[str, int, np.ndarray]]:
     return regions
 
 
-def uncovered(angles: np.ndarray, judged: np.ndarray) -> tuple[float, str]:
-    """The share of readings, (m, 4) radians, in squares of polar angles that no judged pair lies in, and where."""
-    angles = angles[np.abs(angles[:, 0] - angles[:, 2]) > 1e-6]  # of equal polar angles many are their own partners
+def uncovered(angles: np.ndarray, compared: np.ndarray) -> tuple[float, str]:
+    """The share of readings in squares of polar angles where too few were compared, and where these are.
+
+    Enough are `FEWEST` pairs, or as many as take in `ENOUGH` of a square's readings.
+
+    Args:
+        angles: (m, 4), radians, of all readings.
+        compared: (n, 4), radians, of the pairs.
+    """
+    angles = angles[np.abs(angles[:, 0] - angles[:, 2]) > SAME_POLAR]  # the others are their own partners, or mirrored
     square = places(angles).square
-    missing = ~np.isin(square, places(judged).square)
+    readings, pairs = (np.bincount(v, minlength=SIDE * SIDE) for v in (square, places(compared).square))
+    missing = ((pairs < FEWEST) & (2 * pairs < ENOUGH * readings))[square]
     if not missing.any():
         return 0.0, ""
     high = np.max(angles[:, [0, 2]], axis=1)
@@ -99,7 +107,6 @@ class _Differences:
     error: np.ndarray
     noise: np.ndarray
     angles: np.ndarray
-    index: np.ndarray
     signed: np.ndarray
     channel: int
 
@@ -113,12 +120,35 @@ def _differences(pairs: Pairs, sign: np.ndarray, channel: int) -> _Differences |
     size = np.maximum((np.abs(a) + np.abs(b)) / 2, 1e-300)
     d = np.where(sign < 0, -1.0, 1.0) * (a - b) / size
     error = np.broadcast_to(np.asarray(pairs.error, float), pairs.a.shape)[use, channel] + ROUNDING
-    bright = np.argsort(size, kind="stable")
-    noise = np.zeros(use.size)
-    chunks = np.array_split(bright, max(1, use.size // BRIGHT))
-    for group in (*chunks, *(rows for _, _, rows in regions_of(angles))):
-        noise[group] = np.maximum(noise[group], MAD * np.median(np.abs(d[group] - np.median(d[group]))))
-    return _Differences(d, error, noise, angles, use, sign != 0, channel)
+    noise = np.maximum(_local_noise(d, angles), np.minimum(_noise_by_brightness(d, size), _band_noise(d, angles)))
+    return _Differences(d, error, noise, angles, sign != 0, channel)
+
+
+def _deviation(d: np.ndarray) -> float:
+    return MAD * float(np.median(np.abs(d - np.median(d))))
+
+
+def _local_noise(d: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    # Of the smallest region that holds enough pairs: a violation that ends elsewhere is not taken for noise.
+    noise = np.zeros(d.size)
+    for _, _, group in reversed(regions_of(angles)):
+        noise[group] = _deviation(d[group])
+    return noise
+
+
+def _band_noise(d: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    noise = np.full(d.size, _deviation(d))
+    for size, _, group in regions_of(angles):
+        if size == "band":
+            noise[group] = _deviation(d[group])
+    return noise
+
+
+def _noise_by_brightness(d: np.ndarray, size: np.ndarray) -> np.ndarray:
+    noise = np.zeros(d.size)
+    for group in np.array_split(np.argsort(size, kind="stable"), max(1, d.size // BRIGHT)):
+        noise[group] = _deviation(d[group])
+    return noise
 
 
 class _Estimate(NamedTuple):

@@ -7,7 +7,7 @@ import numpy as np
 
 from gonio.checks.certificate import relative_difference
 from gonio.checks.direction_search import directions, everywhere, values
-from gonio.checks.table.pairs import Pairs, angles_of, pair_angles, readings_of
+from gonio.checks.table.pairs import SAME_POLAR, Pairs, angles_of, pair_angles, readings_of
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
@@ -18,6 +18,8 @@ NEAR = np.radians(2.0)
 """A reading this close to the wanted pair of directions may stand for it; the error is estimated."""
 
 EXACT = 1e-6
+"""Distance, about radians, of two pairs of directions that are one."""
+
 SAME_LIGHT = np.radians(0.05)
 """Polar angles nearer than that are one."""
 
@@ -44,7 +46,8 @@ WARPED = 16384
 """Random pairs where a warp answers anywhere."""
 
 INTERPOLATED = 20_000
-SAME_NODE = 1e-6
+"""Of more readings without a partner so many are compared with interpolated ones, chosen at random."""
+
 WIDEST = np.radians(70.0)
 """Polar angle to which a format's warp is read: beyond, it answers where little or nothing was measured."""
 
@@ -75,7 +78,7 @@ def _features(angles: np.ndarray, isotropic: bool, mirrored: bool) -> np.ndarray
 
 
 class Readings(NamedTuple):
-    """Readings at different pairs of directions, repeats merged: angles (n, 4), f and u (n, channels), what is said."""
+    """Readings at different pairs of directions, repeats merged: angles (n, 4), f and u (n, channels)."""
 
     angles: np.ndarray
     f: np.ndarray
@@ -129,7 +132,7 @@ def scattered_pairs(table: Table) -> Pairs:
         how += f", {repeated:,} repeats merged"
         how += f" (they scatter by {scatter:.2%})" if np.isfinite(scatter) else ""
     if len(f) <= NEIGHBOURS:
-        return Pairs(f[:0], f[:0], u[:0], u[:0], angles[:0], len(f), how)
+        return Pairs(f[:0], f[:0], u[:0], u[:0], angles[:0], len(f), how, merged=angles)
     here = _features(angles, isotropic, mirrored)
     there = _features(angles[:, [2, 3, 0, 1]], isotropic, mirrored)
     distance, near = (np.asarray(a) for a in KDTree(here, LEAF).query(there, NEIGHBOURS))
@@ -155,7 +158,7 @@ def scattered_pairs(table: Table) -> Pairs:
     error = np.where(exact[keep], 0.0, 2 * BETWEEN * spread / np.maximum(np.abs(a) + np.abs(b), 1e-300))
     # Where f is steep the spread of a few readings bounds nothing.
     a = np.where(error <= STEEPEST, a, np.nan)
-    return Pairs(a, b, u[keep], u_b, angles[keep], len(f), how, error)
+    return Pairs(a, b, u[keep], u_b, angles[keep], len(f), how, error, angles)
 
 
 def random_angles(theta_max: float, n: int = WARPED) -> np.ndarray:
@@ -216,7 +219,7 @@ def interpolated_pairs(table: Table, cells: np.ndarray) -> Pairs:
     for name, nodes in layout.axes.items():
         if layout.periods[name] is None and name not in layout.mirrored_axes:
             angle = np.asarray(exchanged[name])
-            within &= (angle >= nodes[0] - SAME_NODE) & (angle <= nodes[-1] + SAME_NODE)
+            within &= (angle >= nodes[0] - SAME_POLAR) & (angle <= nodes[-1] + SAME_POLAR)
     wi, wo = (Direction(*(c[within] for c in w)) for w in (wi, wo))
     how = "readings whose partners were interpolated"
     if not within.any():

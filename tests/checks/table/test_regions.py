@@ -82,3 +82,23 @@ def test_what_no_reading_is_exchanged_with_is_told():
     reciprocity = certificate["reciprocity"]
     assert reciprocity.verdict == "undecided" and "beyond θ 45°" in reciprocity.detail
     assert reciprocity.facts["share_not_compared"] == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_reference_is_missed_by_a_region_whatever_the_median():
+    """Nine of ten readings are the reference's own; a region at grazing incidence is 30 % too bright."""
+    exact, wrong = planted(73, 90, 1.0), planted(73, 90, 1.3)
+    for table, verdict in ((exact, "pass"), (wrong, "fail")):
+        agreement = gonio.check(table, against="lambert(rho=0.3)")["agreement"]
+        assert agreement.verdict == verdict
+    assert agreement.residual == pytest.approx(0.6 / 2.3, rel=1e-6) and agreement.where["theta_to"] > 70
+
+
+def test_a_few_compared_pairs_do_not_stand_for_many_readings():
+    rng, n = np.random.default_rng(2), 4000
+    theta_i, theta_o = np.arccos(1 - 0.9 * rng.random((2, n)))
+    phi_i, phi_o = rng.uniform(0, 2 * np.pi, (2, n))
+    some = slice(40)
+    angles = [np.r_[a, b[some]] for a, b in ((theta_i, theta_o), (phi_i, phi_o), (theta_o, theta_i), (phi_o, phi_i))]
+    reciprocity = gonio.check(gonio.Table.from_arrays(*angles, np.full(n + 40, 0.1)))["reciprocity"]
+    assert reciprocity.facts["pairs"] >= 40 and reciprocity.verdict == "undecided"
+    assert reciprocity.facts["share_not_compared"] > 0.5
