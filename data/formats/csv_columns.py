@@ -52,6 +52,7 @@ class CsvText:
         columns = [self.names.index(name) for name in names]
         if next(self._data_lines(), None) is None:
             raise GonioError(f"{self.path} has a header but no rows; expected at least one")
+        self._refuse_long_rows()
         options = {"delimiter": self.delimiter, "usecols": columns, "skiprows": self.header_line + 1}
         try:
             table = np.loadtxt(io.StringIO(self.text), comments="#", ndmin=2, dtype=np.float64, **options)
@@ -76,6 +77,17 @@ class CsvText:
 
     def _line_of(self, row: int) -> int:
         return next(number for k, (number, _) in enumerate(self._data_lines()) if k == row)
+
+    def _refuse_long_rows(self) -> None:
+        # What is beyond the header's columns would be dropped: of a decimal comma all that follows it.
+        for number, text in self._data_lines():
+            if text.count(self.delimiter) >= len(self.names):
+                extra = text.split(self.delimiter)[len(self.names) :]
+                if any(cell.strip() for cell in extra):
+                    raise GonioError(
+                        f"{self.path}, line {number}: {len(self.names) + len(extra)} columns under a header of "
+                        f"{len(self.names)}; name every column, and write decimal points, or semicolons between columns"
+                    )
 
     def _explain(self, names: Sequence[str], columns: Sequence[int]) -> None:
         for number, text in self._data_lines():

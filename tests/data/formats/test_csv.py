@@ -62,6 +62,7 @@ def test_vectors_are_read_as_angles(tmp_path):
         (HEAD + "10,0,20,0,-inf\n", "line 2: f is -inf"),
         (HEAD + "10,0,20,0,\n", "line 2: f is ''"),
         (HEAD + "10,0,20,0,0.1\n10,0,20\n", "line 3: 3 columns"),
+        (HEAD + "10,0,20,180,0,3\n", "line 2: 6 columns under a header of 5"),
         (HEAD + "10,0,20,0,0.3\n# x\n10,0,95,0,0.3\n", "line 4: theta_o = 95 is below the horizon"),
         (HEAD + "-10,0,20,0,0.3\n", "line 2: theta_i = -10; expected 0 to"),
         (HEAD + "10,0,20,400,0.3\n", "line 2: phi_o = 400"),
