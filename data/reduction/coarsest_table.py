@@ -1,6 +1,7 @@
 """The coarsest table that a scene's tolerance allows: channels, symmetries, layout, nodes and precision."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -9,6 +10,7 @@ from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.interpolation.multilinear import as_material
 from gonio.data.layouts.base import Layout
+from gonio.data.reduction.table_resolution import Resolution, known_truth, measured_error, resolution
 from gonio.data.reduction.thin_grid import SceneValues, StartGrid, Thinning
 from gonio.data.scene import Scene, load_scene
 from gonio.data.subject import SubjectLike, resolve_subject
@@ -29,22 +31,51 @@ TIGHTER = (0.97, 0.85, 0.6, 0.3)  # of the tolerance: targets of the search, unt
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Reduction(Displayed):
-    """A reduced table, its error as measured against the whole one in the scene, and what was left out, in words."""
+    """A reduced table, its errors in the scene, relative to the rms radiance, and what was left out, in words."""
 
     table: Table
     error: float
+    """Against the whole table."""
+    whole: Resolution
+    """That of the whole table against the surface."""
+    promised: float
+    """Bound on the error of the reduced table against the surface; infinite where the whole one resolves nothing."""
     tolerance: float
     left_out: tuple[str, ...]
     cells: tuple[int, int]
     """Readings of the whole table, and of the reduced one."""
 
+    @property
+    def keeps(self) -> bool:
+        """Whether the reduced table is within the tolerance of the surface itself."""
+        return self.promised <= self.tolerance
+
+    @property
+    def exit_status(self) -> int:
+        """0 where the tolerance is kept, else 1."""
+        return 0 if self.keeps else 1
+
     def facts(self) -> dict[str, str]:
-        """Readings, error and tolerance, and what is left out."""
+        """Readings, errors and tolerance, and what is left out."""
         return {
             "table": f"{self.table.name}: {self.cells[1]:,} of {self.cells[0]:,} readings",
-            "error": f"{self.error:.3g} of the rms radiance; tolerance {self.tolerance:.3g}",
+            "error": f"{self.error:.3g} of the rms radiance against the whole table; tolerance {self.tolerance:.3g}",
+            "promised": self.promise(),
             "left out": "; ".join(self.left_out),
         }
+
+    def promise(self) -> str:
+        """What is promised of the error against the surface itself, and why no more, as one sentence."""
+        kept, (error, reason) = f"the tolerance of {100 * self.tolerance:.3g} %", self.whole
+        if self.keeps:
+            return f"at most {100 * self.promised:.2g} % off the surface itself, within {kept}: {reason}"
+        if not math.isfinite(error):
+            return f"{kept} is not promised: the whole table does not resolve the scene; {reason}"
+        if error > self.tolerance:
+            words = f"the whole table is itself up to {100 * error:.2g} % off the surface"
+        else:
+            words = f"the reduced one may be {100 * self.promised:.2g} % off the surface"
+        return f"{kept} is not promised: {words}; {reason}"
 
 
 @old_keywords(say="log")
@@ -54,16 +85,21 @@ def reduce_table(
     tolerance: float | None = None,
     log: Callable[[str], None] = lambda line: None,
 ) -> Reduction:
-    """The coarsest table found whose radiance in a scene is within the tolerance.
+    """The coarsest table found whose radiance in a scene is within the tolerance of the surface's.
 
-    The error is that of the reduced table, interpolated multilinearly, against the whole one as it is read, on other
-    directions than those of the search. Uncertainties are not kept.
+    The error is measured on other directions than those of the search: against the material that the provenance names,
+    else against the whole table, whose own error is estimated (`resolution`) and leaves that much less to the reduced
+    one. Where the whole table is beyond the tolerance, the reduced one is within it of the whole. Uncertainties are not
+    kept.
 
     Args:
         table: a table, or the path of one in any format that can be read.
         scene: a scene, its file, or the name of a shipped one.
         tolerance: rms error of the reflected radiance over its rms; the scene's own if None.
         log: called with a line for each grid that was thinned.
+
+    Returns:
+        The table with what is promised of it; `keeps` says whether that is the tolerance.
 
     Raises:
         GonioError: the table does not answer for what the scene sees, or no smaller table is within the tolerance.
@@ -74,29 +110,71 @@ def reduce_table(
     if (names := scene.channels_of(table.channels.names)) and len(names) < len(table.channels):
         whole, count = table.only(names), len(table.channels)
         left_out = (f"{count - len(names)} of {count} channels, which the scene does not see",)
-    truth = as_material(whole)
+    interpolant = as_material(whole)
     ranking, search, check = (
-        SceneValues(pairs, evaluate_in_blocks(truth, pairs.wi, pairs.wo))
+        SceneValues(pairs, evaluate_in_blocks(interpolant, pairs.wi, pairs.wo))
         for pairs in map(scene.pairs, (RANKING, SEARCH, CHECK))
     )
     _require_values(table, scene, search, check)
-    grids = start_grids(whole, truth)
+    judge = _Judge.of(whole, check, tolerance)
+    grids = start_grids(whole, interpolant)
     for share in TIGHTER:
-        thinned = _smallest(grids, search, ranking, share * tolerance, log)
+        thinned = _smallest(grids, search, ranking, share * judge.allowed, log)
         if thinned is None:
             break
         reduced, words = _reduced(whole, thinned)
         f = evaluate_in_blocks(as_material(reduced), check.pairs.wi, check.pairs.wo)
-        error = check.pairs.error(np.broadcast_to(f, check.f.shape), check.f)
-        if error <= tolerance:
+        error, promised = judge.errors(np.broadcast_to(f, check.f.shape))
+        if error <= tolerance and (promised <= tolerance or not judge.keeps):
             if reduced.f.nbytes + reduced.flag.nbytes >= _bytes(table):
                 break
             cells = (table.layout.size * len(table.channels), reduced.layout.size * len(reduced.channels))
-            return Reduction(reduced, error, tolerance, (*left_out, *words), cells)
+            return Reduction(reduced, error, judge.whole, promised, tolerance, (*left_out, *words), cells)
+    of = f"{100 * tolerance:g} % of " + ("the surface" if judge.keeps else "it")
+    itself = f", and the whole one is up to {100 * judge.whole.error:.2g} % off the surface" if judge.keeps else ""
     raise GonioError(
-        f"no smaller table than {table.name or 'this one'} is within {100 * tolerance:g} % of it in the scene "
-        f"'{scene.name}'; allow a larger tolerance, or keep the table"
+        f"no smaller table than {table.name or 'this one'} is within {of} in the scene '{scene.name}'{itself}; "
+        "allow a larger tolerance, or keep the table"
     )
+
+
+@dataclasses.dataclass(frozen=True)
+class _Judge:
+    """What a reduced table errs by, against the whole one and against the surface."""
+
+    check: SceneValues
+    tolerance: float
+    truth: np.ndarray | None
+    """f of the material that the provenance names."""
+    whole: Resolution
+
+    @classmethod
+    def of(cls, whole: Table, check: SceneValues, tolerance: float) -> "_Judge":
+        truth = known_truth(whole, check.pairs)
+        if truth is None:
+            return cls(check, tolerance, None, resolution(whole, check))
+        name = whole.provenance["material"].get("name") or "the material"
+        reason = f"measured against {name}, which the provenance names"
+        return cls(check, tolerance, truth, Resolution(measured_error(check.pairs, check.f, truth), reason))
+
+    @property
+    def keeps(self) -> bool:
+        """Whether the whole table is within the tolerance."""
+        return self.whole.error <= self.tolerance
+
+    @property
+    def allowed(self) -> float:
+        """The error against the whole table at which the search begins."""
+        if self.truth is not None or not self.keeps:
+            return self.tolerance
+        return (self.tolerance - self.whole.error) / (1 + self.whole.error)
+
+    def errors(self, f: np.ndarray) -> tuple[float, float]:
+        """(error against the whole table, bound on that against the surface) of values f (N, C)."""
+        error = self.check.pairs.error(f, self.check.f)
+        if self.truth is not None:
+            return error, measured_error(self.check.pairs, f, self.truth)
+        return error, self.whole.error + error * (1 + self.whole.error)
 
 
 def _require_values(table: Table, scene: Scene, search: SceneValues, check: SceneValues) -> None:

@@ -85,6 +85,10 @@ class Thinning:
 
     def error(self, kept: Nodes) -> float:
         """The scene's error of the table of these nodes, single precision."""
+        return self.pairs.error(self.values(kept), self.truth)
+
+    def values(self, kept: Nodes) -> np.ndarray:
+        """f (N, C) of the table of these nodes, single precision, at the scene's pairs; 0 where no cell has a value."""
         brackets = [self._bracket(name, nodes) for name, nodes in zip(self.grid.layout.axes, kept, strict=True)]
         total = np.zeros((self.pairs.view.size, self.grid.f.shape[-1]))
         weight = np.zeros_like(total)
@@ -94,8 +98,7 @@ class Thinning:
             w = w[:, None] * self.grid.valid[index]
             total += w * np.where(w > 0, self.grid.f[index], 0.0).astype(np.float32)
             weight += w
-        f = np.where(weight > 0, total / np.where(weight > 0, weight, 1.0), 0.0)
-        return self.pairs.error(f, self.truth)
+        return np.where(weight > 0, total / np.where(weight > 0, weight, 1.0), 0.0)
 
     def _bracket(self, name: str, nodes: np.ndarray) -> Bracket:
         # Trials change one axis at a time: the brackets of the others are those of the trial before.

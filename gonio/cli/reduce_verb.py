@@ -37,13 +37,11 @@ def run(args: argparse.Namespace) -> int:
     write_table(args.output, reduced.table, force=args.force)
     before, after = (Path(p).stat().st_size for p in (args.table, args.output))
     show(f"{table.name} in the scene '{scene.name}':")
-    show(
-        f"error of the reflected radiance {number(100 * reduced.error, 3)} % of its rms "
-        f"(tolerance {number(100 * reduced.tolerance, 3)} %), measured against the whole table"
-    )
+    show(f"error of the reflected radiance {number(100 * reduced.error, 3)} % of its rms against the whole table")
+    show(reduced.promise())
     for sentence in reduced.left_out:
         show(f"left out: {sentence}")
     ratio = number(before / after, 3)
     show(f"{reduced.cells[0]} readings became {reduced.cells[1]}, {before} bytes {after}: {ratio} times less")
     show(f"written: {args.output}")
-    return 0
+    return reduced.exit_status

@@ -1,0 +1,139 @@
+"""Where a table interpolates: the pairs of directions inside of the hull of what was read, without its holes."""
+
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from gonio.data.flags import Flag
+from gonio.data.interpolation.multilinear import interpolation_axis
+from gonio.data.layouts.base import Layout
+from gonio.data.table import Table
+from gonio.models.geometry.directions import Direction
+
+SAME = np.radians(1.0)
+"""An angle this near to the only one that was read is that one."""
+WIDEST_TURN = np.pi / 2
+"""Gap between azimuths beyond which what lies between them was not read."""
+KNOWN = 0.5
+"""Weight of the cells with a value, of those that interpolation takes, from which on it interpolates."""
+FAR = 2.0
+"""Distance to the nearest reading over that of 95 % of the readings from their neighbours, beyond which is a hole."""
+FACETS = 256
+
+
+def covered(table: Table, wi: Direction, wo: Direction, beyond: float = 0.0) -> np.ndarray:
+    """Whether interpolation of a table between its readings answers for pairs of directions (n,).
+
+    Args:
+        table: any table; a format's own warp answers up to the largest incidence that it holds.
+        wi, wo: unit directions with components of shape (n,).
+        beyond: how far beyond the outermost nodes of a grid still counts, in its outermost steps.
+    """
+    wi, wo = (Direction(*(np.asarray(c, float) for c in w)) for w in (wi, wo))
+    if table.interpolant is not None:
+        return np.arccos(np.clip(wi.z, -1, 1)) <= np.max(table.layout.axes["theta_i"]) + SAME
+    if table.layout.gridded:
+        return _on_grid(table, wi, wo, beyond)
+    readings = ScatteredHull.of(table)
+    return readings.contains(wi, wo) | readings.contains(wo, wi)
+
+
+def _on_grid(table: Table, wi: Direction, wo: Direction, beyond: float) -> np.ndarray:
+    layout = table.layout
+    coordinates = {k: np.asarray(v) for k, v in jax.vmap(layout.coordinates)(wi, wo).items()}
+    inside = np.broadcast_to(np.asarray(layout.covers(wi, wo)), wi.z.shape).copy()
+    for name, x in coordinates.items():
+        if name in layout.axes:
+            inside &= _between_nodes(layout, name, x, beyond)
+    valid = (np.asarray(table.flag[...]) == Flag.VALID).any(axis=-1)
+    brackets = [interpolation_axis(layout, name).bracket(coordinates[name], np) for name in layout.axes]
+    known = np.zeros(wi.z.shape)
+    for corner in np.ndindex(*[2] * len(brackets)):
+        index = tuple(nodes[side] for (nodes, _), side in zip(brackets, corner, strict=True))
+        known += np.prod([w[side] for (_, w), side in zip(brackets, corner, strict=True)], axis=0) * valid[index]
+    return inside & (known >= KNOWN)
+
+
+def _between_nodes(layout: Layout, name: str, x: np.ndarray, beyond: float) -> np.ndarray:
+    nodes, period = layout.axes[name], layout.periods[name]
+    if nodes.size == 1:
+        # One azimuth of the light stands for all: the surface is taken as isotropic.
+        return np.full(x.shape, True) if name in layout.turning_axes[:1] else np.abs(x - nodes[0]) <= SAME
+    if name in layout.mirrored_axes:
+        x = np.minimum(x, 2 * np.pi - x)
+    steps = np.diff(nodes)
+    if period is not None:
+        steps, x = np.append(steps, nodes[0] + period - nodes[-1]), nodes[0] + np.mod(x - nodes[0], period)
+    first, last = (0.0, 0.0) if period is not None else (beyond * steps[0], beyond * steps[-1])
+    end = nodes[-1] + (steps[-1] if period is not None else last)
+    inside = (x >= nodes[0] - first - 1e-9) & (x <= end + 1e-9)
+    if period is None and name not in layout.mirrored_axes:
+        return inside
+    return inside & (
+        steps[np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, steps.size - 1)] <= WIDEST_TURN + 1e-9
+    )
+
+
+class ScatteredHull(NamedTuple):
+    """The convex hull of scattered readings in their angles, and how near to one another they are."""
+
+    centre: np.ndarray
+    across: np.ndarray
+    """(k, flat): directions in which the readings do not spread."""
+    along: np.ndarray
+    """(k, spread): those in which they do."""
+    facets: np.ndarray
+    """(m, spread + 1): outward normals and offsets."""
+    points: np.ndarray
+    reach: float
+    isotropic: bool
+
+    @classmethod
+    def of(cls, table: Table) -> "ScatteredHull":
+        """That of the readings of a table that are valid in any channel."""
+        from scipy.spatial import ConvexHull, KDTree
+
+        block = table.samples()
+        phi = np.arctan2(block.wi.y, block.wi.x)[np.hypot(block.wi.x, block.wi.y) > 1e-9]
+        isotropic = phi.size == 0 or bool(np.ptp(np.cos(phi)) < 1e-9 and np.ptp(np.sin(phi)) < 1e-9)
+        points = np.unique(np.round(_points(block.wi, block.wo, isotropic), 9), axis=0)
+        centre = points.mean(axis=0)
+        _, _, axes = np.linalg.svd(points - centre, full_matrices=True)
+        place = (points - centre) @ axes.T
+        flat = np.ptp(place, axis=0) <= SAME
+        spread = place[:, ~flat]
+        if spread.shape[1] == 0:
+            facets = np.zeros((0, 1))
+        elif spread.shape[1] == 1:
+            facets = np.array([[1.0, -spread.max()], [-1.0, spread.min()]])
+        else:
+            facets = ConvexHull(spread, qhull_options="QJ").equations
+        reach = SAME
+        if len(points) > 1:
+            reach = max(SAME, FAR * float(np.quantile(KDTree(points).query(points, 2)[0][:, 1], 0.95)))
+        return cls(centre, axes.T[:, flat], axes.T[:, ~flat], facets, points, reach, isotropic)
+
+    def contains(self, wi: Direction, wo: Direction) -> np.ndarray:
+        """Whether pairs of directions (n,) lie in the hull, and near to a reading."""
+        from scipy.spatial import KDTree
+
+        points = _points(wi, wo, self.isotropic)
+        offset = points - self.centre
+        inside = (np.abs(offset @ self.across) <= SAME).all(axis=1)
+        place = offset @ self.along
+        for start in range(0, len(self.facets), FACETS):
+            part = self.facets[start : start + FACETS]
+            inside &= (place @ part[:, :-1].T + part[:, -1] <= 1e-6).all(axis=1)
+        inside[inside] = KDTree(self.points).query(points[inside])[0] <= self.reach
+        return inside
+
+
+def _points(wi: Direction, wo: Direction, isotropic: bool) -> np.ndarray:
+    """Polar angles as radii about the normal, radians: (n, 3) for isotropic surfaces, else (n, 4)."""
+    theta_i, theta_o = (np.arctan2(np.hypot(w.x, w.y), w.z) for w in (wi, wo))
+    phi_i, phi_o = (np.arctan2(w.y, w.x) for w in (wi, wo))
+    if isotropic:
+        turn = np.where(theta_i > 1e-9, phi_o - phi_i, phi_o)
+        return np.stack([theta_i, theta_o * np.cos(turn), theta_o * np.sin(turn)], axis=-1)
+    return np.stack([r * g(p) for r, p in ((theta_i, phi_i), (theta_o, phi_o)) for g in (np.cos, np.sin)], axis=-1)

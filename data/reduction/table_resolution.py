@@ -1,0 +1,166 @@
+"""How well a table resolves a scene: the error of its own radiance, below which no table reduced from it can promise.
+
+Where the provenance names the material the error is measured against that. Else it is estimated from the nodes: what
+leaving out every second node changes, and every second of those that are left, is continued to the table's own step.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gonio.data.flags import Flag
+from gonio.data.interpolation.coverage import covered
+from gonio.data.interpolation.multilinear import as_material, coarsened, interpolation_axis
+from gonio.data.layouts.base import Layout
+from gonio.data.reduction.thin_grid import SceneValues, StartGrid, Thinning
+from gonio.data.scene import ScenePairs
+from gonio.data.table import Table
+from gonio.models.errors import GonioError
+from gonio.models.evaluation import channel_count, evaluate_in_blocks
+from gonio.models.expression.builder import build
+
+RESOLVED = 0.3
+"""Of the radiance: where leaving out every second node changes more, the nodes do not resolve what the scene sees."""
+LEAST, MOST = 2 / 3, 1.5
+"""Error of a grid over the change by leaving out half of its nodes: twice that of a rule of second order; and at worst,
+where a lobe is narrower than the step and its part of the radiance is all in doubt."""
+BEYOND = 2.0
+"""Error beyond the outermost nodes over what f changes by as far within them: f grows towards grazing."""
+UNEVEN = 1.5
+"""Ratio of the widest step of an axis to its narrowest from which leaving out nodes does not double every step."""
+UNREAD = 0.01
+"""Share of the light that may come from, or go to, directions about which nothing was read."""
+DRAWS = 8
+"""Of the noise: the largest of their errors counts."""
+MARGIN, PARTS = 3.0, 16
+"""Standard errors, by the scatter of so many parts of a scene, that a measured error is raised by."""
+
+
+class Resolution(NamedTuple):
+    """The rms error of a table's radiance over its rms, as a bound; infinite where the table does not resolve it."""
+
+    error: float
+    reason: str
+
+
+def known_truth(table: Table, pairs: ScenePairs) -> np.ndarray | None:
+    """f (N, C) of the material that the provenance of a simulated table names; None where it names none that fits."""
+    material = table.provenance.get("material")
+    spelling = material.get("spelling") if isinstance(material, dict) else None
+    if not isinstance(spelling, str):
+        return None
+    try:
+        brdf = build(spelling)
+    except GonioError:
+        return None
+    count = len(table.channels)
+    if channel_count(brdf) not in (None, count):
+        return None
+    return np.broadcast_to(evaluate_in_blocks(brdf, pairs.wi, pairs.wo), (pairs.view.size, count))
+
+
+def measured_error(pairs: ScenePairs, f: np.ndarray, truth: np.ndarray) -> float:
+    """The relative rms error of f, (N, C), in a scene, raised by what the choice of the pairs may hide."""
+    squared = np.sum(pairs.share[:, None] * pairs.radiances(f - truth) ** 2, axis=1)
+    parts = PARTS * np.bincount(np.arange(squared.size) % PARTS, squared, PARTS)
+    spread = np.std(parts, ddof=1) / math.sqrt(PARTS) / max(float(squared.sum()), 1e-300)
+    return pairs.error(f, truth) * math.sqrt(1.0 + MARGIN * spread)
+
+
+def resolution(table: Table, scene: SceneValues) -> Resolution:
+    """How well a table resolves a scene, by its readings alone.
+
+    Args:
+        table: of the whole hemisphere.
+        scene: pairs of directions of a scene, and the values there of the table's interpolant.
+    """
+    pairs = scene.pairs
+    light = pairs.share[pairs.view] * pairs.amount
+    unread = float(np.sum(light[~covered(table, pairs.wi, pairs.wo, beyond=1.0)]) / np.sum(light))
+    if unread > UNREAD:
+        return Resolution(math.inf, f"{100 * unread:.2g} % of the light is at directions about which nothing was read")
+    if table.interpolant is None and table.layout.gridded:
+        return _of_grid(table, scene)
+    coarse = evaluate_in_blocks(as_material(coarsened(table)), pairs.wi, pairs.wo)
+    return _judged(pairs.error(coarse, scene.f), MOST, 0.0, 0.0)
+
+
+def _judged(change: float, factor: float, beyond: float, noise: float) -> Resolution:
+    """From the relative change by leaving out half of the nodes: bounds relative to the radiance of the surface."""
+    error = math.hypot(factor * change + BEYOND * beyond, noise)
+    words = f"leaving out every second node changes the radiance by {100 * change:.2g} %"
+    if beyond > 0:
+        words += f", and the outermost nodes stand for directions beyond them ({100 * beyond:.2g} %)"
+    if noise > 0.1 * error:
+        words += f", beside {100 * noise:.2g} % of noise in the readings"
+    return Resolution(error / (1 - error) if change <= RESOLVED and error < 1 else math.inf, words)
+
+
+def _of_grid(table: Table, scene: SceneValues) -> Resolution:
+    f = np.asarray(table.f[...], float)
+    valid = (np.asarray(table.flag[...]) == Flag.VALID) & np.isfinite(f)
+    thinning = Thinning(StartGrid(table.layout, np.where(valid, f, 0.0), valid), scene)
+    rms = scene.pairs.rms(scene.f)
+    halved, quartered = (c / rms for c in _changes(thinning))
+    noise = _noise(table, valid, scene) / rms
+    # What is noise changes by as much whatever the step.
+    halved, quartered = (
+        np.sqrt(np.maximum(c**2 - n**2, 0.1 * n**2)) for c, n in zip((halved, quartered), noise[1:], strict=True)
+    )
+    ratio = halved / quartered if quartered > 0 else 1.0
+    factor = MOST if ratio >= MOST / (1 + MOST) or _uneven(table.layout) else max(LEAST, ratio / (1 - ratio))
+    return _judged(float(halved), factor, _beyond(thinning) / rms, float(noise[0]))
+
+
+def _every(count: int, step: int, first: int) -> np.ndarray:
+    return np.arange(first, count, step) if count > first else np.arange(count)
+
+
+def _changes(thinning: Thinning) -> tuple[float, float]:
+    """rms radiance by which every second node differs from all, and every fourth from every second, at the worst."""
+    shape, rms = thinning.grid.layout.shape, thinning.pairs.rms
+    halved = quartered = 0.0
+    for first in (0, 1):
+        half, quarter = (thinning.values(tuple(_every(n, step, first) for n in shape)) for step in (2, 4))
+        halved = max(halved, rms(half - thinning.truth))
+        quartered = max(quartered, rms(quarter - half))
+    return halved, quartered
+
+
+def _noise(table: Table, valid: np.ndarray, scene: SceneValues) -> np.ndarray:
+    """rms radiance of the noise of the readings, and of the changes that it makes, by draws of the uncertainties."""
+    if table.u_f is None:
+        return np.zeros(3)
+    u = np.where(valid, np.nan_to_num(np.asarray(table.u_f[...], float), posinf=0.0), 0.0)
+    draws = []
+    for draw in range(DRAWS if u.any() else 0):
+        grid = StartGrid(table.layout, u * np.random.default_rng(draw).standard_normal(u.shape), valid)
+        thinning = Thinning(grid, scene._replace(f=np.zeros_like(scene.f)))
+        thinning.truth = thinning.values(grid.nodes)
+        draws.append((scene.pairs.rms(thinning.truth), *_changes(thinning)))
+    if not draws:
+        return np.zeros(3)
+    return np.array([max(d[0] for d in draws), *np.sqrt(np.mean(np.square(draws), axis=0))[1:]])
+
+
+def _uneven(layout: Layout) -> bool:
+    steps = [np.diff(np.asarray(interpolation_axis(layout, name).nodes)) for name in layout.axes]
+    return any(s.size > 1 and s.max() > UNEVEN * s.min() for s in steps)
+
+
+def _beyond(thinning: Thinning) -> float:
+    """rms radiance by which f changes within the outermost nodes, as far as the scene goes beyond them."""
+    layout, total = thinning.grid.layout, 0.0
+    for k, (name, nodes) in enumerate(layout.axes.items()):
+        if layout.periods[name] is not None or name in layout.mirrored_axes or nodes.size == 1:
+            continue
+        x = np.asarray(thinning.coordinates[name])
+        for past, within in ((nodes[0] - x, nodes - nodes[0]), (x - nodes[-1], nodes[-1] - nodes)):
+            outside = past > 1e-9
+            if outside.any():
+                kept = np.flatnonzero(within >= past.max())
+                kept = kept if kept.size else np.array([np.argmax(within)])
+                shorter = thinning.values(tuple(kept if j == k else n for j, n in enumerate(thinning.grid.nodes)))
+                total += thinning.pairs.rms((shorter - thinning.truth) * outside[:, None])
+    return total
