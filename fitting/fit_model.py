@@ -26,7 +26,7 @@ from gonio.fitting.solver.levenberg_marquardt import (
     Descent,
     compile_step,
     minimise,
-    padded_size,
+    padded_sizes,
 )
 from gonio.fitting.solver.multistart import search
 from gonio.fitting.solver.robust_weights import KINDS as ROBUST_KINDS
@@ -218,7 +218,8 @@ def compile_ahead(terms: tuple[Term, ...], loss: str, channels: int, per_channel
         terms, channels = of_channel(terms, 0), 1
     s, fixed, _ = parameters(terms, channels)
     if s.size:
-        ahead(("step", padded_size(s.size)), lambda: compile_step(s.size))
+        sizes = padded_sizes(s.sizes)
+        ahead(("step", sizes), lambda: compile_step(sizes))
     ahead((s, loss), lambda: compile_page_program(s, loss, fixed))
 
 

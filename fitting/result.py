@@ -20,7 +20,8 @@ from gonio.fitting.residuals.metrics import metrics
 from gonio.fitting.residuals.summary import Evidence, ResidualSummary, summarise
 from gonio.fitting.solver.levenberg_marquardt import eps, is_double
 from gonio.fitting.uncertainty.bootstrap import bootstrap, bootstrap_summary
-from gonio.fitting.uncertainty.identifiability import undetermined_sentences
+from gonio.fitting.uncertainty.identifiability import listed, undetermined_sentences
+from gonio.fitting.uncertainty.joint_covariance import JointCovariance
 from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
 from gonio.fitting.uncertainty.profile_likelihood import with_profiles
 from gonio.models.brdf import AbstractBRDF
@@ -31,6 +32,7 @@ from gonio.models.expression.parser import FACTOR, Term, Value, changed, numbers
 
 CORRELATED = 0.95  # from which on a correlation is reported
 MOST_CORRELATED = 5
+MOST_IN_FULL = 64  # free numbers whose covariance files keep in full
 MOST_SHOWN = 7  # numbers in a repr
 
 
@@ -54,6 +56,7 @@ class FitResult(Displayed):
         brdf, channels: the model, and the channels of its values.
         parameters: every number with uncertainty, 95 % interval and status.
         free_names: labels of the free numbers; `covariance` and `correlation` are over them.
+        uncertainty: the covariances of each fit (one, or one for each channel), with what they leave open.
         converged: stationary by the projected gradient, or exact; `reason` says why.
         stationarity: largest projected gradient; `exact`: the residual is rounding.
         loss, weight, robust, theta_max: as resolved; `floor`: of the loss, one for each channel fitted by itself.
@@ -71,8 +74,7 @@ class FitResult(Displayed):
     channels: Channels
     parameters: list[ParameterEstimate]
     free_names: list[str]
-    covariance: np.ndarray
-    correlation: np.ndarray
+    uncertainty: list[JointCovariance] = dataclasses.field(repr=False, compare=False)
     converged: bool
     reason: str
     stationarity: float
@@ -115,6 +117,31 @@ class FitResult(Displayed):
         return {"verdict": f"{verdict}: {self.reason}", "model": self.requested, **numbers, **more, "fit": metrics}
 
     @functools.cached_property
+    def covariance(self) -> np.ndarray:
+        """Covariance (P, P) of the free numbers; those of channels fitted by themselves do not depend on each other."""
+        size, first = len(self.free_names), 0
+        covariance = np.zeros((size, size))
+        for u in self.uncertainty:
+            these = slice(first, first + u.size)
+            covariance[these, these], first = u.matrix(), first + u.size
+        return covariance
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation (P, P) of the free numbers."""
+        with np.errstate(invalid="ignore"):
+            deviations = np.sqrt(np.diagonal(self.covariance))
+            return self.covariance / np.outer(deviations, deviations)
+
+    def _views(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """(indices of some free numbers (K,), their covariance (K, K)): all pairs but those of two channels."""
+        views, first = [], 0
+        for u in self.uncertainty:
+            views += [(first + v.index, v.covariance.matrix) for v in u.views]
+            first += u.size
+        return views
+
+    @functools.cached_property
     def residuals(self) -> ResidualSummary | None:
         """Noise or structure, maps over angles, and readings that stand out; computed on first use."""
         return None if self.evidence is None else summarise(self.evidence)
@@ -138,15 +165,17 @@ class FitResult(Displayed):
     def correlated(self) -> list[dict[str, Any]]:
         """Pairs of determined numbers whose correlation is at least 0.95 in size, the strongest first."""
         known = {p.label for p in self.parameters if p.status == "determined"}
-        both = np.array([n in known for n in self.free_names], bool)
-        size = np.nan_to_num(np.triu(np.abs(self.correlation), 1)) * np.outer(both, both)
-        order = np.argsort(-size, axis=None)[:MOST_CORRELATED]
-        pairs = [np.unravel_index(k, size.shape) for k in order]
-        return [
-            {"a": self.free_names[i], "b": self.free_names[j], "correlation": float(self.correlation[i, j])}
-            for i, j in pairs
-            if size[i, j] >= CORRELATED
-        ]
+        determined = np.array([n in known for n in self.free_names], bool)
+        pairs: dict[tuple[int, int], float] = {}
+        for index, covariance in self._views():
+            with np.errstate(invalid="ignore"):
+                deviations = np.where(determined[index], np.sqrt(np.diagonal(covariance)), np.nan)
+                correlation = covariance / np.outer(deviations, deviations)
+            for i, j in zip(*np.nonzero(np.triu(np.abs(correlation) >= CORRELATED, 1)), strict=True):
+                a, b = sorted((int(index[i]), int(index[j])))
+                pairs[a, b] = float(correlation[i, j])
+        strongest = sorted(pairs, key=lambda pair: -abs(pairs[pair]))[:MOST_CORRELATED]
+        return [{"a": self.free_names[a], "b": self.free_names[b], "correlation": pairs[a, b]} for a, b in strongest]
 
     def albedo(self, theta_i: ArrayLike, phi_i: ArrayLike = 0.0, degrees: bool = False) -> DerivedNumber:
         """Share of the light from (theta_i, phi_i) that the fitted model reflects; see `Material.albedo`."""
@@ -218,8 +247,9 @@ class FitResult(Displayed):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the model itself, as what JSON and TOML can hold."""
-        models = ("brdf", "channels", "evidence")
+        models = ("brdf", "channels", "evidence", "uncertainty")
         content = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in models}
+        content |= self._covariances()
         content["correlated"] = self.correlated
         content["colour_difference"] = self.colour_difference
         content["residuals"] = None if self.residuals is None else self.residuals.to_dict()
@@ -228,6 +258,12 @@ class FitResult(Displayed):
         for name, in_files in (("expression", "spelling"), ("requested", "asked")):
             content[in_files] = content.pop(name)
         return unboxed(content)
+
+    def _covariances(self) -> dict[str, Any]:
+        """The covariance as files keep it: in full, or of each channel's numbers with the shared ones."""
+        if len(self.free_names) <= MOST_IN_FULL:
+            return {"covariance": self.covariance, "correlation": self.correlation}
+        return {"covariance_by_channel": [{"numbers": i, "covariance": c} for i, c in self._views()]}
 
     def to_material_dict(self, name: str, description: str = "") -> dict[str, Any]:
         """The fitted model as the content of a material file, which `gonio measure` can scan."""
@@ -257,12 +293,11 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
     labels = [p.label for p in free]
     for e, each in zip(optima, estimates, strict=True):
         if e.unfollowed:
-            these = ", ".join(each[k].label for k in e.unfollowed)
+            these = listed([each[k].label for k in e.unfollowed])
             notes.append(
                 f"95 % intervals of {these}: they come from the covariance matrix; the profile likelihood did not "
                 "reach its limit"
             )
-    covariance, correlation = _joint_covariance(optima)
     cost = float(sum(e.cost for e in optima))
     f = np.concatenate([e.model_f for e in optima], axis=1)
     measures = metrics(f, readings)
@@ -272,7 +307,7 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
     return FitResult(
         expression=to_expression(brdf), requested=task.requested, brdf=brdf, channels=channels,
         parameters=free + _fixed(task.terms, optima[0], channels), free_names=labels,
-        covariance=covariance, correlation=correlation, converged=all(e.converged for e in optima),
+        uncertainty=[e.covariance for e in optima], converged=all(e.converged for e in optima),
         reason=_reason(optima), stationarity=max(e.projected_gradient for e in optima),
         exact=all(e.exact for e in optima), loss=task.loss, weight=task.weight, cost=cost, metrics=measures,
         samples=readings.count, cells=readings.f.shape[0],
@@ -291,21 +326,9 @@ def _undetermined(optima: list[Optimum], estimates: list[list[ParameterEstimate]
     sentences: list[str] = []
     for e, each in zip(optima, estimates, strict=True):
         unclear = e.covariance.undetermined.any() or any(p.status == "undetermined" for p in each)
-        if unclear or e.covariance.combinations:
+        if unclear or e.combinations:
             sentences += undetermined_sentences(e, each)
     return sentences
-
-
-def _joint_covariance(optima: list[Optimum]) -> tuple[np.ndarray, np.ndarray]:
-    """(covariance, correlation) of the numbers of all optima, which do not depend on each other."""
-    size, first = sum(e.p.size for e in optima), 0
-    covariance = np.zeros((size, size))
-    for e in optima:
-        covariance[first : first + e.p.size, first : first + e.p.size] = e.covariance.matrix
-        first += e.p.size
-    with np.errstate(invalid="ignore"):
-        deviations = np.sqrt(np.diagonal(covariance))
-        return covariance, covariance / np.outer(deviations, deviations)
 
 
 def _bootstrap(task: FitTask, optima: list[Optimum], labels: list[str]) -> dict[str, Any] | None:

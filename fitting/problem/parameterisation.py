@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from gonio.fitting.problem.arrow import Sizes
 from gonio.models.expression.builder import Frame, frame, number_label
 from gonio.models.expression.parser import ParameterRef, Term, Value, changed, numbers
 from gonio.models.parameters import ParameterInfo
@@ -148,6 +149,18 @@ class Parameterisation:
     linear: np.ndarray = dataclasses.field(compare=False)
     domains: Domains = dataclasses.field(compare=False)
     columns: np.ndarray = dataclasses.field(compare=False)
+
+    @functools.cached_property
+    def order(self) -> np.ndarray:
+        """Index of each number in the order of an `Arrow`: those that channels share, then channel by channel."""
+        own = np.array([g.per_channel for g in self.free], bool)
+        return np.concatenate([self.columns[0, ~own], self.columns[:, own].ravel()])
+
+    @property
+    def sizes(self) -> Sizes:
+        """How many numbers are shared, and how many each channel has for itself."""
+        own = sum(g.per_channel for g in self.free)
+        return Sizes(len(self.free) - own, self.channels, own)
 
     def count(self, g: FreeParameter) -> int:
         """How many free numbers a free parameter has."""

@@ -2,9 +2,9 @@
 
 The Jacobian is never stored: a block's rows are formed, multiplied and forgotten. A free number that belongs to one
 channel touches only that channel's residuals, so that each channel adds a small square matrix of (free parameters a
-channel sees)², whatever the number of channels. One compiled program for each model and loss takes a page of samples
-and up to `LANES` vectors of free numbers; how many of both are in use is data, so that it serves every table and every
-stage of a fit.
+channel sees)², whatever the number of channels, and the sum over all is an `Arrow`. One compiled program for each model
+and loss takes a page of samples and up to `LANES` vectors of free numbers; how many of both are in use is data, so that
+it serves every table and every stage of a fit.
 """
 
 import collections
@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from gonio.fitting.problem.arrow import Arrow, joined
 from gonio.fitting.problem.parameterisation import Domains, FixedValues, Parameterisation
 from gonio.fitting.problem.readings import (
     CHUNK,
@@ -43,11 +44,14 @@ UNDER_WAY = 8  # pages whose results are waited for at a time
 
 
 class NormalEquations(NamedTuple):
-    """Sums over all residuals r with the rows J of their Jacobian by the parameters; any leading axes."""
+    """Sums over all residuals r with the rows J of their Jacobian by the parameters; any leading axes.
+
+    The parameters are in the order of the arrow, see `Parameterisation.order`.
+    """
 
     cost: Float[np.ndarray, "*s"]  # ½ Σ r²
     gradient: Float[np.ndarray, "*s p"]  # Jᵀ r
-    matrix: Float[np.ndarray, "*s p p"]  # JᵀJ
+    matrix: Arrow  # JᵀJ
 
 
 class Request(NamedTuple):
@@ -251,12 +255,12 @@ def compile_page_program(s: Parameterisation, loss: str, fixed: FixedValues) -> 
 
 def summed(s: Parameterisation, squares: Float[np.ndarray, "S C g g"]) -> NormalEquations:
     """The normal equations over all free numbers, from channel-wise products of residuals and derivatives."""
-    gradient, matrix = np.zeros((squares.shape[0], s.size)), np.zeros((squares.shape[0], s.size, s.size))
-    for c in range(s.channels):
-        numbers = s.columns[c]
-        gradient[:, numbers] += squares[:, c, 0, 1:]
-        matrix[:, numbers[:, None], numbers[None, :]] += squares[:, c, 1:, 1:]
-    return NormalEquations(0.5 * np.sum(squares[:, :, 0, 0], axis=1), gradient, matrix)
+    shared, own = (1 + np.flatnonzero([g.per_channel == each for g in s.free]) for each in (False, True))
+    total = squares.sum(axis=1)
+    gradient = np.asarray(joined(total[:, 0, shared], squares[:, :, 0, own]))
+    across, blocks = (squares[:, :, rows[:, None], own] for rows in (shared, own))
+    matrix = Arrow(total[:, shared[:, None], shared], across, blocks)
+    return NormalEquations(0.5 * total[:, 0, 0], gradient, matrix)
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -272,10 +276,10 @@ def sensitivities(
 
 @dataclasses.dataclass(frozen=True)
 class Evaluation:
-    """Normal equations (leading axis S), score covariance Jᵀ diag(r²) J (S, P, P) or None, model values (n, C)."""
+    """Normal equations, score covariance Jᵀ diag(r²) J or None, model values (n, C)."""
 
     equations: NormalEquations
-    scores: np.ndarray | None
+    scores: Arrow | None
     f: np.ndarray
 
 
@@ -335,6 +339,11 @@ class FitProblem:
     def linear(self) -> np.ndarray:
         """Which free numbers (P,) f is proportional to."""
         return self.parameters.linear
+
+    @property
+    def order(self) -> np.ndarray:
+        """Index, among the free numbers, of each number of the arrow (P,)."""
+        return self.parameters.order
 
     @functools.cached_property
     def _pages(self) -> list[Samples]:
@@ -400,8 +409,8 @@ class FitProblem:
         total = _total(squares, 1)
         equations, outer = (summed(self.parameters, total[:, k]) for k in range(2))
         f = f.reshape(-1, self.parameters.channels)[: self.weight.shape[0]]
-        one = NormalEquations(equations.cost[0], equations.gradient[0], equations.matrix[0])
-        return Evaluation(one, outer.matrix[0] if scores else None, f)
+        one, spread = (jax.tree.map(lambda a: a[0], e) for e in (equations, outer.matrix))
+        return Evaluation(one, spread if scores else None, f)
 
     def model_values(self, p: np.ndarray) -> np.ndarray:
         """The model's f (n, C) at the readings' directions, for free numbers p (P,)."""

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from gonio.fitting.problem.parameterisation import Domains, Parameters, domain_kind, parameters
-from gonio.fitting.problem.problem import NormalEquations
+from gonio.fitting.problem.problem import NormalEquations, summed
 from gonio.fitting.problem.readings import transform, uses_cosine
 from gonio.models.expression.builder import Frame, assemble
 from gonio.models.expression.parser import FACTOR, parse, with_defaults
@@ -191,6 +191,11 @@ class CandidateProblem:
         return self.parameters.parameterisation.linear
 
     @property
+    def order(self) -> np.ndarray:
+        """Index, among the free numbers, of each number of the normal equations (P,)."""
+        return self.parameters.parameterisation.order
+
+    @property
     def target_norm_squared(self) -> float:
         """‖data‖² of the weighted targets."""
         return float(np.sum((self.data.weight * self.data.target) ** 2))
@@ -224,10 +229,10 @@ class CandidateProblem:
 
     def normal_equations(self, p: np.ndarray, active: np.ndarray | None = None) -> NormalEquations:
         """At vectors p (S, P), of the active ones."""
-        number, size = p.shape
-        total = NormalEquations(np.zeros(number), np.zeros((number, size)), np.zeros((number, size, size)))
-        for k in range(number) if active is None else np.flatnonzero(active):
+        free = self.parameters.parameterisation
+        squares = np.zeros((len(p), free.channels, 1 + len(free.free), 1 + len(free.free)))
+        for k in range(len(p)) if active is None else np.flatnonzero(active):
             r, jacobian = self.residuals(p[k])
-            j = jacobian.reshape(r.size, size)
-            total.cost[k], total.gradient[k], total.matrix[k] = 0.5 * np.sum(r * r), j.T @ r.ravel(), j.T @ j
-        return total
+            rows = np.concatenate([r[:, :, None], np.take_along_axis(jacobian, free.columns[None], axis=2)], axis=2)
+            squares[k] = np.einsum("ncg,nch->cgh", rows, rows, optimize=True)
+        return summed(free, squares)

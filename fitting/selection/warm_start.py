@@ -66,10 +66,9 @@ def _with_amounts(problem: CandidateProblem, p: np.ndarray) -> list[np.ndarray]:
     A number that all channels share stays as it is.
     """
     free, channels = problem.parameters.parameterisation, problem.data.channels
-    amounts = [g for g in free.free if g.linear and (g.per_channel or channels == 1)]
+    unknown = free.each(lambda g: g.linear and (g.per_channel or channels == 1)).astype(bool)
     linear = CandidateProblem(problem.terms, problem.data.with_linear_loss())
     size = np.sqrt(np.sum((linear.data.weight * linear.data.f) ** 2, axis=0))
     reach = np.concatenate([size[: free.count(g)] for g in free.free])
-    indices = np.array([[g.first + c for g in amounts] for c in range(channels)], int)
-    solved = solve_amounts(linear.normal_equations(p), p, indices, reach, problem.domains)
+    solved = solve_amounts(linear.normal_equations(p), free.order, p, unknown, reach, problem.domains)
     return [q for q, _ in sorted(solved, key=lambda start: start[1])]

@@ -1,22 +1,25 @@
 """Levenberg–Marquardt on streamed normal equations, several descents at once, made of Optimistix's own components.
 
 Optimistix's `LevenbergMarquardt` wants the residual vector and its Jacobian; for a full table these are gigabytes. Here
-its damped Newton descent and its trust region work on `FunctionInfo.EvalGradHessian`, which streaming supplies. A step
-is a program of its own that knows nothing of the model: it is compiled once for all models of up to 8 free numbers.
-A descent ends as near to stationary as the caller's precision allows, which need not be double.
+its damped Newton descent and its trust region work on `FunctionInfo.EvalGradHessian`, which streaming supplies, with an
+`Arrow` in place of the Hessian. A step is a program of its own that knows nothing of the model: it is compiled once for
+all models of up to 8 free numbers, and for powers of two of channels. A descent ends as near to stationary as the
+caller's precision allows, which need not be double.
 """
 
-import contextlib
 import dataclasses
 import functools
+import math
+import operator
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
+from gonio.fitting.problem.arrow import WHOLE, Arrow, Sizes
 from gonio.fitting.problem.parameterisation import Domains, Mapped, at_bounds, to_parameters, to_unconstrained
 from gonio.fitting.problem.problem import NormalEquations
 from gonio.fitting.problem.readings import LANES, AnyArray
@@ -48,10 +51,10 @@ class Stationarity(NamedTuple):
 
 
 def stationarity(d: Domains, p: np.ndarray, equations: NormalEquations) -> Stationarity:
-    """The projected gradient at p, any leading axes."""
+    """The projected gradient at p, any leading axes; all in the order of the arrow."""
     low, high = at_bounds(d, p)
     active = (low & (equations.gradient >= 0)) | (high & (equations.gradient <= 0))
-    length2 = np.diagonal(equations.matrix, axis1=-2, axis2=-1)
+    length2 = np.asarray(equations.matrix.diagonal())
     silent = length2 <= 0
     norm = np.sqrt(2.0 * np.maximum(np.asarray(equations.cost)[..., None], 1e-300))
     scale = np.sqrt(np.where(silent, 1.0, length2)) * norm
@@ -90,7 +93,7 @@ class Normal(NamedTuple):
 
     cost: Float[AnyArray, ""]
     gradient: Float[AnyArray, " p"]
-    hessian: Float[AnyArray, "p p"]
+    hessian: Arrow
     stationarity: Float[AnyArray, ""]
     exact: Bool[AnyArray, ""]
     promised: Float[AnyArray, ""]  # what an undamped Newton step would take off the cost
@@ -118,39 +121,26 @@ class _Lane(NamedTuple):
 @functools.cache
 def _components() -> tuple[Any, Any, Callable, Any]:
     """Optimistix's descent and trust region, and how they take normal equations."""
-    import lineax as lx
     import optimistix as optx
 
     class Damped(optx.DampedNewtonDescent):
-        """Optimistix's descent, its small system solved in place: Lineax's machinery takes longer to trace than all
-        else, and its Cholesky factors come from LAPACK, for which JAX imports SciPy first.
-        """
+        """Optimistix's descent, its system solved as an arrow."""
 
         def step(self, step_size: Float[AnyArray, ""], state: Any) -> tuple[Float[AnyArray, " p"], Any]:
-            matrix = state.f_info.hessian.as_matrix() + jnp.eye(state.f_info.grad.size) / step_size
-            return -_eliminated(matrix, state.f_info.grad), optx.RESULTS.successful
+            gradient = state.f_info.grad
+            matrix = state.f_info.hessian.plus_diagonal(jnp.ones_like(gradient) / step_size)
+            return -matrix.solved(gradient), optx.RESULTS.successful
 
     search = optx.ClassicalTrustRegion(high_cutoff=0.75, low_cutoff=1e-4, high_constant=4.0, low_constant=0.35)
 
     def info(normal: Normal, scale: Float[AnyArray, " p"]) -> Any:
-        matrix = normal.hessian / (scale[:, None] * scale[None, :])
+        matrix = normal.hessian.scaled(1.0 / scale)
         # What no residual depends on has an empty row: a unit there keeps the matrix regular and the parameter still.
-        matrix = matrix + jnp.diag(jnp.where(jnp.diagonal(matrix) > 0, 0.0, 1.0))
-        operator = lx.MatrixLinearOperator(jnp.asarray(matrix), lx.positive_semidefinite_tag)
+        matrix = matrix.plus_diagonal(jnp.where(matrix.diagonal() > 0, 0.0, 1.0))
+        operator = cast(Any, matrix)  # of Lineax's operators only their product is used
         return optx.FunctionInfo.EvalGradHessian(jnp.asarray(normal.cost), normal.gradient / scale, operator)
 
     return Damped(), search, info, optx.FunctionInfo.Eval
-
-
-def _eliminated(matrix: Float[AnyArray, "p p"], vector: Float[AnyArray, " p"]) -> Float[AnyArray, " p"]:
-    """Solution of a positive definite system by elimination without pivoting; NaN where it is not positive definite."""
-
-    def eliminate(k: Array, rows: Array) -> Array:
-        row = rows[k] / jnp.where(rows[k, k] > 0, rows[k, k], jnp.nan)
-        return (rows - jnp.outer(rows[:, k], row)).at[k].set(row)
-
-    rows = jnp.concatenate([matrix, vector[:, None]], axis=1)
-    return jax.lax.fori_loop(0, vector.size, eliminate, rows)[:, -1]
 
 
 def _aims(dtype: Any) -> dict[str, float]:
@@ -206,14 +196,15 @@ def _step(lane: _Lane, latest: Normal, target_norm_squared: Float[AnyArray, ""],
     """
     descent, _, info, _ = _components()
     before = lane.normal
-    finite = jnp.isfinite(latest.cost) & jnp.all(jnp.isfinite(latest.gradient)) & jnp.all(jnp.isfinite(latest.hessian))
+    finite = jnp.isfinite(latest.cost) & jnp.all(jnp.isfinite(latest.gradient))
+    finite &= functools.reduce(operator.and_, (jnp.all(jnp.isfinite(a)) for a in latest.hessian))
     cost = jnp.where(finite, latest.cost, jnp.inf)
     rounding = jnp.finfo(lane.y.dtype).eps * (
         4.0 * before.cost + jnp.sqrt(2.0 * jnp.maximum(before.cost, 0.0) * target_norm_squared)
     )
     accept, project, step_size = _decide(lane, latest, cost, finite, rounding)
     y, normal = jax.tree.map(lambda a, b: jnp.where(accept, a, b), (lane.trial, latest), (lane.y, before))
-    lengths = jnp.sqrt(jnp.maximum(jnp.diagonal(normal.hessian), 0.0))
+    lengths = jnp.sqrt(jnp.maximum(normal.hessian.diagonal(), 0.0))
     scale = jnp.maximum(lane.scale, lengths)
     safe = jnp.where(scale > 0, scale, 1.0)
     now = info(normal, safe)
@@ -245,10 +236,11 @@ def advance(
 
     What was evaluated comes in one array (see `packed_up`): each array by itself costs as long as a step.
     """
-    size = lanes.y.shape[1]
-    numbers, gradient, projection, hessian = jnp.split(packed, np.cumsum([5, size, size]), axis=1)
+    size, shapes = lanes.y.shape[1], [a.shape for a in lanes.normal.hessian]
+    lengths = [5, size, size, *(math.prod(shape[1:]) for shape in shapes)]
+    numbers, gradient, projection, *hessian = jnp.split(packed, np.cumsum(lengths)[:-1], axis=1)
     cost, measure, exact, promised, gain = numbers.T
-    hessian = hessian.reshape(-1, size, size)
+    hessian = Arrow(*(a.reshape(shape) for a, shape in zip(hessian, shapes, strict=True)))
     latest = Normal(cost, gradient, hessian, measure, exact > 0, promised, projection, gain)
     stepped = jax.vmap(_step, (0, 0, None, None))(lanes, latest, target_norm_squared, rough)
     lanes = jax.tree.map(lambda a, b: jnp.where(active.reshape(-1, *[1] * (a.ndim - 1)), a, b), stepped, lanes)
@@ -256,37 +248,63 @@ def advance(
     return lanes, jnp.concatenate([lanes.trial, flags], axis=1)
 
 
-def packed_up(normal: Normal, size: int) -> np.ndarray:
-    """What was evaluated, in one array, padded to `LANES` descents of `size` numbers."""
-    number, free = normal.gradient.shape
-    packed = np.zeros((LANES, 5 + size * (2 + size)))
+def packed_up(normal: Normal, sizes: Sizes) -> np.ndarray:
+    """What was evaluated, in one array, padded to `LANES` descents of these sizes."""
+    number, places = normal.cost.size, padded_places(normal.hessian.sizes, sizes)
+    vectors, numbers = np.zeros((2, LANES, sizes.total)), np.zeros((LANES, 5))
     for k, a in enumerate((normal.cost, normal.stationarity, normal.exact, normal.promised, normal.gain)):
-        packed[:number, k] = a
-    packed[:number, 5 : 5 + free] = normal.gradient
-    packed[:number, 5 + size : 5 + size + free] = normal.projection
-    packed[:, 5 + 2 * size :].reshape(LANES, size, size)[:number, :free, :free] = normal.hessian
-    return packed
+        numbers[:number, k] = a
+    for padded, v in zip(vectors, (normal.gradient, normal.projection), strict=True):
+        padded[:number, places] = v
+    parts = []
+    hessian = normal.hessian if sizes.channels else Arrow.dense(normal.hessian.whole())
+    for part, shape in zip(hessian, arrow_shapes(sizes), strict=True):
+        padded = np.zeros((LANES, *shape))
+        padded[(slice(number), *map(slice, part.shape[1:]))] = part
+        parts.append(padded.reshape(LANES, -1))
+    return np.concatenate([numbers, *vectors, *parts], axis=1)
+
+
+def arrow_shapes(sizes: Sizes) -> list[tuple[int, ...]]:
+    """Shapes of the parts of an arrow."""
+    s, channels, q = sizes
+    return [(s, s), (channels, s, q), (channels, q, q)]
 
 
 @functools.lru_cache(maxsize=16)
-def fresh(size: int, step_size: float, double: bool) -> _Lane:
+def fresh(sizes: Sizes, step_size: float, double: bool) -> _Lane:
     """`LANES` descents before their first evaluation, in the precision of now (`double`: a key of the cache)."""
-    zeros, no, none = np.zeros((LANES, size)), np.zeros(LANES, bool), np.zeros(LANES)
-    normal = Normal(none, zeros, np.zeros((LANES, size, size)), none, no, none, zeros, none)
+    zeros, no, none = np.zeros((LANES, sizes.total)), np.zeros(LANES, bool), np.zeros(LANES)
+    hessian = Arrow(*(np.zeros((LANES, *shape)) for shape in arrow_shapes(sizes)))
+    normal = Normal(none, zeros, hessian, none, no, none, zeros, none)
     lane = _Lane(~no, no, no, zeros, zeros, normal, zeros, none + 1.0, np.full(LANES, step_size), no, no, no)
     return jax.tree.map(jax.device_put, lane)
 
 
-def padded_size(free: int) -> int:
-    """The numbers that a step's program is compiled for, of which so many are free."""
-    return max(8, 1 << (free - 1).bit_length())
+def padded_sizes(sizes: Sizes) -> Sizes:
+    """The sizes that a step's program is compiled for; few numbers are treated as if channels shared them all."""
+
+    def power(least: int, number: int) -> int:
+        return max(least, 1 << (number - 1).bit_length())
+
+    if sizes.total <= WHOLE or not sizes.own:
+        return Sizes(power(8, sizes.total), 0, 0)
+    return Sizes(power(8, sizes.shared), power(8, sizes.channels), power(2, sizes.own))
 
 
-def compile_step(free: int) -> None:
-    """Compile the program of a step for so many free numbers, before there is a model."""
-    size, no = padded_size(free), np.zeros(LANES, bool)
-    lanes, none = fresh(size, 1.0, is_double()), np.zeros((LANES, 5 + size * (2 + size)))
-    advance(lanes, none, no, np.asarray(1.0), np.asarray(1.0))[1].block_until_ready()
+def padded_places(sizes: Sizes, padded: Sizes) -> np.ndarray:
+    """Where the numbers of an arrow of these sizes stand in the padded one."""
+    if not padded.channels:
+        return np.arange(sizes.total)
+    own = padded.shared + padded.own * np.arange(sizes.channels)[:, None] + np.arange(sizes.own)
+    return np.concatenate([np.arange(sizes.shared), own.ravel()])
+
+
+def compile_step(sizes: Sizes) -> None:
+    """Compile the program of a step for numbers of these sizes, before there is a model."""
+    no = np.zeros(LANES, bool)
+    lanes, length = fresh(sizes, 1.0, is_double()), 5 + 2 * sizes.total + sum(map(math.prod, arrow_shapes(sizes)))
+    advance(lanes, np.zeros((LANES, length)), no, np.asarray(1.0), np.asarray(1.0))[1].block_until_ready()
 
 
 class LeastSquares(Protocol):
@@ -300,6 +318,11 @@ class LeastSquares(Protocol):
     @property
     def linear(self) -> np.ndarray:
         """Which parameters (P,) the model is proportional to."""
+        ...
+
+    @property
+    def order(self) -> np.ndarray:
+        """Index, among the parameters, of each number of the normal equations (P,)."""
         ...
 
     @property
@@ -350,8 +373,6 @@ class _Points(NamedTuple):
 
     p: np.ndarray
     cost: np.ndarray
-    gradient: np.ndarray
-    matrix: np.ndarray
     stationarity: np.ndarray
     exact: np.ndarray
     promised: np.ndarray  # what an undamped Newton step takes off the cost
@@ -372,13 +393,10 @@ def minimise(
 
 
 def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> list[Descent]:
-    d, target_norm_squared, linear = problem.domains, float(problem.target_norm_squared), problem.linear
-    steps_in = np.stack([np.ones_like(linear), linear])
-    number, free = starts.shape
-    size = padded_size(free)
-    lanes, start = fresh(size, UNDAMPED if stopping.near else DAMPED, is_double()), np.zeros((LANES, size))
-    start[:number, :free] = trial = to_unconstrained(d, starts)
-    lanes = lanes._replace(trial=start, y=start)
+    target_norm_squared, order, number = float(problem.target_norm_squared), problem.order, len(starts)
+    d, linear = Domains(*(a[..., order] for a in problem.domains)), problem.linear[order]
+    trial = to_unconstrained(d, starts[:, order])
+    lanes: _Lane | None = None
     active, steps = np.arange(LANES) < number, np.zeros(number, int)
     finished = refused = settled = np.zeros(number, bool)
     points: _Points | None = None
@@ -386,11 +404,16 @@ def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> l
     rounding = (30.0 * eps()) ** 2 * target_norm_squared
     for _ in range(stopping.most):
         parameters = to_parameters(d, trial, np)
-        equations = problem.normal_equations(parameters.p, active[:number])
-        now, normal = _evaluated(d, parameters, equations, rounding, steps_in)
-        lanes, report = advance(lanes, packed_up(normal, size), active, *limits)
+        equations = problem.normal_equations(_unordered(parameters.p, order), active[:number])
+        now, normal = _evaluated(d, parameters, equations, rounding, linear)
+        if lanes is None:
+            sizes = padded_sizes(equations.matrix.sizes)
+            places, start = padded_places(equations.matrix.sizes, sizes), np.zeros((LANES, sizes.total))
+            start[:number, places] = trial
+            lanes = fresh(sizes, UNDAMPED if stopping.near else DAMPED, is_double())._replace(trial=start, y=start)
+        lanes, report = advance(lanes, packed_up(normal, sizes), active, *limits)
         report = np.asarray(report)[:number]
-        trial, (accepted, finished, refused, settled) = report[:, :free], report[:, size:].T > 0
+        trial, (accepted, finished, refused, settled) = report[:, places], report[:, sizes.total :].T > 0
         taken = accepted & active[:number]
         points = now if points is None else _Points(
             *(np.where(taken.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(now, points, strict=True))
@@ -404,7 +427,7 @@ def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> l
     assert points is not None
     # So near, the last step is as good as taken.
     settled = (settled | (points.promised < stopping.enough)) & ~points.exact
-    p = np.where(settled[:, None], to_parameters(d, trial, np).p, points.p)
+    p = _unordered(np.where(settled[:, None], to_parameters(d, trial, np).p, points.p), order)
     cost = np.where(settled, points.cost - points.promised, points.cost)
     successful = finished & ~refused
     return [
@@ -413,41 +436,40 @@ def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> l
     ]
 
 
+def _unordered(v: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """Vectors in the parameters' own order, of vectors in that of the arrow."""
+    plain = np.empty_like(v)
+    plain[..., order] = v
+    return plain
+
+
 def _evaluated(
-    d: Domains, mapped: Mapped, equations: NormalEquations, rounding: float, steps_in: np.ndarray
+    d: Domains, mapped: Mapped, equations: NormalEquations, rounding: float, linear: np.ndarray
 ) -> tuple[_Points, Normal]:
     """What is known at some points, by the parameters and by the coordinates; `rounding`: of ‖r‖²."""
     with np.errstate(all="ignore"):  # what is not finite is a rejected step
         # The map's curvature is exact and free; negative curvature would spoil positive definiteness and is left out.
         bend = np.maximum(equations.gradient * mapped.curvature, 0.0)
-        hessian = equations.matrix * mapped.slope[:, :, None] * mapped.slope[:, None, :]
-        diagonal = np.arange(bend.shape[1])
-        hessian[:, diagonal, diagonal] += bend
+        hessian = equations.matrix.scaled(mapped.slope).plus_diagonal(bend)
         measure = stationarity(d, mapped.p, equations).projected_gradient
         exact = 2.0 * equations.cost <= rounding
         gradient = equations.gradient * mapped.slope
-        (_, projection), (promised, gain) = _newton(hessian, gradient, steps_in)
+        _, promised = _newton(hessian, gradient, np.ones_like(linear))
+        projection, gain = _newton(hessian, gradient, linear)
         normal = Normal(equations.cost, gradient, hessian, measure, exact, promised, projection, gain)
-    return _Points(mapped.p, *equations, measure, exact, promised), normal
+    return _Points(mapped.p, equations.cost, measure, exact, promised), normal
 
 
-def _newton(hessian: np.ndarray, gradient: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(undamped Newton steps (M, S, P), each in the numbers `of` (M, P) alone, what they take off the cost (M, S)).
+def _newton(hessian: Arrow, gradient: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(undamped Newton steps (S, P) in the numbers that are `kept` (P,) alone, what they take off the cost (S,)).
 
     In the linear numbers alone [Golub & Pereyra 1973]: a trial in a curved valley is often refused for albedos and
     scales that do not fit its shapes.
     """
-    good = np.asarray(np.isfinite(hessian).all((1, 2)) & np.isfinite(gradient).all(1))
-    slope = np.where(good[:, None], gradient, 0.0)
-    lengths = np.sqrt(np.diagonal(hessian, axis1=1, axis2=2))
-    lengths = np.where(good[:, None] & (lengths > 0), lengths, 1.0)
-    scaled = np.where(good[:, None, None], hessian / (lengths[:, :, None] * lengths[:, None, :]), 0.0)
-    unit = np.eye(of.shape[1])
-    scaled = scaled + np.where(np.diagonal(scaled, axis1=1, axis2=2) > 0, 1e-12, 1.0)[:, :, None] * unit
-    # What does not step has an equation of its own that says so.
-    scaled = np.where((of[:, :, None] & of[:, None, :])[:, None], scaled, unit)
-    move = np.zeros((*of.shape[:1], *gradient.shape))
-    with contextlib.suppress(np.linalg.LinAlgError):
-        move = -np.linalg.solve(scaled, np.where(of[:, None], slope / lengths, 0.0)[..., None])[..., 0] / lengths
-    move = np.where(np.isfinite(move), move, 0.0)
-    return move, -0.5 * np.sum(move * slope, axis=-1)
+    slope, lengths = np.where(kept, gradient, 0.0), np.sqrt(hessian.diagonal())
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    scaled = hessian.scaled(1.0 / lengths)
+    scaled = scaled.plus_diagonal(np.where(scaled.diagonal() > 0, 1e-12, 1.0)).restricted(kept)
+    move = -scaled.solved(slope / lengths) / lengths
+    move = np.where(np.isfinite(move).all(axis=1, keepdims=True), move, 0.0)
+    return move, -0.5 * np.sum(move * np.where(np.isfinite(slope), slope, 0.0), axis=-1)

@@ -11,13 +11,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gonio.fitting.problem.arrow import Arrow, joined
 from gonio.fitting.problem.parameterisation import Domains, Parameterisation, evenly
 from gonio.fitting.problem.problem import FitProblem, NormalEquations
 from gonio.fitting.problem.readings import LANES, coarse_cells
 from gonio.fitting.solver.levenberg_marquardt import Descent, Stopping, eps, minimise
 
 COARSE = 512
-EACH = 48  # samples for each free number, where these are many
+EACH, FEW = 48, 4  # samples for each free number, where these are many, of so many channels
 ROUGH = 1e4  # of the aim, where more readings follow
 MIDDLE = 1 << 16
 WORTHWHILE = 3  # times as many readings as a level has samples, for that level to spare anything
@@ -51,7 +52,7 @@ def search(problem: FitProblem, given: np.ndarray, starts: int, seed: int) -> Se
         seed: of the random starts and of the subsamples.
     """
     n = problem.weight.shape[0]
-    enough = max(COARSE, EACH * given.size)
+    enough = max(COARSE, EACH * np.unique(problem.parameters.columns[:FEW]).size)
     cells = coarse_cells(problem.readings, enough, seed) if n > WORTHWHILE * enough else np.arange(n)
     coarse = problem.subset(cells)
     ends = minimise(
@@ -143,64 +144,56 @@ def solve_linear(problem: FitProblem, shapes: Sequence[np.ndarray]) -> list[tupl
     reach = np.array([of_channel[c] if g.per_channel else every for g in s.free for c in range(s.count(g))])
     solved = []
     for first in range(0, len(shapes), LANES):
-        solved += _solved(plain, np.stack(shapes[first : first + LANES]), reach)
+        p = np.stack(shapes[first : first + LANES])
+        unknown = s.linear & np.isnan(p[0])
+        p = np.where(np.isnan(p), 1.0, p)
+        solved += solve_amounts(plain.normal_equations(p, plain=True), s.order, p, unknown, reach, plain.domains)
     return solved
 
 
-def _solved(plain: FitProblem, shapes: np.ndarray, reach: np.ndarray) -> list[tuple[np.ndarray, float]]:
-    s = plain.parameters
-    unknown = [g for g in s.free if g.linear and np.isnan(shapes[0][g.first])]
-    if all(s.count(g) == s.channels for g in unknown):  # channel by channel
-        index = np.array([[g.first + c for g in unknown] for c in range(s.channels)], int)
-    else:
-        index = np.array([[k for g in unknown for k in range(s.size)[s.of(g)]]], int)
-    p = np.where(np.isnan(shapes), 1.0, shapes)
-    return solve_amounts(plain.normal_equations(p, plain=True), p, index, reach, plain.domains)
-
-
 def solve_amounts(
-    equations: NormalEquations, p: np.ndarray, index: np.ndarray, reach: np.ndarray, d: Domains
+    equations: NormalEquations, order: np.ndarray, p: np.ndarray, unknown: np.ndarray, reach: np.ndarray, d: Domains
 ) -> list[tuple[np.ndarray, float]]:
     """(p with some numbers from non-negative least squares, weighted sum of squares) of each p (S, P).
 
     Args:
         equations: of a model that is linear in these numbers, at p.
+        order: of the numbers in the equations (P,).
         p: numbers of S models.
-        at: indices of the numbers (G, K): G systems of K numbers that do not touch each other.
+        unknown: which numbers to solve for (P,).
         reach: size of the weighted readings that each number acts on, (P,).
         d: domains of the numbers.
     """
     finite = np.isfinite(equations.cost) & np.isfinite(equations.gradient).all(1)
-    finite &= np.isfinite(equations.matrix).all((1, 2))
-    matrix = np.where(finite[:, None, None], equations.matrix, 0.0)[:, index[:, :, None], index[:, None, :]]
-    gradient, now = np.where(finite[:, None], equations.gradient, 0.0)[:, index], p[:, index]
-    amount = _non_negative(matrix, np.einsum("sckl,scl->sck", matrix, now) - gradient)
-    change = amount - now
-    gain = np.sum(change * (gradient + 0.5 * np.einsum("sckl,scl->sck", matrix, change)), axis=(1, 2))
+    with np.errstate(invalid="ignore"):
+        finite &= np.isfinite(sum(a.sum((-2, -1)).reshape(len(p), -1).sum(1) for a in equations.matrix))
+    matrix = Arrow(*(np.where(finite.reshape(-1, *[1] * (a.ndim - 1)), a, 0.0) for a in equations.matrix))
+    gradient, now, kept = np.where(finite[:, None], equations.gradient, 0.0), p[:, order], unknown[order]
+    amount = _non_negative(matrix, np.asarray(matrix.mv(np.where(kept, now, 0.0))) - gradient, kept)
+    change = np.where(kept, amount - now, 0.0)
+    gain = np.sum(change * (gradient + 0.5 * matrix.mv(change)), axis=1)
     # Not at the bound itself: there a start would see no slope.
-    size = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1))
-    amount = np.maximum(amount, 1e-3 * reach[index] / np.where(size > 0, size, np.inf))
+    size = np.sqrt(matrix.diagonal())
+    amount = np.maximum(amount, 1e-3 * reach[order] / np.where(size > 0, size, np.inf))
     p = p.copy()
-    p[:, index] = np.clip(amount, d.low[index], d.high[index])
+    p[:, order] = np.where(kept, np.clip(amount, d.low[order], d.high[order]), now)
     cost = np.where(finite, equations.cost + gain, np.inf)
     return list(zip(p, (2.0 * cost).tolist(), strict=True))
 
 
-def _non_negative(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Least squares with x ≥ 0 of normal equations (..., K, K) and (..., K): the most negative is dropped in turn."""
-    size, shape = vector.shape[-1], vector.shape
-    if not size:
-        return vector
-    matrix, vector = matrix.reshape(-1, size, size), vector.reshape(-1, size)
-    length2 = np.diagonal(matrix, axis1=1, axis2=2)
-    kept, x = length2 > 0, np.zeros_like(vector)
-    for _ in range(size):
-        system = np.where(kept[:, :, None] & kept[:, None, :], matrix, 0.0)
-        # A unit where nothing is asked; else a little more than nothing, for lobes that are the same.
-        system[:, range(size), range(size)] += np.where(kept, 1e-12 * length2, 1.0)
-        x = np.linalg.solve(system, np.where(kept, vector, 0.0)[..., None])[..., 0]
-        negative = x.min(axis=1) < 0
-        if not negative.any():
+def _non_negative(matrix: Arrow, vector: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Least squares with x ≥ 0 of normal equations, in the numbers that are `kept` (P,).
+
+    The most negative number is dropped in turn, of the shared ones and of those of each channel.
+    """
+    length2, s = matrix.diagonal(), matrix.sizes
+    kept, x = kept & (length2 > 0), np.zeros_like(vector)
+    for _ in range(s.shared + s.own):
+        # A little more than nothing, for lobes that are the same.
+        system = matrix.restricted(kept).plus_diagonal(np.where(kept, 1e-12 * length2, 0.0))
+        x = system.solved(np.where(kept, vector, 0.0))
+        if not (x < 0).any():
             break
-        kept[negative, x.argmin(axis=1)[negative]] = False
-    return np.maximum(x, 0.0).reshape(shape)
+        lowest = joined(*(a <= a.min(axis=-1, keepdims=True, initial=0.0) for a in matrix.parts(x)))
+        kept &= ~(lowest & (x < 0))
+    return np.maximum(np.nan_to_num(x), 0.0)

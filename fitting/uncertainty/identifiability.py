@@ -6,13 +6,15 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.fitting.problem.parameterisation import Parameterisation
 from gonio.fitting.problem.problem import sensitivities
 from gonio.fitting.problem.readings import Readings
 from gonio.fitting.solver.robust_weights import NORMAL_MAD
-from gonio.fitting.uncertainty.optimum import LOST, Optimum, ParameterEstimate, open_from
+from gonio.fitting.uncertainty.covariance import LOST, open_from
+from gonio.fitting.uncertainty.joint_covariance import Combination, View
+from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
 from gonio.models.geometry.directions import Direction, from_spherical
 
+MOST_LISTED = 6  # numbers, or channels that leave the same open, that are named one by one
 SMALL = 0.1  # of the largest change, below which a number is no part of a combination
 ALIKE = 0.1  # difference of two relative changes, or of an exponent from ±1, that words pass over
 
@@ -34,29 +36,32 @@ class _Probes(NamedTuple):
     f: np.ndarray
 
 
-def advice(e: Optimum, k: int) -> str:
-    """What would determine the k-th open combination of an optimum, as a clause.
+def advice(e: Optimum, combination: Combination) -> str:
+    """What would determine an open combination of an optimum, as a clause.
 
-    Readings at a grid of directions, with the noise of readings as bright as these, are added to what is known of all
-    numbers together, in order of their larger polar angle: the first angle up to which the combination's variance falls
-    below what counts as open is the answer.
+    Readings at a grid of directions, with the noise of readings as bright as these, are added to what is known of the
+    numbers of its view together, in order of their larger polar angle: the first angle up to which the combination's
+    variance falls below what counts as open is the answer.
     """
-    variance, change = e.covariance.combinations[k]
-    s, wi, wo = e.parameters, e.readings.wi, e.readings.wo
+    view, variance = combination.view, combination.variance
+    wi, wo, channels = e.readings.wi, e.readings.wo, _channels(e, view)
+    columns = np.searchsorted(view.index, e.parameters.columns[channels], sorter=np.argsort(view.index))
+    columns = np.argsort(view.index)[columns]
     probes = _probes(e)
-    sigma = _noise(e.readings, e.model_f, probes.f)
-    known, reach = _precision(e), open_from(e.domains, e.p)
+    sigma = _noise(e.readings, e.model_f, probes.f)[:, channels]
+    rows = probes.rows[:, :, channels]
+    known, reach, change = _precision(e, view), open_from(e.domains, e.p)[view.index], combination.change[view.index]
     top = float(np.degrees(np.max(np.arccos(np.clip(np.minimum(wi.z, wo.z), 0, 1)))))
     outer = np.degrees(np.maximum(probes.theta_i, probes.theta_o))
 
     def separated(cells: np.ndarray) -> bool:
-        more = _information(s, probes.rows[cells], sigma[cells])
+        more = _information(columns, rows[cells], sigma[cells], change.size)
         return bool(cells.any()) and _determined(known + more, reach, change)
 
     for angle in np.arange(STEP * (np.floor(top / STEP + 0.01) + 1), HIGHEST + 1e-9, STEP):
         cells = (outer > top + 0.1 * STEP) & (outer <= angle + 1e-6)
         if separated(cells):
-            along = np.stack([probes.rows[:, :, c] @ change[s.columns[c]] for c in range(s.channels)], axis=1)
+            along = np.stack([rows[:, :, c] @ change[these] for c, these in enumerate(columns)], axis=1)
             best = int(np.argmax(np.sum((along / sigma) ** 2, axis=1) * cells))
             theta_i, theta_o = (np.degrees(t[best]) for t in (probes.theta_i, probes.theta_o))
             return (
@@ -85,15 +90,20 @@ def _determined(matrix: np.ndarray, reach: np.ndarray, change: np.ndarray) -> bo
     return bool(np.sum(along[~lost] ** 2 / values[~lost]) < SEPARATED)
 
 
-def _precision(e: Optimum) -> np.ndarray:
-    """Inverse covariance (P, P) of the open numbers: the normal matrix over the residuals' own variance."""
-    matrix = np.asarray(e.equations.matrix, float)
-    free = np.outer(~e.active_bound, ~e.active_bound)
+def _channels(e: Optimum, view: View) -> np.ndarray:
+    """The channels whose readings a view sees."""
+    return np.arange(e.parameters.channels) if view.channel is None else np.array([view.channel])
+
+
+def _precision(e: Optimum, view: View) -> np.ndarray:
+    """Inverse covariance (K, K) of a view's open numbers: the normal matrix over the residuals' own variance."""
+    matrix, moving = view.information, ~e.active_bound[view.index]
+    free = np.outer(moving, moving)
     if e.exact:
         # Without noise everything that is seen at all is determined: as much is taken as the further readings have.
         scale = LEAST_NOISE**2 * max(e.problem.target_norm_squared, 1e-300) / e.model_f.size
         return np.where(free, matrix, 0.0) / scale
-    known = np.diagonal(e.covariance.matrix)
+    known = np.diagonal(view.covariance.matrix)
     known_ones = np.isfinite(known) & (known > 0)
     # Where the covariance is not the inverse of the matrix (robust, or noise not known) their ratio is the variance.
     scale = 1.0
@@ -118,12 +128,12 @@ def _probes(e: Optimum) -> _Probes:
     return _Probes(theta_i, theta_o, np.asarray(rows), np.asarray(f))
 
 
-def _information(s: Parameterisation, rows: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-    """Normal matrix (P, P) of readings with standard deviations sigma (n, C)."""
-    matrix = np.zeros((s.size, s.size))
-    for c in range(s.channels):
+def _information(columns: np.ndarray, rows: np.ndarray, sigma: np.ndarray, size: int) -> np.ndarray:
+    """Normal matrix (K, K) of readings with standard deviations sigma (n, C), whose rows have these columns (C, G)."""
+    matrix = np.zeros((size, size))
+    for c, these in enumerate(columns):
         j = rows[:, :, c] / sigma[:, c : c + 1]
-        matrix[np.ix_(s.columns[c], s.columns[c])] += j.T @ j
+        matrix[np.ix_(these, these)] += j.T @ j
     return matrix
 
 
@@ -142,14 +152,41 @@ def _noise(readings: Readings, model: np.ndarray, f: np.ndarray) -> np.ndarray:
 
 def undetermined_sentences(e: Optimum, estimates: list[ParameterEstimate]) -> list[str]:
     """What an optimum leaves open, and which readings would determine it; `estimates` of its free numbers in turn."""
-    names = [p.label for p in estimates]
-    sentences = [
-        f"{describe_combination(variance, change, e.p, names, e.parameters.linear)}; {advice(e, k)}"
-        for k, (variance, change) in enumerate(e.covariance.combinations)
-    ]
-    silent = e.covariance.undetermined & (np.diagonal(np.asarray(e.equations.matrix)) <= 0)
-    sentences += [f"{names[k]} does not change the residuals at all" for k in np.flatnonzero(silent)]
-    return sentences + unnamed_numbers(estimates, sentences)
+    names, sentences, covered = [p.label for p in estimates], [], np.zeros(len(estimates), bool)
+    alike: dict[frozenset[str], list[Combination]] = {}
+    for c in e.combinations:
+        kinds = frozenset(name.split("[")[0] for name in _members(c.change, e.p, names))
+        alike.setdefault(kinds, []).append(c)
+    for same in alike.values():
+        # What many channels leave open alike is one sentence.
+        for c in same if len(same) <= MOST_LISTED else same[:1]:
+            words = describe_combination(c.variance, c.change, e.p, names, e.parameters.linear)
+            sentences.append(f"{words}; {advice(e, c)}")
+        if len(same) > MOST_LISTED:
+            sentences[-1] += f" (and likewise in {len(same) - 1} other channels)"
+            for c in same:
+                covered[_relative(c.change, e.p)[1] > SMALL] = True
+    silent = e.covariance.undetermined & _without_effect(e)
+    if silent.any():
+        do = "does" if silent.sum() == 1 else "do"
+        sentences.append(f"{listed([names[k] for k in np.flatnonzero(silent)])} {do} not change the residuals at all")
+    rest = [p for p, told in zip(estimates, covered | silent, strict=True) if not told]
+    return sentences + unnamed_numbers(rest, sentences)
+
+
+def listed(words: list[str]) -> str:
+    """Words with commas and "and": of many, the first ones and how many more there are."""
+    if len(words) > MOST_LISTED:
+        words = [*words[: MOST_LISTED - 1], f"{len(words) - MOST_LISTED + 1} more"]
+    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+
+
+def _without_effect(e: Optimum) -> np.ndarray:
+    """Which numbers (P,) no residual depends on."""
+    silent = np.zeros(e.p.size, bool)
+    for view in e.covariance.views:
+        silent[view.index] = np.diagonal(view.information) <= 0
+    return silent
 
 
 def unnamed_numbers(estimates: list[ParameterEstimate], sentences: list[str]) -> list[str]:
@@ -166,7 +203,7 @@ def unnamed_numbers(estimates: list[ParameterEstimate], sentences: list[str]) ->
     if not rest:
         return []
     each = [f"{p.label} (95 % interval {p.interval95[0]:.3g} to {p.interval95[1]:.3g})" for p in rest]
-    return [f"{' and '.join(each)} {'is' if len(each) == 1 else 'are'} not determined by these readings either"]
+    return [f"{listed(each)} {'is' if len(each) == 1 else 'are'} not determined by these readings either"]
 
 
 def describe_combination(
@@ -208,8 +245,7 @@ def describe_combination(
 
 def _members(change: np.ndarray, p: np.ndarray, names: list[str]) -> dict[str, tuple[float, int]]:
     """{name: (relative change, an index)}: channels that change alike are one member, largest change first."""
-    rate = np.divide(change, np.abs(p), out=change.copy(), where=p != 0)
-    size = np.abs(rate) / np.max(np.abs(rate))
+    rate, size = _relative(change, p)
     order = [k for k in np.argsort(-size, kind="stable") if size[k] > SMALL]
     groups: dict[str, list[int]] = {}
     for k in order:
@@ -222,6 +258,12 @@ def _members(change: np.ndarray, p: np.ndarray, names: list[str]) -> dict[str, t
         else:
             members |= {names[k]: (float(rate[k]), k) for k in members_at}
     return members
+
+
+def _relative(change: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(relative changes (P,), their sizes as a share of the largest)."""
+    rate = np.divide(change, np.abs(p), out=change.copy(), where=p != 0)
+    return rate, np.abs(rate) / np.max(np.abs(rate))
 
 
 def _power(a: str, b: str, exponent: float) -> str:

@@ -13,16 +13,9 @@ import numpy as np
 from gonio.fitting.problem.parameterisation import LINEAR, LOG, Domains
 from gonio.fitting.problem.readings import LANES
 from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
-from gonio.fitting.uncertainty.optimum import (
-    ALONG,
-    FACTOR_OPEN,
-    FOLLOWED,
-    NORMAL_95,
-    WIDE_OPEN,
-    Covariance,
-    Optimum,
-    open_from,
-)
+from gonio.fitting.uncertainty.covariance import FACTOR_OPEN, NORMAL_95, WIDE_OPEN, Covariance, open_from
+from gonio.fitting.uncertainty.joint_covariance import parallel
+from gonio.fitting.uncertainty.optimum import ALONG, FOLLOWED, Optimum
 
 CLOSE = 0.03  # relative error of an interval's end
 TRIALS = 10
@@ -58,7 +51,13 @@ def with_profiles(e: Optimum, vague: list[int]) -> Optimum:
             ends = (far[k][0].end, far[k][1].end)
             opened = bool(np.isfinite(ends).all()) and is_open(e.domains, k, ends, float(e.p[k]), FAR_OPEN)
         if opened:
-            covariance = _opened(covariance, k, ends, reach, e.p)
+
+            def opened_in_view(
+                c: Covariance, k: int, index: np.ndarray, ends: tuple[float, float] = ends
+            ) -> Covariance:
+                return _opened(c, k, ends, reach[index], e.p[index])
+
+            covariance = covariance.changed(k, opened_in_view)
     unfollowed = tuple(k for k in vague if k not in profile)
     return dataclasses.replace(e, profile=profile, covariance=covariance, unfollowed=unfollowed)
 
@@ -89,12 +88,8 @@ def _opened(c: Covariance, k: int, ends: tuple[float, float], reach: np.ndarray,
         alike = np.abs(c.correlation[:, k]) > ALONG
     vague = np.sqrt(np.nan_to_num(np.diagonal(c.matrix))) > FOLLOWED * np.minimum(reach, np.abs(p))
     undetermined |= alike & vague
-    same = [v for v, other in c.combinations if _parallel(change / reach, other / reach)]
+    same = [v for v, other in c.combinations if parallel(change / reach, other / reach)]
     return Covariance(c.matrix, undetermined, c.combinations if same else [*c.combinations, (variance, change)])
-
-
-def _parallel(a: np.ndarray, b: np.ndarray) -> bool:
-    return abs(float(a @ b)) > 0.9 * float(np.linalg.norm(a) * np.linalg.norm(b))
 
 
 @dataclasses.dataclass
@@ -169,8 +164,8 @@ class _Search:
 
 
 def _searches(e: Optimum, k: int) -> list[_Search]:
-    variance, value = float(e.covariance.matrix[k, k]), float(e.p[k])
-    column, searches = np.nan_to_num(e.covariance.matrix[:, k]) / variance, []
+    variance, value = float(e.covariance.variance[k]), float(e.p[k])
+    column, searches = e.covariance.column(k) / variance, []
     for sign, bound in ((-1.0, e.domains.low[k]), (1.0, e.domains.high[k])):
         room = abs(float(bound) - value)
         distance = min(NORMAL_95 * np.sqrt(variance), room)
@@ -206,9 +201,10 @@ def _follow(e: Optimum, searches: list[_Search], budget: float) -> float:
 
 def _unit_variance(e: Optimum, k: int) -> float:
     """Variance of number k over that of a unit noise: 1 where the noise is known."""
-    index = np.flatnonzero(np.isfinite(np.diagonal(e.covariance.matrix)))
-    matrix = np.asarray(e.equations.matrix)[np.ix_(index, index)]
+    view = next(v for v in e.covariance.views if k in v.index)
+    index = np.flatnonzero(np.isfinite(np.diagonal(view.covariance.matrix)))
+    matrix = view.information[np.ix_(index, index)]
     lengths = np.sqrt(np.diagonal(matrix))
     inverse = np.linalg.pinv(matrix / np.outer(lengths, lengths), rcond=1e-14, hermitian=True)
-    place = int(np.flatnonzero(index == k)[0])
-    return float(e.covariance.matrix[k, k] / (inverse[place, place] / lengths[place] ** 2))
+    place = int(np.flatnonzero(view.index[index] == k)[0])
+    return float(e.covariance.variance[k] / (inverse[place, place] / lengths[place] ** 2))

@@ -96,10 +96,12 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
     from gonio.data.serialise import plain
     from gonio.fitting.fit_model import ahead
     from gonio.fitting.fit_table import fit
-    from gonio.fitting.solver.levenberg_marquardt import compile_step, padded_size
+    from gonio.fitting.problem.arrow import Sizes
+    from gonio.fitting.solver.levenberg_marquardt import compile_step, padded_sizes
 
     # To load the program of a step takes as long as to read a large file; what goes into it is known already.
-    ahead(("step", padded_size(0)), lambda: compile_step(0))
+    few = padded_sizes(Sizes(1, 0, 0))
+    ahead(("step", few), lambda: compile_step(few))
     options = _options(args)
     if not args.model or len(args.model) > 1:
         options["log"] = log

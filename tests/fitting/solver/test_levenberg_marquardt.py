@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from gonio.fitting.problem.arrow import Arrow
 from gonio.fitting.problem.parameterisation import LINEAR, LOG, Domains
 from gonio.fitting.problem.problem import NormalEquations
 from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
@@ -21,7 +22,7 @@ class Exponential:
     refused: int = 0
 
     domains = DOMAINS
-    linear = np.array([True, False])
+    linear, order = np.array([True, False]), np.arange(2)
 
     @property
     def target_norm_squared(self):
@@ -36,7 +37,8 @@ class Exponential:
         self.refused += int(np.count_nonzero(off))
         r[off] = np.nan
         cost = 0.5 * np.sum(r * r, axis=1)
-        return NormalEquations(cost, np.einsum("snp,sn->sp", rows, r), np.einsum("snp,snq->spq", rows, rows))
+        matrix = Arrow.dense(np.einsum("snp,snq->spq", rows, rows))
+        return NormalEquations(cost, np.einsum("snp,sn->sp", rows, r), matrix)
 
 
 DECAY = 0.7 * np.exp(-np.arange(30) / 4.0)

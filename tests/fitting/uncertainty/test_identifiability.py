@@ -7,8 +7,9 @@ import pytest
 
 from gonio.fitting.fit_table import fit
 from gonio.fitting.problem.parameterisation import Domains
+from gonio.fitting.uncertainty.covariance import CovarianceEstimate, beyond_bound, open_from
 from gonio.fitting.uncertainty.identifiability import describe_combination, unnamed_numbers
-from gonio.fitting.uncertainty.optimum import CovarianceEstimate, ParameterEstimate, beyond_bound, open_from
+from gonio.fitting.uncertainty.optimum import ParameterEstimate
 from support.fit_tables import table_of
 
 FREE = "0.6*ggx(alpha=0.3, f0=0.1)+lambert(rho=.2)"

@@ -1,0 +1,165 @@
+"""Symmetric matrices of an arrow's shape: numbers that all channels share, and numbers of one channel each.
+
+No residual sees numbers of two channels, so that JᵀJ is a corner of the shared numbers, a block for each channel, and
+a border between both. With the blocks eliminated (Schur complement) a system costs time in proportion to the number of
+channels [Golub & Pereyra 1973; Triggs et al. 2000, §6].
+"""
+
+from types import ModuleType
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from gonio.fitting.problem.readings import AnyArray
+
+WHOLE = 32  # numbers up to which a matrix is cheaper as a whole
+
+
+class Sizes(NamedTuple):
+    """How many numbers are shared, how many channels there are, and how many numbers are each channel's own."""
+
+    shared: int
+    channels: int
+    own: int
+
+    @property
+    def total(self) -> int:
+        """Number of all numbers."""
+        return self.shared + self.channels * self.own
+
+
+class Arrow(NamedTuple):
+    """Symmetric matrices over s shared numbers and q own numbers of each of C channels; any leading axes.
+
+    Vectors over them are in the order of the arrow: the shared numbers, then channel by channel.
+    """
+
+    shared: Float[AnyArray, "*b s s"]
+    across: Float[AnyArray, "*b c s q"]
+    own: Float[AnyArray, "*b c q q"]
+
+    @classmethod
+    def dense(cls, matrix: Float[AnyArray, "*b p p"]) -> "Arrow":
+        """A matrix of which nothing is known: all numbers are shared."""
+        xp, lead, size = module_of(matrix), matrix.shape[:-2], matrix.shape[-1]
+        return cls(matrix, xp.zeros((*lead, 0, size, 0)), xp.zeros((*lead, 0, 0, 0)))
+
+    @property
+    def sizes(self) -> Sizes:
+        """Numbers of each kind."""
+        channels, shared, own = self.across.shape[-3:]
+        return Sizes(shared, channels, own)
+
+    def parts(self, v: Float[AnyArray, "*b p"]) -> tuple[Float[AnyArray, "*b s"], Float[AnyArray, "*b c q"]]:
+        """The shared numbers of a vector, and those of each channel."""
+        s, channels, q = self.sizes
+        return v[..., :s], v[..., s:].reshape(*v.shape[:-1], channels, q)
+
+    def diagonal(self) -> Float[AnyArray, "*b p"]:
+        """The diagonal."""
+        return joined(*(a.diagonal(axis1=-2, axis2=-1) for a in (self.shared, self.own)))
+
+    def mv(self, v: Float[AnyArray, "*b p"]) -> Float[AnyArray, "*b p"]:
+        """The matrix times a vector."""
+        shared, own = self.parts(v)
+        return joined(
+            (self.shared @ shared[..., None])[..., 0] + _sum_over_channels(self.across @ own[..., None])[..., 0],
+            (_transposed(self.across) @ shared[..., None, :, None] + self.own @ own[..., None])[..., 0],
+        )
+
+    def scaled(self, factor: Float[AnyArray, "*b p"]) -> "Arrow":
+        """The matrix with rows and columns times these factors."""
+        shared, own = self.parts(factor)
+        return Arrow(
+            self.shared * shared[..., :, None] * shared[..., None, :],
+            self.across * shared[..., None, :, None] * own[..., None, :],
+            self.own * own[..., :, None] * own[..., None, :],
+        )
+
+    def plus_diagonal(self, added: Float[AnyArray, "*b p"]) -> "Arrow":
+        """The matrix with a vector added to its diagonal."""
+        shared, own = (a[..., None] * _like(np.eye(a.shape[-1]), a.ndim + 1) for a in self.parts(added))
+        return Arrow(self.shared + shared, self.across, self.own + own)
+
+    def restricted(self, kept: np.ndarray) -> "Arrow":
+        """The matrix with a unit row and column for every number that is not kept."""
+        return self.scaled(np.where(kept, 1.0, 0.0)).plus_diagonal(np.where(kept, 0.0, 1.0))
+
+    def solved(self, v: Float[AnyArray, "*b p"]) -> Float[AnyArray, "*b p"]:
+        """Solution x of the positive definite system `self x = v`; NaN where it is not positive definite."""
+        xp = module_of(self.shared)
+        shared, own = self.parts(v)
+        across = xp.broadcast_to(self.across, (*v.shape[:-1], *self.across.shape[-3:]))
+        eliminated = solve_by_elimination(self.own, xp.concatenate([_transposed(across), own[..., None]], axis=-1))
+        border, own = eliminated[..., :-1], eliminated[..., -1:]
+        corner = self.shared - _sum_over_channels(self.across @ border)
+        right = shared[..., None] - _sum_over_channels(self.across @ own)
+        x = solve_by_elimination(corner, right)
+        return joined(x[..., 0], (own - border @ x[..., None, :, :])[..., 0])
+
+    def whole(self) -> Float[np.ndarray, "*b p p"]:
+        """The matrix in full."""
+        s, channels, q = self.sizes
+        total = self.sizes.total
+        matrix = np.zeros((*self.shared.shape[:-2], total, total))
+        matrix[..., :s, :s] = self.shared
+        for c in range(channels):
+            these = slice(s + c * q, s + (c + 1) * q)
+            matrix[..., :s, these] = self.across[..., c, :, :]
+            matrix[..., these, :s] = _transposed(self.across[..., c, :, :])
+            matrix[..., these, these] = self.own[..., c, :, :]
+        return matrix
+
+
+def module_of(a: AnyArray) -> ModuleType:
+    """The module of an array's functions: NumPy's or JAX's."""
+    return np if isinstance(a, np.ndarray) else jnp
+
+
+def joined(shared: Float[AnyArray, "*b s"], own: Float[AnyArray, "*b c q"]) -> Float[AnyArray, "*b p"]:
+    """A vector from its shared numbers and those of each channel."""
+    flat = own.reshape(*own.shape[:-2], own.shape[-2] * own.shape[-1])
+    return module_of(shared).concatenate([shared, flat], axis=-1)
+
+
+def _transposed(a: AnyArray) -> AnyArray:
+    return a.swapaxes(-1, -2)
+
+
+def _like(a: np.ndarray, rank: int) -> np.ndarray:
+    return a.reshape((1,) * (rank - a.ndim) + a.shape)
+
+
+def _sum_over_channels(a: Float[AnyArray, "*b c m n"]) -> Float[AnyArray, "*b m n"]:
+    return a.sum(axis=-3)
+
+
+def solve_by_elimination(
+    matrix: Float[AnyArray, "*b n n"], right: Float[AnyArray, "*b n m"]
+) -> Float[AnyArray, "*b n m"]:
+    """Solutions of small positive definite systems side by side, without pivoting; NaN where one is not positive.
+
+    Lineax's machinery takes longer to trace than all else, LAPACK's calls take longer than such small systems, and
+    JAX imports SciPy for them.
+    """
+    xp, size = module_of(right), matrix.shape[-1]
+    if not size:
+        return right
+
+    def eliminate(k: int | Array, rows: AnyArray) -> AnyArray:
+        pivot = rows[..., k, k][..., None]
+        row = rows[..., k, :] / xp.where(pivot > 0, pivot, xp.nan)
+        others = rows - rows[..., :, k][..., None] * row[..., None, :]
+        return xp.where(numbers == k, row[..., None, :], others)
+
+    numbers = _like(np.arange(size)[:, None], right.ndim)
+    rows = xp.concatenate([xp.broadcast_to(matrix, (*right.shape[:-2], size, size)), right], axis=-1)
+    if xp is jnp:
+        return jax.lax.fori_loop(0, size, eliminate, rows)[..., size:]
+    with np.errstate(all="ignore"):
+        for k in range(size):
+            rows = eliminate(k, rows)
+    return rows[..., size:]
