@@ -1,71 +1,149 @@
-"""Plain CSV: what `gonio eval` writes, read as a scattered table.
+"""Plain CSV: what `gonio convert` and `gonio eval` write, and what people, spreadsheets and instruments do.
 
 Columns by name, in any order: theta_i, phi_i, theta_o, phi_o in degrees, or wi_x, wi_y, wi_z, wo_x, wo_y,
 wo_z; `f`, or `f_1`, `f_2`, ... for channels, in 1/sr without the cosine; optionally `u_f` (or `u_f_1`, ...),
-the standard uncertainty (nan: unknown, 0: exact), and `flag` (or `flag_1`, ...).
+the standard uncertainty (nan: unknown, 0: exact), and `flag` (or `flag_1`, ...). Other names, units, delimiters
+and quantities are read where they say what they are; what was understood stands in the table's provenance.
 """
 
-import contextlib
 import json
 import os
-import re
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from gonio.data import layouts
 from gonio.data.channels import Channels
 from gonio.data.files import new_file, stem
-from gonio.data.flags import FLAG_MEANINGS, Flag
+from gonio.data.flags import Flag
 from gonio.data.formats.csv_columns import CsvText, write_columns
-from gonio.data.layouts import spherical_angles
+from gonio.data.formats.csv_directions import Directions, direction_columns, read_angles
+from gonio.data.formats.csv_header import ANGLES, LENGTHS_NM, VECTORS
+from gonio.data.formats.csv_readings import Readings, by_wavelength, on_grid, read_values
+from gonio.data.formats.csv_statements import Statements
+from gonio.data.formats.csv_values import value_columns
+from gonio.data.layouts import Layout
+from gonio.data.layouts.recognition import Placement, recognised
+from gonio.data.quantities import QUANTITIES, brdf_of
 from gonio.data.round_trip import RoundTrip, compare
+from gonio.data.suspicions import suspicions
 from gonio.data.table import Table
-from gonio.models.errors import GonioError
+from gonio.models.errors import GonioError, nearest
 
 if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
 
-ANGLES = ("theta_i", "phi_i", "theta_o", "phi_o")
-VECTORS = ("wi_x", "wi_y", "wi_z", "wo_x", "wo_y", "wo_z")
-UNIT_TOLERANCE = 1e-3
-"""A vector whose length is off by more is no direction; a smaller error is divided out."""
+SAME_DIRECTION = 1e-9
+"""Radians by which the rows of gonio's own file may be off the cells that it names."""
 
 
-def read_csv(path: str | os.PathLike[str]) -> Table:
-    """The scattered table of a CSV file. Raises GonioError, with the line, for whatever is no reading.
+def read_csv(
+    path: str | os.PathLike[str],
+    angles: str | None = None,
+    quantity: str | None = None,
+    missing: str | float | None = None,
+) -> Table:
+    """The table of a CSV file: on the grid that its rows are, else scattered.
 
-    Directions below the horizon are refused, readings on it have no value (BELOW_HORIZON); columns that mean
-    nothing here are named in the provenance.
+    Args:
+        path: the file.
+        angles: "degrees" or "radians", where neither header nor comments say it; degrees otherwise.
+        quantity: what the values are (a key of `gonio.data.quantities.QUANTITIES`); the BRDF otherwise.
+        missing: the number that stands for no reading, or "none".
+
+    Returns:
+        The table. Its provenance has `understood` and `warnings`, lists of sentences.
+
+    Raises:
+        GonioError: with the line, for whatever is no reading; directions below the horizon are refused, readings on
+            it have no value (BELOW_HORIZON).
     """
+    if quantity is not None and quantity not in QUANTITIES:
+        raise GonioError(f"quantity {str(quantity)[:40]!r} is unknown; {nearest(str(quantity), QUANTITIES)}")
     text = CsvText(path)
-    names = {name: _numbered(text.names, name) for name in ("f", "u_f", "flag")}
-    if not names["f"]:
-        raise GonioError(
-            f"{path} has no column f (or f_1, f_2, ...) but {', '.join(text.names)[:200]}; name the BRDF's column f"
-        )
-    for name, columns in names.items():
-        if columns and [c.removeprefix(name) for c in columns] != [c.removeprefix("f") for c in names["f"]]:
-            raise GonioError(
-                f"{path} has {', '.join(columns)} beside {', '.join(names['f'])}; give one for each channel"
-            )
-    directions = _direction_names(text)
-    numbers = text.numbers([*directions, *(c for columns in names.values() for c in columns)], nan_allowed=names["u_f"])
-    layout = layouts.scattered(*_angles(text, numbers, directions))
-    f, u_f, flag = (np.stack([numbers[c] for c in columns], -1) if columns else None for columns in names.values())
+    statements = Statements(text.path, text.comments)
+    values = value_columns(text, statements, quantity)
+    wavelength = text.sole("wavelength")
+    used = [c.name for c in direction_columns(text).values()] + [n for names in values.names.values() for n in names]
+    used += [wavelength.name] if wavelength else []
+    numbers = text.numbers(used, values.names["f"] + values.names.get("u_f", []))
+    directions = read_angles(text, statements, numbers, angles)
+    readings = read_values(text, statements, values, numbers, None if missing is None else str(missing))
+    cosines = np.cos(directions.angles[0]), np.cos(directions.angles[2])
+    f, u_f = (None if v is None else brdf_of(v, values.quantity, *cosines) for v in (readings.f, readings.u_f))
     assert f is not None
-    if u_f is not None and (u_f < 0).any():
-        text.fail(np.argwhere(u_f < 0)[0, 0], "u_f is negative; expected a standard uncertainty, 0 or nan")
-    flag = np.zeros(f.shape) if flag is None else flag
-    if (unknown := ~np.isin(flag, [int(v) for v in Flag])).any():
-        meanings = ", ".join(FLAG_MEANINGS)
-        text.fail(np.argwhere(unknown)[0, 0], f"a flag is none of 0 to {len(Flag) - 1} ({meanings})")
-    flag = flag.astype(np.uint8)
+    readings, channels = Readings(f, u_f, readings.flag), values.channels
+    understood = [*directions.understood, *values.understood]
+    if wavelength:
+        unit = wavelength.unit if wavelength.unit in LENGTHS_NM else ""
+        every = np.stack(directions.angles)
+        nm, rows, readings = by_wavelength(text, wavelength.name, unit, numbers[wavelength.name], every, readings)
+        directions = directions._replace(angles=tuple(every[:, rows]))
+        channels = Channels.of_wavelengths(nm)
+        understood.append(
+            f"{wavelength.name[:40]} has {nm.size} wavelengths, {nm[0]:g} to {nm[-1]:g} nm: one channel each"
+        )
+    provenance = {
+        "format": "CSV",
+        "source": os.path.basename(path),
+        "angles": directions.unit,
+        "quantity": values.quantity + ("" if values.quantity_known else " (not stated)"),
+        "ignored_columns": [n for n in text.names if n and n not in used][:100],
+    }
+    table = _table(statements, directions, readings, channels, understood)
+    table.name = stem(path)
+    table.provenance = provenance | {"understood": [*text.understood, *understood]}
+    if warnings := suspicions(table, not directions.unit_known, not values.quantity_known):
+        table.provenance["warnings"] = warnings
+    return table
+
+
+def _table(
+    statements: Statements, directions: Directions, rows: Readings, channels: Channels, understood: list[str]
+) -> Table:
+    """The table of the rows; adds to `understood` what was understood of their layout."""
+    placed = _placement(statements, directions)
+    grid = None if placed is None else on_grid(placed, rows)
+    if placed is None or grid is None:
+        layout, readings = layouts.scattered(*directions.angles), rows
+    else:
+        layout, (readings, repeats) = placed.layout, grid
+        understood += _of_grid(placed, rows, repeats)
+    flag = readings.flag.copy()
     flag[~layout.above_horizon()] = Flag.BELOW_HORIZON
-    f[flag != Flag.VALID] = np.nan
-    ignored = [n for n in text.names if n not in numbers]
-    provenance = {"format": "CSV", "source": os.path.basename(path), "ignored_columns": ignored}
-    return Table(layout, f, flag, _channels(text, f.shape[1]), u_f, provenance=provenance, name=stem(path))
+    f = np.where(flag == Flag.VALID, readings.f, np.nan)
+    if missing := int((flag == Flag.NOT_MEASURED).sum()):
+        understood.append(f"{missing} readings of {flag.size} are missing")
+    f, u_f, flag = (None if a is None else a.reshape(*layout.shape, -1) for a in (f, readings.u_f, flag))
+    return Table(layout, f, flag, channels, u_f)
+
+
+def _placement(statements: Statements, directions: Directions) -> Placement | None:
+    """The grid that the rows are: the one that gonio's own file names, else the one that their directions make."""
+    stated = statements.layout()
+    if stated is not None:
+        cells = np.flatnonzero(stated.above_horizon())
+        if cells.size == directions.angles[0].size:
+            off = [np.abs(np.sin((a[cells] - b) / 2)) for a, b in zip(stated.angles(), directions.angles, strict=True)]
+            if max(o.max() for o in off) <= SAME_DIRECTION:
+                return Placement(stated, cells, np.arange(stated.size))
+    return None if statements.scattered else recognised(directions.angles, directions.rounding)
+
+
+def _of_grid(placed: Placement, rows: Readings, repeats: int) -> list[str]:
+    layout = placed.layout
+    sizes = " × ".join(f"{axis.size} {name}" for name, axis in layout.axes.items())
+    sentences = [f"the rows are a grid ({layout.name}: {sizes})"]
+    copied = int((placed.origins != np.arange(layout.size)).sum())
+    if copied:
+        sentences.append(
+            f"at the pole, where azimuth has no meaning, one reading stands for all azimuths ({copied} cells)"
+        )
+    if repeats:
+        sentences.append(f"{repeats} rows repeat a direction of another; their means are taken")
+    if placed.turned > SAME_DIRECTION:
+        sentences.append(f"the light's azimuth, {np.degrees(placed.turned):.6g}° in all rows, is 0 in the grid")
+    return sentences
 
 
 class ListedDirections(NamedTuple):
@@ -76,27 +154,27 @@ class ListedDirections(NamedTuple):
     columns: dict[str, np.ndarray]
 
 
-def read_directions(path: str | os.PathLike[str]) -> ListedDirections:
-    """The directions of a CSV file; its columns, degrees or components, can be written back with values added.
+def read_directions(path: str | os.PathLike[str], angles: str | None = None) -> ListedDirections:
+    """The directions of a CSV file; its columns can be written back with values added.
 
-    Raises GonioError, with the line, for what is no direction or below the horizon.
+    `angles` as in `read_csv`. Raises GonioError, with the line, for what is no direction or below the horizon.
     """
     from gonio.models.geometry.directions import Direction, from_spherical
 
     text = CsvText(path)
-    names = _direction_names(text)
-    columns = text.numbers(names)
-    angles = _angles(text, columns, names)
-    if names == VECTORS:
-        components = np.stack([columns[name] for name in VECTORS])
+    columns = {c.name: role for role, c in direction_columns(text).items()}
+    numbers = text.numbers(columns)
+    theta_i, phi_i, theta_o, phi_o = read_angles(text, Statements(text.path, text.comments), numbers, angles).angles
+    if set(columns.values()) == set(VECTORS):
+        components = np.stack([numbers[n] for role in VECTORS for n in columns if columns[n] == role])
         wi, wo = (Direction(*_lengthened(w)) for w in (components[:3], components[3:]))
     else:
-        wi, wo = from_spherical(angles[0], angles[1], np), from_spherical(angles[2], angles[3], np)
-    return ListedDirections(wi, wo, {n: columns[n] for n in text.names if n in columns})
+        wi, wo = from_spherical(theta_i, phi_i, np), from_spherical(theta_o, phi_o, np)
+    return ListedDirections(wi, wo, {n: numbers[n] for n in text.names if n in numbers})
 
 
 def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
-    """Writes the cells of a table that are valid in any channel, and returns what reading them again shows to be lost.
+    """Writes the cells of a table above the horizon, and returns what reading them again shows to be lost.
 
     Angles in degrees; every number so that reading it gives the same float. Flags are written where a channel
     of a row has no value. Raises GonioError where `path` cannot be written, or no cell is valid.
@@ -105,14 +183,15 @@ def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -
         "gonio: angles in degrees, f in 1/sr without the cosine",
         f"channels: {json.dumps(list(table.channels.names))}",
         *([f"wavelengths_nm: {json.dumps(w)}"] if (w := table.channels.wavelengths_nm) else []),
+        f"layout: {json.dumps(_named_layout(table.layout))}",
     ]
-    cells = table.valid_cells()
+    cells = np.flatnonzero(table.layout.above_horizon())
     angles = [a[cells] for a in table.layout.angles()]
     f, u_f, flag = table.values_at(cells).values()
-    if cells.size == 0:
-        raise GonioError(f"the table holds no valid reading; there is nothing to write to {path}")
     valid = flag == Flag.VALID
-    values = {"f": np.where(valid, f.astype(np.float64), 0.0)}
+    if not valid.any():
+        raise GonioError(f"the table holds no valid reading; there is nothing to write to {path}")
+    values = {"f": np.where(valid, f.astype(np.float64), np.nan)}
     if not np.isnan(u_f).all():
         values["u_f"] = u_f.astype(np.float64)
     if not valid.all():
@@ -123,79 +202,23 @@ def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -
     with new_file(path, force) as temporary:
         with temporary.open("w", encoding="utf-8") as file:
             write_columns(file, columns, comments)
-        written = read_csv(temporary).read_values()
+        again = read_csv(temporary)
+        written = again.values_at(cells) if again.layout.gridded else again.read_values()
     omitted = table.layout.size - f.shape[0]
-    note = f"{omitted} cells without a value left out" if omitted else ""
+    note = f"{omitted} cells below the horizon left out" if omitted else ""
     return compare(f, written["f"], valid, written["flag"] == Flag.VALID, note)
 
 
-def _numbered(names: list[str], stem: str) -> list[str]:
-    """[stem], or [stem_1, stem_2, ...] in the order of their numbers."""
-    if stem in names:
-        return [stem]
-    by_number = {int(m[1]): n for n in names if (m := re.fullmatch(rf"{stem}_(\d{{1,6}})", n))}
-    return [by_number[k] for k in sorted(by_number)]
-
-
-def _direction_names(text: CsvText) -> tuple[str, ...]:
-    for names in (VECTORS, ANGLES):
-        if set(names) <= set(text.names):
-            return names
-    missing = [n for n in ANGLES if n not in text.names]
-    raise GonioError(
-        f"{text.path} has the columns {', '.join(text.names)[:200]}, but not {', '.join(missing)}; "
-        f"expected {', '.join(ANGLES)} in degrees, or {', '.join(VECTORS)}"
-    )
-
-
-def _angles(text: CsvText, numbers: dict[str, np.ndarray], names: tuple[str, ...]) -> tuple[np.ndarray, ...]:
-    """(theta_i, phi_i, theta_o, phi_o), radians, of the columns; refuses what is no direction or below the horizon."""
-    if names == VECTORS:
-        angles = []
-        for which in ("wi", "wo"):
-            x, y, z = (numbers[f"{which}_{c}"] for c in "xyz")
-            off = np.abs(np.sqrt(x**2 + y**2 + z**2) - 1.0)
-            if (off > UNIT_TOLERANCE).any():
-                text.fail(int(np.argmax(off > UNIT_TOLERANCE)), f"{which} is no unit vector; divide it by its length")
-            if (z < 0).any():
-                text.fail(int(np.argmax(z < 0)), f"{which} points below the horizon; expected {which}_z >= 0")
-            angles += spherical_angles(x, y, z)
-        return tuple(angles)
-    for name in ANGLES:
-        degrees = numbers[name]
-        if name.startswith("theta"):
-            outside, expected = (degrees < 0) | (degrees > 90), "0 to 90 degrees from the normal"
-        else:
-            outside, expected = np.abs(degrees) > 360, "-360 to 360 degrees"
-        if outside.any():
-            row = int(np.argmax(outside))
-            below = " is below the horizon" if name.startswith("theta") and degrees[row] > 90 else ""
-            text.fail(row, f"{name} = {degrees[row]:g}{below}; expected {expected}")
-    theta_i, phi_i, theta_o, phi_o = (np.radians(numbers[name]) for name in ANGLES)
-    return theta_i, phi_i % (2 * np.pi), theta_o, phi_o % (2 * np.pi)
+def _named_layout(layout: Layout) -> dict[str, object]:
+    """A layout as JSON; axes in radians, which read again are the same."""
+    axes = {name: axis.tolist() for name, axis in layout.axes.items()} if layout.gridded else {}
+    return {"name": layout.name, "axes": axes}
 
 
 def _lengthened(w: np.ndarray) -> np.ndarray:
     # Vectors of single precision are taken as they came: a narrow lobe would see their directions change.
     length = np.linalg.norm(w, axis=0)
     return w / np.where(np.abs(length - 1.0) <= 1e-6, 1.0, length)
-
-
-def _channels(text: CsvText, count: int) -> Channels:
-    stated = {}
-    for comment in text.comments:
-        key, _, value = comment.partition(":")
-        if key in ("channels", "wavelengths_nm"):
-            with contextlib.suppress(ValueError, RecursionError):  # ValueError: no JSON, or too many digits
-                stated[key] = json.loads(value)
-
-    def listed(key: str, kind: Any) -> tuple | None:
-        values = stated.get(key)
-        fits = isinstance(values, list) and len(values) == count and all(isinstance(v, kind) for v in values)
-        return tuple(values) if isinstance(values, list) and fits else None
-
-    names = listed("channels", str)
-    return Channels.of_count(count) if names is None else Channels(names, listed("wavelengths_nm", int | float))
 
 
 def _degrees(radians: np.ndarray) -> np.ndarray:

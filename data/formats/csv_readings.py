@@ -1,0 +1,190 @@
+"""The readings of a CSV file: values with their missing cells, uncertainties and flags, by rows or by wavelengths."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gonio.data.flags import FLAG_MEANINGS, Flag
+from gonio.data.formats.csv_columns import CsvText
+from gonio.data.formats.csv_statements import Statements
+from gonio.data.formats.csv_values import ValueColumns, nanometres, scales, wavelength_unit
+from gonio.data.layouts.recognition import Placement
+from gonio.models.errors import GonioError
+
+FILLS = (1e20, 1e30, 1e36, 9.969209968386869e36, float(np.finfo(np.float32).max), float(np.finfo(np.float64).max))
+"""What programs write where nothing was read, besides nines."""
+MOST_REPEATS = 0.3
+"""Share of rows that may repeat a cell and are averaged: of more, repeats are the noise's own measurement."""
+MOST_SPREAD = 50
+"""Cells for each row, at most, of a file with a row for each wavelength."""
+
+
+class Readings(NamedTuple):
+    """Values of shape (rows, channels) as a table has them."""
+
+    f: np.ndarray
+    u_f: np.ndarray | None
+    flag: np.ndarray
+
+    def part(self, rows: np.ndarray) -> "Readings":
+        """Those of these rows, in this order."""
+        return Readings(self.f[rows], None if self.u_f is None else self.u_f[rows], self.flag[rows])
+
+
+def read_values(
+    text: CsvText, statements: Statements, values: ValueColumns, numbers: dict[str, np.ndarray], missing: str | None
+) -> Readings:
+    """The stored values of all rows, of the quantity that the file holds; missing ones are flagged NOT_MEASURED.
+
+    Args:
+        text, statements, values: the file, its comments and its columns.
+        numbers: its columns of numbers by name.
+        missing: the number that stands for no reading, or "none"; None: what a comment says, else numbers that look
+            like one are refused.
+
+    Raises:
+        GonioError: with the line, for what is no reading.
+    """
+    f, u_f, flag = (
+        np.stack([numbers[name] for name in values.names[key]], -1) if key in values.names else None
+        for key in ("f", "u_f", "flag")
+    )
+    assert f is not None
+    none = _missing_number(text, statements, values, f, missing)
+    if none is not None:
+        f = np.where(np.isclose(f, none, rtol=1e-9, atol=0), np.nan, f)
+        u_f = None if u_f is None else np.where(np.isclose(u_f, none, rtol=1e-9, atol=0), np.nan, u_f)
+    factors, relative = scales(text, values)
+    if u_f is not None:
+        if (u_f < 0).any():
+            text.fail(np.argwhere(u_f < 0)[0, 0], "u_f is negative; expected a standard uncertainty, 0 or nan")
+        u_f = u_f / _coverage(values, statements)
+        u_f = (
+            u_f * factors if relative is None else np.where(relative > 0, np.abs(f * factors) * relative, factors) * u_f
+        )
+    flag = np.zeros(f.shape) if flag is None else flag
+    if (unknown := ~np.isin(flag, [int(v) for v in Flag])).any():
+        meanings = ", ".join(FLAG_MEANINGS)
+        text.fail(np.argwhere(unknown)[0, 0], f"a flag is none of 0 to {len(Flag) - 1} ({meanings})")
+    flag = flag.astype(np.uint8)
+    flag[np.isnan(f) & (flag == Flag.VALID)] = Flag.NOT_MEASURED
+    return Readings(f * factors, u_f, flag)
+
+
+def by_wavelength(
+    text: CsvText, column: str, unit: str, wavelengths: np.ndarray, angles: np.ndarray, rows: Readings
+) -> tuple[np.ndarray, np.ndarray, Readings]:
+    """(wavelengths in nm, first row of each geometry, readings) of a file with one row for each wavelength.
+
+    A geometry that was not read at a wavelength is NOT_MEASURED there. Raises GonioError for an unknown unit.
+    """
+    unit = unit or wavelength_unit(wavelengths) or ""
+    if not unit or (wavelengths <= 0).any():
+        text.refuse(f"the column {column[:40]!r} may be nm, um or m; write the unit in its name, as in 'lambda [nm]'")
+    if rows.f.shape[1] > 1:
+        text.refuse(f"it has the column {column[:40]!r} beside several columns of f; keep one")
+    nm, channel = np.unique(nanometres(wavelengths, unit), return_inverse=True)
+    geometry = np.unique(angles, axis=1, return_inverse=True)[1].reshape(-1)
+    order = np.lexsort((channel, geometry))
+    same = (np.diff(geometry[order]) == 0) & (np.diff(channel[order]) == 0)
+    starts = np.flatnonzero(np.concatenate([[True], ~same]))
+    repeat = np.empty(channel.size, np.intp)
+    repeat[order] = np.arange(channel.size) - np.repeat(starts, np.diff(starts, append=channel.size))
+    _, first, place = np.unique(np.stack([geometry, repeat]), axis=1, return_index=True, return_inverse=True)
+    if first.size * nm.size > MOST_SPREAD * channel.size:
+        text.refuse(
+            f"it has {nm.size} wavelengths at {first.size} geometries, few of them at most; split it by wavelength"
+        )
+    rank = np.argsort(np.argsort(first))
+    shape = first.size, nm.size
+    f, flag = np.full(shape, np.nan), np.full(shape, np.uint8(Flag.NOT_MEASURED))
+    cells = rank[place.reshape(-1)], channel.reshape(-1)
+    f[cells], flag[cells] = rows.f[:, 0], rows.flag[:, 0]
+    u_f = None
+    if rows.u_f is not None:
+        u_f = np.full(shape, np.nan)
+        u_f[cells] = rows.u_f[:, 0]
+    return nm, np.sort(first), Readings(f, u_f, flag)
+
+
+def on_grid(placed: Placement, rows: Readings) -> tuple[Readings, int] | None:
+    """(readings of all cells, number of rows that were averaged); None where too many rows are repeats."""
+    size, channels = placed.layout.size, rows.f.shape[1]
+    counts = np.bincount(placed.cells, minlength=size)
+    repeats = int((counts - 1)[counts > 1].sum())
+    if repeats > MOST_REPEATS * placed.cells.size:
+        return None
+    cells, first = np.unique(placed.cells, return_index=True)
+    f, flag = np.full((size, channels), np.nan), np.full((size, channels), np.uint8(Flag.NOT_MEASURED))
+    u_f = None if rows.u_f is None else np.full((size, channels), np.nan)
+    grid = Readings(f, u_f, flag)
+    for array, values in zip(grid, rows, strict=True):
+        if array is not None and values is not None:
+            array[cells] = values[first]
+    if repeats:
+        _average(grid, placed.cells, rows, np.flatnonzero(counts > 1))
+    return grid.part(placed.origins), repeats
+
+
+def _average(grid: Readings, cells: np.ndarray, rows: Readings, repeated: np.ndarray) -> None:
+    """Puts the mean of the valid readings into each cell that several rows have."""
+    order = np.argsort(cells, kind="stable")
+    starts, stops = (np.searchsorted(cells[order], repeated, side=s) for s in ("left", "right"))
+    for cell, start, stop in zip(repeated, starts, stops, strict=True):
+        those = rows.part(order[start:stop])
+        for c in np.flatnonzero((those.flag == Flag.VALID).any(0)):
+            valid = those.flag[:, c] == Flag.VALID
+            f = those.f[valid, c]
+            # One reading written twice, as azimuth 0 and 360 often are, is no second one.
+            same = (f == f[0]).all()
+            grid.f[cell, c], grid.flag[cell, c] = f[0] if same else f.mean(), Flag.VALID
+            if grid.u_f is not None and those.u_f is not None:
+                u = those.u_f[valid, c]
+                grid.u_f[cell, c] = u[0] if same else np.sqrt(np.sum(u**2)) / u.size
+
+
+def _missing_number(
+    text: CsvText, statements: Statements, values: ValueColumns, f: np.ndarray, stated: str | None
+) -> float | None:
+    """The number that stands for no reading. Raises GonioError where one looks like it and nobody says so."""
+    if stated is not None:
+        try:
+            return None if stated.lower() == "none" else float(stated)
+        except ValueError:
+            raise GonioError(f"missing={stated[:40]!r} is no number; give it, or none") from None
+    if (named := statements.missing_value()) is not None or statements.by_gonio:
+        return named
+    suspects = _suspects(f)
+    if suspects.any():
+        row, column = np.argwhere(suspects)[0]
+        number = f[row, column]
+        times = int((f == number).sum())
+        what = f"{values.f[column].name[:40]} is {number:g}, {times} times in all; if that means no reading"
+        text.fail(int(row), f"{what}, state --missing {number:g}, else --missing none")
+    return None
+
+
+def _suspects(f: np.ndarray) -> np.ndarray:
+    """Where values are such as stand for no reading: nines, fills, or -1 again and again beside positive values."""
+    size = np.abs(f)
+    nines = np.zeros(f.shape, bool)
+    for digits in range(2, 10):
+        whole = 10.0**digits - 1
+        stands = (
+            (size == whole)
+            | (np.abs(size - whole) < 1) & (np.abs(size * 100 % 100 - 99) < 1e-6)
+            | (size == whole + 0.9)
+        )
+        nines |= stands & ((f < 0) | (digits > 2) & ((f == whole).sum() > 1))
+    nines |= (f == -999.25) | np.isin(size, FILLS)
+    minus_one = f == -1
+    if minus_one.sum() > 1 and not ((f < 0) & ~minus_one).any():
+        nines |= minus_one
+    return nines
+
+
+def _coverage(values: ValueColumns, statements: Statements) -> float:
+    """k of the stored uncertainties, by a header such as ``U_f (k=2)`` or a comment."""
+    units = {c.unit for c in values.u_f or []}
+    written = [float(u[2:]) for u in units if u.startswith("k=") and u[2:].replace(".", "", 1).isdigit()]
+    return max(1.0, written[0] if written else statements.coverage_factor())

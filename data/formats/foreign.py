@@ -1,0 +1,69 @@
+"""Formats that gonio knows by sight but does not read, so that a file is named as what it is."""
+
+import re
+
+SIGNATURES = (
+    (b"MATLAB 5.0 MAT-file", "a MATLAB file (.mat)"),
+    (b"MATLAB 7.3 MAT-file", "a MATLAB file (.mat)"),
+    (b"\x93NUMPY", "a NumPy array (.npy)"),
+    (b"v/1\x01", "an OpenEXR image"),
+    (b"\x89PNG", "a PNG image"),
+    (b"\xff\xd8\xff", "a JPEG image"),
+    (b"II*\0", "a TIFF image"),
+    (b"MM\0*", "a TIFF image"),
+    (b"SIMPLE  =", "a FITS file"),
+    (b"%PDF", "a PDF"),
+    (b"CDF\x01", "a netCDF-3 file"),
+    (b"CDF\x02", "a netCDF-3 file"),
+    (b"\x0e\x03\x13\x01", "an HDF4 file"),
+    (b"\x1f\x8b", "compressed by gzip"),
+    (b"BZh", "compressed by bzip2"),
+    (b"\xfd7zXZ", "compressed by xz"),
+    (b"7z\xbc\xaf", "a 7-Zip archive"),
+    (b"\xd0\xcf\x11\xe0", "an old Excel or Word file"),
+    (b"PAR1", "a Parquet file"),
+    (b"SQLite format 3", "an SQLite data base"),
+    (b"{\\rtf", "an RTF document"),
+    (b"\x80\x04", "a Python pickle"),
+    (b"\x80\x05", "a Python pickle"),
+    (b"OPTIS", "a Speos BSDF file"),
+    (b"IESNA", "an IES luminaire file"),
+)
+"""What a file begins with, and what it then is."""
+TEXTS = (
+    (r"(?i)WindowElement", "an XML BSDF of Radiance or WINDOW (Klems or tensor tree)"),
+    (r"^\s*<(?:!DOCTYPE html|html)", "an HTML page"),
+    (r"^\s*<\?xml|^\s*<\w+[ >]", "an XML file"),
+    (r'^\s*\{[\s\S]*"(?:\$schema|schema)"[^,]*OpenMATERIAL', "an OpenMATERIAL JSON file"),
+    (r'^\s*\{[\s\S]*(?:BRDF_JSON|"theta_[ivr]"|"wavelengths?")', "a JSON file of readings (BiRD)"),
+    (r"^\s*[\[{]\s*(?:[\"\[{\]}\d-]|$)", "a JSON file"),
+    (r"(?m)^(?:Source\s+Measured|SampleRotation\s|AngleOfIncidence\s|ScatterType\s+B[RT]DF)", "a Zemax BSDF file"),
+    (r"(?m)^\s*type bsdf_data", "a FRED BSDF file"),
+    (r"(?m)^#PARAM_(?:IN|OUT)\s|^#DIM\s+\d", "an ALTA data file"),
+    (r"(?m)^VARS\s+theta|^ASTM\b", "an ASTM BSDF file (E1392/E2387)"),
+    (r"(?m)^#in(?:theta|phi)\b", "a pab goniophotometer file"),
+    (r"(?m)^;;\s*SSDD|^DATA_TYPE\s|^PARAM_TYPE\s", "an SSDD file"),
+)
+"""What stands in the beginning of a text, and what it then is."""
+UTIA_BYTES = 288 * 288 * 3 * 8
+"""Of a material of the UTIA data base."""
+
+
+def foreign_kind(start: bytes, size: int) -> str | None:
+    """What a file is by its beginning, if it is of a known format that gonio does not read; None for others.
+
+    Args:
+        start: the first bytes.
+        size: of the whole file, bytes.
+    """
+    if start.startswith(b"PK\3\4"):
+        if b"[Content_Types].xml" in start or b"xl/" in start:
+            return "an Excel or OpenDocument file (.xlsx)"
+        return "a NumPy archive (.npz)" if re.search(rb"\.npy\b", start) else "a ZIP archive"
+    for signature, kind in SIGNATURES:
+        if start.startswith(signature):
+            return kind
+    if b"\0" in start:
+        return "a UTIA BRDF (288 × 288 × 3 numbers)" if size == UTIA_BYTES else None
+    text = start.decode("latin-1").removeprefix("\xef\xbb\xbf")
+    return next((kind for pattern, kind in TEXTS if re.search(pattern, text)), None)

@@ -1,0 +1,103 @@
+"""What the numbers of a table say against what they are taken for: radians, f cos(theta), reflectance factors."""
+
+import math
+
+import numpy as np
+
+from gonio.data.flags import Flag
+from gonio.data.table import Table
+
+MOST_ROWS = 200_000
+"""Readings that are looked at."""
+RADIANS_LIMIT = 1.6
+"""Degrees: polar angles all below it are radians, or a scan of nothing but the normal."""
+TOO_BRIGHT = 1.25
+"""Share of the light returned, at the least, from which readings cannot be f of anything passive."""
+FEWEST_PAIRS = 6
+LEAST_RATIO = 0.1
+"""|log| of the ratio of cosines from which an exchanged pair tells f from f cos(theta)."""
+PAIR_CELL = math.radians(0.02)
+MIRROR_ANGLE = math.radians(10)
+"""Least polar angle at which the mirror direction and the way back to the light are told apart."""
+
+
+def suspicions(table: Table, angles_unknown: bool, quantity_unknown: bool) -> list[str]:
+    """Sentences on what the readings are probably not; each ends in how to state it.
+
+    Args:
+        table: readings, taken as degrees and as f.
+        angles_unknown: whether nobody says the unit of the angles.
+        quantity_unknown: whether nobody says that the readings are f.
+    """
+    cells = table.valid_cells()
+    if cells.size > MOST_ROWS:
+        cells = cells[:: -(-cells.size // MOST_ROWS)]
+    if not cells.size:
+        return []
+    theta_i, phi_i, theta_o, phi_o = (a[cells] for a in table.layout.angles())
+    values = table.values_at(cells)
+    f = np.mean(values["f"], axis=1, where=values["flag"] == Flag.VALID)
+    result = []
+    largest = max(theta_i.max(), theta_o.max())
+    if angles_unknown and 0 < largest <= math.radians(RADIANS_LIMIT):
+        result.append(
+            f"no polar angle is above {math.degrees(largest):.4g}, taken as degrees: if these are radians, state "
+            "--angles radians, else --angles degrees"
+        )
+    if quantity_unknown and not result:
+        delta = (phi_o - phi_i) % (2 * math.pi)
+        result += _cosine_ratio(theta_i, theta_o, delta, f) or _too_bright(theta_i, theta_o, delta, f)
+    return result
+
+
+def _cosine_ratio(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray, f: np.ndarray) -> list[str]:
+    """Whether values with the directions exchanged differ by the ratio of the cosines."""
+    keys = [
+        np.round(a / PAIR_CELL).astype(np.int64) for a in (theta_i, theta_o, np.minimum(delta, 2 * math.pi - delta))
+    ]
+    base = int(max(k.max() for k in keys)) + 1
+    code, exchanged = ((a * base + b) * base + keys[2] for a, b in ((keys[0], keys[1]), (keys[1], keys[0])))
+    order = np.argsort(code)
+    partner = order[np.minimum(np.searchsorted(code[order], exchanged), code.size - 1)]
+    cosines = np.cos(theta_i), np.cos(theta_o)
+    usable = (code[partner] == exchanged) & (f > 0) & (f[partner] > 0) & (np.minimum(*cosines) > 0.02)
+    expected = np.log(cosines[1][usable] / cosines[0][usable])
+    measured = np.log(f[usable] / f[partner][usable])
+    telling = expected > LEAST_RATIO
+    if telling.sum() < FEWEST_PAIRS:
+        return []
+    x, y = expected[telling], measured[telling]
+    slope = float(np.median(y / x))
+    if abs(abs(slope) - 1) > 0.15 or np.median(np.abs(y - math.copysign(1, slope) * x)) > 0.25 * np.median(x):
+        return []
+    quantity, angle = ("brdf_cos", "theta_o") if slope > 0 else ("brdf_cos_i", "theta_i")
+    return [
+        f"{int(telling.sum())} pairs of exchanged directions differ by the ratio of their cosines: if the values are "
+        f"f cos({angle}), state --quantity {quantity}, else --quantity brdf"
+    ]
+
+
+def _too_bright(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray, f: np.ndarray) -> list[str]:
+    """Whether even the smallest readings of each part of the hemisphere return more light than came."""
+    share = _least_albedo(theta_i, theta_o, delta, f)
+    spread = np.ptp(np.where(np.cos(delta) < 0, -theta_o, theta_o))
+    if spread >= math.pi / 4:
+        share = max(share, math.pi * float(np.min(f)))
+    if share < TOO_BRIGHT:
+        return []
+    return [
+        f"the readings would return at least {share:.3g} of the light: if they are reflectance factors (π f), state "
+        "--quantity reflectance_factor, else --quantity brdf"
+    ]
+
+
+def _least_albedo(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray, f: np.ndarray) -> float:
+    """The largest share returned over all incidences, counting in each of 6 × 12 equal parts the smallest reading."""
+    incidence = np.unique(np.round(theta_i / PAIR_CELL), return_inverse=True)[1]
+    ring = np.minimum((np.sin(theta_o) ** 2 * 6).astype(int), 5)
+    sector = (delta / (2 * math.pi) * 12).astype(int) % 12
+    part = (incidence * 6 + ring) * 12 + sector
+    least = np.full((incidence.max() + 1) * 72, np.inf)
+    np.minimum.at(least, part, f)
+    least = np.where(np.isfinite(least), least, 0.0).reshape(-1, 72)
+    return float(least.sum(1).max() * math.pi / 72)
