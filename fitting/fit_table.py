@@ -154,6 +154,7 @@ def _fit_one(
     began = time.perf_counter()
     optima = fit_model(task)
     r = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
+    r.notes.extend(table.provenance.get("warnings", []))
     r.notes.extend(_aperture_notes(table, optima[0].parameters.frames, task.terms, r))
     if view is not None:
         r.notes.insert(0, view.note(r.brdf, task.readings, selection and selection.scene))

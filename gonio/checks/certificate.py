@@ -95,6 +95,8 @@ class Certificate(Displayed):
     kind: str
     properties: list[Property]
     strict: bool = False
+    notes: list[str] = dataclasses.field(default_factory=list)
+    """What the readings are suspected of, by which every verdict would change."""
 
     def facts(self) -> dict[str, str]:
         """The overall verdict and each property's, with residual, bound and tolerance."""
@@ -147,6 +149,7 @@ class Certificate(Displayed):
                 "overall": self.overall,
                 "strict": self.strict,
                 "exit_status": self.exit_status,
+                "notes": self.notes,
                 "properties": [dataclasses.asdict(p) for p in self.properties],
             }
         )

@@ -56,7 +56,8 @@ def check(
         if path is not None and (reference is not None or not spec.needs_reference):
             judge = pkgutil.resolve_name(f"gonio.checks.{path}")
             properties.append(judge(evidence, given.get(key, tolerance)))
-    return Certificate(name or judged.name, judged.kind, properties, strict)
+    notes = [] if judged.table is None else list(judged.table.provenance.get("warnings", []))
+    return Certificate(name or judged.name, judged.kind, properties, strict, notes)
 
 
 def _checked(tolerances: Mapping[str, float | None]) -> dict[str, float]:

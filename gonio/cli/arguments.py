@@ -9,8 +9,10 @@ from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, Any
 
 from gonio.models.errors import GonioError
+from gonio.text import log
 
 if TYPE_CHECKING:
+    from gonio.data.subject import Subject
     from gonio.data.table import Table
 
 MATERIAL = "a reference material, a readable file or an expression"
@@ -21,6 +23,18 @@ FORCE: Options = {"--force": "replace existing outputs"}
 MERL: Options = {
     "--merl-nodes": {"choices": ("lower", "centre"), "help": "where a MERL file's nodes lie in their bins"}
 }
+READING: Options = {
+    "--angles": {
+        "choices": ("degrees", "radians"),
+        "help": "unit of a CSV file's angles, where the file does not say it",
+    },
+    "--quantity": {
+        "choices": ("brdf", "brdf_cos", "brdf_cos_i", "reflectance_factor", "i_over_f"),
+        "help": "what a CSV file's values are: f (default), f cos(theta_o), f cos(theta_i), π f, π f cos(theta_i)",
+    },
+    "--missing VALUE": "the number that stands for no reading in a CSV file, such as -999; none: there is none",
+}
+"""How a file of readings is to be taken; of verbs that take any file."""
 JSON: Options = {"--json": "machine-readable"}
 
 
@@ -58,15 +72,40 @@ def given(args: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {name: getattr(args, name) for name in names if getattr(args, name) is not None}
 
 
-def read_table(path: str, merl_nodes: str | None) -> "Table":
-    """The table of a file, named after the file where it has no name of its own."""
+def reading_options(args: argparse.Namespace) -> dict[str, Any]:
+    """The keywords by which `gonio.data.formats.registry.load` takes a file as the command line says."""
+    options = {name: getattr(args, name, None) for name in ("angles", "quantity", "missing")}
+    options["nodes"] = getattr(args, "merl_nodes", None)
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def read_table(path: str, args: argparse.Namespace) -> "Table":
+    """The table of a file, named after the file where it has no name of its own; its warnings go to standard error."""
     from pathlib import Path
 
     from gonio.data.formats.registry import read
 
-    table = read(path, **({"nodes": merl_nodes} if merl_nodes else {}))
+    table = read(path, **reading_options(args))
     table.name = table.name or Path(path).stem
+    for warning in table.provenance.get("warnings", []):
+        log(f"gonio: {path}: {warning}")
     return table
+
+
+def as_stated(subject: str, args: argparse.Namespace) -> "Subject | str":
+    """A subject, read as the command line says; itself where that says nothing.
+
+    Raises GonioError where it is no file of readings.
+    """
+    options = reading_options(args)
+    if not options:
+        return subject
+    from gonio.data.formats.registry import is_there
+    from gonio.data.subject import resolve_subject
+
+    if not is_there(subject):
+        raise GonioError(f"{subject} is no file, so leave --{next(iter(options))} out")
+    return resolve_subject(subject, **options)
 
 
 def require_degrees(option: str, angle: float | None, low: float, high: float) -> None:

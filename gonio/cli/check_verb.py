@@ -6,7 +6,17 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from gonio.checks.properties import PROPERTIES
-from gonio.cli.arguments import FORCE, Options, add_options, require_degrees, write_json, write_text, writing_json
+from gonio.cli.arguments import (
+    FORCE,
+    READING,
+    Options,
+    add_options,
+    as_stated,
+    require_degrees,
+    write_json,
+    write_text,
+    writing_json,
+)
 from gonio.models.errors import GonioError
 from gonio.text import columns, log, show
 
@@ -40,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     subject = "a table, a material's name, or an expression"
     parser.add_argument("subject", metavar="FILE|MATERIAL", nargs="?", help=subject)
-    add_options(parser.add_argument, OPTIONS | FORCE)
+    add_options(parser.add_argument, OPTIONS | READING | FORCE)
     parser.set_defaults(feature_width=0.0, level=0.01)
 
 
@@ -58,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         return _run_repair(args, options)
     from gonio.checks.certify import check
 
-    certificate = check(args.subject, strict=args.strict, against=args.against, **options)
+    certificate = check(as_stated(args.subject, args), strict=args.strict, against=args.against, **options)
     if args.json:
         write_text(args.json, certificate.to_json(), args.force)
     if args.json != "-":
@@ -92,6 +102,8 @@ def print_certificate(certificate: "Certificate") -> None:
         show(f"{title}\n\n{columns(rows, HEADINGS)}\n")
     for p in certificate.properties:
         show(f"{p.name}: {p.detail}")
+    for note in certificate.notes:
+        show(f"note: {note}")
     show(f"The overall verdict is the worst of {certificate.basis}.")
 
 
@@ -117,7 +129,7 @@ def _run_repair(args: argparse.Namespace, options: dict[str, Any]) -> int:
     from gonio.checks.repairs.nearest_table import repair
     from gonio.data.hdf5.writer import write_table
 
-    result = repair(args.subject, nonnegative=args.nonnegative, step=args.step, **options)
+    result = repair(as_stated(args.subject, args), nonnegative=args.nonnegative, step=args.step, **options)
     change = {"file": args.repair, "moved": result.moved, "remark": result.remark, "after": result.after.to_dict()}
     with writing_json(args.json, result.before.to_dict() | {"repair": change}, args.force):
         write_table(args.repair, result.table, args.force)

@@ -3,7 +3,7 @@
 import argparse
 import io
 
-from gonio.cli.arguments import FORCE, MATERIAL, Options, add_options, write_text
+from gonio.cli.arguments import FORCE, MATERIAL, READING, Options, add_options, as_stated, write_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -13,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--directions DIRS.csv": {"required": True, "help": columns},
         "-o/--output OUT.csv": {"default": "-", "help": "default: standard output"},
     }
-    add_options(parser.add_argument, options | FORCE)
+    add_options(parser.add_argument, options | READING | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -24,11 +24,14 @@ def run(args: argparse.Namespace) -> int:
 
     from gonio.data.formats.csv import read_directions
     from gonio.data.formats.csv_columns import write_columns
+    from gonio.data.formats.registry import is_there, sniff
     from gonio.data.subject import load_material
     from gonio.models.evaluation import evaluate
 
-    wi, wo, columns = read_directions(args.directions)
-    f = np.asarray(evaluate(load_material(args.material).brdf, wi, wo))
+    wi, wo, columns = read_directions(args.directions, args.angles)
+    if not (is_there(args.material) and "angles" in sniff(args.material).options):
+        args.angles = None  # they are the directions' own
+    f = np.asarray(evaluate(load_material(as_stated(args.material, args)).brdf, wi, wo))
     columns |= {"f": f} if f.ndim == 1 else {f"f_{c + 1}": f[:, c] for c in range(f.shape[1])}
     text = io.StringIO()
     write_columns(text, columns)

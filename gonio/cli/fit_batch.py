@@ -34,7 +34,7 @@ def is_batch(files: Sequence[str]) -> bool:
 
 def table_of(file: str | Path, args: argparse.Namespace) -> "Table":
     """The table of a file, with the channels that the command line names."""
-    table = read_table(str(file), args.merl_nodes)
+    table = read_table(str(file), args)
     return table.only(args.channel) if args.channel else table
 
 
@@ -141,6 +141,7 @@ def _recipe(args: argparse.Namespace, options: dict[str, Any], path: Path) -> di
 
     digest = hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
     how = {"model": args.model, "channel": args.channel, "merl_nodes": args.merl_nodes, **options}
+    how |= {name: getattr(args, name) for name in ("angles", "quantity", "missing")}
     how = {name: value for name, value in how.items() if value is not None}
     return {"file": path.name, "sha256": digest, "gonio": __version__, **how}
 

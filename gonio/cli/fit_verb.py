@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gonio.cli.arguments import FORCE, MERL, Options, add_options, require_degrees, writing_json
+from gonio.cli.arguments import FORCE, MERL, READING, Options, add_options, require_degrees, writing_json
 from gonio.cli.fit_batch import SUFFIX, is_batch, run_batch, table_of
 from gonio.models.errors import GonioError
 from gonio.text import columns, log, number, show
@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     files = "a table in any format that can be read; several, or folders of them, are fitted one after another, on all "
     files += "processors, and a killed run goes on where it stopped"
     parser.add_argument("files", nargs="+", metavar="FILE", help=files)
-    add_options(parser.add_argument, OPTIONS | MERL | FORCE)
+    add_options(parser.add_argument, OPTIONS | MERL | READING | FORCE)
     parser.set_defaults(bootstrap=0, starts=8, seed=0)
 
 

@@ -2,22 +2,24 @@
 
 import argparse
 import json
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-from gonio.cli.arguments import JSON, add_options
+from gonio.cli.arguments import JSON, READING, add_options, reading_options
 from gonio.text import columns, show
 
 if TYPE_CHECKING:
     from gonio.data.material import Material
     from gonio.data.table import Table
 
+SENTENCES = ("understood", "warnings", "assumptions")
+"""Lists of the provenance that hold sentences."""
 FIT_FACTS = ("converged", "reason", "loss", "samples", "starts_agreed", "starts")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     file = "a table (HDF5, MERL, RGL, NIST or plain CSV), a material file, or published fits"
     parser.add_argument("file", metavar="FILE", help=file)
-    add_options(parser.add_argument, JSON)
+    add_options(parser.add_argument, READING | JSON)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -30,13 +32,21 @@ def run(args: argparse.Namespace) -> int:
         names = entries(file)
         facts = {"kind": sniff(file).name, "file": file, "materials": len(names), "names": ", ".join(names)}
     else:
-        content = load(args.file)
+        content = load(args.file, **reading_options(args))
         facts = _table(content) if isinstance(content, Table) else _material(content)
     if args.json:
         show(json.dumps(facts, indent=2, ensure_ascii=False))
         return 0
-    show(columns([[k, v if isinstance(v, str) else json.dumps(v, ensure_ascii=False)] for k, v in facts.items()]))
+    show(columns([[k, line] for k, v in facts.items() for line in _lines(k, v)]))
     return 0
+
+
+def _lines(name: str, value: Any) -> list[str]:
+    """A fact in words; of sentences one each."""
+    if isinstance(value, list) and name.startswith("provenance"):
+        words = [str(v) for v in cast("list[object]", value)]
+        return words if name.endswith(SENTENCES) else [", ".join(words)] if words else []
+    return [value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)]
 
 
 def _material(m: "Material") -> dict[str, Any]:

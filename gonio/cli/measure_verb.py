@@ -6,7 +6,7 @@ import shlex
 import sys
 from typing import TYPE_CHECKING
 
-from gonio.cli.arguments import FORCE, MATERIAL, Options, add_options, degrees, given
+from gonio.cli.arguments import FORCE, MATERIAL, READING, Options, add_options, as_stated, degrees, given
 from gonio.models.errors import GonioError
 from gonio.text import log, show
 
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_options(parser.add_argument, OUTPUT)
     add_options(parser.add_argument_group("scan").add_argument, SCAN)
     add_options(parser.add_argument_group("instrument (ideal by default)").add_argument, INSTRUMENT, N=float)
-    add_options(parser.add_argument, RUN | FORCE)
+    add_options(parser.add_argument, RUN | READING | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     from gonio.instrument.measurement import measure
 
     instrument = _instrument(args)
-    material = load_material(args.material)
+    material = load_material(as_stated(args.material, args))
     options = {name: getattr(args, name) for name in ("output", "seed", "force")}
     options["progress"] = args.progress or sys.stderr.isatty()
     options["dtype"] = "float32" if args.float32 else None

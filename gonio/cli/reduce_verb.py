@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from gonio.cli.arguments import FORCE, MERL, Options, add_options, read_table
+from gonio.cli.arguments import FORCE, MERL, READING, Options, add_options, read_table
 from gonio.models.errors import GonioError
 from gonio.text import log, number, show
 
@@ -16,7 +16,7 @@ OPTIONS: Options = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("table", metavar="TABLE", help="a table in any format that can be read")
-    add_options(parser.add_argument, OPTIONS | MERL | FORCE)
+    add_options(parser.add_argument, OPTIONS | MERL | READING | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     from gonio.data.scene import load_scene
 
     scene = load_scene(args.scene)
-    table = read_table(args.table, args.merl_nodes)
+    table = read_table(args.table, args)
     reduced = reduce_table(table, scene, args.tolerance, log)
     write_table(args.output, reduced.table, force=args.force)
     before, after = (Path(p).stat().st_size for p in (args.table, args.output))

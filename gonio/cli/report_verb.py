@@ -4,7 +4,7 @@ import argparse
 import shlex
 from pathlib import Path
 
-from gonio.cli.arguments import FORCE, Options, add_options
+from gonio.cli.arguments import FORCE, READING, Options, add_options, as_stated
 from gonio.text import show
 
 TITLE = "BRDF report"
@@ -22,21 +22,22 @@ OPTIONS: Options = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     subjects = "tables or materials: files, names or expressions"
     parser.add_argument("subjects", nargs="+", metavar="FILE", help=subjects)
-    add_options(parser.add_argument, OPTIONS | FORCE)
+    add_options(parser.add_argument, OPTIONS | READING | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:
     from gonio.reports.build import report
 
     options = {name: getattr(args, name) for name in ("against", "chart", "figures", "title", "force")}
-    report(args.subjects, args.output, fits=args.fit, check=not args.no_check, command=_command(args), **options)
+    subjects = [as_stated(s, args) for s in args.subjects]
+    report(subjects, args.output, fits=args.fit, check=not args.no_check, command=_command(args), **options)
     show(f"written: {args.output} and {Path(args.output).with_suffix('.json').name}")
     return 0
 
 
 def _command(args: argparse.Namespace) -> str:
     words = ["gonio", "report", *args.subjects, *(word for fit in args.fit for word in ("--fit", fit))]
-    for name in ("against", "chart", "figures"):
+    for name in ("against", "chart", "figures", "angles", "quantity", "missing"):
         words += [f"--{name}", getattr(args, name)] * bool(getattr(args, name))
     words += ["--no-check"] * args.no_check + (["--title", args.title] if args.title != TITLE else [])
     return shlex.join([*words, "-o", args.output])

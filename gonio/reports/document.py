@@ -61,6 +61,13 @@ def assemble(
     return Document(plain(values), figures, spheres, charts)
 
 
+def _notes(s: ReportSubject, e: Evaluation | None) -> list[str]:
+    """What the readings are suspected of, and how they are interpolated."""
+    if s.table is None:
+        return []
+    return [*s.table.provenance.get("warnings", []), *([] if e is None else [_interpolation_note(e)])]
+
+
 def _section(s: ReportSubject, e: Evaluation | None, fit: dict[str, Any] | None) -> dict[str, Any]:
     """Everything in the section of a subject but the figures."""
     rows = facts(s)
@@ -74,7 +81,7 @@ def _section(s: ReportSubject, e: Evaluation | None, fit: dict[str, Any] | None)
         "wavelengths_nm": s.channels.wavelengths_nm,
         "shown_channel": s.channel,
         "sentence": sentence(s, rows, fit),
-        "notes": [] if e is None or s.table is None else [_interpolation_note(e)],
+        "notes": _notes(s, e),
         "facts": rows,
         "certificate": None if s.certificate is None else s.certificate.to_dict(),
         "overall_basis": None if s.certificate is None else s.certificate.basis,
