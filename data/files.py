@@ -4,6 +4,7 @@ import contextlib
 import errno
 import os
 import re
+import stat
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -16,6 +17,8 @@ TOML_FORMAT = 1
 TomlKeys = Mapping[str, tuple[type, str]]
 """The types of the entries of a TOML table by their keys, and what to call them in a sentence."""
 T = TypeVar("T")
+UNFINISHED = ".part"
+"""The ending of a table that is being written block by block."""
 MOST_PARTS = 32
 """Parts of a dotted key, at most: the parser's memory grows as the square of their number."""
 
@@ -24,14 +27,18 @@ def input_size(path: str | os.PathLike[str]) -> int:
     """Bytes of a file to be read. Raises GonioError where it is absent, a folder, empty or not readable."""
     path = Path(path)
     try:
-        if path.is_dir():
-            raise GonioError(f"{path} is a folder; expected a file")
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode):  # a pipe would be waited for, a device has no end
+            kind = "folder" if stat.S_ISDIR(mode) else "pipe, socket or device"
+            raise GonioError(f"{path} is a {kind}; expected a file")
         with path.open("rb") as file:
             size = file.seek(0, os.SEEK_END)
     except FileNotFoundError:
         raise GonioError(f"{path} does not exist; check the name and the folder") from None
     except OSError as error:
         raise GonioError(f"{path} cannot be read ({error.strerror}); check its permissions") from None
+    except ValueError:
+        raise GonioError(f"{path} is no name of a file; check it for characters that none has") from None
     if size == 0:
         raise GonioError(f"{path} is empty; expected a file with measured values")
     return size
@@ -67,8 +74,9 @@ def refuse_outputs(
     for path in (str(o) for o in outputs if o is not None and str(o) != "-"):
         refuse_existing(path, force)
         real = os.path.realpath(path)
-        if real in known or (os.path.exists(path) and any(os.path.samefile(path, i) for i in known)):
-            raise GonioError(f"{path} is an input of this command; name another output")
+        for name in (path, f"{path}{UNFINISHED}"):
+            if os.path.exists(name) and any(os.path.samefile(name, i) for i in known):
+                raise GonioError(f"{name} is an input of this command; name another output")
         if real in written:
             raise GonioError(f"{path} and {written[real]} are one file; give each output a name of its own")
         written[real] = path
@@ -104,15 +112,21 @@ def new_file(path: str | os.PathLike[str], force: bool = False) -> Iterator[Path
     path = Path(path)
     refuse_existing(path, force)
     with output_errors(path):
-        handle, name = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{path.name}.", suffix=".tmp")
-        os.close(handle)
+        temporary = temporary_beside(path)
         try:
-            yield Path(name)
-            publish(name, path)
+            yield temporary
+            publish(temporary, path)
         except BaseException:
-            with contextlib.suppress(FileNotFoundError):
-                os.unlink(name)
+            temporary.unlink(missing_ok=True)
             raise
+
+
+def temporary_beside(path: Path) -> Path:
+    """A new empty file in the folder of `path`, which its name begins with; a name of any length finds room."""
+    start = os.fsdecode(os.fsencode(path.name)[:200])
+    handle, name = tempfile.mkstemp(dir=path.absolute().parent, prefix=f".{start}.", suffix=".tmp")
+    os.close(handle)
+    return Path(name)
 
 
 def publish(temporary: str | os.PathLike[str], path: str | os.PathLike[str]) -> None:

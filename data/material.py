@@ -17,7 +17,7 @@ from gonio.models.albedo import Estimate, directional_albedo
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import renamed_attribute
 from gonio.models.display import Displayed, listed
-from gonio.models.errors import GonioError
+from gonio.models.errors import GonioError, printable
 from gonio.models.evaluation import channel_count, evaluate, flat_pair, sampled_directions, sampling_density
 from gonio.models.expression.builder import to_expression
 from gonio.models.expression.derivatives import parameter_derivatives
@@ -39,6 +39,9 @@ class Material(Displayed):
     description: str = ""
     source: str = ""
     meta: dict[str, Any] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", printable(self.name))
 
     spelling = renamed_attribute("spelling", "expression")
 

@@ -1,6 +1,7 @@
 """Values as files can hold them: Python's own containers, numbers and texts."""
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -20,11 +21,32 @@ def toml_values(value: Any) -> Any:
     return _walked(value, lambda leaf: leaf if isinstance(leaf, bool | int | float | str) else str(leaf), True)
 
 
+def encodable(value: Any) -> Any:
+    """`unboxed`, with texts that UTF-8 can hold: lone surrogates are spelled out."""
+    return _walked(value, lambda leaf: _encodable(leaf) if isinstance(leaf, str) else leaf)
+
+
+def deepest(text: str) -> int:
+    """How many brackets of a JSON or TOML text stand inside one another, at most, outside of its strings.
+
+    To be asked before such a text is parsed: what walks through its values later calls itself for each.
+    """
+    depth = most = 0
+    for bracket in re.sub(r'"(?:\\.|[^"\\])*"|[^\[\]{}]', "", text, flags=re.DOTALL):
+        depth += 1 if bracket in "[{" else -1
+        most = max(most, depth)
+    return most
+
+
+def _encodable(text: str) -> str:
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
 def _walked(value: Any, leaf: Callable[[Any], Any], without_none: bool = False) -> Any:
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, dict):
-        items = ((str(k), v) for k, v in value.items() if not (without_none and v is None))
+        items = ((_encodable(str(k)), v) for k, v in value.items() if not (without_none and v is None))
         return {k: _walked(v, leaf, without_none) for k, v in items}
     if isinstance(value, list | tuple):
         return [_walked(v, leaf, without_none) for v in value if not (without_none and v is None)]

@@ -15,7 +15,7 @@ from gonio.data.channels import Channels as Channels
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout, scattered
 from gonio.models.display import Displayed, listed
-from gonio.models.errors import GonioError, nearest
+from gonio.models.errors import GonioError, nearest, printable
 
 if TYPE_CHECKING:
     import os
@@ -91,6 +91,7 @@ class Table(Displayed):
     """
 
     def __post_init__(self) -> None:
+        self.name = printable(self.name)
         for what in ("f", "flag", "u_f"):
             values = getattr(self, what)
             if values is not None and tuple(values.shape) != self.shape:

@@ -32,7 +32,9 @@ VERBS = {
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         # One line, like every other error of a user's.
-        sys.stderr.write(f"gonio: {message}; see '{self.prog} --help'.\n")
+        from gonio.models.errors import one_line
+
+        sys.stderr.write(f"gonio: {one_line(message)}; see '{self.prog} --help'.\n")
         raise SystemExit(2)
 
 
@@ -63,7 +65,7 @@ def main(argv: list[str] | None = None) -> int:
         print(_versions() if args.version else parser().format_help())
         return 0
     verb = importlib.import_module(f"gonio.cli.{args.verb}_verb")
-    from gonio.models.errors import GonioError
+    from gonio.models.errors import GonioError, one_line
 
     try:
         _prepare_jax()
@@ -81,6 +83,7 @@ def main(argv: list[str] | None = None) -> int:
         message = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
     except MemoryError:
         message = "not enough memory for this; use a smaller table or fewer samples"
+    message = one_line(message)
     sys.stderr.write(f"gonio: {message}{'' if message.endswith(('.', '?')) else '.'}\n")
     return 2
 
@@ -108,7 +111,9 @@ def command() -> None:
         # A fault of gonio's own: its status must not be taken for a verdict (1: fail), nor for a refused input (2).
         if os.environ.get("GONIO_DEBUG"):
             raise
-        why = (str(error).splitlines() or [""])[0][:200]
+        from gonio.models.errors import one_line
+
+        why = one_line((str(error).splitlines() or [""])[0], 200)
         sys.stderr.write(
             f"gonio: this is a fault of gonio ({type(error).__name__}: {why}); please report it with the"
             " command and its files. GONIO_DEBUG=1 shows where it is.\n"

@@ -6,12 +6,14 @@ import platform
 import sys
 from collections.abc import Sequence
 
+from gonio.models.errors import printable
+
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def columns(rows: Sequence[Sequence[str]], header: Sequence[str] | None = None) -> str:
-    """Rows as aligned columns, two spaces apart; the last column is left ragged."""
-    every = [*([header] if header else []), *rows]
+    """Rows as aligned columns, two spaces apart; the last column is left ragged. A cell is one line, `printable`."""
+    every = [[printable(cell) for cell in row] for row in [*([header] if header else []), *rows]]
     if not every:
         return ""
     widths = [max(len(r[i]) for r in every if i < len(r)) for i in range(max(map(len, every)))]
@@ -72,10 +74,10 @@ def sr_label(value: float) -> str:
 
 
 def show(text: str = "") -> None:
-    """A line to standard output, at once: a user of a long command sees it when it is true."""
-    print(text, flush=True)
+    """Lines to standard output, `printable`, at once: a user of a long command sees them when they are true."""
+    print(printable(text, kept="\n"), flush=True)
 
 
 def log(text: str) -> None:
     """A line to standard error: progress and remarks, which no pipe should swallow."""
-    print(text, file=sys.stderr, flush=True)
+    print(printable(text, kept="\n"), file=sys.stderr, flush=True)

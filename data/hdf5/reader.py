@@ -10,17 +10,26 @@ from typing import Any, NoReturn, TypeVar
 import h5py
 import numpy as np
 
-from gonio.data.channels import Channels
+from gonio.data.channels import LONGEST_NAME, Channels
 from gonio.data.files import input_size
 from gonio.data.hdf5.schema import FOOTER, GONIO_FORMAT, MAGIC, RECORD
+from gonio.data.hdf5.consistency import check_readings
 from gonio.data.layouts import LAYOUTS, Layout
+from gonio.data.serialise import deepest, encodable
 from gonio.data.table import Table
-from gonio.models.errors import GonioError
+from gonio.models.errors import GonioError, one_line
 
 LAZY_BYTES = 256 << 20
 """Values beyond this stay in the file and are read block by block."""
+MOST_UNPACKED = 100
+"""Bytes beyond `LAZY_BYTES` that may come out of one packed byte: readings, unlike a bomb, do not pack better."""
 MAX_DEFLATE = 1100
 """Deflate packs at most 1032 bytes into one: a dataset that claims more than this lies about its size."""
+DEEPEST = 32
+"""Lists and objects inside one another in a JSON attribute."""
+LONGEST_JSON = 16 << 20
+"""Characters of a JSON attribute."""
+REPACK = "write it unpacked (h5repack -f NONE -l CONTI)"
 RADIANS = {"radian": 1.0, "radians": 1.0, "rad": 1.0, "degree": math.pi / 180, "degrees": math.pi / 180}
 HEAP, HEAP_HEADER = b"GCOL\x01\x00\x00\x00", 16
 SEARCHED = 64 << 20
@@ -48,7 +57,9 @@ def open_table(path: str | os.PathLike[str], lazy_bytes: int = LAZY_BYTES) -> Ta
         message = f"{path} is not a whole HDF5 file (truncated, or another format); measure or copy it again"
         raise GonioError(message) from None
     try:
-        return _Reader(file).table(lazy_bytes)
+        table = _Reader(file).table(lazy_bytes)
+        check_readings(table)
+        return table
     except GonioError as error:
         file.close()
         raise GonioError(f"{path}: {error}") from None
@@ -129,9 +140,9 @@ class _Reader:
         wavelengths, (kind, axes) = self.wavelengths(count), self.axes()
         fields: dict[str, Any] = {
             "provenance": self.json("provenance", dict),
-            "source_solid_angle": self.attribute("source_solid_angle_sr", int | float),
-            "receiver_solid_angle": self.attribute("receiver_solid_angle_sr", int | float),
-            "name": self.attribute("title", str) or "",
+            "source_solid_angle": self.solid_angle("source_solid_angle_sr"),
+            "receiver_solid_angle": self.solid_angle("receiver_solid_angle_sr"),
+            "name": one_line(self.attribute("title", str) or "", LONGEST_NAME),
         }
         layout, channels = kind(axes), Channels(tuple(names), wavelengths)
         shape, nodes = (*layout.shape, len(channels)), {"f": f, "flag": flag, "u_f": u_f}
@@ -139,7 +150,8 @@ class _Reader:
             if node.shape != shape:
                 _fail(f"{name} has shape {node.shape}, but its axes and channels make {shape}")
             if self.stored(node):
-                fields[name] = node if f.nbytes > lazy_bytes else node[...]
+                # JAX takes numbers of this machine's byte order only.
+                fields[name] = node if f.nbytes > lazy_bytes else node[...].astype(node.dtype.newbyteorder("="))
             elif name != "u_f":
                 _fail("f or flag hold no values; measure it again")
             elif not np.isnan(node.fillvalue):
@@ -160,7 +172,15 @@ class _Reader:
         limit = MAX_DEFLATE * size if node.chunks else self.bytes
         if self.stored(node) and (size > self.bytes or node.nbytes > limit):
             _fail(f"variable {name} claims {node.nbytes} bytes, more than the file can hold; copy it again")
+        if node.chunks and math.prod(node.chunks) * node.dtype.itemsize > LAZY_BYTES:
+            _fail(f"variable {name} is packed in blocks of more than {LAZY_BYTES >> 20} MiB; {REPACK}")
+        if node.nbytes > max(LAZY_BYTES, MOST_UNPACKED * self.bytes):
+            _fail(f"variable {name} unpacks to {node.nbytes >> 20} MiB, of a file of {self.bytes} bytes; {REPACK}")
         return node
+
+    def has(self, name: str) -> bool:
+        """Whether there is a variable, or a link, of this name; no link is followed."""
+        return self.file.get(name, getlink=True) is not None
 
     @staticmethod
     def stored(node: h5py.Dataset) -> bool:
@@ -172,7 +192,7 @@ class _Reader:
         if name not in LAYOUTS:
             _fail(f"layout {name!r} is unknown; expected one of {', '.join(LAYOUTS)}")
         kind, axes = LAYOUTS[name], {}
-        for axis in (k.name for k in kind.axis_kinds if k.name not in kind.optional_axes or k.name in self.file):
+        for axis in (k.name for k in kind.axis_kinds if k.name not in kind.optional_axes or self.has(k.name)):
             node = self.node(axis)
             unit = self.attribute("units", str, node)
             if unit not in RADIANS:
@@ -183,13 +203,19 @@ class _Reader:
         return kind, axes
 
     def wavelengths(self, count: int) -> tuple[float, ...] | None:
-        if "wavelength" not in self.file:
+        if not self.has("wavelength"):
             return None
         node = self.node("wavelength")
         unit = self.attribute("units", str, node)
         if node.shape != (count,) or unit != "nm":
             _fail(f"wavelength has shape {node.shape} and units {unit!r}, expected one each in nm")
         return tuple(node[...])
+
+    def solid_angle(self, name: str) -> float | None:
+        value = self.attribute(name, int | float)
+        if value is not None and not 0 <= value <= 2 * math.pi * (1 + 1e-9):
+            _fail(f"attribute {name} is {value:g} sr; expected a solid angle from 0 to 2π")
+        return value
 
     def attribute(self, name: str, kind: type | UnionType, node: h5py.Dataset | None = None) -> Any:
         """A Python value of this kind, or None; netCDF writers wrap a single number in an array."""
@@ -207,11 +233,15 @@ class _Reader:
         return value
 
     def json(self, name: str, kind: type[T]) -> T:
-        text = self.attribute(name, str)
+        text = self.attribute(name, str) or "null"
         try:
-            value = json.loads(text or "null")
-        except (json.JSONDecodeError, RecursionError):
+            if len(text) > LONGEST_JSON or deepest(text) > DEEPEST:
+                _fail(f"attribute {name} is longer or deeper than any text that gonio writes; copy the file again")
+            value = json.loads(text)
+        except ValueError as error:
+            if isinstance(error, GonioError):
+                raise
             value = None
         if not isinstance(value, kind):
             _fail(f"attribute {name} is no JSON {kind.__name__}; copy the file again")
-        return value
+        return encodable(value)

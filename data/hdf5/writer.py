@@ -9,14 +9,13 @@ import contextlib
 import hashlib
 import json
 import os
-import struct
 from io import FileIO
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 
-from gonio.data.files import new_file, output_errors, publish, refuse_existing
+from gonio.data.files import UNFINISHED, new_file, output_errors, publish, refuse_existing, temporary_beside
 from gonio.data.hdf5 import schema
 from gonio.data.hdf5.reader import open_table
 from gonio.data.hdf5.schema import FOOTER, MAGIC, RECORD, CellLocations, TableHeader
@@ -63,7 +62,7 @@ class BlockWriter:
         u_f: bool | float = True,
         block_cells: int | None = None,
     ) -> None:
-        self.path, self.part = Path(path), Path(f"{path}.part")
+        self.path, self.part = Path(path), Path(f"{path}{UNFINISHED}")
         row, size = header.layout.row_size, header.layout.size
         if block_cells is None:
             block_cells = max(1, BLOCK_CELLS // row) * row if row <= BLOCK_CELLS else BLOCK_CELLS
@@ -133,51 +132,72 @@ class BlockWriter:
         return self.path
 
     def _begin(self, header: TableHeader, constant: float | None) -> "_Started":
-        file = None
+        # Whole before it has its name: what stands under that name is then either of gonio and known, or a stranger's.
+        file, temporary = None, temporary_beside(self.part)
         try:
-            locations = schema.create(self.part, header, constant)
-            file = _locked(self.part)
+            locations = schema.create(temporary, header, constant)
+            file = _locked(temporary)
             tail = file.seek(0, os.SEEK_END)
             records = np.zeros(len(self.blocks), RECORD)
             if hasattr(os, "posix_fallocate"):
                 os.posix_fallocate(file.fileno(), 0, tail + records.nbytes + FOOTER.size)
             file.seek(tail)
             file.write(records.tobytes() + FOOTER.pack(self._recipe, len(self.blocks), MAGIC))
+            self._take_name(temporary)
         except BaseException:
             if file is not None:
                 file.close()
-            self.part.unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
             raise
         return file, locations, records, tail
 
+    def _take_name(self, temporary: Path) -> None:
+        try:
+            os.link(temporary, self.part)
+        except FileExistsError:
+            raise GonioError(f"{self.part} is being written by another process; wait for it, or stop it") from None
+        except OSError:  # a file system without links
+            temporary.rename(self.part)
+        else:
+            temporary.unlink()
+
     def _continue(self, force: bool) -> "_Started | None":
-        if not self.part.exists():
+        if not os.path.lexists(self.part):
             return None
+        if self.part.is_symlink() or not self.part.is_file():
+            raise GonioError(f"{self.part} is a link, a folder or a device; remove it, or give another output")
         file = _locked(self.part)
-        with contextlib.suppress(OSError, KeyError, struct.error):  # killed while it was being made: begin anew
-            end = file.seek(0, os.SEEK_END)
-            file.seek(max(end - FOOTER.size, 0))
-            recipe, count, magic = FOOTER.unpack(file.read())
-            tail = end - FOOTER.size - count * RECORD.itemsize
-            if magic == MAGIC and tail > 0:
-                if recipe == self._recipe and count == len(self.blocks):
-                    locations = schema.cell_locations(self.part)
-                    file.seek(tail)
-                    records = np.frombuffer(file.read(count * RECORD.itemsize), RECORD).copy()
-                    # A block whose cells did not reach the disk (a power cut) does not count as done.
-                    for block in np.flatnonzero(records["done"]):
-                        if locations.check_sum(file, *self.blocks[block]) != records["crc"][block]:
-                            records["done"][block] = 0
-                    return file, locations, records, tail
-                if not force:
-                    file.close()
-                    raise GonioError(
-                        f"{self.part} holds an unfinished measurement of another recipe; "
-                        "finish that one, remove the file, or --force to begin anew"
-                    )
-        file.close()
-        self.part.unlink()
-        return None
+        try:
+            started = self._unfinished(file, force)
+        except BaseException:
+            file.close()
+            raise
+        if started is None:
+            file.close()
+            self.part.unlink()
+        return started
+
+    def _unfinished(self, file: FileIO, force: bool) -> "_Started | None":
+        """The state of a part of the same recipe; None where it may be removed: it is empty, or `force` says so."""
+        end = file.seek(0, os.SEEK_END)
+        file.seek(max(end - FOOTER.size, 0))
+        recipe, count, magic = FOOTER.unpack(file.read().rjust(FOOTER.size, b"\0"))
+        tail = end - FOOTER.size - count * RECORD.itemsize
+        known = magic == MAGIC and tail > 0
+        if known and recipe == self._recipe and count == len(self.blocks):
+            with contextlib.suppress(OSError, KeyError):
+                locations = schema.cell_locations(self.part)
+                file.seek(tail)
+                records = np.frombuffer(file.read(count * RECORD.itemsize), RECORD).copy()
+                # A block whose cells did not reach the disk (a power cut) does not count as done.
+                for block in np.flatnonzero(records["done"]):
+                    if locations.check_sum(file, *self.blocks[block]) != records["crc"][block]:
+                        records["done"][block] = 0
+                return file, locations, records, tail
+        if force or not end:
+            return None
+        what = "holds an unfinished measurement of another recipe" if known else "is no unfinished measurement of gonio"
+        raise GonioError(f"{self.part} {what}; finish or remove it, or --force to replace it")
 
 
 _Started = tuple[FileIO, CellLocations, np.ndarray, int]

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, Any
 
-from gonio.models.errors import GonioError
+from gonio.models.errors import GonioError, printable
 from gonio.text import log
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ def writing_json(path: str | None, content: object, force: bool) -> Generator[No
 
 
 def _json_text(content: object) -> str:
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return printable(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False), kept="\n") + "\n"
 
 
 def write_json(path: str, content: object, force: bool) -> None:

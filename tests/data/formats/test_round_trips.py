@@ -21,7 +21,7 @@ QUICK = settings(max_examples=15, deadline=None, suppress_health_check=list(Heal
 SUFFIXES = [known.suffixes[0] for known in FORMATS if known.write]
 PLAIN = st.none() | st.integers(-9, 9) | st.floats(allow_nan=False, width=32) | st.text(max_size=5)
 PROVENANCE = st.dictionaries(st.text(max_size=5), PLAIN, max_size=3)
-NAMES = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=8)
+NAMES = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cf", "Cs", "Zl", "Zp"]), max_size=8)
 
 
 def axis(kind, size, increasing):
@@ -45,12 +45,12 @@ def tables(draw, grid, count=None):
     grid = draw(grid)
     count = draw(st.integers(1, 4)) if count is None else count
     wavelengths = draw(st.none() | st.lists(st.floats(300, 2500), min_size=count, max_size=count).map(tuple))
-    names = tuple(draw(st.lists(NAMES, min_size=count, max_size=count)))
+    names = tuple(draw(st.lists(NAMES, min_size=count, max_size=count, unique=True)))
     rng, shape = np.random.default_rng(draw(st.integers(0, 2**32))), (*grid.shape, count)
     flag = rng.choice([int(Flag.VALID)] * 5 + [int(v) for v in Flag], shape).astype(np.uint8)
     flag[~grid.above_horizon().reshape(grid.shape)] = Flag.BELOW_HORIZON
     dtype = draw(st.sampled_from([np.float32, np.float64]))
-    f = np.where(flag == Flag.VALID, rng.lognormal(0, 20, shape) * rng.choice([-1, 1], shape), np.nan).astype(dtype)
+    f = np.where(flag == Flag.VALID, rng.lognormal(0, 10, shape) * rng.choice([-1, 1], shape), np.nan).astype(dtype)
     u_f = rng.choice([0.0, np.nan, 0.1], shape).astype(dtype) if draw(st.booleans()) else None
     table = Table(grid, f, flag, Channels(names, wavelengths), u_f, draw(PROVENANCE), draw(st.none() | st.just(1e-3)))
     table.name = draw(NAMES)

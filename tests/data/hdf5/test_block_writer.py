@@ -67,7 +67,7 @@ def test_a_stopped_writer_is_continued_and_another_recipe_refused(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["t.h5"]
 
 
-def test_a_damaged_part_is_begun_anew_and_a_lost_block_written_again(tmp_path):
+def test_a_damaged_part_is_kept_unless_forced_and_a_lost_block_written_again(tmp_path):
     table, path = random_table(LAYOUTS["half_difference"]), tmp_path / "t.h5"
     part = tmp_path / "t.h5.part"
     with writer(path, table) as blocks:
@@ -79,10 +79,19 @@ def test_a_damaged_part_is_begun_anew_and_a_lost_block_written_again(tmp_path):
     with writer(path, table) as blocks:
         assert blocks.missing_blocks() == [2]
     whole = part.read_bytes()
-    for length in (0, 100, len(whole) // 2, len(whole) - 1):
-        part.write_bytes(whole[:length])
-        with writer(path, table) as blocks:
+    for stranger in (b"a", whole[:100], whole[: len(whole) // 2], whole[:-1], b"notes of somebody\n" * 9):
+        part.write_bytes(stranger)
+        with pytest.raises(GonioError, match="t.h5.part is no unfinished measurement of gonio; finish or remove it"):
+            writer(path, table)
+        assert part.read_bytes() == stranger and [p.name for p in tmp_path.iterdir()] == [part.name]
+        with writer(path, table, force=True) as blocks:
             assert len(blocks.missing_blocks()) == len(blocks.blocks)
+    part.write_bytes(b"")
+    with writer(path, table) as blocks:
+        assert len(blocks.missing_blocks()) == len(blocks.blocks)
+    part.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(GonioError, match="is a link"):
+        writer(path, table, force=True)
 
 
 def test_an_ideal_instruments_uncertainty_is_not_stored(tmp_path):

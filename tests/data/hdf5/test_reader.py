@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gonio.data import layouts
+from gonio.data.flags import Flag
 from gonio.data.hdf5.writer import BlockWriter, TableHeader, open_table, write_table
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.models.errors import GonioError
@@ -15,7 +16,8 @@ def test_an_unfinished_part_is_refused_and_says_how_far_it_is(tmp_path):
         for k in blocks.missing_blocks():
             with pytest.raises(GonioError, match=f"unfinished measurement \\({k} of 4 blocks\\)"):
                 open_table(part)
-            blocks.write(k, np.full((30, 1), k), None, np.zeros((30, 1)))
+            below = ~grid.above_horizon(30 * k, 30 * (k + 1))
+            blocks.write(k, np.full((30, 1), k), None, np.where(below, Flag.BELOW_HORIZON, Flag.VALID))
         tail = part.read_bytes()[-200:]
         blocks.finish()
     assert open_table(tmp_path / "t.h5").f[3, 0, 0, 0] == 3
