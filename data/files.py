@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+from gonio.data.serialise import deepest
 from gonio.models.errors import GonioError, nearest
 
 TOML_FORMAT = 1
@@ -20,12 +21,16 @@ T = TypeVar("T")
 UNFINISHED = ".part"
 """The ending of a table that is being written block by block."""
 MOST_PARTS = 32
-"""Parts of a dotted key, at most: the parser's memory grows as the square of their number."""
+"""Parts of a dotted key, at most: the parser's memory grows as the square of their number. Brackets likewise."""
+LARGEST_WHOLE = 1 << 30
+"""Bytes of a file that is read as a whole."""
 
 
 def input_size(path: str | os.PathLike[str]) -> int:
     """Bytes of a file to be read. Raises GonioError where it is absent, a folder, empty or not readable."""
     path = Path(path)
+    if "\0" in str(path):
+        raise GonioError(f"{path} is no name of a file; leave out the null character")
     try:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode):  # a pipe would be waited for, a device has no end
@@ -37,10 +42,15 @@ def input_size(path: str | os.PathLike[str]) -> int:
         raise GonioError(f"{path} does not exist; check the name and the folder") from None
     except OSError as error:
         raise GonioError(f"{path} cannot be read ({error.strerror}); check its permissions") from None
-    except ValueError:
-        raise GonioError(f"{path} is no name of a file; check it for characters that none has") from None
     if size == 0:
         raise GonioError(f"{path} is empty; expected a file with measured values")
+    return size
+
+
+def whole_size(path: str | os.PathLike[str]) -> int:
+    """`input_size` of a file that is read as a whole. Raises GonioError beyond `LARGEST_WHOLE` too."""
+    if (size := input_size(path)) > LARGEST_WHOLE:
+        raise GonioError(f"{path} has {size >> 20} MiB; such a file has at most {LARGEST_WHOLE >> 20}")
     return size
 
 
@@ -161,6 +171,8 @@ def read_toml(
         text = Path(path).read_bytes().decode()
         if _deepest_key(text) > MOST_PARTS:
             raise ValueError(f"a key has more than {MOST_PARTS} parts")
+        if deepest(text) > MOST_PARTS:
+            raise ValueError(f"more than {MOST_PARTS} brackets stand inside one another")
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]

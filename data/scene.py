@@ -40,6 +40,7 @@ SKY = 8  # directions of a light that fills its range, for each view
 STEP = 7919  # points between the sequences of the skies
 MIN_TILT = 1e-3  # radians: tilt of the facets that views of highlights begin with
 MAX_THETA = 89.0  # degrees: beyond, a surface reflects nothing that a table could hold
+MOST_RANGES = 256  # lights, or views
 _KEYS = {
     "name": (str, "a text"), "description": (str, "a text"), "tolerance": (object, ""), "light": (list, "[[light]]"),
     "channels": (list, "a list of names, such as ['R', 'G', 'B']"), "view": (list, "[[view]]"),
@@ -177,18 +178,24 @@ class Scene(Displayed):
         k, total = np.arange(u.size), sum(e.weight for e in self.views)
         edges = np.cumsum([e.weight / total for e in self.views])[:-1]
         which = np.searchsorted(edges, (k + 0.5) / u.size, side="right")
-        even = [np.choose(which, c) for c in zip(*(e.directions(u, v) for e in self.views), strict=True)]
+        even = _chosen(which, [e.directions(u, v) for e in self.views])
         if not lights or any(e.solid_angle == 0 for e in self.views):
             # A pixel sees the surface foreshortened: how much of it lies at an angle goes with that angle's cosine.
-            return Direction(*even), even[2]
+            return even, even.z
         tilt = MIN_TILT * (math.pi / 2 / MIN_TILT) ** u
         h = from_spherical(tilt, 2 * math.pi * v, np)
-        wi = [np.choose((k // 2) % len(lights), c) for c in zip(*lights, strict=True)]
+        wi = _chosen((k // 2) % len(lights), lights)
         twice = 2 * sum(a * b for a, b in zip(wi, h, strict=True))
         wo = Direction(*(np.where(k % 2 == 1, twice * b - a, c) for a, b, c in zip(wi, h, even, strict=True)))
         target = sum(e.weight / total / e.solid_angle * e.contains(wo) for e in self.views)
         density = 0.5 * target + 0.5 * np.mean([_mirror_density(w, wo) for w in lights], axis=0)
         return wo, np.where(wo.z > 0, target * wo.z / density, 0.0)
+
+
+def _chosen(which: np.ndarray, directions: Sequence[Direction]) -> Direction:
+    """Of each of K directions the one of number `which`."""
+    each = np.arange(which.size)
+    return Direction(*(np.stack(components)[which, each] for components in zip(*directions, strict=True)))
 
 
 def _mirror_density(wi: Direction, wo: Direction) -> np.ndarray:
@@ -239,6 +246,8 @@ def _ranges(data: dict[str, Any], key: str) -> tuple[Range, ...]:
     entries = data.get(key)
     if not entries or not all(isinstance(e, dict) for e in entries):
         raise GonioError(f"it has no [[{key}]]; give at least one, with theta = [from, to] in degrees")
+    if len(entries) > MOST_RANGES:
+        raise GonioError(f"it has {len(entries)} [[{key}]]; give at most {MOST_RANGES}, of wider ranges")
     ranges = []
     for n, e in enumerate(entries):
         where = f"{key} {n + 1}: "

@@ -5,7 +5,7 @@ import itertools
 import re
 from collections.abc import Iterable
 
-LONGEST = 400
+LONGEST = 360
 """Characters of an error's sentence: beyond, its middle is left out."""
 _UNPRINTABLE = re.compile(
     r"[\x00-\x1f\x7f-\x9f\xad\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff\ufff9-\ufffb]"
@@ -28,10 +28,14 @@ def printable(text: str, kept: str = "") -> str:
 
 def one_line(text: str, longest: int = LONGEST) -> str:
     """`printable`, and of at most `longest` characters: the middle of a longer one gives way to an ellipsis."""
-    if len(text) > longest:
-        ahead = longest * 2 // 3
-        text = f"{text[:ahead]} … {text[ahead + 3 - longest :]}"
-    return printable(text)
+    return _cut(printable(_cut(text, longest)), longest)
+
+
+def _cut(text: str, longest: int) -> str:
+    if len(text) <= longest:
+        return text
+    ahead = longest * 2 // 3
+    return f"{text[:ahead]} … {text[ahead + 3 - longest :]}"
 
 
 class GonioError(ValueError):

@@ -12,7 +12,7 @@ import numpy as np
 
 from gonio.data import layouts
 from gonio.data.channels import Channels
-from gonio.data.files import input_size, new_file, stem
+from gonio.data.files import new_file, stem, whole_size
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout
 from gonio.data.round_trip import RoundTrip, compare, compare_cells
@@ -49,7 +49,7 @@ def read_merl(path: str | os.PathLike[str], nodes: str = "lower") -> Table:
     (data that are not reciprocal), any other half of it. Raises GonioError where header and file size
     disagree.
     """
-    size = input_size(path)
+    size = whole_size(path)
     with open(path, "rb") as file:
         start = file.read(12)
         counts = header_counts(start, size)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from gonio.data.consistency import check_readings
 from gonio.data.files import input_size
 from gonio.data.formats import bbm_fits, csv, csv_directions, material_file, merl, nist_ptfe, rgl_file
 from gonio.data.formats.csv_columns import CsvText
@@ -152,7 +153,13 @@ def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
         options["entry"] = entry
     if unknown := sorted(set(options) - set(known.options)):
         raise GonioError(f"{path} is a {known.name} file, which has no option {unknown[0]!r}; leave it out")
-    return known.read(file, **options)
+    content = known.read(file, **options)
+    if isinstance(content, Table):
+        try:
+            check_readings(content)
+        except GonioError as error:
+            raise GonioError(f"{path}: {error}") from None
+    return content
 
 
 def read(path: str | os.PathLike[str], **options: Any) -> Table:

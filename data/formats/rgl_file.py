@@ -12,9 +12,9 @@ import numpy as np
 
 from gonio.data import layouts
 from gonio.data.channels import Channels
-from gonio.data.files import input_size, stem
+from gonio.data.files import stem, whole_size
 from gonio.data.flags import Flag
-from gonio.data.interpolation.rgl_data import RGLData, coarser, samples_of
+from gonio.data.interpolation.rgl_data import RGLData, coarser, projected_area, samples_of
 from gonio.data.layouts import spherical_angles
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 MAGIC = b"tensor_file\0"
 DTYPES = {1: "u1", 2: "i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<u8", 8: "<i8", 9: "<f2", 10: "<f4", 11: "<f8"}
 MAX_DIMENSIONS = 16
+LARGEST = 1e30
+"""Of the numbers of a map: products of three are still numbers."""
 FLOAT32_HORIZON = 1e-6
 """Cosine up to which an angle that was rounded to float32 is 90 degrees: the last theta_i of a file is 1.57079625."""
 
@@ -51,6 +53,7 @@ def read_rgl_data(path: str | os.PathLike[str]) -> RGLData:
     ndf, sigma, vndf = take("ndf", 2), take("sigma", 2), take("vndf", 4)
     spectra = take("spectra" if spectral else "rgb", 5)
     channels = Channels.of_wavelengths(take("wavelengths", 1)) if spectral else Channels.rgb()
+    jacobian = bool(np.ravel(fields.get("jacobian", np.ones(1)))[:1].any())
     expected = (phi_i.size, theta_i.size)
     if vndf.shape[:2] != expected or spectra.shape[:2] != expected:
         fail(f"{expected} incidences, but vndf has shape {vndf.shape} and the spectra {spectra.shape}")
@@ -62,8 +65,13 @@ def read_rgl_data(path: str | os.PathLike[str]) -> RGLData:
         fail("theta_i or phi_i do not increase, or leave the hemisphere")
     if vndf.min() < 0 or not (vndf.sum(axis=(2, 3)) > 0).all() or ndf.min() < 0 or sigma.min() < 0:
         fail("ndf, vndf or sigma hold negative or no densities")
+    if jacobian and not (projected_area(sigma, theta_i, phi_i[:, None]) > 0).all():
+        fail("sigma, by which f is divided, is 0 at an incidence")
+    if max(float(np.abs(a).max()) for a in (ndf, sigma, vndf, spectra)) > LARGEST:
+        fail(f"it holds numbers beyond {LARGEST:g}")
+    if phi_i.size > 2 and np.rint(2 * np.pi / np.ptp(phi_i)) not in (1, 2, 4):
+        fail(f"phi_i covers {np.degrees(np.ptp(phi_i)):.3g} degrees, expected 90, 180 or 360")
     description = bytes(fields.get("description", np.zeros(0, np.uint8)).astype(np.uint8)).decode(errors="replace")
-    jacobian = bool(np.ravel(fields.get("jacobian", np.ones(1)))[:1].any())
     return RGLData(theta_i, phi_i, ndf, sigma, vndf, spectra, channels, description.strip("\0 "), jacobian)
 
 
@@ -107,7 +115,7 @@ def read_rgl(path: str | os.PathLike[str]) -> Table:
 
 def read_tensors(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     """The arrays of a tensor file by name. Raises GonioError where the header and the file disagree in any way."""
-    input_size(path)
+    whole_size(path)
     with open(path, "rb") as file:
         data = file.read()
     return parse_tensors(data, str(path))

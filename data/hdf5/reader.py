@@ -11,9 +11,9 @@ import h5py
 import numpy as np
 
 from gonio.data.channels import LONGEST_NAME, Channels
+from gonio.data.consistency import check_readings
 from gonio.data.files import input_size
 from gonio.data.hdf5.schema import FOOTER, GONIO_FORMAT, MAGIC, RECORD
-from gonio.data.hdf5.consistency import check_readings
 from gonio.data.layouts import LAYOUTS, Layout
 from gonio.data.serialise import deepest, encodable
 from gonio.data.table import Table

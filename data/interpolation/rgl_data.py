@@ -71,11 +71,16 @@ def samples_of(data: RGLData, p: int, t: int) -> tuple[np.ndarray, np.ndarray, n
     wo = twice * m - wi[:, None]
     f = data.spectra[p, t].reshape(-1, r * r).T.copy()
     if data.jacobian:
-        sigma = _bilinear(data.sigma, np.sqrt(theta_i * 2 / np.pi), (phi_i + np.pi) / (2 * np.pi))
+        sigma = projected_area(data.sigma, theta_i, phi_i)
         f *= (_bilinear(data.ndf, u_x, u_y) / (4 * sigma))[:, None]
     from gonio.models.geometry.horizon import HORIZON
 
     return wi, wo, f / np.where(wo[2] > HORIZON, wo[2], np.inf)[:, None]
+
+
+def projected_area(sigma: np.ndarray, theta_i: Any, phi_i: Any) -> np.ndarray:
+    """Projected area of the facets, σ, of a file's map at the directions of the light, radians, which broadcast."""
+    return _bilinear(sigma, np.sqrt(theta_i * 2 / np.pi), (phi_i + np.pi) / (2 * np.pi))
 
 
 def _direction(theta: np.ndarray | float, phi: np.ndarray | float) -> np.ndarray:

@@ -13,7 +13,7 @@ from typing import Any, TypedDict, Unpack
 from gonio.checks.certificate import Certificate
 from gonio.data.files import new_file, output_errors, refuse_outputs
 from gonio.models.deprecation import settings_of
-from gonio.models.errors import GonioError
+from gonio.models.errors import GonioError, printable
 from gonio.reports.document import Document, assemble
 from gonio.reports.page import page
 from gonio.reports.subject import ReportSubject, assign_fits, distinguish_names, fit_of, subject_of
@@ -139,8 +139,12 @@ def report(
     text = page(document, None if values_file is None else values_file.name)
     files: dict[Path, bytes] = {}
     if output is not None and values_file is not None:
-        values = json.dumps(document.values, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n"
-        files = {Path(output): text.encode(), values_file: values.encode()}
+        values = json.dumps(document.values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+        # A file's name may hold bytes that are no text.
+        files = {
+            Path(output): text.encode(errors="backslashreplace"),
+            values_file: f"{printable(values)}\n".encode(),
+        }
     if settings.figures is not None:
         files |= _figure_files(Path(settings.figures), document, shown)
         with output_errors(Path(settings.figures)):

@@ -1,6 +1,8 @@
 """The page: the document in HTML, with its figures drawn in; nothing comes from elsewhere, nobody's name is code."""
 
 import base64
+import hashlib
+import importlib.resources
 import json
 import math
 import re
@@ -13,6 +15,7 @@ from matplotlib.colors import to_hex, to_rgb
 
 from gonio.figures.diagnostics import channel_colours
 from gonio.figures.style import MARK_BLACK, MARK_WHITE, PALETTE, shades
+from gonio.models.errors import printable
 from gonio.reports.document import Document
 from gonio.text import without_zeros, written
 
@@ -28,6 +31,7 @@ def page(document: Document, values_file: str | None) -> str:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("gonio.reports"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
+    script = (importlib.resources.files("gonio.reports") / "templates" / "report_lobes.js").read_text(encoding="utf-8")
     pictures, used = {}, set(PALETTE)
     accents = _accents()
     for name, figure in document.figures.items():
@@ -46,6 +50,20 @@ def page(document: Document, values_file: str | None) -> str:
         values_file=values_file,
         dark=rules(used),
         lobes=embedded(lobes),
+        script=script,
+        policy=policy(script),
+    )
+
+
+def policy(script: str) -> str:
+    """The page's Content-Security-Policy: it asks nobody for anything, and runs this one script.
+
+    Style attributes stay allowed: every line of an SVG has one.
+    """
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return (
+        f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; img-src data:; "
+        "base-uri 'none'; form-action 'none'"
     )
 
 
@@ -128,7 +146,7 @@ def _text(value: Any, digits: int, decimals: int | None) -> str:
     if isinstance(value, int):
         return f"{value:,}".replace("-", "−")
     if not isinstance(value, float):
-        return str(value)
+        return printable(str(value), kept="\n")
     if decimals is not None and abs(value) < 1e7:
         return f"{value:.{decimals}f}".replace("-", "−")
     return written(value, digits)

@@ -26,6 +26,8 @@ from gonio.models.parameters import ParameterInfo, parameters_of
 
 LONGEST = 200_000  # characters: a thousand wavelengths at full precision are a tenth of it
 DEEPEST = 20
+MOST_MODELS = 32  # each is compiled by itself: of 200 lobes it takes minutes
+MOST_NESTED = 4  # models over models: compiling doubles with each
 EXTENTS = ("shared", "each")  # free numbers: one for all channels, or one for each
 SPELLED_SCALE = dataclasses.replace(SCALE, high=1e12)  # published fits have factors of 1e9; ours look up to 1e6
 
@@ -69,7 +71,7 @@ class _Parser:
     def __init__(self, text: str) -> None:
         if len(text) > LONGEST:
             raise GonioError(f"A model expression of {len(text)} characters came; at most {LONGEST} are read.")
-        self.text, self.tokens, self.next_token = text, [], 0
+        self.text, self.tokens, self.next_token, self.nested = text, [], 0, 0
         position, end = 0, len(text.rstrip())
         while position < end:
             match = _TOKEN.match(text, position)
@@ -163,7 +165,11 @@ class _Parser:
                 chosen[key] = self.option(name, key, options[key])
             elif key in submodels_of(MODELS[name]):
                 self.expect("=")
+                self.nested += 1
+                if self.nested > MOST_NESTED:
+                    raise self.error(f"more than {MOST_NESTED} models stand over one another")
                 inside[key] = tuple(self.sum(depth + 1))
+                self.nested -= 1
             elif key in known:
                 free = self.accept("~")
                 if not free:
@@ -250,6 +256,8 @@ def parse(text: str) -> tuple[Term, ...]:
     terms = parser.sum()
     if parser.peek()[0] != "end":
         raise parser.error(f"nothing more was expected where {parser.peek()[1]!r} came")
+    if (count := sum(1 for _ in calls(tuple(terms)))) > MOST_MODELS:
+        raise parser.error(f"it has {count} models; give at most {MOST_MODELS}")
     lists = {len(v.number) for v in _values_of(terms) if isinstance(v.number, tuple)}
     if len(lists) > 1:
         raise parser.error(

@@ -74,6 +74,7 @@ def test_shipped_scenes_are_read_by_name(tmp_path):
         (GOOD + "weight = 0", "above it"),
         ("channels = 'R'\n" + GOOD, "list of names"),
         ("= 3", "not a TOML file"),
+        (GOOD + "[[view]]\ntheta = 3\n" * 300, "at most 256"),
     ],
 )
 def test_each_fault_of_a_file_is_one_sentence(tmp_path, text, words):
@@ -83,6 +84,14 @@ def test_each_fault_of_a_file_is_one_sentence(tmp_path, text, words):
         read_scene(path)
     message = str(error.value)
     assert "\n" not in message and "scene.toml" in message and any(w in message for w in words.split("|"))
+
+
+def test_many_lights_and_views_are_one_scene_and_too_many_are_refused():
+    parts = [Range(HALF.theta, (k / 50, (k + 1) / 50), 1.0) for k in range(50)]
+    pairs = Scene("s", 0.1, tuple(parts), tuple(parts)).pairs(20_000)
+    np.testing.assert_allclose(pairs.share.sum(), 1)
+    angles = np.unique(np.floor(np.arctan2(pairs.wo.y, pairs.wo.x)[np.diff(pairs.view, prepend=-1) != 0] * 50))
+    assert set(range(50)) <= set(angles.astype(int))
 
 
 def test_what_a_scene_or_a_table_lacks_is_named():

@@ -1,5 +1,6 @@
 """Files are known by their content, whatever their name."""
 
+import os
 import struct
 
 import numpy as np
@@ -66,6 +67,12 @@ def test_an_unknown_or_damaged_file_is_refused_in_one_sentence(tmp_path, content
 
 
 def test_paths_that_are_no_files(tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    for path in (tmp_path / "fifo", "/dev/zero"):
+        with pytest.raises(GonioError, match="is a pipe, socket or device"):
+            sniff(path)
+    with pytest.raises(GonioError, match="null character"):
+        sniff("a\0b.csv")
     with pytest.raises(GonioError, match="is a folder"):
         sniff(tmp_path)
     with pytest.raises(GonioError, match="does not exist"):

@@ -116,6 +116,17 @@ def test_without_jacobian_the_spectra_stand_alone(tmp_path):
     assert table.counts()["negative"] == block.f.size
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [("sigma", 0.0, "sigma, by which f is divided, is 0"), ("rgb", 3e38, "numbers beyond"), ("ndf", -1.0, "negative")],
+)
+def test_maps_that_make_no_value_are_refused(tmp_path, name, value, said):
+    fields = material()
+    fields[name] = np.full_like(fields[name], value)
+    with pytest.raises(GonioError, match=said):
+        read_rgl(written(tmp_path / "m.bsdf", fields))
+
+
 @pytest.mark.parametrize("span", [2 * np.pi, np.pi, np.pi / 2])
 def test_an_anisotropic_file_stands_for_all_its_sectors(tmp_path, span):
     table = read_rgl(written(tmp_path / "m.bsdf", material(np.linspace(-np.pi, -np.pi + span, 4))))

@@ -81,7 +81,7 @@ def test_a_damaged_part_is_kept_unless_forced_and_a_lost_block_written_again(tmp
     whole = part.read_bytes()
     for stranger in (b"a", whole[:100], whole[: len(whole) // 2], whole[:-1], b"notes of somebody\n" * 9):
         part.write_bytes(stranger)
-        with pytest.raises(GonioError, match="t.h5.part is no unfinished measurement of gonio; finish or remove it"):
+        with pytest.raises(GonioError, match=r"t\.h5\.part is no unfinished measurement of gonio; finish or remove it"):
             writer(path, table)
         assert part.read_bytes() == stranger and [p.name for p in tmp_path.iterdir()] == [part.name]
         with writer(path, table, force=True) as blocks:

@@ -78,6 +78,10 @@ def test_what_a_fit_is_told():
         ("__import__('os').system('true')", ["__import__"]),
         ("(" * 50 + "lambert(rho=0.1)" + ")" * 50, ["brackets"]),
         ("lambert(rho=0." + "1" * 300_000 + ")", ["characters"]),
+        (" + ".join(["lambert(rho=0.01)"] * 60), ["60 models", "32"]),
+        ("coat(base=" * 6 + "lambert(rho=0.1)" + ", alpha=0.1, eta=1.5)" * 6, ["4 models stand over one another"]),
+        ("x" * 150_000, ["Unknown model"]),
+        ("lambert(rho=0.1, \x1b[2J\n\u202e=3)", ["u001b"]),
     ],
 )
 def test_what_cannot_be_meant_is_one_sentence(text, words):
