@@ -1,6 +1,8 @@
 """``gonio fit``: from a table to a model, written as a material file."""
 
 import argparse
+import collections
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +14,7 @@ from gonio.text import columns, log, number, show
 
 if TYPE_CHECKING:
     from gonio.fitting.result import FitResult
-
+    from gonio.fitting.uncertainty.optimum import ParameterEstimate
 
 OPTIONS: Options = {
     "-m/--model MODEL": {
@@ -42,6 +44,7 @@ OPTIONS: Options = {
     "--scene S": "a scene's file, or a shipped scene's name: weigh by what it sees, meet its tolerance",
     "--seed SEED": "of random starts and samples (default 0)",
 }
+MOST_ROWS = 48  # free numbers that are shown one by one
 METRIC_NAMES = {
     "relative_rms": "relative rms",
     "relative_rms_cosine": "with cosines",
@@ -115,6 +118,8 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
 
 def summary(r: "FitResult") -> list[str]:
     """What is known of a fit, the numbers first."""
+    from gonio.fitting.uncertainty.identifiability import listed
+
     floor = f" (floor {number(max(r.floor), 3)})" if r.loss in ("cbrt", "log") and r.floor else ""
     weighting = [f"{name} {kind}" for name, kind in (("weight", r.weight), ("robust", r.robust)) if kind]
     verdict = "converged" if r.converged else "NOT converged"
@@ -131,7 +136,7 @@ def summary(r: "FitResult") -> list[str]:
             if c
         ),
         *([f"readings: {', '.join(counts)}"] if counts else []),
-        *(f"active bound: {name}" for name in r.active_bounds),
+        *([f"active bound{'s' * (len(r.active_bounds) > 1)}: {listed(r.active_bounds)}"] if r.active_bounds else []),
         *(f"undetermined: {sentence}" for sentence in r.undetermined),
         *(f"correlated: {c['a']} and {c['b']} by {number(c['correlation'], 4)}" for c in r.correlated),
         *(f"residuals: {sentence}" for sentence in (r.residuals.sentences if r.residuals else [])),
@@ -155,7 +160,12 @@ def _free_numbers(r: "FitResult") -> list[str]:
     b = r.bootstrap
     refits = {n["name"]: n for n in b["numbers"]} if b else {}
     rows: list[list[str]] = []
-    for p in (p for p in r.parameters if p.status != "fixed"):
+    free = [p for p in r.parameters if p.status != "fixed"]
+    for p in free:
+        if p.channel and len(free) > MOST_ROWS:
+            if p.channel == r.channels.names[0]:
+                rows.append(_summed_up([other for other in free if other.name == p.name], bool(refits)))
+            continue
         spread = [_interval(p.interval95)]
         if p.label in refits:
             spread = [number(refits[p.label]["standard_uncertainty"], 2), _interval(refits[p.label]["interval95"])]
@@ -168,6 +178,21 @@ def _free_numbers(r: "FitResult") -> list[str]:
             f"{max(b['blocks'])} blocks of {max(b['block_cells'])} neighbouring cells"
         )
     return lines
+
+
+def _summed_up(estimates: "Sequence[ParameterEstimate]", refits: bool) -> list[str]:
+    """One row for a number that many channels have: least and largest value, and how many have which status."""
+    values, known = ([getattr(p, name) for p in estimates] for name in ("value", "standard_uncertainty"))
+    known = [u for u in known if math.isfinite(u)]
+    statuses = collections.Counter(p.status for p in estimates)
+    return [
+        f"{estimates[0].name} ({len(estimates)} channels)",
+        f"{number(min(values), 4)} to {number(max(values), 4)}",
+        f"up to {number(max(known), 2)}" if known else "not known",
+        *(["", ""] if refits else []),
+        "each in the file",
+        ", ".join(f"{n} {status}" for status, n in statuses.items()),
+    ]
 
 
 def _interval(ends: Sequence[float]) -> str:
