@@ -166,10 +166,12 @@ def _decide(
     quadratic = info(before, jnp.ones_like(y))
     state = jax.tree.map(lambda _: lane.step_size, jax.eval_shape(search.init, y, quadratic))
     step_size, accept, _, _ = search.step(lane.first, y, lane.trial, quadratic, evaluated(cost), state)
-    # A projected trial is no step of the quadratic model: it counts by its cost, and leaves the step's size as it is.
+    # A projected trial is no step of the quadratic model: it counts by its cost, and where that is lower the step's size
+    # stays; else the step that it came from was too long, whatever the model promised of the projection.
     better = cost < (1.0 - 0.5 * WORTHWHILE) * before.cost
     accept = jnp.where(lane.projected, better, accept)
-    step_size = jnp.where(lane.projected & better, lane.step_size, step_size)
+    shorter = jnp.where(better, 1.0, search.low_constant) * lane.step_size
+    step_size = jnp.where(lane.projected, shorter, step_size)
     # Below its own rounding the cost says nothing, while the gradient still does: there a step counts by that.
     by_gradient = (cost <= before.cost + rounding) & (trial.stationarity < 0.9 * before.stationarity)
     by_gradient = by_gradient & ~accept & ~lane.first
