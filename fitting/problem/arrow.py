@@ -23,12 +23,12 @@ class Sizes(NamedTuple):
 
     shared: int
     channels: int
-    own: int
+    per_channel: int
 
     @property
     def total(self) -> int:
         """Number of all numbers."""
-        return self.shared + self.channels * self.own
+        return self.shared + self.channels * self.per_channel
 
 
 class Arrow(NamedTuple):
@@ -37,9 +37,9 @@ class Arrow(NamedTuple):
     Vectors over them are in the order of the arrow: the shared numbers, then channel by channel.
     """
 
-    shared: Float[AnyArray, "*b s s"]
-    across: Float[AnyArray, "*b c s q"]
-    own: Float[AnyArray, "*b c q q"]
+    corner: Float[AnyArray, "*b s s"]
+    border: Float[AnyArray, "*b c s q"]
+    blocks: Float[AnyArray, "*b c q q"]
 
     @classmethod
     def dense(cls, matrix: Float[AnyArray, "*b p p"]) -> "Arrow":
@@ -50,8 +50,8 @@ class Arrow(NamedTuple):
     @property
     def sizes(self) -> Sizes:
         """Numbers of each kind."""
-        channels, shared, own = self.across.shape[-3:]
-        return Sizes(shared, channels, own)
+        channels, shared, per_channel = self.border.shape[-3:]
+        return Sizes(shared, channels, per_channel)
 
     def parts(self, v: Float[AnyArray, "*b p"]) -> tuple[Float[AnyArray, "*b s"], Float[AnyArray, "*b c q"]]:
         """The shared numbers of a vector, and those of each channel."""
@@ -60,29 +60,29 @@ class Arrow(NamedTuple):
 
     def diagonal(self) -> Float[AnyArray, "*b p"]:
         """The diagonal."""
-        return joined(*(a.diagonal(axis1=-2, axis2=-1) for a in (self.shared, self.own)))
+        return joined(*(a.diagonal(axis1=-2, axis2=-1) for a in (self.corner, self.blocks)))
 
     def mv(self, v: Float[AnyArray, "*b p"]) -> Float[AnyArray, "*b p"]:
         """The matrix times a vector."""
-        shared, own = self.parts(v)
+        shared, each = self.parts(v)
         return joined(
-            (self.shared @ shared[..., None])[..., 0] + _sum_over_channels(self.across @ own[..., None])[..., 0],
-            (_transposed(self.across) @ shared[..., None, :, None] + self.own @ own[..., None])[..., 0],
+            (self.corner @ shared[..., None])[..., 0] + _sum_over_channels(self.border @ each[..., None])[..., 0],
+            (_transposed(self.border) @ shared[..., None, :, None] + self.blocks @ each[..., None])[..., 0],
         )
 
     def scaled(self, factor: Float[AnyArray, "*b p"]) -> "Arrow":
         """The matrix with rows and columns times these factors."""
-        shared, own = self.parts(factor)
+        shared, each = self.parts(factor)
         return Arrow(
-            self.shared * shared[..., :, None] * shared[..., None, :],
-            self.across * shared[..., None, :, None] * own[..., None, :],
-            self.own * own[..., :, None] * own[..., None, :],
+            self.corner * shared[..., :, None] * shared[..., None, :],
+            self.border * shared[..., None, :, None] * each[..., None, :],
+            self.blocks * each[..., :, None] * each[..., None, :],
         )
 
     def plus_diagonal(self, added: Float[AnyArray, "*b p"]) -> "Arrow":
         """The matrix with a vector added to its diagonal."""
-        shared, own = (a[..., None] * _like(np.eye(a.shape[-1]), a.ndim + 1) for a in self.parts(added))
-        return Arrow(self.shared + shared, self.across, self.own + own)
+        shared, each = (a[..., None] * _like(np.eye(a.shape[-1]), a.ndim + 1) for a in self.parts(added))
+        return Arrow(self.corner + shared, self.border, self.blocks + each)
 
     def restricted(self, kept: np.ndarray) -> "Arrow":
         """The matrix with a unit row and column for every number that is not kept."""
@@ -90,27 +90,27 @@ class Arrow(NamedTuple):
 
     def solved(self, v: Float[AnyArray, "*b p"]) -> Float[AnyArray, "*b p"]:
         """Solution x of the positive definite system `self x = v`; NaN where it is not positive definite."""
-        xp = module_of(self.shared)
-        shared, own = self.parts(v)
-        across = xp.broadcast_to(self.across, (*v.shape[:-1], *self.across.shape[-3:]))
-        eliminated = solve_by_elimination(self.own, xp.concatenate([_transposed(across), own[..., None]], axis=-1))
-        border, own = eliminated[..., :-1], eliminated[..., -1:]
-        corner = self.shared - _sum_over_channels(self.across @ border)
-        right = shared[..., None] - _sum_over_channels(self.across @ own)
-        x = solve_by_elimination(corner, right)
-        return joined(x[..., 0], (own - border @ x[..., None, :, :])[..., 0])
+        xp = module_of(self.corner)
+        shared, each = self.parts(v)
+        border = xp.broadcast_to(self.border, (*v.shape[:-1], *self.border.shape[-3:]))
+        eliminated = solve_by_elimination(self.blocks, xp.concatenate([_transposed(border), each[..., None]], axis=-1))
+        share, blocks = eliminated[..., :-1], eliminated[..., -1:]
+        schur = self.corner - _sum_over_channels(self.border @ share)
+        right = shared[..., None] - _sum_over_channels(self.border @ blocks)
+        x = solve_by_elimination(schur, right)
+        return joined(x[..., 0], (blocks - share @ x[..., None, :, :])[..., 0])
 
     def whole(self) -> Float[np.ndarray, "*b p p"]:
         """The matrix in full."""
         s, channels, q = self.sizes
         total = self.sizes.total
-        matrix = np.zeros((*self.shared.shape[:-2], total, total))
-        matrix[..., :s, :s] = self.shared
+        matrix = np.zeros((*self.corner.shape[:-2], total, total))
+        matrix[..., :s, :s] = self.corner
         for c in range(channels):
             these = slice(s + c * q, s + (c + 1) * q)
-            matrix[..., :s, these] = self.across[..., c, :, :]
-            matrix[..., these, :s] = _transposed(self.across[..., c, :, :])
-            matrix[..., these, these] = self.own[..., c, :, :]
+            matrix[..., :s, these] = self.border[..., c, :, :]
+            matrix[..., these, :s] = _transposed(self.border[..., c, :, :])
+            matrix[..., these, these] = self.blocks[..., c, :, :]
         return matrix
 
 
@@ -119,9 +119,9 @@ def module_of(a: AnyArray) -> ModuleType:
     return np if isinstance(a, np.ndarray) else jnp
 
 
-def joined(shared: Float[AnyArray, "*b s"], own: Float[AnyArray, "*b c q"]) -> Float[AnyArray, "*b p"]:
+def joined(shared: Float[AnyArray, "*b s"], each: Float[AnyArray, "*b c q"]) -> Float[AnyArray, "*b p"]:
     """A vector from its shared numbers and those of each channel."""
-    flat = own.reshape(*own.shape[:-2], own.shape[-2] * own.shape[-1])
+    flat = each.reshape(*each.shape[:-2], each.shape[-2] * each.shape[-1])
     return module_of(shared).concatenate([shared, flat], axis=-1)
 
 

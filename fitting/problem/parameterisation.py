@@ -153,14 +153,14 @@ class Parameterisation:
     @functools.cached_property
     def order(self) -> np.ndarray:
         """Index of each number in the order of an `Arrow`: those that channels share, then channel by channel."""
-        own = np.array([g.per_channel for g in self.free], bool)
-        return np.concatenate([self.columns[0, ~own], self.columns[:, own].ravel()])
+        each = np.array([g.per_channel for g in self.free], bool)
+        return np.concatenate([self.columns[0, ~each], self.columns[:, each].ravel()])
 
     @property
     def sizes(self) -> Sizes:
         """How many numbers are shared, and how many each channel has for itself."""
-        own = sum(g.per_channel for g in self.free)
-        return Sizes(len(self.free) - own, self.channels, own)
+        each = sum(g.per_channel for g in self.free)
+        return Sizes(len(self.free) - each, self.channels, each)
 
     def count(self, g: FreeParameter) -> int:
         """How many free numbers a free parameter has."""

@@ -23,7 +23,6 @@ from jaxtyping import Array, Bool, Float, Int
 from gonio.fitting.problem.arrow import Arrow, joined
 from gonio.fitting.problem.parameterisation import Domains, FixedValues, Parameterisation
 from gonio.fitting.problem.readings import (
-    CHUNK,
     LANES,
     PAGE,
     AnyArray,
@@ -31,6 +30,7 @@ from gonio.fitting.problem.readings import (
     Samples,
     block_of,
     block_shape,
+    chunks,
     in_blocks,
     transform,
     uses_cosine,
@@ -255,11 +255,11 @@ def compile_page_program(s: Parameterisation, loss: str, fixed: FixedValues) -> 
 
 def summed(s: Parameterisation, squares: Float[np.ndarray, "S C g g"]) -> NormalEquations:
     """The normal equations over all free numbers, from channel-wise products of residuals and derivatives."""
-    shared, own = (1 + np.flatnonzero([g.per_channel == each for g in s.free]) for each in (False, True))
+    shared, each = (1 + np.flatnonzero([g.per_channel == kind for g in s.free]) for kind in (False, True))
     total = squares.sum(axis=1)
-    gradient = np.asarray(joined(total[:, 0, shared], squares[:, :, 0, own]))
-    across, blocks = (squares[:, :, rows[:, None], own] for rows in (shared, own))
-    matrix = Arrow(total[:, shared[:, None], shared], across, blocks)
+    gradient = np.asarray(joined(total[:, 0, shared], squares[:, :, 0, each]))
+    border, blocks = (squares[:, :, rows[:, None], each] for rows in (shared, each))
+    matrix = Arrow(total[:, shared[:, None], shared], border, blocks)
     return NormalEquations(0.5 * total[:, 0, 0], gradient, matrix)
 
 
@@ -327,8 +327,7 @@ class FitProblem:
         target, weights = (in_blocks(a, (*shape, channels)) for a in (readings.f, weight))
         cosine = np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else None
         flat, norm_squared = target.reshape(-1, channels), 0.0
-        for first in range(0, n, CHUNK):
-            some = slice(first, min(first + CHUNK, n))
+        for some in chunks(n, channels):
             compared = flat[some] if cosine is None else flat[some] * cosine[some]
             flat[some] = transform(loss, compared, floor, np)[0]
             norm_squared += float(np.sum((weights.reshape(-1, channels)[some] * flat[some]) ** 2))

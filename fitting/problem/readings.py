@@ -14,6 +14,7 @@ The floor ε is the noise where the table knows it (see `loss_floor`).
 
 import dataclasses
 import math
+from collections.abc import Iterator
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -67,8 +68,11 @@ class Readings:
 
     def channel(self, c: int) -> "Readings":
         """The readings of one channel."""
-        one = slice(c, c + 1)
-        return dataclasses.replace(self, f=self.f[:, one], u_f=self.u_f[:, one], valid=self.valid[:, one])
+        return self.of_channels(slice(c, c + 1))
+
+    def of_channels(self, these: slice | np.ndarray) -> "Readings":
+        """The readings of some channels."""
+        return dataclasses.replace(self, f=self.f[:, these], u_f=self.u_f[:, these], valid=self.valid[:, these])
 
 
 def readings_of(table: Table, limit: int | None = None, theta_max: float | None = None, seed: int = 0) -> Readings:
@@ -129,6 +133,12 @@ def coarse_cells(readings: Readings, limit: int, seed: int) -> np.ndarray:
     by_band = among[np.argsort(rank, kind="stable")[:limit]]
     by_band = by_band[~np.isin(by_band, even)]
     return np.sort(np.concatenate([even, by_band[: limit - even.size]]))
+
+
+def chunks(n: int, channels: int) -> Iterator[slice]:
+    """Slices of n cells whose values stay in a cache."""
+    rows = max(1, CHUNK // channels)
+    return (slice(first, min(first + rows, n)) for first in range(0, n, rows))
 
 
 def block_of(channels: int) -> int:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.fitting.problem.readings import CHUNK, Readings
+from gonio.fitting.problem.readings import Readings, chunks
 
 
 def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
@@ -17,10 +17,9 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
         median of |m−y|/|y|; `log_rms` of log(1+f) [Ngan 2005]; `cbrt_rms` of (f cosθi)^⅓; `bias`, the mean of m−y.
     """
     sums, relative, known = np.zeros(7), np.empty(readings.f.size), 0
-    for first in range(0, readings.f.shape[0], CHUNK):
-        chunk = slice(first, first + CHUNK)
+    for chunk in chunks(*readings.f.shape):
         y, m = (np.where(readings.valid[chunk], a[chunk], 0.0) for a in (readings.f, model_f))
-        cos_i, cos_o = (np.repeat(np.asarray(w.z)[chunk, None], y.shape[1], axis=1) for w in (readings.wi, readings.wo))
+        cos_i, cos_o = (np.asarray(w.z)[chunk, None] for w in (readings.wi, readings.wo))
         cosines, off = cos_i * cos_o, m - y
         logs = np.sign(m) * np.log1p(np.abs(m)) - np.sign(y) * np.log1p(np.abs(y))
         roots = np.cbrt(m * cos_i) - np.cbrt(y * cos_i)

@@ -14,6 +14,7 @@ from gonio.fitting.residuals.pair_angles import PairAngles, neighbour_order, pai
 from gonio.fitting.solver.robust_weights import NORMAL_MAD, DownweightedReadings, scales
 
 MAX_CELLS = 1 << 15  # cells that are examined; of more, a random choice
+MAX_READINGS = 1 << 19  # of these cells; of more, evenly spaced channels
 OUTLYING = 5.0  # scales from which on a reading stands out
 CLUSTERED = 0.3  # share of readings in one region from which on the region is named
 DOWN_WEIGHTED = 0.5  # share of its weight that a down-weighted reading keeps at most
@@ -67,22 +68,26 @@ class ResidualSummary:
 
 
 def summarise(e: Evidence) -> ResidualSummary:
-    """The summary of a fit's residuals, from at most `MAX_CELLS` of its cells."""
+    """The summary of a fit's residuals, from at most `MAX_CELLS` of its cells and `MAX_READINGS` of their readings."""
     n = e.readings.f.shape[0]
     cells = np.arange(n)
     if n > MAX_CELLS:
         cells = np.sort(np.random.default_rng(e.seed).choice(n, MAX_CELLS, replace=False))
-    subset = e.readings.part(cells)
+    count = e.readings.f.shape[1]
+    channels = np.unique(np.linspace(0, count - 1, min(count, max(1, MAX_READINGS // cells.size))).astype(int))
+    subset = e.readings.part(cells).of_channels(channels)
     order = neighbour_order(subset.wi, subset.wo)
     cells, subset = cells[order], subset.part(order)
-    f, weight, share = e.model_f[cells], e.weight[cells], None if e.robust is None else e.robust.kept[cells]
+    examined = np.ix_(cells, channels)
+    f, weight, share = e.model_f[examined], e.weight[examined], None if e.robust is None else e.robust.kept[examined]
+    floor = e.floor if e.floor.size == 1 else e.floor[channels]
     if share is None:
         used, light = weight > 0, np.zeros(f.shape, bool)
     else:
         # With the weights of least squares, so that what a robust fit counts less shows.
         weight, used = weight / np.sqrt(np.maximum(share, 1e-12)), subset.valid
         light = used & (share < DOWN_WEIGHTED)
-    residual = weighted_residuals(subset, e.loss, e.floor, np.where(used, np.maximum(weight, 0.0), 0.0), f)
+    residual = weighted_residuals(subset, e.loss, floor, np.where(used, np.maximum(weight, 0.0), 0.0), f)
     scaled = residual / scales(residual, f, used)
     angles = pair_angles(subset.wi, subset.wo)
     lit = used & (subset.f != 0)

@@ -166,7 +166,7 @@ def _decide(
     quadratic = info(before, jnp.ones_like(y))
     state = jax.tree.map(lambda _: lane.step_size, jax.eval_shape(search.init, y, quadratic))
     step_size, accept, _, _ = search.step(lane.first, y, lane.trial, quadratic, evaluated(cost), state)
-    # A projected trial is no step of the quadratic model: it counts by its cost, and where that is lower the step's size
+    # A projected trial is no step of the quadratic model: it counts by its cost. Where that is lower the step's size
     # stays; else the step that it came from was too long, whatever the model promised of the projection.
     better = cost < (1.0 - 0.5 * WORTHWHILE) * before.cost
     accept = jnp.where(lane.projected, better, accept)
@@ -289,17 +289,17 @@ def padded_sizes(sizes: Sizes) -> Sizes:
     def power(least: int, number: int) -> int:
         return max(least, 1 << (number - 1).bit_length())
 
-    if sizes.total <= WHOLE or not sizes.own:
+    if sizes.total <= WHOLE or not sizes.per_channel:
         return Sizes(power(8, sizes.total), 0, 0)
-    return Sizes(power(8, sizes.shared), power(8, sizes.channels), power(2, sizes.own))
+    return Sizes(power(8, sizes.shared), power(8, sizes.channels), power(2, sizes.per_channel))
 
 
 def padded_places(sizes: Sizes, padded: Sizes) -> np.ndarray:
     """Where the numbers of an arrow of these sizes stand in the padded one."""
     if not padded.channels:
         return np.arange(sizes.total)
-    own = padded.shared + padded.own * np.arange(sizes.channels)[:, None] + np.arange(sizes.own)
-    return np.concatenate([np.arange(sizes.shared), own.ravel()])
+    first = padded.shared + padded.per_channel * np.arange(sizes.channels)
+    return np.concatenate([np.arange(sizes.shared), (first[:, None] + np.arange(sizes.per_channel)).ravel()])
 
 
 def compile_step(sizes: Sizes) -> None:

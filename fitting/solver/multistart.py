@@ -188,7 +188,7 @@ def _non_negative(matrix: Arrow, vector: np.ndarray, kept: np.ndarray) -> np.nda
     """
     length2, s = matrix.diagonal(), matrix.sizes
     kept, x = kept & (length2 > 0), np.zeros_like(vector)
-    for _ in range(s.shared + s.own):
+    for _ in range(s.shared + s.per_channel):
         # A little more than nothing, for lobes that are the same.
         system = matrix.restricted(kept).plus_diagonal(np.where(kept, 1e-12 * length2, 0.0))
         x = system.solved(np.where(kept, vector, 0.0))

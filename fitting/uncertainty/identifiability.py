@@ -170,7 +170,7 @@ def undetermined_sentences(e: Optimum, estimates: list[ParameterEstimate]) -> li
     if silent.any():
         do = "does" if silent.sum() == 1 else "do"
         sentences.append(f"{listed([names[k] for k in np.flatnonzero(silent)])} {do} not change the residuals at all")
-    rest = [p for p, told in zip(estimates, covered | silent, strict=True) if not told]
+    rest = [p for p, named in zip(estimates, covered | silent, strict=True) if not named]
     return sentences + unnamed_numbers(rest, sentences)
 
 

@@ -104,7 +104,7 @@ class JointCovariance:
         full = np.full((self.size, self.size), np.nan)
         if self.slopes is not None:
             s = self.slopes.shape[2]
-            own = np.concatenate([v.index[s:] for v in self.views])
+            each = np.concatenate([v.index[s:] for v in self.views])
             to_shared = np.concatenate([v.covariance.matrix[s:, :s] for v in self.views])
             slopes = self.slopes.reshape(-1, s)
             # Own numbers of two channels meet through the shared ones alone.
@@ -112,9 +112,9 @@ class JointCovariance:
             known = np.isfinite(np.diagonal(among))
             slopes, to_shared, among = slopes[:, known], to_shared[:, known], among[np.ix_(known, known)]
             half = to_shared @ slopes.T
-            full[np.ix_(own, own)] = half + half.T - slopes @ among @ slopes.T
+            full[np.ix_(each, each)] = half + half.T - slopes @ among @ slopes.T
             lost = np.isnan(np.concatenate([np.diagonal(v.covariance.matrix)[s:] for v in self.views]))
-            full[own[lost], :] = full[:, own[lost]] = np.nan
+            full[each[lost], :] = full[:, each[lost]] = np.nan
         for v in self.views:
             full[np.ix_(v.index, v.index)] = v.covariance.matrix
         return full
@@ -130,7 +130,7 @@ class JointCovariance:
     def combinations(self, d: Domains, p: np.ndarray) -> list[Combination]:
         """The open combinations, each once: one of shared numbers is seen by every channel."""
         kept: list[Combination] = []
-        own = None if self.slopes is None else np.stack([v.index[self.slopes.shape[2] :] for v in self.views])
+        each = None if self.slopes is None else np.stack([v.index[self.slopes.shape[2] :] for v in self.views])
         reach = open_from(d, p)
         for v in self.views:
             for variance, change in v.covariance.combinations:
@@ -138,9 +138,9 @@ class JointCovariance:
                 whole[v.index] = change
                 if self.slopes is not None:
                     s = self.slopes.shape[2]
-                    others = self.slopes @ change[:s]  # the own numbers of the other channels follow
+                    others = self.slopes @ change[:s]  # the each numbers of the other channels follow
                     others[v.channel] = change[s:]
-                    whole[own] = others
+                    whole[each] = others
                 combination = Combination(variance, whole, v)
                 if not any(parallel(whole / reach, c.change / reach) for c in kept if c.view is not v):
                     kept.append(combination)
@@ -206,7 +206,7 @@ class JointEstimate:
 
     def _reduced(self, free: np.ndarray) -> "_Reduced":
         matrix, order = self.equations.matrix, self.order
-        if matrix.sizes.total > WHOLE and matrix.sizes.own:
+        if matrix.sizes.total > WHOLE and matrix.sizes.per_channel:
             return _eliminated(self.equations, self.scores, order, free)
         back = np.argsort(order)
 
@@ -235,11 +235,11 @@ def _eliminated(equations: NormalEquations, scores: Arrow | None, order: np.ndar
     unit = equations.matrix.scaled(1.0 / lengths)
     # Numbers that do not move are not eliminated; combinations that nothing depends on have no inverse.
     moving = unit.restricted(np.where(np.arange(order.size) < s, True, free[order]))
-    values, vectors = np.linalg.eigh(moving.own)
+    values, vectors = np.linalg.eigh(moving.blocks)
     inverse = np.where(values > lost_below(s + q), 1.0 / np.maximum(values, 1e-300), 0.0)
-    border = (vectors * inverse[:, None, :]) @ (vectors.swapaxes(1, 2) @ moving.across.swapaxes(1, 2))
-    taken = moving.across @ border
-    shared = _without_rounding(np.asarray(unit.shared) - taken.sum(axis=0), border)
+    border = (vectors * inverse[:, None, :]) @ (vectors.swapaxes(1, 2) @ moving.border.swapaxes(1, 2))
+    taken = moving.border @ border
+    shared = _without_rounding(np.asarray(unit.corner) - taken.sum(axis=0), border)
     gradient_s, gradient_own = unit.parts(equations.gradient / lengths)
     moved = (gradient_own[:, None, :] @ border)[:, 0]
     gradient = np.concatenate([gradient_s - moved.sum(axis=0) + moved, gradient_own], axis=1)
@@ -249,9 +249,9 @@ def _eliminated(equations: NormalEquations, scores: Arrow | None, order: np.ndar
     spread = None
     if scores is not None:
         scores = scores.scaled(1.0 / lengths)
-        crossed = border.swapaxes(1, 2) @ scores.across.swapaxes(1, 2)
-        change = border.swapaxes(1, 2) @ scores.own @ border - crossed - crossed.swapaxes(1, 2)
-        spread = _assembled(scores.shared + change.sum(axis=0) - change, scores) * outer
+        crossed = border.swapaxes(1, 2) @ scores.border.swapaxes(1, 2)
+        change = border.swapaxes(1, 2) @ scores.blocks @ border - crossed - crossed.swapaxes(1, 2)
+        spread = _assembled(scores.corner + change.sum(axis=0) - change, scores) * outer
     index = np.concatenate([np.broadcast_to(order[:s], (channels, s)), order[s:].reshape(channels, q)], axis=1)
     slopes = -border * lengths_s / lengths_own[:, :, None]
     return _Reduced(index, _assembled(shared + taken, unit) * outer, spread, gradient * every, slopes)
@@ -259,8 +259,8 @@ def _eliminated(equations: NormalEquations, scores: Arrow | None, order: np.ndar
 
 def _assembled(shared: np.ndarray, rest: Arrow) -> np.ndarray:
     """Matrices (C, s + q, s + q) of each channel, from its corner (C, s, s) and an arrow's border and block."""
-    above = np.concatenate([shared, rest.across], axis=2)
-    return np.concatenate([above, np.concatenate([rest.across.swapaxes(1, 2), rest.own], axis=2)], axis=1)
+    above = np.concatenate([shared, rest.border], axis=2)
+    return np.concatenate([above, np.concatenate([rest.border.swapaxes(1, 2), rest.blocks], axis=2)], axis=1)
 
 
 def _without_rounding(corner: np.ndarray, border: np.ndarray) -> np.ndarray:
