@@ -5,6 +5,7 @@ The pictures belong to an upper floor, which no lower floor imports: `gonio/__in
 """
 
 import importlib
+import math
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -57,6 +58,30 @@ def listed(names: Any, most: int = 6) -> str:
     """Names with commas; of more than `most` the first ones and the last."""
     names = [str(n) for n in names]
     return ", ".join(names if len(names) <= most else [*names[: most - 2], "…", names[-1]])
+
+
+def percent(share: float, digits: int = 2) -> str:
+    """A relative number in words, such as "0.52 %": without exponents, nor digits that nobody could use.
+
+    Args:
+        share: 1 is "100 %"; not finite is "not known".
+        digits: significant ones.
+
+    Returns:
+        Between "below 0.0001 %" and "more than 1000 %" a plain number; the sign is kept.
+    """
+    size = abs(share)
+    if not math.isfinite(share):
+        return "not known"
+    if size == 0:
+        return "0 %"
+    if size < 1e-6:
+        return "below 0.0001 %"
+    if size > 10:
+        return "more than 1000 %"
+    decimals = digits - 1 - math.floor(math.log10(float(f"{100 * size:.{digits - 1}e}")))
+    text = f"{round(100 * share, decimals):.{max(0, decimals)}f}"
+    return f"{text.rstrip('0').rstrip('.') if '.' in text else text} %"
 
 
 def _drawings() -> ModuleType:

@@ -16,6 +16,7 @@ from gonio.data.layouts.base import Layout
 from gonio.data.reduction.thin_grid import SceneValues, StartGrid, Thinning
 from gonio.data.scene import ScenePairs
 from gonio.data.table import Table
+from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import channel_count, evaluate_in_blocks
 from gonio.models.expression.builder import build
@@ -79,7 +80,7 @@ def resolution(table: Table, scene: SceneValues) -> Resolution:
     light = pairs.share[pairs.view] * pairs.amount
     unread = float(np.sum(light[~covered(table, pairs.wi, pairs.wo, beyond=1.0)]) / np.sum(light))
     if unread > UNREAD:
-        return Resolution(math.inf, f"{100 * unread:.2g} % of the light is at directions about which nothing was read")
+        return Resolution(math.inf, f"{percent(unread)} of the light is at directions about which nothing was read")
     if table.interpolant is None and table.layout.gridded:
         return _of_grid(table, scene)
     coarse = evaluate_in_blocks(as_material(coarsened(table)), pairs.wi, pairs.wo)
@@ -89,11 +90,11 @@ def resolution(table: Table, scene: SceneValues) -> Resolution:
 def _judged(change: float, factor: float, beyond: float, noise: float) -> Resolution:
     """From the relative change by leaving out half of the nodes: bounds relative to the radiance of the surface."""
     error = math.hypot(factor * change + BEYOND * beyond, noise)
-    words = f"leaving out every second node changes the radiance by {100 * change:.2g} %"
+    words = f"leaving out every second node changes the radiance by {percent(change)}"
     if beyond > 0:
         words += f", and the outermost nodes stand for directions beyond them ({100 * beyond:.2g} %)"
     if noise > 0.1 * error:
-        words += f", beside {100 * noise:.2g} % of noise in the readings"
+        words += f", beside {percent(noise)} of noise in the readings"
     return Resolution(error / (1 - error) if change <= RESOLVED and error < 1 else math.inf, words)
 
 

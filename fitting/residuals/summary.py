@@ -12,6 +12,7 @@ from gonio.fitting.residuals.maps import AXES, ResidualMap, map_cells, residual_
 from gonio.fitting.residuals.noise_tests import SIGNIFICANT, NoiseTests, least_noise_like, noise_tests
 from gonio.fitting.residuals.pair_angles import PairAngles, neighbour_order, pair_angles
 from gonio.fitting.solver.robust_weights import NORMAL_MAD, DownweightedReadings, scales
+from gonio.models.display import percent
 
 MAX_CELLS = 1 << 15  # cells that are examined; of more, a random choice
 MAX_READINGS = 1 << 19  # of these cells; of more, evenly spaced channels
@@ -135,20 +136,20 @@ def _worst_region(m: ResidualMap, angles: PairAngles, scaled: np.ndarray, used: 
     most = int(np.argmax(np.abs(total) / np.sqrt(np.maximum(m.count.ravel(), 1))))
     row, column = divmod(most, m.count.shape[1])
     off = m.median_relative[row, column]
-    return f"{m.region(row, column)}: the model is {100 * abs(off):.2g} % {'brighter' if off > 0 else 'darker'}"
+    return f"{m.region(row, column)}: the model is {percent(abs(off))} {'brighter' if off > 0 else 'darker'}"
 
 
 def _sentences(s: ResidualSummary, e: Evidence) -> list[str]:
     t, sentences = s.noisiness, []
     if t.verdict == "noise":
-        sentences.append(
-            f"the residuals are noise: neighbouring directions do not agree (runs test p = {t.runs_p:.2g})"
+        agree = f"neighbouring directions do not agree (runs test p = {t.runs_p:.2g})"
+        exceeds = (
+            f"the residuals exceed the stored uncertainties (χ² p = {t.chi2_p:.1g}), which are too small, as {agree}"
         )
-        if t.chi2_p < SIGNIFICANT:
-            sentences.append(f"the residuals exceed the stored uncertainties all the same (χ² p = {t.chi2_p:.1g})")
+        sentences.append(exceeds if t.chi2_p < SIGNIFICANT else f"the residuals are noise: {agree}")
     elif t.verdict == "structure":
         sentences.append(
-            f"the residuals are structure, not noise: {100 * t.shared:.2g} % of their variance is shared by "
+            f"the residuals are structure, not noise: {percent(t.shared)} of their variance is shared by "
             f"neighbouring directions (runs test z = {t.runs_z:.3g}), most of all at {s.worst_region}; the standard "
             "uncertainties hold for independent noise only, those of a bootstrap for blocks of directions"
         )
@@ -161,7 +162,7 @@ def _sentences(s: ResidualSummary, e: Evidence) -> list[str]:
         )
     elif s.share_of_cost > 0.1 and s.standing_out < 0.2:
         sentences.append(
-            f"{100 * s.standing_out:.2g} % of the readings lie more than {OUTLYING:g} scales off and make "
+            f"{percent(s.standing_out)} of the readings lie more than {OUTLYING:g} scales off and make "
             f"{100 * s.share_of_cost:.0f} % of the cost ({s.where_standing_out}): a robust fit counts them less"
         )
     return sentences

@@ -12,6 +12,7 @@ from gonio.fitting.selection.candidate_model import CandidateProblem
 from gonio.fitting.selection.criteria import neighbourhood, noise_deviation
 from gonio.fitting.selection.warm_start import fit_candidate
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
@@ -67,11 +68,11 @@ class SceneView:
         near = neighbourhood(readings.wi, readings.wo)
         deviation = noise_deviation(f - readings.f, np.abs(f), readings.valid, near)
         error, noise = self.error(f, readings.f, deviation), self.noise_share(readings.f, deviation)
-        beside = f", beside {100 * noise:.2g} % of noise in the readings" if noise > error / 10 else ""
+        beside = f", beside {percent(noise)} of noise in the readings" if noise > error / 10 else ""
         far = f", by readings {self.distance:.2g}° away from what it sees" if self.distance > FAR else ""
         reason = f": {selection.reason()}" if selection else ""
         return (
-            f"for the scene '{self.scene.name}' the error of the reflected radiance is {100 * error:.2g} %{beside}"
+            f"for the scene '{self.scene.name}' the error of the reflected radiance is {percent(error)}{beside}"
             f"{far} (tolerance {100 * self.scene.tolerance:g} %){reason}"
         )
 

@@ -103,8 +103,10 @@ def energy_property(albedos: Albedos, tolerance: float) -> Property:
         "loss_at_theta_i_deg": float(np.degrees(albedos.theta_i[least[0]])),
     }
     size = f"±{bound:.2g}" if np.isfinite(bound) else "with an error that has no bound"
+    known = not bound >= max(abs(value[worst]), 0.01)
+    albedo = f"{value[worst]:.6g} ({size})" if known else f"not known ({value[worst]:.3g} {size})"
     detail = (
-        f"{SENTENCE[verdict]}: albedo {value[worst]:.6g} ({size}) at θi {where['theta_i']:.4g}°; it loses up to"
+        f"{SENTENCE[verdict]}: albedo {albedo} at θi {where['theta_i']:.4g}°; it loses up to"
         f" {max(facts['largest_loss'], 0.0):.3g} (at θi {facts['loss_at_theta_i_deg']:.4g}°). {albedos.method}"
     )
     return Property("energy", verdict, residual, bound, tolerance, where, detail, facts)
@@ -117,9 +119,14 @@ def with_hemispherical(judged: Property, albedos: Albedos) -> Property:
     value, bound = hemispherical(albedos.theta_i, albedos.value, np.maximum(albedos.above, albedos.below))
     judged.facts |= {"hemispherical_albedo": value.tolist(), "hemispherical_bound": bound.tolist()}
     if np.isfinite(bound).all():
-        numbers = ", ".join(f"{v:.4g} (±{b:.1g})" for v, b in zip(value, bound, strict=True))
+        numbers = ", ".join(_with_bound(float(v), float(b)) for v, b in zip(value, bound, strict=True))
         judged.detail += f" Under uniform light it reflects {numbers}."
     return judged
+
+
+def _with_bound(value: float, bound: float) -> str:
+    """An albedo with its bound, or that it is not known, where the bound leaves nothing of it."""
+    return f"{value:.4g} (±{bound:.1g})" if bound < max(value, 0.01) else f"a share that is not known (±{bound:.1g})"
 
 
 def hemispherical(theta: np.ndarray, value: np.ndarray, bound: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

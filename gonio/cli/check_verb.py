@@ -17,6 +17,7 @@ from gonio.cli.arguments import (
     write_text,
     writing_json,
 )
+from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.text import columns, log, show
 
@@ -144,10 +145,14 @@ def repair_sentence(result: "Repaired") -> str:
     """How far the readings moved, relative to themselves and in units of their uncertainties."""
     m = result.moved
     text = f"Repaired{f', {result.remark}' if result.remark else ''}: the {m['readings']:,} readings moved by"
-    text += f" {m['relative_rms']:.2%} (rms, of their own), {m['median_relative']:.2%} at the median and"
-    text += f" {m['percentile_95_relative']:.2%} at the 95th percentile"
+    text += (
+        f" {percent(m['relative_rms'], 3)} (rms, of their own), {percent(m['median_relative'], 3)} at the median and"
+    )
+    text += f" {percent(m['percentile_95_relative'], 3)} at the 95th percentile"
     if "rms_in_uncertainties" in m:
-        text += f"; by {m['rms_in_uncertainties']:.2f} standard uncertainties (rms), {m['share_beyond_2_u']:.1%} of"
+        text += (
+            f"; by {m['rms_in_uncertainties']:.2f} standard uncertainties (rms), {percent(m['share_beyond_2_u'])} of"
+        )
         text += " them by more than two"
     at_limit = sum(m["incidences_at_the_limit"])
     return text + (f". {at_limit} albedos stand at the limit of 1." if at_limit else ". No albedo stands at 1.")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gonio.cli.arguments import FORCE, MERL, READING, Options, add_options, require_degrees, writing_json
 from gonio.cli.fit_batch import SUFFIX, is_batch, run_batch, table_of
+from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.text import columns, log, number, show
 
@@ -58,9 +59,9 @@ COUNT_NAMES = {"negative": "negative (used as they are)", "missing": "missing", 
 CANDIDATE_COLUMNS: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
     ("free", "free numbers", lambda v: str(v)),
     ("bic_above_best", "BIC above best", lambda v: number(v, 5)),
-    ("held_out_above_best", "held-out error above best", lambda v: f"{100 * v:.2f} %"),
+    ("held_out_above_best", "held-out error above best", lambda v: percent(v)),
     ("relative_rms", "relative rms", lambda v: number(v, 3)),
-    ("scene_error", "error in the scene", lambda v: f"{100 * v:.2g} %"),
+    ("scene_error", "error in the scene", lambda v: percent(v)),
     ("cost_ns", "ns an evaluation", lambda v: number(v, 3)),
     ("seconds", "s", lambda v: f"{v:.2f}"),
 )

@@ -13,6 +13,7 @@ from gonio.data.material import Material
 from gonio.data.tabulate import grid_values
 from gonio.instrument import aperture, noise
 from gonio.instrument.instrument import Instrument
+from gonio.models.display import percent
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import Direction
 
@@ -45,7 +46,7 @@ class WorstAverage:
         """A remark for the user."""
         return (
             f"the average over the apertures is not resolved everywhere: at theta_i = {self.theta_i_deg:.4g}°, "
-            f"theta_o = {self.theta_o_deg:.4g}° its error is {100 * self.relative:.2g} % of the reading, "
+            f"theta_o = {self.theta_o_deg:.4g}° its error is {percent(self.relative)} of the reading, "
             f"{self.excess:.2g} times what is allowed; use smaller apertures, or a larger tolerance"
         )
 

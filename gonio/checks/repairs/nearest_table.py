@@ -15,7 +15,7 @@ from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table, whole_table_of_values
-from gonio.models.display import Displayed
+from gonio.models.display import Displayed, percent
 from gonio.models.errors import GonioError
 
 MOST_VALUES = 60_000_000
@@ -44,7 +44,7 @@ class Repaired(Displayed):
         return {
             "table": f"{self.table.name}{', ' * bool(self.remark)}{self.remark}",
             "verdict": f"{self.before.overall} before, {self.after.overall} after",
-            "moved": f"{self.moved['readings']:,} readings by {self.moved['relative_rms']:.2%} (rms)",
+            "moved": f"{self.moved['readings']:,} readings by {percent(self.moved['relative_rms'], 3)} (rms)",
         }
 
 

@@ -22,6 +22,7 @@ from gonio.checks.table.pairs import FEWEST, Pairs, pair_angles
 from gonio.checks.table.regions import judged_by_regions, uncovered
 from gonio.checks.table.significance import decided_by_uncertainty, judged_by_level
 from gonio.data.flags import Flag
+from gonio.models.display import percent
 from gonio.models.geometry.horizon import HORIZON
 
 SCATTER = (0.8, 1.25)
@@ -52,7 +53,7 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
     if share > MOST_UNCOVERED and judged.verdict == PASS:
         judged.verdict = UNDECIDED
     if share > 0:
-        judged.detail += f" Nothing exchanged was read for {share:.1%} of the readings, {where}: undecided there."
+        judged.detail += f" Nothing exchanged was read for {percent(share)} of the readings, {where}: undecided there."
     return judged
 
 
@@ -111,7 +112,7 @@ def _equal(
         judged.detail += _remark_on_scatter(facts)
     else:
         judged = judged_by_regions(name, evidence, pairs, signs, tolerance, what)
-        judged.detail += f" Their median difference is {median:.2%}."
+        judged.detail += f" Their median difference is {percent(median)}."
     judged.facts = facts | {"median": median} | judged.facts
     judged.series |= _by_band(pairs, difference)
     return judged

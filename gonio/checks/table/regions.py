@@ -20,6 +20,7 @@ from gonio.checks.certificate import FAIL, PASS, UNDECIDED, Property, place_in_w
 from gonio.checks.table.count_statistics import critical, sidak
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs import BAND, FEWEST, SAME_POLAR, SECTOR, SIDE, Pairs, places
+from gonio.models.display import percent
 
 ENOUGH = 0.1
 
@@ -242,9 +243,9 @@ def judged_by_regions(
 
 def _sentence(decides: _Estimate, tolerance: float, share: float, noise: float) -> str:
     where = region_in_words(decides.where)
-    text = f"the region that differs most ({where}) does so by {decides.difference:.2%} (±{decides.half:.2%})"
-    if "theta_i" in decides.where:
-        text = f"the pair that differs most ({where}) does so by {decides.difference:.2%} (±{decides.half:.2%})"
+    what = "pair" if "theta_i" in decides.where else "region"
+    size = f"{percent(decides.difference, 3)} (±{percent(decides.half)})"
+    text = f"the {what} that differs most ({where}) does so by {size}"
     if share > 0:
-        text += f"; {share:.2%} of the pairs differ by more than {tolerance:.2%} and their noise"
-    return f"{text}. The pairs themselves scatter by {noise:.2%}." if noise > 10 * ROUNDING else f"{text}."
+        text += f"; {percent(share)} of the pairs differ by more than {percent(tolerance)} and their noise"
+    return f"{text}. The pairs themselves scatter by {percent(noise)}." if noise > 10 * ROUNDING else f"{text}."

@@ -10,6 +10,7 @@ from gonio.checks.direction_search import directions, everywhere, values
 from gonio.checks.table.pairs import SAME_POLAR, Pairs, angles_of, pair_angles, readings_of
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.display import percent
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.horizon import HORIZON
 from gonio.models.geometry.low_discrepancy import low_discrepancy
@@ -130,7 +131,7 @@ def scattered_pairs(table: Table) -> Pairs:
     how += " and mirror symmetric, as azimuth differences are on one side" if mirrored else ""
     if repeated:
         how += f", {repeated:,} repeats merged"
-        how += f" (they scatter by {scatter:.2%})" if np.isfinite(scatter) else ""
+        how += f" (they scatter by {percent(scatter)})" if np.isfinite(scatter) else ""
     if len(f) <= NEIGHBOURS:
         return Pairs(f[:0], f[:0], u[:0], u[:0], angles[:0], len(f), how, merged=angles)
     here = _features(angles, isotropic, mirrored)

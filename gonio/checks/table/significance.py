@@ -25,6 +25,7 @@ from gonio.checks.table.count_statistics import (
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs import BAND, Pairs
 from gonio.checks.table.regions import region_in_words, region_place, regions_of
+from gonio.models.display import percent
 
 FEWEST_KNOWN = 0.5
 """Share of the pairs that must have stored uncertainties for them to decide."""
@@ -248,26 +249,28 @@ def _statement(facts: dict[str, Any], least_where: dict[str, Any]) -> str:
     if facts["significant"]:
         return (
             f"differ by more than their uncertainties allow: {family}, strongest: {_words(facts['strongest_at'])}; a"
-            f" violation of at least {facts['least_violation']:.2%} is needed to explain it ({_words(least_where)})."
+            f" violation of at least {percent(facts['least_violation'], 3)} is needed to explain it"
+            f" ({_words(least_where)})."
         )
     return (
         f"differ by no more than their uncertainties explain: {family}; a single pair would show"
-        f" {facts['detectable_in_one_pair']:.2g} at the median."
+        f" {percent(facts['detectable_in_one_pair'])} at the median."
     )
 
 
 def _reason(verdict: str, facts: dict[str, Any], widest: _Violation, tolerance: float) -> str:
     if verdict == PASS:
         remark = " That is significant, and within the tolerance." if facts["significant"] else ""
-        return f" No region of it differs by more than {widest.largest:.2%}.{remark}"
+        return f" No region of it differs by more than {percent(widest.largest, 3)}.{remark}"
     if verdict != UNDECIDED:
         return ""
     if facts["least_violation"] <= tolerance and not facts["significant"]:
         return (
-            f" At {_words(widest.where)} up to {widest.largest:.2%} is not excluded: too noisy to say that it is within"
-            f" {tolerance:.2%}."
+            f" At {_words(widest.where)} up to {percent(widest.largest, 3)} is not excluded: too noisy to say that it"
+            f" is within {percent(tolerance)}."
         )
-    return f" Whether it exceeds the tolerance of {tolerance:.2%} the noise leaves open (up to {widest.largest:.2%})."
+    most = percent(widest.largest, 3)
+    return f" Whether it exceeds the tolerance of {percent(tolerance)} the noise leaves open (up to {most})."
 
 
 def _words(where: dict[str, Any]) -> str:
