@@ -20,7 +20,7 @@ from gonio.fitting.residuals.metrics import metrics
 from gonio.fitting.residuals.summary import Evidence, ResidualSummary, summarise
 from gonio.fitting.solver.levenberg_marquardt import eps, is_double
 from gonio.fitting.uncertainty.bootstrap import bootstrap, bootstrap_summary
-from gonio.fitting.uncertainty.identifiability import listed, undetermined_sentences
+from gonio.fitting.uncertainty.identifiability import MOST_ALIKE, listed, undetermined_sentences
 from gonio.fitting.uncertainty.joint_covariance import JointCovariance
 from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
 from gonio.fitting.uncertainty.profile_likelihood import with_profiles
@@ -323,12 +323,18 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
 
 
 def _undetermined(optima: list[Optimum], estimates: list[list[ParameterEstimate]]) -> list[str]:
-    sentences: list[str] = []
-    for e, each in zip(optima, estimates, strict=True):
-        unclear = e.covariance.undetermined.any() or any(p.status == "undetermined" for p in each)
-        if unclear or e.combinations:
-            sentences += undetermined_sentences(e, each)
-    return sentences
+    unclear = [
+        (e, each)
+        for e, each in zip(optima, estimates, strict=True)
+        if e.covariance.undetermined.any() or any(p.status == "undetermined" for p in each) or e.combinations
+    ]
+    if len(unclear) <= MOST_ALIKE:
+        return [sentence for e, each in unclear for sentence in undetermined_sentences(e, each)]
+    names = [each[0].channel or "" for _, each in unclear[1:]]
+    return [
+        *undetermined_sentences(*unclear[0]),
+        f"numbers of {len(names)} other channels are open too: {listed(names)}",
+    ]
 
 
 def _bootstrap(task: FitTask, optima: list[Optimum], labels: list[str]) -> dict[str, Any] | None:

@@ -398,6 +398,10 @@ class FitProblem:
         squares = [page[0] for page in self._run(p, active, plain=plain)]
         return summed(self.parameters, _total(squares, len(p))[:, 0])
 
+    def channel_costs(self, p: np.ndarray) -> np.ndarray:
+        """½ Σ r² of each channel, at up to `LANES` vectors p (S, P): (S, C)."""
+        return 0.5 * _total([page[0] for page in self._run(p)], len(p))[:, 0, :, 0, 0]
+
     def evaluate(self, p: np.ndarray, scores: bool = True) -> Evaluation:
         """Normal equations at one p (P,), score covariance [White 1980] and the model's values."""
         f, squares = np.zeros(self.samples.weight.shape), []

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gonio.fitting.problem.arrow import Arrow, joined
+from gonio.fitting.problem.arrow import WHOLE, Arrow, joined
 from gonio.fitting.problem.parameterisation import Domains, Parameterisation, evenly
 from gonio.fitting.problem.problem import FitProblem, NormalEquations
 from gonio.fitting.problem.readings import LANES, coarse_cells
@@ -30,6 +30,7 @@ APART = {"alpha_x": 0.8, "alpha_y": 1.25}  # widths along x and y begin apart: e
 NARROWEST = 0.01  # of the random widths: a narrower lobe is reached from there, a hidden one from nowhere
 MOST_GUESSES = 12
 DATA_STARTS = 3
+ROUNDS = 3  # in which the best numbers of each channel are put together
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,12 +56,15 @@ def search(problem: FitProblem, given: np.ndarray, starts: int, seed: int) -> Se
     enough = max(COARSE, EACH * np.unique(problem.parameters.columns[:FEW]).size)
     cells = coarse_cells(problem.readings, enough, seed) if n > WORTHWHILE * enough else np.arange(n)
     coarse = problem.subset(cells)
-    ends = minimise(
-        coarse, starting_points(coarse, given, starts, seed), Stopping(rough=1.0 if coarse is problem else ROUGH)
-    )
+    # Of many channels some end in a minimum of their own: such a descent would go on long, and cannot win.
+    many, rough = problem.parameters.sizes.total > WHOLE, 1.0 if coarse is problem else ROUGH
+    ends = minimise(coarse, starting_points(coarse, given, starts, seed), Stopping(rough=rough, rivals=many))
     best = _best(ends)
     if best is None:
         return None
+    if many:
+        ends += _recombined(coarse, ends, best, rough)
+        best = _best(ends) or best
     agreed = sum(end.cost <= best.cost + _margin(best.cost, coarse.target_norm_squared) for end in ends)
     if coarse is problem:
         return Search(best, ends, agreed, cells)
@@ -72,6 +76,32 @@ def search(problem: FitProblem, given: np.ndarray, starts: int, seed: int) -> Se
         rest = [e for e in distinct(rest, problem.target_norm_squared) if e.cost <= CLOSE * least] or rest
     best = _best(minimise(problem, [e.p for e in rest], Stopping(near=True, rivals=True))) or best
     return Search(best, ends, agreed, cells)
+
+
+def _recombined(problem: FitProblem, ends: list[Descent], best: Descent, rough: float) -> list[Descent]:
+    """Descents from the best numbers of each channel, whichever descent found them, with the best shared numbers.
+
+    A joint descent from shapes at random has some channels in the wrong valley where there are many of them.
+    """
+    s, better = problem.parameters, []
+    if all(g.linear for g in s.free if g.per_channel):
+        return better
+    each = np.sort(s.order[s.sizes.shared :].reshape(s.channels, -1))
+    for _ in range(ROUNDS):
+        p = np.tile(best.p, (min(len(ends), LANES), 1))
+        p[:, each] = np.stack([end.p for end in ends[: len(p)]])[:, each]
+        costs = problem.channel_costs(np.concatenate([best.p[None], p])[:LANES])
+        chosen = np.argmin(np.where(np.isfinite(costs), costs, np.inf), axis=0)
+        if not chosen.any():
+            break
+        start = best.p.copy()
+        for c in np.flatnonzero(chosen):
+            start[each[c]] = p[chosen[c] - 1, each[c]]
+        end = minimise(problem, [start], Stopping(rough=rough))[0]
+        if not end.cost < best.cost - _margin(best.cost, problem.target_norm_squared):
+            break
+        best, better = end, [*better, end]
+    return better
 
 
 def distinct(ends: list[Descent], target_norm_squared: float, most: int = 3) -> list[Descent]:

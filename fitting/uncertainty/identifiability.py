@@ -14,7 +14,7 @@ from gonio.fitting.uncertainty.joint_covariance import Combination, View
 from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
 from gonio.models.geometry.directions import Direction, from_spherical
 
-MOST_LISTED = 6  # numbers, or channels that leave the same open, that are named one by one
+MOST_LISTED, MOST_ALIKE = 6, 3  # numbers that are named, and channels that leave the same open with a sentence each
 SMALL = 0.1  # of the largest change, below which a number is no part of a combination
 ALIKE = 0.1  # difference of two relative changes, or of an exponent from ±1, that words pass over
 
@@ -159,10 +159,10 @@ def undetermined_sentences(e: Optimum, estimates: list[ParameterEstimate]) -> li
         alike.setdefault(kinds, []).append(c)
     for same in alike.values():
         # What many channels leave open alike is one sentence.
-        for c in same if len(same) <= MOST_LISTED else same[:1]:
+        for c in same if len(same) <= MOST_ALIKE else same[:1]:
             words = describe_combination(c.variance, c.change, e.p, names, e.parameters.linear)
             sentences.append(f"{words}; {advice(e, c)}")
-        if len(same) > MOST_LISTED:
+        if len(same) > MOST_ALIKE:
             sentences[-1] += f" (and likewise in {len(same) - 1} other channels)"
             for c in same:
                 covered[_relative(c.change, e.p)[1] > SMALL] = True

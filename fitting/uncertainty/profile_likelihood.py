@@ -22,6 +22,7 @@ TRIALS = 10
 ENOUGH = 2e-3  # of the allowed rise: what a fit with a number fixed may leave
 STEPS = 40  # of such a fit
 BUDGET = 3e7  # evaluations of the model at a sample: about three seconds on one thread
+FEW = 4  # channels that cost no more than one
 FAR = 3.0  # standard deviations, and the factor of e to this power that is open there: for a parabola, the same thing
 FAR_OPEN = FACTOR_OPEN * FAR / NORMAL_95
 MOST = 6  # numbers that are followed
@@ -178,7 +179,7 @@ def _searches(e: Optimum, k: int) -> list[_Search]:
 
 def _follow(e: Optimum, searches: list[_Search], budget: float) -> float:
     """Bring the searches to their ends, all of them side by side; evaluations of the model that are left."""
-    samples = int(e.problem.samples.blocks) * e.problem.samples.wi.z.shape[1]
+    samples = int(e.problem.samples.blocks) * e.problem.samples.wi.z.shape[1] * max(1.0, e.parameters.channels / FEW)
     d = e.domains
     while pending := [s for s in searches if not s.done]:
         for some in (pending[first : first + LANES] for first in range(0, len(pending), LANES)):
