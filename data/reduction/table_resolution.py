@@ -4,6 +4,7 @@ Where the provenance names the material the error is measured against that. Else
 leaving out every second node changes, and every second of those that are left, is continued to the table's own step.
 """
 
+import itertools
 import math
 from typing import NamedTuple
 
@@ -26,6 +27,8 @@ RESOLVED = 0.3
 LEAST, MOST = 2 / 3, 1.5
 """Error of a grid over the change by leaving out half of its nodes: twice that of a rule of second order; and at worst,
 where a lobe is narrower than the step and its part of the radiance is all in doubt."""
+SCATTERED = 4.0
+"""The same of scattered readings, half of which are only a quarter farther apart than all."""
 BEYOND = 2.0
 """Error beyond the outermost nodes over what f changes by as far within them: f grows towards grazing."""
 UNEVEN = 1.5
@@ -84,7 +87,7 @@ def resolution(table: Table, scene: SceneValues) -> Resolution:
     if table.interpolant is None and table.layout.gridded:
         return _of_grid(table, scene)
     coarse = evaluate_in_blocks(as_material(coarsened(table)), pairs.wi, pairs.wo)
-    return _judged(pairs.error(coarse, scene.f), MOST, 0.0, 0.0)
+    return _judged(pairs.error(coarse, scene.f), SCATTERED if table.interpolant is None else MOST, 0.0, 0.0)
 
 
 def _judged(change: float, factor: float, beyond: float, noise: float) -> Resolution:
@@ -119,11 +122,19 @@ def _every(count: int, step: int, first: int) -> np.ndarray:
 
 
 def _changes(thinning: Thinning) -> tuple[float, float]:
-    """rms radiance by which every second node differs from all, and every fourth from every second, at the worst."""
+    """rms radiance by which every second node differs from all, and every fourth from every second, at the worst.
+
+    Of all axes together and of each alone: what one axis misses may hide what another does.
+    """
     shape, rms = thinning.grid.layout.shape, thinning.pairs.rms
+    axes = range(len(shape))
     halved = quartered = 0.0
-    for first in (0, 1):
-        half, quarter = (thinning.values(tuple(_every(n, step, first) for n in shape)) for step in (2, 4))
+    for chosen, first in itertools.product((axes, *((k,) for k in axes)), (0, 1)):
+        half, quarter = (
+            thinning.values(tuple(_every(n, step if k in chosen else 1, first if k in chosen else 0)
+                                  for k, n in enumerate(shape)))
+            for step in (2, 4)
+        )  # fmt: skip
         halved = max(halved, rms(half - thinning.truth))
         quartered = max(quartered, rms(quarter - half))
     return halved, quartered

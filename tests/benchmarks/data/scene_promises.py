@@ -167,6 +167,8 @@ def judge(count: int, seen: Callable[[str, AbstractBRDF, str, Table, Scene, floa
                 rows.append((true, bound, scene.tolerance, f"{name}, {kind}, {scene.name}: {true:.2%} of {bound:.2%}"))
                 by_table[kind].append(rows[-1])
                 seen(name, surface, kind, table, scene, true)
+                if true > bound:
+                    print(f"broken: {rows[-1][3]}", file=sys.stderr, flush=True)
         print(f"{name}: {sum(r[0] > r[1] for r in rows)} broken of {len(rows)}", file=sys.stderr, flush=True)
     report("whole tables", rows)
     for kind, of in by_table.items():
