@@ -19,6 +19,8 @@ KNOWN = 0.5
 """Weight of the cells with a value, of those that interpolation takes, from which on it interpolates."""
 FAR = 2.0
 """Distance to the nearest reading over that of 95 % of the readings from their neighbours, beyond which is a hole."""
+WIDEST = np.radians(15.0)
+"""And never farther than that: a few readings all about do not tell what lies between them."""
 FACETS = 256
 
 
@@ -111,7 +113,8 @@ class ScatteredHull(NamedTuple):
             facets = ConvexHull(spread, qhull_options="QJ").equations
         reach = SAME
         if len(points) > 1:
-            reach = max(SAME, FAR * float(np.quantile(KDTree(points).query(points, 2)[0][:, 1], 0.95)))
+            spacing = float(np.quantile(KDTree(points).query(points, 2)[0][:, 1], 0.95))
+            reach = float(np.clip(FAR * spacing, SAME, WIDEST))
         return cls(centre, axes.T[:, flat], axes.T[:, ~flat], facets, points, reach, isotropic)
 
     def contains(self, wi: Direction, wo: Direction) -> np.ndarray:

@@ -4,6 +4,7 @@ Where the provenance names the material the error is measured against that. Else
 leaving out every second node changes, and every second of those that are left, is continued to the table's own step.
 """
 
+import dataclasses
 import itertools
 import math
 from typing import NamedTuple
@@ -27,8 +28,9 @@ RESOLVED = 0.3
 LEAST, MOST = 2 / 3, 1.5
 """Error of a grid over the change by leaving out half of its nodes: twice that of a rule of second order; and at worst,
 where a lobe is narrower than the step and its part of the radiance is all in doubt."""
-SCATTERED = 4.0
-"""The same of scattered readings, half of which are only a quarter farther apart than all."""
+SCATTERED, QUARTER = 4.0, 1.5
+"""The same of scattered readings, half of which are only a quarter farther apart than all; and what leaving out three
+quarters of them changes, over what leaving out half does."""
 BEYOND = 2.0
 """Error beyond the outermost nodes over what f changes by as far within them: f grows towards grazing."""
 UNEVEN = 1.5
@@ -51,11 +53,11 @@ class Resolution(NamedTuple):
 def known_truth(table: Table, pairs: ScenePairs) -> np.ndarray | None:
     """f (N, C) of the material that the provenance of a simulated table names; None where it names none that fits."""
     material = table.provenance.get("material")
-    spelling = material.get("spelling") if isinstance(material, dict) else None
-    if not isinstance(spelling, str):
+    expression = material.get("spelling") if isinstance(material, dict) else None
+    if not isinstance(expression, str):
         return None
     try:
-        brdf = build(spelling)
+        brdf = build(expression)
     except GonioError:
         return None
     count = len(table.channels)
@@ -86,8 +88,29 @@ def resolution(table: Table, scene: SceneValues) -> Resolution:
         return Resolution(math.inf, f"{percent(unread)} of the light is at directions about which nothing was read")
     if table.interpolant is None and table.layout.gridded:
         return _of_grid(table, scene)
+    if table.interpolant is None:
+        return _of_list(table, scene)
     coarse = evaluate_in_blocks(as_material(coarsened(table)), pairs.wi, pairs.wo)
-    return _judged(pairs.error(coarse, scene.f), SCATTERED if table.interpolant is None else MOST, 0.0, 0.0)
+    return _judged(pairs.error(coarse, scene.f), MOST, 0.0, 0.0)
+
+
+def _of_list(table: Table, scene: SceneValues) -> Resolution:
+    """That of scattered readings, by both halves of them and all quarters."""
+    pairs, changes = scene.pairs, []
+    for parts in (2, 4):
+        for first in range(parts):
+            part = _part(table, slice(first, None, parts))
+            if not part.valid_cells().size:
+                return Resolution(math.inf, "there are too few readings to leave some out")
+            f = evaluate_in_blocks(as_material(part), pairs.wi, pairs.wo)
+            changes.append(pairs.error(f, scene.f) / (1.0 if parts == 2 else QUARTER))
+    return _judged(max(changes), SCATTERED, 0.0, 0.0)
+
+
+def _part(table: Table, cells: slice) -> Table:
+    layout = table.layout.part(**dict.fromkeys(table.layout.axes, cells))
+    f, flag = (np.asarray(a[...])[cells] for a in (table.f, table.flag))
+    return dataclasses.replace(table, layout=layout, f=f, flag=flag, u_f=None)
 
 
 def _judged(change: float, factor: float, beyond: float, noise: float) -> Resolution:
@@ -107,11 +130,12 @@ def _of_grid(table: Table, scene: SceneValues) -> Resolution:
     thinning = Thinning(StartGrid(table.layout, np.where(valid, f, 0.0), valid), scene)
     rms = scene.pairs.rms(scene.f)
     halved, quartered = (c / rms for c in _changes(thinning))
-    noise = _noise(table, valid, scene) / rms
-    # What is noise changes by as much whatever the step.
-    halved, quartered = (
-        np.sqrt(np.maximum(c**2 - n**2, 0.1 * n**2)) for c, n in zip((halved, quartered), noise[1:], strict=True)
-    )
+    noise = _noise(thinning, _uncertainty(table, thinning.grid), table.u_f is not None) / rms
+    if table.u_f is not None:
+        # What is noise changes by as much whatever the step.
+        halved, quartered = (
+            np.sqrt(np.maximum(c**2 - n**2, 0.1 * n**2)) for c, n in zip((halved, quartered), noise[1:], strict=True)
+        )
     ratio = halved / quartered if quartered > 0 else 1.0
     factor = MOST if ratio >= MOST / (1 + MOST) or _uneven(table.layout) else max(LEAST, ratio / (1 - ratio))
     return _judged(float(halved), factor, _beyond(thinning) / rms, float(noise[0]))
@@ -140,20 +164,37 @@ def _changes(thinning: Thinning) -> tuple[float, float]:
     return halved, quartered
 
 
-def _noise(table: Table, valid: np.ndarray, scene: SceneValues) -> np.ndarray:
-    """rms radiance of the noise of the readings, and of the changes that it makes, by draws of the uncertainties."""
-    if table.u_f is None:
-        return np.zeros(3)
-    u = np.where(valid, np.nan_to_num(np.asarray(table.u_f[...], float), posinf=0.0), 0.0)
-    draws = []
+def _uncertainty(table: Table, grid: StartGrid) -> np.ndarray:
+    """Standard uncertainties of the readings: the stored ones, else what each is off its neighbours on an axis.
+
+    Of the axes that where the readings vary least from node to node.
+    """
+    if table.u_f is not None:
+        return np.where(grid.valid, np.nan_to_num(np.asarray(table.u_f[...], float), posinf=0.0), 0.0)
+    least, smallest = np.zeros(grid.f.shape), math.inf
+    for k, count in enumerate(grid.layout.shape):
+        if count < 3:
+            continue
+        f, valid = (np.moveaxis(a, k, 0) for a in (grid.f, grid.valid))
+        off = np.where(valid[:-2] & valid[1:-1] & valid[2:], f[1:-1] - (f[:-2] + f[2:]) / 2, 0.0)
+        u = np.abs(np.concatenate([off[:1], off, off[-1:]])) / math.sqrt(1.5)
+        total = float(np.sum(u**2))
+        if total < smallest:
+            least, smallest = np.moveaxis(u, 0, k), total
+    return least
+
+
+def _noise(thinning: Thinning, u: np.ndarray, stored: bool) -> np.ndarray:
+    """rms radiance of the noise of the readings, and of the changes that it makes, by draws of their uncertainties."""
+    grid, scene = thinning.grid, SceneValues(thinning.pairs, np.zeros_like(thinning.truth))
+    largest, changes = 0.0, np.zeros(2)
     for draw in range(DRAWS if u.any() else 0):
-        grid = StartGrid(table.layout, u * np.random.default_rng(draw).standard_normal(u.shape), valid)
-        thinning = Thinning(grid, scene._replace(f=np.zeros_like(scene.f)))
-        thinning.truth = thinning.values(grid.nodes)
-        draws.append((scene.pairs.rms(thinning.truth), *_changes(thinning)))
-    if not draws:
-        return np.zeros(3)
-    return np.array([max(d[0] for d in draws), *np.sqrt(np.mean(np.square(draws), axis=0))[1:]])
+        noisy = Thinning(dataclasses.replace(grid, f=u * np.random.default_rng(draw).standard_normal(u.shape)), scene)
+        noisy.truth = noisy.values(grid.nodes)
+        largest = max(largest, scene.pairs.rms(noisy.truth))
+        if stored and draw == 0:
+            changes = np.array(_changes(noisy))
+    return np.array([largest, *changes])
 
 
 def _uneven(layout: Layout) -> bool:

@@ -5,12 +5,16 @@ import shlex
 from pathlib import Path
 
 from gonio.cli.arguments import FORCE, READING, Options, add_options, as_stated
-from gonio.text import show
+from gonio.text import log, show
 
 TITLE = "BRDF report"
 OPTIONS: Options = {
     "-o/--output OUT.html": {"required": True, "help": "the page; all values go to OUT.json beside it"},
-    "--fit FIT.toml": {"action": "append", "default": [], "help": "a fitted material, for the table that it names"},
+    "--fit FIT.toml": {
+        "action": "append",
+        "default": [],
+        "help": "a fitted material, for the table that it names; several are shown side by side",
+    },
     "--against FILE|MATERIAL": "the truth, if known: agreement with it is judged too",
     "--chart FOLDER": "charts that back the settings: what 'gonio chart -o' wrote",
     "--figures FOLDER": "write every figure as SVG and PNG too",
@@ -20,7 +24,10 @@ OPTIONS: Options = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    subjects = "tables or materials: files, names or expressions"
+    subjects = (
+        "tables or materials: files, names or expressions; fitted materials of a table among them are shown with "
+    )
+    subjects += "that table, side by side"
     parser.add_argument("subjects", nargs="+", metavar="FILE", help=subjects)
     add_options(parser.add_argument, OPTIONS | READING | FORCE)
 
@@ -29,8 +36,9 @@ def run(args: argparse.Namespace) -> int:
     from gonio.reports.build import report
 
     options = {name: getattr(args, name) for name in ("against", "chart", "figures", "title", "force")}
+    options |= {"command": _command(args), "log": log}
     subjects = [as_stated(s, args) for s in args.subjects]
-    report(subjects, args.output, fits=args.fit, check=not args.no_check, command=_command(args), **options)
+    report(subjects, args.output, fits=args.fit, check=not args.no_check, **options)
     show(f"written: {args.output} and {Path(args.output).with_suffix('.json').name}")
     return 0
 

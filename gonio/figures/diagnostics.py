@@ -205,11 +205,20 @@ def median_grid(across: np.ndarray, up: np.ndarray, relative: np.ndarray, root: 
     return MedianGrid(x_edges, y_edges, grouped_median(cell, 100 * relative, rows * columns).reshape(rows, columns))
 
 
-def draw_residual_map(ax: Axes, grid: MedianGrid, axes: tuple[str, str]) -> None:
-    """Medians of relative residuals by two angles in colour; the half angle on a square-root scale."""
+def residual_limit(grids: Sequence[MedianGrid]) -> float:
+    """The end, %, of one colour scale for maps of residuals: by the smallest, and no less than a tenth of the largest.
+
+    What exceeds it is cut off: by the worst of several fits the others would look faultless.
+    """
+    finite = [np.abs(g.median[np.isfinite(g.median)]) for g in grids]
+    ends = [float(np.clip(np.percentile(f, 95), 0.01, 100)) for f in finite if f.size]
+    return max(min(ends), max(ends) / 10) if ends else 1.0
+
+
+def draw_residual_map(ax: Axes, grid: MedianGrid, axes: tuple[str, str], limit: float | None = None) -> None:
+    """Medians of relative residuals by two angles in colour up to a limit, %; the half angle on a square-root scale."""
     root = axes[0] == "theta_h"
-    finite = np.abs(grid.median[np.isfinite(grid.median)])
-    limit = float(np.clip(np.percentile(finite, 95), 0.01, 100)) if finite.size else 1.0
+    limit = residual_limit([grid]) if limit is None else limit
     mesh = ax.pcolormesh(
         np.sqrt(grid.x_edges) if root else grid.x_edges, grid.y_edges, grid.median.T, cmap="RdBu_r",
         norm=CenteredNorm(halfrange=limit), rasterized=True,

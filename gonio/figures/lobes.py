@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.patches import PathPatch, Wedge
-from matplotlib.path import Path
+from matplotlib.patches import Wedge
 from matplotlib.ticker import FuncFormatter
 
 from gonio.figures import style
@@ -31,6 +30,8 @@ class Curve:
     """Drawn as points, never joined, where a marker is given."""
     theta_i: float | None = None
     """Degrees; polar diagrams draw the incoming ray."""
+    u: np.ndarray | None = None
+    """Standard uncertainties, 1/sr, (n,), which are drawn as bars against the angle; NaN where unknown."""
 
 
 def draw_in_plane(ax: Axes, curves: Sequence[Curve], log: bool) -> None:
@@ -43,13 +44,15 @@ def draw_in_plane(ax: Axes, curves: Sequence[Curve], log: bool) -> None:
     else:
         _linear_axis(ax, curves)
     for c in curves:
+        style.draw_bars(ax, c.theta_o, c.f, c.u, c.colour)
         _draw(ax, c.theta_o, np.where(c.f > 0, c.f, np.nan) if log else c.f, c)
     ax.set_ylabel("f / sr⁻¹")
     style.legend_above(ax)
 
 
 def _linear_axis(ax: Axes, curves: Sequence[Curve]) -> None:
-    values = np.concatenate([np.zeros(1), *(c.f[np.isfinite(c.f)] for c in curves)])
+    ends = [c.f + sign * (0.0 if c.u is None else np.nan_to_num(c.u)) for c in curves for sign in (-1, 1)]
+    values = np.concatenate([np.zeros(1), *(f[np.isfinite(f)] for f in ends)])
     low, high = values.min(), values.max() if values.size > 1 else 1.0
     span = (high - low) or 1.0
     ax.set_ylim(low - (0.04 * span if low < 0 else 0.0), high + 0.04 * span)
@@ -66,21 +69,10 @@ def value_range(curves: Sequence[Curve]) -> tuple[float, float]:
 
 def _draw(ax: Axes, x: np.ndarray, y: np.ndarray, c: Curve) -> None:
     if c.marker:
-        _dots(ax, x, y, c.colour)
+        style.draw_dots(ax, x, y, c.colour)
         ax.plot([], [], c.marker, ms=2.9, color=c.colour, mew=0, label=c.label, ls="none")
     else:
         ax.plot(x, y, color=c.colour, ls=c.dash, label=c.label)
-
-
-def _dots(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
-    # As one path of strokes without length and with round ends: an element for each mark is most of a page's weight.
-    shown = np.isfinite(x) & np.isfinite(y)
-    points = np.repeat(np.stack([x[shown], y[shown]], axis=-1), 2, axis=0)
-    points[1::2, 0] += 2e-4 * np.ptp(ax.get_xlim())  # nothing at all is drawn of no length in a raster
-    path = Path(points, np.tile([Path.MOVETO, Path.LINETO], int(shown.sum())))
-    path.should_simplify = False
-    # Snapped to pixels, most strokes would have no length at all, and a raster would not show them.
-    ax.add_patch(PathPatch(path, fc="none", ec=colour, lw=2.9, capstyle="round", snap=False))
 
 
 def draw_polar(ax: Axes, curves: Sequence[Curve], log: bool) -> None:
@@ -193,7 +185,7 @@ def projected(points: np.ndarray, turn: float, tilt: float) -> np.ndarray:
 def draw_lobe(ax: Axes, theta_i: float, f: np.ndarray, high: float, log: bool) -> None:
     """The lobe at one incidence, degrees, the radius logarithmic or not.
 
-    `f`, 1/sr, (theta_o, delta_phi) at `mesh_angles`; `high` is the value of radius 1.
+    `f`, 1/sr, (theta_o, delta_phi) at `mesh_angles`, open where it is NaN; `high` is the value of radius 1.
     """
     theta, phi = (np.radians(a) for a in mesh_angles(theta_i))
     r = levels(f, high, log)
@@ -203,7 +195,10 @@ def draw_lobe(ax: Axes, theta_i: float, f: np.ndarray, high: float, log: bool) -
     p = projected(r[..., None] * unit, TURN, TILT)
     quads = np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]], axis=2).reshape(-1, 4, 3)
     level = (r[:-1, :-1] + r[1:, 1:]).ravel() / 2
+    known = np.isfinite(f)
+    whole = known[:-1, :-1] & known[1:, :-1] & known[1:, 1:] & known[:-1, 1:]
     order = np.argsort(quads[..., 2].mean(axis=1))
+    order = order[whole.ravel()[order]]
     ax.set_aspect("equal")
     ax.axis("off")
     ax.set(xlim=(-1.1, 1.1), ylim=(-0.46, 1.02))

@@ -57,9 +57,10 @@ def decade_levels(values: np.ndarray, scale: Scale) -> np.ndarray:
 
 
 def colours(values: np.ndarray, scale: Scale) -> np.ndarray:
-    """RGBA bytes of values, 1/sr: grey where they are not positive."""
+    """RGBA bytes of values, 1/sr: grey where they are not positive, blank where there are none (NaN)."""
     rgba = colormaps[MAP](np.clip(np.nan_to_num(decade_levels(values, scale)), 0, 1), bytes=True)
-    rgba[~(values > 0)] = [*bytes.fromhex(NO_VALUE[1:]), 255]
+    rgba[values <= 0] = [*bytes.fromhex(NO_VALUE[1:]), 255]
+    rgba[np.isnan(values)] = 0
     return rgba
 
 

@@ -4,6 +4,7 @@ Readings of a table are dots where they were measured. Only a sphere needs value
 interpolation. Angles are radians in the arguments and degrees on the axes.
 """
 
+import functools
 import math
 import os
 from collections.abc import Callable, Iterable, Sequence
@@ -17,9 +18,10 @@ from matplotlib.figure import Figure
 
 from gonio.data.files import new_file, refuse_existing
 from gonio.data.flags import Flag
+from gonio.data.interpolation.coverage import covered
 from gonio.data.subject import Subject, SubjectLike, resolve_subject
 from gonio.data.table import Table
-from gonio.figures import diagnostics, maps, sampling, spheres, style
+from gonio.figures import diagnostics, maps, readings, sampling, spheres, style
 from gonio.figures.diagnostics import AlbedoCurve, draw_albedo, draw_residual_histogram, draw_residual_map
 from gonio.figures.lobes import Curve, draw_in_plane, draw_polar
 from gonio.figures.sampling import INCIDENCES, of_channel, plane_angles, plane_values
@@ -202,16 +204,21 @@ def _sphere(s: Subject, channel: int) -> list[np.ndarray]:
     if s.table.layout.in_one_plane:
         raise GonioError(f"the readings of {s.name} lie in one plane; a sphere needs them over the hemisphere")
     table, channel = sampling.fewer_channels(s.table, channel)
-    return sampling.sphere_values(resolve_subject(table).brdf, table.channels, channel)
+    values = sampling.sphere_values(
+        resolve_subject(table).brdf, table.channels, channel, functools.partial(covered, table)
+    )
+    if (share := sampling.known_of_lit(values)) < sampling.LEAST_KNOWN:
+        raise GonioError(f"the readings of {s.name} cover {share:.0%} of a sphere; it needs at least half")
+    return values
 
 
 def _lobe_curves(s: Subject, incidences: list[float], channel: int) -> list[Curve]:
     if s.table is None:
         values = [of_channel(f, channel) for f in plane_values(s.brdf, incidences)]
         return _curves(map(plane_angles, incidences), values, incidences, None)
-    incidences = sampling.table_incidences(s.table, incidences)
-    angles, values = zip(*map(sampling.in_plane_readings, sampling.readings_near(s.table, incidences)), strict=True)
-    return _curves(angles, [f[:, channel] for f in values], incidences, "o")
+    incidences = readings.table_incidences(s.table, incidences)
+    near = [readings.in_plane_readings(n) for n in readings.readings_near(s.table, incidences)]
+    return _curves([n.theta_o for n in near], [n.f[:, channel] for n in near], incidences, "o")
 
 
 def _curves(

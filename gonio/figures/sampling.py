@@ -1,19 +1,16 @@
-"""Values that figures show: of a BRDF in planes, on maps, meshes, slices and spheres; readings of a table."""
+"""Values that figures show: of a BRDF in planes, on maps, meshes, slices and spheres."""
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gonio.data.flags import Flag
 from gonio.data.table import Channels, Table
 from gonio.figures.lobes import mesh_angles
 from gonio.figures.maps import disc_points, slice_pairs
+from gonio.figures.spectral_colour import VISIBLE, channel_colour
 from gonio.figures.spheres import sphere_pairs
-from gonio.fitting.residuals.colour_difference import LINEAR_SRGB, colour_matrix
-from gonio.fitting.residuals.pair_angles import PairAngles, pair_angles
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction, from_spherical
@@ -23,8 +20,12 @@ MAP_INCIDENCES = (30.0, 60.0)
 COMPARED = (30.0, 60.0)
 """Incidences, degrees, of lobes, of maps, and of lobes of several subjects in one figure."""
 MOST_CHANNELS = 24
+LEAST_KNOWN = 0.5
+"""Share of a picture that the readings cover, below which it is not drawn."""
 
 Pairs = tuple[Direction, Direction]
+Covers = Callable[[Direction, Direction], np.ndarray]
+"""Which pairs of directions (n,) a table interpolates; elsewhere its values are NaN, which pictures leave blank."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +45,11 @@ class ModelValues:
     spheres: list[np.ndarray]
     """For each of `LIGHTS`: linear sRGB (pixels, 3) of a sphere."""
 
+    @property
+    def known_of_sphere(self) -> float:
+        """Share of the spheres' lit pixels that have a value."""
+        return known_of_lit(self.spheres)
+
 
 def plane_angles(theta_i: float) -> np.ndarray:
     """Signed outgoing angles, degrees, of a model's curve: every degree, and closer around the mirror direction."""
@@ -62,9 +68,23 @@ def slice_values(brdf: AbstractBRDF) -> np.ndarray:
     return _evaluated(brdf, [slice_pairs()])[0]
 
 
-def sphere_values(brdf: AbstractBRDF, channels: Channels, channel: int) -> list[np.ndarray]:
+def known_share(values: Sequence[np.ndarray]) -> float:
+    """Share of the values that are finite."""
+    known = np.concatenate([np.isfinite(v).ravel() for v in values])
+    return float(known.mean()) if known.size else 0.0
+
+
+def known_of_lit(spheres: Sequence[np.ndarray]) -> float:
+    """Share of the lit pixels of `sphere_values` that are known."""
+    _, _, lights = sphere_pairs()
+    return known_share([linear[light.z > 0] for linear, light in zip(spheres, lights, strict=True)])
+
+
+def sphere_values(
+    brdf: AbstractBRDF, channels: Channels, channel: int, covers: Covers | None = None
+) -> list[np.ndarray]:
     """Linear sRGB (pixels, 3) of a sphere under each of `LIGHTS`; grey of the channel where there is no colour."""
-    return _lit(_evaluated(brdf, _sphere_pairs()), channels, channel)
+    return _lit(_evaluated(brdf, _sphere_pairs(), covers), channels, channel)
 
 
 def model_values(
@@ -73,10 +93,17 @@ def model_values(
     channel: int,
     incidences: Sequence[float],
     map_incidences: Sequence[float],
+    covers: Covers | None = None,
 ) -> ModelValues:
     """All values for figures by one evaluation, of one size for every subject: one compiled program a kind of model.
 
-    `channel`: the number of the shown one among `channels`; the spheres need all of them.
+    Args:
+        brdf: a model, or the interpolant of a table.
+        channels: of the BRDF; the spheres need all of them.
+        channel: the number of the one that all else shows.
+        incidences: of lobes, degrees.
+        map_incidences: of maps, degrees.
+        covers: where the BRDF has values; everywhere if None.
     """
     incidences = [*incidences, *[incidences[-1]] * (len(INCIDENCES) - len(incidences))]
     maps = [*map_incidences, *[map_incidences[-1]] * (len(MAP_INCIDENCES) - len(map_incidences))]
@@ -88,7 +115,7 @@ def model_values(
         [slice_pairs()],
         _sphere_pairs(),
     ]
-    pieces = iter(_evaluated(brdf, list(itertools.chain(*groups))))
+    pieces = iter(_evaluated(brdf, list(itertools.chain(*groups)), covers))
     *values, spheres = [[next(pieces) for _ in group] for group in groups]
     curves, compared, discs, meshes, (the_slice,) = [[of_channel(f, channel) for f in group] for group in values]
     return ModelValues(curves, compared, discs, meshes, the_slice, _lit(spheres, channels, channel))
@@ -99,7 +126,14 @@ def fewer_channels(table: Table, channel: int) -> tuple[Table, int]:
     count = len(table.channels)
     if count <= MOST_CHANNELS or table.interpolant is not None:
         return table, channel
-    kept = np.unique(np.append(np.linspace(0, count - 1, MOST_CHANNELS - 1).round().astype(int), channel))
+    # Those that make the colour, where there are such.
+    wavelengths = table.channels.wavelengths_nm
+    inside = np.arange(count)
+    if wavelengths is not None:
+        visible = np.flatnonzero((np.asarray(wavelengths) >= VISIBLE[0]) & (np.asarray(wavelengths) <= VISIBLE[-1]))
+        inside = visible if visible.size else inside
+    few = inside[np.linspace(0, inside.size - 1, min(inside.size, MOST_CHANNELS - 1)).round().astype(int)]
+    kept = np.unique(np.append(few, channel))
     return table.only([table.channels.names[k] for k in kept]), int(np.searchsorted(kept, channel))
 
 
@@ -119,17 +153,18 @@ def _sphere_pairs() -> list[Pairs]:
 def _lit(pieces: list[np.ndarray], channels: Channels, channel: int) -> list[np.ndarray]:
     _, _, lights = sphere_pairs()
     cosines = [np.maximum(light.z, 0.0)[:, None] for light in lights]
-    return [_linear_srgb(f * cos_i, channels, channel) for f, cos_i in zip(pieces, cosines, strict=True)]
+    # The shade is dark whether or not the surface is known.
+    lit = [np.where(cos_i > 0, f * cos_i, 0.0) for f, cos_i in zip(pieces, cosines, strict=True)]
+    return [_linear_srgb(f_cos, channels, channel) for f_cos in lit]
 
 
 def _linear_srgb(f_cos: np.ndarray, channels: Channels, channel: int) -> np.ndarray:
     """Linear sRGB (n, 3) of f cosθi (n, channels), 1/sr; grey of the shown channel where there is no colour."""
-    radiance = np.pi * np.nan_to_num(f_cos)
-    to_xyz = colour_matrix(channels)
-    if to_xyz is None or radiance.shape[1] != to_xyz.shape[1]:
+    radiance = np.pi * f_cos
+    to_srgb = channel_colour(channels).matrix
+    if to_srgb is None or radiance.shape[1] != to_srgb.shape[1]:
         return np.repeat(of_channel(radiance, channel)[:, None], 3, axis=1)
-    white = LINEAR_SRGB.sum(axis=1) / to_xyz.sum(axis=1)  # equal reflectances are grey
-    return radiance @ (np.linalg.inv(LINEAR_SRGB) @ (white[:, None] * to_xyz)).T
+    return radiance @ to_srgb.T
 
 
 def _plane(theta_i: float) -> Pairs:
@@ -152,109 +187,11 @@ def _pairs(theta_i: float, theta_o: np.ndarray, delta_phi: np.ndarray) -> Pairs:
     return from_spherical(t, np.zeros_like(t), np), from_spherical(theta_o, delta_phi, np)
 
 
-def _evaluated(brdf: AbstractBRDF, pairs: Sequence[Pairs]) -> list[np.ndarray]:
-    """f (n, channels) at each set of pairs, by one evaluation."""
+def _evaluated(brdf: AbstractBRDF, pairs: Sequence[Pairs], covers: Covers | None = None) -> list[np.ndarray]:
+    """f (n, channels) at each set of pairs, by one evaluation; NaN where the BRDF is not known."""
     wi, wo = (Direction(*(np.concatenate(c) for c in zip(*w, strict=True))) for w in zip(*pairs, strict=True))
     sizes = [np.size(w.z) for w, _ in pairs]
     f = np.asarray(evaluate(brdf, wi, wo)).reshape(sum(sizes), -1)
+    if covers is not None:
+        f = np.where(covers(wi, wo)[:, None], f, np.nan)
     return np.split(f, np.cumsum(sizes)[:-1])
-
-
-OFF_PLANE = 2.5
-"""Degrees within which a scattered reading counts as in the plane."""
-NEAR_INCIDENCE = 1.0
-"""Degrees within which a reading on half/difference angles counts as at an incidence."""
-MOST_POINTS = 400
-RESIDUALS = 1 << 16
-
-
-class Readings(NamedTuple):
-    """Readings near one incidence: angles, degrees (n,), and f, 1/sr, (n, channels), NaN where it is not valid."""
-
-    theta_o: np.ndarray
-    delta_phi: np.ndarray
-    f: np.ndarray
-
-    def of_channel(self, channel: int, most: int) -> "Readings":
-        """The valid readings of one channel, f of shape (n,); at most so many, evenly chosen."""
-        index = np.flatnonzero(np.isfinite(self.f[:, channel]))
-        index = evenly_chosen(index, most)
-        return Readings(self.theta_o[index], self.delta_phi[index], self.f[index, channel])
-
-
-class PlaneReadings(NamedTuple):
-    """Readings in the plane of incidence: signed outgoing angles, degrees (n,), and f, 1/sr, (n, channels)."""
-
-    theta_o: np.ndarray
-    f: np.ndarray
-
-
-class Residuals(NamedTuple):
-    """Residuals of all channels: relative to |reading|, over u(f) where that is known, and angles of the former."""
-
-    relative: np.ndarray
-    standardised: np.ndarray
-    angles: PairAngles
-
-
-def evenly_chosen(index: np.ndarray, most: int) -> np.ndarray:
-    """At most so many of the entries, at even steps from the first to the last."""
-    return index[np.linspace(0, index.size - 1, min(index.size, most)).astype(int)] if index.size else index
-
-
-def table_incidences(table: Table, wanted: Sequence[float]) -> list[float]:
-    """The measured angles of incidence, degrees, nearest to those wanted; the wanted ones where all are measured."""
-    if "theta_i" not in table.layout.axes:
-        return list(wanted)
-    measured = np.unique(np.degrees(table.layout.axes["theta_i"]))
-    measured = measured[measured < 89.0]
-    if not measured.size or measured.size > 500:
-        return list(wanted)
-    return sorted({round(float(measured[np.argmin(np.abs(measured - w))]), 9) for w in wanted})
-
-
-def readings_near(table: Table, incidences: Sequence[float]) -> list[Readings]:
-    """For each incidence, degrees, the readings near it that are valid in any channel."""
-    pieces: list[list[Readings]] = [[] for _ in incidences]
-    tolerance = 1e-3 if "theta_i" in table.layout.axes else NEAR_INCIDENCE
-    for start, stop in table.blocks():
-        theta_i, phi_i, theta_o, phi_o = (np.degrees(a) for a in table.layout.angles(start, stop))
-        block = table.read_values(start, stop)
-        valid = (block["flag"] == Flag.VALID).any(axis=1)
-        for near, wanted in zip(pieces, incidences, strict=True):
-            index = np.flatnonzero(valid & (np.abs(theta_i - wanted) <= tolerance))
-            f = np.where(block["flag"][index] == Flag.VALID, block["f"][index], np.nan)
-            near.append(Readings(theta_o[index], (phi_o[index] - phi_i[index]) % 360.0, f))
-    return [Readings(*map(np.concatenate, zip(*near, strict=True))) for near in pieces]
-
-
-def in_plane_readings(near: Readings) -> PlaneReadings:
-    """The readings in the plane of incidence, or near it; at most `MOST_POINTS`."""
-    phi = np.radians(near.delta_phi)
-    off = np.degrees(np.arcsin(np.clip(np.sin(np.radians(near.theta_o)) * np.abs(np.sin(phi)), 0, 1)))
-    index = np.flatnonzero(off <= 1e-3)
-    if index.size < 8:
-        index = np.flatnonzero(off <= OFF_PLANE)
-    index = evenly_chosen(index, MOST_POINTS)
-    signed = np.where(np.cos(phi[index]) <= 0, near.theta_o[index], -near.theta_o[index])
-    order = np.argsort(signed, kind="stable")
-    return PlaneReadings(signed[order], near.f[index][order])
-
-
-def fit_residuals(table: Table, brdf: AbstractBRDF, theta_max: float | None) -> Residuals:
-    """Residuals of a model at readings up to `theta_max`, radians; at most `RESIDUALS` cells."""
-    block = table.samples(limit=RESIDUALS, theta_max=theta_max)
-    n = block.f.shape[0]
-    if not n:
-        return Residuals(np.empty(0), np.empty(0), PairAngles(*[np.empty(0)] * len(PairAngles._fields)))
-    index = np.resize(np.arange(n), RESIDUALS)  # repeated to one size, so that one compiled program serves
-    wi, wo = (Direction(*(np.asarray(c)[index] for c in w)) for w in (block.wi, block.wo))
-    model = np.asarray(evaluate(brdf, wi, wo)).reshape(RESIDUALS, -1)[:n]
-    valid = (block.flag == Flag.VALID) & np.isfinite(block.f) & (block.f != 0)
-    difference = np.broadcast_to(model, block.f.shape) - np.where(valid, block.f, 0.0)
-    known = valid & np.isfinite(block.u_f) & (np.nan_to_num(block.u_f) > 0)
-    return Residuals(
-        (difference / np.where(valid, np.abs(block.f), 1.0))[valid],
-        (difference / np.where(known, block.u_f, 1.0))[known],
-        PairAngles(*(np.broadcast_to(a[:, None], block.f.shape)[valid] for a in pair_angles(block.wi, block.wo))),
-    )

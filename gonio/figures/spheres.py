@@ -13,6 +13,8 @@ from gonio.figures.style import FAINT
 from gonio.models.geometry.directions import Direction
 
 SIDE = 144
+UNKNOWN = (128, 128, 128, 70)
+"""RGBA of a pixel of which nothing is known."""
 LIGHTS = ((35.0, 25.0), (100.0, 15.0))
 """Angle between light and eye, and height of the light above the horizontal plane through both, degrees."""
 
@@ -49,10 +51,15 @@ def encoded(linear: np.ndarray) -> np.ndarray:
 
 
 def sphere_pixels(linear: np.ndarray, side: int = SIDE) -> np.ndarray:
-    """RGBA bytes (side, side, 4) of a sphere; `linear`: sRGB before encoding, (pixels inside, 3)."""
+    """RGBA bytes (side, side, 4) of a sphere, pale where nothing is known (NaN).
+
+    `linear`: sRGB before encoding, (pixels inside, 3).
+    """
     inside, _, _ = sphere_pairs(side)
     rgba = np.zeros((side, side, 4), np.uint8)
-    rgba[inside] = np.concatenate([encoded(linear), np.full((len(linear), 1), 255, np.uint8)], axis=1)
+    known = np.isfinite(linear).all(axis=1, keepdims=True)
+    opaque = np.concatenate([encoded(linear), np.full((len(linear), 1), 255, np.uint8)], axis=1)
+    rgba[inside] = np.where(known, opaque, np.array(UNKNOWN, np.uint8))
     return rgba
 
 

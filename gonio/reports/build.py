@@ -6,7 +6,8 @@ import errno
 import json
 import os
 import re
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
@@ -16,10 +17,11 @@ from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError, printable
 from gonio.reports.document import Document, assemble
 from gonio.reports.page import page
-from gonio.reports.subject import ReportSubject, assign_fits, distinguish_names, fit_of, subject_of
+from gonio.reports.subject import ReportSubject, assign_fits, distinguish_names, fit_of, split_fits, subject_of
 
 MOST_SUBJECTS = 50
 ENDINGS = (".html", ".htm")
+SILENT = 2.0
 
 
 class ReportOptions(TypedDict, total=False):
@@ -34,6 +36,7 @@ class ReportOptions(TypedDict, total=False):
     title: str
     command: str | None
     force: bool
+    log: Callable[[str], None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,6 +52,7 @@ class ReportSettings:
     title: str = "BRDF report"
     command: str | None = None
     force: bool = False
+    log: Callable[[str], None] = lambda line: None
 
     def require_subjects(self, subjects: Sequence[Any]) -> None:
         """Refuses a number of subjects that no page holds, and certificates that do not match them."""
@@ -103,9 +107,10 @@ def report(
 
     Args:
         subjects: tables, materials, models, fit results, or what names them (files, reference materials, expressions);
-            one of them or a sequence.
+            one of them or a sequence. A fitted material that names a table among them is a fit of that.
         output: the page; None returns its text.
-        fits: fit results, or fitted materials and their files; each goes to the table that it names.
+        fits: fit results, or fitted materials and their files; each goes to the table that it names, which may have
+            several.
         certificates: one for each subject; None among them is made here.
         check: makes the certificates that are not given; true by default.
         against: a stated truth; agreement with it is checked too.
@@ -114,6 +119,7 @@ def report(
         title: the heading of the page.
         command: shown as the way to make the page again.
         force: replaces existing outputs.
+        log: called with a line for each step of a page that takes longer than two seconds.
 
     Returns:
         The path of the page, or its text.
@@ -126,16 +132,18 @@ def report(
     settings.require_subjects(given)
     values_file = None if output is None else settings.values_file(output, given)
     settings.refuse_figures()
-    shown = [subject_of(g, number) for number, g in enumerate(given)]
-    assign_fits(shown, [fit_of(f) for f in settings.fits])
+    of_page, fits = split_fits(given)
+    shown = [subject_of(g, number) for number, g in enumerate(of_page)]
+    assign_fits(shown, [fit_of(f) for f in (*settings.fits, *fits)])
     distinguish_names(shown)
+    progress = _Progress(len(shown), settings.log)
     charts = []
     if settings.chart is not None:
         from gonio.reports.chart_folder import charts_of
 
         charts = charts_of(settings.chart)
-    _certify(shown, settings)
-    document = assemble(shown, settings.title, settings.command, charts)
+    _certify(shown, settings, progress.step)
+    document = assemble(shown, settings.title, settings.command, charts, progress.step)
     text = page(document, None if values_file is None else values_file.name)
     files: dict[Path, bytes] = {}
     if output is not None and values_file is not None:
@@ -157,13 +165,28 @@ def report(
     return text if output is None else Path(output)
 
 
-def _certify(subjects: Sequence[ReportSubject], settings: ReportSettings) -> None:
+class _Progress:
+    """Tells what comes next, once a page has taken `SILENT` seconds."""
+
+    def __init__(self, count: int, log: Callable[[str], None]) -> None:
+        self.count, self.log, self.began = count, log, time.perf_counter()
+
+    def step(self, what: str, s: ReportSubject) -> None:
+        seconds = time.perf_counter() - self.began
+        if seconds > SILENT:
+            self.log(f"{what} {s.number + 1} of {self.count}, {s.name} ({seconds:.0f} s so far)")
+
+
+def _certify(
+    subjects: Sequence[ReportSubject], settings: ReportSettings, step: Callable[[str, ReportSubject], None]
+) -> None:
     from gonio.checks.certify import check
 
     for s, given in zip(subjects, settings.certificates or [None] * len(subjects), strict=True):
         if given is not None:
             s.certificate = given
         elif settings.check and not s.empty:
+            step("checking", s)
             s.certificate = check(s.material if s.table is None else s.table, against=settings.against, name=s.name)
 
 

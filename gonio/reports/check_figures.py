@@ -1,4 +1,4 @@
-"""Figures of what is judged (albedo, reciprocity, p-values, residuals, correlations), and of subjects side by side."""
+"""Figures of what is judged: albedo, reciprocity and its p-values; and of subjects side by side."""
 
 import base64
 from collections.abc import Sequence
@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gonio.checks.certificate import Property
-from gonio.figures import diagnostics, sampling, spheres
+from gonio.figures import diagnostics, readings, sampling, spheres
 from gonio.figures.diagnostics import AlbedoCurve, AlbedoSeries, draw_albedo
 from gonio.figures.lobes import Curve, draw_in_plane
 from gonio.figures.style import picture, size_for
-from gonio.reports.subject import Evaluation, ReportFigure, ReportSubject, rounded
+from gonio.reports.evaluation import Evaluation, ReportFigure, rounded
+from gonio.reports.subject import ReportSubject
 
 MOST_PAIRS = 1500
 LONGEST = 22
@@ -25,10 +26,31 @@ class ReciprocityPairs(NamedTuple):
     choice: str
 
 
-def figures(s: ReportSubject, fit: dict[str, Any] | None) -> list[ReportFigure]:
-    """The figures of a subject's certificate and of its fit, as far as it has them."""
-    judged = _albedo_figures(s) + _reciprocity_figures(s)
-    return judged + _residual_figures(s, (fit or {}).get("theta_max")) + _correlation_figures(s, fit or {})
+def few_pairs(s: ReportSubject) -> dict[str, Any] | None:
+    """The reciprocal pairs of a table that has too few to be judged, one by one; None where it has none, or many."""
+    from gonio.checks.table.evidence import reciprocal_pairs
+    from gonio.checks.table.pairs import FEWEST
+
+    pairs = None if s.table is None or s.empty or s.certificate is None else reciprocal_pairs(s.table)
+    if pairs is None or isinstance(pairs, str) or not 0 < len(pairs.a) < FEWEST:
+        return None
+    a, b = pairs.a[:, s.shown], pairs.b[:, s.shown]
+    u = np.hypot(pairs.u_a[:, s.shown], pairs.u_b[:, s.shown])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        over_u = np.where(u > 0, (a - b) / u, np.nan)
+        percent = 200 * (a - b) / (np.abs(a) + np.abs(b))
+    columns = zip(np.degrees(pairs.angles), a, b, percent, over_u, strict=True)
+    rows = [
+        {"angles_deg": rounded(angles), "f_per_sr": rounded(f), "exchanged_per_sr": rounded(g),
+         "difference_percent": rounded(p, 4), "difference_over_u": rounded(d, 4)}
+        for angles, f, g, p, d in columns if np.isfinite(f + g)
+    ]  # fmt: skip
+    return {"channel": s.in_channel, "how": pairs.how, "rows": rows} if rows else None
+
+
+def figures(s: ReportSubject) -> list[ReportFigure]:
+    """The figures of a subject's certificate, as far as it has them."""
+    return _albedo_figures(s) + _reciprocity_figures(s)
 
 
 def property_of(s: ReportSubject, name: str) -> Property | None:
@@ -73,10 +95,10 @@ def _scatter(s: ReportSubject, pairs: ReciprocityPairs, tolerance: float | None)
     usable = np.isfinite(a) & np.isfinite(b)
     positive = np.flatnonzero(usable & (a > 0) & (b > 0))
     not_positive = int(usable.sum()) - positive.size
-    shown = sampling.evenly_chosen(positive, MOST_PAIRS)
+    shown = readings.evenly_chosen(positive, MOST_PAIRS)
     if not shown.size:
         return []
-    caption = f"Reciprocity, channel {s.channel}: light and detector exchanged; "
+    caption = f"Reciprocity, {s.in_channel}: light and detector exchanged; "
     caption += f"{shown.size:,} of {positive.size:,} {pairs.choice}."
     if not_positive:
         caption += f" {not_positive:,} pairs with a value of 0 or less cannot be drawn."
@@ -120,47 +142,6 @@ def _pairs(s: ReportSubject) -> ReciprocityPairs | None:
     return ReciprocityPairs(a, b, "random pairs, half of them about the mirror direction")
 
 
-def _residual_figures(s: ReportSubject, theta_max: float | None) -> list[ReportFigure]:
-    """Residuals of the fit, by angles and by size; `theta_max`, radians, as in the fit."""
-    if s.table is None or s.fitted is None:
-        return []
-    residuals = sampling.fit_residuals(s.table, s.fitted, theta_max)
-    if not residuals.relative.size:
-        return []
-    limits = "" if theta_max is None else f", polar angles up to {np.degrees(theta_max):.4g}° as in the fit"
-    figures = []
-    for slug, axes, words in (
-        ("residuals-half", ("theta_h", "theta_d"), "half and difference angle"),
-        ("residuals-polar", ("theta_i", "theta_o"), "incident and outgoing angle"),
-    ):
-        across, up = (getattr(residuals.angles, a) for a in axes)
-        grid = diagnostics.median_grid(across, up, residuals.relative, axes[0] == "theta_h")
-        image = picture(f"Residuals of the fit to {s.name} by {words}", diagnostics.draw_residual_map, grid, axes)
-        caption = f"Fit residuals by {words}, all channels{limits}: red: model brighter."
-        edges = {f"{a}_edges_deg": rounded(edge, 5) for a, edge in zip(axes, grid, strict=False)}
-        figures.append(ReportFigure(slug, caption, image, edges | {"median_percent": rounded(grid.median, 4)}))
-    in_u = residuals.standardised.size > 0.5 * residuals.relative.size
-    values = residuals.standardised if in_u else 100 * residuals.relative
-    caption = "Residuals in standard uncertainties of the readings" if in_u else "Relative residuals, all channels"
-    draw = diagnostics.draw_residual_histogram
-    image = picture(f"Histogram of residuals of {s.name}", draw, values, in_u, s.look.colour)
-    edges, density = diagnostics.residual_density(values, in_u)
-    data = {"unit": "u_f" if in_u else "%", "edges": rounded(edges), "share_per_unit": rounded(density)}
-    return [*figures, ReportFigure("residuals", f"{caption}{limits}.", image, data)]
-
-
-def _correlation_figures(s: ReportSubject, fit: dict[str, Any]) -> list[ReportFigure]:
-    """Correlations of the free parameters of a fit that holds them."""
-    names, rows = fit.get("free_names") or [], fit.get("correlation") or []
-    if len(names) < 2 or [len(row) for row in rows] != [len(names)] * len(names):
-        return []
-    values = names, np.array(rows, float)
-    caption = "Correlations of the fitted numbers; empty where a number is not determined by the readings."
-    label, size = f"Correlations of the numbers fitted to {s.name}", diagnostics.CORRELATIONS_SIZE
-    image = picture(label, diagnostics.draw_correlations, *values, size=size)
-    return [ReportFigure("correlations", caption, image, {"names": names, "correlation": rounded(values[1], 4)})]
-
-
 def shortened(name: str) -> str:
     """A name that fits a legend of two columns."""
     return name if len(name) <= LONGEST else name[: LONGEST - 9] + "…" + name[-8:]
@@ -177,8 +158,10 @@ def _compared_lobes(
 ) -> ReportFigure | None:
     curves, data, angles = [], [], sampling.plane_angles(theta_i)
     for s, e in evaluated:
-        for name, values in e.sources(s)[-1:]:
+        for name, values in (e.models or e.sources)[:1]:
             f = values.compared[k]
+            if not np.isfinite(f).any():
+                continue
             curves.append(Curve(angles, f, shortened(s.name), s.look.colour, s.look.dash))
             data.append({"subject": s.name, "channel": s.channel, "of": name, "f_per_sr": rounded(f)})
     if len(curves) < 2:
@@ -211,7 +194,7 @@ def _compared_albedos(subjects: Sequence[ReportSubject]) -> ReportFigure | None:
 
 def sphere_of(s: ReportSubject, e: Evaluation) -> str | None:
     """A small sphere under the first light as the data of an image; None where there is none."""
-    for _, values in e.sources(s)[:1]:
+    for _, values in [source for source in e.sources if source[1].known_of_sphere >= sampling.LEAST_KNOWN][:1]:
         pixels = spheres.sphere_pixels(values.spheres[0])
         return "data:image/png;base64," + base64.b64encode(spheres.png(pixels)).decode()
     return None

@@ -3,16 +3,20 @@
 import datetime
 import hashlib
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gonio.data.material import Material
 from gonio.data.serialise import plain
+from gonio.figures.sampling import LEAST_KNOWN
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import to_expression
-from gonio.reports import check_figures, lobe_figures
-from gonio.reports.subject import Evaluation, ReportFigure, ReportSubject, evaluate_subject
-from gonio.text import number, versions
+from gonio.reports import check_figures, fit_figures, lobe_figures, reading_figures
+from gonio.reports.evaluation import Evaluation, ReportFigure, evaluate_subject
+from gonio.reports.fit_judgement import judge_fit
+from gonio.reports.subject import ReportSubject
+from gonio.text import versions
 
 FORMAT = 1
 MOST_TEXT = 2000
@@ -34,18 +38,26 @@ class Document(NamedTuple):
 
 
 def assemble(
-    subjects: Sequence[ReportSubject], title: str, command: str | None, charts: list[dict[str, Any]]
+    subjects: Sequence[ReportSubject],
+    title: str,
+    command: str | None,
+    charts: list[dict[str, Any]],
+    step: Callable[[str, ReportSubject], None] = lambda what, s: None,
 ) -> Document:
-    """Evaluates the subjects, and draws and lists everything that the page holds."""
-    evaluated = [(s, None if s.empty else evaluate_subject(s)) for s in subjects]
+    """Evaluates the subjects, and draws and lists everything that the page holds; `step` is told what comes next."""
+    evaluated = []
+    for s in subjects:
+        step("evaluating", s)
+        evaluated.append((s, None if s.empty else evaluate_subject(s)))
     drawable = [(s, e) for s, e in evaluated if e is not None]
     compared = _named("all", check_figures.comparison_figures(drawable))
     sections, figures = [], dict(compared)
     for s, e in evaluated:
-        fit = fit_facts(s)
-        made = {} if e is None else _named(s.anchor, lobe_figures.figures(s, e) + check_figures.figures(s, fit))
+        step("drawing", s)
+        fits = fit_facts(s)
+        made = {} if e is None else _named(s.anchor, _figures(s, e, fits))
         figures |= made
-        sections.append(_section(s, e, fit) | {"figures": _listed(made)})
+        sections.append(_section(s, e, fits) | {"figures": _listed(made)})
     values = {
         "gonio_report": FORMAT,
         "title": title,
@@ -68,7 +80,12 @@ def _notes(s: ReportSubject, e: Evaluation | None) -> list[str]:
     return [*s.table.provenance.get("warnings", []), *([] if e is None else [_interpolation_note(e)])]
 
 
-def _section(s: ReportSubject, e: Evaluation | None, fit: dict[str, Any] | None) -> dict[str, Any]:
+def _figures(s: ReportSubject, e: Evaluation, fits: list[dict[str, Any]]) -> list[ReportFigure]:
+    made = reading_figures.figures(s) + lobe_figures.figures(s, e)
+    return made + check_figures.figures(s) + fit_figures.figures(s, fits)
+
+
+def _section(s: ReportSubject, e: Evaluation | None, fits: list[dict[str, Any]]) -> dict[str, Any]:
     """Everything in the section of a subject but the figures."""
     rows = facts(s)
     return {
@@ -80,20 +97,26 @@ def _section(s: ReportSubject, e: Evaluation | None, fit: dict[str, Any] | None)
         "channels": list(s.channels.names),
         "wavelengths_nm": s.channels.wavelengths_nm,
         "shown_channel": s.channel,
-        "sentence": sentence(s, rows, fit),
+        "sentence": sentence(s, rows),
         "notes": _notes(s, e),
+        "readings": reading_figures.listed(s),
+        "pairs": check_figures.few_pairs(s),
         "facts": rows,
         "certificate": None if s.certificate is None else s.certificate.to_dict(),
         "overall_basis": None if s.certificate is None else s.certificate.basis,
         "hemispherical": _hemispherical(s),
-        "fit": fit,
+        "fits": fits,
         "provenance": provenance(s),
     }
 
 
 def _interpolation_note(e: Evaluation) -> str:
-    without = "; no sphere, lobe in space or slice of the readings is drawn" if e.interpolated is None else ""
-    return f"Between the readings: {e.interpolation}{without}."
+    if e.interpolated is None:
+        return f"Nothing is drawn between the readings: {e.interpolation}."
+    share = e.interpolated.known_of_sphere
+    if share < LEAST_KNOWN:
+        return f"No lit sphere of the readings is drawn: they cover {share:.0%} of one."
+    return f"Between the readings: {e.interpolation}." + " Where nothing was read pictures are blank." * (share < 1)
 
 
 def _named(anchor: str, figures: Sequence[ReportFigure]) -> dict[str, ReportFigure]:
@@ -154,15 +177,17 @@ def expression(s: ReportSubject) -> str:
         return type(s.model).__name__
 
 
-def fit_facts(s: ReportSubject) -> dict[str, Any] | None:
-    """Everything that a fit reports, with the expression of the model; None where there is no fit."""
-    material = s.fit or s.material
-    if material is None or "fit" not in material.meta:
-        return None
+def fit_facts(s: ReportSubject) -> list[dict[str, Any]]:
+    """Everything that each fit reports, with the expression of its model and a judgement; of a fitted model its own."""
+    fitted = s.fits or ([s.material] if s.material is not None and "fit" in s.material.meta else [])
+    return [_fit_facts(material) for material in fitted]
+
+
+def _fit_facts(material: Material) -> dict[str, Any]:
     values = {**plain(material.meta["fit"]), "spelling": material.expression}
     if isinstance(values.get("free_names"), list):
         values["free_count"] = len(values["free_names"])
-    return values
+    return values | {"judgement": judge_fit(values, material.brdf)._asdict()}
 
 
 def provenance(s: ReportSubject) -> list[dict[str, str]]:
@@ -192,7 +217,7 @@ def _as_text(value: Any) -> str:
     return f"{value:.7g}" if isinstance(value, float) else str(value)
 
 
-def sentence(s: ReportSubject, rows: list[dict], fit: dict | None) -> str:
+def sentence(s: ReportSubject, rows: list[dict]) -> str:
     """The first sentences of a subject's section."""
     sentences = []
     if s.table is not None:
@@ -207,8 +232,4 @@ def sentence(s: ReportSubject, rows: list[dict], fit: dict | None) -> str:
             sentences.append(f"{value['negative readings']:,} readings are negative; they are kept as read.")
     elif s.material is not None and s.material.description and s.material.description != ON_THE_SPOT:
         sentences.append(s.material.description.rstrip(".") + ".")
-    if fit:
-        verdict = "converged" if fit.get("converged") else f"did not converge ({fit.get('reason', 'no reason given')})"
-        rms = fit.get("metrics", {}).get("relative_rms")
-        sentences.append(f"The fit of {fit.get('asked', 'a model')} {verdict}, relative rms {number(rms, 3)}.")
     return " ".join(sentences)

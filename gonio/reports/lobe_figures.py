@@ -4,12 +4,17 @@ from typing import Any
 
 import numpy as np
 
-from gonio.figures import lobes, maps, sampling, spheres
+from gonio.figures import lobes, maps, readings, sampling, spheres
+from gonio.figures.sampling import LEAST_KNOWN, ModelValues, known_share
+from gonio.figures.spectral_colour import channel_colour
 from gonio.figures.style import picture, shades, size_for
-from gonio.fitting.residuals.colour_difference import colour_matrix
-from gonio.reports.subject import Evaluation, ReportFigure, ReportSubject, rounded
+from gonio.reports.evaluation import INTERPOLATED, Evaluation, ReportFigure, rounded
+from gonio.reports.subject import ReportSubject
 
 MOST_DOTS = 4000
+LEAST_OF_SLICE = 0.25
+"""Share of a slice that the readings cover, below which it is not drawn: the grazing half of it is rarely read."""
+BLANK = " Blank: not read."
 PEAKED = 20.0
 """A lobe whose peak is this many times its median is shown in logarithms."""
 
@@ -21,18 +26,25 @@ def figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
 
 
 def _plane_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
-    """f in the plane of incidence: polar and against the angle, linear and logarithmic."""
-    warped = e.model is None and s.table is not None and s.table.interpolant is not None
-    lines = e.interpolated if warped else e.model
+    """f in the plane of incidence: polar and against the angle, linear and logarithmic; the latter for each fit."""
+    warped = not e.models and s.table is not None and s.table.interpolant is not None
+    lines = [(INTERPOLATED, e.interpolated)] if warped else e.models
+    made = _four_planes(s, e, *(lines[0] if lines else ("", None)))
+    for k, (name, values) in enumerate(lines[1:], 2):
+        curves, data = _plane_curves(s, e, values)
+        caption = _plane_caption(s, e, name, values)
+        image = picture(f"f of {s.name} in the plane of incidence, {name}", lobes.draw_in_plane, curves, True,
+                        size=size_for([c.label for c in curves]))  # fmt: skip
+        made.append(ReportFigure(f"plane-log-{k}", f"{caption}Logarithmic.", image, data))
+    return made
+
+
+def _four_planes(s: ReportSubject, e: Evaluation, name: str, lines: ModelValues | None) -> list[ReportFigure]:
     curves, data = _plane_curves(s, e, lines)
     if not curves:
         return []
-    caption = f"In the plane of incidence, channel {s.channel}. "
-    if s.table is not None and lines is not None:
-        caption += f"Lines: {'the readings, ' + e.interpolation if warped else 'the fitted model'}. "
-    if e.near:
-        caption += f"Points: readings{_near_words(s)}. "
-    where = f"of {s.name}, channel {s.channel}, in the plane of incidence"
+    caption = _plane_caption(s, e, name, lines)
+    where = f"of {s.name}, {s.in_channel}, in the plane of incidence"
     size = size_for([c.label for c in curves])
     polar, plane = [], []
     for log, scale, end in ((False, "linear", "linear"), (True, "logarithmic", "log")):
@@ -43,15 +55,26 @@ def _plane_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     return polar + plane
 
 
+def _plane_caption(s: ReportSubject, e: Evaluation, name: str, lines: ModelValues | None) -> str:
+    caption = f"In the plane of incidence, {s.in_channel}. "
+    if s.table is not None and lines is not None:
+        caption += f"Lines: {'the readings, ' + e.interpolation if name == INTERPOLATED else name}. "
+    if e.near:
+        bars = any(np.isfinite(near.u).any() for near in e.near.values())
+        caption += f"Points: readings{_near_words(s)}{', with their standard uncertainties' * bars}. "
+    return caption
+
+
 def _plane_curves(
-    s: ReportSubject, e: Evaluation, lines: sampling.ModelValues | None
+    s: ReportSubject, e: Evaluation, lines: ModelValues | None
 ) -> tuple[list[lobes.Curve], dict[str, Any]]:
     """(curves, their numbers): lines of a model and points of readings for each incidence."""
     curves, data = [], {"channel": s.channel, "lines": [], "readings": []}
 
     def add(kind: str, curve: lobes.Curve, theta_i: float) -> None:
         angles, f = np.round(curve.theta_o, 4), rounded(curve.f)
-        data[kind].append({"theta_i_deg": theta_i, "theta_o_deg": angles, "f_per_sr": f})
+        more = {} if curve.u is None else {"u_f_per_sr": rounded(curve.u)}
+        data[kind].append({"theta_i_deg": theta_i, "theta_o_deg": angles, "f_per_sr": f} | more)
         if kind == "lines" or np.isfinite(curve.f).any():
             curves.append(curve)
 
@@ -61,41 +84,44 @@ def _plane_curves(
             line = lobes.Curve(sampling.plane_angles(theta_i), lines.curves[k], label, tone, theta_i=theta_i)
             add("lines", line, theta_i)
         if e.near:
-            x, f = sampling.in_plane_readings(e.near[theta_i])
+            x, f, u = readings.in_plane_readings(e.near[theta_i])
+            u = u[:, s.shown] if np.isfinite(u[:, s.shown]).any() else None
             name, incoming = (label, theta_i) if lines is None else ("_nolegend_", None)
-            add("readings", lobes.Curve(x, f[:, s.shown], name, tone, marker="o", theta_i=incoming), theta_i)
+            add("readings", lobes.Curve(x, f[:, s.shown], name, tone, marker="o", theta_i=incoming, u=u), theta_i)
     return curves, data
 
 
 def _near_words(s: ReportSubject) -> str:
-    off_plane = f"{sampling.OFF_PLANE:g}° of the plane"
+    off_plane = f"{readings.OFF_PLANE:g}° of the plane"
     if s.table is not None and s.table.layout.in_half_vectors:
-        return f" within {sampling.NEAR_INCIDENCE:g}° of the incidence and {off_plane}"
+        return f" within {readings.NEAR_INCIDENCE:g}° of the incidence and {off_plane}"
     return "" if s.table is None or s.table.layout.gridded else f" within {off_plane}"
 
 
 def _map_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     """f over the outgoing hemisphere: readings as dots, the model as a map, on one colour scale."""
     near = [(t, e.near[t].of_channel(s.shown, MOST_DOTS)) for t in e.map_incidences if e.near]
-    dots = [(t, readings) for t, readings in near if readings.f.size]
-    discs = [] if e.model is None else list(zip(e.map_incidences, e.model.maps, strict=False))
+    dots = [(t, shown) for t, shown in near if shown.f.size]
+    discs = [
+        (k, name, t, f) for k, (name, m) in enumerate(e.models) for t, f in zip(e.map_incidences, m.maps, strict=False)
+    ]
     if not dots and not discs:
         return []
-    scale = maps.colour_range(np.concatenate([*(readings.f for _, readings in dots), *(f for _, f in discs)]))
+    scale = maps.colour_range(np.concatenate([*(shown.f for _, shown in dots), *(f for *_, f in discs)]))
     made = []
     where = f"of {s.name} over the outgoing hemisphere, incidence"
-    for theta_i, readings in dots:
+    for theta_i, shown in dots:
         label = f"Readings {where} {theta_i:.4g}°"
-        image = picture(label, maps.draw_dots, *readings, scale, theta_i, size=maps.MAP_SIZE)
-        numbers = zip(("theta_o_deg", "delta_phi_deg", "f_per_sr"), map(rounded, readings), strict=True)
+        image = picture(label, maps.draw_dots, *shown[:3], scale, theta_i, size=maps.MAP_SIZE)
+        numbers = zip(("theta_o_deg", "delta_phi_deg", "f_per_sr"), map(rounded, shown[:3]), strict=True)
         data = {"theta_i_deg": theta_i, **dict(numbers)}
         made.append(ReportFigure(f"readings-{theta_i:.4g}", "Readings.", image, data, "small"))
-    for theta_i, f in discs:
-        image = picture(f"f {where} {theta_i:.4g}°", maps.draw_map, f, scale, theta_i, size=maps.MAP_SIZE)
-        words = "Fitted model." if s.table is not None else "Model."
+    for k, name, theta_i, f in discs:
+        image = picture(f"f {where} {theta_i:.4g}°, {name}", maps.draw_map, f, scale, theta_i, size=maps.MAP_SIZE)
         data = {"theta_i_deg": theta_i, "pixels_across": maps.SIDE, "f_per_sr": rounded(f, 4)}
-        made.append(ReportFigure(f"map-{theta_i:.4g}", words, image, data, "small"))
-    caption = f"f over the outgoing hemisphere from above (equal areas are equal solid angles), channel {s.channel}; "
+        slug = f"map-{theta_i:.4g}" + (f"-{k + 1}" if k else "")
+        made.append(ReportFigure(slug, f"{name[0].upper()}{name[1:]}.", image, data, "small"))
+    caption = f"f over the outgoing hemisphere from above (equal areas are equal solid angles), {s.in_channel}; "
     caption += "○ light, + mirror direction, grey: no positive value."
     bar = picture("Colour scale of f in 1/sr", maps.draw_scale, scale, size=maps.SCALE_SIZE)
     data = {"low_per_sr": scale[0], "high_per_sr": scale[1]}
@@ -104,7 +130,7 @@ def _map_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
 
 def _space_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     """The lobe in space, to be turned by hand; the picture is for paper."""
-    sources = e.sources(s)
+    sources = [(name, values) for name, values in e.sources if known_share(values.meshes) >= LEAST_KNOWN]
     high = max((_highest(f) for _, values in sources for f in values.meshes), default=0.0)
     if not high > 0:
         return []
@@ -128,8 +154,10 @@ def _space_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     label = f"Lobe of {s.name} in space, incidence {e.incidences[k]:.4g}°, {name}"
     top = float(positive.max()) if positive.size else high
     image = picture(label, lobes.draw_lobe, e.incidences[k], mesh, top, log, size=lobes.SPACE_SIZE)
-    caption = f"The lobe in space, channel {s.channel}; {e.interpolation}." if s.table else "The lobe in space."
-    return [ReportFigure("lobe", caption, image, data, "space")]
+    caption = f"The lobe in space, {s.in_channel}"
+    if name == INTERPOLATED:
+        caption += f"; {e.interpolation}; open where nothing was read"
+    return [ReportFigure("lobe", f"{caption}.", image, data, "space")]
 
 
 def _highest(f: np.ndarray) -> float:
@@ -142,33 +170,35 @@ def _mesh(theta_i: float, f: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _slice_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
-    """f over half and difference angle at φd = 90°: of readings and of the model, on one colour scale."""
-    slices = [(name, values.slice) for name, values in e.sources(s)]
+    """f over half and difference angle at φd = 90°: of readings and of the models, on one colour scale."""
+    slices = [(name, values.slice) for name, values in e.sources if known_share([values.slice]) >= LEAST_OF_SLICE]
     if not any((f > 0).any() for _, f in slices):
         return []
     scale = maps.slice_range([f for _, f in slices])
     made = []
-    for name, f in slices:
+    for k, (name, f) in enumerate(slices):
         label = f"f of {s.name} over half and difference angle at a difference azimuth of 90°, {name}"
         data = {
             "phi_d_deg": 90.0, "channel": s.channel, "theta_h_deg": rounded(maps.HALF, 5),
             "theta_d_deg": rounded(maps.DIFFERENCE, 5), "f_per_sr": rounded(f.reshape(len(maps.HALF), -1), 4),
         }  # fmt: skip
-        caption = f"f over half and difference angle at φd = 90°, channel {s.channel}: {name}."
-        caption += f" Colours by what is within {maps.SHOWN:g}°."
-        slug = f"slice-{name.split()[0].strip(',')}"
+        caption = f"f over half and difference angle at φd = 90°, {s.in_channel}: {name}."
+        caption += f" Colours by what is within {maps.SHOWN:g}°." + BLANK * bool(np.isnan(f).any())
+        number = k + 1 - (slices[0][0] == INTERPOLATED)
+        slug = "slice-readings" if name == INTERPOLATED else "slice-model" + (f"-{number}" if number > 1 else "")
         made.append(ReportFigure(slug, caption, picture(label, maps.draw_slice, f, scale), data))
     return made
 
 
 def _sphere_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
-    """Lit spheres of readings and of the model."""
-    sources = e.sources(s)
+    """Lit spheres of readings and of the models."""
+    sources = [(name, values) for name, values in e.sources if values.known_of_sphere >= LEAST_KNOWN]
     if not sources:
         return []
-    colour = "in colour" if colour_matrix(s.channels) is not None else f"channel {s.channel} as grey"
+    matrix, words = channel_colour(s.channels)
+    colour = words if matrix is not None else f"{s.in_channel} as grey ({words})"
     caption = f"Lit spheres, {colour}; white is a perfect diffuser that faces the light, and what is brighter is "
-    caption += "cut off."
+    caption += "cut off." + " Pale: not read." * any(np.isnan(p).any() for _, values in sources for p in values.spheres)
     pixels = [[spheres.sphere_pixels(p) for p in values.spheres] for _, values in sources]
     names = [name for name, _ in sources]
     rows = list(zip(names if len(names) > 1 else [""], pixels, strict=True))

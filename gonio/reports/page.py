@@ -20,7 +20,7 @@ from gonio.reports.document import Document
 from gonio.text import without_zeros, written
 
 MARKS = {"pass": "✓", "fail": "✗", "undecided": "?", "not testable": "?", "not applicable": "–"}
-STEPS = 65535
+UNKNOWN = 65535
 DECADES = 8.0
 
 
@@ -79,7 +79,10 @@ def embedded(value: Any) -> str:
 
 
 def _lobe(data: dict[str, Any]) -> dict[str, Any]:
-    """The meshes of a lobe for the script: logarithms of f below the highest, in 16 bits; 0 is no positive value."""
+    """The meshes of a lobe for the script: logarithms of f below the highest, in 16 bits; 0 is no positive value.
+
+    The largest code stands for what is not known.
+    """
     high, sources = data["highest_per_sr"], []
     for source in data["sources"]:
         names = {"i": "theta_i_deg", "t": "theta_o_deg", "p": "delta_phi_deg"}
@@ -95,7 +98,8 @@ def _packed(f_per_sr: list[list[float | None]], high: float) -> str:
     f = np.array(f_per_sr, float)
     shown = np.isfinite(f) & (f > 0)
     level = 1 + (np.log10(np.where(shown, f, 1.0)) - math.log10(high)) / DECADES
-    code = np.where(shown & (level > 0), np.ceil(np.clip(level, 0, 1) * STEPS), 0).astype("<u2")
+    code = np.where(shown & (level > 0), np.ceil(np.clip(level, 0, 1) * (UNKNOWN - 1)), 0)
+    code = np.where(np.isfinite(f), code, UNKNOWN).astype("<u2")
     return base64.b64encode(code.tobytes()).decode()
 
 

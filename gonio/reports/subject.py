@@ -1,22 +1,19 @@
-"""Subjects of a report: tables and models with their fits, their certificates and the values that figures show."""
+"""Subjects of a report: tables and models, with their fits and their certificates."""
 
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from gonio.checks.certificate import Certificate
 from gonio.data.material import Material
 from gonio.data.subject import SubjectLike, load_material, resolve_subject
 from gonio.data.table import Channels, Table
-from gonio.figures import sampling
-from gonio.figures.sampling import INCIDENCES, MAP_INCIDENCES, ModelValues, model_values
-from gonio.figures.style import LineStyle, Picture, colour_of
+from gonio.figures.style import LineStyle, colour_of
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import channel_count
+
+LONGEST = 40
 
 
 @dataclasses.dataclass
@@ -30,8 +27,8 @@ class ReportSubject:
     file: str | None
     """The file it was read from."""
     number: int
-    fit: Material | None = None
-    """The material that was fitted to the table."""
+    fits: list[Material] = dataclasses.field(default_factory=list)
+    """The materials that were fitted to the table."""
     certificate: Certificate | None = None
 
     @property
@@ -66,9 +63,21 @@ class ReportSubject:
         return self.channels.names[self.shown]
 
     @property
-    def fitted(self) -> AbstractBRDF | None:
-        """The model fitted to the table, if one was given."""
-        return None if self.fit is None else self.fit.brdf
+    def in_channel(self) -> str:
+        """The shown channel in words."""
+        return self.channel if self.channel.startswith("channel") else f"channel {self.channel}"
+
+    @property
+    def read(self) -> int:
+        """Number of directions at which a table has a valid reading."""
+        return 0 if self.table is None else int(self.table.valid_cells().size)
+
+    def fit_name(self, number: int) -> str:
+        """What one of its fits is called in captions."""
+        if len(self.fits) == 1:
+            return "model fitted"
+        requested = str(self.fits[number].meta["fit"].get("asked") or self.fits[number].name)
+        return f"fit {number + 1}, {requested if len(requested) <= LONGEST else requested[: LONGEST - 1] + '…'}"
 
 
 def subject_of(given: SubjectLike, number: int) -> ReportSubject:
@@ -95,91 +104,41 @@ def fit_of(given: SubjectLike) -> Material:
     return material
 
 
-def assign_fits(subjects: Sequence[ReportSubject], fits: Sequence[Material]) -> None:
-    """Gives each fit to the table that it names, the others to the remaining tables, in order.
+def split_fits(given: Sequence[SubjectLike]) -> tuple[list[SubjectLike], list[SubjectLike]]:
+    """(subjects, fits of tables among them): a fitted material that names a table of the list is a fit of that."""
+    resolved = [resolve_subject(g) for g in given]
+    tables = {s.name for s in resolved if s.table is not None}
+    of_table = [s.material is not None and _table_name(s.material) in tables for s in resolved]
+    subjects = [s for s, is_fit in zip(resolved, of_table, strict=True) if not is_fit]
+    return subjects, [s for s, is_fit in zip(resolved, of_table, strict=True) if is_fit]
 
-    Raises GonioError where there are more fits than tables, and where a fit is of another table or of other channels.
+
+def assign_fits(subjects: Sequence[ReportSubject], fits: Sequence[Material]) -> None:
+    """Gives each fit to the table that it names, those that name none to the tables without one, in order.
+
+    Raises GonioError where a fit is of another table or of other channels, and where one finds no table.
     """
     tables = [s for s in subjects if s.table is not None]
-    if len(fits) > len(tables):
-        raise GonioError(f"{len(fits)} fits came for {len(tables)} tables; give each table at most one fit.")
+    if fits and not tables:
+        raise GonioError(f"{len(fits)} fits came for no table; give the table that they are of.")
     # Those that name a table of the page first, so that none of it is taken.
     for fit in sorted(fits, key=lambda f: _table_name(f) not in {s.name for s in tables}):
         name = _table_name(fit)
-        free = [s for s in tables if s.fit is None]
-        match = next((s for s in free if s.name == name), None)
-        if match is None and name:
-            names = ", ".join(s.name for s in free)
+        named = [s for s in tables if s.name == name]
+        if not named and name:
+            names = ", ".join(s.name for s in tables)
             raise GonioError(f"The fit is of the table '{name}', not of {names}; give the fit of that table.")
-        table = match or free[0]
+        free = [s for s in named or tables if not s.fits]
+        if not free and not named:
+            raise GonioError(f"{len(fits)} fits came for {len(tables)} tables, and {fit.name} names none of them.")
+        table = (free or named)[0]
         count = channel_count(fit.brdf)
         if count not in (None, len(table.channels)):
             counts = f"The fit has {count} channels and {table.name} has {len(table.channels)}"
             raise GonioError(f"{counts}; give the fit of that table.")
-        table.fit = fit
+        table.fits.append(fit)
 
 
 def _table_name(fit: Material) -> str | None:
-    return fit.meta["fit"].get("table")
-
-
-@dataclasses.dataclass
-class Evaluation:
-    """Readings of a subject near some incidences (degrees), values of its model, and of its interpolated table."""
-
-    incidences: list[float]
-    map_incidences: list[float]
-    near: dict[float, sampling.Readings]
-    model: ModelValues | None
-    interpolated: ModelValues | None
-    interpolation: str
-    """How a table is interpolated, or why it cannot be."""
-
-    def sources(self, s: ReportSubject) -> list[tuple[str, ModelValues]]:
-        """(name, values) of what has a value in every direction: the interpolated table, the model."""
-        if s.table is None:
-            return [("model", self.model)] if self.model is not None else []
-        named = (("readings, interpolated", self.interpolated), ("model fitted", self.model))
-        return [(name, values) for name, values in named if values is not None]
-
-
-def evaluate_subject(s: ReportSubject) -> Evaluation:
-    """Evaluates a subject for its figures."""
-    if s.table is None:
-        incidences, maps = list(INCIDENCES), list(MAP_INCIDENCES)
-        return Evaluation(incidences, maps, {}, model_values(s.model, s.channels, s.shown, incidences, maps), None, "")
-    incidences, maps = (sampling.table_incidences(s.table, wanted) for wanted in (INCIDENCES, MAP_INCIDENCES))
-    every = sorted({*incidences, *maps})
-    near = dict(zip(every, sampling.readings_near(s.table, every), strict=True))
-    model = None if s.fitted is None else model_values(s.fitted, s.channels, s.shown, incidences, maps)
-    interpolated, how = None, "readings in one plane do not cover the hemisphere"
-    if not s.table.layout.in_one_plane:
-        from gonio.data.interpolation.multilinear import as_material, interpolation
-
-        try:
-            table, shown = sampling.fewer_channels(s.table, s.shown)
-            interpolated = model_values(as_material(table), table.channels, shown, incidences, maps)
-            how = interpolation(s.table)
-        except GonioError as error:
-            how = str(error)
-    return Evaluation(incidences, maps, near, model, interpolated, how)
-
-
-@dataclasses.dataclass(frozen=True)
-class ReportFigure:
-    """A picture with its caption; `data` holds the numbers that it shows, as JSON can hold them."""
-
-    slug: str
-    caption: str
-    picture: Picture
-    data: dict[str, Any]
-    kind: str = "panel"
-    """panel, small (some in a row), bar (a colour scale below them) or space (a lobe to be turned)."""
-
-
-def rounded(values: Any, digits: int = 6) -> Any:
-    """Nested lists of numbers at so many significant digits; None where there is no finite one."""
-    if isinstance(values, np.ndarray | list | tuple):
-        return [rounded(v, digits) for v in values]
-    value = float(values)
-    return float(f"{value:.{digits}g}") if np.isfinite(value) else None
+    fit_facts = fit.meta.get("fit")
+    return fit_facts.get("table") if isinstance(fit_facts, dict) else None

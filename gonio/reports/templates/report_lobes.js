@@ -13,8 +13,8 @@
   };
   const decoded = text => {
     const bytes = atob(text), out = new Float64Array(bytes.length / 2);
-    for (let k = 0; k < out.length; k++) out[k] = (bytes.charCodeAt(2 * k) + 256 * bytes.charCodeAt(2 * k + 1)) / 65535;
-    return out;
+    for (let k = 0; k < out.length; k++) out[k] = (bytes.charCodeAt(2 * k) + 256 * bytes.charCodeAt(2 * k + 1)) / 65534;
+    return out.map(v => v > 1 ? NaN : v);
   };
 
   const stage = (figure, data) => {
@@ -32,7 +32,7 @@
     const build = () => {
       const set = data.sources[source.value].sets[incidence.value], level = decoded(set.f), columns = set.p.length;
       let top = 0;
-      for (const v of level) top = Math.max(top, v);
+      for (const v of level) if (v > top) top = v;
       const radius = v => v <= 0 ? 0 : log.checked
         ? Math.max(0, 1 + (v - top) * data.decades / DECADES) : 10 ** ((v - top) * data.decades);
       const points = [];
@@ -43,6 +43,7 @@
       const faces = [];
       for (let i = 0; i + 1 < set.t.length; i++) for (let j = 0; j + 1 < columns; j++) {
         const k = i * columns + j, corners = [k, k + columns, k + columns + 1, k + 1];
+        if (corners.some(c => isNaN(points[c][3]))) continue;  // nothing was read there
         faces.push([corners, colour((points[k][3] + points[k + columns + 1][3]) / 2)]);
       }
       mesh = {points, faces, theta: set.i * RAD};
