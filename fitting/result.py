@@ -180,42 +180,70 @@ class FitResult(Displayed):
     def albedo(self, theta_i: ArrayLike, phi_i: ArrayLike = 0.0, degrees: bool = False) -> DerivedNumber:
         """Share of the light from (theta_i, phi_i) that the fitted model reflects; see `Material.albedo`."""
         estimate = self.material.albedo(theta_i, phi_i, degrees)
-        spread = self.propagated(lambda material: material.albedo(theta_i, phi_i, degrees).value)
+        spread = self.propagated(lambda material: material.albedo(theta_i, phi_i, degrees).value, by_channel=True)
         return DerivedNumber(estimate.value, estimate.bound, spread)
 
-    def propagated(self, quantity: Callable[[Material], np.ndarray]) -> np.ndarray:
+    def propagated(self, quantity: Callable[[Material], np.ndarray], by_channel: bool = False) -> np.ndarray:
         """Standard uncertainty of a quantity of the material from the covariance of the fit.
 
         By central differences over one standard uncertainty on either side, within the domain [JCGM 100:2008, eq. 13].
         Numbers on an active bound add nothing; NaN where the readings leave a number without a covariance.
-        """
-        free = [p for p in self.parameters if p.label in self.free_names]
-        moving = [k for k, p in enumerate(free) if not p.status.startswith("at ")]
-        slopes = []
-        for p in (free[k] for k in moving):
-            u = p.standard_uncertainty
-            low, high = (min(max(p.value + step, p.low), p.high) for step in (-u, u))
-            ends = [quantity(self._with_number(p, value)) for value in (low, high)] if low < high else [np.nan, np.nan]
-            slopes.append((ends[1] - ends[0]) / (high - low if low < high else np.nan))
-        if not slopes:
-            return np.zeros_like(quantity(self.material))
-        j = np.stack(np.broadcast_arrays(*slopes))
-        covariance = self.covariance[np.ix_(moving, moving)]
-        return np.sqrt(np.maximum(np.einsum("i...,ij,j...->...", j, covariance, j), 0.0))
 
-    def _with_number(self, p: ParameterEstimate, value: float) -> Material:
-        """The material with one of its numbers changed."""
+        Args:
+            quantity: array of a material.
+            by_channel: the array's last axis is the channels, and a channel's values depend on no other channel's
+                numbers: those of all channels are then moved at once.
+        """
+        free = [p for p in self.parameters if p.status != "fixed"]
+        moving = [k for k, p in enumerate(free) if not p.status.startswith("at ")]
+        if not moving:
+            return np.zeros_like(quantity(self.material))
+        if not by_channel:
+            j = np.stack(np.broadcast_arrays(*(self._slope(quantity, [free[k]]) for k in moving)))
+            return _spread(j, self.covariance[np.ix_(moving, moving)])
+        groups: dict[str, list[ParameterEstimate]] = {}
+        for k in moving:
+            groups.setdefault(free[k].name, []).append(free[k])
+        slopes = {name: self._slope(quantity, group) for name, group in groups.items()}
+        spreads, views, free_to_move = [], self._views(), set(moving)
+        for c, channel in enumerate(self.channels.names):
+            index, covariance = views[c if len(views) == len(self.channels) else 0]
+            seen = [i for i, k in enumerate(index) if free[k].channel in (None, channel) and k in free_to_move]
+            j = [slopes[free[index[i]].name][..., c] for i in seen]
+            spreads.append(_spread(np.stack(j), covariance[np.ix_(seen, seen)]) if j else np.zeros(()))
+        return np.stack(np.broadcast_arrays(*spreads), axis=-1)
+
+    def _slope(self, quantity: Callable[[Material], np.ndarray], moved: list[ParameterEstimate]) -> np.ndarray:
+        """Slope of a quantity by a number; by those of several channels, of the last axis each by its channel's."""
+        low, high = (
+            {p.label: min(max(p.value + sign * p.standard_uncertainty, p.low), p.high) for p in moved}
+            for sign in (-1, 1)
+        )
+        width = {label: high[label] - low[label] if low[label] < high[label] else np.nan for label in low}
+        if np.isnan(list(width.values())).all():
+            return np.full_like(quantity(self.material), np.nan)
+        low, high = ({k: v for k, v in ends.items() if np.isfinite(width[k])} for ends in (low, high))
+        difference = quantity(self._with_numbers(moved, high)) - quantity(self._with_numbers(moved, low))
+        if len(moved) == 1:
+            return difference / width[moved[0].label]
+        by = {p.channel: width[p.label] for p in moved}
+        return difference / np.array([by.get(name, np.inf) for name in self.channels.names])
+
+    def _with_numbers(self, moved: list[ParameterEstimate], values: dict[str, float]) -> Material:
+        """The material with one of its numbers changed, in one or several channels: values by label."""
         terms = parse(self.expression)
         frames = tuple(frame(t) for t in terms)
-        channel = None if p.channel is None else self.channels.names.index(p.channel)
+        of_channel = {p.channel: values[p.label] for p in moved if p.label in values}
 
         def value_at(v: Value) -> Value:
-            if channel is None or not isinstance(v.number, tuple):
-                return Value(value)
-            return Value((*v.number[:channel], value, *v.number[channel + 1 :]))
+            if None in of_channel or not isinstance(v.number, tuple):
+                return Value(next(iter(of_channel.values())))
+            return Value(tuple(map(of_channel.get, self.channels.names, v.number)))
 
         terms = tuple(
-            changed(t, {n.path: value_at(n.value) for n in numbers(t) if number_label(frames, k, n.path) == p.name})
+            changed(
+                t, {n.path: value_at(n.value) for n in numbers(t) if number_label(frames, k, n.path) == moved[0].name}
+            )
             for k, t in enumerate(terms)
         )
         return dataclasses.replace(self.material, brdf=build(terms))
@@ -280,6 +308,11 @@ class FitResult(Displayed):
         fit.pop("spelling")
         content["fit"] = toml_values(fit)
         return content
+
+
+def _spread(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """√(gᵀ C g) of slopes g (K, ...) by numbers with a covariance C (K, K)."""
+    return np.sqrt(np.maximum(np.einsum("i...,ij,j...->...", slopes, covariance, slopes), 0.0))
 
 
 def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, float]) -> FitResult:

@@ -80,3 +80,4 @@ def test_a_linear_quantity_propagates_as_the_covariance_says(result):
                 rows[c, k] = gradient[path][..., c]
     expected = np.sqrt(np.einsum("ci,ij,cj->c", rows, result.covariance, rows))
     np.testing.assert_allclose(result.propagated(lambda m: m.f(*pair)), expected, rtol=1e-3)
+    np.testing.assert_allclose(result.propagated(lambda m: m.f(*pair), by_channel=True), expected, rtol=1e-3)
