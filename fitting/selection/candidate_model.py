@@ -15,62 +15,18 @@ import numpy as np
 from gonio.fitting.problem.parameterisation import Domains, Parameters, domain_kind, parameters
 from gonio.fitting.problem.problem import NormalEquations, summed
 from gonio.fitting.problem.readings import transform, uses_cosine
+from gonio.fitting.selection.term_spec import Terms, TermSpec, expression_of, kernel_arguments
 from gonio.models.expression.builder import Frame, assemble
 from gonio.models.expression.parser import FACTOR, parse, with_defaults
 from gonio.models.geometry.directions import NORMAL, Direction
 
-CELLS = 4096  # the kernels' size: readings are padded to a multiple of it
-NO_FRESNEL, DIELECTRIC = 1.0, 0.04  # Schlick's F₀ = 1 is F = 1
-MICROFACET = ("alpha_x", "alpha_y", "f0")
-ARGUMENTS = {"eon": ("rho", "r"), "std": (*MICROFACET, "gamma")}
+CELLS = 512  # the kernels' size: readings are padded to a multiple of it
 MIN_WIDTH = 1e-3
+USUAL = {"f0": 1.0, "k": 0.0}
+"""Shapes that a term has where its expression has none: Schlick's F₀ = 1 is F = 1."""
 
 Values = tuple[np.ndarray, np.ndarray]
 """Values (n, C) and their derivatives by the free numbers (n, C, P)."""
-
-
-@dataclasses.dataclass(frozen=True)
-class TermSpec:
-    """One term of a candidate.
-
-    `f0`: fixed at a number, or free (None); `anisotropic`: two widths; `width_each`: a width for each channel;
-    `shared`: its albedo or scale is one number for all channels.
-    """
-
-    model: str
-    f0: float | None = NO_FRESNEL
-    anisotropic: bool = False
-    width_each: bool = False
-    shared: bool = False
-
-    @property
-    def is_lobe(self) -> bool:
-        """Whether it is a lobe with a scale, not a diffuser with an albedo."""
-        return self.model not in ("lambert", "eon")
-
-    @property
-    def expression(self) -> str:
-        """The term as a user would write it."""
-        if not self.is_lobe:
-            return f"{self.model}(rho=shared)" if self.shared else self.model
-        widths = ("alpha_x", "alpha_y") if self.anisotropic else ("alpha",) if self.width_each else ()
-        arguments = [f"{name}={'each' if self.width_each else '?'}" for name in widths]
-        if self.model == "std":
-            arguments.append("gamma=?")
-        if self.f0 != NO_FRESNEL:
-            arguments.append("f0=?" if self.f0 is None else f"f0={self.f0:g}")
-        call = self.model + (f"({', '.join(arguments)})" if arguments else "")
-        return f"shared * {call}" if self.shared else call
-
-
-Terms = tuple[TermSpec, ...]
-LAMBERT = TermSpec("lambert")
-FRESNEL = (NO_FRESNEL, DIELECTRIC)
-
-
-def expression_of(terms: Terms) -> str:
-    """A candidate as a user would write it."""
-    return " + ".join(term.expression for term in terms)
 
 
 @functools.lru_cache(maxsize=512)
@@ -88,26 +44,35 @@ def candidate_domains(terms: Terms, channels: int) -> Domains:
     return Domains(kind, np.where(free.each(lambda g: g.info.role == "width"), MIN_WIDTH, low), high)
 
 
-@functools.partial(jax.jit, static_argnames=("model", "names"))
+@functools.partial(jax.jit, static_argnames=("frame", "names"))
 def _kernel(
-    model: str, names: tuple[str, ...], values: np.ndarray, wi: Direction, wo: Direction
+    frame: Frame, names: tuple[str, ...], values: np.ndarray, wi: Direction, wo: Direction
 ) -> tuple[jax.Array, jax.Array]:
     def one(v: jax.Array, a: Direction, b: Direction) -> jax.Array:
-        return assemble(Frame(model, (), ()), dict(zip(names, v, strict=True))).f(a, b)
+        return assemble(frame, dict(zip(names, v, strict=True))).f(a, b)
 
     over = lambda f: jax.vmap(f, in_axes=(None, 0, 0))(values, wi, wo)  # noqa: E731
     return over(one), over(jax.jacfwd(one))
 
 
+def _blocks(wi: Direction, wo: Direction) -> tuple[tuple[Direction, Direction], ...]:
+    def padded(w: Direction) -> list[Direction]:
+        each = [
+            np.append(c, np.full(-c.shape[0] % CELLS, e)).reshape(-1, CELLS) for c, e in zip(w, NORMAL, strict=True)
+        ]
+        return [Direction(*(jnp.asarray(c) for c in block)) for block in zip(*each, strict=True)]
+
+    return tuple(zip(padded(wi), padded(wo), strict=True))
+
+
 @dataclasses.dataclass(frozen=True)
 class SelectionData:
-    """A sample of the readings: directions as JAX arrays of a multiple of CELLS, the first n in use.
+    """A sample of the readings: directions in blocks of CELLS, of which the first n are in use.
 
     `target` T(y c), `weight` (0: not used), both (n, C); the residual is weight·(T(f c) − target).
     """
 
-    wi: Direction
-    wo: Direction
+    blocks: tuple[tuple[Direction, Direction], ...]
     f: np.ndarray
     target: np.ndarray
     weight: np.ndarray
@@ -121,15 +86,9 @@ class SelectionData:
     ) -> "SelectionData":
         """From readings f (n, C), 1/sr, and their weights."""
         n = f.shape[0]
-
-        def padded(w: Direction) -> Direction:
-            return Direction(
-                *(jnp.asarray(np.append(c, np.full(-n % CELLS, e))) for c, e in zip(w, NORMAL, strict=True))
-            )
-
         cosine = np.asarray(wi.z, float)[:, None] if uses_cosine(loss) else np.ones((n, 1))
         target = transform(loss, f * cosine, floor, np)[0]
-        return cls(padded(wi), padded(wo), f, target, weight, cosine, loss, floor)
+        return cls(_blocks(wi, wo), f, target, weight, cosine, loss, floor)
 
     @property
     def channels(self) -> int:
@@ -145,6 +104,18 @@ class SelectionData:
         """The same readings with other weights (n, C)."""
         return dataclasses.replace(self, weight=weight)
 
+    def thinned(self, most: int) -> "SelectionData":
+        """At most so many of the readings, evenly; the same ones each time."""
+        n = self.f.shape[0]
+        if n <= 2 * most:
+            return self
+        keep = np.linspace(0, n - 1, most).astype(int)
+        part = dataclasses.replace(
+            self, f=self.f[keep], target=self.target[keep], weight=self.weight[keep], cosine=self.cosine[keep]
+        )
+        wi, wo = (Direction(*(np.concatenate([b[k][j] for b in self.blocks])[keep] for j in range(3))) for k in (0, 1))
+        return dataclasses.replace(part, blocks=_blocks(wi, wo))
+
     def with_linear_loss(self, weight: np.ndarray | None = None) -> "SelectionData":
         """The same readings compared in f itself; without weights (n, C), those of the loss taken as linear there."""
         if weight is None:
@@ -152,18 +123,21 @@ class SelectionData:
         one = np.ones_like(self.cosine)
         return dataclasses.replace(self, target=self.f, weight=weight, cosine=one, loss="linear", floor=1.0)
 
-    def term(self, model: str, shapes: dict[str, float]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    def term(self, term: TermSpec, shapes: dict[str, float]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Value (n,) of a term at scale 1 and its derivatives by its shapes."""
         n = self.f.shape[0]
-        if model == "lambert":  # ρ/π needs no program
+        if term.model == "lambert":  # ρ/π needs no program
             return np.full(n, shapes["rho"] / np.pi), {"rho": np.full(n, 1.0 / np.pi)}
-        names = ARGUMENTS.get(model, MICROFACET)
-        if "alpha" in shapes:
+        names = kernel_arguments(term)
+        both = "alpha" in shapes and "alpha_x" in names
+        if both:
             shapes = {**shapes, "alpha_x": shapes["alpha"], "alpha_y": shapes["alpha"]}
-        arguments = np.array([shapes.get(name, NO_FRESNEL) for name in names])
-        value, slopes = (np.asarray(a)[:n] for a in _kernel(model, names, arguments, self.wi, self.wo))
+        frame = Frame(term.model, (("smith", "separable"),) if term.separable else (), ())
+        arguments = np.array([shapes.get(name, USUAL.get(name, np.nan)) for name in names])
+        blocks = [_kernel(frame, names, arguments, wi, wo) for wi, wo in self.blocks]
+        value, slopes = (np.concatenate([np.asarray(b[k]) for b in blocks])[:n] for k in (0, 1))
         slope = dict(zip(names, slopes.T, strict=True))
-        if "alpha" in shapes:
+        if both:
             slope["alpha"] = slope["alpha_x"] + slope["alpha_y"]
         return value, slope
 
@@ -214,7 +188,7 @@ class CandidateProblem:
                 scale = shapes.pop(FACTOR, 1.0)
                 key = tuple(shapes.values())
                 if key not in computed:
-                    computed[key] = self.data.term(term.model, shapes)
+                    computed[key] = self.data.term(term, shapes)
                 value, slope = computed[key]
                 f[:, c] += scale * value
                 for name, j in columns.items():

@@ -14,6 +14,7 @@ BINS = 10
 LEAF = 8  # readings of one cluster; what farther ones share, cross-validation judges
 ROUNDING = 1e-6  # of the data: below this a difference is not noise to be modelled
 MAX_GROUPS = 24
+FEW_GROUPS, CLUSTERS = 6, 10  # fewer incidences than these are no sample of directions: clusters of pairs are
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,11 +23,14 @@ class Neighbourhood:
 
     pairs: np.ndarray
     leaf: np.ndarray  # (n,) number of the cluster
-    groups: np.ndarray  # (n,) number of the incident direction, or of the band of them
+    groups: np.ndarray  # (n,) number of the incident direction, of the band of them, or of the cluster of pairs
 
 
 def neighbourhood(wi: Direction, wo: Direction) -> Neighbourhood:
-    """Neighbours by the angle between the pairs of directions; groups of one incident direction, or bands of them."""
+    """Neighbours by the angle between the pairs of directions; groups of one incident direction, or bands of them.
+
+    Where there are few incident directions the groups are clusters of neighbouring pairs.
+    """
     from scipy.spatial import KDTree
 
     points = np.stack([np.asarray(c, float) for c in (*wi, *wo)], axis=1)
@@ -37,7 +41,10 @@ def neighbourhood(wi: Direction, wo: Direction) -> Neighbourhood:
     pairs = np.stack([np.arange(n), near], axis=1)
     # A cell on the pole has many cells at one place: it may be its own neighbour.
     pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
-    return Neighbourhood(pairs, _leaves(points, LEAF), _groups(wi))
+    groups = _groups(wi)
+    if groups.max() + 1 < FEW_GROUPS:
+        groups = _leaves(points, max(1, n // CLUSTERS))
+    return Neighbourhood(pairs, _leaves(points, LEAF), groups)
 
 
 def _leaves(points: np.ndarray, size: int) -> np.ndarray:
@@ -119,6 +126,12 @@ def holdout_chi2(residual: np.ndarray, jacobian: np.ndarray, groups: np.ndarray)
 
 
 def improves_holdout(small: np.ndarray, large: np.ndarray) -> bool:
-    """Whether Σr² by hold-out group (G,) falls from a small to a large model by more than one standard error."""
+    """Whether Σr² by hold-out group (G,) falls from a small to a large model, by more than chance.
+
+    By more than one standard error of the sum, or in more groups than half of them and one standard error: where one
+    group holds most of the sum, its standard error is as large as itself.
+    """
     d = small - large
-    return d.size > 1 and bool(d.sum() > np.sqrt(d.size) * np.std(d, ddof=1))
+    if d.size < 2 or not d.sum() > 0:
+        return False
+    return bool(d.sum() > np.sqrt(d.size) * np.std(d, ddof=1) or np.sum(d > 0) > 0.5 * (d.size + np.sqrt(d.size)))

@@ -22,6 +22,7 @@ FAR = 5.0  # degrees between a scene's directions and the nearest readings, from
 # Nanoseconds of one evaluation in double precision on one thread, for a sense of what a renderer pays
 # (tests/benchmarks/evaluate_models.py says what they are here and now).
 COST = {"lambert": 8.0, "ggx": 8.0, "beckmann": 22.0, "eon": 80.0, "std": 1800.0}
+OTHER_COST = 100.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,7 +171,10 @@ def select_for_scene(result: SelectionResult, view: SceneView) -> SceneSelection
     for c in result.candidates:
         problem = CandidateProblem(c.terms, data)
         p = fit_candidate(problem, c.p).p
-        error, cost = view.error(problem.values(p)[0], data.f, noise), sum(COST[term.model] for term in c.terms)
+        error, cost = (
+            view.error(problem.values(p)[0], data.f, noise),
+            sum(COST.get(term.model, OTHER_COST) for term in c.terms),
+        )
         candidates.append(SceneCandidate(dataclasses.replace(c, p=p), error, cost))
     candidates.sort(key=lambda c: (c.cost, c.candidate.size, c.error))
     best = next(c for c in candidates if c.candidate.terms == result.chosen.terms)

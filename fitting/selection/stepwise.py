@@ -7,24 +7,27 @@ share (`candidate_model`); only the selected one is fitted to all readings.
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from gonio.fitting.problem.readings import Readings, coarse_cells, floor_of, uses_cosine
 from gonio.fitting.selection import criteria
 from gonio.fitting.selection.candidate import Candidate, SelectionResult
-from gonio.fitting.selection.candidate_model import FRESNEL, LAMBERT, CandidateProblem, SelectionData, Terms, TermSpec
+from gonio.fitting.selection.candidate_model import CandidateProblem, SelectionData
+from gonio.fitting.selection.term_spec import LAMBERT, NO_FRESNEL, SCHLICK, Terms, TermSpec, families, simpler, steps
 from gonio.fitting.selection.warm_start import carried, fit_candidate
 from gonio.models.errors import GonioError
 
-SAMPLE = 4000
-MAX_LOBES = 2
+SAMPLE = 2048
 MAX_CHANNELS = 4  # of many wavelengths so many, evenly spaced, select the structure of all
+SCREENED = 512  # readings by which the candidates of a step are compared before the best of them are fitted
+ENOUGH, FINALISTS = 2.0, 4
 STRUCTURED = 1.2  # χ² over its expectation, or design effect, from which on residuals are structure
 ROUNDING = 0.01  # χ² over its expectation below which only rounding is left
+LEAST_DISPERSION = 1e-3  # of a noise from neighbours: below it a fit is one through the readings
 SAME_NOISE = 0.05  # mean difference of the logarithms of two noises that do not call for a second walk
-MAX_STEPS = 12
+MAX_STEPS = 10
 
 Log = Callable[[str], None]
 
@@ -45,6 +48,7 @@ class _Search:
     near: criteria.Neighbourhood
     known: dict[Terms, np.ndarray]
     anisotropic: bool
+    known_noise: bool = False
     log: Log = no_log
     candidates: dict[Terms, Candidate] = dataclasses.field(default_factory=dict)
 
@@ -56,7 +60,7 @@ class _Search:
     def reweighted(self, weight: np.ndarray, log: Log = no_log) -> "_Search":
         """A new walk with other weights (n, C), from the numbers of this one."""
         known = {c.terms: c.p for c in self.candidates.values()}
-        return _Search(self.data.weighted(weight), self.near, known, self.anisotropic, log)
+        return _Search(self.data.weighted(weight), self.near, known, self.anisotropic, self.known_noise, log)
 
     def fit(self, terms: Terms, origin: Candidate | None = None) -> Candidate | None:
         """A candidate fitted from another or from what is known of it; None where readings are too few."""
@@ -85,6 +89,25 @@ class _Search:
         """Those of the candidates that the readings can bear, fitted."""
         return [c for terms in candidates if (c := self.fit(terms, origin)) is not None]
 
+    def fit_likeliest(self, candidates: Iterable[Terms], origin: Candidate) -> list[Candidate]:
+        """The candidates that a short descent on few readings finds the best, fitted; those known already as well."""
+        fitted, coarse = [], self.data.thinned(SCREENED)
+        rough: dict[Terms, tuple[float, np.ndarray]] = {}
+        for terms in dict.fromkeys(candidates):
+            if terms in self.candidates:
+                fitted.append(self.candidates[terms])
+                continue
+            start = self.known.get(terms)
+            if start is None:
+                start = carried(origin.terms, origin.p, terms, self.data.channels)
+            if start.size < self.count:
+                p, chi2 = fit_candidate(CandidateProblem(terms, coarse), start, ENOUGH, 1)
+                rough[terms] = (chi2 + p.size if np.isfinite(chi2) else np.inf, p)
+        best = sorted(rough, key=lambda terms: rough[terms][0])[:FINALISTS]
+        for terms in best:
+            self.known.setdefault(terms, rough[terms][1])
+        return fitted + self.fit_all(best, None)
+
     def design_effect(self, c: Candidate) -> float:
         """Design effect of the residuals of a candidate."""
         return criteria.design_effect(c.residual, self.data.used, self.near)
@@ -92,8 +115,10 @@ class _Search:
     def result(self, chosen: Candidate) -> SelectionResult:
         """The candidates so far; the one of lowest χ² tells the noise."""
         finite = [c for c in self.candidates.values() if np.isfinite(c.chi2)]
-        best = min(finite, key=lambda c: c.chi2)
-        dispersion = max(1.0, best.chi2 / max(self.count - best.size, 1))
+        best = min(finite, key=lambda c: c.chi2 / max(self.count - c.size, 1))
+        # Noise that neighbours tell may be too large where they are far apart; a known one is what it is.
+        least = 1.0 if self.known_noise else LEAST_DISPERSION
+        dispersion = max(least, best.chi2 / max(self.count - best.size, 1))
         return SelectionResult(chosen, finite, dispersion, self.design_effect(best), self.count, self.data)
 
     def has_structure(self, c: Candidate) -> bool:
@@ -102,16 +127,16 @@ class _Search:
             return False
         return c.chi2 > STRUCTURED * self.count or self.design_effect(c) > STRUCTURED
 
-    def walk(self) -> SelectionResult:
-        """Up from Lambert, then down again where a number is not missed, to the smallest that suffices."""
-        current = self.fit((LAMBERT,))
+    def walk(self, start: Terms = (LAMBERT,)) -> SelectionResult:
+        """Up from Lambert or `start`, then down again where a number is not missed, to the smallest that suffices."""
+        current = self.fit(start)
         if current is None:
             raise GonioError(f"{self.count} valid readings are too few to select a model; name one")
         for _ in range(MAX_STEPS):
-            larger = self.fit_all(self.steps(current.terms), current)
+            larger = self.fit_likeliest(steps(current.terms, self.anisotropic, self.data.channels), current)
             better = self.result(current).better(current, larger)
-            if better is None and self.has_structure(current):
-                larger = self.fit_all(self.families(current.terms), current)
+            if self.has_structure(better or current):
+                larger += self.fit_likeliest(families(current.terms), current)
                 better = self.result(current).better(current, larger)
             if better is None:
                 break
@@ -121,68 +146,24 @@ class _Search:
             current = smaller
         # Steps down are each compared with the one before: together they could lose what each of them may.
         result = self.result(current)
-        for c in (ranked := result.ranked()):
+        ranked = result.ranked()
+        chosen = current
+        for c in ranked:
             if not result.better(c, [other for other in ranked if other.size >= c.size and other is not c]):
-                return self.result(c)
-        return result
+                chosen = c
+                break
+        # Whatever the criterion prefers: no model stays that a smaller one beats on held-out directions.
+        while smaller := [c for c in ranked if c.size < chosen.size and c.holdout.sum() < chosen.holdout.sum()]:
+            chosen = min(smaller, key=lambda c: c.holdout.sum())
+        return self.result(chosen)
 
     def simplified(self, current: Candidate) -> Candidate | None:
         """The first simpler candidate to which the current one is not preferred."""
-        for terms in self.simpler(current.terms):
+        for terms in simpler(current.terms, self.data.channels):
             c = self.fit(terms, current)
             if c and np.isfinite(c.chi2) and self.result(c).better(c, [current]) is None:
                 return c
         return None
-
-    def steps(self, terms: Terms) -> Iterator[Terms]:
-        """A candidate with one more lobe or freedom, all out of GGX's one program."""
-        lobes = [k for k, term in enumerate(terms) if term.is_lobe]
-        first = terms[lobes[0]] if lobes else None
-        if len(lobes) < MAX_LOBES and (first is None or first.model != "std"):
-            for f0 in FRESNEL if first is None else (first.f0,):
-                yield (*terms, TermSpec("ggx" if first is None else first.model, f0))
-        if first is None:
-            return
-        yield from (changed(terms, lobes, f0=f0) for f0 in (*FRESNEL, None) if f0 != first.f0)
-        if self.anisotropic:
-            yield from (changed(terms, [k], anisotropic=True) for k in lobes if not terms[k].anisotropic)
-        if self.data.channels > 1 and not first.width_each:
-            yield changed(terms, lobes, width_each=True)
-
-    def families(self, terms: Terms) -> Iterator[Terms]:
-        """Other families of the field, where what GGX and Lambert leave is not noise: each is a program to compile."""
-        lobes = [k for k, term in enumerate(terms) if term.is_lobe]
-        if terms[0].model == "lambert":
-            yield changed(terms, [0], model="eon")
-        if lobes and terms[lobes[0]].model == "ggx":
-            yield changed(terms, lobes, model="beckmann")
-            # Student's slopes cost two hundred times a GGX lobe: a second lobe is the cheaper number to add.
-            if len(lobes) == 1 and not terms[lobes[0]].width_each:
-                yield changed(terms, lobes, model="std")
-
-    def simpler(self, terms: Terms) -> Iterator[Terms]:
-        """A candidate without a term, or with fewer free numbers."""
-        lobes = [k for k, term in enumerate(terms) if term.is_lobe]
-        first, diffuse = terms[lobes[0]] if lobes else None, [k for k in (0,) if k not in lobes]
-        if len(terms) > 1:
-            yield from (terms[:k] + terms[k + 1 :] for k in diffuse + lobes[-1:])
-        if first and first.f0 is None:
-            yield from (changed(terms, lobes, f0=f0) for f0 in FRESNEL)
-        if first and first.width_each:
-            yield changed(terms, lobes, width_each=False)
-        if first and first.model == "std":
-            yield from (changed(terms, lobes, model=model) for model in ("ggx", "beckmann"))
-        yield from (changed(terms, [k], model="lambert") for k in diffuse if terms[k].model == "eon")
-        yield from (changed(terms, [k], anisotropic=False) for k in lobes if terms[k].anisotropic)
-        coloured = [k for k, term in enumerate(terms) if not term.shared] if self.data.channels > 1 else []
-        if len(coloured) > 1:
-            yield changed(terms, coloured, shared=True)
-        yield from (changed(terms, [k], shared=True) for k in coloured)
-
-
-def changed(terms: Terms, which: list[int], **fields: str | float | bool | None) -> Terms:
-    """The terms with some fields of some of them replaced."""
-    return tuple(dataclasses.replace(term, **fields) if k in which else term for k, term in enumerate(terms))
 
 
 def stepwise_selection(
@@ -219,7 +200,8 @@ def stepwise_selection(
         weight = weight / np.where(valid, sigma[cells][:, channels], 1.0)
     compared = f * np.asarray(subset.wi.z)[:, None] if uses_cosine(loss) else f
     data = SelectionData.of(subset.wi, subset.wo, f, weight, loss, floor_of(loss, compared[valid]))
-    search = _Search(data, criteria.neighbourhood(subset.wi, subset.wo), {}, anisotropic, log)
+    near = criteria.neighbourhood(subset.wi, subset.wo)
+    search = _Search(data, near, {}, anisotropic, sigma is not None, log)
     if sigma is not None:
         return search.walk()
     search = search.reweighted(_noise_weight(search, _reference(search)), log)
@@ -228,15 +210,16 @@ def stepwise_selection(
     weight = _noise_weight(search, result.chosen)
     used = weight > 0
     change = np.mean(np.abs(np.log(weight[used] / search.data.weight[used])))
-    return search.reweighted(weight).walk() if change > SAME_NOISE else result
+    return search.reweighted(weight).walk(result.chosen.terms) if change > SAME_NOISE else result
 
 
 def _reference(search: _Search) -> Candidate:
-    """A fit with even weights that leaves the noise: two lobes are supple enough to follow most surfaces."""
+    """A fit with even weights that leaves the noise: two lobes, one perhaps back to the light, follow most surfaces."""
     diffuse = search.fit((LAMBERT,))
-    one = search.fit_all(((LAMBERT, TermSpec("ggx", f0)) for f0 in FRESNEL), diffuse)
-    two = [search.fit((*c.terms, TermSpec("ggx", c.terms[1].f0)), c) for c in one]
-    candidates = [c for c in (*two, *one, diffuse) if c is not None]
+    one = search.fit_all(((LAMBERT, TermSpec("ggx", f)) for f in (NO_FRESNEL, SCHLICK)), diffuse)
+    two = [search.fit((*c.terms, TermSpec("ggx", c.terms[1].fresnel)), c) for c in one]
+    back = [search.fit((*c.terms, TermSpec("retro")), c) for c in one]
+    candidates = [c for c in (*two, *back, *one, diffuse) if c is not None]
     if not candidates:
         raise GonioError(f"{search.count} valid readings are too few to select a model; name one")
     return min(candidates, key=lambda c: c.chi2)

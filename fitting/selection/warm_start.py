@@ -1,16 +1,22 @@
 """Starts of a candidate that has grown out of another, and its fit: values are carried over, new ones guessed."""
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 
 from gonio.fitting.problem.parameterisation import FreeParameter, snapped
-from gonio.fitting.selection.candidate_model import CandidateProblem, Terms, candidate_parameters
+from gonio.fitting.selection.candidate_model import CandidateProblem, candidate_parameters
+from gonio.fitting.selection.term_spec import Terms
 from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
 from gonio.fitting.solver.multistart import APART, WIDTHS, solve_amounts
 from gonio.models.expression.parser import FACTOR
 
-NEW = {"f0": 0.1, "gamma": 2.2, "r": 0.3, "rho": 0.3, FACTOR: 0.1, "alpha": 0.3, "alpha_x": 0.25, "alpha_y": 0.4}
+GUESSES = {
+    "eta": (1.5, 0.3, 2.5), "k": (2.5, 5.0), "n": (5.0, 30.0, 200.0), "b": (10.0, 1e3), "l": (0.01, 0.1, 0.4),
+    "gamma": (2.2,), "f0": (0.1,), "r": (0.3,), "rho": (0.3,), FACTOR: (0.1,),
+}  # fmt: skip
+"""Where a shape that nothing is known of begins; other names begin where a fit of their model does."""
 REFINED = 2
 STEPS, ROUGH = 80, 1e4  # of a descent, which ends where a step promises less than 1e-9 of the cost
 
@@ -25,13 +31,15 @@ class Fitted(NamedTuple):
 def carried(old: Terms, p: np.ndarray, new: Terms, channels: int) -> np.ndarray:
     """Free numbers (P,) of the terms `new` out of those, p, of the terms `old`, in their order; NaN where none is."""
     before, after = (candidate_parameters(terms, channels).parameterisation for terms in (old, new))
+    origin = _origins(old, new)
     known = {(g.term, g.path): p[before.of(g)] for g in before.free}
 
     def values(g: FreeParameter) -> np.ndarray:
-        carried = known.get((g.term, g.path))
+        term = origin.get(g.term, -1)
+        carried = known.get((term, g.path))
         if carried is not None and carried.size == after.count(g):
             return carried
-        widths = {name: known.get((g.term, name), np.array(np.nan)).mean() for name in ("alpha", "alpha_x", "alpha_y")}
+        widths = {name: known.get((term, name), np.array(np.nan)).mean() for name in ("alpha", "alpha_x", "alpha_y")}
         if carried is not None:
             value = carried.mean()
         elif g.path in APART and np.isfinite(widths["alpha"]):
@@ -39,25 +47,55 @@ def carried(old: Terms, p: np.ndarray, new: Terms, channels: int) -> np.ndarray:
         elif g.path == "alpha" and np.isfinite(widths["alpha_x"]):
             value = np.sqrt(widths["alpha_x"] * widths["alpha_y"])
         else:
-            value = np.nan if g.term >= len(old) else NEW[g.path]
+            value = np.nan
         return np.full(after.count(g), value)
 
-    return np.concatenate([values(g) for g in after.free])
+    return np.concatenate([np.empty(0), *(values(g) for g in after.free)])
 
 
-def fit_candidate(problem: CandidateProblem, p: np.ndarray) -> Fitted:
-    """A candidate fitted from the free numbers p (P,); a new lobe (NaN) starts at the likeliest of some widths."""
-    free = problem.parameters.parameterisation
-    missing, is_width = np.isnan(p), free.each(lambda g: g.info.role == "width").astype(bool)
+def _origins(old: Terms, new: Terms) -> dict[int, int]:
+    """Which old term each new one comes from: an equal one, or else the one in its place."""
+    origin: dict[int, int] = {}
+    for j, term in enumerate(new):
+        equal = [i for i, other in enumerate(old) if other == term and i not in origin.values()]
+        origin |= {j: equal[0]} if equal else {}
+    if len(old) == len(new):
+        origin |= {j: j for j in range(len(new)) if j not in origin and j not in origin.values()}
+    return origin
+
+
+def fit_candidate(problem: CandidateProblem, p: np.ndarray, enough: float = 0.0, refined: int = REFINED) -> Fitted:
+    """A candidate fitted from the free numbers p (P,); what is NaN starts at the `refined` likeliest of some guesses.
+
+    `enough`: a descent ends where its next step promises to lower ½χ² by less.
+    """
+    if not p.size:
+        return Fitted(p, float(np.sum(problem.residuals(p)[0] ** 2)))
     starts = [p]
-    if missing.any():
-        usual, ratio = free.each(lambda g: NEW[g.path]), free.each(lambda g: APART.get(g.path, 1.0))
-        widths = WIDTHS if (missing & is_width).any() else (NEW["alpha"],)
-        guesses = [np.where(missing, np.where(is_width, width * ratio, usual), p) for width in widths]
-        starts = _with_amounts(problem, np.stack(guesses))[:REFINED]
-    ends = minimise(problem, starts, Stopping(rough=ROUGH, most=STEPS))
+    if np.isnan(p).any():
+        starts = _with_amounts(problem, np.stack(guesses(problem, p)))[:refined]
+    ends = minimise(problem, starts, Stopping(rough=ROUGH, most=STEPS, enough=enough))
     best = min(ends, key=lambda end: end.cost if np.isfinite(end.cost) else np.inf)
     return Fitted(snapped(problem.domains, best.p), 2.0 * best.cost)
+
+
+def guesses(problem: CandidateProblem, p: np.ndarray) -> list[np.ndarray]:
+    """Vectors (P,) of free numbers whose missing shapes (NaN) lie on a small grid."""
+    free, (_, low, high) = problem.parameters.parameterisation, problem.domains
+    missing = [g for g in free.free if np.isnan(p[g.first])]
+    choices = []
+    for g in missing:
+        if g.info.role == "width":
+            choices.append(tuple(width * APART.get(g.path, 1.0) for width in WIDTHS))
+        else:
+            choices.append(GUESSES.get(g.path, (g.info.start,)))
+    filled = []
+    for choice in itertools.product(*choices):
+        q = p.copy()
+        for g, value in zip(missing, choice, strict=True):
+            q[free.of(g)] = value
+        filled.append(np.clip(q, low, high))
+    return filled
 
 
 def _with_amounts(problem: CandidateProblem, p: np.ndarray) -> list[np.ndarray]:
