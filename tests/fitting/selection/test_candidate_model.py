@@ -120,13 +120,12 @@ def test_every_kind_of_term_is_the_model_of_its_expression(terms, p, expression)
     numbers = candidate_parameters(terms, 3)
     filled = numbers.parameterisation.filled(with_defaults(parse(expression_of(terms))), [p])
     f = CandidateProblem(terms, BLANK).values(p)[0]
-    np.testing.assert_allclose(
-        f, np.reshape(evaluate(build(filled), WI, WO), (LAYOUT.size, -1)) * np.ones(3), rtol=1e-9
-    )
+    expected = np.asarray(evaluate(build(filled), WI, WO)).reshape(LAYOUT.size, -1)
+    np.testing.assert_allclose(f, np.broadcast_to(expected, f.shape), rtol=1e-9)
 
 
 def test_every_move_gives_an_expression_that_a_fit_can_read():
-    """From some candidates of every kind: moves up have a number or a term more or of another kind, moves down fewer."""
+    """From candidates of several kinds: moves up lead to another model, and moves down to one of no more numbers."""
     start = [(LAMBERT,), SEVEN, MIXED, (TermSpec("eon"), TermSpec("std", SCHLICK)), (TermSpec("ggx", METAL),)]
     for terms in start:
         size = candidate_parameters(terms, 3).parameterisation.size
