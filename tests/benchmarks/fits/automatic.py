@@ -18,6 +18,7 @@ import numpy as np
 
 import gonio
 from gonio.data import layouts
+from gonio.data.subject import reference_materials
 from gonio.data.table import whole_table_of_values
 from gonio.models.albedo import directional_albedo
 from gonio.models.evaluation import evaluate
@@ -28,35 +29,6 @@ NOISE = 0.02
 FIVE = np.radians(np.arange(0, 81, 5.0))
 GRID = layouts.isotropic(FIVE, FIVE, np.radians(np.arange(0, 360, 15.0)))
 INCIDENCES = np.radians([0.0, 30, 60, 75, 85])
-NAMES = [
-    "aluminium",
-    "aluminium_brushed",
-    "black_glossy_plastic",
-    "black_velvet",
-    "chromium",
-    "copper",
-    "gold",
-    "grey_card",
-    "ground_glass",
-    "matte_plastic",
-    "metallic_paint",
-    "near_mirror",
-    "paper",
-    "perfect_diffuser",
-    "phong_satin",
-    "plaster",
-    "ptfe_diffuser",
-    "red_rubber",
-    "rough_mirror",
-    "satin_plastic_blue",
-    "silver",
-    "terracotta",
-    "titanium_blasted",
-    "two_lobe_paint",
-    "white_gloss_sum",
-    "white_standard",
-]
-
 DIFFUSE = (
     "lambert(rho={c})", "eon(rho={c}, r={u:.3f})", "oren_nayar(rho={c}, sigma={s:.3f})",
     "minnaert(rho={c}, k={k:.3f})", "burley_diffuse(rho={c}, roughness={u:.3f})", "chandrasekhar(w={c})",
@@ -97,9 +69,9 @@ def unsaid(result: gonio.FitResult) -> bool:
 
 def materials() -> None:
     right = total = 0
-    for name in NAMES:
+    for name in reference_materials():
         for photons in (None, 1e6):
-            table = gonio.measure(name, **({} if photons is None else {"photons": photons}))
+            table = gonio.measure(name, gonio.Instrument(photons=photons))
             began = time.perf_counter()
             r = gonio.fit(table)
             took, chi2 = time.perf_counter() - began, r.metrics.get("reduced_chi2", np.nan)
@@ -116,34 +88,27 @@ def materials() -> None:
 
 def synthetic(title: str, number: int, rng: np.random.Generator) -> None:
     errors, count_unsaid, seconds = [], 0, []
-    o, i = (
-        from_spherical(*np.random.default_rng(k).uniform([[0.0], [0.0]], [[1.396], [6.283]], (2, 4000)), np)
-        for k in (1, 2)
-    )
+    fresh = np.random.default_rng(1).uniform([[0.0], [0.0]] * 2, [[1.396], [6.283]] * 2, (4, 4000))
+    wi, wo = (Direction(*from_spherical(*pair, np)) for pair in (fresh[:2], fresh[2:]))
     for _ in range(number):
         if title == "outside":
-            expression = f"{drawn(rng, DIFFUSE)} + {drawn(rng, OUTSIDE)}"
+            terms = [drawn(rng, DIFFUSE), drawn(rng, OUTSIDE)]
         else:
-            expression = " + ".join(
-                [drawn(rng, DIFFUSE), *(drawn(rng, INSIDE + OUTSIDE[:7]) for _ in range(rng.integers(1, 3)))]
-            )
+            terms = [drawn(rng, DIFFUSE), *(drawn(rng, INSIDE + OUTSIDE[:7]) for _ in range(rng.integers(1, 3)))]
+        expression = " + ".join(terms)
         f = np.asarray(evaluate(build(expression), *GRID.directions())).reshape(*GRID.shape, -1)
         f = f * (1 + NOISE * rng.standard_normal(f.shape))
         began = time.perf_counter()
         r = gonio.fit(whole_table_of_values(GRID, f))
         seconds.append(time.perf_counter() - began)
-        fitted, true = (np.asarray(evaluate(b, Direction(*i), Direction(*o))) for b in (r.brdf, build(expression)))
+        fitted, true = (np.asarray(evaluate(b, wi, wo)) for b in (r.brdf, build(expression)))
         errors.append(float(np.sqrt(np.mean((fitted / true - 1) ** 2))) / NOISE)
         count_unsaid += (wrong := unsaid(r))
-        print(
-            f"{errors[-1]:6.2f} {seconds[-1]:5.1f} s {expression}\n        {r.requested}{' UNSAID' if wrong else ''}",
-            flush=True,
-        )
-    print(
-        f"{title}: held-out error ≤ 2 × noise in {sum(e <= 2 for e in errors)} of {number}, median {np.median(errors):.2f}, "
-        f"largest {max(errors):.2f}; albedo above 1 unsaid: {count_unsaid}; seconds: median {np.median(seconds):.1f}, "
-        f"largest {max(seconds):.1f}"
-    )
+        print(f"{errors[-1]:6.2f} {seconds[-1]:5.1f} s {expression}", flush=True)
+        print(f"        {r.requested}{' UNSAID' if wrong else ''}", flush=True)
+    print(f"{title}: held-out error ≤ 2 × noise in {sum(e <= 2 for e in errors)} of {number}", end=", ")
+    print(f"median {np.median(errors):.2f}, largest {max(errors):.2f}; albedo above 1 unsaid: {count_unsaid}", end="; ")
+    print(f"seconds: median {np.median(seconds):.1f}, largest {max(seconds):.1f}")
 
 
 def main(what: str = "all", number: str = "60", seed: str = "0") -> None:
@@ -153,11 +118,8 @@ def main(what: str = "all", number: str = "60", seed: str = "0") -> None:
         materials()
     for k, title in enumerate(("outside", "mixtures")):
         if what in (title, "all"):
-            synthetic(
-                title,
-                int(number) if title == "outside" else max(int(number) // 3, 1),
-                np.random.default_rng([int(seed), k]),
-            )
+            count = int(number) if title == "outside" else max(int(number) // 3, 1)
+            synthetic(title, count, np.random.default_rng([int(seed), k]))
 
 
 if __name__ == "__main__":
