@@ -24,6 +24,7 @@ from gonio.models.errors import GonioError
 from gonio.models.expression.builder import Frame, number_label
 from gonio.models.expression.parser import Term, numbers, parse, with_defaults
 
+SELECTED_STARTS = 2  # random ones after a selection, which knows where to begin
 WIDENS = 0.02  # aperture half-angle over alpha, from which on the averaging shows in a fit
 
 
@@ -47,7 +48,7 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
         bootstrap_kind: ``"wild"`` (random signs of the residuals) or ``"block_pairs"`` (resampled readings).
         per_channel: fit every channel by itself.
         samples: largest number of cells, at random by the seed; by default all.
-        starts: number of random starts beside those from the data, 0 or more.
+        starts: number of random starts beside those from the data, 0 or more; at most 2 where the model was selected.
         scene: a scene, its file or the name of a shipped one: its directions are fitted, weighted by their effect on
             its radiance, and without a model the cheapest one within its tolerance is selected.
         seed: of starts, samples and bootstrap.
@@ -86,6 +87,9 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
         expressions, parsed, seconds["select"] = [selection.expression], [selection.terms], time.perf_counter() - began
     if view is not None:
         task = _in_scene(task, view)
+    if selection is not None:
+        few = min(settings.starts, SELECTED_STARTS)
+        task = dataclasses.replace(task, settings=dataclasses.replace(settings, starts=few))
     tasks = [dataclasses.replace(task, requested=m, terms=t) for m, t in zip(expressions, parsed, strict=True)]
     if len(tasks) > 1:
         return _best(tasks, source, view, seconds)

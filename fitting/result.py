@@ -15,7 +15,9 @@ from gonio.data.material import Material
 from gonio.data.serialise import toml_values, unboxed
 from gonio.data.table import Channels
 from gonio.fitting.fit_model import FitTask
+from gonio.fitting.judgement import FAILED, FitJudgement, judge_fit
 from gonio.fitting.residuals.colour_difference import sphere_difference
+from gonio.fitting.residuals.energy import LargestAlbedo, confirmed, largest_albedo
 from gonio.fitting.residuals.metrics import metrics
 from gonio.fitting.residuals.summary import Evidence, ResidualSummary, summarise
 from gonio.fitting.solver.levenberg_marquardt import eps, is_double
@@ -30,9 +32,11 @@ from gonio.models.display import Displayed
 from gonio.models.expression.builder import build, frame, number_label, to_expression
 from gonio.models.expression.parser import FACTOR, Term, Value, changed, numbers, parse
 
+CREATED = 1e-3  # albedo above 1 from which on a model creates energy
 CORRELATED = 0.95  # from which on a correlation is reported
 MOST_CORRELATED = 5
 MOST_IN_FULL = 64  # free numbers whose covariance files keep in full
+JUDGED = ("converged", "reason", "metrics", "undetermined")  # attributes
 MOST_SHOWN = 7  # numbers in a repr
 
 
@@ -109,12 +113,11 @@ class FitResult(Displayed):
         """Verdict, model, the first free numbers with their standard uncertainties, and how well they fit."""
         free = [p for p in self.parameters if p.status != "fixed"]
         numbers = {p.label: f"{p.value:.6g} ± {p.standard_uncertainty:.2g}, {p.status}" for p in free[:MOST_SHOWN]}
-        verdict = "converged" if self.converged else "NOT converged"
         more = {"…": f"{len(free) - MOST_SHOWN} more"} if len(free) > MOST_SHOWN else {}
         metrics = (
             f"relative rms {self.metrics['relative_rms']:.3g}, {self.samples:,} readings of {self.table or 'a table'}"
         )
-        return {"verdict": f"{verdict}: {self.reason}", "model": self.requested, **numbers, **more, "fit": metrics}
+        return {"verdict": self.judgement.sentence, "model": self.requested, **numbers, **more, "fit": metrics}
 
     @functools.cached_property
     def covariance(self) -> np.ndarray:
@@ -145,6 +148,12 @@ class FitResult(Displayed):
     def residuals(self) -> ResidualSummary | None:
         """Noise or structure, maps over angles, and readings that stand out; computed on first use."""
         return None if self.evidence is None else summarise(self.evidence)
+
+    @functools.cached_property
+    def judgement(self) -> FitJudgement:
+        """Whether the fit is good, fair, poor or failed, and why."""
+        residuals = None if self.residuals is None else self.residuals.to_dict()
+        return judge_fit({**{f: getattr(self, f) for f in JUDGED}, "residuals": residuals})
 
     @functools.cached_property
     def colour_difference(self) -> dict[str, Any] | None:
@@ -250,8 +259,8 @@ class FitResult(Displayed):
 
     @property
     def exit_status(self) -> int:
-        """0 where converged, else 1."""
-        return 0 if self.converged else 1
+        """1 where the fit failed, by its judgement; else 0."""
+        return 1 if self.judgement.verdict == FAILED else 0
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> Path:
         """Write the fitted material as TOML, as `gonio fit -o` does.
@@ -280,6 +289,7 @@ class FitResult(Displayed):
         content |= self._covariances()
         content["correlated"] = self.correlated
         content["colour_difference"] = self.colour_difference
+        content["judgement"] = self.judgement._asdict()
         content["residuals"] = None if self.residuals is None else self.residuals.to_dict()
         content["parameters"] = [dataclasses.asdict(p) for p in self.parameters]
         content["channels"] = list(self.channels.names)
@@ -333,10 +343,14 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
             )
     cost = float(sum(e.cost for e in optima))
     f = np.concatenate([e.model_f for e in optima], axis=1)
+    brdf = build(optima[0].parameters.filled(task.terms, [e.p for e in optima]))
     measures = metrics(f, readings)
+    measures["unexplained"] = _unexplained(optima)
+    measures["largest_albedo"] = (albedo := _largest_albedo(optima, brdf)).value
+    if albedo.value > 1.0 + CREATED:
+        notes.insert(0, _creates_energy(albedo, channels))
     if task.likelihood:
         measures["reduced_chi2"] = 2.0 * cost / max(readings.count - len(free), 1)
-    brdf = build(optima[0].parameters.filled(task.terms, [e.p for e in optima]))
     return FitResult(
         expression=to_expression(brdf), requested=task.requested, brdf=brdf, channels=channels,
         parameters=free + _fixed(task.terms, optima[0], channels), free_names=labels,
@@ -353,6 +367,33 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
         counts=task.counts, floor=[float(e.problem.samples.floor) for e in optima], robust=settings.robust,
         evidence=_evidence(task, optima, f, cost), bootstrap=_bootstrap(task, optima, labels),
     )  # fmt: skip
+
+
+def _unexplained(optima: list[Optimum]) -> float:
+    """Σr² over that of the best Lambertian of each channel: the share of what there is to explain that is left."""
+    left = total = 0.0
+    for e in optima:
+        y, linear = np.where(e.problem.weight > 0, e.readings.f, 0.0), e.problem.linearised().weight
+        share = np.where(np.isfinite(linear), linear, 0.0) ** 2
+        mean = np.sum(share * y, axis=0) / np.maximum(np.sum(share, axis=0), 1e-300)
+        total += float(np.sum(e.problem.residuals(np.broadcast_to(mean, y.shape)) ** 2))
+        left += 2.0 * float(e.cost)
+    return left / total if total > 0 else float("nan")
+
+
+def _largest_albedo(optima: list[Optimum], brdf: AbstractBRDF) -> LargestAlbedo:
+    each = [largest_albedo(functools.partial(e.problem.values_at, e.p)) for e in optima]
+    channel = int(np.argmax([a.value for a in each]))
+    worst = each[channel]
+    return confirmed(worst if len(each) == 1 else worst._replace(channel=channel), brdf)
+
+
+def _creates_energy(a: LargestAlbedo, channels: Channels) -> str:
+    channel = f" in channel {channels.names[a.channel]}" if len(channels) > 1 and a.channel < len(channels) else ""
+    return (
+        f"the fitted model reflects more than it receives: {a.value:.3f} of the light at θi "
+        f"{np.degrees(a.theta_i):.0f}°{channel}; do not use it where energy counts"
+    )
 
 
 def _undetermined(optima: list[Optimum], estimates: list[list[ParameterEstimate]]) -> list[str]:

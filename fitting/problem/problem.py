@@ -419,6 +419,12 @@ class FitProblem:
         """The model's f (n, C) at the readings' directions, for free numbers p (P,)."""
         return self.evaluate(p, scores=False).f
 
+    def values_at(self, p: np.ndarray, wi: Direction, wo: Direction) -> np.ndarray:
+        """The model's f (n, C) at other directions (n,), by the same compiled program."""
+        none = np.zeros((wi.z.size, self.parameters.channels))
+        readings = Readings(wi, wo, none, none, none > 0)
+        return FitProblem.create(self.parameters, self.fixed, self.loss, readings, none, 1.0).model_values(p)
+
     def _run(
         self, p: np.ndarray, active: np.ndarray | None = None, scores: bool = False, plain: bool = False
     ) -> Iterator[tuple[np.ndarray, np.ndarray]]:

@@ -8,6 +8,8 @@ import numpy as np
 from gonio.fitting.selection.candidate_model import SelectionData, Terms, expression_of
 from gonio.fitting.selection.criteria import improves_holdout
 
+ROUNDING = 0.01  # χ² a reading below which only rounding is left
+
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
@@ -46,11 +48,19 @@ class SelectionResult:
     def bic(self, c: Candidate) -> float:
         """Bayesian information criterion for the effective number of readings; lower is better [Schwarz 1978]."""
         price = float(np.log(max(self.count / self.design_effect, 2.0)))
-        return c.chi2 / (self.dispersion * self.design_effect) + c.size * price
+        return max(c.chi2, self._rounding) / (self.dispersion * self.design_effect) + c.size * price
 
     def improves_holdout(self, small: Candidate, large: Candidate) -> bool:
         """Whether `large` predicts directions that neither has seen better than `small`."""
-        return improves_holdout(small.holdout / self.dispersion, large.holdout / self.dispersion)
+        return improves_holdout(self.held_out(small), self.held_out(large))
+
+    def held_out(self, c: Candidate) -> np.ndarray:
+        """χ² by hold-out group (G,), never below what rounding leaves."""
+        return np.maximum(c.holdout, self._rounding / c.holdout.size)
+
+    @property
+    def _rounding(self) -> float:
+        return ROUNDING * self.count
 
     def better(self, current: Candidate, others: list[Candidate]) -> Candidate | None:
         """The one of lowest BIC among those that both BIC and cross-validation prefer to the current one."""

@@ -12,19 +12,21 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from gonio.fitting.problem.readings import Readings, coarse_cells, floor_of, uses_cosine
+from gonio.fitting.residuals.energy import CREATES, largest_albedo
 from gonio.fitting.selection import criteria
-from gonio.fitting.selection.candidate import Candidate, SelectionResult
+from gonio.fitting.selection.candidate import ROUNDING, Candidate, SelectionResult
 from gonio.fitting.selection.candidate_model import CandidateProblem, SelectionData
 from gonio.fitting.selection.term_spec import LAMBERT, NO_FRESNEL, SCHLICK, Terms, TermSpec, families, simpler, steps
 from gonio.fitting.selection.warm_start import carried, fit_candidate
 from gonio.models.errors import GonioError
+from gonio.models.geometry.directions import Direction
 
 SAMPLE = 2048
 MAX_CHANNELS = 4  # of many wavelengths so many, evenly spaced, select the structure of all
 SCREENED = 512  # readings by which the candidates of a step are compared before the best of them are fitted
 ENOUGH, FINALISTS = 2.0, 4
 STRUCTURED = 1.2  # χ² over its expectation, or design effect, from which on residuals are structure
-ROUNDING = 0.01  # χ² over its expectation below which only rounding is left
+LEAST_SIGMA = 1e-6  # of the rms of the known uncertainties
 LEAST_DISPERSION = 1e-3  # of a noise from neighbours: below it a fit is one through the readings
 SAME_NOISE = 0.05  # mean difference of the logarithms of two noises that do not call for a second walk
 MAX_STEPS = 10
@@ -153,8 +155,9 @@ class _Search:
                 chosen = c
                 break
         # Whatever the criterion prefers: no model stays that a smaller one beats on held-out directions.
-        while smaller := [c for c in ranked if c.size < chosen.size and c.holdout.sum() < chosen.holdout.sum()]:
-            chosen = min(smaller, key=lambda c: c.holdout.sum())
+        error = {c.terms: float(result.held_out(c).sum()) for c in ranked}
+        while smaller := [c for c in ranked if c.size < chosen.size and error[c.terms] <= error[chosen.terms]]:
+            chosen = min(smaller, key=lambda c: error[c.terms])
         return self.result(chosen)
 
     def simplified(self, current: Candidate) -> Candidate | None:
@@ -197,20 +200,39 @@ def stepwise_selection(
     f, valid = subset.f[:, channels], subset.valid[:, channels]
     weight = valid.astype(float)
     if sigma is not None:
-        weight = weight / np.where(valid, sigma[cells][:, channels], 1.0)
+        known = np.where(valid, sigma[cells][:, channels], 1.0)
+        # Counts that are never expected have an uncertainty of nothing: no candidate but the truth would have a χ².
+        weight = weight / np.maximum(known, LEAST_SIGMA * float(np.sqrt(np.mean(known[valid] ** 2))))
     compared = f * np.asarray(subset.wi.z)[:, None] if uses_cosine(loss) else f
     data = SelectionData.of(subset.wi, subset.wo, f, weight, loss, floor_of(loss, compared[valid]))
     near = criteria.neighbourhood(subset.wi, subset.wo)
     search = _Search(data, near, {}, anisotropic, sigma is not None, log)
     if sigma is not None:
-        return search.walk()
+        return _conserving(search.walk())
     search = search.reweighted(_noise_weight(search, _reference(search)), log)
     result = search.walk()
     # The noise once more, from what the selected model leaves: a reference that missed much took that for noise.
     weight = _noise_weight(search, result.chosen)
     used = weight > 0
     change = np.mean(np.abs(np.log(weight[used] / search.data.weight[used])))
-    return search.reweighted(weight).walk(result.chosen.terms) if change > SAME_NOISE else result
+    return _conserving(search.reweighted(weight).walk(result.chosen.terms) if change > SAME_NOISE else result)
+
+
+def _conserving(result: SelectionResult) -> SelectionResult:
+    """The same, or where the chosen model reflects more than it receives, the best as good a one that does not."""
+    if not _creates_energy(result.chosen, result.data.channels):
+        return result
+    as_good = [c for c in result.candidates if c is not result.chosen and result.better(c, [result.chosen]) is None]
+    conserving = (c for c in sorted(as_good, key=result.bic) if not _creates_energy(c, result.data.channels))
+    return dataclasses.replace(result, chosen=next(conserving, result.chosen))
+
+
+def _creates_energy(c: Candidate, channels: int) -> bool:
+    def values(wi: Direction, wo: Direction) -> np.ndarray:
+        none = np.zeros((wi.z.size, channels))
+        return CandidateProblem(c.terms, SelectionData.of(wi, wo, none, none, "linear", 1.0)).values(c.p)[0]
+
+    return largest_albedo(values).value > 1.0 + CREATES
 
 
 def _reference(search: _Search) -> Candidate:

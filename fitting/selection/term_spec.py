@@ -159,6 +159,8 @@ def simpler(terms: Terms, channels: int) -> Iterator[Terms]:
     diffuse = [k for k in range(len(terms)) if k not in lobes]
     if len(terms) > 1:
         yield from (terms[:k] + terms[k + 1 :] for k in diffuse + lobes[::-1])
+    if len(terms) > 1 and not diffuse:
+        yield from ((LAMBERT, *terms[:k], *terms[k + 1 :]) for k in lobes)
     for k in lobes:
         t = terms[k]
         fixed = {SCHLICK_FREE: (NO_FRESNEL, SCHLICK), DIELECTRIC_SCALED: (DIELECTRIC, GLASS, SCHLICK)}

@@ -53,6 +53,8 @@ METRIC_NAMES = {
     "log_rms": "log rms",
     "cbrt_rms": "cube-root rms",
     "bias": "bias (1/sr)",
+    "unexplained": "Σr² over a diffuser's",
+    "largest_albedo": "largest albedo",
     "reduced_chi2": "reduced χ²",
 }
 COUNT_NAMES = {"negative": "negative (used as they are)", "missing": "missing", "left_out": "left out as asked"}
@@ -127,6 +129,7 @@ def summary(r: "FitResult") -> list[str]:
     unusual = {k: n for k, n in r.counts.items() if n and k not in ("used", "below_horizon")}
     counts = [f"{n} {COUNT_NAMES.get(k, f'masked as {k}')}" for k, n in unusual.items()]
     return [
+        r.judgement.sentence,
         f"{r.requested} on {r.table}: {r.samples} readings, {', '.join([f'loss {r.loss}{floor}', *weighting])}",
         f"{verdict}: {r.reason}; {r.starts_agreed} of {r.starts} starts agree",
         *_free_numbers(r),

@@ -30,7 +30,8 @@ def test_lines_hold_what_the_result_holds(table):
     for p in result.parameters:
         (line,) = [x for x in text.splitlines() if x.startswith(p.label)]
         assert f"{p.value:.8g}" in line and line.endswith(p.status)
-    assert "robust tukey" in lines[0] and "5 refits, 0 failed" in text and "95 % of refits" in text
+    assert lines[0] == result.judgement.sentence and "robust tukey" in lines[1]
+    assert "5 refits, 0 failed" in text and "95 % of refits" in text
     assert f"CIEDE2000 {result.colour_difference['mean']:.3g}" in text
     assert f"{result.counts['saturated']} masked as saturated" in text and "negative (used as they are)" in text
     assert all(f"residuals: {s}" in lines for s in result.residuals.sentences)
@@ -48,8 +49,10 @@ def test_options_reach_the_fit(table, tmp_path, capsys, monkeypatch):
 def test_an_old_name_of_a_bootstrap_is_replaced_with_a_remark(table, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_table("t.h5", table.only(["R"]))
-    assert main(["fit", "t.h5", "-m", "lambert", "--starts", "0", "--bootstrap", "2", "--bootstrap-kind", "pairs"]) == 0
+    # A diffuser explains nothing of a lobe: the status is that of a fit that failed.
+    assert main(["fit", "t.h5", "-m", "lambert", "--starts", "0", "--bootstrap", "2", "--bootstrap-kind", "pairs"]) == 1
     out, err = capsys.readouterr()
+    assert out.startswith("A FAILED FIT")
     assert "bootstrap (block_pairs): 2 refits" in out and "pairs is called block_pairs now" in err
 
 

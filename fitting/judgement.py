@@ -1,0 +1,75 @@
+"""Whether a fit is good, in one sentence: its faults with the worst first, or what makes it a good one."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+ALBEDO_TOLERANCE = 1e-3
+UNEXPLAINED = 0.5
+"""Σr² over that of the best Lambertian, from which on a fit explains too little to be of use."""
+FAR_OFF = 0.1
+"""Relative rms below which a fit is of use even where it is no better than a Lambertian."""
+NOISE = 1.2
+"""Reduced χ² above which the residuals are more than the stored noise."""
+FAR_FROM_NOISE = 4.0
+"""Reduced χ² above which a fit is poor: the residuals are twice the noise."""
+NO_FIT = 100.0
+"""Reduced χ² above which a fit has failed: the residuals are ten times the noise."""
+GOOD, FAIR, POOR, FAILED = "good", "fair", "poor", "failed"
+OPENINGS = {
+    GOOD: "A good fit", FAIR: "A fair fit", POOR: "A POOR FIT", FAILED: "A FAILED FIT, do not use it",
+}  # fmt: skip
+
+
+class FitJudgement(NamedTuple):
+    """A word for a fit (good, fair, poor, failed) and the sentence that says why."""
+
+    verdict: str
+    sentence: str
+
+
+def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
+    """Judges what a fit reports of itself, as `FitResult.to_dict` and a fitted material hold it.
+
+    Failed: not stationary, residuals ten times the known noise, or far off and hardly better than a perfect diffuser.
+    Poor: residuals twice the known noise, or a model that reflects more than it receives. Fair: more than noise,
+    structure in the residuals, or numbers that the readings leave open.
+    """
+    failed, poor, fair = [], [], []
+    metrics = fit.get("metrics") or {}
+    rms, chi2, albedo, unexplained = (
+        _finite(metrics.get(k)) for k in ("relative_rms", "reduced_chi2", "largest_albedo", "unexplained")
+    )
+    residuals = fit.get("residuals") or {}
+    structure = (residuals.get("noisiness") or {}).get("verdict")
+    if not fit.get("converged", False):
+        failed.append(f"it did not converge ({fit.get('reason') or 'no reason given'})")
+    if unexplained is not None and unexplained > UNEXPLAINED and structure == "structure" and (rms or 0.0) > FAR_OFF:
+        failed.append(f"it leaves {unexplained:.0%} of what a perfect diffuser leaves, and not as noise")
+    if chi2 is not None and chi2 > NOISE:
+        words = f"its residuals are {np.sqrt(chi2):.2g} times the stored uncertainties (reduced χ² {chi2:.3g})"
+        (failed if chi2 > NO_FIT else poor if chi2 > FAR_FROM_NOISE else fair).append(words)
+    if albedo is not None and albedo > 1 + ALBEDO_TOLERANCE:
+        poor.append(f"its model reflects more light than it receives (albedo {albedo:.3g})")
+    if structure == "structure":
+        region = residuals.get("worst_region")
+        fair.append("its residuals are structure, not noise" + (f", most of all at {region}" if region else ""))
+    if open_numbers := len(fit.get("undetermined") or []):
+        plural = "combination" if open_numbers == 1 else "combinations"
+        fair.append(f"the readings leave {open_numbers} {plural} of its numbers open")
+    verdict = FAILED if failed else POOR if poor else FAIR if fair else GOOD
+    good = []
+    if chi2 is not None and chi2 <= NOISE:
+        good.append(f"reduced χ² {chi2:.3g}")
+    if rms is not None:
+        good.append(f"relative rms {rms:.3g}")
+    good += {"noise": ["its residuals are noise"], "exact": ["its residuals are rounding"]}.get(structure, [])
+    if albedo is not None and albedo <= 1 + ALBEDO_TOLERANCE:
+        good.append(f"albedo at most {albedo:.3g}")
+    reasons = "; ".join([*failed, *poor, *fair] or ["it converged"])
+    return FitJudgement(verdict, f"{OPENINGS[verdict]}: {reasons}" + (f" ({', '.join(good)})" if good else "") + ".")
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and np.isfinite(value) else None

@@ -1,0 +1,109 @@
+"""The largest albedo of a fitted model: first by the fit's own compiled program, and to a bound where it nears 1."""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from gonio.models.albedo import directional_albedo
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.geometry.directions import Direction, from_spherical
+
+INCIDENCES = np.radians([0.0, 30, 60, 75, 85])
+AZIMUTHS = np.radians([0.0, 90.0])
+RADII, TURNS = 48, 32
+NARROWEST, WIDEST = 1e-4, 1e3  # slopes of the half vector between which a lobe has its width
+CREATES = 0.02  # albedo above 1 from which on a model surely creates energy: about what this sum may err by
+SUSPECT = 0.85  # albedo from which on it is computed to a bound: a narrow brushed lobe may come out so much too low
+
+
+class LargestAlbedo(NamedTuple):
+    """The largest of the directional albedos at some incidences (radians), and the index of its channel."""
+
+    value: float
+    theta_i: float
+    phi_i: float
+    channel: int
+
+
+class Nodes(NamedTuple):
+    """Directions (n,) of a sum over the hemisphere at each of I incidences, and the weights f is to be summed with."""
+
+    wi: Direction
+    wo: Direction
+    weight: np.ndarray
+    incidence: np.ndarray
+
+
+@functools.lru_cache(maxsize=1)
+def nodes() -> Nodes:
+    """Nodes about the mirror direction, back to the light and over the hemisphere, by the balance heuristic.
+
+    Three rules, each of one density over the directions, share the integrand in the ratio of their densities
+    [Veach & Guibas 1995]: lobes of any width about either direction are resolved, and so is a diffuser.
+    """
+    columns: list[np.ndarray] = []
+    for index, (theta, phi) in enumerate((t, p) for t in INCIDENCES for p in AZIMUTHS):
+        wi = np.array(from_spherical(theta, phi, np))
+        back = np.array([-wi[0], -wi[1], wi[2]])
+        u, v = (g.ravel() for g in np.meshgrid(_midpoints(RADII), _midpoints(TURNS), indexing="ij"))
+        mirror, retro = _reflected(wi, u, v), _reflected(back, u, v)
+        sine = np.sqrt(u)
+        even = np.stack([sine * np.cos(2 * np.pi * v), sine * np.sin(2 * np.pi * v), np.sqrt(1 - u)])
+        for wo in (mirror, retro, even):
+            density = _density(wi, wo) + _density(back, wo) + np.maximum(wo[2], 0.0) / np.pi
+            weight = np.where(wo[2] > 0, wo[2] / np.maximum(density, 1e-300) / u.size, 0.0)
+            columns.append(np.stack([*np.repeat(wi[:, None], u.size, 1), *wo, weight, np.full(u.size, float(index))]))
+    every = np.concatenate(columns, axis=1)
+    every = every[:, every[6] > 0]
+    return Nodes(Direction(*every[:3]), Direction(*every[3:6]), every[6], every[7].astype(int))
+
+
+def _midpoints(n: int) -> np.ndarray:
+    return (np.arange(n) + 0.5) / n
+
+
+def _reflected(w: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Mirror images of a direction in facets of all slopes."""
+    slope = NARROWEST * np.sinh(u * np.arcsinh(WIDEST / NARROWEST))
+    m = np.stack([slope * np.cos(2 * np.pi * v), slope * np.sin(2 * np.pi * v), np.ones_like(slope)])
+    m /= np.sqrt(slope**2 + 1)
+    return 2.0 * (w @ m) * m - w[:, None]
+
+
+def _density(w: np.ndarray, wo: np.ndarray) -> np.ndarray:
+    """Density over the sphere, 1/sr, with which `_reflected` places directions."""
+    h = w[:, None] + wo
+    h = h / np.maximum(np.linalg.norm(h, axis=0), 1e-300)
+    cosine = np.maximum(h[2], 1e-9)
+    slope = np.sqrt(np.maximum(1 - cosine**2, 0.0)) / cosine
+    slope = np.maximum(slope, 1e-3 * NARROWEST)
+    by_slope = 1.0 / (np.arcsinh(WIDEST / NARROWEST) * np.hypot(slope, NARROWEST))
+    facets = by_slope / (2 * np.pi * slope * cosine**3)
+    return np.where(slope < WIDEST, facets / (4.0 * np.maximum(w @ h, 1e-9)), 0.0)
+
+
+def largest_albedo(values: Callable[[Direction, Direction], np.ndarray]) -> LargestAlbedo:
+    """The largest directional albedo of a model at `INCIDENCES` from two azimuths, to some per cent.
+
+    Args:
+        values: f (n, C), 1/sr, at directions of shape (n,).
+    """
+    n = nodes()
+    terms = np.nan_to_num(values(n.wi, n.wo)) * n.weight[:, None]
+    return _largest(np.stack([np.bincount(n.incidence, c) for c in terms.T], axis=1))
+
+
+def confirmed(rough: LargestAlbedo, brdf: AbstractBRDF) -> LargestAlbedo:
+    """The same to 1e-4 where the rough one nears 1 [`gonio.models.albedo.directional_albedo`]."""
+    if rough.value < SUSPECT:
+        return rough
+    theta, phi = (a.ravel() for a in np.meshgrid(INCIDENCES, AZIMUTHS, indexing="ij"))
+    return _largest(directional_albedo(brdf, theta, phi, 1e-4).value.reshape(theta.size, -1))
+
+
+def _largest(albedo: np.ndarray) -> LargestAlbedo:
+    worst, channel = np.unravel_index(int(np.argmax(albedo)), albedo.shape)
+    theta, phi = divmod(int(worst), AZIMUTHS.size)
+    return LargestAlbedo(float(albedo[worst, channel]), float(INCIDENCES[theta]), float(AZIMUTHS[phi]), int(channel))

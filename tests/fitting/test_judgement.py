@@ -1,0 +1,47 @@
+"""What a fit says of itself first: good only where nothing known speaks against it."""
+
+import numpy as np
+import pytest
+
+from gonio.fitting.fit_table import fit
+from gonio.fitting.judgement import judge_fit
+from support.fit_tables import ONE_LOBE as ONE
+from support.fit_tables import coarse_table_of as table_of
+
+FACTS = {"converged": True, "metrics": {"relative_rms": 0.01, "reduced_chi2": 1.0, "largest_albedo": 0.5}}
+
+
+@pytest.mark.parametrize(
+    ("metrics", "verdict", "words"),
+    [
+        ({}, "good", "reduced χ² 1"),
+        ({"reduced_chi2": 2.0}, "fair", "1.4 times the stored uncertainties"),
+        ({"reduced_chi2": 20.0}, "poor", "4.5 times"),
+        ({"reduced_chi2": 2140.0}, "failed", "46 times"),
+        ({"largest_albedo": 8.4}, "poor", "albedo 8.4"),
+        ({"reduced_chi2": None, "relative_rms": None, "largest_albedo": None}, "good", "it converged"),
+    ],
+)
+def test_the_worst_that_is_known_decides(metrics, verdict, words):
+    judgement = judge_fit({**FACTS, "metrics": {**FACTS["metrics"], **metrics}})
+    assert judgement.verdict == verdict and words in judgement.sentence
+
+
+def test_a_fit_that_did_not_converge_has_failed_whatever_its_numbers_are():
+    assert judge_fit({**FACTS, "converged": False, "reason": "the cost is not finite"}).verdict == "failed"
+
+
+def test_a_model_that_explains_nothing_fails_and_the_true_one_does_not():
+    table = table_of(ONE, noise=0.01)
+    nothing, truth = fit(table, "lambert", starts=1), fit(table, "lambert + ggx(f0=0.04)", starts=1)
+    assert nothing.judgement.verdict == "failed" and nothing.exit_status == 1 and nothing.converged
+    assert truth.judgement.verdict == "good" and truth.exit_status == 0
+    assert truth.metrics["unexplained"] < 1e-3 < 0.5 < nothing.metrics["unexplained"]
+
+
+def test_a_model_that_creates_energy_says_so_with_its_albedo():
+    """Readings of a lobe of strength 1.4 over a diffuser of .5: at normal incidence about 1.9 of the light."""
+    result = fit(table_of("lambert(rho=.5) + 1.4 * ggx(alpha=.2)"), "lambert + ggx", starts=1)
+    assert result.judgement.verdict == "poor" and "reflects more" in result.notes[0]
+    exact = float(np.max(result.albedo(np.radians([0, 30, 60, 75, 85.0])).value))
+    assert result.metrics["largest_albedo"] == pytest.approx(exact, rel=1e-3) and exact > 1.5
