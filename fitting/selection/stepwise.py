@@ -21,15 +21,16 @@ from gonio.fitting.selection.warm_start import carried, fit_candidate
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
 
-SAMPLE = 2048
+SAMPLE = 1024
 MAX_CHANNELS = 4  # of many wavelengths so many, evenly spaced, select the structure of all
 SCREENED = 512  # readings by which the candidates of a step are compared before the best of them are fitted
-ENOUGH, FINALISTS = 2.0, 4
-STRUCTURED = 1.2  # χ² over its expectation, or design effect, from which on residuals are structure
+ROUGHLY, ENOUGH, FINALISTS = 2.0, 0.05, 3  # ½χ² that a further step may be worth
+STRUCTURED = 1.2  # χ² over its expectation from which on residuals are structure
+CLUSTERED = 2.0  # design effect from which on they are: what neighbours share is then some 0.4 of the noise
 LEAST_SIGMA = 1e-6  # of the rms of the known uncertainties
 LEAST_DISPERSION = 1e-3  # of a noise from neighbours: below it a fit is one through the readings
 SAME_NOISE = 0.05  # mean difference of the logarithms of two noises that do not call for a second walk
-MAX_STEPS = 10
+MAX_STEPS, MORE_STEPS = 9, 3  # up from Lambert, and once more from the selected model
 
 Log = Callable[[str], None]
 
@@ -74,7 +75,7 @@ class _Search:
             return None
         if terms not in self.known and origin is not None:
             start = carried(origin.terms, origin.p, terms, self.data.channels)
-        p, chi2 = fit_candidate(problem, start)
+        p, chi2 = fit_candidate(problem, start, ENOUGH)
         residual, jacobian = problem.residuals(p)
         gradient = np.einsum("ncp,nc->p", jacobian, residual)
         _, low, high = problem.domains
@@ -103,7 +104,7 @@ class _Search:
             if start is None:
                 start = carried(origin.terms, origin.p, terms, self.data.channels)
             if start.size < self.count:
-                p, chi2 = fit_candidate(CandidateProblem(terms, coarse), start, ENOUGH, 1)
+                p, chi2 = fit_candidate(CandidateProblem(terms, coarse), start, ROUGHLY, 1)
                 rough[terms] = (chi2 + p.size if np.isfinite(chi2) else np.inf, p)
         best = sorted(rough, key=lambda terms: rough[terms][0])[:FINALISTS]
         for terms in best:
@@ -127,14 +128,14 @@ class _Search:
         """Whether residuals are more than noise: too large, or alike among neighbours (rounding does not count)."""
         if c.chi2 < ROUNDING * self.count:
             return False
-        return c.chi2 > STRUCTURED * self.count or self.design_effect(c) > STRUCTURED
+        return c.chi2 > STRUCTURED * self.count or self.design_effect(c) > CLUSTERED
 
-    def walk(self, start: Terms = (LAMBERT,)) -> SelectionResult:
+    def walk(self, start: Terms = (LAMBERT,), most: int = MAX_STEPS) -> SelectionResult:
         """Up from Lambert or `start`, then down again where a number is not missed, to the smallest that suffices."""
         current = self.fit(start)
         if current is None:
             raise GonioError(f"{self.count} valid readings are too few to select a model; name one")
-        for _ in range(MAX_STEPS):
+        for _ in range(most):
             larger = self.fit_likeliest(steps(current.terms, self.anisotropic, self.data.channels), current)
             better = self.result(current).better(current, larger)
             if self.has_structure(better or current):
@@ -215,7 +216,9 @@ def stepwise_selection(
     weight = _noise_weight(search, result.chosen)
     used = weight > 0
     change = np.mean(np.abs(np.log(weight[used] / search.data.weight[used])))
-    return _conserving(search.reweighted(weight).walk(result.chosen.terms) if change > SAME_NOISE else result)
+    return _conserving(
+        search.reweighted(weight).walk(result.chosen.terms, MORE_STEPS) if change > SAME_NOISE else result
+    )
 
 
 def _conserving(result: SelectionResult) -> SelectionResult:
