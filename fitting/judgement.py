@@ -64,7 +64,7 @@ def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
         good.append(f"reduced χ² {chi2:.3g}")
     if rms is not None:
         good.append(f"relative rms {rms:.3g}")
-    good += {"noise": ["its residuals are noise"], "exact": ["its residuals are rounding"]}.get(structure, [])
+    good += {"noise": ["its residuals are noise"], "exact": ["its residuals are rounding"]}.get(str(structure), [])
     if albedo is not None and albedo <= 1 + ALBEDO_TOLERANCE:
         good.append(f"albedo at most {albedo:.3g}")
     reasons = "; ".join([*failed, *poor, *fair] or ["it converged"])

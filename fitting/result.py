@@ -27,10 +27,11 @@ from gonio.fitting.uncertainty.joint_covariance import JointCovariance
 from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
 from gonio.fitting.uncertainty.profile_likelihood import with_profiles
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.catalog import MODELS
 from gonio.models.deprecation import renamed_attribute
 from gonio.models.display import Displayed
 from gonio.models.expression.builder import build, frame, number_label, to_expression
-from gonio.models.expression.parser import FACTOR, Term, Value, changed, numbers, parse
+from gonio.models.expression.parser import FACTOR, Term, Value, calls, changed, numbers, parse
 
 CREATED = 1e-3  # albedo above 1 from which on a model creates energy
 CORRELATED = 0.95  # from which on a correlation is reported
@@ -363,10 +364,26 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
         bic=_bic(task, optima, cost, len(free)),
         undetermined=_undetermined(optima, estimates),
         active_bounds=[p.label for p in free if p.status.startswith("at ")], seconds=seconds,
-        theta_max=settings.theta_max, notes=notes + sorted({n for e in optima for n in e.notes}), table=task.table,
-        counts=task.counts, floor=[float(e.problem.samples.floor) for e in optima], robust=settings.robust,
+        theta_max=settings.theta_max, table=task.table, counts=task.counts,
+        notes=[*notes, *sorted({n for e in optima for n in e.notes}), *_kept_defaults(task.terms)],
+        floor=[float(e.problem.samples.floor) for e in optima], robust=settings.robust,
         evidence=_evidence(task, optima, f, cost), bootstrap=_bootstrap(task, optima, labels),
     )  # fmt: skip
+
+
+def _kept_defaults(terms: tuple[Term, ...]) -> list[str]:
+    """A note for each model on the parameters that have a default, which the expression does not name."""
+    notes = []
+    for call in calls(terms):
+        defaults = {f.name: f.default for f in dataclasses.fields(MODELS[call.name]) if "parameter" in f.metadata}
+        kept = [
+            f"{name}={default:g}"
+            for name, default in defaults.items()
+            if name not in call.values and isinstance(default, int | float)
+        ]
+        if kept:
+            notes.append(f"{call.name} keeps {', '.join(kept)}: not fitted; write name=? to free one")
+    return notes
 
 
 def _unexplained(optima: list[Optimum]) -> float:

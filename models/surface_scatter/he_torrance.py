@@ -27,8 +27,9 @@ class HeTorrance(AbstractDiscLobe):
 
     `sigma`, `tau` and `wavelength` in µm; F by `eta` (and `k`), or 1. The image of the source (the specular part) and
     the uniform diffuse part are not in it. D is the series of eq. 78 with all its terms, at any roughness. `form`:
-    "1991", eq. 25 and 78 as printed, read with unit vectors; "errata", eq. 25 with its lost factor exp(−(τ cotθ/2σ)²);
-    "westin", that and eq. 78 with v_xy times 2π/λ, as in Westin's program: the one whose rough limit is Beckmann's.
+    "westin" (the default), eq. 25 with its lost factor exp(−(τ cotθ/2σ)²) and eq. 78 with v_xy times 2π/λ, as in
+    Westin's program: the one whose rough limit is Beckmann's; "errata", the former alone; "1991", both as printed, read
+    with unit vectors.
     G is |v|⁴/v_z², to which the paper's eq. 76 reduces, finite where its cross products are all 0.
     """
 
@@ -44,7 +45,7 @@ class HeTorrance(AbstractDiscLobe):
     wavelength: Channels = parameter(WAVELENGTH)
     eta: Channels | None = parameter(ETA, default=None)
     k: Channels | None = parameter(K, default=None)
-    form: str = eqx.field(static=True, default="1991", metadata={"choices": ("1991", "errata", "westin")})
+    form: str = eqx.field(static=True, default="westin", metadata={"choices": ("1991", "errata", "westin")})
 
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         cos2_d = jnp.minimum(0.25 * dot(add(wi, wo), add(wi, wo)), 1.0)

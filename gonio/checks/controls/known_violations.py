@@ -23,7 +23,7 @@ LIARS = {
     "ross_li(f_iso=0.9, f_vol=0.9, f_geo=0)": "energy",
     "lafortune(c_x=-1, c_y=-1, c_z=1, n=1)": "energy",
     "sgd(alpha=0.1, p=0.7, kappa=5, f0=0.04, f1=0, lam=3, c=0.0001, k=15, theta_0=0)": "energy",
-    "he_torrance(sigma=0.2, tau=3, wavelength=0.55)": "energy",
+    'he_torrance(sigma=0.2, tau=3, wavelength=0.55, form="1991")': "energy",
 }
 """Published models, by the law that they violate."""
 

@@ -96,7 +96,7 @@ def he_torrance(params: Params, options: Options, pair: Pair) -> mpf:
     sigma, tau, wavelength = params["sigma"], params["tau"], params["wavelength"]
     if sigma == 0:
         return mpf(0)
-    form = options.get("form", "1991")
+    form = options.get("form", "westin")
     angles, slope = (pair.theta_i, pair.theta_o), 2 * sigma / tau
     apparent = _apparent_roughness(sigma, slope, angles)
     g = (2 * mp.pi * apparent * (pair.mu_i + pair.mu_o) / wavelength) ** 2

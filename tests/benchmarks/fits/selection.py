@@ -20,8 +20,8 @@ from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
 from gonio.fitting.problem.readings import readings_of
 from gonio.fitting.selection.automatic import shows_anisotropy
-from gonio.fitting.selection.candidate_model import NO_FRESNEL, Terms
 from gonio.fitting.selection.stepwise import stepwise_selection
+from gonio.fitting.selection.term_spec import NO_FRESNEL, SCHLICK, Terms
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 
@@ -57,7 +57,8 @@ def text(values: np.ndarray) -> str:
 def structure(terms: Terms) -> tuple[int, int, bool]:
     """(lobes, brushed lobes, whether there is any other number than the truths have)."""
     lobes = [t for t in terms if t.is_lobe]
-    other = any(t.width_each or t.f0 is None or t.model == "std" for t in lobes) or terms[0].model == "eon"
+    other = any(t.width_each or t.fresnel not in (NO_FRESNEL, SCHLICK) or t.model != "ggx" for t in lobes)
+    other = other or terms[0].model != "lambert"
     return len(lobes), sum(t.anisotropic for t in lobes), other
 
 
@@ -75,8 +76,8 @@ def run(name: str, rng: np.random.Generator, noise: float) -> tuple[str, str, fl
     size = 3 + lobes * (4 + brushed)
     more = have[0] > want[0] or have[1] > want[1] or chosen.size > size
     verdict = "more" if more else "less, other" if have[2] else "right" if have[:2] == want else "less"
-    fresnel = {p.f0 for p in chosen.terms if p.is_lobe}
-    if verdict == "right" and fresnel != ({NO_FRESNEL} if "f0" not in expression else {0.04}):
+    fresnel = {p.fresnel for p in chosen.terms if p.is_lobe}
+    if verdict == "right" and fresnel != ({NO_FRESNEL} if "f0" not in expression else {SCHLICK}):
         verdict = "right, other F"
     if verdict != "right":
         print(f"   {name}, noise {noise:.3g}: {verdict}: {chosen.expression}   truth {expression}", flush=True)

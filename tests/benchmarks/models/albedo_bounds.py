@@ -32,7 +32,7 @@ SPELLINGS = (
     "lafortune(c_x=-1, c_y=-1, c_z=1, n={n}, norm=ngan)", "abc_microfacet(b={b}, c=1)", "abc_smooth(b={b}, c=1)",
     "harvey_shack(b0=1, l={a}, s=-1.5)", "abg(a=0.01, b={a}, g=1.5)",
     "sgd(alpha={a}, p=0.7, kappa=5, f0=0.04, f1=0, lam=3, c=0.0001, k=15, theta_0=0)",
-    "he_torrance(sigma=0.2, tau={t}, wavelength=0.55)", "kelemen(rho=0.5, alpha={a}, f0=0.04)",
+    'he_torrance(sigma=0.2, tau={t}, wavelength=0.55, form="1991")', "kelemen(rho=0.5, alpha={a}, f0=0.04)",
     "coat(base=lambert(rho=0.5), alpha={a}, eta=1.5)", "principled(base_color=0.5, roughness={r}, metallic=1)",
 )  # fmt: skip
 ALPHAS = (0.001, 0.01, 0.1, 0.3, 1.0)

@@ -27,6 +27,6 @@ CASES = {
     "he_torrance polished": 'he_torrance(sigma=0.01, tau=20, wavelength=0.55, form="westin")',
     "he_torrance": 'he_torrance(sigma=0.2, tau=3, wavelength=[0.645, 0.526, 0.444], eta=1.5, form="westin")',
     "he_torrance rough": 'he_torrance(sigma=3, tau=20, wavelength=0.55, eta=1.2, k=3, form="westin")',
-    "he_torrance as printed": "he_torrance(sigma=0.2, tau=3, wavelength=0.55, eta=1.5)",
+    "he_torrance as printed": 'he_torrance(sigma=0.2, tau=3, wavelength=0.55, eta=1.5, form="1991")',
     "he_torrance errata": 'he_torrance(sigma=0.5, tau=2, wavelength=0.55, form="errata")',
 }
