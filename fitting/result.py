@@ -388,14 +388,14 @@ def _kept_defaults(terms: tuple[Term, ...]) -> list[str]:
 
 def _unexplained(optima: list[Optimum]) -> float:
     """Σr² over that of the best Lambertian of each channel: the share of what there is to explain that is left."""
-    left = total = 0.0
+    remaining = total = 0.0
     for e in optima:
         y, linear = np.where(e.problem.weight > 0, e.readings.f, 0.0), e.problem.linearised().weight
         share = np.where(np.isfinite(linear), linear, 0.0) ** 2
         mean = np.sum(share * y, axis=0) / np.maximum(np.sum(share, axis=0), 1e-300)
         total += float(np.sum(e.problem.residuals(np.broadcast_to(mean, y.shape)) ** 2))
-        left += 2.0 * float(e.cost)
-    return left / total if total > 0 else float("nan")
+        remaining += 2.0 * float(e.cost)
+    return remaining / total if total > 0 else float("nan")
 
 
 def _largest_albedo(optima: list[Optimum], brdf: AbstractBRDF) -> LargestAlbedo:

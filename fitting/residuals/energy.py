@@ -97,8 +97,11 @@ def largest_albedo(values: Callable[[Direction, Direction], np.ndarray]) -> Larg
 
 def confirmed(rough: LargestAlbedo, brdf: AbstractBRDF) -> LargestAlbedo:
     """The same to 1e-4 where the rough one nears 1 [`gonio.models.albedo.directional_albedo`]."""
-    if rough.value < SUSPECT:
-        return rough
+    return rough if rough.value < SUSPECT else bounded_largest_albedo(brdf)
+
+
+def bounded_largest_albedo(brdf: AbstractBRDF) -> LargestAlbedo:
+    """The largest directional albedo of a model at `INCIDENCES` from two azimuths, to 1e-4."""
     theta, phi = (a.ravel() for a in np.meshgrid(INCIDENCES, AZIMUTHS, indexing="ij"))
     return _largest(directional_albedo(brdf, theta, phi, 1e-4).value.reshape(theta.size, -1))
 

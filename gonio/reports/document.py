@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 from gonio.data.material import Material
 from gonio.data.serialise import plain
 from gonio.figures.sampling import LEAST_KNOWN
+from gonio.fitting.judgement import judge_fit
+from gonio.fitting.residuals.energy import bounded_largest_albedo
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import to_expression
 from gonio.reports import check_figures, fit_figures, lobe_figures, reading_figures
 from gonio.reports.evaluation import Evaluation, ReportFigure, evaluate_subject
-from gonio.reports.fit_judgement import judge_fit
 from gonio.reports.subject import ReportSubject
 from gonio.text import versions
 
@@ -187,7 +188,10 @@ def _fit_facts(material: Material) -> dict[str, Any]:
     values = {**plain(material.meta["fit"]), "spelling": material.expression}
     if isinstance(values.get("free_names"), list):
         values["free_count"] = len(values["free_names"])
-    return values | {"judgement": judge_fit(values, material.brdf)._asdict()}
+    if "judgement" not in values:  # a file from before fits were judged
+        values["metrics"] = values.get("metrics", {}) | {"largest_albedo": bounded_largest_albedo(material.brdf).value}
+        values["judgement"] = judge_fit(values)._asdict()
+    return values
 
 
 def provenance(s: ReportSubject) -> list[dict[str, str]]:
