@@ -17,11 +17,13 @@ FEWEST_PAIRS = 6
 LEAST_RATIO = 0.1
 """|log| of the ratio of cosines from which an exchanged pair tells f from f cos(theta)."""
 PAIR_CELL = math.radians(0.02)
+TURNED_RATIO = 3.0
+"""Of the brightest readings back to the light and to the mirror side, from which their places may be exchanged."""
 MIRROR_ANGLE = math.radians(10)
 """Least polar angle at which the mirror direction and the way back to the light are told apart."""
 
 
-def suspicions(table: Table, angles_unknown: bool, quantity_unknown: bool) -> list[str]:
+def suspicions(table: Table, angles_unknown: bool = False, quantity_unknown: bool = False) -> list[str]:
     """Sentences on what the readings are probably not; each ends in how to state it.
 
     Args:
@@ -44,8 +46,10 @@ def suspicions(table: Table, angles_unknown: bool, quantity_unknown: bool) -> li
             f"no polar angle is above {math.degrees(largest):.4g}, taken as degrees: if these are radians, state "
             "--angles radians, else --angles degrees"
         )
+    delta = (phi_o - phi_i) % (2 * math.pi)
+    if not result:
+        result += _turned_azimuth(theta_i, theta_o, delta, f)
     if quantity_unknown and not result:
-        delta = (phi_o - phi_i) % (2 * math.pi)
         result += _cosine_ratio(theta_i, theta_o, delta, f) or _too_bright(theta_i, theta_o, delta, f)
     return result
 
@@ -74,6 +78,18 @@ def _cosine_ratio(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray, f
     return [
         f"{int(telling.sum())} pairs of exchanged directions differ by the ratio of their cosines: if the values are "
         f"f cos({angle}), state --quantity {quantity}, else --quantity brdf"
+    ]
+
+
+def _turned_azimuth(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray, f: np.ndarray) -> list[str]:
+    """Whether the light comes back to its source where it should go to the mirror side."""
+    near = (theta_i >= MIRROR_ANGLE) & (np.abs(theta_o - theta_i) <= MIRROR_ANGLE)
+    mirror, back = near & (np.cos(delta) < -0.95), near & (np.cos(delta) > 0.95)
+    if not mirror.any() or not back.any() or float(f[back].max()) < TURNED_RATIO * float(f[mirror].max()):
+        return []
+    return [
+        "the brightest readings go back to the light, and few to the mirror side: unless this surface returns light to "
+        "its source, an azimuth is off by 180° (or a polar angle has the wrong sign)"
     ]
 
 

@@ -88,12 +88,14 @@ def read_csv(
         "source": os.path.basename(path),
         "angles": directions.unit,
         "quantity": values.quantity + ("" if values.quantity_known else " (not stated)"),
-        "ignored_columns": [n for n in text.names if n and n not in used][:100],
+        "ignored_columns": [n for n in dict.fromkeys(text.names) if n and n not in numbers][:100],
     }
     table = _table(statements, directions, readings, channels, understood)
     table.name = stem(path)
     table.provenance = provenance | {"understood": [*text.understood, *understood]}
-    if warnings := suspicions(table, not directions.unit_known, not values.quantity_known):
+    if not statements.by_gonio and (
+        warnings := suspicions(table, not directions.unit_known, not values.quantity_known)
+    ):
         table.provenance["warnings"] = warnings
     return table
 

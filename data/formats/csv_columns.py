@@ -2,6 +2,7 @@
 
 import codecs
 import csv
+import functools
 import io
 import math
 import os
@@ -43,6 +44,10 @@ class CsvText:
         self.header_line = self._find_header()
         self.delimiter, self.columns = _best_split(_uncommented(self.lines[self.header_line]))
         self.names = [c.name for c in self.columns]
+        if self.headless:
+            raise GonioError(
+                f"{self.path} has no header; name the columns in the first line: theta_i,phi_i,theta_o,phi_o,f"
+            )
         if (twice := repeated_name(self.names)) is not None:
             raise GonioError(f"{self.path} has the column {twice[:40]!r} twice; rename or remove one")
         self.first_line = self.header_line + 1
@@ -53,7 +58,7 @@ class CsvText:
     @property
     def headless(self) -> bool:
         """Whether numbers stand where the header should be."""
-        return NUMBER_START.match(self.lines[self.header_line].strip()) is not None
+        return not self.has_directions and NUMBER_START.match(self.lines[self.header_line].strip()) is not None
 
     @property
     def has_directions(self) -> bool:
@@ -228,6 +233,7 @@ def _directions_in(columns: Sequence[Column]) -> int:
     return sum(c.role not in ("", "f", "u_f", "flag", "wavelength") for c in columns)
 
 
+@functools.lru_cache(maxsize=8)
 def _best_split(line: str) -> tuple[str, list[Column]]:
     """The delimiter that makes most sense of a header, and the header's columns."""
     best: tuple[str, list[Column]] | None = None

@@ -49,8 +49,8 @@ def direction_columns(text: CsvText) -> dict[str, Column]:
             return {role: there[role] for role in roles} | extra
     missing = [n for n in ANGLES if n not in there]
     ambiguous = [n for n in text.names if n.lower().replace("_", "") in ("thetas", "phis", "phi", "theta", "azimuth")]
-    hint = f"; rename {ambiguous[0][:40]}, which may be either side's," if ambiguous else ""
-    azimuths = " (delta_phi, 180 at the mirror side, will do for both azimuths)" if "phi_o" in missing else ""
+    hint = f"; {ambiguous[0][:40]} may be either side's:" if ambiguous else ""
+    azimuths = " (or delta_phi, 180 at the mirror side, for the azimuths)" if "phi_o" in missing else ""
     raise GonioError(
         f"{text.path} has the columns {shown(text.names)}, but not {', '.join(missing)}{hint or ';'} "
         f"expected {', '.join(ANGLES)} in degrees{azimuths}, or {VECTORS[0]}, ..., {VECTORS[-1]}"

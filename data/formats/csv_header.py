@@ -104,7 +104,7 @@ def columns_of(names: Sequence[str], units: Sequence[str] = ()) -> list[Column]:
     return columns
 
 
-def shown(names: Sequence[str], most: int = 100) -> str:
+def shown(names: Sequence[str], most: int = 80) -> str:
     """Names in a sentence, shortened to so many characters."""
     text = ", ".join(name[:40] for name in names[:20])
     return text if len(text) <= most and len(names) <= 20 else f"{text[:most]}... ({len(names)} columns)"

@@ -52,23 +52,33 @@ def read_values(
     assert f is not None
     none = _missing_number(text, statements, values, f, missing)
     if none is not None:
+        text.understood.append(f"{none:g} stands for no reading")
         f = np.where(np.isclose(f, none, rtol=1e-9, atol=0), np.nan, f)
         u_f = None if u_f is None else np.where(np.isclose(u_f, none, rtol=1e-9, atol=0), np.nan, u_f)
-    factors, relative = scales(text, values)
-    if u_f is not None:
-        if (u_f < 0).any():
-            text.fail(np.argwhere(u_f < 0)[0, 0], "u_f is negative; expected a standard uncertainty, 0 or nan")
-        u_f = u_f / _coverage(values, statements)
-        u_f = (
-            u_f * factors if relative is None else np.where(relative > 0, np.abs(f * factors) * relative, factors) * u_f
-        )
+    f, u_f = _scaled(text, statements, values, f, u_f)
     flag = np.zeros(f.shape) if flag is None else flag
     if (unknown := ~np.isin(flag, [int(v) for v in Flag])).any():
         meanings = ", ".join(FLAG_MEANINGS)
         text.fail(np.argwhere(unknown)[0, 0], f"a flag is none of 0 to {len(Flag) - 1} ({meanings})")
     flag = flag.astype(np.uint8)
     flag[np.isnan(f) & (flag == Flag.VALID)] = Flag.NOT_MEASURED
-    return Readings(f * factors, u_f, flag)
+    return Readings(f, u_f, flag)
+
+
+def _scaled(
+    text: CsvText, statements: Statements, values: ValueColumns, f: np.ndarray, u_f: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Values and standard uncertainties without per cent, and without the factor of expanded ones."""
+    factors, relative = scales(text, values)
+    if u_f is None:
+        return f * factors, None
+    if (u_f < 0).any():
+        text.fail(np.argwhere(u_f < 0)[0, 0], "u_f is negative; expected a standard uncertainty, 0 or nan")
+    k = _coverage(values, statements)
+    text.understood += [f"uncertainties are expanded by k = {k:g}, and divided by it"] if k > 1 else []
+    text.understood += ["uncertainties are in per cent of f"] if relative is not None else []
+    scale = factors if relative is None else np.where(relative > 0, np.abs(f * factors) * relative, factors)
+    return f * factors, u_f / k * scale
 
 
 def by_wavelength(
