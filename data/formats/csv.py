@@ -71,8 +71,7 @@ def read_csv(
     readings = read_values(text, statements, values, numbers, None if missing is None else str(missing))
     cosines = np.cos(directions.angles[0]), np.cos(directions.angles[2])
     f, u_f = (None if v is None else brdf_of(v, values.quantity, *cosines) for v in (readings.f, readings.u_f))
-    assert f is not None
-    readings, channels = Readings(f, u_f, readings.flag), values.channels
+    readings, channels = readings._replace(f=f, u_f=u_f), values.channels
     understood = [*directions.understood, *values.understood]
     if wavelength:
         unit = wavelength.unit if wavelength.unit in LENGTHS_NM else ""

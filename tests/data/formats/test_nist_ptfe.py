@@ -19,7 +19,7 @@ def test_the_real_file_has_four_wavelengths_at_the_same_geometries():
     np.testing.assert_array_equal(red.f[:, 0], table.f[:, 2])
     lines = np.genfromtxt(path, delimiter=",", skip_header=1, usecols=range(6))
     np.testing.assert_array_equal(red.f[:, 0], lines[lines[:, 0] == 0.633, 5])
-    assert "phi_r - phi_i" in table.provenance["assumptions"][1]
+    assert table.provenance["understood"] == ["theta_i is negative: the mirror side is phi_r = phi_i"]
 
 
 def test_oblique_light_is_scattered_forward():
@@ -39,6 +39,49 @@ def test_the_convention_of_the_angles(tmp_path):
     theta_i, phi_i, theta_o, phi_o = np.degrees(table.layout.angles())
     np.testing.assert_allclose([theta_i[1], phi_i[1], theta_o[1], (phi_o - phi_i)[1] % 360], [30, 10, 40, 60])
     assert table.provenance["ignored_columns"] == ["f_r12/f_r11"]
+
+
+def rows_of(theta_i, mirror, seed=0, count=60, forward=1.0):
+    """Oblique readings of a surface that scatters forward; phi_r - phi_i is `mirror` on the mirror side."""
+    rng = np.random.default_rng(seed)
+    polar, phi_i, difference = rng.uniform(55, 75, (2, count)), rng.uniform(0, 360, count), rng.uniform(0, 360, count)
+    f = 0.3 + 0.1 * forward * np.cos(np.radians(difference - mirror))
+    signed = np.sign(theta_i(rng, count)) * polar[0]
+    columns = np.stack([np.full(count, 0.532), signed, phi_i, polar[1], phi_i + difference, f, 0 * f], -1)
+    return "".join(",".join(f"{x:.6f}" for x in row) + "\n" for row in columns)
+
+
+def forward_over_back(table):
+    _, phi_i, _, phi_o = table.layout.angles()
+    f, away = table.f[:, 0], np.cos(phi_o - phi_i)
+    return f[away < -0.7].mean() / f[away > 0.7].mean()
+
+
+@pytest.mark.parametrize(
+    ("theta_i", "mirror", "told"),
+    [
+        (lambda _, n: -np.ones(n), 0, "negative"),
+        (lambda _, n: np.ones(n), 180, "positive"),
+        (lambda rng, n: rng.choice([-1, 1], n), 0, "both signs"),
+        (lambda rng, n: rng.choice([-1, 1], n), 180, "both signs"),
+    ],
+)
+def test_the_sign_of_theta_i_tells_the_mirror_side(tmp_path, theta_i, mirror, told):
+    (tmp_path / "p.csv").write_text(HEAD + rows_of(theta_i, mirror))
+    table = read_nist(tmp_path / "p.csv")
+    assert forward_over_back(table) > 1.3 and told in table.provenance["understood"][0]
+    assert "warnings" not in table.provenance
+
+
+def test_readings_that_speak_against_the_sign_are_told(tmp_path):
+    (tmp_path / "p.csv").write_text(HEAD + rows_of(lambda _, n: np.ones(n), 0))
+    assert "sign of theta_i" in read_nist(tmp_path / "p.csv").provenance["warnings"][0]
+
+
+def test_two_signs_and_no_lobe_are_asked(tmp_path):
+    (tmp_path / "p.csv").write_text(HEAD + rows_of(lambda rng, n: rng.choice([-1, 1], n), 0, forward=0.0))
+    with pytest.raises(GonioError, match="both signs"):
+        read_nist(tmp_path / "p.csv")
 
 
 @pytest.mark.parametrize(
