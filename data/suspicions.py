@@ -12,7 +12,9 @@ MOST_ROWS = 200_000
 RADIANS_LIMIT = 1.6
 """Degrees: polar angles all below it are radians, or a scan of nothing but the normal."""
 TOO_BRIGHT = 1.25
-"""Share of the light returned, at the least, from which readings cannot be f of anything passive."""
+"""π f of most directions, from which readings cannot be f of anything that makes no light."""
+WIDE = math.pi / 4
+"""Spread of the detector's polar angles from which directions stand for the hemisphere."""
 FEWEST_PAIRS = 6
 LEAST_RATIO = 0.1
 """|log| of the ratio of cosines from which an exchanged pair tells f from f cos(theta)."""
@@ -94,26 +96,21 @@ def _turned_azimuth(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray,
 
 
 def _too_bright(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray, f: np.ndarray) -> list[str]:
-    """Whether even the smallest readings of each part of the hemisphere return more light than came."""
-    share = _least_albedo(theta_i, theta_o, delta, f)
-    spread = np.ptp(np.where(np.cos(delta) < 0, -theta_o, theta_o))
-    if spread >= math.pi / 4:
-        share = max(share, math.pi * float(np.min(f)))
-    if share < TOO_BRIGHT:
+    """Whether most of the hemisphere sends back more light than a surface that keeps none.
+
+    Of each twelfth of each of six rings of equal projected solid angle the smallest reading counts, at each incidence.
+    """
+    if np.ptp(np.where(np.cos(delta) < 0, -theta_o, theta_o)) < WIDE:
+        return []
+    incidence = np.unique(np.round(theta_i / PAIR_CELL), return_inverse=True)[1].reshape(-1)
+    ring = np.minimum((np.sin(theta_o) ** 2 * 6).astype(int), 5)
+    part = (incidence * 6 + ring) * 12 + (delta / (2 * math.pi) * 12).astype(int) % 12
+    least = np.full(part.max() + 1, np.inf)
+    np.minimum.at(least, part, f)
+    usual = float(np.quantile(least[np.isfinite(least)], 0.25))
+    if usual * math.pi < TOO_BRIGHT:
         return []
     return [
-        f"the readings would return at least {share:.3g} of the light: if they are reflectance factors (π f), state "
-        "--quantity reflectance_factor, else --quantity brdf"
+        f"three quarters of all directions send back more than {usual:.3g} 1/sr, and a surface that keeps no light "
+        "0.318: if these are reflectance factors (π f), state --quantity reflectance_factor, else --quantity brdf"
     ]
-
-
-def _least_albedo(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray, f: np.ndarray) -> float:
-    """The largest share returned over all incidences, counting in each of 6 × 12 equal parts the smallest reading."""
-    incidence = np.unique(np.round(theta_i / PAIR_CELL), return_inverse=True)[1]
-    ring = np.minimum((np.sin(theta_o) ** 2 * 6).astype(int), 5)
-    sector = (delta / (2 * math.pi) * 12).astype(int) % 12
-    part = (incidence * 6 + ring) * 12 + sector
-    least = np.full((incidence.max() + 1) * 72, np.inf)
-    np.minimum.at(least, part, f)
-    least = np.where(np.isfinite(least), least, 0.0).reshape(-1, 72)
-    return float(least.sum(1).max() * math.pi / 72)

@@ -131,7 +131,9 @@ def _split_unit(name: str) -> tuple[str, str]:
     if bracket and bracket[1]:
         if (known := re.fullmatch(rf"\s*({NUMBER})\s*(\S*)\s*", bracket[2].lower())) and known[2] in {"", *LENGTHS_NM}:
             return f"{bracket[1]}_{bracket[2].strip()}", ""
-        return bracket[1], re.sub(r"\s+", "", bracket[2].lower())
+        if not re.search(r"(?i)cos\s*$", bracket[1]):  # f cos(theta_o) has no unit there
+            return bracket[1], re.sub(r"\s+", "", bracket[2].lower())
+        return text, ""
     words = "|".join(w for w in (*ANGLE_UNITS, "1/sr", "sr-1", r"sr\^-1", "nm", "um", "µm", "μm"))
     tail = re.fullmatch(rf"(.*?[^\W\d].*?)(?:\s*[_/,]\s*|\s+in\s+|\s+)({words})", text, re.IGNORECASE)
     if tail and not re.search(r"\d\s*$", tail[1]):

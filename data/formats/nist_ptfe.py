@@ -75,7 +75,7 @@ def read_nist(path: str | os.PathLike[str], wavelength_nm: float | None = None) 
     table = Table(grid, f, flag, Channels.of_wavelengths(wavelengths), provenance=provenance, name=stem(path))
     if (ratio := _forward_ratio(delta_phi, theta_i, theta_r, f.mean(1))) is not None and ratio < 1:
         provenance["warnings"] = [
-            f"beyond 50° the readings on the mirror side are {ratio:.3g} of those back to the light: if that cannot be, "
+            f"beyond 50° the readings on the mirror side are {ratio:.3g} of those back to the light: if that is wrong, "
             "the sign of theta_i is the wrong one"
         ]
     return table

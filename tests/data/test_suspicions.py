@@ -1,0 +1,71 @@
+"""Numbers that speak against what they are taken for are told; honest ones are not."""
+
+import numpy as np
+import pytest
+
+from gonio.data import layouts
+from gonio.data.formats.csv import read_csv, write_csv
+from gonio.data.suspicions import suspicions
+from gonio.data.table import whole_table_of_values
+
+GRID = layouts.isotropic(np.radians([0, 20, 40, 60]), np.radians(np.r_[0:85:10]), np.radians(np.r_[0:360:30]))
+THETA_I, PHI_I, THETA_O, PHI_O = GRID.angles()
+
+
+def lobe(width, diffuse, gloss, back=False):
+    """A reciprocal surface: a diffuser and a lobe about the mirror direction, or back to the light."""
+    x, y = np.sin(THETA_I) + np.sin(THETA_O) * np.cos(PHI_O), np.sin(THETA_O) * np.sin(PHI_O)
+    x = x - 2 * np.sin(THETA_I) if back else x
+    return diffuse / np.pi + gloss / (np.pi * width**2) * np.exp(-(x**2 + y**2) / width**2)
+
+
+HONEST = {
+    "diffuse white": lobe(0.3, 1.0, 0.0),
+    "glossy": lobe(0.1, 0.3, 0.5),
+    "black with a lobe": lobe(0.2, 0.01, 0.8),
+    "metal": lobe(0.05, 0.0, 0.9),
+}
+
+
+def of(f, grid=GRID):
+    return suspicions(whole_table_of_values(grid, f), True, True)
+
+
+@pytest.mark.parametrize("f", HONEST.values(), ids=HONEST)
+def test_honest_tables_are_not_suspected(f):
+    noisy = f * (1 + 0.05 * np.random.default_rng(0).standard_normal(f.shape))
+    assert of(f) == of(noisy) == []
+
+
+@pytest.mark.parametrize("f", [f for name, f in HONEST.items() if name != "metal"])
+def test_values_with_a_cosine_are_suspected_by_exchanged_pairs(f):
+    assert "--quantity brdf_cos," in of(f * np.cos(THETA_O))[0]
+    assert "--quantity brdf_cos_i," in of(f * np.cos(THETA_I))[0]
+
+
+@pytest.mark.parametrize("reflectance", [0.99, 0.6])
+def test_reflectance_factors_return_more_than_came(reflectance):
+    assert "reflectance_factor" in of(np.pi * lobe(0.3, reflectance, 0.0))[0]
+    plane = layouts.in_plane(np.radians([0, 30]), np.radians(np.r_[-80:81:10]))
+    assert "reflectance_factor" in of(np.full(plane.shape, reflectance), plane)[0]
+
+
+def test_small_angles_are_suspected_to_be_radians_once():
+    small = layouts.isotropic(*(np.radians(np.degrees(a) / 57.3) for a in GRID.axes.values()))
+    (sentence,) = of(np.full(small.shape, 0.1), small)
+    assert "--angles radians" in sentence
+    assert suspicions(whole_table_of_values(small, np.full(small.shape, 0.1))) == []
+
+
+def test_light_that_comes_back_is_told():
+    assert "off by 180" in of(lobe(0.2, 0.1, 0.5, back=True))[0]
+
+
+def test_what_the_file_or_the_caller_says_is_not_suspected(tmp_path):
+    table = whole_table_of_values(GRID, np.ones(GRID.shape))
+    write_csv(tmp_path / "t.csv", table)
+    assert "warnings" not in read_csv(tmp_path / "t.csv").provenance
+    lines = (tmp_path / "t.csv").read_text().splitlines()
+    (tmp_path / "u.csv").write_text("\n".join(line for line in lines if line[0] != "#"))
+    assert "reflectance_factor" in read_csv(tmp_path / "u.csv").provenance["warnings"][0]
+    assert "warnings" not in read_csv(tmp_path / "u.csv", quantity="brdf").provenance
