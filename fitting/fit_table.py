@@ -19,6 +19,7 @@ from gonio.fitting.problem.readings import (
 )
 from gonio.fitting.result import FitResult, assemble_result
 from gonio.fitting.selection.automatic import Selection, select_model, shows_anisotropy
+from gonio.fitting.selection.scene_promise import promise
 from gonio.fitting.selection.scene_selection import SceneView, view_of
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import Frame, number_label
@@ -161,7 +162,10 @@ def _fit_one(
     r.notes.extend(table.provenance.get("warnings", []))
     r.notes.extend(_aperture_notes(table, optima[0].parameters.frames, task.terms, r))
     if view is not None:
-        r.notes.insert(0, view.note(r.brdf, task.readings, selection and selection.scene))
+        promised = promise(table, r.brdf, view.scene, determined=not r.undetermined)
+        note = view.note(r.brdf, task.readings, selection and selection.scene)
+        r.notes[:0] = [f"{note}; {promised.sentence()}"]
+        r = dataclasses.replace(r, scene=promised.to_dict())
     verdict = "converged" if r.converged else f"NOT converged ({r.reason})"
     task.settings.log(
         f"{task.requested}: {verdict}, relative rms {r.metrics['relative_rms']:.3g}, BIC {r.bic:.6g}, "

@@ -70,7 +70,7 @@ class FitResult(Displayed):
         starts, starts_agreed: descents, and how many ended at the best cost.
         undetermined, active_bounds, notes: sentences and labels.
         alternatives: the other models, as plain data; `bootstrap`: what the refits gave.
-        seconds: wall time by stage; `table`: name of the table.
+        seconds: wall time by stage; `table`: name of the table; `scene`: what is promised in the scene of the fit.
     """
 
     expression: str
@@ -105,6 +105,7 @@ class FitResult(Displayed):
     floor: list[float] = dataclasses.field(default_factory=list)
     robust: str | None = None
     bootstrap: dict[str, Any] | None = None
+    scene: dict[str, Any] | None = None
     evidence: Evidence | None = dataclasses.field(default=None, repr=False, compare=False)
 
     asked = renamed_attribute("asked", "requested")
@@ -260,8 +261,9 @@ class FitResult(Displayed):
 
     @property
     def exit_status(self) -> int:
-        """1 where the fit failed, by its judgement; else 0."""
-        return 1 if self.judgement.verdict == FAILED else 0
+        """1 where the fit failed, by its judgement, or does not keep the tolerance of a scene; else 0."""
+        beyond = self.scene is not None and not self.scene["keeps"]
+        return 1 if self.judgement.verdict == FAILED or beyond else 0
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> Path:
         """Write the fitted material as TOML, as `gonio fit -o` does.

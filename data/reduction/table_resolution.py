@@ -75,26 +75,37 @@ def measured_error(pairs: ScenePairs, f: np.ndarray, truth: np.ndarray) -> float
 
 
 def resolution(table: Table, scene: SceneValues) -> Resolution:
-    """How well a table resolves a scene, by its readings alone.
+    """How well a table resolves a scene, by its readings alone: the bound is relative to the surface's radiance.
 
     Args:
         table: of the whole hemisphere.
         scene: pairs of directions of a scene, and the values there of the table's interpolant.
     """
+    error, reason = interpolation_bound(table, scene, scene.pairs.rms(scene.f))
+    return Resolution(of_surface(error), reason)
+
+
+def of_surface(error: float) -> float:
+    """A bound relative to the radiance of the surface, from one relative to a radiance that is off it by so much."""
+    return error / (1 - error) if error < 1 else math.inf
+
+
+def interpolation_bound(table: Table, scene: SceneValues, rms: float) -> Resolution:
+    """What interpolating a table may err by in a scene, over a radiance `rms`; see `resolution`."""
     pairs = scene.pairs
     light = pairs.share[pairs.view] * pairs.amount
     unread = float(np.sum(light[~covered(table, pairs.wi, pairs.wo, beyond=1.0)]) / np.sum(light))
     if unread > UNREAD:
         return Resolution(math.inf, f"{percent(unread)} of the light is at directions about which nothing was read")
     if table.interpolant is None and table.layout.gridded:
-        return _of_grid(table, scene)
+        return _of_grid(table, scene, rms)
     if table.interpolant is None:
-        return _of_list(table, scene)
+        return _of_list(table, scene, rms)
     coarse = evaluate_in_blocks(as_material(coarsened(table)), pairs.wi, pairs.wo)
-    return _judged(pairs.error(coarse, scene.f), MOST, 0.0, 0.0)
+    return _judged(pairs.rms(coarse - scene.f) / rms, MOST, 0.0, 0.0)
 
 
-def _of_list(table: Table, scene: SceneValues) -> Resolution:
+def _of_list(table: Table, scene: SceneValues, rms: float) -> Resolution:
     """That of scattered readings, by both halves of them and all quarters."""
     pairs, changes = scene.pairs, []
     for parts in (2, 4):
@@ -103,7 +114,7 @@ def _of_list(table: Table, scene: SceneValues) -> Resolution:
             if not part.valid_cells().size:
                 return Resolution(math.inf, "there are too few readings to leave some out")
             f = evaluate_in_blocks(as_material(part), pairs.wi, pairs.wo)
-            changes.append(pairs.error(f, scene.f) / (1.0 if parts == 2 else QUARTER))
+            changes.append(pairs.rms(f - scene.f) / rms / (1.0 if parts == 2 else QUARTER))
     return _judged(max(changes), SCATTERED, 0.0, 0.0)
 
 
@@ -114,21 +125,20 @@ def _part(table: Table, cells: slice) -> Table:
 
 
 def _judged(change: float, factor: float, beyond: float, noise: float) -> Resolution:
-    """From the relative change by leaving out half of the nodes: bounds relative to the radiance of the surface."""
+    """The bound from the relative change by leaving out half of the nodes."""
     error = math.hypot(factor * change + BEYOND * beyond, noise)
     words = f"leaving out every second node changes the radiance by {percent(change)}"
     if beyond > 0:
         words += f", and the outermost nodes stand for directions beyond them ({100 * beyond:.2g} %)"
     if noise > 0.1 * error:
         words += f", beside {percent(noise)} of noise in the readings"
-    return Resolution(error / (1 - error) if change <= RESOLVED and error < 1 else math.inf, words)
+    return Resolution(error if change <= RESOLVED else math.inf, words)
 
 
-def _of_grid(table: Table, scene: SceneValues) -> Resolution:
+def _of_grid(table: Table, scene: SceneValues, rms: float) -> Resolution:
     f = np.asarray(table.f[...], float)
     valid = (np.asarray(table.flag[...]) == Flag.VALID) & np.isfinite(f)
     thinning = Thinning(StartGrid(table.layout, np.where(valid, f, 0.0), valid), scene)
-    rms = scene.pairs.rms(scene.f)
     halved, quartered = (c / rms for c in _changes(thinning))
     noise = _noise(thinning, _uncertainty(table, thinning.grid), table.u_f is not None) / rms
     if table.u_f is not None:
