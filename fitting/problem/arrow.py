@@ -5,6 +5,8 @@ a border between both. With the blocks eliminated (Schur complement) a system co
 channels [Golub & Pereyra 1973; Triggs et al. 2000, §6].
 """
 
+import contextlib
+import functools
 from types import ModuleType
 from typing import NamedTuple
 
@@ -60,6 +62,8 @@ class Arrow(NamedTuple):
 
     def diagonal(self) -> Float[AnyArray, "*b p"]:
         """The diagonal."""
+        if not self.blocks.size:
+            return self.corner.diagonal(axis1=-2, axis2=-1)
         return joined(*(a.diagonal(axis1=-2, axis2=-1) for a in (self.corner, self.blocks)))
 
     def mv(self, v: Float[AnyArray, "*b p"]) -> Float[AnyArray, "*b p"]:
@@ -72,6 +76,8 @@ class Arrow(NamedTuple):
 
     def scaled(self, factor: Float[AnyArray, "*b p"]) -> "Arrow":
         """The matrix with rows and columns times these factors."""
+        if not self.blocks.size:
+            return self._replace(corner=self.corner * factor[..., :, None] * factor[..., None, :])
         shared, each = self.parts(factor)
         return Arrow(
             self.corner * shared[..., :, None] * shared[..., None, :],
@@ -81,16 +87,26 @@ class Arrow(NamedTuple):
 
     def plus_diagonal(self, added: Float[AnyArray, "*b p"]) -> "Arrow":
         """The matrix with a vector added to its diagonal."""
-        shared, each = (a[..., None] * _like(np.eye(a.shape[-1]), a.ndim + 1) for a in self.parts(added))
+        if not self.blocks.size:
+            return self._replace(corner=self.corner + _diagonal_matrix(added))
+        shared, each = map(_diagonal_matrix, self.parts(added))
         return Arrow(self.corner + shared, self.border, self.blocks + each)
 
     def restricted(self, kept: np.ndarray) -> "Arrow":
         """The matrix with a unit row and column for every number that is not kept."""
+        if kept.all():
+            return self
         return self.scaled(np.where(kept, 1.0, 0.0)).plus_diagonal(np.where(kept, 0.0, 1.0))
 
     def solved(self, v: Float[AnyArray, "*b p"]) -> Float[AnyArray, "*b p"]:
-        """Solution x of the positive definite system `self x = v`; NaN where it is not positive definite."""
+        """Solution x of the positive definite system `self x = v`; NaN where there is none."""
         xp = module_of(self.corner)
+        if not self.blocks.size:
+            if xp is jnp:
+                return solve_by_elimination(self.corner, v[..., None])[..., 0]
+            with contextlib.suppress(np.linalg.LinAlgError):
+                return np.linalg.solve(self.corner, v[..., None])[..., 0]
+            return np.full_like(v, np.nan)
         shared, each = self.parts(v)
         border = xp.broadcast_to(self.border, (*v.shape[:-1], *self.border.shape[-3:]))
         eliminated = solve_by_elimination(self.blocks, xp.concatenate([_transposed(border), each[..., None]], axis=-1))
@@ -127,6 +143,15 @@ def joined(shared: Float[AnyArray, "*b s"], each: Float[AnyArray, "*b c q"]) -> 
 
 def _transposed(a: AnyArray) -> AnyArray:
     return a.swapaxes(-1, -2)
+
+
+def _diagonal_matrix(a: Float[AnyArray, "*b n"]) -> Float[AnyArray, "*b n n"]:
+    return a[..., None] * _like(_unit(a.shape[-1]), a.ndim + 1)
+
+
+@functools.lru_cache(maxsize=64)
+def _unit(size: int) -> np.ndarray:
+    return np.eye(size)
 
 
 def _like(a: np.ndarray, rank: int) -> np.ndarray:

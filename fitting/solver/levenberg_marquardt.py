@@ -259,8 +259,7 @@ def packed_up(normal: Normal, sizes: Sizes) -> np.ndarray:
     for padded, v in zip(vectors, (normal.gradient, normal.projection), strict=True):
         padded[:number, places] = v
     parts = []
-    hessian = normal.hessian if sizes.channels else Arrow.dense(normal.hessian.whole())
-    for part, shape in zip(hessian, arrow_shapes(sizes), strict=True):
+    for part, shape in zip(normal.hessian, arrow_shapes(sizes), strict=True):
         padded = np.zeros((LANES, *shape))
         padded[(slice(number), *map(slice, part.shape[1:]))] = part
         parts.append(padded.reshape(LANES, -1))
@@ -407,6 +406,8 @@ def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> l
     for _ in range(stopping.most):
         parameters = to_parameters(d, trial, np)
         equations = problem.normal_equations(_unordered(parameters.p, order), active[:number])
+        if equations.matrix.sizes.total <= WHOLE and equations.matrix.blocks.size:
+            equations = equations._replace(matrix=Arrow.dense(equations.matrix.whole()))
         now, normal = _evaluated(d, parameters, equations, rounding, linear)
         if lanes is None:
             sizes = padded_sizes(equations.matrix.sizes)
