@@ -22,6 +22,7 @@ from gonio.fitting.residuals.metrics import metrics
 from gonio.fitting.residuals.summary import Evidence, ResidualSummary, summarise
 from gonio.fitting.solver.levenberg_marquardt import eps, is_double
 from gonio.fitting.uncertainty.bootstrap import bootstrap, bootstrap_summary
+from gonio.fitting.uncertainty.clusters import with_clusters
 from gonio.fitting.uncertainty.identifiability import MOST_ALIKE, listed, undetermined_sentences
 from gonio.fitting.uncertainty.joint_covariance import JointCovariance
 from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
@@ -332,6 +333,8 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
     """The result of one joint optimum, or of one optimum for each channel."""
     settings, readings, channels = task.settings, task.readings, task.channels
     optima, notes = _widened(task, optima)
+    clustered = [with_clusters(e, settings.seed) for e in optima]
+    optima, notes = [e for e, _ in clustered], [*notes, *dict.fromkeys(note for _, note in clustered if note)]
     optima = [with_profiles(e, vague) if (vague := e.vague_numbers()) else e for e in optima]
     of_channel = [None] if len(optima) == 1 else list(channels.names)
     estimates = [e.estimates(channels, name) for e, name in zip(optima, of_channel, strict=True)]
@@ -460,7 +463,7 @@ def _widened(task: FitTask, optima: list[Optimum]) -> tuple[list[Optimum], list[
         return optima, []
     return [e.widened(chi2) for e in optima], [
         f"the residuals exceed the known noise (reduced χ² {chi2:.3g}): the model leaves something out; the standard "
-        f"uncertainties are widened by {np.sqrt(chi2):.3g} and still hold for noise only"
+        f"uncertainties are widened by {np.sqrt(chi2):.3g}"
     ]
 
 

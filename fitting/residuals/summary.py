@@ -150,8 +150,7 @@ def _sentences(s: ResidualSummary, e: Evidence) -> list[str]:
     elif t.verdict == "structure":
         sentences.append(
             f"the residuals are structure, not noise: {percent(t.shared)} of their variance is shared by "
-            f"neighbouring directions (runs test z = {t.runs_z:.3g}), most of all at {s.worst_region}; the standard "
-            "uncertainties hold for independent noise only, those of a bootstrap for blocks of directions"
+            f"neighbouring directions (runs test z = {t.runs_z:.3g}), most of all at {s.worst_region}"
         )
     elif t.verdict == "unknown":
         sentences.append("too few readings to tell noise from structure")

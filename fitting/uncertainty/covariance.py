@@ -44,8 +44,8 @@ class Covariance:
         with np.errstate(invalid="ignore"):
             return self.matrix / np.outer(self.standard, self.standard)
 
-    def scaled(self, variance: float, d: Domains, p: np.ndarray) -> "Covariance":
-        """The same with all variances multiplied, and open numbers decided again."""
+    def scaled(self, variance: float | np.ndarray, d: Domains, p: np.ndarray) -> "Covariance":
+        """The same times a number or a matrix (P, P) of factors, and open numbers decided again."""
         lost = [(v, change) for v, change in self.combinations if not np.isfinite(v)]
         unseen = self.undetermined & np.isnan(np.diagonal(self.matrix))
         return judged(self.matrix * variance, unseen, lost, d, p)

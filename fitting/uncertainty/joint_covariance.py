@@ -127,6 +127,18 @@ class JointCovariance:
         )
         return dataclasses.replace(self, views=tuple(views))
 
+    def stretched(self, factor: np.ndarray, d: Domains, p: np.ndarray) -> "JointCovariance":
+        """The same with the standard uncertainties times factors (P,), and open numbers decided again."""
+        views = (
+            v._replace(
+                covariance=v.covariance.scaled(
+                    np.outer(factor[v.index], factor[v.index]), Domains(*(a[v.index] for a in d)), p[v.index]
+                )
+            )
+            for v in self.views
+        )
+        return dataclasses.replace(self, views=tuple(views))
+
     def combinations(self, d: Domains, p: np.ndarray) -> list[Combination]:
         """The open combinations, each once: one of shared numbers is seen by every channel."""
         kept: list[Combination] = []

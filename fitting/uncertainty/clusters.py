@@ -1,0 +1,96 @@
+"""Standard uncertainties where residuals are alike among neighbours: sums over blocks of them, not over readings.
+
+What a model leaves out is no independent noise: readings of one neighbourhood err together, so that there are fewer
+independent ones than readings. The covariance is the jackknife's over clusters, each left out in turn and followed by
+the first step of a refit, with Student's quantile [Bell & McCaffrey 2002; MacKinnon, Nielsen & Webb 2023].
+"""
+
+import dataclasses
+
+import numpy as np
+from scipy.special import stdtrit
+
+from gonio.fitting.problem.arrow import Arrow
+from gonio.fitting.problem.problem import FitProblem, NormalEquations
+from gonio.fitting.problem.readings import Readings
+from gonio.fitting.residuals.noise_tests import noise_tests
+from gonio.fitting.residuals.pair_angles import neighbour_order
+from gonio.fitting.solver.robust_weights import scales
+from gonio.fitting.uncertainty.bootstrap import blocks_of
+from gonio.fitting.uncertainty.covariance import NORMAL_95
+from gonio.fitting.uncertainty.optimum import Optimum
+
+MOST_CELLS = 1 << 14  # of more, a random choice
+MOST_CLUSTERS = 64  # of more, several are left out together
+DAMPING = 1e-12
+FEWEST_INCIDENCES = 10
+FEWEST = 100  # cells below which blocks say nothing
+
+
+def with_clusters(e: Optimum, seed: int) -> tuple[Optimum, str | None]:
+    """The optimum with uncertainties for residuals that neighbours share, and a note; the same where they do not."""
+    if e.exact or not e.p.size or not np.isfinite(e.cost):
+        return e, None
+    rng = np.random.default_rng([seed, 0x636C7573])
+    n = e.model_f.shape[0]
+    cells = np.sort(rng.choice(n, MOST_CELLS, replace=False)) if n > MOST_CELLS else np.arange(n)
+    problem, f = e.problem.subset(cells), e.model_f[cells]
+    residual, used = problem.residuals(f), problem.weight > 0
+    scaled, some = residual / scales(residual, f, used), used.any(axis=1)
+    if np.count_nonzero(some) < FEWEST:
+        return e, None
+    wi, wo = problem.readings.wi, problem.readings.wo
+    orders = (neighbour_order(wi, wo), neighbour_order(wi, wo, by_incidence=True))
+    if all(noise_tests(scaled[o], used[o], None, n, False).verdict != "structure" for o in orders):
+        return e, None
+    block, kind = _clusters(problem.readings, scaled, some)
+    number = int(block.max()) + 1
+    number, block = min(number, MOST_CLUSTERS), block % MOST_CLUSTERS
+    step = _steps(e, problem, np.where(some, block, -1), number)
+    sums = (number - 1) / number * np.sum((step - step.mean(axis=0)) ** 2, axis=0)
+    # Of a part of the readings, the noise within a cluster counts more than it does of all.
+    known, within = e.covariance.variance, n / cells.size - 1.0
+    with np.errstate(invalid="ignore", divide="ignore"):
+        variance = sums * (stdtrit(number - 1, 0.975) / NORMAL_95) ** 2 - within * known
+        factor = np.sqrt(np.maximum(np.nan_to_num(variance / known, nan=1.0, posinf=1.0), 1.0))
+    factor = np.where(e.active_bound, 1.0, factor)
+    spread = e.covariance.stretched(factor, e.domains, e.p)
+    note = (
+        f"the residuals are alike among neighbours: the standard uncertainties are those of {number} {kind}, up to "
+        f"{factor.max():.2g} times what independent noise would give"
+    )
+    return dataclasses.replace(e, covariance=spread), note
+
+
+def _clusters(readings: Readings, scaled: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, str]:
+    """(number of the cluster of each cell (n,), what the clusters are): incidences, or blocks where these are few.
+
+    An incidence is what an instrument sets and reads a ring or a plane at: other incidences would be other clusters.
+    """
+    incidence = np.round(np.stack([np.asarray(c, float) for c in readings.wi], axis=1), 6)
+    number = np.unique(incidence, axis=0, return_inverse=True)[1].ravel()
+    if number.max() + 1 >= FEWEST_INCIDENCES:
+        return number, "incidences"
+    block, size = blocks_of(readings, scaled, used)
+    return block, f"blocks of {size} neighbouring readings"
+
+
+def _steps(e: Optimum, problem: FitProblem, cluster: np.ndarray, number: int) -> np.ndarray:
+    """Changes (G, P) of the free numbers where each of G clusters is left out, by one Gauss–Newton step."""
+    order = e.problem.order
+    still = e.active_bound[order]
+    p = e.p[None]
+
+    def matrix_of(equations: NormalEquations) -> Arrow:
+        return Arrow(*(a[0] for a in equations.matrix))
+
+    whole = matrix_of(problem.normal_equations(p))
+    steps = np.zeros((number, e.p.size))
+    for g in range(number):
+        part = problem.reweighted(problem.weight * (cluster == g)[:, None]).normal_equations(p)
+        others = Arrow(*(a - b for a, b in zip(whole, matrix_of(part), strict=True))).restricted(~still)
+        lengths = np.sqrt(np.maximum(others.diagonal(), 0.0))
+        inverse = np.where(lengths > 0, 1.0 / np.where(lengths > 0, lengths, 1.0), 0.0)
+        unit = others.scaled(inverse).plus_diagonal(np.full(e.p.size, DAMPING))
+        steps[g, order] = np.nan_to_num(unit.solved(np.where(still, 0.0, part.gradient[0]) * inverse) * inverse)
+    return steps

@@ -1,0 +1,39 @@
+"""Uncertainties where readings of an incidence err together: closed forms of a diffuser under a gain by incidence."""
+
+import numpy as np
+import pytest
+
+from gonio.data import layouts
+from gonio.data.table import Channels, Table, whole_table_of_values
+from gonio.fitting.fit_table import fit
+
+INCIDENCES = 60
+POLAR = np.radians(np.linspace(0, 75, INCIDENCES))
+LAYOUT = layouts.isotropic(POLAR, POLAR[::6], np.radians(np.arange(0, 360, 45)))
+
+
+def table_of(gain: float, noise: float) -> Table:
+    rng = np.random.default_rng(7)
+    drift = 1 + gain * rng.standard_normal(INCIDENCES).reshape(-1, 1, 1, 1)
+    f = 0.1 * drift * (1 + noise * rng.standard_normal((*LAYOUT.shape, 1)))
+    return whole_table_of_values(LAYOUT, f, channels=Channels.grey())
+
+
+def relative_uncertainty(table: Table) -> tuple[float, list[str]]:
+    result = fit(table, "lambert", loss="linear")
+    (p,) = result.parameters
+    return p.standard_uncertainty / p.value, result.notes
+
+
+def test_a_gain_of_each_incidence_counts_as_many_times_as_there_are_incidences():
+    """The mean of G gains has the relative uncertainty gain/√G, which 80 readings an incidence do not lower."""
+    u, notes = relative_uncertainty(table_of(0.05, 0.01))
+    # A variance from G squares is known to √(2/G); Student's quantile is 1.02 times the normal one.
+    assert u == pytest.approx(0.05 / np.sqrt(INCIDENCES), rel=2 * np.sqrt(0.5 / INCIDENCES) + 0.02)
+    assert any(f"{INCIDENCES} incidences" in note for note in notes)
+
+
+def test_independent_noise_stays_what_it_is():
+    u, notes = relative_uncertainty(table_of(0.0, 0.05))
+    assert u == pytest.approx(0.05 / np.sqrt(LAYOUT.size), rel=0.1)
+    assert not any("alike among neighbours" in note for note in notes)
