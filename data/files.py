@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from gonio.data.serialise import deepest
-from gonio.models.errors import GonioError, nearest
+from gonio.models.errors import GonioError, nearest, printable
 
 TOML_FORMAT = 1
 TomlKeys = Mapping[str, tuple[type, str]]
@@ -56,7 +56,7 @@ def whole_size(path: str | os.PathLike[str]) -> int:
 
 def stem(path: str | os.PathLike[str]) -> str:
     """The name of a file without folder and ending: what a table is called that has no name in its file."""
-    return os.path.splitext(os.path.basename(path))[0]
+    return printable(os.path.splitext(os.path.basename(path))[0])
 
 
 def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:

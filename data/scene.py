@@ -28,9 +28,11 @@ from typing import Any
 
 import numpy as np
 
+from gonio.data.channels import LONGEST_NAME
 from gonio.data.files import check_keys, read_toml
+from gonio.data.files import stem as file_stem
 from gonio.models.display import Displayed, listed
-from gonio.models.errors import GonioError, nearest
+from gonio.models.errors import GonioError, nearest, one_line
 from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.geometry.low_discrepancy import low_discrepancy
 
@@ -227,7 +229,7 @@ def load_scene(scene: str | os.PathLike[str] | Scene) -> Scene:
 
 def read_scene(path: str | os.PathLike[str]) -> Scene:
     """A scene file of format 1. Raises GonioError, in one sentence that names file and key, for anything else."""
-    return read_toml(path, "scene", LARGEST, _KEYS, lambda data: _scene(data, Path(path).stem))
+    return read_toml(path, "scene", LARGEST, _KEYS, lambda data: _scene(data, file_stem(path)))
 
 
 def _scene(data: dict[str, Any], stem: str) -> Scene:
@@ -239,7 +241,8 @@ def _scene(data: dict[str, Any], stem: str) -> Scene:
         raise GonioError(f"channels is {channels!r}; give {_KEYS['channels'][1]}")
     lights, views = (_ranges(data, key) for key in ("light", "view"))
     channels = None if channels is None else tuple(channels)
-    return Scene(data.get("name", stem), tolerance, lights, views, channels, data.get("description", ""))
+    name = one_line(data.get("name", stem), LONGEST_NAME)
+    return Scene(name, tolerance, lights, views, channels, data.get("description", ""))
 
 
 def _ranges(data: dict[str, Any], key: str) -> tuple[Range, ...]:

@@ -5,6 +5,39 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+from gonio.models.errors import GonioError, printable
+
+NUMBER = (int, float)
+"""The kind of a number, for `require_kind`."""
+
+
+def require_kind(value: Any, kind: Any, where: str) -> None:
+    """Raises GonioError where a value, or one inside it, is not of a kind.
+
+    Args:
+        value: what a file holds.
+        kind: a type, or `NUMBER`; of a list [kind of the entries]; of a table {key: kind}, where the key "" stands for
+            every other one, and others are not looked at.
+        where: the beginning of the sentence.
+    """
+    if isinstance(kind, dict):
+        _require_type(value, dict, where)
+        for key, inner in value.items():
+            if key in kind or "" in kind:
+                require_kind(inner, kind[key if key in kind else ""], f"{where}.{key}")
+    elif isinstance(kind, list):
+        _require_type(value, list, where)
+        for item in value:
+            require_kind(item, kind[0], f"an entry of {where}")
+    else:
+        _require_type(value, kind, where)
+
+
+def _require_type(value: Any, kind: Any, where: str) -> None:
+    if not isinstance(value, kind) or (kind in (int, NUMBER) and isinstance(value, bool)):
+        named = {str: "a text", bool: "true or false", int: "a whole number", dict: "a table", list: "a list"}
+        raise GonioError(f"{where} is {type(value).__name__}; expected {named.get(kind, 'a number')}")
+
 
 def unboxed(value: Any) -> Any:
     """`value` with arrays as lists and NumPy's scalars as numbers, NaN too; keys of dicts are texts."""
@@ -22,7 +55,7 @@ def toml_values(value: Any) -> Any:
 
 
 def encodable(value: Any) -> Any:
-    """`unboxed`, with texts that UTF-8 can hold: lone surrogates are spelled out."""
+    """`unboxed`, with texts that can be printed and encoded, see `printable`."""
     return _walked(value, lambda leaf: _encodable(leaf) if isinstance(leaf, str) else leaf)
 
 
@@ -39,7 +72,7 @@ def deepest(text: str) -> int:
 
 
 def _encodable(text: str) -> str:
-    return text.encode("utf-8", "backslashreplace").decode()
+    return printable(text, kept="\n\t")
 
 
 def _walked(value: Any, leaf: Callable[[Any], Any], without_none: bool = False) -> Any:

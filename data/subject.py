@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
 from gonio.data.channels import Channels
+from gonio.data.files import stem
 from gonio.data.formats.registry import is_there, load, read, split_entry
 from gonio.data.material import Material, channels_of, material_of
 from gonio.data.table import Table
@@ -108,7 +109,7 @@ def load_material(subject: SubjectLike) -> Material:
 def _of_content(content: Table | Material, file: str | None = None) -> Subject:
     """The subject of a table or a material that `file` holds, where it is one of a file."""
     if isinstance(content, Table):
-        name = content.name or ("table" if file is None else Path(file).stem)
+        name = content.name or ("table" if file is None else stem(file))
         return Subject("table", name, content.channels, content, file=file)
     file = content.meta.get("file")
     if content.expression is None and file:

@@ -31,6 +31,7 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.catalog import MODELS
 from gonio.models.deprecation import renamed_attribute
 from gonio.models.display import Displayed
+from gonio.models.errors import printable
 from gonio.models.expression.builder import build, frame, number_label, to_expression
 from gonio.models.expression.parser import FACTOR, Term, Value, calls, changed, numbers, parse
 
@@ -281,7 +282,7 @@ class FitResult(Displayed):
         """
         import tomli_w
 
-        name = Path(path).name.removesuffix(".toml").removesuffix(".fit")
+        name = printable(Path(path).name).removesuffix(".toml").removesuffix(".fit")
         with new_file(path, force) as part:
             part.write_text(tomli_w.dumps(self.to_material_dict(name)), encoding="utf-8")
         return Path(path)

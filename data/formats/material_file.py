@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gonio.data.channels import Channels
-from gonio.data.files import TOML_FORMAT, new_file, read_toml
-from gonio.data.serialise import toml_values
+from gonio.data.files import TOML_FORMAT, new_file, read_toml, stem
+from gonio.data.serialise import NUMBER, require_kind, toml_values
 from gonio.models.errors import GonioError
 
 if TYPE_CHECKING:
@@ -19,6 +19,19 @@ KEYS = {
     "channels": (list, "a list of names"), "wavelengths_nm": (list, "a list of numbers, nm"),
     "source": (dict, "a table [source] with a text"), "fit": (dict, "a table"),
 }  # fmt: skip
+
+FIT_KEYS: dict[str, Any] = {
+    "converged": bool, "reason": str, "table": str, "asked": str, "loss": str, "weight": str, "robust": str,
+    "samples": int, "starts": int, "starts_agreed": int, "metrics": {"": NUMBER}, "free_names": [str],
+    "parameters": [
+        {"name": str, "status": str, "value": NUMBER, "standard_uncertainty": NUMBER, "interval95": [NUMBER]}
+    ],
+    "residuals": {"sentences": [str]}, "bootstrap": {"numbers": [{"name": str, "standard_uncertainty": NUMBER}]},
+    "colour_difference": {"name": str, "mean": NUMBER, "p95": NUMBER}, "correlation": [[NUMBER]],
+    "correlated": [{"a": str, "b": str, "correlation": NUMBER}], "alternatives": [{"model": str}],
+    "undetermined": [str], "notes": [str], "active_bounds": [str],
+}  # fmt: skip
+"""The kinds of what other modules take out of [fit], where it is there; "" stands for every other key."""
 
 
 def read_material(path: str | os.PathLike[str]) -> "Material":
@@ -38,8 +51,9 @@ def _material(data: dict[str, Any], path: Path) -> "Material":
     source = data.get("source", {}).get("text", "")
     if not isinstance(source, str):
         raise GonioError(f"source.text is {type(source).__name__}; expected a text")
+    require_kind(data.get("fit", {}), FIT_KEYS, "fit")
     meta = {"file": str(path)} | ({"fit": data["fit"]} if "fit" in data else {})
-    name, description = data.get("name", path.stem), data.get("description", "")
+    name, description = data.get("name", stem(path)), data.get("description", "")
     return Material(name, brdf, expression, _declared_channels(data, brdf), description, source, meta)
 
 

@@ -15,7 +15,7 @@ from gonio.data.consistency import check_readings
 from gonio.data.files import input_size
 from gonio.data.hdf5.schema import FOOTER, GONIO_FORMAT, MAGIC, RECORD
 from gonio.data.layouts import LAYOUTS, Layout
-from gonio.data.serialise import deepest, encodable
+from gonio.data.serialise import deepest, encodable, require_kind
 from gonio.data.table import Table
 from gonio.models.errors import GonioError, one_line
 
@@ -27,6 +27,7 @@ MAX_DEFLATE = 1100
 """Deflate packs at most 1032 bytes into one: a dataset that claims more than this lies about its size."""
 DEEPEST = 32
 """Lists and objects inside one another in a JSON attribute."""
+MOST_WARNINGS = 20
 LONGEST_JSON = 16 << 20
 """Characters of a JSON attribute."""
 REPACK = "write it unpacked (h5repack -f NONE -l CONTI)"
@@ -139,7 +140,7 @@ class _Reader:
             _fail(f"it names {len(names)} channels but holds {count}; copy it again")
         wavelengths, (kind, axes) = self.wavelengths(count), self.axes()
         fields: dict[str, Any] = {
-            "provenance": self.json("provenance", dict),
+            "provenance": self.provenance(),
             "source_solid_angle": self.solid_angle("source_solid_angle_sr"),
             "receiver_solid_angle": self.solid_angle("receiver_solid_angle_sr"),
             "name": one_line(self.attribute("title", str) or "", LONGEST_NAME),
@@ -231,6 +232,14 @@ class _Reader:
         if not isinstance(value, kind):
             _fail(f"attribute {name} is {value!r}, expected a {'text' if kind is str else 'number'}")
         return value
+
+    def provenance(self) -> dict[str, Any]:
+        """The provenance; the warnings in it, which every verb repeats, are short lines."""
+        about = self.json("provenance", dict)
+        require_kind(about, {"warnings": [str]}, "provenance")
+        if "warnings" in about:
+            about["warnings"] = [one_line(warning) for warning in about["warnings"][:MOST_WARNINGS]]
+        return about
 
     def json(self, name: str, kind: type[T]) -> T:
         text = self.attribute(name, str) or "null"

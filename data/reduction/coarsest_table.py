@@ -18,7 +18,7 @@ from gonio.data.table import Channels, Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import old_keywords
 from gonio.models.display import Displayed
-from gonio.models.errors import GonioError
+from gonio.models.errors import GonioError, one_line
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import NORMAL, Direction, rotate_z
 
@@ -153,7 +153,7 @@ class _Judge:
         truth = known_truth(whole, check.pairs)
         if truth is None:
             return cls(check, tolerance, None, resolution(whole, check))
-        name = whole.provenance["material"].get("name") or "the material"
+        name = one_line(str(whole.provenance["material"].get("name") or "the material"), 80)
         reason = f"measured against {name}, which the provenance names"
         return cls(check, tolerance, truth, Resolution(measured_error(check.pairs, check.f, truth), reason))
 

@@ -81,12 +81,11 @@ def reading_options(args: argparse.Namespace) -> dict[str, Any]:
 
 def read_table(path: str, args: argparse.Namespace) -> "Table":
     """The table of a file, named after the file where it has no name of its own; its warnings go to standard error."""
-    from pathlib import Path
-
+    from gonio.data.files import stem
     from gonio.data.formats.registry import read
 
     table = read(path, **reading_options(args))
-    table.name = table.name or Path(path).stem
+    table.name = table.name or stem(path)
     for warning in table.provenance.get("warnings", []):
         log(f"gonio: {path}: {warning}")
     return table

@@ -1,14 +1,18 @@
 """Small valid files of every reader, and the ways in which strangers, disks and attackers change them; seeded."""
 
 import json
+import math
 import random
 import re
 import struct
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
+import tomli_w
 
 from gonio.data import layouts
 from gonio.data.formats.registry import load
@@ -217,6 +221,7 @@ _ODD_ATTRIBUTES += [
     "[1, 2]",
     '["a", "a", "a"]',
     '{"source": 3, "instrument": [], "assumptions": 7}',
+    '{"warnings": 5, "material": 3}',
     '["\\ud800"]',
     b"raw",
 ]
@@ -255,6 +260,42 @@ _ODD_NODES: list[Callable[[h5py.File, str, tuple[int, ...]], object]] = [
 ]
 
 
+_ODD_VALUES = [None, 1, -1, 0, 2**63 - 1, 1e308, float("nan"), float("inf"), True, "", "x" * 5000, "\x1b[2J", [], {}]
+_ODD_VALUES += [
+    [1, "a"],
+    ["a", "a", "a"],
+    [[[1]]],
+    {"a": {"b": 1}},
+    [{}],
+    [0.1] * 500,
+    [math.nan] * 3,
+    "lambert",
+    "ggx",
+]
+
+
+def changed_toml(text: str, rng: random.Random) -> str:
+    """One entry of a TOML text becomes another, doubled, or nothing; an unknown one may come."""
+    data = tomllib.loads(text)
+    places: list[tuple[Any, Any]] = [(data, "unknown")]
+    for container, _ in places:
+        inside = container.items() if isinstance(container, dict) else enumerate(container)
+        for key, value in list(inside):
+            if (container, key) not in places:
+                places.append((container, key))
+            if isinstance(value, dict | list) and value:
+                places.append((value, next(iter(value)) if isinstance(value, dict) else 0))
+        if len(places) > 200:
+            break
+    container, key = rng.choice(places)
+    value = rng.choice(_ODD_VALUES)
+    if value is None and isinstance(container, dict):
+        container.pop(key, None)
+    else:
+        container[key] = "" if value is None else value
+    return tomli_w.dumps(data)
+
+
 def mutate(valid: Path, target: Path, rng: random.Random) -> None:
     """Writes a changed copy of a valid file, by one to three changes."""
     data = valid.read_bytes()
@@ -266,6 +307,9 @@ def mutate(valid: Path, target: Path, rng: random.Random) -> None:
                 change_hdf5(target, rng)
             except (OSError, TypeError, ValueError, KeyError, RuntimeError, AttributeError):
                 continue  # the library itself does not write that, or not beside the change before
+        return
+    if valid.suffix in (".toml", ".scene") and rng.random() < 0.5:
+        target.write_text(changed_toml(data.decode(), rng), encoding="utf-8")
         return
     binary = b"\0" in data
     for _ in range(changes):

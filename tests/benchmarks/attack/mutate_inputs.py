@@ -23,6 +23,7 @@ import sys
 import tempfile
 import time
 import traceback
+import warnings
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 
@@ -31,6 +32,8 @@ from gonio.__main__ import main
 from gonio.models.errors import GonioError
 from support.mutations import mutate, read_anything, valid_files
 
+# Nothing is computed before the forks: there are no threads to lose. Overflows are judged by what comes of them.
+warnings.filterwarnings("ignore", category=RuntimeWarning)
 for module in pkgutil.walk_packages(gonio.__path__, "gonio."):  # once, not in each batch
     if not module.name.endswith("__main__"):
         importlib.import_module(module.name)
