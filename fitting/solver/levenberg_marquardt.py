@@ -406,7 +406,7 @@ def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> l
     for _ in range(stopping.most):
         parameters = to_parameters(d, trial, np)
         equations = problem.normal_equations(_unordered(parameters.p, order), active[:number])
-        if equations.matrix.sizes.total <= WHOLE and equations.matrix.blocks.size:
+        if equations.matrix.sizes.channels and not padded_sizes(equations.matrix.sizes).channels:
             equations = equations._replace(matrix=Arrow.dense(equations.matrix.whole()))
         now, normal = _evaluated(d, parameters, equations, rounding, linear)
         if lanes is None:
