@@ -30,6 +30,7 @@ CLUSTERED = 2.0  # design effect from which on they are: what neighbours share i
 LEAST_SIGMA = 1e-6  # of the rms of the known uncertainties
 LEAST_DISPERSION = 1e-3  # of a noise from neighbours: below it a fit is one through the readings
 SAME_NOISE = 0.05  # mean difference of the logarithms of two noises that do not call for a second walk
+PATIENCE = 2  # growths of models that held-out directions do not prefer
 MAX_STEPS, MORE_STEPS = 9, 3  # up from Lambert, and once more from the selected model
 
 Log = Callable[[str], None]
@@ -135,16 +136,24 @@ class _Search:
         current = self.fit(start)
         if current is None:
             raise GonioError(f"{self.count} valid readings are too few to select a model; name one")
+        origin, patience, grown = current, PATIENCE, set()
         for _ in range(most):
-            larger = self.fit_likeliest(steps(current.terms, self.anisotropic, self.data.channels), current)
+            grown.add(origin.terms)
+            larger = self.fit_likeliest(steps(origin.terms, self.anisotropic, self.data.channels), origin)
             better = self.result(current).better(current, larger)
             if self.has_structure(better or current):
-                larger += self.fit_likeliest(families(current.terms), current)
+                larger += self.fit_likeliest(families(origin.terms), origin)
                 better = self.result(current).better(current, larger)
-            if better is None:
+            if better is not None:
+                current = origin = better
+                self.log(f"{current.expression}: {current.size} free numbers, relative rms {current.relative_rms:.3g}")
+                continue
+            # Two changes may do together what neither does: from what BIC alone prefers it is tried further.
+            result = self.result(current)
+            rest = [c for c in result.candidates if c.terms not in grown and result.bic(c) < result.bic(current)]
+            if not rest or not patience or not self.has_structure(current):
                 break
-            current = better
-            self.log(f"{current.expression}: {current.size} free numbers, relative rms {current.relative_rms:.3g}")
+            origin, patience = min(rest, key=result.bic), patience - 1
         while smaller := self.simplified(current):
             current = smaller
         # Steps down are each compared with the one before: together they could lose what each of them may.

@@ -261,7 +261,8 @@ def packed_up(normal: Normal, sizes: Sizes) -> np.ndarray:
     parts = []
     for part, shape in zip(normal.hessian, arrow_shapes(sizes), strict=True):
         padded = np.zeros((LANES, *shape))
-        padded[(slice(number), *map(slice, part.shape[1:]))] = part
+        if part.size:  # without numbers of channels, the arrow has channels and the padded one none
+            padded[(slice(number), *map(slice, part.shape[1:]))] = part
         parts.append(padded.reshape(LANES, -1))
     return np.concatenate([numbers, *vectors, *parts], axis=1)
 

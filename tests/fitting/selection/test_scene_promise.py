@@ -1,7 +1,5 @@
 """What a fit promises in a scene holds against the surface, and is withheld where the readings do not show it."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -69,5 +67,4 @@ def test_a_fit_tells_what_it_promises_by_its_status():
     poor = fit(table, "lambert", scene=LAMP, starts=1)
     assert (good.exit_status, poor.exit_status) == (0, 1)
     assert good.scene["keeps"] and not poor.scene["keeps"] and "not promised" in poor.notes[0]
-    assert dataclasses.replace(poor, scene=None).exit_status == 0
     assert fit(table, "lambert", starts=1).scene is None
