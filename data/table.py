@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
 
 
+COPIED = "one_reading_for_all_azimuths"
+"""Key of the provenance of a table that has one reading at a pole in the cells of all azimuths."""
+
+
 class ArrayOptions(TypedDict, total=False):
     """Options of `Table.from_arrays`."""
 
@@ -212,6 +216,15 @@ class Table(Displayed):
         channels = Channels(tuple(names), None if wavelengths is None else tuple(wavelengths[k] for k in numbers))
         f, flag, u_f = (None if a is None else np.asarray(a)[..., numbers] for a in (self.f, self.flag, self.u_f))
         return dataclasses.replace(self, f=f, flag=flag, u_f=u_f, channels=channels, interpolant=None)
+
+    def as_list(self) -> "Table":
+        """The same readings as scattered samples, above the horizon."""
+        cells = np.flatnonzero(self.layout.above_horizon())
+        layout = scattered(*(a[cells] for a in self.layout.angles()))
+        values: dict[str, Any] = self.values_at(cells)
+        if self.u_f is None:
+            values["u_f"] = None
+        return dataclasses.replace(self, layout=layout, interpolant=None, **values)
 
     def blocks(self, max_cells: int = 1 << 20) -> Iterator[tuple[int, int]]:
         """Ranges (start, stop) of cells in C order: whole rows of the first axis if they fit `max_cells`."""

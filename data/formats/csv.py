@@ -27,7 +27,7 @@ from gonio.data.layouts.recognition import Placement, recognised
 from gonio.data.quantities import QUANTITIES, brdf_of
 from gonio.data.round_trip import RoundTrip, compare
 from gonio.data.suspicions import suspicions
-from gonio.data.table import Table
+from gonio.data.table import COPIED, Table
 from gonio.models.errors import GonioError, nearest
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def read_csv(
     }
     table = _table(statements, directions, readings, channels, understood)
     table.name = stem(path)
-    table.provenance = provenance | {"understood": [*text.understood, *understood]}
+    table.provenance |= provenance | {"understood": [*text.understood, *understood]}
     if not statements.by_gonio and (
         warnings := suspicions(table, not directions.unit_known, not values.quantity_known)
     ):
@@ -116,7 +116,8 @@ def _table(
     if missing := int((flag == Flag.NOT_MEASURED).sum()):
         understood.append(f"{missing} readings of {flag.size} are missing")
     f, u_f, flag = (None if a is None else a.reshape(*layout.shape, -1) for a in (f, readings.u_f, flag))
-    return Table(layout, f, flag, channels, u_f)
+    copied = placed is not None and grid is not None and (placed.origins != np.arange(layout.size)).any()
+    return Table(layout, f, flag, channels, u_f, {COPIED: True} if copied else {})
 
 
 def _placement(statements: Statements, directions: Directions) -> Placement | None:
@@ -142,6 +143,8 @@ def _of_grid(placed: Placement, rows: Readings, repeats: int) -> list[str]:
         )
     if repeats:
         sentences.append(f"{repeats} rows repeat a direction of another; their means are taken")
+    if layout.mirrored_axes:
+        sentences.append("azimuths are of one side only: the other is taken as its mirror image")
     if placed.turned > SAME_DIRECTION:
         sentences.append(f"the light's azimuth, {np.degrees(placed.turned):.6g}° in all rows, is 0 in the grid")
     return sentences

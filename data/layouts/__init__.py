@@ -10,3 +10,4 @@ from gonio.data.layouts.base import Layout as Layout
 from gonio.data.layouts.base import spherical_angles as spherical_angles
 from gonio.data.layouts.half_difference_grid import half_difference as half_difference
 from gonio.data.layouts.half_difference_grid import merl as merl
+from gonio.data.layouts.mirror_grid import mirror as mirror

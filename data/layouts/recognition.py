@@ -1,4 +1,4 @@
-"""The grid that a list of directions is: in the plane, isotropic, spherical, or over half and difference angles."""
+"""The grid that a list of directions is: in the plane, isotropic, spherical, half/difference, about the mirror."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from gonio.data.layouts.angle_layouts import in_plane, isotropic, spherical
 from gonio.data.layouts.base import SAME, TURN, Layout
 from gonio.data.layouts.half_difference_grid import half_difference
+from gonio.data.layouts.mirror_grid import mirror
 
 FEWEST = 8
 """Directions of a grid, at least: fewer are listed as they are."""
@@ -68,7 +69,8 @@ def _isotropic(angles: Angles, tolerance: float) -> Iterator[Placement | None]:
     # Turned by any other angle, axes of an anisotropic sample would no longer be where they were.
     if turn is not None and abs(math.sin(turn)) <= tolerance:
         theta_i, theta_o = _polar_nodes(angles, tolerance)
-        delta = _azimuth_nodes(angles[3] - turn, tolerance, (theta_i > 0) & (theta_o > 0))
+        away = (theta_i > 0) & (theta_o > 0)
+        delta = _azimuth_nodes(_on_near_side(angles[3] - turn, away, tolerance), tolerance, away)
         delta = _distinct((theta_i, theta_o), delta, theta_o == 0)
         yield _placed(isotropic, (theta_i, theta_o, delta), turn)
 
@@ -105,11 +107,32 @@ def _half_difference(angles: Angles, tolerance: float) -> Iterator[Placement | N
     yield _placed(half_difference, (h[0][h[1]], d[0][d[1]], phi), turn or 0.0)
 
 
+def _mirror(angles: Angles, tolerance: float) -> Iterator[Placement | None]:
+    turn = _light_azimuth(angles, tolerance)
+    if turn is None or abs(math.sin(turn)) > tolerance:
+        return
+    incidence = _clusters(angles[0], tolerance)
+    theta_i, phi = incidence[0][incidence[1]], angles[3] - turn
+    x, y, z = np.sin(angles[2]) * np.cos(phi), np.sin(angles[2]) * np.sin(phi), np.cos(angles[2])
+    along, up = np.cos(theta_i) * z - np.sin(theta_i) * x, np.cos(theta_i) * x + np.sin(theta_i) * z
+    theta_m = np.arctan2(np.hypot(up, y), along)
+    phi_m = _on_near_side(np.arctan2(y, up), theta_m > 100 * tolerance, 100 * tolerance)
+    m = _nodes_of(theta_m, np.full_like(theta_m, tolerance))
+    error_p = tolerance / np.maximum(np.sin(theta_m), 1e-9)
+    p = _nodes_of(phi_m, error_p, TURN)
+    if m is None or p is None:
+        return
+    free = (error_p > np.diff(p[0]).min(initial=math.pi) / 8) | (m[0][m[1]] == 0)
+    azimuth = _distinct((theta_i, m[0][m[1]]), p[0][p[1]], free)
+    yield _placed(mirror, (theta_i, m[0][m[1]], azimuth), turn)
+
+
 KINDS: tuple[Callable[[Angles, float], Iterator[Placement | None]], ...] = (
     _in_plane,
     _isotropic,
     _spherical,
     _half_difference,
+    _mirror,
 )
 """From the fewest dimensions up."""
 
@@ -149,6 +172,12 @@ def _azimuth_nodes(phi: np.ndarray, tolerance: float, meant: np.ndarray) -> np.n
         meant = np.ones_like(meant)
     nodes, _ = _clusters(phi[meant], tolerance, TURN)
     return nodes[_nearest(nodes, phi, TURN)]
+
+
+def _on_near_side(azimuth: np.ndarray, meant: np.ndarray, tolerance: float) -> np.ndarray:
+    """Azimuths in [0, 2π), mirrored where all lie beyond half a turn: grids of one side have that between 0 and π."""
+    far = (np.sin(azimuth[meant]) <= tolerance).all() and (np.sin(azimuth[meant]) < -tolerance).any()
+    return (-azimuth if far else azimuth) % TURN
 
 
 def _nodes_of(

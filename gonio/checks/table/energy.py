@@ -40,12 +40,11 @@ def table_albedos(table: Table, feature_width: float = 0.0) -> Albedos | str:
         from gonio.checks.table.albedo_half_difference import half_difference_albedos
 
         return half_difference_albedos(table, reach)
-    if table.layout.gridded:
-        in_plane = table.layout.in_one_plane
-        return "readings in one plane do not cover the hemisphere" if in_plane else "no rule integrates such a grid"
+    if table.layout.in_one_plane:
+        return "readings in one plane do not cover the hemisphere"
     from gonio.checks.table.albedo_scattered import scattered_albedos
 
-    return scattered_albedos(table, reach)
+    return scattered_albedos(table.as_list() if table.layout.gridded else table, reach)
 
 
 def table_energy(evidence: TableEvidence, tolerance: float) -> Property:

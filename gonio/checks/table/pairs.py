@@ -8,7 +8,7 @@ import numpy as np
 
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout, spherical_angles
-from gonio.data.table import Table
+from gonio.data.table import COPIED, Table
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.horizon import HORIZON
 
@@ -167,6 +167,8 @@ def turned_pairs(table: Table) -> Pairs | str:
 def pole_pairs(table: Table) -> Pairs | str:
     """Readings at the normal with those half of the azimuths further on; or why there are none."""
     layout = table.layout
+    if table.provenance.get(COPIED):
+        return "one reading of the normal stands for all azimuths"
     number = np.arange(layout.size).reshape(layout.shape)
     cells, partners = [], []
     for polar, azimuth in layout.pole_axes:

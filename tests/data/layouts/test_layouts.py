@@ -20,6 +20,7 @@ LAYOUTS = {
     "half_difference": layouts.half_difference(POLAR, POLAR[:3], TURN),
     "anisotropic half_difference": layouts.half_difference(POLAR[:2], POLAR[:3], TURN[:2], TURN),
     "in_plane": layouts.in_plane(POLAR, np.r_[-POLAR[:0:-1], POLAR]),
+    "mirror": layouts.mirror(POLAR, np.radians([0.0, 20.0, 85.0, 150.0]), TURN),
     "scattered": layouts.scattered(POLAR, TURN, POLAR[::-1], TURN[::-1]),
 }
 each_layout = pytest.mark.parametrize("grid", LAYOUTS.values(), ids=LAYOUTS)

@@ -25,6 +25,8 @@ GRIDS = {
     "whole turn of phi_d": layouts.half_difference(
         DEGREES(np.r_[5:90:15]), DEGREES(np.r_[0:90:15]), DEGREES(np.r_[0:360:30])
     ),
+    "mirror": layouts.mirror(DEGREES([10, 30, 50]), DEGREES(np.r_[0:85:10]), DEGREES(np.r_[0:360:20])),
+    "half a mirror": layouts.mirror(DEGREES([10, 30]), DEGREES(np.r_[0:85:10]), DEGREES(np.r_[0:181:20])),
     "merl": layouts.merl(counts=(10, 9, 18)),
 }
 each_grid = pytest.mark.parametrize("grid", GRIDS.values(), ids=GRIDS)
@@ -108,3 +110,17 @@ def test_half_and_difference_angles_are_those_of_the_models():
     wi, wo = layouts.scattered(*angles).directions()
     theta_h, phi_h, theta_d, phi_d = to_half_difference(wi, wo)
     np.testing.assert_allclose(half_difference_angles(angles), [theta_h, phi_h, theta_d, phi_d], atol=1e-6)
+
+
+@pytest.mark.parametrize("grid", [GRIDS["mirrored"], GRIDS["half a mirror"]], ids=["isotropic", "mirror"])
+def test_readings_of_the_far_side_are_taken_as_those_of_the_near_one(grid):
+    theta_i, phi_i, theta_o, phi_o = listed(grid)[0]
+    placed = recognised((theta_i, phi_i, theta_o, -phi_o % (2 * np.pi)))
+    assert placed is not None and placed.layout.shape == grid.shape and placed.layout.mirrored_axes
+
+
+def test_the_mirror_grid_begins_at_the_mirror_direction_and_turns_from_the_normal():
+    theta_i, theta_m = np.radians(30), np.radians(10)
+    wi, wo = layouts.mirror([theta_i], [0.0, theta_m], [0.0, np.pi]).directions()
+    np.testing.assert_allclose([wi.x[0] + wo.x[0], wo.y[0], wi.z[0] - wo.z[0]], 0, atol=1e-15)
+    np.testing.assert_allclose(np.degrees(np.arccos(wo.z[2:])), [20, 40])
