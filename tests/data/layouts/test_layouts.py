@@ -161,6 +161,8 @@ def test_coordinates_are_the_angles_of_the_cells(grid):
         off = off if period is None else (off + period / 2) % period - period / 2
         # An azimuth is lost where its direction is the normal, and an exchange where wi = wo.
         known = np.minimum(np.hypot(wi.x, wi.y), np.hypot(wo.x, wo.y)) > 1e-9
+        if "theta_m" in grid.axes:
+            known &= np.asarray(angles["theta_m"]) > 1e-9
         if grid.in_half_vectors:
             known = np.hypot(wi.x + wo.x, wi.y + wo.y) > 1e-9
             known &= np.hypot(np.hypot(wi.x - wo.x, wi.y - wo.y), wi.z - wo.z) > 1e-9
