@@ -72,7 +72,8 @@ class ReportSettings:
         path = Path(output)
         values = path.with_suffix(".json")
         index = [] if self.chart is None else [Path(self.chart) / "charts.json"]
-        inputs = [g for g in (*subjects, *self.fits, self.against, *index) if isinstance(g, str | os.PathLike)]
+        files = [getattr(g, "file", g) for g in (*subjects, *self.fits, self.against, *index)]
+        inputs = [f for f in files if isinstance(f, str | os.PathLike)]
         refuse_outputs([path], inputs, self.force)
         if path.suffix.lower() not in ENDINGS:
             raise GonioError(f"{path} is no name of a page; end it in .html (its values go to {values.name} beside it)")

@@ -155,7 +155,7 @@ def facts(s: ReportSubject) -> list[dict[str, Any]]:
         return [{"name": "model", "value": expression(s), "code": True}, channels]
     counts = s.table.counts()
     rows = [
-        {"name": "layout", "value": s.table.layout.name.replace("_", "/")},
+        {"name": "layout", "value": s.table.layout.name.replace("in_", "in-").replace("_", "/")},
         {"name": "cells", "value": counts["cells"]},
         channels,
         {"name": "valid readings", "value": counts["valid"]},

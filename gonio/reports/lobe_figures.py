@@ -15,6 +15,7 @@ MOST_DOTS = 4000
 LEAST_OF_SLICE = 0.25
 """Share of a slice that the readings cover, below which it is not drawn: the grazing half of it is rarely read."""
 BLANK = " Blank: not read."
+BARS = ", with their standard uncertainties"
 PEAKED = 20.0
 """A lobe whose peak is this many times its median is shown in logarithms."""
 
@@ -49,7 +50,7 @@ def _four_planes(s: ReportSubject, e: Evaluation, name: str, lines: ModelValues 
     polar, plane = [], []
     for log, scale, end in ((False, "linear", "linear"), (True, "logarithmic", "log")):
         image = picture(f"Polar diagram {where}, {scale}", lobes.draw_polar, curves, log)
-        polar.append(ReportFigure(f"polar-{end}", f"{caption}Polar, {scale}.", image, data))
+        polar.append(ReportFigure(f"polar-{end}", f"{caption.replace(BARS, '')}Polar, {scale}.", image, data))
         image = picture(f"f {where}, {scale}", lobes.draw_in_plane, curves, log, size=size)
         plane.append(ReportFigure(f"plane-{end}", f"{caption}{scale.capitalize()}.", image, data))
     return polar + plane
@@ -61,7 +62,7 @@ def _plane_caption(s: ReportSubject, e: Evaluation, name: str, lines: ModelValue
         caption += f"Lines: {'the readings, ' + e.interpolation if name == INTERPOLATED else name}. "
     if e.near:
         bars = any(np.isfinite(near.u).any() for near in e.near.values())
-        caption += f"Points: readings{_near_words(s)}{', with their standard uncertainties' * bars}. "
+        caption += f"Points: readings{_near_words(s)}{BARS * bars}. "
     return caption
 
 

@@ -107,7 +107,10 @@ def test_a_few_reciprocal_pairs_are_listed():
         a, b = row["f_per_sr"], row["exchanged_per_sr"]
         assert row["difference_percent"] == pytest.approx(200 * (a - b) / (a + b), rel=1e-3)
         assert row["difference_over_u"] == pytest.approx((a - b) / (0.01 * np.hypot(a, b)), rel=1e-3)
-    assert section(few(), certificates=True)[0]["pairs"] is None
+    t = Table.from_arrays([10, 50], 0, [50, 10], 180, [0.1, 0.11], degrees=True, name="two")
+    (row,) = section(t, certificates=True)[0]["pairs"]["rows"]
+    assert abs(row["difference_percent"]) == pytest.approx(200 * 0.01 / 0.21, rel=1e-3)
+    assert row["difference_over_u"] is None and section(few(), certificates=True)[0]["pairs"] is None
 
 
 @pytest.fixture(scope="module")

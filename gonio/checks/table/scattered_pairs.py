@@ -132,11 +132,11 @@ def scattered_pairs(table: Table) -> Pairs:
     if repeated:
         how += f", {repeated:,} repeats merged"
         how += f" (they scatter by {percent(scatter)})" if np.isfinite(scatter) else ""
-    if len(f) <= NEIGHBOURS:
+    if len(f) < 2:
         return Pairs(f[:0], f[:0], u[:0], u[:0], angles[:0], len(f), how, merged=angles)
     here = _features(angles, isotropic, mirrored)
     there = _features(angles[:, [2, 3, 0, 1]], isotropic, mirrored)
-    distance, near = (np.asarray(a) for a in KDTree(here, LEAF).query(there, NEIGHBOURS))
+    distance, near = (np.asarray(a) for a in KDTree(here, LEAF).query(there, min(NEIGHBOURS, len(f))))
     number = np.arange(len(near))
     # On an isotropic surface a reading of θo = θi is exchanged by mirroring it: it says nothing of reciprocity.
     apart = np.sqrt(2) * np.abs(angles[:, 0] - angles[:, 2]) if isotropic else np.linalg.norm(here - there, axis=1)
