@@ -71,10 +71,14 @@ def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
 
 
 def refuse_outputs(
-    outputs: Iterable[str | os.PathLike[str] | None], inputs: Iterable[str | os.PathLike[str] | None], force: bool
+    outputs: Iterable[str | os.PathLike[str] | None],
+    inputs: Iterable[str | os.PathLike[str] | None],
+    force: bool,
+    makes_folder: bool = False,
 ) -> None:
     """Refuses outputs that exist (unless `force`), that are inputs, or that are one file, before any work.
 
+    Their folder must be there unless the command `makes_folder`.
     None and "-" are no files; an input may be ``FILE:NAME``, a part of a file. Links are followed.
     """
     given = [str(i) for i in inputs if i is not None]
@@ -89,7 +93,16 @@ def refuse_outputs(
                 raise GonioError(f"{name} is an input of this command; name another output")
         if real in written:
             raise GonioError(f"{path} and {written[real]} are one file; give each output a name of its own")
+        if not makes_folder:
+            require_writable_folder(path)
         written[real] = path
+
+
+def require_writable_folder(path: str | os.PathLike[str]) -> None:
+    """Raises GonioError, as `output_errors` does, where the folder of `path` is not there or cannot be written."""
+    with output_errors(path):
+        if not os.access(Path(path).absolute().parent, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
 @contextlib.contextmanager

@@ -59,7 +59,7 @@ def run_batch(args: argparse.Namespace, options: dict[str, Any]) -> int:
     files, ignored = _files(args.files)
     jobs = [Job(f, t, _recipe(args, options, f)) for f, t in zip(files, _targets(files, folder), strict=True)]
     # Whether a result that exists may be replaced is decided by its recipe, below.
-    refuse_outputs([job.target for job in jobs], [*files, args.scene, *models], force=True)
+    refuse_outputs([job.target for job in jobs], [*files, args.scene, *models], force=True, makes_folder=True)
     finished = [job for job in jobs if not args.force and _is_finished(job)]
     folder.mkdir(parents=True, exist_ok=True)
     _remove_stale(jobs)

@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import errno
 import json
 import os
 import re
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 from gonio.checks.certificate import Certificate
-from gonio.data.files import new_file, output_errors, refuse_outputs
+from gonio.data.files import new_file, output_errors, refuse_outputs, require_writable_folder
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError, printable
 from gonio.reports.document import Document, assemble
@@ -78,7 +77,6 @@ class ReportSettings:
         if path.suffix.lower() not in ENDINGS:
             raise GonioError(f"{path} is no name of a page; end it in .html (its values go to {values.name} beside it)")
         refuse_outputs([path, values], inputs, self.force)
-        _require_writable_folder(path)
         return values
 
     def refuse_figures(self) -> None:
@@ -88,15 +86,9 @@ class ReportSettings:
         folder = Path(self.figures)
         if folder.exists() and not folder.is_dir():
             raise GonioError(f"{folder} is a file; name a folder for the figures")
-        _require_writable_folder(folder)
+        require_writable_folder(folder)
         if not self.force and folder.is_dir() and any(folder.iterdir()):
             raise GonioError(f"{folder} holds files already; name another folder, or --force to write among them")
-
-
-def _require_writable_folder(path: Path) -> None:
-    with output_errors(path):
-        if not os.access(path.absolute().parent, os.W_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
 def report(
