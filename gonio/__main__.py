@@ -80,7 +80,8 @@ def main(argv: list[str] | None = None) -> int:
     except GonioError as error:
         message = str(error)
     except OSError as error:
-        message = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
+        what = error.filename or "what this command reads or prints"
+        message = f"{what}: {error.strerror or error}"
     except MemoryError:
         message = "not enough memory for this; use a smaller table or fewer samples"
     message = one_line(message)

@@ -27,6 +27,7 @@ from gonio.models.parameters import ParameterInfo, parameters_of
 LONGEST = 200_000  # characters: a thousand wavelengths at full precision are a tenth of it
 DEEPEST = 20
 MOST_MODELS = 32  # each is compiled by itself: of 200 lobes it takes minutes
+MOST_CHANNELS = 4096  # the check of 20,000 takes 5 GB
 MOST_NESTED = 4  # models over models: compiling doubles with each
 EXTENTS = ("shared", "each")  # free numbers: one for all channels, or one for each
 SPELLED_SCALE = dataclasses.replace(SCALE, high=1e12)  # published fits have factors of 1e9; ours look up to 1e6
@@ -259,6 +260,8 @@ def parse(text: str) -> tuple[Term, ...]:
     if (count := sum(1 for _ in calls(tuple(terms)))) > MOST_MODELS:
         raise parser.error(f"it has {count} models; give at most {MOST_MODELS}")
     lists = {len(v.number) for v in _values_of(terms) if isinstance(v.number, tuple)}
+    if max(lists, default=0) > MOST_CHANNELS:
+        raise parser.error(f"a list has {max(lists)} values, one a channel; give at most {MOST_CHANNELS}")
     if len(lists) > 1:
         raise parser.error(
             f"its lists have {' and '.join(map(str, sorted(lists)))} values; all lists are one value a channel"

@@ -81,6 +81,7 @@ def test_what_a_fit_is_told():
         (" + ".join(["lambert(rho=0.01)"] * 60), ["60 models", "32"]),
         ("coat(base=" * 6 + "lambert(rho=0.1)" + ", alpha=0.1, eta=1.5)" * 6, ["4 models stand over one another"]),
         ("x" * 150_000, ["Unknown model"]),
+        (f"lambert(rho=[{'0.5,' * 4096}0.5])", ["4097 values"]),
         ("lambert(rho=0.1, \x1b[2J\n\u202e=3)", ["u001b"]),
     ],
 )
