@@ -157,6 +157,7 @@ def run(total: int, seed: int, verbs: bool) -> collections.Counter:
         start = 0
         while start < total:
             start = run_batch(files, range(start, min(start + (50 if verbs else BATCH), total)), seed, verbs, count)
+            print(f"{start} of {total}", file=sys.stderr, flush=True)
     return count
 
 
