@@ -78,7 +78,8 @@ def refuse_outputs(
 ) -> None:
     """Refuses outputs that exist (unless `force`), that are inputs, or that are one file, before any work.
 
-    The folder of each must be there, and be writable, unless the command `makes_folder`. None and "-" are no files; an input may be ``FILE:NAME``, a part of a file. Links are followed.
+    The folder of each must be there, and be writable, unless the command `makes_folder`. None and "-" are no
+    files; an input may be ``FILE:NAME``, a part of a file. Links are followed.
     """
     given = [str(i) for i in inputs if i is not None]
     given += [i.rsplit(":", 1)[0] for i in given if ":" in i]
