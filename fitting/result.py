@@ -16,6 +16,7 @@ from gonio.data.serialise import toml_values, unboxed
 from gonio.data.table import Channels
 from gonio.fitting.fit_model import FitTask
 from gonio.fitting.judgement import FAILED, FitJudgement, judge_fit
+from gonio.fitting.problem.parameterisation import of_channel
 from gonio.fitting.residuals.colour_difference import sphere_difference
 from gonio.fitting.residuals.energy import LargestAlbedo, confirmed, largest_albedo
 from gonio.fitting.residuals.metrics import metrics
@@ -38,6 +39,7 @@ from gonio.models.expression.parser import FACTOR, Term, Value, calls, changed, 
 CREATED = 1e-3  # albedo above 1 from which on a model creates energy
 CORRELATED = 0.95  # from which on a correlation is reported
 MOST_CORRELATED = 5
+FEW_CHANNELS = 4  # whose albedos are all computed to a bound
 MOST_IN_FULL = 64  # free numbers whose covariance files keep in full
 JUDGED = ("converged", "reason", "metrics", "undetermined")  # attributes
 MOST_SHOWN = 7  # numbers in a repr
@@ -350,10 +352,10 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
             )
     cost = float(sum(e.cost for e in optima))
     f = np.concatenate([e.model_f for e in optima], axis=1)
-    brdf = build(optima[0].parameters.filled(task.terms, [e.p for e in optima]))
+    brdf = build(fitted := optima[0].parameters.filled(task.terms, [e.p for e in optima]))
     measures = metrics(f, readings)
     measures["unexplained"] = _unexplained(optima)
-    measures["largest_albedo"] = (albedo := _largest_albedo(optima, brdf)).value
+    measures["largest_albedo"] = (albedo := _largest_albedo(optima, fitted)).value
     if albedo.value > 1.0 + CREATED:
         notes.insert(0, _creates_energy(albedo, channels))
     if task.likelihood:
@@ -404,11 +406,13 @@ def _unexplained(optima: list[Optimum]) -> float:
     return remaining / total if total > 0 else float("nan")
 
 
-def _largest_albedo(optima: list[Optimum], brdf: AbstractBRDF) -> LargestAlbedo:
-    each = [largest_albedo(functools.partial(e.problem.values_at, e.p)) for e in optima]
+def _largest_albedo(optima: list[Optimum], fitted: tuple[Term, ...]) -> LargestAlbedo:
+    each = [largest_albedo(functools.partial(e.problem.values_at, e.p), e.parameters.channels) for e in optima]
     channel = int(np.argmax([a.value for a in each]))
-    worst = each[channel]
-    return confirmed(worst if len(each) == 1 else worst._replace(channel=channel), brdf)
+    worst = each[channel] if len(each) == 1 else each[channel]._replace(channel=channel)
+    if max(len(each), optima[0].parameters.channels) <= FEW_CHANNELS:
+        return confirmed(worst, build(fitted))
+    return confirmed(worst, build(of_channel(fitted, worst.channel)))._replace(channel=worst.channel)
 
 
 def _creates_energy(a: LargestAlbedo, channels: Channels) -> str:

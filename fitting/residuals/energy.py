@@ -13,6 +13,7 @@ from gonio.models.geometry.directions import Direction, from_spherical
 INCIDENCES = np.radians([0.0, 30, 60, 75, 85])
 AZIMUTHS = np.radians([0.0, 90.0])
 RADII, TURNS = 48, 32
+LEAST_NODES, MOST_VALUES = 1 << 12, 1 << 19  # directions, and values of f, that are evaluated at a time
 NARROWEST, WIDEST = 1e-4, 1e3  # slopes of the half vector between which a lobe has its width
 CREATES = 0.02  # albedo above 1 from which on a model surely creates energy: about what this sum may err by
 SUSPECT = 0.85  # albedo from which on it is computed to a bound: a narrow brushed lobe may come out so much too low
@@ -84,15 +85,20 @@ def _density(w: np.ndarray, wo: np.ndarray) -> np.ndarray:
     return np.where(slope < WIDEST, facets / (4.0 * np.maximum(w @ h, 1e-9)), 0.0)
 
 
-def largest_albedo(values: Callable[[Direction, Direction], np.ndarray]) -> LargestAlbedo:
+def largest_albedo(values: Callable[[Direction, Direction], np.ndarray], channels: int = 1) -> LargestAlbedo:
     """The largest directional albedo of a model at `INCIDENCES` from two azimuths, to some per cent.
 
     Args:
         values: f (n, C), 1/sr, at directions of shape (n,).
+        channels: C, by which the directions are taken in parts.
     """
-    n = nodes()
-    terms = np.nan_to_num(values(n.wi, n.wo)) * n.weight[:, None]
-    return _largest(np.stack([np.bincount(n.incidence, c) for c in terms.T], axis=1))
+    n, rows, albedo = nodes(), max(LEAST_NODES, MOST_VALUES // channels), np.zeros(())
+    for first in range(0, n.weight.size, rows):
+        part = slice(first, first + rows)
+        f = values(*(Direction(*(c[part] for c in w)) for w in (n.wi, n.wo)))
+        sums = np.where(np.arange(INCIDENCES.size * AZIMUTHS.size)[:, None] == n.incidence[part], n.weight[part], 0.0)
+        albedo = albedo + sums @ np.nan_to_num(f, copy=False)
+    return _largest(albedo)
 
 
 def confirmed(rough: LargestAlbedo, brdf: AbstractBRDF) -> LargestAlbedo:
