@@ -223,9 +223,9 @@ class FitResult(Displayed):
         spreads, views, free_to_move = [], self._views(), set(moving)
         for c, channel in enumerate(self.channels.names):
             index, covariance = views[c if len(views) == len(self.channels) else 0]
-            seen = [i for i, k in enumerate(index) if free[k].channel in (None, channel) and k in free_to_move]
-            j = [slopes[free[index[i]].name][..., c] for i in seen]
-            spreads.append(_spread(np.stack(j), covariance[np.ix_(seen, seen)]) if j else np.zeros(()))
+            involved = [i for i, k in enumerate(index) if free[k].channel in (None, channel) and k in free_to_move]
+            j = [slopes[free[index[i]].name][..., c] for i in involved]
+            spreads.append(_spread(np.stack(j), covariance[np.ix_(involved, involved)]) if j else np.zeros(()))
         return np.stack(np.broadcast_arrays(*spreads), axis=-1)
 
     def _slope(self, quantity: Callable[[Material], np.ndarray], moved: list[ParameterEstimate]) -> np.ndarray:

@@ -13,6 +13,7 @@ from gonio.models.geometry.directions import Direction, from_spherical
 INCIDENCES = np.radians([0.0, 30, 60, 75, 85])
 AZIMUTHS = np.radians([0.0, 90.0])
 RADII, TURNS = 48, 32
+MANY = 32  # channels
 LEAST_NODES, MOST_VALUES = 1 << 12, 1 << 19  # directions, and values of f, that are evaluated at a time
 NARROWEST, WIDEST = 1e-4, 1e3  # slopes of the half vector between which a lobe has its width
 CREATES = 0.02  # albedo above 1 from which on a model surely creates energy: about what this sum may err by
@@ -35,6 +36,14 @@ class Nodes(NamedTuple):
     wo: Direction
     weight: np.ndarray
     incidence: np.ndarray
+
+    def thinned(self) -> "Nodes":
+        """A third of the directions, with the same weight at each incidence: 1 % off, 2 % for narrow brushed lobes."""
+        kept = slice(1, None, 3)
+        wi, wo = (Direction(*(c[kept] for c in w)) for w in (self.wi, self.wo))
+        weight, incidence = self.weight[kept], self.incidence[kept]
+        share = np.bincount(self.incidence, self.weight) / np.bincount(incidence, weight)
+        return Nodes(wi, wo, weight * share[incidence], incidence)
 
 
 @functools.lru_cache(maxsize=1)
@@ -90,9 +99,11 @@ def largest_albedo(values: Callable[[Direction, Direction], np.ndarray], channel
 
     Args:
         values: f (n, C), 1/sr, at directions of shape (n,).
-        channels: C, by which the directions are taken in parts.
+        channels: C; the directions are taken in parts, and of many channels only a third of them.
     """
     n, rows, albedo = nodes(), max(LEAST_NODES, MOST_VALUES // channels), np.zeros(())
+    if channels > MANY:
+        n = n.thinned()
     for first in range(0, n.weight.size, rows):
         part = slice(first, first + rows)
         f = values(*(Direction(*(c[part] for c in w)) for w in (n.wi, n.wo)))
