@@ -68,8 +68,12 @@ class SceneView:
         f = np.broadcast_to(f, readings.f.shape)
         near = neighbourhood(readings.wi, readings.wo)
         deviation = noise_deviation(f - readings.f, np.abs(f), readings.valid, near)
-        error, noise = self.error(f, readings.f, deviation), self.noise_share(readings.f, deviation)
+        whole, error = self.error(f, readings.f), self.error(f, readings.f, deviation)
+        noise = self.noise_share(readings.f, deviation)
         beside = f", beside {percent(noise)} of noise in the readings" if noise > error / 10 else ""
+        if error < whole / 2:
+            # Neighbours disagree by noise, or by a lobe narrower than their distance: then nothing is taken off.
+            error, beside = whole, ", most of which may be noise of the readings"
         far = f", by readings {self.distance:.2g}° away from what it sees" if self.distance > FAR else ""
         reason = f": {selection.reason()}" if selection else ""
         return (
