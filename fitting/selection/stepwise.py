@@ -159,15 +159,15 @@ class _Search:
         # Steps down are each compared with the one before: together they could lose what each of them may.
         result = self.result(current)
         ranked = result.ranked()
-        chosen = current
-        for c in ranked:
-            if not result.better(c, [other for other in ranked if other.size >= c.size and other is not c]):
-                chosen = c
-                break
+        preferred = (c for c in ranked if not result.better(c, [o for o in ranked if o.size >= c.size and o is not c]))
+        chosen = next(preferred, current)
         # Whatever the criterion prefers: no model stays that a smaller one beats on held-out directions.
         error = {c.terms: float(result.held_out(c).sum()) for c in ranked}
-        while smaller := [c for c in ranked if c.size < chosen.size and error[c.terms] <= error[chosen.terms]]:
-            chosen = min(smaller, key=lambda c: error[c.terms])
+        unbeaten = [c for c in ranked if all(error[c.terms] < error[o.terms] for o in ranked if o.size < c.size)]
+        if chosen not in unbeaten:
+            chosen = max((c for c in unbeaten if c.size < chosen.size), key=lambda c: c.size)
+        while larger := result.better(chosen, [c for c in unbeaten if c.size > chosen.size]):
+            chosen = larger
         return self.result(chosen)
 
     def simplified(self, current: Candidate) -> Candidate | None:
