@@ -41,17 +41,15 @@ def suspicions(table: Table, angles_unknown: bool = False, quantity_unknown: boo
     theta_i, phi_i, theta_o, phi_o = (a[cells] for a in table.layout.angles())
     values = table.values_at(cells)
     f = np.mean(values["f"], axis=1, where=values["flag"] == Flag.VALID)
-    result = []
     largest = max(theta_i.max(), theta_o.max())
     if angles_unknown and 0 < largest <= math.radians(RADIANS_LIMIT):
-        result.append(
+        return [
             f"no polar angle is above {math.degrees(largest):.4g}, taken as degrees: if these are radians, state "
             "--angles radians, else --angles degrees"
-        )
+        ]
     delta = (phi_o - phi_i) % (2 * math.pi)
-    if not result:
-        result += _turned_azimuth(theta_i, theta_o, delta, f)
-    if quantity_unknown and not result:
+    result = _turned_azimuth(theta_i, theta_o, delta, f)
+    if quantity_unknown:
         result += _cosine_ratio(theta_i, theta_o, delta, f) or _too_bright(theta_i, theta_o, delta, f)
     return result
 

@@ -177,14 +177,11 @@ def _missing_number(
 def _suspects(f: np.ndarray) -> np.ndarray:
     """Where values are such as stand for no reading: nines, fills, or -1 again and again beside positive values."""
     size = np.abs(f)
+    decimals = np.where(size < 1e9, size, 0.0) * 100 % 100
     nines = np.zeros(f.shape, bool)
     for digits in range(2, 10):
         whole = 10.0**digits - 1
-        stands = (
-            (size == whole)
-            | (np.abs(size - whole) < 1) & (np.abs(size * 100 % 100 - 99) < 1e-6)
-            | (size == whole + 0.9)
-        )
+        stands = (size == whole) | (np.abs(size - whole) < 1) & (np.abs(decimals - 99) < 1e-6) | (size == whole + 0.9)
         nines |= stands & ((f < 0) | (digits > 2) & ((f == whole).sum() > 1))
     nines |= (f == -999.25) | np.isin(size, FILLS)
     minus_one = f == -1

@@ -88,7 +88,8 @@ class Statements:
         """Wavelengths in a list of their own, by gonio's key or in free text with a unit."""
         values = self.json("wavelengths_nm")
         if isinstance(values, list) and values and all(isinstance(v, int | float) for v in values):
-            return [float(v) for v in values]
+            with contextlib.suppress(OverflowError):
+                return [float(v) for v in values]
         for text in self._free():
             if match := re.match(r"(?i)(?:wavelengths?|lambda|λ)\b\s*(.*)", text):
                 units = [u for u in re.findall(r"[a-zµμ]+", match[1].lower()) if u in LENGTHS_NM]
