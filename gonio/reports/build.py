@@ -69,11 +69,11 @@ class ReportSettings:
     def values_file(self, output: str | os.PathLike[str], subjects: Sequence[Any]) -> Path:
         """The file of values beside the page, after both of them were found free to be written."""
         path = Path(output)
-        values = path.with_suffix(".json")
         index = [] if self.chart is None else [Path(self.chart) / "charts.json"]
         files = [getattr(g, "file", g) for g in (*subjects, *self.fits, self.against, *index)]
         inputs = [f for f in files if isinstance(f, str | os.PathLike)]
         refuse_outputs([path], inputs, self.force)
+        values = path.with_suffix(".json")
         if path.suffix.lower() not in ENDINGS:
             raise GonioError(f"{path} is no name of a page; end it in .html (its values go to {values.name} beside it)")
         refuse_outputs([path, values], inputs, self.force)

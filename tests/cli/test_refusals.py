@@ -83,6 +83,7 @@ def faulty(here):
         ("fit t.h5 -m lambert -o new.toml --json ./new.toml", "are one file"),
         ("reduce t.h5 --scene s.scene.toml -o s.scene.toml --force", "is an input of this command"),
         ("report t.h5 -o t.h5 --force", "is an input of this command"),
+        ("report t.h5 -o ''", "is a folder"),
         ("report t.h5 -o page.html --against page.json --force", "is an input of this command"),
         ("reduce t.h5 --scene nowhere -o x.h5", "known are low_sun_car"),
         ("reduce t.h5 --scene low_sun_car -o x.csv", "not an HDF5 name"),
