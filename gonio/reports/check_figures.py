@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gonio.checks.certificate import Property
+from gonio.checks.certificate import NOT_TESTABLE, UNDECIDED, Property
 from gonio.figures import diagnostics, readings, sampling, spheres
 from gonio.figures.diagnostics import AlbedoCurve, AlbedoSeries, draw_albedo
 from gonio.figures.lobes import Curve, draw_in_plane
@@ -31,8 +31,11 @@ def few_pairs(s: ReportSubject) -> dict[str, Any] | None:
     from gonio.checks.table.evidence import reciprocal_pairs
     from gonio.checks.table.pairs import FEWEST
 
-    pairs = None if s.table is None or s.empty or s.certificate is None else reciprocal_pairs(s.table)
-    if pairs is None or isinstance(pairs, str) or not 0 < len(pairs.a) < FEWEST:
+    verdict = property_of(s, "reciprocity")
+    if s.table is None or verdict is None or verdict.verdict not in (UNDECIDED, NOT_TESTABLE):
+        return None
+    pairs = reciprocal_pairs(s.table)
+    if isinstance(pairs, str) or not 0 < len(pairs.a) < FEWEST:
         return None
     a, b = pairs.a[:, s.shown], pairs.b[:, s.shown]
     u = np.hypot(pairs.u_a[:, s.shown], pairs.u_b[:, s.shown])
