@@ -35,6 +35,8 @@ BEYOND = 2.0
 """Error beyond the outermost nodes over what f changes by as far within them: f grows towards grazing."""
 UNEVEN = 1.5
 """Ratio of the widest step of an axis to its narrowest from which leaving out nodes does not double every step."""
+ISOLATED = 2.0
+"""Ratio of a step to those beside it from which on it is a hole."""
 UNREAD = 0.01
 """Share of the light that may come from, or go to, directions about which nothing was read."""
 DRAWS = 8
@@ -147,7 +149,14 @@ def _of_grid(table: Table, scene: SceneValues, rms: float) -> Resolution:
             np.sqrt(np.maximum(c**2 - n**2, 0.1 * n**2)) for c, n in zip((halved, quartered), noise[1:], strict=True)
         )
     ratio = halved / quartered if quartered > 0 else 1.0
-    factor = MOST if ratio >= MOST / (1 + MOST) or _uneven(table.layout) else max(LEAST, ratio / (1 - ratio))
+    factor = MOST if ratio >= MOST / (1 + MOST) else max(LEAST, ratio / (1 - ratio))
+    isolation = _isolation(table.layout)
+    if isolation > ISOLATED:
+        words = (
+            f"an axis has a step {isolation:.2g} times as wide as those beside it, and nothing tells what lies in there"
+        )
+        return Resolution(math.inf, words)
+    factor = max(factor, MOST * isolation)
     return _judged(float(halved), factor, _beyond(thinning) / rms, float(noise[0]))
 
 
@@ -207,9 +216,18 @@ def _noise(thinning: Thinning, u: np.ndarray, stored: bool) -> np.ndarray:
     return np.array([largest, *changes])
 
 
-def _uneven(layout: Layout) -> bool:
-    steps = [np.diff(np.asarray(interpolation_axis(layout, name).nodes)) for name in layout.axes]
-    return any(s.size > 1 and s.max() > UNEVEN * s.min() for s in steps)
+def _isolation(layout: Layout) -> float:
+    """The largest ratio of a step to the wider of those beside it, of axes with uneven steps; 0 of even ones.
+
+    Leaving out nodes widens such a step by little, and shows little of what it hides.
+    """
+    largest = 0.0
+    for name in layout.axes:
+        steps = np.diff(np.asarray(interpolation_axis(layout, name).nodes))
+        if steps.size > 1 and steps.max() > UNEVEN * steps.min():
+            beside = np.maximum(np.append(steps[1:], 0.0), np.append(0.0, steps[:-1]))
+            largest = max(largest, float((steps / beside).max()))
+    return largest
 
 
 def _beyond(thinning: Thinning) -> float:

@@ -66,6 +66,9 @@ def test_what_was_not_read_is_not_resolved():
     low = Scene("low", 0.05, (Range((1.1, 1.4), ROUND, 1.0),), LAMP.views)
     found = resolution(t := table_of(PAINT, grid(4.0, 52.0)), seen(t, low))
     assert found.error == math.inf and "nothing was read" in found.reason
+    theta = np.radians([0, 5, 10, 15, 40, 45, 50, 55, 60, 65, 70, 75, 80])
+    hole = table_of("lambert(rho=.3)", layouts.isotropic(theta, theta, grid(8.0).axes["delta_phi"]))
+    assert "5 times as wide" in resolution(hole, seen(hole)).reason
     one = layouts.isotropic([0.7], grid(4.0).axes["theta_o"], grid(4.0).axes["delta_phi"])
     flat = table_of("lambert(rho=.3)", one)
     assert resolution(flat, seen(flat)).error == math.inf
@@ -73,7 +76,7 @@ def test_what_was_not_read_is_not_resolved():
 
 def test_uneven_steps_and_lists_have_bounds_that_hold():
     rng = np.random.default_rng(3)
-    theta = np.radians(np.sort([0, 80, *rng.uniform(0, 80, 12)]))
+    theta = np.radians(80 * np.linspace(0, 1, 14) ** 1.4)
     uneven = layouts.isotropic(theta, theta, np.radians(np.arange(0, 360, 15.0)))
     polar, azimuth = np.arccos(rng.uniform(0.15, 1, (2, 1500))), rng.uniform(0, 2 * np.pi, 1500)
     scattered = layouts.scattered(polar[0], np.zeros(1500), polar[1], azimuth)
