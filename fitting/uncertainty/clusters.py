@@ -36,7 +36,7 @@ def with_clusters(e: Optimum, seed: int) -> tuple[Optimum, str | None]:
     cells = np.sort(rng.choice(n, MOST_CELLS, replace=False)) if n > MOST_CELLS else np.arange(n)
     problem, f = e.problem.subset(cells), e.model_f[cells]
     residual, used = problem.residuals(f), problem.weight > 0
-    scaled, some = residual / scales(residual, f, used), used.any(axis=1)
+    scaled, some = residual / scales(residual, f, used), np.any(used, axis=1)
     if np.count_nonzero(some) < FEWEST:
         return e, None
     wi, wo = problem.readings.wi, problem.readings.wo

@@ -178,14 +178,8 @@ class _Parser:
                 value = self.value(known[key], f"{name}'s {key}")
                 values[key] = dataclasses.replace(value, free=free or value.free)
             else:
-                raise GonioError(
-                    f"{name} has no parameter '{key}'; "
-                    + (
-                        nearest(key, [*known, *options, *submodels_of(MODELS[name])])
-                        if known or options
-                        else "it has none."
-                    )
-                )
+                names = [*known, *options, *submodels_of(MODELS[name])]
+                raise GonioError(f"{name} has no parameter '{key}'; {nearest(key, names) if names else 'it has none.'}")
             if self.peek() != ("sign", ")"):
                 self.expect(",")
         return self.whole(Call(name, values, chosen, inside))
