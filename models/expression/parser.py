@@ -166,11 +166,7 @@ class _Parser:
                 chosen[key] = self.option(name, key, options[key])
             elif key in submodels_of(MODELS[name]):
                 self.expect("=")
-                self.nested += 1
-                if self.nested > MOST_NESTED:
-                    raise self.error(f"more than {MOST_NESTED} models stand over one another")
-                inside[key] = tuple(self.sum(depth + 1))
-                self.nested -= 1
+                inside[key] = self.over(depth)
             elif key in known:
                 free = self.accept("~")
                 if not free:
@@ -183,6 +179,14 @@ class _Parser:
             if self.peek() != ("sign", ")"):
                 self.expect(",")
         return self.whole(Call(name, values, chosen, inside))
+
+    def over(self, depth: int) -> tuple[Term, ...]:
+        self.nested += 1
+        if self.nested > MOST_NESTED:
+            raise self.error(f"more than {MOST_NESTED} models stand over one another")
+        terms = tuple(self.sum(depth + 1))
+        self.nested -= 1
+        return terms
 
     def whole(self, call: Call) -> Call:
         for name in submodels_of(MODELS[call.name]):
