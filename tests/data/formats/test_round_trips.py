@@ -19,9 +19,10 @@ from support.tables import assert_same
 
 QUICK = settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
 SUFFIXES = [known.suffixes[0] for known in FORMATS if known.write]
-PLAIN = st.none() | st.integers(-9, 9) | st.floats(allow_nan=False, width=32) | st.text(max_size=5)
-PROVENANCE = st.dictionaries(st.text(max_size=5), PLAIN, max_size=3)
-NAMES = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cf", "Cs", "Zl", "Zp"]), max_size=8)
+PRINTABLE = st.characters(codec="utf-8", exclude_categories=["Cc", "Cf", "Cs", "Zl", "Zp"])
+PLAIN = st.none() | st.integers(-9, 9) | st.floats(allow_nan=False, width=32) | st.text(PRINTABLE, max_size=5)
+PROVENANCE = st.dictionaries(st.text(PRINTABLE, max_size=5), PLAIN, max_size=3)
+NAMES = st.text(PRINTABLE, max_size=8)
 
 
 def axis(kind, size, increasing):
