@@ -10,7 +10,7 @@ from gonio.data.formats.csv_columns import CsvText
 from gonio.data.formats.csv_header import ANGLE_UNITS, ANGLES, HALF_DIFFERENCE, NO_UNIT, VECTORS, Column, shown
 from gonio.data.formats.csv_statements import Statements
 from gonio.data.layouts import spherical_angles
-from gonio.data.layouts.recognition import Angles
+from gonio.data.layouts.recognition import LARGEST_ROUNDING, Angles
 from gonio.models.errors import GonioError
 
 UNITS = ("degrees", "radians")
@@ -75,7 +75,8 @@ def read_angles(
     values = {role: numbers[column.name] for role, column in columns.items()}
     understood = [f"{c.name[:40]} is {role}" for role, c in columns.items() if c.name != role]
     if set(VECTORS) <= columns.keys():
-        rounding = 20 * _printed(list(values.values()))
+        # Near the normal and the horizon an angle moves by more than the components do.
+        rounding = min(20 * _printed(list(values.values())), LARGEST_ROUNDING)
         return Directions(_of_vectors(text, values), rounding, "none: components of unit vectors", understood, True)
     units, who = _units(text, statements, columns, unit)
     rounding = _printed(list(values.values())) * (math.radians(1.0) if "degrees" in units.values() else 1.0)

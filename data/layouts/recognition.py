@@ -44,9 +44,9 @@ def recognised(angles: Angles, rounding: float = 0.0) -> Placement | None:
 
     Args:
         angles: theta_i, phi_i, theta_o, phi_o, radians; polar angles in [0, π/2], azimuths in [0, 2π).
-        rounding: radians by which printing may have moved an angle; at most `LARGEST_ROUNDING` counts.
+        rounding: radians by which printing may have moved an angle; beyond `LARGEST_ROUNDING` angles are exact.
     """
-    tolerance = 2.02 * min(rounding, LARGEST_ROUNDING) + SAME
+    tolerance = (2.02 * rounding if rounding <= LARGEST_ROUNDING else 0.0) + SAME
     if angles[0].size < FEWEST:
         return None
     return next((p for kind in KINDS for p in kind(angles, tolerance) if p is not None), None)
