@@ -108,8 +108,12 @@ def _units(
     contradictory = [columns[role].name for role, unit in written.items() if stated not in (None, unit)]
     if contradictory:
         text.refuse(f"the column {contradictory[0][:40]!r} says its unit, not {stated}; leave --angles out")
-    comment = None if statements.by_gonio or stated else statements.angle_unit()
-    rest = stated or ("degrees" if statements.by_gonio else comment)
+    comment = "degrees" if statements.by_gonio else statements.angle_unit(stated is not None)
+    if stated is not None and comment not in (None, stated):
+        text.refuse(
+            f"a comment says that angles are in {comment}, not {stated}; leave --angles out, or mend the comment"
+        )
+    rest = stated or comment
     if rest is None and written:
         rest = next(iter(written.values()))
     if comment is not None and set(written.values()) - {comment}:

@@ -47,13 +47,18 @@ class Statements:
                     return json.loads(value)
         return None
 
-    def angle_unit(self) -> str | None:
-        """Degrees or radians, where a comment on angles names one. Raises GonioError where comments name both."""
+    def angle_unit(self, stated: bool = False) -> str | None:
+        """Degrees or radians, where a comment on angles names one.
+
+        Raises GonioError where comments name both, unless the unit is `stated` elsewhere.
+        """
         units = set()
         for text in self._free():
             if re.search(r"(?i)angle|theta|phi|θ|φ|polar|azimuth|zenith", text):
                 units |= {"radians"} if re.search(r"(?i)\brad(?:ians?|s)?\b", text) else set()
                 units |= {"degrees"} if re.search(r"(?i)\bdeg(?:rees?|s)?\b|°", text) else set()
+        if len(units) > 1 and stated:
+            return None
         if len(units) > 1:
             raise GonioError(
                 f"{self.path} mentions degrees and radians in its comments; state --angles degrees or radians"

@@ -243,6 +243,8 @@ def test_readings_taken_again_and_again_stay_a_list(path):
     ("# angles in radians or degrees\n" + HEAD + ROW, {}, "state --angles"),
     ("# reflectance factors divided by pi\n" + HEAD + ROW, {}, "state --quantity"),
     ("theta_i [deg],phi_i,theta_o,phi_o,f\n" + ROW, {"angles": "radians"}, "leave --angles out"),
+    ("# angles in radians\n" + HEAD + ROW, {"angles": "degrees"}, "leave --angles out"),
+    ("# gonio: angles in degrees\n" + HEAD + ROW, {"angles": "radians"}, "leave --angles out"),
     (HEAD + ROW, {"angles": "gon"}, "give degrees or radians"),
     (HEAD + ROW, {"quantity": "brf"}, "is unknown"),
     (HEAD + ROW, {"missing": "x"}, "give it, or none"),
