@@ -28,9 +28,6 @@ RESOLVED = 0.3
 LEAST, MOST = 2 / 3, 1.5
 """Error of a grid over the change by leaving out half of its nodes: twice that of a rule of second order; and at worst,
 where a lobe is narrower than the step and its part of the radiance is all in doubt."""
-SCATTERED, QUARTER = 4.0, 1.5
-"""The same of scattered readings, half of which are only a quarter farther apart than all; and what leaving out three
-quarters of them changes, over what leaving out half does."""
 BEYOND = 2.0
 """Error beyond the outermost nodes over what f changes by as far within them: f grows towards grazing."""
 UNEVEN = 1.5
@@ -41,8 +38,9 @@ UNREAD = 0.01
 """Share of the light that may come from, or go to, directions about which nothing was read."""
 DRAWS = 8
 """Of the noise: the largest of their errors counts."""
-MARGIN, PARTS = 3.0, 16
-"""Standard errors, by the scatter of so many parts of a scene, that a measured error is raised by."""
+MARGIN, PARTS, SAMPLING = 3.0, 16, 0.1
+"""Standard errors, by the scatter of so many parts of a scene, that the square of a measured error is raised by, and at
+least so much of it."""
 
 
 class Resolution(NamedTuple):
@@ -73,7 +71,7 @@ def measured_error(pairs: ScenePairs, f: np.ndarray, truth: np.ndarray) -> float
     squared = np.sum(pairs.share[:, None] * pairs.radiances(f - truth) ** 2, axis=1)
     parts = PARTS * np.bincount(np.arange(squared.size) % PARTS, squared, PARTS)
     spread = np.std(parts, ddof=1) / math.sqrt(PARTS) / max(float(squared.sum()), 1e-300)
-    return pairs.error(f, truth) * math.sqrt(1.0 + MARGIN * spread)
+    return pairs.error(f, truth) * math.sqrt(1.0 + max(MARGIN * spread, SAMPLING))
 
 
 def resolution(table: Table, scene: SceneValues) -> Resolution:
@@ -102,28 +100,9 @@ def interpolation_bound(table: Table, scene: SceneValues, rms: float) -> Resolut
     if table.interpolant is None and table.layout.gridded:
         return _of_grid(table, scene, rms)
     if table.interpolant is None:
-        return _of_list(table, scene, rms)
+        return Resolution(math.inf, "readings without a grid do not tell what lies between them")
     coarse = evaluate_in_blocks(as_material(coarsened(table)), pairs.wi, pairs.wo)
     return _judged(pairs.rms(coarse - scene.f) / rms, MOST, 0.0, 0.0)
-
-
-def _of_list(table: Table, scene: SceneValues, rms: float) -> Resolution:
-    """That of scattered readings, by both halves of them and all quarters."""
-    pairs, changes = scene.pairs, []
-    for parts in (2, 4):
-        for first in range(parts):
-            part = _part(table, slice(first, None, parts))
-            if not part.valid_cells().size:
-                return Resolution(math.inf, "there are too few readings to leave some out")
-            f = evaluate_in_blocks(as_material(part), pairs.wi, pairs.wo)
-            changes.append(pairs.rms(f - scene.f) / rms / (1.0 if parts == 2 else QUARTER))
-    return _judged(max(changes), SCATTERED, 0.0, 0.0)
-
-
-def _part(table: Table, cells: slice) -> Table:
-    layout = table.layout.part(**dict.fromkeys(table.layout.axes, cells))
-    f, flag = (np.asarray(a[...])[cells] for a in (table.f, table.flag))
-    return dataclasses.replace(table, layout=layout, f=f, flag=flag, u_f=None)
 
 
 def _judged(change: float, factor: float, beyond: float, noise: float) -> Resolution:

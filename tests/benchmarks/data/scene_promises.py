@@ -67,19 +67,21 @@ def surfaces(count: int) -> Iterator[tuple[str, AbstractBRDF]]:
 
 
 def tables(brdf: AbstractBRDF, rng: np.random.Generator) -> Iterator[tuple[str, Table]]:
-    """Tables of a surface: regular, offset, uneven and half/difference grids, noise told and not, lists."""
+    """Tables of a surface: regular, offset, uneven, stretched and half/difference grids, noise told and not, lists."""
 
     def polar(step: float, last: float = 85.0) -> np.ndarray:
         return np.radians(np.arange(0, last + 0.01, step))
 
     uneven = np.radians(np.sort([0, 85, *rng.uniform(0, 85, 14)]))
+    stretched = np.radians(85 * np.linspace(0, 1, 18) ** 1.4)
     grids = {
         "2.5°": layouts.isotropic(polar(2.5), polar(2.5), polar(5, 355)),
         "5°": layouts.isotropic(polar(5), polar(5), polar(5, 355)),
         "10°": layouts.isotropic(polar(10), polar(10), polar(10, 350)),
         "half of 5°": layouts.isotropic(polar(5), polar(5), polar(5, 180)),
         "offset": layouts.isotropic(polar(15), polar(5) + np.radians(2.5), polar(10, 350)),
-        "uneven": layouts.isotropic(uneven, uneven, np.radians(np.sort([180, *rng.uniform(0, 360, 30)]))),
+        "random steps": layouts.isotropic(uneven, uneven, np.radians(np.sort([180, *rng.uniform(0, 360, 30)]))),
+        "stretched": layouts.isotropic(stretched, stretched, polar(10, 350)),
         "to 60°": layouts.isotropic(polar(5, 60), polar(5, 60), polar(10, 350)),
         "half/difference": layouts.merl("lower", (45, 30, 24)),
         "few half/difference": layouts.merl("centre", (18, 18, 18)),
@@ -141,7 +143,7 @@ def report(name: str, rows: list[tuple[float, float, float, str]]) -> None:
     """Ratios of (true error, promised error, tolerance, case): the worst, the median, and what was withheld."""
     promised = [(true / bound, case) for true, bound, _, case in rows if bound < math.inf]
     broken = [r for r in promised if r[0] > 1]
-    ratios = np.array([r for r, _ in promised])
+    ratios = np.array([r for r, _ in promised] or [0.0])
     kept = [r for r in rows if r[1] <= r[2]]
     withheld = [r for r in rows if r[0] <= r[2] < r[1]]
     print(
