@@ -160,6 +160,7 @@ def _term(model: PublishedModel) -> str:
     if name == "he_torrance":
         values["wavelength"] = WAVELENGTHS
     inside = [f"{n}={_text(v)}" for n, v in values.items()] + [f'{o}="{c}"' for o, c in options.items()]
+    _text(scale)  # refuses lists of lists
     scaled = [v * factor for v in scale] if isinstance(scale, list) else scale * factor
     return f"{_text(scaled)} * {name}({', '.join(inside)})"
 

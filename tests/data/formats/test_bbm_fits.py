@@ -93,3 +93,10 @@ def test_every_published_fit_is_read_and_finite():
             assert np.isfinite(f).all(), (path.name, name)
             read += 1
     assert read == 1302
+
+
+def test_a_scale_that_is_a_list_of_lists_is_refused(tmp_path):
+    path = tmp_path / "odd.fit"
+    path.write_text("a = NganWard(albedo = [[1]], roughness = 0.1)")
+    with pytest.raises(GonioError, match="a number or a list of them"):
+        published_expression(path, "a")
