@@ -66,7 +66,7 @@ def _cosine_ratio(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray, f
     cosines = np.cos(theta_i), np.cos(theta_o)
     usable = (code[partner] == exchanged) & (f > 0) & (f[partner] > 0) & (np.minimum(*cosines) > 0.02)
     expected = np.log(cosines[1][usable] / cosines[0][usable])
-    measured = np.log(f[usable] / f[partner][usable])
+    measured = np.log(f[usable]) - np.log(f[partner][usable])
     telling = expected > LEAST_RATIO
     if telling.sum() < FEWEST_PAIRS:
         return []

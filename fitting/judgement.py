@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gonio.models.display import percent
+
 ALBEDO_TOLERANCE = 1e-3
 UNEXPLAINED = 0.5
 """Σr² over that of the best Lambertian, from which on a fit explains too little to be of use."""
@@ -46,7 +48,7 @@ def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
     if not fit.get("converged", False):
         failed.append(f"it did not converge ({fit.get('reason') or 'no reason given'})")
     if unexplained is not None and unexplained > UNEXPLAINED and structure == "structure" and (rms or 0.0) > FAR_OFF:
-        failed.append(f"it leaves {unexplained:.0%} of what a perfect diffuser leaves, and not as noise")
+        failed.append(f"it leaves {percent(unexplained)} of what a perfect diffuser leaves, and not as noise")
     if chi2 is not None and chi2 > NOISE:
         words = f"its residuals are {np.sqrt(chi2):.2g} times the stored uncertainties (reduced χ² {chi2:.3g})"
         (failed if chi2 > NO_FIT else poor if chi2 > FAR_FROM_NOISE else fair).append(words)
