@@ -23,13 +23,15 @@ from gonio.fitting.uncertainty.optimum import Optimum
 MOST_CELLS = 1 << 14  # of more, a random choice
 MOST_CLUSTERS = 64  # of more, several are left out together
 DAMPING = 1e-12
+ROUNDING = 1e-6  # residuals over readings, where tables stored in single precision are no better
 FEWEST_INCIDENCES = 10
 FEWEST = 100  # cells below which blocks say nothing
 
 
 def with_clusters(e: Optimum, seed: int) -> tuple[Optimum, str | None]:
     """The optimum with uncertainties for residuals that neighbours share, and a note; the same where they do not."""
-    if e.exact or not e.p.size or not np.isfinite(e.cost):
+    rounding = 2.0 * e.cost < ROUNDING**2 * e.problem.target_norm_squared
+    if e.exact or rounding or not e.p.size or not np.isfinite(e.cost):
         return e, None
     rng = np.random.default_rng([seed, 0x636C7573])
     n = e.model_f.shape[0]
