@@ -9,6 +9,7 @@ import contextlib
 import dataclasses
 import math
 import os
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,7 +65,9 @@ def published_expression(path: str | os.PathLike[str], name: str) -> str:
     if name not in lines:
         raise GonioError(f"{path} has no material '{name[:80]}'; {nearest(name[:80], lines)}")
     try:
-        model = _model(ast.parse(lines[name].strip(), mode="eval").body)  # the form is that of a call in Python
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)  # Python's remarks on its own spelling are not for users
+            model = _model(ast.parse(lines[name].strip(), mode="eval").body)  # the form is that of a call in Python
         return " + ".join(_term(m) for m in (model.models if model.name == "Aggregate" else (model,)))
     except GonioError as error:
         raise GonioError(f"{path}, {name}: {error}") from None
