@@ -19,10 +19,14 @@ from gonio.models.geometry.directions import Direction
 
 PAIRS = 4000
 FAR = 5.0  # degrees between a scene's directions and the nearest readings, from which on a note says so
-# Nanoseconds of one evaluation in double precision on one thread, for a sense of what a renderer pays
-# (tests/benchmarks/evaluate_models.py says what they are here and now).
-COST = {"lambert": 8.0, "ggx": 8.0, "beckmann": 22.0, "eon": 80.0, "std": 1800.0}
-OTHER_COST = 100.0
+# Nanoseconds of one evaluation in double precision, all in one run, for a sense of what a renderer pays
+# (tests/benchmarks/models/evaluate_models.py says what they are here and now).
+COST = {
+    "lambert": 1.0, "ggx": 1.0, "lommel_seeliger": 1.0, "fujii": 2.0, "burley_diffuse": 3.0, "retro": 4.0,
+    "harvey_shack": 5.0, "hapke": 8.0, "ward": 9.0, "abc_microfacet": 16.0, "phong": 19.0, "blinn_phong": 21.0,
+    "beckmann": 24.0, "white_standard": 25.0, "minnaert": 29.0, "charlie": 31.0, "eon": 43.0, "rpv": 46.0, "std": 460.0,
+}  # fmt: skip
+EXACT_FRESNEL = {"eta=?": 5.0, "eta=1.5": 5.0, "eta=each, k=each": 9.0}  # beyond that
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,7 +181,7 @@ def select_for_scene(result: SelectionResult, view: SceneView) -> SceneSelection
         p = fit_candidate(problem, c.p).p
         error, cost = (
             view.error(problem.values(p)[0], data.f, noise),
-            sum(COST.get(term.model, OTHER_COST) for term in c.terms),
+            sum(COST[t.model] + EXACT_FRESNEL.get(t.fresnel.arguments, 0.0) for t in c.terms),
         )
         candidates.append(SceneCandidate(dataclasses.replace(c, p=p), error, cost))
     candidates.sort(key=lambda c: (c.cost, c.candidate.size, c.error))

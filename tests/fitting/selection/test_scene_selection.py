@@ -6,7 +6,8 @@ import pytest
 from gonio.data.scene import Range, Scene
 from gonio.fitting.fit_table import fit
 from gonio.fitting.problem.readings import readings_of
-from gonio.fitting.selection.scene_selection import view_of
+from gonio.fitting.selection.scene_selection import COST, view_of
+from gonio.fitting.selection.term_spec import DIFFUSERS, FACETS, OTHER_LOBES
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
@@ -64,3 +65,7 @@ def test_a_tolerance_that_nothing_meets_is_noted():
 def test_a_scene_excludes_other_weights():
     with pytest.raises(GonioError, match="excludes the weight"):
         fit(table_of(ONE), "lambert", scene="matte_room", weight="cosine")
+
+
+def test_every_model_of_the_family_has_a_measured_cost():
+    assert {"lambert", "ggx", *DIFFUSERS, *FACETS, *OTHER_LOBES} <= COST.keys()
