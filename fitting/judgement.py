@@ -68,7 +68,7 @@ def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
         good.append(f"relative rms {rms:.3g}")
     good += {"noise": ["its residuals are noise"], "exact": ["its residuals are rounding"]}.get(str(structure), [])
     if albedo is not None and albedo <= 1 + ALBEDO_TOLERANCE:
-        good.append(f"albedo at most {albedo:.3g}")
+        good.append(f"largest albedo about {albedo:.2g}")
     reasons = "; ".join([*failed, *poor, *fair] or ["it converged"])
     return FitJudgement(verdict, f"{OPENINGS[verdict]}: {reasons}" + (f" ({', '.join(good)})" if good else "") + ".")
 

@@ -15,7 +15,7 @@ from gonio.data.material import Material
 from gonio.data.serialise import toml_values, unboxed
 from gonio.data.table import Channels
 from gonio.fitting.fit_model import FitTask
-from gonio.fitting.judgement import FAILED, FitJudgement, judge_fit
+from gonio.fitting.judgement import ALBEDO_TOLERANCE, FAILED, FitJudgement, judge_fit
 from gonio.fitting.problem.parameterisation import of_channel
 from gonio.fitting.residuals.colour_difference import sphere_difference
 from gonio.fitting.residuals.energy import LargestAlbedo, confirmed, largest_albedo
@@ -36,7 +36,6 @@ from gonio.models.errors import printable
 from gonio.models.expression.builder import build, frame, number_label, to_expression
 from gonio.models.expression.parser import FACTOR, Term, Value, calls, changed, numbers, parse
 
-CREATED = 1e-3  # albedo above 1 from which on a model creates energy
 CORRELATED = 0.95  # from which on a correlation is reported
 MOST_CORRELATED = 5
 FEW_CHANNELS = 4  # whose albedos are all computed to a bound
@@ -356,7 +355,7 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
     measures = metrics(f, readings)
     measures["unexplained"] = _unexplained(optima)
     measures["largest_albedo"] = (albedo := _largest_albedo(optima, fitted)).value
-    if albedo.value > 1.0 + CREATED:
+    if albedo.value > 1.0 + ALBEDO_TOLERANCE:
         notes.insert(0, _creates_energy(albedo, channels))
     if task.likelihood:
         measures["reduced_chi2"] = 2.0 * cost / max(readings.count - len(free), 1)

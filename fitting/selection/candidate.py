@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from gonio.fitting.selection.candidate_model import SelectionData, Terms, expression_of
+from gonio.fitting.selection.candidate_model import SelectionData
 from gonio.fitting.selection.criteria import improves_holdout
+from gonio.fitting.selection.term_spec import Terms, expression_of
 
 ROUNDING = 0.01  # χ² a reading below which only rounding is left
 
@@ -40,10 +41,11 @@ class SelectionResult:
 
     chosen: Candidate
     candidates: list[Candidate]
-    dispersion: float  # variance of the residuals of the best fit, in units of the noise's, but at least 1
+    dispersion: float  # variance of the residuals of the best fit, in units of the noise's; of known noise at least 1
     design_effect: float
     count: int  # of readings
     data: SelectionData
+    refused: Candidate | None = None  # what would have been chosen, but reflects more than it receives
 
     def bic(self, c: Candidate) -> float:
         """Bayesian information criterion for the effective number of readings; lower is better [Schwarz 1978]."""
@@ -92,6 +94,8 @@ class SelectionResult:
     def _verdict(self, c: Candidate) -> str:
         if c is self.chosen:
             return "chosen"
+        if c is self.refused:
+            return "refused: it reflects more than it receives"
         if c.size < self.chosen.size:
             return "leaves structure in the residuals"
         preferred_by = ["BIC"] if self.bic(c) < self.bic(self.chosen) else []
@@ -99,4 +103,6 @@ class SelectionResult:
             preferred_by.append("held-out directions")
         if not preferred_by:
             return "not asked for"
-        return f"asked for by {' and '.join(preferred_by)}" + (" alone" if len(preferred_by) == 1 else "")
+        if len(preferred_by) == 1:
+            return f"asked for by {preferred_by[0]} alone"
+        return "asked for by BIC and held-out directions, but a smaller model predicts those better"

@@ -1,8 +1,9 @@
 """Forward stepwise model selection from Lambert, with backward elimination.
 
-One lobe or free number is added at a time while BIC and cross-validated χ² both improve. All candidates are compared
-with one noise and one effective number of readings (`criteria`), on one sample of the readings, by programs that they
-share (`candidate_model`); only the selected one is fitted to all readings.
+One lobe or free number is added at a time (`term_spec`) while BIC and cross-validated χ² both improve. All candidates
+of a step are descended on few readings, and the best of them are compared with one noise and one effective number of
+readings (`criteria`), on one sample of the readings, by programs that they share (`candidate_model`); only the selected
+one is fitted to all readings. One that reflects more than it receives gives way to one as good that does not.
 """
 
 import dataclasses
@@ -24,7 +25,8 @@ from gonio.models.geometry.directions import Direction
 SAMPLE = 1024
 MAX_CHANNELS = 4  # of many wavelengths so many, evenly spaced, select the structure of all
 SCREENED = 512  # readings by which the candidates of a step are compared before the best of them are fitted
-ROUGHLY, ENOUGH, FINALISTS = 2.0, 0.05, 3  # ½χ² that a further step may be worth
+FINALISTS = 3
+ROUGHLY, ENOUGH = 2.0, 0.05  # ½χ² that a further step may be worth, on few readings and on all of the sample
 STRUCTURED = 1.2  # χ² over its expectation from which on residuals are structure
 CLUSTERED = 2.0  # design effect from which on they are: what neighbours share is then some 0.4 of the noise
 LEAST_SIGMA = 1e-6  # of the rms of the known uncertainties
@@ -236,7 +238,8 @@ def _conserving(result: SelectionResult) -> SelectionResult:
         return result
     as_good = [c for c in result.candidates if c is not result.chosen and result.better(c, [result.chosen]) is None]
     conserving = (c for c in sorted(as_good, key=result.bic) if not _creates_energy(c, result.data.channels))
-    return dataclasses.replace(result, chosen=next(conserving, result.chosen))
+    other = next(conserving, None)
+    return result if other is None else dataclasses.replace(result, chosen=other, refused=result.chosen)
 
 
 def _creates_energy(c: Candidate, channels: int) -> bool:

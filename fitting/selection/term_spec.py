@@ -14,6 +14,7 @@ from gonio.models.expression.parser import FACTOR, numbers, parse, with_defaults
 from gonio.models.parameters import parameters_of
 
 MAX_LOBES = 3
+WITH_FRESNEL = ("ggx", "beckmann", "std", "abc_microfacet")
 
 
 class Fresnel(NamedTuple):
@@ -55,7 +56,7 @@ class TermSpec:
     @property
     def has_fresnel(self) -> bool:
         """Whether its model knows Fresnel's reflectance."""
-        return self.model in ("ggx", "beckmann", "std", "abc_microfacet")
+        return self.model in WITH_FRESNEL
 
     @property
     def expression(self) -> str:
@@ -115,7 +116,7 @@ def steps(terms: Terms, anisotropic: bool, channels: int) -> Iterator[Terms]:
     first = terms[lobes[0]] if lobes else None
     if len(lobes) < MAX_LOBES:
         model = first.model if first and first.has_fresnel and first.model != "std" else "ggx"
-        for fresnel in dict.fromkeys((NO_FRESNEL, SCHLICK, DIELECTRIC)):
+        for fresnel in (NO_FRESNEL, SCHLICK, DIELECTRIC):
             yield (*terms, TermSpec(model, fresnel))
     for k in lobes:
         if terms[k].has_fresnel:
@@ -139,7 +140,7 @@ def families(terms: Terms) -> Iterator[Terms]:
             # Student's slopes cost two hundred times a GGX lobe: a second lobe is the cheaper number to add.
             if model == t.model or t.anisotropic or (model == "std" and (len(lobes) > 1 or t.width_each)):
                 continue
-            keeps = model in ("ggx", "beckmann", "std", "abc_microfacet") and t.has_fresnel
+            keeps = model in WITH_FRESNEL and t.has_fresnel
             width_each = t.width_each and "alpha" in parameters_of(MODELS[model])
             other = TermSpec(model, t.fresnel if keeps else NO_FRESNEL, False, width_each, t.shared and not keeps)
             yield (*terms[:k], other, *terms[k + 1 :])

@@ -18,7 +18,7 @@ GUESSES = {
 }  # fmt: skip
 """Where a shape that nothing is known of begins; other names begin where a fit of their model does."""
 REFINED = 2
-STEPS, ROUGH = 80, 1e4  # of a descent, which ends where a step promises less than 1e-9 of the cost
+STEPS, ROUGH = 80, 1e4  # of a descent: its most steps, and how much nearer than this to a minimum it need not end
 
 
 class Fitted(NamedTuple):

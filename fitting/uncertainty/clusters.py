@@ -1,4 +1,4 @@
-"""Standard uncertainties where residuals are alike among neighbours: sums over blocks of them, not over readings.
+"""Standard uncertainties where residuals are alike among neighbours: by incidences or blocks, not by readings.
 
 What a model leaves out is no independent noise: readings of one neighbourhood err together, so that there are fewer
 independent ones than readings. The covariance is the jackknife's over clusters, each left out in turn and followed by
@@ -23,13 +23,20 @@ from gonio.fitting.uncertainty.optimum import Optimum
 MOST_CELLS = 1 << 14  # of more, a random choice
 MOST_CLUSTERS = 64  # of more, several are left out together
 DAMPING = 1e-12
+SEEN = 1e-9  # of what all clusters tell of a number, below which the others tell nothing of it
+UNKNOWN = 1e6  # times the uncertainty: a number that one cluster alone tells of is not known to independent noise
 ROUNDING = 1e-6  # residuals over readings, where tables stored in single precision are no better
 FEWEST_INCIDENCES = 10
 FEWEST = 100  # cells below which blocks say nothing
 
 
 def with_clusters(e: Optimum, seed: int) -> tuple[Optimum, str | None]:
-    """The optimum with uncertainties for residuals that neighbours share, and a note; the same where they do not."""
+    """The optimum with uncertainties for residuals that neighbours share, and a note; the same where they do not.
+
+    Args:
+        e: the optimum, with uncertainties for independent noise; none of them becomes smaller.
+        seed: of the readings that are looked at, where there are more than `MOST_CELLS`.
+    """
     rounding = 2.0 * e.cost < ROUNDING**2 * e.problem.target_norm_squared
     if e.exact or rounding or not e.p.size or not np.isfinite(e.cost):
         return e, None
@@ -46,20 +53,23 @@ def with_clusters(e: Optimum, seed: int) -> tuple[Optimum, str | None]:
     if all(noise_tests(scaled[o], used[o], None, n, False).verdict != "structure" for o in orders):
         return e, None
     block, kind = _clusters(problem.readings, scaled, some)
-    number = int(block.max()) + 1
-    number, block = min(number, MOST_CLUSTERS), block % MOST_CLUSTERS
-    step = _steps(e, problem, np.where(some, block, -1), number)
+    clusters = int(block.max()) + 1
+    number = min(clusters, MOST_CLUSTERS)
+    step = _steps(e, problem, np.where(some, block % number, -1), number)
+    lost = ~np.isfinite(step).all(axis=0)  # nothing but one cluster tells of these numbers
+    step[:, lost] = 0.0
     sums = (number - 1) / number * np.sum((step - step.mean(axis=0)) ** 2, axis=0)
     # Of a part of the readings, the noise within a cluster counts more than it does of all.
     known, within = e.covariance.variance, n / cells.size - 1.0
     with np.errstate(invalid="ignore", divide="ignore"):
         variance = sums * (stdtrit(number - 1, 0.975) / NORMAL_95) ** 2 - within * known
-        factor = np.sqrt(np.maximum(np.nan_to_num(variance / known, nan=1.0, posinf=1.0), 1.0))
-    factor = np.where(e.active_bound, 1.0, factor)
+        factor = np.sqrt(np.maximum(np.nan_to_num(variance / known, nan=1.0), 1.0))
+    factor = np.where(e.active_bound, 1.0, np.where(lost, UNKNOWN, np.minimum(factor, UNKNOWN)))
     spread = e.covariance.stretched(factor, e.domains, e.p)
+    widest = f"{factor.max():.2g}" if factor.max() < 1e3 else "more than 1000"
     note = (
-        f"the residuals are alike among neighbours: the standard uncertainties are those of {number} {kind}, up to "
-        f"{factor.max():.2g} times what independent noise would give"
+        f"the residuals are alike among neighbours: the standard uncertainties are those of {clusters} {kind}, up to "
+        f"{widest} times what independent noise would give"
     )
     return dataclasses.replace(e, covariance=spread), note
 
@@ -78,7 +88,7 @@ def _clusters(readings: Readings, scaled: np.ndarray, used: np.ndarray) -> tuple
 
 
 def _steps(e: Optimum, problem: FitProblem, cluster: np.ndarray, number: int) -> np.ndarray:
-    """Changes (G, P) of the free numbers where each of G clusters is left out, by one Gauss–Newton step."""
+    """Changes (G, P) of the free numbers where each of G clusters is left out, by one step; NaN if lost."""
     order = e.problem.order
     still = e.active_bound[order]
     p = e.p[None]
@@ -94,5 +104,6 @@ def _steps(e: Optimum, problem: FitProblem, cluster: np.ndarray, number: int) ->
         lengths = np.sqrt(np.maximum(others.diagonal(), 0.0))
         inverse = np.where(lengths > 0, 1.0 / np.where(lengths > 0, lengths, 1.0), 0.0)
         unit = others.scaled(inverse).plus_diagonal(np.full(e.p.size, DAMPING))
-        steps[g, order] = np.nan_to_num(unit.solved(np.where(still, 0.0, part.gradient[0]) * inverse) * inverse)
+        step = unit.solved(np.where(still, 0.0, part.gradient[0]) * inverse) * inverse
+        steps[g, order] = np.where(~still & (others.diagonal() <= SEEN * whole.diagonal()), np.nan, step)
     return steps

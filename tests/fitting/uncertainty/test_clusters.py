@@ -37,3 +37,14 @@ def test_independent_noise_stays_what_it_is():
     u, notes = relative_uncertainty(table_of(0.0, 0.05))
     assert u == pytest.approx(0.05 / np.sqrt(LAYOUT.size), rel=0.1)
     assert not any("alike among neighbours" in note for note in notes)
+
+
+def test_a_number_that_one_incidence_alone_tells_of_is_not_known_to_independent_noise():
+    """A lobe that only the last incidence sees: with that one left out nothing tells of its scale."""
+    theta = np.radians(np.append(np.linspace(0, 40, 20), 80.0))
+    layout = layouts.isotropic(theta, np.radians(np.arange(60, 86, 2.5)), np.radians(np.arange(0, 360, 45)))
+    f = 0.1 * (1 + 0.05 * np.sin(9 * theta)).reshape(-1, 1, 1, 1) * np.ones((*layout.shape, 1))
+    f[-1] += np.exp(-(((np.degrees(layout.axes["theta_o"]) - 80) / 5) ** 2))[:, None, None]
+    result = fit(whole_table_of_values(layout, f, channels=Channels.grey()), "lambert + ggx(alpha=0.01)", loss="linear")
+    scale = next(p for p in result.parameters if p.name == "ggx.scale")
+    assert scale.standard_uncertainty > 0.3 * scale.value or scale.status != "determined"
