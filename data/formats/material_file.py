@@ -26,7 +26,8 @@ FIT_KEYS: dict[str, Any] = {
     "parameters": [
         {"name": str, "status": str, "value": NUMBER, "standard_uncertainty": NUMBER, "interval95": [NUMBER]}
     ],
-    "residuals": {"sentences": [str]}, "bootstrap": {"numbers": [{"name": str, "standard_uncertainty": NUMBER}]},
+    "residuals": {"sentences": [str], "worst_region": str, "noisiness": {"verdict": str}},
+    "bootstrap": {"numbers": [{"name": str, "standard_uncertainty": NUMBER}]},
     "colour_difference": {"name": str, "mean": NUMBER, "p95": NUMBER}, "correlation": [[NUMBER]],
     "correlated": [{"a": str, "b": str, "correlation": NUMBER}], "alternatives": [{"model": str}],
     "undetermined": [str], "notes": [str], "active_bounds": [str],

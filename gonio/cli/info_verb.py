@@ -55,8 +55,12 @@ def _material(m: "Material") -> dict[str, Any]:
     facts = {"kind": "material", "name": m.name, "description": m.description}
     facts |= {"model": m.expression or to_expression(m.brdf), "channels": list(m.channels.names), "source": m.source}
     fit = m.meta.get("fit", {})
+    if not fit:
+        return facts
+    from gonio.fitting.judgement import judge_fit
+
     known = {k: fit[k] for k in FIT_FACTS if k in fit} | fit.get("metrics", {})
-    return facts | {f"fit {k}": v for k, v in known.items()}
+    return facts | {"fit": judge_fit(fit).sentence} | {f"fit {k}": v for k, v in known.items()}
 
 
 def _table(t: "Table") -> dict[str, Any]:

@@ -188,10 +188,10 @@ def _fit_facts(material: Material) -> dict[str, Any]:
     values = {**plain(material.meta["fit"]), "spelling": material.expression}
     if isinstance(values.get("free_names"), list):
         values["free_count"] = len(values["free_names"])
-    if "judgement" not in values:  # a file from before fits were judged
-        values["metrics"] = values.get("metrics", {}) | {"largest_albedo": bounded_largest_albedo(material.brdf).value}
-        values["judgement"] = judge_fit(values)._asdict()
-    return values
+    if "largest_albedo" not in (metrics := values.get("metrics", {})):  # a file from before it was computed
+        values["metrics"] = metrics | {"largest_albedo": bounded_largest_albedo(material.brdf).value}
+    # By what the file reports, not by what it calls itself.
+    return values | {"judgement": judge_fit(values)._asdict()}
 
 
 def provenance(s: ReportSubject) -> list[dict[str, str]]:

@@ -75,7 +75,9 @@ def test_fit_writes_a_material(here, capsys):
     fitted = tomllib.loads((here / "f.toml").read_text())
     assert fitted["fit"]["converged"] and float(fitted["model"].split("=")[1].rstrip(")")) == pytest.approx(0.25)
     assert json.loads((here / "f.json").read_text())["samples"] == 6 * 6 * 8
-    assert main(["info", "f.toml"]) == 0 and "fit converged" in capsys.readouterr().out
+    assert main(["info", "f.toml"]) == 0
+    out = capsys.readouterr().out
+    assert "fit converged" in out and fitted["fit"]["judgement"]["sentence"] in out
     assert main(["eval", "f.toml", "--directions", "d.csv"]) == 0
 
 

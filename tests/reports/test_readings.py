@@ -143,6 +143,14 @@ def test_one_sentence_says_whether_a_fit_is_good(fitted):
     assert text.index(good["sentence"].split("(")[0]) < text.index("<h2 id=")
 
 
+def test_a_fit_is_judged_by_its_numbers_not_by_what_its_file_says(fitted):
+    t, (_, failed) = fitted
+    fit = failed.material.meta["fit"] | {"judgement": {"verdict": "good", "sentence": "A good fit."}}
+    claimed = dataclasses.replace(failed.material, meta={"fit": fit})
+    values, _ = section(t, [claimed])
+    assert values["fits"][0]["judgement"]["verdict"] == "failed"
+
+
 def test_fitted_materials_of_other_tables_stay_subjects(fitted):
     t, results = fitted
     subjects, fits = split_fits([dataclasses.replace(t, name="other"), results[0], "lambert(rho=0.5)"])
