@@ -8,6 +8,7 @@ import numpy as np
 
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
+from gonio.fitting.assembly import assemble_result
 from gonio.fitting.fit_model import FitOptions, FitSettings, FitTask, compile_ahead, fit_model
 from gonio.fitting.problem.readings import (
     NO_UNCERTAINTY,
@@ -17,7 +18,7 @@ from gonio.fitting.problem.readings import (
     readings_of,
     sigma_of,
 )
-from gonio.fitting.result import FitResult, assemble_result
+from gonio.fitting.result import FitResult
 from gonio.fitting.selection.automatic import Selection, select_model, shows_anisotropy
 from gonio.fitting.selection.scene_promise import promise
 from gonio.fitting.selection.scene_selection import SceneView, view_of

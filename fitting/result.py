@@ -14,31 +14,20 @@ from gonio.data.files import new_file
 from gonio.data.material import Material
 from gonio.data.serialise import toml_values, unboxed
 from gonio.data.table import Channels
-from gonio.fitting.fit_model import FitTask
-from gonio.fitting.judgement import ALBEDO_TOLERANCE, FAILED, FitJudgement, judge_fit
-from gonio.fitting.problem.parameterisation import of_channel
+from gonio.fitting.judgement import FAILED, FitJudgement, judge_fit
 from gonio.fitting.residuals.colour_difference import sphere_difference
-from gonio.fitting.residuals.energy import LargestAlbedo, confirmed, largest_albedo
-from gonio.fitting.residuals.metrics import metrics
 from gonio.fitting.residuals.summary import Evidence, ResidualSummary, summarise
-from gonio.fitting.solver.levenberg_marquardt import eps, is_double
-from gonio.fitting.uncertainty.bootstrap import bootstrap, bootstrap_summary
-from gonio.fitting.uncertainty.clusters import with_clusters
-from gonio.fitting.uncertainty.identifiability import MOST_ALIKE, listed, undetermined_sentences
 from gonio.fitting.uncertainty.joint_covariance import JointCovariance
-from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
-from gonio.fitting.uncertainty.profile_likelihood import with_profiles
+from gonio.fitting.uncertainty.optimum import ParameterEstimate
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.catalog import MODELS
 from gonio.models.deprecation import renamed_attribute
 from gonio.models.display import Displayed
 from gonio.models.errors import printable
-from gonio.models.expression.builder import build, frame, number_label, to_expression
-from gonio.models.expression.parser import FACTOR, Term, Value, calls, changed, numbers, parse
+from gonio.models.expression.builder import build, frame, number_label
+from gonio.models.expression.parser import Value, changed, numbers, parse
 
 CORRELATED = 0.95  # from which on a correlation is reported
 MOST_CORRELATED = 5
-FEW_CHANNELS = 4  # whose albedos are all computed to a bound
 MOST_IN_FULL = 64  # free numbers whose covariance files keep in full
 JUDGED = ("converged", "reason", "metrics", "undetermined")  # attributes
 MOST_SHOWN = 7  # numbers in a repr
@@ -329,182 +318,3 @@ class FitResult(Displayed):
 def _spread(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """√(gᵀ C g) of slopes g (K, ...) by numbers with a covariance C (K, K)."""
     return np.sqrt(np.maximum(np.einsum("i...,ij,j...->...", slopes, covariance, slopes), 0.0))
-
-
-def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, float]) -> FitResult:
-    """The result of one joint optimum, or of one optimum for each channel."""
-    settings, readings, channels = task.settings, task.readings, task.channels
-    optima, notes = _widened(task, optima)
-    clustered = [with_clusters(e, settings.seed) for e in optima]
-    optima, notes = [e for e, _ in clustered], [*notes, *dict.fromkeys(note for _, note in clustered if note)]
-    optima = [with_profiles(e, vague) if (vague := e.vague_numbers()) else e for e in optima]
-    of_channel = [None] if len(optima) == 1 else list(channels.names)
-    estimates = [e.estimates(channels, name) for e, name in zip(optima, of_channel, strict=True)]
-    free = [p for each in estimates for p in each]
-    labels = [p.label for p in free]
-    for e, each in zip(optima, estimates, strict=True):
-        if e.unfollowed:
-            these = listed([each[k].label for k in e.unfollowed])
-            notes.append(
-                f"95 % intervals of {these}: they come from the covariance matrix; the profile likelihood did not "
-                "reach its limit"
-            )
-    cost = float(sum(e.cost for e in optima))
-    f = np.concatenate([e.model_f for e in optima], axis=1)
-    brdf = build(fitted := optima[0].parameters.filled(task.terms, [e.p for e in optima]))
-    measures = metrics(f, readings)
-    measures["unexplained"] = _unexplained(optima)
-    measures["largest_albedo"] = (albedo := _largest_albedo(optima, fitted)).value
-    if albedo.value > 1.0 + ALBEDO_TOLERANCE:
-        notes.insert(0, _creates_energy(albedo, channels))
-    if task.likelihood:
-        measures["reduced_chi2"] = 2.0 * cost / max(readings.count - len(free), 1)
-    return FitResult(
-        expression=to_expression(brdf), requested=task.requested, brdf=brdf, channels=channels,
-        parameters=free + _fixed(task.terms, optima[0], channels), free_names=labels,
-        uncertainty=[e.covariance for e in optima], converged=all(e.converged for e in optima),
-        reason=_reason(optima), stationarity=max(e.projected_gradient for e in optima),
-        exact=all(e.exact for e in optima), loss=task.loss, weight=task.weight, cost=cost, metrics=measures,
-        samples=readings.count, cells=readings.f.shape[0],
-        negative_readings=int(np.count_nonzero(readings.valid & (readings.f < 0))),
-        starts=sum(e.starts for e in optima), starts_agreed=sum(e.agreed for e in optima),
-        bic=_bic(task, optima, cost, len(free)),
-        undetermined=_undetermined(optima, estimates),
-        active_bounds=[p.label for p in free if p.status.startswith("at ")], seconds=seconds,
-        theta_max=settings.theta_max, table=task.table, counts=task.counts,
-        notes=[*notes, *sorted({n for e in optima for n in e.notes}), *_kept_defaults(task.terms)],
-        floor=[float(e.problem.samples.floor) for e in optima], robust=settings.robust,
-        evidence=_evidence(task, optima, f, cost), bootstrap=_bootstrap(task, optima, labels),
-    )  # fmt: skip
-
-
-def _kept_defaults(terms: tuple[Term, ...]) -> list[str]:
-    """A note for each model on the parameters that have a default, which the expression does not name."""
-    notes = []
-    for call in calls(terms):
-        defaults = {f.name: f.default for f in dataclasses.fields(MODELS[call.name]) if "parameter" in f.metadata}
-        kept = [
-            f"{name}={default:g}"
-            for name, default in defaults.items()
-            if name not in call.values and isinstance(default, int | float)
-        ]
-        if kept:
-            notes.append(f"{call.name} keeps {', '.join(kept)}: not fitted; write name=? to free one")
-    return notes
-
-
-def _unexplained(optima: list[Optimum]) -> float:
-    """Σr² over that of the best Lambertian of each channel: the share of what there is to explain that is left."""
-    remaining = total = 0.0
-    for e in optima:
-        y, linear = np.where(e.problem.weight > 0, e.readings.f, 0.0), e.problem.linearised().weight
-        share = np.where(np.isfinite(linear), linear, 0.0) ** 2
-        mean = np.sum(share * y, axis=0) / np.maximum(np.sum(share, axis=0), 1e-300)
-        total += float(np.sum(e.problem.residuals(np.broadcast_to(mean, y.shape)) ** 2))
-        remaining += 2.0 * float(e.cost)
-    return remaining / total if total > 0 else float("nan")
-
-
-def _largest_albedo(optima: list[Optimum], fitted: tuple[Term, ...]) -> LargestAlbedo:
-    each = [largest_albedo(functools.partial(e.problem.values_at, e.p), e.parameters.channels) for e in optima]
-    channel = int(np.argmax([a.value for a in each]))
-    worst = each[channel] if len(each) == 1 else each[channel]._replace(channel=channel)
-    if max(len(each), optima[0].parameters.channels) <= FEW_CHANNELS:
-        return confirmed(worst, build(fitted))
-    return confirmed(worst, build(of_channel(fitted, worst.channel)))._replace(channel=worst.channel)
-
-
-def _creates_energy(a: LargestAlbedo, channels: Channels) -> str:
-    channel = f" in channel {channels.names[a.channel]}" if len(channels) > 1 and a.channel < len(channels) else ""
-    return (
-        f"the fitted model reflects more than it receives: {a.value:.3f} of the light at θi "
-        f"{np.degrees(a.theta_i):.0f}°{channel}; do not use it where energy counts"
-    )
-
-
-def _undetermined(optima: list[Optimum], estimates: list[list[ParameterEstimate]]) -> list[str]:
-    unclear = [
-        (e, each)
-        for e, each in zip(optima, estimates, strict=True)
-        if e.covariance.undetermined.any() or any(p.status == "undetermined" for p in each) or e.combinations
-    ]
-    if len(unclear) <= MOST_ALIKE:
-        return [sentence for e, each in unclear for sentence in undetermined_sentences(e, each)]
-    names = [each[0].channel or "" for _, each in unclear[1:]]
-    return [
-        *undetermined_sentences(*unclear[0]),
-        f"numbers of {len(names)} other channels are open too: {listed(names)}",
-    ]
-
-
-def _bootstrap(task: FitTask, optima: list[Optimum], labels: list[str]) -> dict[str, Any] | None:
-    o = task.settings
-    if not (o.bootstrap and labels):
-        return None
-    return bootstrap_summary(optima, [bootstrap(e, o.bootstrap, o.bootstrap_kind, o.seed) for e in optima], labels)
-
-
-def _evidence(task: FitTask, optima: list[Optimum], f: np.ndarray, cost: float) -> Evidence:
-    robust = optima[0].downweighted
-    if robust is not None:
-        kept = np.concatenate([e.downweighted.kept for e in optima if e.downweighted], axis=1)
-        robust = dataclasses.replace(robust, kept=kept)
-    return Evidence(
-        task.readings, f, np.concatenate([e.problem.weight for e in optima], axis=1), task.loss,
-        np.array([float(e.problem.samples.floor) for e in optima]), task.likelihood, all(e.exact for e in optima),
-        sum(e.p.size for e in optima), 2.0 * cost if task.likelihood else None, robust, task.layout,
-        task.settings.seed,
-    )  # fmt: skip
-
-
-def _widened(task: FitTask, optima: list[Optimum]) -> tuple[list[Optimum], list[str]]:
-    """Where residuals exceed the known noise, uncertainties grow by Birge's ratio √χ²ᵣ [Birge 1932], with a note."""
-    if not task.likelihood:
-        return optima, []
-    freedom = max(task.readings.count - sum(e.p.size for e in optima), 1)
-    chi2 = 2.0 * sum(e.cost for e in optima) / freedom
-    if chi2 <= 1.0 + 5.0 * np.sqrt(2.0 / freedom):
-        return optima, []
-    return [e.widened(chi2) for e in optima], [
-        f"the residuals exceed the known noise (reduced χ² {chi2:.3g}): the model leaves something out; the standard "
-        f"uncertainties are widened by {np.sqrt(chi2):.3g}"
-    ]
-
-
-def _reason(optima: list[Optimum]) -> str:
-    reasons = []
-    for e in optima:
-        if not np.isfinite(e.cost):
-            reasons.append("the cost is not finite")
-        elif e.exact:
-            reasons.append("exact: the residual is rounding")
-        elif e.projected_gradient <= e.limit:
-            single = f"stationary to {e.limit:.1g}, which single precision allows"
-            reasons.append("stationary" if is_double() else single)
-        else:
-            reasons.append(f"not stationary: the projected gradient is {e.projected_gradient:.1e}, above {e.limit:.1g}")
-    return "; ".join(dict.fromkeys(reasons))
-
-
-def _bic(task: FitTask, optima: list[Optimum], cost: float, free: int) -> float:
-    """Schwarz's criterion [Schwarz 1978], up to what models on the same readings share; lower is better."""
-    count = task.readings.count
-    if task.likelihood:
-        return 2.0 * cost - 2.0 * sum(e.log_weight for e in optima) + free * np.log(count)
-    least = sum(e.problem.target_norm_squared for e in optima) * (1e3 * eps()) ** 2
-    return float(count * np.log(max(2.0 * cost, least, 1e-300) / count) + free * np.log(count))
-
-
-def _fixed(terms: tuple[Term, ...], e: Optimum, channels: Channels) -> list[ParameterEstimate]:
-    """The numbers that the expression fixes."""
-    estimates = []
-    for index, term in enumerate(terms):
-        for n in (n for n in numbers(term) if n.path in e.problem.fixed[index]):
-            high = np.inf if n.name == FACTOR else n.info.high
-            values = np.atleast_1d(np.asarray(n.value.number, float)).tolist()
-            for c, value in enumerate(values):
-                channel = channels.names[c] if len(values) > 1 else None
-                name, domain = number_label(e.parameters.frames, index, n.path), (n.info.low, high)
-                nothing = (value, value)
-                estimates.append(ParameterEstimate(name, channel, value, 0.0, nothing, "fixed", n.info.unit, *domain))
-    return estimates
