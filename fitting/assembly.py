@@ -34,8 +34,8 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
     clustered = [with_clusters(e, settings.seed) for e in optima]
     optima, notes = [e for e, _ in clustered], [*notes, *dict.fromkeys(note for _, note in clustered if note)]
     optima = [with_profiles(e, vague) if (vague := e.vague_numbers()) else e for e in optima]
-    of_channel = [None] if len(optima) == 1 else list(channels.names)
-    estimates = [e.estimates(channels, name) for e, name in zip(optima, of_channel, strict=True)]
+    only = [None] if len(optima) == 1 else list(channels.names)
+    estimates = [e.estimates(channels, name) for e, name in zip(optima, only, strict=True)]
     free = [p for each in estimates for p in each]
     labels = [p.label for p in free]
     for e, each in zip(optima, estimates, strict=True):
