@@ -25,6 +25,7 @@ from gonio.models.expression.builder import build, number_label, to_expression
 from gonio.models.expression.parser import FACTOR, Term, calls, numbers
 
 FEW_CHANNELS = 4  # whose albedos are all computed to a bound
+BRUSHED_CHANNELS = 32  # the same of brushed lobes, whose brightest channel a rough sum may mistake
 
 
 def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, float]) -> FitResult:
@@ -105,8 +106,9 @@ def _largest_albedo(optima: list[Optimum], fitted: tuple[Term, ...]) -> LargestA
     each = [largest_albedo(functools.partial(e.problem.values_at, e.p), e.parameters.channels) for e in optima]
     channel = int(np.argmax([a.value for a in each]))
     worst = each[channel] if len(each) == 1 else each[channel]._replace(channel=channel)
-    if max(len(each), optima[0].parameters.channels) <= FEW_CHANNELS:
-        return confirmed(worst, build(fitted))
+    brdf, count = build(fitted), max(len(each), optima[0].parameters.channels)
+    if count <= FEW_CHANNELS or (count <= BRUSHED_CHANNELS and not brdf.isotropic):
+        return confirmed(worst, brdf)
     return confirmed(worst, build(of_channel(fitted, worst.channel)))._replace(channel=worst.channel)
 
 

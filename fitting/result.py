@@ -58,8 +58,8 @@ class FitResult(Displayed):
         stationarity: largest projected gradient; `exact`: the residual is rounding.
         loss, weight, robust, theta_max: as resolved; `floor`: of the loss, one for each channel fitted by itself.
         cost: ½Σr² of the loss; `bic`: compares models on the same readings and loss; `metrics`: differences by
-            name; `unexplained`, Σr² over that of the best Lambertian; `largest_albedo` of incidences up to 85°, to some
-            per cent below 0.85 and to 1e-4 above; `reduced_chi2` where the noise is known.
+            name; `unexplained`, Σr² over that of the best Lambertian; `largest_albedo` of incidences up to 85°, to 2 %
+            below 0.95 and to 1e-4 above and for brushed models; `reduced_chi2` where the noise is known.
         samples, cells, negative_readings: what was fitted; `counts`: readings by what became of them.
         starts, starts_agreed: descents, and how many ended at the best cost.
         undetermined, active_bounds, notes: sentences and labels.

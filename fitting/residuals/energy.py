@@ -16,8 +16,8 @@ RADII, TURNS = 48, 32
 MANY = 32  # channels
 LEAST_NODES, MOST_VALUES = 1 << 12, 1 << 19  # directions, and values of f, that are evaluated at a time
 NARROWEST, WIDEST = 1e-4, 1e3  # slopes of the half vector between which a lobe has its width
-CREATES = 0.02  # albedo above 1 from which on a model surely creates energy: about what this sum may err by
-SUSPECT = 0.85  # albedo from which on it is computed to a bound: a narrow brushed lobe may come out so much too low
+CREATES = 0.02  # albedo above 1 from which on an isotropic model surely creates energy: what this sum may err by
+SUSPECT = 0.95  # albedo from which on it is computed to a bound
 
 
 class LargestAlbedo(NamedTuple):
@@ -38,7 +38,7 @@ class Nodes(NamedTuple):
     incidence: np.ndarray
 
     def thinned(self) -> "Nodes":
-        """A third of the directions, with the same weight at each incidence: 1 % off, 2 % for narrow brushed lobes."""
+        """A third of the directions, with the same weight at each incidence: 2 % off as well."""
         kept = slice(1, None, 3)
         wi, wo = (Direction(*(c[kept] for c in w)) for w in (self.wi, self.wo))
         weight, incidence = self.weight[kept], self.incidence[kept]
@@ -51,7 +51,8 @@ def nodes() -> Nodes:
     """Nodes about the mirror direction, back to the light and over the hemisphere, by the balance heuristic.
 
     Three rules, each of one density over the directions, share the integrand in the ratio of their densities
-    [Veach & Guibas 1995]: lobes of any width about either direction are resolved, and so is a diffuser.
+    [Veach & Guibas 1995]: round lobes of any width about either direction are resolved to 2 %, and so is a diffuser. Of
+    a narrow brushed lobe more than half may be missed.
     """
     columns: list[np.ndarray] = []
     for index, (theta, phi) in enumerate((t, p) for t in INCIDENCES for p in AZIMUTHS):
@@ -95,7 +96,7 @@ def _density(w: np.ndarray, wo: np.ndarray) -> np.ndarray:
 
 
 def largest_albedo(values: Callable[[Direction, Direction], np.ndarray], channels: int = 1) -> LargestAlbedo:
-    """The largest directional albedo of a model at `INCIDENCES` from two azimuths, to some per cent.
+    """The largest directional albedo of an isotropic model at `INCIDENCES` from two azimuths, to 2 %.
 
     Args:
         values: f (n, C), 1/sr, at directions of shape (n,).
@@ -113,8 +114,11 @@ def largest_albedo(values: Callable[[Direction, Direction], np.ndarray], channel
 
 
 def confirmed(rough: LargestAlbedo, brdf: AbstractBRDF) -> LargestAlbedo:
-    """The same to 1e-4 where the rough one nears 1 [`gonio.models.albedo.directional_albedo`]."""
-    return rough if rough.value < SUSPECT else bounded_largest_albedo(brdf)
+    """The same to 1e-4 where the rough one nears 1, and for brushed lobes, which `nodes` may miss.
+
+    See `gonio.models.albedo.directional_albedo`.
+    """
+    return rough if brdf.isotropic and rough.value < SUSPECT else bounded_largest_albedo(brdf)
 
 
 def bounded_largest_albedo(brdf: AbstractBRDF) -> LargestAlbedo:
