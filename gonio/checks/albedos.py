@@ -120,13 +120,13 @@ def with_hemispherical(judged: Property, albedos: Albedos) -> Property:
     judged.facts |= {"hemispherical_albedo": value.tolist(), "hemispherical_bound": bound.tolist()}
     if np.isfinite(bound).all():
         numbers = ", ".join(_with_bound(float(v), float(b)) for v, b in zip(value, bound, strict=True))
-        judged.detail += f" Under uniform light it reflects {numbers}."
+        judged.detail += f" Under uniform light its albedo is {numbers}."
     return judged
 
 
 def _with_bound(value: float, bound: float) -> str:
     """An albedo with its bound, or that it is not known, where the bound leaves nothing of it."""
-    return f"{value:.4g} (±{bound:.1g})" if bound < max(value, 0.01) else f"a share that is not known (±{bound:.1g})"
+    return f"{value:.4g} (±{bound:.1g})" if bound < max(value, 0.01) else f"not known (±{bound:.1g})"
 
 
 def hemispherical(theta: np.ndarray, value: np.ndarray, bound: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
