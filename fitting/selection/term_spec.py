@@ -110,12 +110,17 @@ def lobes_of(terms: Terms) -> list[int]:
     return [k for k, term in enumerate(terms) if term.is_lobe]
 
 
+def is_dear(terms: Terms) -> bool:
+    """Whether a term costs hundreds of GGX lobes: a second lobe is then the cheaper number to add to another."""
+    return any(term.model == "std" for term in terms)
+
+
 def steps(terms: Terms, anisotropic: bool, channels: int) -> Iterator[Terms]:
     """A candidate with one more lobe or freedom, all out of GGX's two programs."""
     lobes = lobes_of(terms)
     first = terms[lobes[0]] if lobes else None
-    if len(lobes) < MAX_LOBES:
-        model = first.model if first and first.has_fresnel and first.model != "std" else "ggx"
+    if len(lobes) < MAX_LOBES and not is_dear(terms):
+        model = first.model if first and first.has_fresnel else "ggx"
         for fresnel in (NO_FRESNEL, SCHLICK, DIELECTRIC):
             yield (*terms, TermSpec(model, fresnel))
     for k in lobes:
@@ -137,8 +142,9 @@ def families(terms: Terms) -> Iterator[Terms]:
     for k in (k for k in lobes if terms[k].model != "retro"):
         t = terms[k]
         for model in ("ggx", *FACETS):
-            # Student's slopes cost two hundred times a GGX lobe: a second lobe is the cheaper number to add.
-            if model == t.model or t.anisotropic or (model == "std" and (len(lobes) > 1 or t.width_each)):
+            if model == t.model or t.anisotropic:
+                continue
+            if model == "std" and (len(lobes) > 1 or t.width_each or t.fresnel == METAL):
                 continue
             keeps = model in WITH_FRESNEL and t.has_fresnel
             width_each = t.width_each and "alpha" in parameters_of(MODELS[model])
@@ -148,7 +154,7 @@ def families(terms: Terms) -> Iterator[Terms]:
             yield from (changed(terms, [k], fresnel=f) for f in (GLASS, DIELECTRIC_SCALED) if f != t.fresnel)
         if t.model in ("ggx", "beckmann"):
             yield changed(terms, [k], separable=not t.separable)
-    if len(lobes) < MAX_LOBES:
+    if len(lobes) < MAX_LOBES and not is_dear(terms):
         yield from ((*terms, TermSpec(model)) for model in (*OTHER_LOBES, "ggx", "beckmann"))
     if all(term.is_lobe for term in terms):
         yield (LAMBERT, *terms)
