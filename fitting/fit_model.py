@@ -21,6 +21,7 @@ from gonio.data.table import Channels
 from gonio.fitting.problem.parameterisation import Parameterisation, of_channel, parameters, snapped
 from gonio.fitting.problem.problem import FitProblem, compile_page_program
 from gonio.fitting.problem.readings import LOSSES, WEIGHTS, Readings, loss_floor, relative_sigma, residual_weights
+from gonio.fitting.solver.curvature import completed
 from gonio.fitting.solver.levenberg_marquardt import (
     NEAR,
     Descent,
@@ -263,6 +264,8 @@ def _optimum(task: FitTask) -> Optimum:
         end, problem, downweighted = robust.descent, robust.problem, robust.downweighted
         if not robust.settled:
             notes.append(f"the robust weights had not settled after {ROUNDS} rounds")
+    if not end.successful:
+        end = completed(problem, end)
     agreement = (len(starts.ends), starts.agreed)
 
     def optimum(end: Descent) -> Optimum:
