@@ -32,7 +32,7 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
     """The result of one joint optimum, or of one optimum for each channel."""
     settings, readings, channels = task.settings, task.readings, task.channels
     optima, notes = _widened(task, optima)
-    clustered = [with_clusters(e, settings.seed) for e in optima]
+    clustered = [with_clusters(e, settings.seed, task.likelihood) for e in optima]
     optima, notes = [e for e, _ in clustered], [*notes, *dict.fromkeys(note for _, note in clustered if note)]
     optima = [with_profiles(e, vague) if (vague := e.vague_numbers()) else e for e in optima]
     only = [None] if len(optima) == 1 else list(channels.names)

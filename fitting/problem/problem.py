@@ -33,6 +33,7 @@ from gonio.fitting.problem.readings import (
     chunks,
     in_blocks,
     transform,
+    transformed,
     uses_cosine,
 )
 from gonio.models.compiling import options
@@ -329,7 +330,7 @@ class FitProblem:
         flat, norm_squared = target.reshape(-1, channels), 0.0
         for some in chunks(n, channels):
             compared = flat[some] if cosine is None else flat[some] * cosine[some]
-            flat[some] = transform(loss, compared, floor, np)[0]
+            flat[some] = transformed(loss, compared, floor)
             norm_squared += float(np.sum((weights.reshape(-1, channels)[some] * flat[some]) ** 2))
         samples = Samples(wi, wo, target, weights, np.asarray(-(-n // shape[1])), np.asarray(float(floor)))
         return cls(parameters, fixed, loss, parameters.domains, readings, weight, samples, norm_squared)
@@ -450,7 +451,7 @@ def _total(squares: list[np.ndarray], number: int) -> np.ndarray:
 def compared(readings: Readings, loss: str, floor: float | AnyArray, f: np.ndarray) -> np.ndarray:
     """T(f c) of a loss at the readings' directions, for values f (n, C); the floor may be one for each channel."""
     c = np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else 1.0
-    return transform(loss, f * c, floor, np)[0]
+    return transformed(loss, f * c, floor)
 
 
 def weighted_residuals(

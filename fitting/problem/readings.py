@@ -75,6 +75,11 @@ class Readings:
         return dataclasses.replace(self, f=self.f[:, these], u_f=self.u_f[:, these], valid=self.valid[:, these])
 
 
+def evenly_spaced(channels: int, most: int) -> np.ndarray:
+    """Indices of at most so many channels, the first and the last among them."""
+    return np.unique(np.linspace(0, channels - 1, min(channels, most)).astype(int))
+
+
 def readings_of(table: Table, limit: int | None = None, theta_max: float | None = None, seed: int = 0) -> Readings:
     """The valid readings of a table with both directions above the horizon (and below `theta_max`, radians)."""
     block: Block = table.samples(limit=limit, theta_max=theta_max, seed=seed)
@@ -191,14 +196,25 @@ def uses_cosine(loss: str) -> bool:
 def transform(loss: str, v: Any, floor: Any, xp: ModuleType = jnp) -> tuple[Any, Any]:
     """(T(v), T'(v)) of a loss; shapes of v."""
     if loss == "cbrt":
-        s = v * v + floor * floor
-        inverse = 1.0 / np.cbrt(s) if xp is np else inverse_cube_root(s)
-        return v * inverse, (1.0 - (2.0 / 3.0) * (v * v / s)) * inverse
+        inverse = _inverse_root(v, floor, xp)
+        return v * inverse, (1.0 - (2.0 / 3.0) * (v * v / (v * v + floor * floor))) * inverse
     if loss in ("log", "log1p"):
-        unit = floor if loss == "log" else 1.0
-        size = xp.abs(v)
-        return xp.sign(v) * xp.log1p(size / unit), 1.0 / (unit + size)
+        return transformed(loss, v, floor, xp), 1.0 / ((floor if loss == "log" else 1.0) + xp.abs(v))
     return v, xp.ones_like(v)
+
+
+def transformed(loss: str, v: Any, floor: Any, xp: ModuleType = np) -> Any:
+    """T(v) of a loss; shape of v."""
+    if loss == "cbrt":
+        return v * _inverse_root(v, floor, xp)
+    if loss in ("log", "log1p"):
+        return xp.sign(v) * xp.log1p(xp.abs(v) / (floor if loss == "log" else 1.0))
+    return v
+
+
+def _inverse_root(v: Any, floor: Any, xp: ModuleType) -> Any:
+    s = v * v + floor * floor
+    return 1.0 / np.cbrt(s) if xp is np else inverse_cube_root(s)
 
 
 def floor_of(loss: str, compared: np.ndarray) -> float:

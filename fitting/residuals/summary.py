@@ -7,7 +7,7 @@ import numpy as np
 
 from gonio.data.layouts import Layout
 from gonio.fitting.problem.problem import weighted_residuals
-from gonio.fitting.problem.readings import Readings
+from gonio.fitting.problem.readings import Readings, evenly_spaced
 from gonio.fitting.residuals.maps import AXES, ResidualMap, map_cells, residual_map
 from gonio.fitting.residuals.noise_tests import SIGNIFICANT, NoiseTests, least_noise_like, noise_tests
 from gonio.fitting.residuals.pair_angles import PairAngles, neighbour_order, pair_angles
@@ -75,7 +75,7 @@ def summarise(e: Evidence) -> ResidualSummary:
     if n > MAX_CELLS:
         cells = np.sort(np.random.default_rng(e.seed).choice(n, MAX_CELLS, replace=False))
     count = e.readings.f.shape[1]
-    channels = np.unique(np.linspace(0, count - 1, min(count, max(1, MAX_READINGS // cells.size))).astype(int))
+    channels = evenly_spaced(count, max(1, MAX_READINGS // cells.size))
     subset = e.readings.part(cells).of_channels(channels)
     order = neighbour_order(subset.wi, subset.wo)
     cells, subset = cells[order], subset.part(order)

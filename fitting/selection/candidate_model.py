@@ -14,7 +14,7 @@ import numpy as np
 
 from gonio.fitting.problem.parameterisation import Domains, Parameters, domain_kind, parameters
 from gonio.fitting.problem.problem import NormalEquations, summed
-from gonio.fitting.problem.readings import transform, uses_cosine
+from gonio.fitting.problem.readings import transform, transformed, uses_cosine
 from gonio.fitting.selection.term_spec import Terms, TermSpec, expression_of, kernel_arguments
 from gonio.models.expression.builder import Frame, assemble
 from gonio.models.expression.parser import FACTOR, parse, with_defaults
@@ -87,7 +87,7 @@ class SelectionData:
         """From readings f (n, C), 1/sr, and their weights."""
         n = f.shape[0]
         cosine = np.asarray(wi.z, float)[:, None] if uses_cosine(loss) else np.ones((n, 1))
-        target = transform(loss, f * cosine, floor, np)[0]
+        target = transformed(loss, f * cosine, floor)
         return cls(_blocks(wi, wo), f, target, weight, cosine, loss, floor)
 
     @property

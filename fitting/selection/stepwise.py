@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from gonio.fitting.problem.readings import Readings, coarse_cells, floor_of, uses_cosine
+from gonio.fitting.problem.readings import Readings, coarse_cells, evenly_spaced, floor_of, uses_cosine
 from gonio.fitting.residuals.energy import CREATES, largest_albedo
 from gonio.fitting.selection import criteria
 from gonio.fitting.selection.candidate import ROUNDING, Candidate, SelectionResult
@@ -207,7 +207,7 @@ def stepwise_selection(
     if cells is None:
         cells = coarse_cells(readings, SAMPLE, seed)
     count = readings.f.shape[1]
-    channels = np.unique(np.linspace(0, count - 1, min(count, MAX_CHANNELS)).astype(int))
+    channels = evenly_spaced(count, MAX_CHANNELS)
     subset = readings.part(cells)
     f, valid = subset.f[:, channels], subset.valid[:, channels]
     weight = valid.astype(float)

@@ -6,7 +6,6 @@ grows with it.
 """
 
 import dataclasses
-import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -84,15 +83,18 @@ def scales(residual: np.ndarray, model: np.ndarray, valid: np.ndarray, least: fl
     size, level = np.abs(residual[valid]), np.abs(model[valid])
     if not size.size:
         return scale
-    order = np.argsort(level, kind="stable")
     edges = [0]
     while size.size - edges[-1] >= 2 * CLASS:
         edges.append(edges[-1] + (size.size - edges[-1]) // 2)
-    edges.append(size.size)
+    ordered = np.sort(level)
+    starts = np.searchsorted(ordered, ordered[edges])  # what is equally bright stays together
+    starts = starts[1:][np.diff(starts) >= CLASS]
+    kind = np.searchsorted(ordered[starts], level, side="right")
     floor = max(least, 0.01 * NORMAL_MAD * float(np.median(size)), np.finfo(float).tiny ** 0.5)
     within = np.empty(size.size)
-    for a, b in itertools.pairwise(edges):
-        within[order[a:b]] = max(NORMAL_MAD * float(np.median(size[order[a:b]])), floor)
+    for k in range(starts.size + 1):
+        alike = kind == k
+        within[alike] = max(NORMAL_MAD * float(np.median(size[alike])), floor)
     scale[valid] = within
     return scale
 

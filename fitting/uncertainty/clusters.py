@@ -1,4 +1,4 @@
-"""Standard uncertainties where residuals are alike among neighbours: by incidences or blocks, not by readings.
+"""Standard uncertainties where residuals are alike among neighbours, by incidences or blocks; and where they are few.
 
 What a model leaves out is no independent noise: readings of one neighbourhood err together, so that there are fewer
 independent ones than readings. The covariance is the jackknife's over clusters, each left out in turn and followed by
@@ -11,8 +11,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from gonio.fitting.problem.arrow import Arrow
-from gonio.fitting.problem.problem import FitProblem, NormalEquations
-from gonio.fitting.problem.readings import Readings
+from gonio.fitting.problem.problem import FitProblem, NormalEquations, weighted_residuals
+from gonio.fitting.problem.readings import Readings, evenly_spaced
 from gonio.fitting.residuals.noise_tests import noise_tests
 from gonio.fitting.residuals.pair_angles import neighbour_order
 from gonio.fitting.solver.robust_weights import scales
@@ -21,6 +21,7 @@ from gonio.fitting.uncertainty.covariance import NORMAL_95
 from gonio.fitting.uncertainty.optimum import Optimum
 
 MOST_CELLS = 1 << 14  # of more, a random choice
+MOST_READINGS = 1 << 18  # of these cells; of more, evenly spaced channels
 MOST_CLUSTERS = 64  # of more, several are left out together
 DAMPING = 1e-12
 SEEN = 1e-9  # of what all clusters tell of a number, below which the others tell nothing of it
@@ -30,12 +31,13 @@ FEWEST_INCIDENCES = 10
 FEWEST = 100  # cells below which blocks say nothing
 
 
-def with_clusters(e: Optimum, seed: int) -> tuple[Optimum, str | None]:
+def with_clusters(e: Optimum, seed: int, noise_known: bool) -> tuple[Optimum, str | None]:
     """The optimum with uncertainties for residuals that neighbours share, and a note; the same where they do not.
 
     Args:
         e: the optimum, with uncertainties for independent noise; none of them becomes smaller.
         seed: of the readings that are looked at, where there are more than `MOST_CELLS`.
+        noise_known: whether the covariance is that of known noise; else few readings are left out one by one.
     """
     rounding = 2.0 * e.cost < ROUNDING**2 * e.problem.target_norm_squared
     if e.exact or rounding or not e.p.size or not np.isfinite(e.cost):
@@ -43,35 +45,64 @@ def with_clusters(e: Optimum, seed: int) -> tuple[Optimum, str | None]:
     rng = np.random.default_rng([seed, 0x636C7573])
     n = e.model_f.shape[0]
     cells = np.sort(rng.choice(n, MOST_CELLS, replace=False)) if n > MOST_CELLS else np.arange(n)
-    problem, f = e.problem.subset(cells), e.model_f[cells]
-    residual, used = problem.residuals(f), problem.weight > 0
-    scaled, some = residual / scales(residual, f, used), np.any(used, axis=1)
+    channels = evenly_spaced(e.model_f.shape[1], max(1, MOST_READINGS // cells.size))
+    readings, f, weight = e.readings.part(cells), e.model_f[cells][:, channels], e.problem.weight[cells]
+    some = np.any(weight > 0, axis=1)
     if np.count_nonzero(some) < FEWEST:
-        return e, None
-    wi, wo = problem.readings.wi, problem.readings.wo
+        return (e, None) if noise_known else (_with_cells(e, some), None)
+    few, weight = readings.of_channels(channels), weight[:, channels]
+    residual, used = weighted_residuals(few, e.problem.loss, e.problem.samples.floor, weight, f), weight > 0
+    scaled, wi, wo = residual / scales(residual, f, used), readings.wi, readings.wo
     orders = (neighbour_order(wi, wo), neighbour_order(wi, wo, by_incidence=True))
     if all(noise_tests(scaled[o], used[o], None, n, False).verdict != "structure" for o in orders):
         return e, None
-    block, kind = _clusters(problem.readings, scaled, some)
+    block, kind = _clusters(few, scaled, some)
     clusters = int(block.max()) + 1
     number = min(clusters, MOST_CLUSTERS)
-    step = _steps(e, problem, np.where(some, block % number, -1), number)
-    lost = ~np.isfinite(step).all(axis=0)  # nothing but one cluster tells of these numbers
-    step[:, lost] = 0.0
-    sums = (number - 1) / number * np.sum((step - step.mean(axis=0)) ** 2, axis=0)
+    step = _steps(e, e.problem.subset(cells), np.where(some, block % number, -1), number)
     # Of a part of the readings, the noise within a cluster counts more than it does of all.
-    known, within = e.covariance.variance, n / cells.size - 1.0
+    wide, widest = _widened(e, step, number - 1, n / cells.size - 1.0)
+    return wide, (
+        f"the residuals are alike among neighbours: the standard uncertainties are those of {clusters} {kind}, up to "
+        f"{widest} times what independent noise would give"
+    )
+
+
+def _with_cells(e: Optimum, some: np.ndarray) -> Optimum:
+    """The optimum with the jackknife's uncertainties over pairs of directions, with Student's quantile.
+
+    A fit bends to each of a few readings, whose residuals then tell less than their noise [MacKinnon & White 1985]. A
+    pair is left out in all channels: what is wrong with a geometry is wrong in each of them.
+    """
+    groups = e.parameters.free
+    fitted = len(groups) if e.parameters.channels == 1 else sum(g.per_channel for g in groups)
+    number = int(np.count_nonzero(some))
+    if number <= fitted + 1:
+        return e
+    each = np.where(some, np.cumsum(some) - 1, -1)
+    return _widened(e, _steps(e, e.problem, each, number), number - fitted, 0.0)[0]
+
+
+def _widened(e: Optimum, step: np.ndarray, freedom: int, within: float) -> tuple[Optimum, str]:
+    """The optimum with a jackknife's uncertainties where they are larger, and the largest factor as a text.
+
+    Args:
+        e: the optimum.
+        step: changes (G, P) of the numbers without each of the clusters, NaN for what nothing else tells of.
+        freedom: degrees of freedom of Student's quantile.
+        within: variances for independent noise, so many times, that the jackknife holds beside its own.
+    """
+    number, lost = step.shape[0], ~np.isfinite(step).all(axis=0)
+    step = np.where(lost, 0.0, step)
+    sums = (number - 1) / number * np.sum((step - step.mean(axis=0)) ** 2, axis=0)
+    known = e.covariance.variance
     with np.errstate(invalid="ignore", divide="ignore"):
-        variance = sums * (stdtrit(number - 1, 0.975) / NORMAL_95) ** 2 - within * known
+        variance = sums * (stdtrit(freedom, 0.975) / NORMAL_95) ** 2 - within * known
         factor = np.sqrt(np.maximum(np.nan_to_num(variance / known, nan=1.0), 1.0))
     factor = np.where(e.active_bound, 1.0, np.where(lost, UNKNOWN, np.minimum(factor, UNKNOWN)))
     spread = e.covariance.stretched(factor, e.domains, e.p)
     widest = f"{factor.max():.2g}" if factor.max() < 1e3 else "more than 1000"
-    note = (
-        f"the residuals are alike among neighbours: the standard uncertainties are those of {clusters} {kind}, up to "
-        f"{widest} times what independent noise would give"
-    )
-    return dataclasses.replace(e, covariance=spread), note
+    return dataclasses.replace(e, covariance=spread), widest
 
 
 def _clusters(readings: Readings, scaled: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, str]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import stdtrit
 
 from gonio.data import layouts
 from gonio.data.table import Channels, Table, whole_table_of_values
@@ -51,3 +52,15 @@ def test_a_number_that_one_incidence_alone_tells_of_is_not_known_to_independent_
     result = fit(table, "lambert + beckmann(alpha=0.02)", loss="linear")
     scale = next(p for p in result.parameters if p.name == "beckmann.scale")
     assert scale.value == pytest.approx(0.02, rel=1e-3) and scale.standard_uncertainty > 0.3 * scale.value
+
+
+@pytest.mark.parametrize("number", [3, 12, 40])
+def test_the_mean_of_few_readings_has_student_s_interval(number):
+    """A diffuser's albedo is π times the mean: ± t s/√n at 95 %, in closed form."""
+    rng = np.random.default_rng(number)
+    polar = rng.uniform(0.1, 1.2, (2, number))
+    layout = layouts.scattered(polar[0], np.zeros(number), polar[1], rng.uniform(0, 6, number))
+    f = 0.1 * (1 + 0.05 * rng.standard_normal((number, 1)))
+    (p,) = fit(whole_table_of_values(layout, f, channels=Channels.grey()), "lambert", loss="linear").parameters
+    half = stdtrit(number - 1, 0.975) * np.std(f, ddof=1) / np.sqrt(number)
+    np.testing.assert_allclose(p.interval95, np.pi * (np.mean(f) + half * np.array([-1, 1])), rtol=1e-6)
