@@ -17,7 +17,7 @@ from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Channels, Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import old_keywords
-from gonio.models.display import Displayed
+from gonio.models.display import Displayed, percent
 from gonio.models.errors import GonioError, one_line
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import NORMAL, Direction, rotate_z
@@ -66,15 +66,15 @@ class Reduction(Displayed):
 
     def promise(self) -> str:
         """What is promised of the error against the surface itself, and why no more, as one sentence."""
-        kept, (error, reason) = f"the tolerance of {100 * self.tolerance:.3g} %", self.whole
+        kept, (error, reason) = f"the tolerance of {percent(self.tolerance, 3)}", self.whole
         if self.keeps:
-            return f"at most {100 * self.promised:.2g} % off the surface itself, within {kept}: {reason}"
+            return f"at most {percent(self.promised)} off the surface itself, within {kept}: {reason}"
         if not math.isfinite(error):
             return f"{kept} is not promised: the whole table does not resolve the scene; {reason}"
         if error > self.tolerance:
-            words = f"the whole table is itself up to {100 * error:.2g} % off the surface"
+            words = f"the whole table is itself up to {percent(error)} off the surface"
         else:
-            words = f"the reduced one may be {100 * self.promised:.2g} % off the surface"
+            words = f"the reduced one may be {percent(self.promised)} off the surface"
         return f"{kept} is not promised: {words}; {reason}"
 
 
@@ -130,8 +130,8 @@ def reduce_table(
                 break
             cells = (table.layout.size * len(table.channels), reduced.layout.size * len(reduced.channels))
             return Reduction(reduced, error, judge.whole, promised, tolerance, (*left_out, *words), cells)
-    of = f"{100 * tolerance:g} % of " + ("the surface" if judge.keeps else "it")
-    itself = f", and the whole one is up to {100 * judge.whole.error:.2g} % off the surface" if judge.keeps else ""
+    of = f"{percent(tolerance, 3)} of " + ("the surface" if judge.keeps else "it")
+    itself = f", and the whole one is up to {percent(judge.whole.error)} off the surface" if judge.keeps else ""
     raise GonioError(
         f"no smaller table than {table.name or 'this one'} is within {of} in the scene '{scene.name}'{itself}; "
         "allow a larger tolerance, or keep the table"

@@ -110,7 +110,7 @@ def _judged(change: float, factor: float, beyond: float, noise: float) -> Resolu
     error = math.hypot(factor * change + BEYOND * beyond, noise)
     words = f"leaving out every second node changes the radiance by {percent(change)}"
     if beyond > 0:
-        words += f", and the outermost nodes stand for directions beyond them ({100 * beyond:.2g} %)"
+        words += f", and the outermost nodes stand for directions beyond them ({percent(beyond)})"
     if noise > 0.1 * error:
         words += f", beside {percent(noise)} of noise in the readings"
     return Resolution(error if change <= RESOLVED else math.inf, words)

@@ -122,7 +122,7 @@ def _main_region(angles: PairAngles, chosen: np.ndarray) -> str:
     most = int(np.argmax(counts))
     if counts[most] < CLUSTERED * counts.sum():
         return "spread over the directions"
-    share = f"{100 * counts[most] / counts.sum():.0f} % of them" if counts[most] < counts.sum() else "all"
+    share = f"{percent(counts[most] / counts.sum())} of them" if counts[most] < counts.sum() else "all"
     theta_i, theta_o = (10 * k for k in divmod(most, 9))
     return f"{share} at θi {theta_i}–{theta_i + 10}°, θo {theta_o}–{theta_o + 10}°"
 
@@ -162,6 +162,6 @@ def _sentences(s: ResidualSummary, e: Evidence) -> list[str]:
     elif s.share_of_cost > 0.1 and s.standing_out < 0.2:
         sentences.append(
             f"{percent(s.standing_out)} of the readings lie more than {OUTLYING:g} scales off and make "
-            f"{100 * s.share_of_cost:.0f} % of the cost ({s.where_standing_out}): a robust fit counts them less"
+            f"{percent(s.share_of_cost)} of the cost ({s.where_standing_out}): a robust fit counts them less"
         )
     return sentences

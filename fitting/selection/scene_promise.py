@@ -39,7 +39,7 @@ class ScenePromise(NamedTuple):
 
     def sentence(self) -> str:
         """What is promised, and why no more."""
-        kept = f"the tolerance of {100 * self.tolerance:.3g} %"
+        kept = f"the tolerance of {percent(self.tolerance, 3)}"
         if self.bound is None:
             return f"{kept} is not promised: the readings do not resolve the scene; {self.reason}"
         if self.keeps:

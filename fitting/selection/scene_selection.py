@@ -82,7 +82,7 @@ class SceneView:
         reason = f": {selection.reason()}" if selection else ""
         return (
             f"for the scene '{self.scene.name}' the error of the reflected radiance is {percent(error)}{beside}"
-            f"{far} (tolerance {100 * self.scene.tolerance:g} %){reason}"
+            f"{far} (tolerance {percent(self.scene.tolerance, 3)}){reason}"
         )
 
 

@@ -12,6 +12,7 @@ from gonio.fitting.solver.robust_weights import NORMAL_MAD
 from gonio.fitting.uncertainty.covariance import LOST, open_from
 from gonio.fitting.uncertainty.joint_covariance import Combination, View
 from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
+from gonio.models.display import percent
 from gonio.models.geometry.directions import Direction, from_spherical
 
 MOST_LISTED, MOST_ALIKE = 6, 3  # numbers that are named, and channels that leave the same open with a sentence each
@@ -234,7 +235,8 @@ def describe_combination(
         elif rate_a and rate_b:
             return f"only the combination {_power(a, b, -rate_a / rate_b)} is determined by these readings: {both}"
     lead = members[first][0] or 1.0
-    rates = ", ".join(f"{n} by {members[n][0] / lead:+.3g} %" for n in others[:4])
+    shares = [(n, members[n][0] / lead / 100) for n in others[:4]]
+    rates = ", ".join(f"{n} by {'+' if share > 0 else ''}{percent(share, 3)}" for n, share in shares)
     more = f" and {len(others) - 4} more" if len(others) > 4 else ""
     how = "nothing" if not np.isfinite(variance) else "less in the residuals than noise does"
     return (

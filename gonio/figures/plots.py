@@ -27,6 +27,7 @@ from gonio.figures.lobes import Curve, draw_in_plane, draw_polar
 from gonio.figures.sampling import INCIDENCES, of_channel, plane_angles, plane_values
 from gonio.figures.style import HEIGHT, PALETTE, WIDTH, shades, styled
 from gonio.fitting.residuals.pair_angles import pair_angles
+from gonio.models.display import percent
 from gonio.models.errors import GonioError, nearest
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import to_half_difference
@@ -208,7 +209,7 @@ def _sphere(s: Subject, channel: int) -> list[np.ndarray]:
         resolve_subject(table).brdf, table.channels, channel, functools.partial(covered, table)
     )
     if (share := sampling.known_of_lit(values)) < sampling.LEAST_KNOWN:
-        raise GonioError(f"the readings of {s.name} cover {share:.0%} of a sphere; it needs at least half")
+        raise GonioError(f"the readings of {s.name} cover {percent(share)} of a sphere; it needs at least half")
     return values
 
 

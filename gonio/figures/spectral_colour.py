@@ -6,6 +6,7 @@ import numpy as np
 
 from gonio.data.table import Channels
 from gonio.fitting.residuals.colour_difference import LINEAR_SRGB, observer
+from gonio.models.display import percent
 
 VISIBLE = np.arange(380.0, 780.5, 1.0)
 """nm."""
@@ -60,5 +61,5 @@ def channel_colour(channels: Channels) -> ChannelColour:
     if unseen > 5e-4:
         ends = [f"below {nodes[0]:.4g} nm"] * bool(nodes[0] > VISIBLE[0])
         ends += [f"above {nodes[-1]:.4g} nm"] * bool(nodes[-1] < VISIBLE[-1])
-        words += f", taken as constant {' and '.join(ends)} (up to {100 * unseen:.2g} % of a white's X, Y or Z)"
+        words += f", taken as constant {' and '.join(ends)} (up to {percent(unseen)} of a white's X, Y or Z)"
     return ChannelColour(matrix, words)

@@ -12,6 +12,7 @@ from gonio.data.serialise import plain
 from gonio.figures.sampling import LEAST_KNOWN
 from gonio.fitting.judgement import judge_fit
 from gonio.fitting.residuals.energy import bounded_largest_albedo
+from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import to_expression
 from gonio.reports import check_figures, fit_figures, lobe_figures, reading_figures
@@ -116,7 +117,7 @@ def _interpolation_note(e: Evaluation) -> str:
         return f"Nothing is drawn between the readings: {e.interpolation}."
     share = e.interpolated.known_of_sphere
     if share < LEAST_KNOWN:
-        return f"No lit sphere of the readings is drawn: they cover {share:.0%} of one."
+        return f"No lit sphere of the readings is drawn: they cover {percent(share)} of one."
     return f"Between the readings: {e.interpolation}." + " Where nothing was read pictures are blank." * (share < 1)
 
 
