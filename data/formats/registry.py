@@ -152,7 +152,7 @@ def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
     if entry is not None:
         options["entry"] = entry
     if unknown := sorted(set(options) - set(known.options)):
-        raise GonioError(f"{path} is a {known.name} file, which has no option {unknown[0]!r}; leave it out")
+        raise GonioError(f"{path} has the format {known.name}, which has no option {unknown[0]!r}; leave it out")
     content = known.read(file, **options)
     if isinstance(content, Table):
         try:
