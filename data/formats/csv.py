@@ -156,6 +156,8 @@ class ListedDirections(NamedTuple):
     wi: "Direction"
     wo: "Direction"
     columns: dict[str, np.ndarray]
+    seconds: np.ndarray | None = None
+    """Counting times of the rows, where the file has a column `seconds`."""
 
 
 def read_directions(path: str | os.PathLike[str], angles: str | None = None) -> ListedDirections:
@@ -167,14 +169,16 @@ def read_directions(path: str | os.PathLike[str], angles: str | None = None) -> 
 
     text = CsvText(path)
     columns = {c.name: role for role, c in direction_columns(text).items()}
-    numbers = text.numbers(columns)
+    times = [n for n in text.names if n.strip().lower() == "seconds"][:1]
+    numbers = text.numbers([*columns, *times])
     theta_i, phi_i, theta_o, phi_o = read_angles(text, Statements(text.path, text.comments), numbers, angles).angles
     if set(columns.values()) == set(VECTORS):
         components = np.stack([numbers[n] for role in VECTORS for n in columns if columns[n] == role])
         wi, wo = (Direction(*_lengthened(w)) for w in (components[:3], components[3:]))
     else:
         wi, wo = from_spherical(theta_i, phi_i, np), from_spherical(theta_o, phi_o, np)
-    return ListedDirections(wi, wo, {n: numbers[n] for n in text.names if n in numbers})
+    listed = {n: numbers[n] for n in text.names if n in columns}
+    return ListedDirections(wi, wo, listed, numbers[times[0]] if times else None)
 
 
 def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:

@@ -3,6 +3,6 @@
 from gonio.charts.diagrams import chart as chart
 from gonio.charts.point import Axis as Axis
 from gonio.charts.point import Chart as Chart
-from gonio.charts.point import Pace as Pace
 from gonio.charts.point import Point as Point
 from gonio.charts.result import MeasuredChart as MeasuredChart
+from gonio.instrument.pace import Pace as Pace

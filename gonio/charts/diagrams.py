@@ -12,9 +12,10 @@ from typing import Any
 
 from gonio.charts import albedos, evaluation, fits, scans, tables
 from gonio.charts.figure import picture_files
-from gonio.charts.point import Chart, Pace, Point, Settings
+from gonio.charts.point import Chart, Point, Settings
 from gonio.charts.result import MeasuredChart, machine, to_csv
 from gonio.data.files import new_file
+from gonio.instrument.pace import Pace
 from gonio.models.deprecation import old_keywords
 from gonio.models.errors import GonioError, nearest
 
@@ -97,7 +98,9 @@ class ChartFolder:
             raise GonioError(f"{folder} cannot be a folder ({error.strerror}); name another with -o") from None
         self.recipe: dict[str, Any] = {
             "quick": settings.quick,
-            "pace": dataclasses.asdict(settings.pace),
+            "pace": json.loads(
+                json.dumps(dataclasses.asdict(settings.pace))
+            ),  # of tuples lists, as they are read again
             "machine": machine(),
         }
         self.charts = {name: c for name, c in self._read().items() if not (force and name in wanted)}

@@ -13,8 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gonio.charts.point import Chart, Pace, Point, cheapest, front
+from gonio.charts.point import Chart, Point, cheapest, front
 from gonio.charts.timing import unit
+from gonio.instrument.pace import Pace
 from gonio.text import versions
 
 

@@ -35,6 +35,7 @@ READING: Options = {
     "--missing VALUE": "the number that stands for no reading in a CSV file, such as -999; none: there is none",
 }
 """How a file of readings is to be taken; of verbs that take any file."""
+DESCRIPTION: Options = {"--instrument LAB.toml": "a description of the instrument; options given beside it win"}
 JSON: Options = {"--json": "machine-readable"}
 
 

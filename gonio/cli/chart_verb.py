@@ -1,10 +1,11 @@
 """``gonio chart``: speed against accuracy, measured here and now."""
 
 import argparse
+import dataclasses
 import math
 from typing import TYPE_CHECKING
 
-from gonio.cli.arguments import FORCE, Options, add_options, given
+from gonio.cli.arguments import DESCRIPTION, FORCE, Options, add_options, given
 from gonio.text import columns, log, number, show, sr_label
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ OPTIONS: Options = {
     "-o/--output FOLDER": "where to put pictures (SVG, PNG), CSV and charts.json",
     "--quick": "fewer settings: less than two minutes",
     "--tolerance ERROR": "name the cheapest method within this error",
+    **DESCRIPTION,
     "--axis-speed DEG/S": "of the real instrument (default: 10)",
     "--settling S": "of the real instrument, seconds (default: 0.3)",
     "--count-rate 1/S": "photons a second off the white diffuser (default: 1e6)",
@@ -28,9 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from gonio.charts import Pace, chart
+    from gonio.instrument.description import read_instrument
 
     options = {name: getattr(args, name) for name in ("output", "quick", "tolerance", "force")}
-    pace = Pace(**given(args, "settling", "count_rate", "axis_speed"))
+    described = Pace() if args.instrument is None else read_instrument(args.instrument).pace
+    pace = dataclasses.replace(described, **given(args, "settling", "count_rate", "axis_speed"))
     measured = chart(args.names, pace=pace, log=log, **options)
     for m in measured:
         _print_chart(m, args.tolerance)

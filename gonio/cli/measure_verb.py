@@ -6,7 +6,7 @@ import shlex
 import sys
 from typing import TYPE_CHECKING
 
-from gonio.cli.arguments import FORCE, MATERIAL, READING, Options, add_options, as_stated, degrees, given
+from gonio.cli.arguments import DESCRIPTION, FORCE, MATERIAL, READING, Options, add_options, as_stated, degrees, given
 from gonio.models.errors import GonioError
 from gonio.text import log, show
 
@@ -19,13 +19,15 @@ SYSTEMATIC = ("tilt_x", "tilt_y", "theta_i", "theta_o", "phi")
 SCANS = "isotropic, spherical, half-difference, merl, in-plane, or a CSV file of directions"
 OUTPUT: Options = {"-o/--output T.h5": {"required": True, "help": "the table; a killed run is continued"}}
 SCAN: Options = {
-    "--scan SCAN": f"{SCANS} (default: isotropic, or spherical for an anisotropic material)",
+    "--scan SCAN": f"{SCANS}, whose column seconds, if any, is counting times (default: "
+    "isotropic, or spherical for an anisotropic material)",
     "--step DEG": "step of the angles",
     "--phi-step DEG": "step of the azimuths, where it is another",
     "--theta-max DEG": "largest polar angle (default 85)",
     "--theta-i DEG,DEG,...": "incidences of the in-plane scan",
 }
 INSTRUMENT: Options = {
+    **DESCRIPTION,
     "--source-half-angle DEG": "half-angle of the source's disc (default 0: a point)",
     "--detector-half-angle DEG": "half-angle of the detector's disc (default 0: a point)",
     "--misalignment DEG": "standard deviation of tilts and arm angles, one sample of each from the seed",
@@ -59,9 +61,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from gonio.data.files import refuse_outputs
 
-    refuse_outputs([args.output], [args.material, args.scan], args.force)
+    refuse_outputs([args.output], [args.material, args.scan, args.instrument], args.force)
     from gonio.data.subject import load_material
     from gonio.instrument.measurement import measure
+    from gonio.instrument.scans import listed_seconds
 
     instrument = _instrument(args)
     material = load_material(as_stated(args.material, args))
@@ -69,16 +72,20 @@ def run(args: argparse.Namespace) -> int:
     options["progress"] = args.progress or sys.stderr.isatty()
     options["dtype"] = "float32" if args.float32 else None
     command = shlex.join(["gonio", *sys.argv[1:]])
+    options["seconds"] = None if args.scan is None else listed_seconds(args.scan)
     measure(material, instrument, _scan(args, material.brdf), log=log, command=command, **options)
     show(f"written: {args.output}")
     return 0
 
 
 def _instrument(args: argparse.Namespace) -> "Instrument":
+    from gonio.instrument.description import read_instrument
     from gonio.instrument.instrument import Instrument
 
     args.systematic = _systematic(args.systematic) if args.systematic else None
-    return Instrument(**given(args, *(field.name for field in dataclasses.fields(Instrument))))
+    described = Instrument() if args.instrument is None else read_instrument(args.instrument)
+    named = {field.name for field in dataclasses.fields(Instrument)} & vars(args).keys()
+    return dataclasses.replace(described, **given(args, *named))
 
 
 def _systematic(text: str) -> "Systematic":

@@ -1,6 +1,8 @@
+from .description import read_instrument as read_instrument
 from .instrument import Instrument as Instrument
 from .instrument import Systematic as Systematic
 from .measurement import measure as measure
+from .pace import Pace as Pace
 from .scans import half_difference as half_difference
 from .scans import in_plane as in_plane
 from .scans import isotropic as isotropic

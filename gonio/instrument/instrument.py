@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gonio.instrument.pace import AXES, Pace
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction, from_spherical
@@ -71,9 +72,11 @@ ANGLES = ("source_half_angle", "detector_half_angle", "misalignment", "shadow")
 LIMITS = {
     "source_half_angle": HALF_ANGLE_MAX, "detector_half_angle": HALF_ANGLE_MAX, "shadow": math.pi,
     "misalignment": math.pi / 4, "calibration": 0.3, "noise": 1.0, "ambient": 1e6, "photons": math.inf,
-    "dark": PHOTONS_MAX, "read_noise": PHOTONS_MAX, "saturation": math.inf, "tolerance": 1.0,
+    "dark": PHOTONS_MAX, "read_noise": PHOTONS_MAX, "saturation": math.inf, "tolerance": 1.0, "seconds": 1e7,
 }  # fmt: skip
 """Largest values; the smallest is 0."""
+USUAL_PACE = Pace()
+EVERYWHERE = ((0.0, math.pi / 2), (0.0, 2 * math.pi)) * 2
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -113,6 +116,12 @@ class Instrument(Displayed):
     """The detector blocks the source where the arms are closer than this angle, radians."""
     systematic: Systematic | None = None
     """The systematic errors themselves, instead of drawing them."""
+    seconds: float = 1.0
+    """Counting time of a reading, in which `photons` and `dark` are expected; a scan may state another for each."""
+    pace: Pace = USUAL_PACE
+    """How fast its axes move and settle."""
+    ranges: tuple[tuple[float, float], ...] = EVERYWHERE
+    """From where to where the axes theta_i, phi_i, theta_o, phi_o go, radians; nothing is read elsewhere."""
     tolerance: float = 1e-3
     """Error allowed to the average over the apertures, relative to the reading, as two rules differ: what the finer of
     them is wrong by is commonly a hundredth of that."""
@@ -135,6 +144,12 @@ class Instrument(Displayed):
         counted = [n for n in ("dark", "read_noise", "saturation") if getattr(self, n) != getattr(Instrument, n)]
         if self.photons is None and counted:
             raise GonioError(f"{', '.join(counted)} is in counts; give photons too, which says what a count is")
+        if not self.seconds > 0:
+            raise GonioError("the instrument's seconds is 0; give the counting time of a reading, such as 1")
+        for name, (low, high), (least, most) in zip(AXES, self.ranges, EVERYWHERE, strict=True):
+            if not least <= low <= high <= most + 1e-12:
+                came, whole = (f"{math.degrees(a):g}° to {math.degrees(b):g}°" for a, b in ((low, high), (least, most)))
+                raise GonioError(f"the range of {name} is {came}; give a smaller and a larger angle of {whole}")
         if not self.tolerance > 0:
             raise GonioError("the instrument's tolerance is 0; give the relative error that is allowed, such as 1e-3")
 
@@ -145,6 +160,7 @@ class Instrument(Displayed):
             "apertures": ("source_half_angle", "detector_half_angle", "shadow"),
             "noise": ("photons", "ambient", "dark", "read_noise", "noise", "saturation"),
             "errors": ("misalignment", "calibration", "tolerance"),
+            "times": ("seconds", "settling"),
         }
         facts = {group: _listed({n: v for n, v in values.items() if n.removesuffix("_deg") in names})
                  for group, names in groups.items()}  # fmt: skip
@@ -177,7 +193,19 @@ class Instrument(Displayed):
         values = {f.name: values[f.name] for f in dataclasses.fields(self) if values[f.name] != f.default}
         if self.systematic is not None:
             values["systematic"] = values.pop("systematic").to_dict()
+        if "pace" in values:
+            values |= {
+                "settling": self.pace.settling,
+                "axis_speed_deg": np.degrees(values.pop("pace").axis_speed).tolist(),
+            }
+        if "ranges" in values:
+            values["ranges_deg"] = np.degrees(values.pop("ranges")).tolist()
         return {f"{n}_deg" if n in ANGLES else n: math.degrees(v) if n in ANGLES else v for n, v in values.items()}
+
+    def reaches(self, angles: Sequence[np.ndarray]) -> np.ndarray:
+        """Whether the axes go to (theta_i, phi_i, theta_o, phi_o), radians: four arrays of one shape."""
+        inside = [(low - 1e-9 <= a) & (a <= high + 1e-9) for a, (low, high) in zip(angles, self.ranges, strict=True)]
+        return np.all(inside, axis=0)
 
     def solid_angles(self) -> tuple[float, float]:
         """Solid angles of source and detector, sr; 0 for points."""

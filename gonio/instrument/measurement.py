@@ -7,6 +7,8 @@ import time
 import warnings
 from typing import Self, Unpack
 
+import numpy as np
+from numpy.typing import ArrayLike
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
@@ -16,10 +18,11 @@ from gonio.data.subject import SubjectLike, load_material
 from gonio.data.table import Table
 from gonio.instrument.instrument import Instrument
 from gonio.instrument.reader import Reader
-from gonio.instrument.scans import default_name, isotropy_remark
+from gonio.instrument.scans import default_name, isotropy_remark, listed_seconds
 from gonio.instrument.scans import scan as named_scan
 from gonio.instrument.sinks import OLD_NAMES, MeasureOptions, MeasureSettings, open_sink
 from gonio.models.deprecation import settings_of
+from gonio.models.errors import GonioError
 
 PATIENCE = 0.5
 """Seconds of work before a bar is shown."""
@@ -46,6 +49,8 @@ def measure(
         force: replaces an existing output.
         dtype: of the stored values, float32 or float64; by default JAX's own precision.
         log: takes remarks and, at the end, the rate; without it remarks are Python warnings.
+        seconds: counting time of each cell (n,), or one for all; by default the column `seconds` of a file of
+            directions, else the instrument's own.
         command: the way to ask for this on the command line; the provenance keeps it.
 
     Returns:
@@ -62,7 +67,10 @@ def measure(
     layout = scan if isinstance(scan, Layout) else named_scan(scan or default_name(subject.brdf))
     if remark := isotropy_remark(layout, subject.brdf):
         log(remark)
-    reader = Reader(subject, instrument or Instrument(), layout, int(settings.seed))
+    seconds = settings.seconds
+    if seconds is None and scan is not None and not isinstance(scan, Layout):
+        seconds = listed_seconds(scan)
+    reader = Reader(subject, instrument or Instrument(), layout, int(settings.seed), _counting(seconds, layout))
     with open_sink(reader, settings) as sink:
         if sink.remark:
             log(sink.remark)
@@ -77,6 +85,16 @@ def measure(
     if settings.log is not None:
         log(count.summary(reader.channels))
     return table
+
+
+def _counting(seconds: ArrayLike | None, layout: Layout) -> np.ndarray | None:
+    """Counting time of each cell (n,)."""
+    if seconds is None:
+        return None
+    times = np.asarray(seconds, float)
+    if times.shape not in ((), (layout.size,)) or not ((times > 0) & np.isfinite(times)).all():
+        raise GonioError(f"seconds of shape {times.shape} came; give {layout.size} counting times above 0, or one")
+    return np.broadcast_to(times, (layout.size,))
 
 
 class CellCount:

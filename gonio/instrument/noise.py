@@ -31,18 +31,24 @@ SEARCH_END = 120
 
 
 def standard_uncertainty(
-    instrument: Instrument, expected: np.ndarray, irradiance: np.ndarray, gain: float = 1.0
+    instrument: Instrument,
+    expected: np.ndarray,
+    irradiance: np.ndarray,
+    gain: float = 1.0,
+    exposure: np.ndarray | float = 1.0,
 ) -> np.ndarray:
     """Standard uncertainty, 1/sr, of readings whose expectation is `expected`, 1/sr; 0 for an ideal instrument.
 
-    Shapes: `expected` (n, channels), `irradiance` (n,) relative to normal incidence. It is the standard deviation of
+    Shapes: `expected` (n, channels), `irradiance` (n,) relative to normal incidence, `exposure` (n,): the counting
+    times over the instrument's own. It is the standard deviation of
     the law above, exactly; systematic errors are not in it.
     """
     variance = (instrument.noise * expected) ** 2
     if instrument.photons is not None:
-        scale = instrument.photons * np.pi * irradiance[:, None] / gain
+        exposure = np.broadcast_to(exposure, irradiance.shape)[:, None]
+        scale = instrument.photons * exposure * np.pi * irradiance[:, None] / gain
         signal = np.abs(expected) * scale * _mean_magnitude(instrument.noise)
-        background = instrument.ambient * instrument.photons + instrument.dark
+        background = (instrument.ambient * instrument.photons + instrument.dark) * exposure
         variance = variance + (signal + 2 * background + 2 * instrument.read_noise**2) / scale**2
     return np.sqrt(variance)
 
@@ -55,18 +61,26 @@ def _mean_magnitude(sd: float) -> float:
 
 
 def read(
-    instrument: Instrument, seed: int, start: int, expected: np.ndarray, irradiance: np.ndarray, gain: float = 1.0
+    instrument: Instrument,
+    seed: int,
+    start: int,
+    expected: np.ndarray,
+    irradiance: np.ndarray,
+    gain: float = 1.0,
+    exposure: np.ndarray | float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """(readings in 1/sr, whether the detector was full) of the cells from number `start` on: both (n, channels).
 
     Drawn from the seed by the number of the cell and its channel: how a table is cut into blocks changes no bit.
+    `exposure` as in `standard_uncertainty`.
     """
     if not instrument.has_noise:
         return expected, np.zeros(expected.shape, bool)
     cells, channels = expected.shape
     number = np.arange(start * channels, (start + cells) * channels, dtype=np.uint64)
     low, high = (number & 0xFFFFFFFF).astype(np.uint32), (number >> 32).astype(np.uint32)
-    inputs = (low, high, expected.reshape(-1), np.repeat(irradiance, channels))
+    exposures = np.broadcast_to(np.asarray(exposure, expected.dtype), (cells,))
+    inputs = (low, high, expected.reshape(-1), *(np.repeat(a, channels) for a in (irradiance, exposures)))
     key = jax.random.fold_in(jax.random.key(seed & 0xFFFFFFFF, impl="threefry2x32"), seed >> 32)
     key = jax.random.fold_in(key, STREAM)
     photons = instrument.photons
@@ -89,7 +103,7 @@ def read(
 @functools.partial(jax.jit, static_argnums=0)
 def _batch(counted: bool, key: jax.Array, chain: jax.Array, inputs: State) -> tuple[jax.Array, jax.Array]:
     """(readings, whether the detector was full); `low` and `high` are the halves of the readings' numbers."""
-    low, high, expected, irradiance = inputs
+    low, high, expected, irradiance, exposure = inputs
     noise, scale, background, read_noise, saturation = chain
     keys = jax.vmap(lambda lo, hi: jax.random.fold_in(jax.random.fold_in(key, hi), lo))(low, high)
     streams = jax.vmap(lambda k: jax.vmap(functools.partial(jax.random.fold_in, k))(jnp.arange(4)))(keys)
@@ -97,9 +111,9 @@ def _batch(counted: bool, key: jax.Array, chain: jax.Array, inputs: State) -> tu
     lit = expected * (1 + noise * g[:, 0])
     if not counted:
         return lit, jnp.zeros(lit.shape, bool)
-    scale = scale * irradiance
+    scale = scale * irradiance * exposure
     signal = lit * scale
-    background = jnp.broadcast_to(background, lit.shape)
+    background = background * exposure
     on = jnp.sign(signal) * poisson(streams[:, 1], jnp.abs(signal)) + poisson(streams[:, 2], background)
     off = poisson(streams[:, 3], background)
     on, off = (count + read_noise * g[:, k] for k, count in ((1, on), (2, off)))

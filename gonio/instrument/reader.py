@@ -12,7 +12,7 @@ from gonio.data.layouts import Layout
 from gonio.data.material import Material
 from gonio.data.tabulate import grid_values
 from gonio.instrument import aperture, noise
-from gonio.instrument.instrument import Instrument
+from gonio.instrument.instrument import EVERYWHERE, Instrument
 from gonio.models.display import percent
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import Direction
@@ -74,7 +74,11 @@ class Expected(NamedTuple):
 class Reader:
     """One measurement's readings, cell by cell; any cut into blocks gives the same bits."""
 
-    def __init__(self, material: Material, instrument: Instrument, layout: Layout, seed: int) -> None:
+    def __init__(
+        self, material: Material, instrument: Instrument, layout: Layout, seed: int, seconds: np.ndarray | None = None
+    ) -> None:
+        self.seconds = np.full(layout.size, instrument.seconds) if seconds is None else seconds
+        """Counting time of each cell."""
         self.material, self.instrument, self.layout, self.seed = material, instrument, layout, seed
         self.errors = instrument.systematic_errors(seed)
         self.channels = len(material.channels)
@@ -98,8 +102,9 @@ class Reader:
             expected = np.where(finite, expected, 0.0)
         if not self.noisy:
             return BlockReadings(_masked(expected, flag), None, flag, worst)
-        readings, full = noise.read(self.instrument, self.seed, start, expected, irradiance, self.errors.gain)
-        u_f = noise.standard_uncertainty(self.instrument, expected, irradiance, self.errors.gain)
+        exposure = self.seconds[start:stop] / self.instrument.seconds
+        readings, full = noise.read(self.instrument, self.seed, start, expected, irradiance, self.errors.gain, exposure)
+        u_f = noise.standard_uncertainty(self.instrument, expected, irradiance, self.errors.gain, exposure)
         flag[full & (flag == Flag.VALID)] = Flag.SATURATED
         return BlockReadings(_masked(readings, flag), _masked(u_f, flag), flag, worst)
 
@@ -110,6 +115,9 @@ class Reader:
             wi, wo = self.layout.directions(start, stop)
             chord = np.sqrt(sum((a - b) ** 2 for a, b in zip(wi, wo, strict=True)))
             flag[above & (2 * np.arcsin(np.minimum(0.5 * chord, 1.0)) < self.instrument.shadow)] = Flag.SHADOWED
+        if self.instrument.ranges != EVERYWHERE:
+            reached = self.instrument.reaches(self.layout.angles(start, stop))
+            flag[~reached & (flag == Flag.VALID)] = Flag.NOT_MEASURED
         return flag
 
     def _expected(self, start: int, stop: int, usable: np.ndarray) -> Expected:

@@ -62,8 +62,26 @@ def listed(path: str | os.PathLike[str]) -> Layout:
     """The directions of a CSV file, one sample a row: the columns that `gonio eval` reads."""
     from gonio.data.formats.csv import read_directions
 
-    wi, wo, _ = read_directions(path)
+    wi, wo, *_ = read_directions(path)
     return layouts.scattered(*layouts.spherical_angles(*wi), *layouts.spherical_angles(*wo))
+
+
+def listed_seconds(scan: str | os.PathLike[str]) -> np.ndarray | None:
+    """Counting times (n,), the column `seconds` of a CSV file of directions; None for a scan without them."""
+    from gonio.data.formats.csv import read_directions
+
+    if not is_file(scan):
+        return None
+    seconds = read_directions(scan).seconds
+    if seconds is not None and not (seconds > 0).all():
+        raise GonioError(f"{os.fspath(scan)}: seconds is {seconds.min():g}; give counting times above 0")
+    return seconds
+
+
+def is_file(scan: str | os.PathLike[str]) -> bool:
+    """Whether a scan's name stands for a file: it is no known name, and looks like a path or is there."""
+    named = os.fspath(scan).replace("_", "-") in SCANS
+    return not named and bool(Path(scan).suffix or os.sep in os.fspath(scan) or Path(scan).exists())
 
 
 def default_name(brdf: AbstractBRDF) -> str:
@@ -128,7 +146,7 @@ def scan(name: str | os.PathLike[str], **options: Unpack[ScanOptions]) -> Layout
     text = os.fspath(name).replace("_", "-")
     if text in SCANS:
         make, known = SCANS[text]
-    elif Path(name).suffix or os.sep in os.fspath(name) or Path(name).exists():
+    elif is_file(name):
         make, known = (lambda: listed(name)), ()
     else:
         raise GonioError(f"scan {os.fspath(name)!r} is unknown; give {', '.join(SCANS)}, or a CSV file of directions")

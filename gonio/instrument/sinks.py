@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Self, TypedDict
 
 import jax
 import numpy as np
-from numpy.typing import DTypeLike
+from numpy.typing import ArrayLike, DTypeLike
 
 from gonio.data.hdf5.writer import BlockWriter, TableHeader, open_table
 from gonio.data.material import Material
@@ -46,6 +46,7 @@ class MeasureOptions(TypedDict, total=False):
     dtype: DTypeLike | None
     log: Callable[[str], None] | None
     command: str | None
+    seconds: ArrayLike | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,6 +60,7 @@ class MeasureSettings:
     dtype: DTypeLike | None = None
     log: Callable[[str], None] | None = None
     command: str | None = None
+    seconds: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         if not (isinstance(self.seed, int | np.integer) and 0 <= self.seed < 1 << 64):
@@ -194,6 +196,9 @@ def _provenance(reader: Reader, command: str | None) -> dict[str, Any]:
         values["material"]["file"] = str(material.meta["file"])
     if command:
         values["command"] = command[:LONG_TEXT]
+    if (reader.seconds != reader.instrument.seconds).any():
+        digest = hashlib.sha256(np.ascontiguousarray(reader.seconds).tobytes()).hexdigest()
+        values["counting"] = {"seconds": float(np.sum(reader.seconds)), "digest": digest}
     if reader.errors != Systematic():
         values["systematic"] = reader.errors.to_dict()
     return values

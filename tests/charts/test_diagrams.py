@@ -13,12 +13,13 @@ from gonio.charts import albedos as hemisphere
 from gonio.charts import diagrams, evaluation, tables
 from gonio.charts.diagrams import CHARTS, chart
 from gonio.charts.fits import cosines, lambert_ggx
-from gonio.charts.point import GAIN, Axis, Chart, Pace, Point, Settings, cheapest, front
+from gonio.charts.point import GAIN, Axis, Chart, Point, Settings, cheapest, front
 from gonio.charts.result import to_csv
 from gonio.charts.tables import light_of
 from gonio.charts.timing import in_turns, precision
 from gonio.data import layouts
 from gonio.data.tabulate import grid_values
+from gonio.instrument.pace import Pace
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build

@@ -7,7 +7,8 @@ import math
 import gonio
 from gonio.charts import MeasuredChart
 from gonio.charts.diagrams import CHARTS
-from gonio.charts.point import Pace, Point
+from gonio.charts.point import Point
+from gonio.instrument.pace import Pace
 
 
 def test_charts_back_the_settings(tmp_path, monkeypatch):
