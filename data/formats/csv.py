@@ -156,8 +156,6 @@ class ListedDirections(NamedTuple):
     wi: "Direction"
     wo: "Direction"
     columns: dict[str, np.ndarray]
-    seconds: np.ndarray | None = None
-    """Counting times of the rows, where the file has a column `seconds`."""
 
 
 def read_directions(path: str | os.PathLike[str], angles: str | None = None) -> ListedDirections:
@@ -169,16 +167,24 @@ def read_directions(path: str | os.PathLike[str], angles: str | None = None) -> 
 
     text = CsvText(path)
     columns = {c.name: role for role, c in direction_columns(text).items()}
-    times = [n for n in text.names if n.strip().lower() == "seconds"][:1]
-    numbers = text.numbers([*columns, *times])
+    numbers = text.numbers(columns)
     theta_i, phi_i, theta_o, phi_o = read_angles(text, Statements(text.path, text.comments), numbers, angles).angles
     if set(columns.values()) == set(VECTORS):
         components = np.stack([numbers[n] for role in VECTORS for n in columns if columns[n] == role])
         wi, wo = (Direction(*_lengthened(w)) for w in (components[:3], components[3:]))
     else:
         wi, wo = from_spherical(theta_i, phi_i, np), from_spherical(theta_o, phi_o, np)
-    listed = {n: numbers[n] for n in text.names if n in columns}
-    return ListedDirections(wi, wo, listed, numbers[times[0]] if times else None)
+    return ListedDirections(wi, wo, {n: numbers[n] for n in text.names if n in numbers})
+
+
+def read_seconds(path: str | os.PathLike[str]) -> np.ndarray | None:
+    """The counting times of a CSV file's rows, its column `seconds`; None where it has none."""
+    text = CsvText(path)
+    names = [n for n in text.names if n.strip().lower() == "seconds"][:1]
+    seconds = text.numbers(names)[names[0]] if names else None
+    if seconds is not None and not (seconds > 0).all():
+        text.fail(int(np.argmin(seconds > 0)), f"seconds is {seconds.min():g}; give counting times above 0")
+    return seconds
 
 
 def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:

@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
     from gonio.data.subject import load_material
     from gonio.models.evaluation import evaluate
 
-    wi, wo, columns, _ = read_directions(args.directions, args.angles)
+    wi, wo, columns = read_directions(args.directions, args.angles)
     if not (is_there(args.material) and "angles" in sniff(args.material).options):
         args.angles = None  # they are the directions' own
     f = np.asarray(evaluate(load_material(as_stated(args.material, args)).brdf, wi, wo))

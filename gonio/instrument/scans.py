@@ -62,20 +62,15 @@ def listed(path: str | os.PathLike[str]) -> Layout:
     """The directions of a CSV file, one sample a row: the columns that `gonio eval` reads."""
     from gonio.data.formats.csv import read_directions
 
-    wi, wo, *_ = read_directions(path)
+    wi, wo, _ = read_directions(path)
     return layouts.scattered(*layouts.spherical_angles(*wi), *layouts.spherical_angles(*wo))
 
 
 def listed_seconds(scan: str | os.PathLike[str]) -> np.ndarray | None:
     """Counting times (n,), the column `seconds` of a CSV file of directions; None for a scan without them."""
-    from gonio.data.formats.csv import read_directions
+    from gonio.data.formats.csv import read_seconds
 
-    if not is_file(scan):
-        return None
-    seconds = read_directions(scan).seconds
-    if seconds is not None and not (seconds > 0).all():
-        raise GonioError(f"{os.fspath(scan)}: seconds is {seconds.min():g}; give counting times above 0")
-    return seconds
+    return read_seconds(scan) if is_file(scan) else None
 
 
 def is_file(scan: str | os.PathLike[str]) -> bool:
