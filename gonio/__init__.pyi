@@ -14,6 +14,7 @@ from gonio.fitting.result import FitResult as FitResult
 from gonio.instrument.instrument import Instrument as Instrument
 from gonio.instrument.measurement import measure as measure
 from gonio.models.errors import GonioError as GonioError
+from gonio.planning.planned import plan as plan
 from gonio.reports.build import report as report
 from gonio.stability import stress as stress
 
@@ -35,6 +36,7 @@ __all__ = [
     "fit_many",
     "material",
     "measure",
+    "plan",
     "reduce",
     "repair",
     "report",

@@ -18,6 +18,7 @@ VERBS = {
     "models": "the models there are, with parameters, domains and sources",
     "eval": "values of a material at any directions",
     "measure": "scan a material with the simulated instrument",
+    "plan": "directions, counting times and order of readings that tell most in the time there is",
     "info": "what a file holds, in any format that can be read",
     "fit": "fit a model to a table; the result is a material file",
     "check": "reciprocity, energy conservation, positivity and symmetry",

@@ -9,8 +9,30 @@ import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 FLOORS = {"models": "gonio.models", "data": "gonio.data", "fitting": "gonio.fitting", "gonio": "gonio"}  # upwards
-ROOMS = ("instrument", "checks", "figures", "stability", "charts", "reports", "cli")  # of the top floor, upwards
-VERBS = {"material", "measure", "open", "fit", "fit_many", "check", "chart", "stress", "reduce", "repair", "report"}
+ROOMS = (
+    "instrument",
+    "planning",
+    "checks",
+    "figures",
+    "stability",
+    "charts",
+    "reports",
+    "cli",
+)  # of the top floor, upwards
+VERBS = {
+    "material",
+    "measure",
+    "open",
+    "plan",
+    "fit",
+    "fit_many",
+    "check",
+    "chart",
+    "stress",
+    "reduce",
+    "repair",
+    "report",
+}
 
 
 def module_names() -> dict[str, pathlib.Path]:

@@ -15,7 +15,20 @@ import gonio.data
 import gonio.fitting
 import gonio.models
 
-VERBS = ["chart", "check", "fit", "fit_many", "material", "measure", "open", "reduce", "repair", "report", "stress"]
+VERBS = [
+    "chart",
+    "check",
+    "fit",
+    "fit_many",
+    "material",
+    "measure",
+    "open",
+    "plan",
+    "reduce",
+    "repair",
+    "report",
+    "stress",
+]
 CLASSES = ["Certificate", "FitResult", "GonioError", "Instrument", "Material", "Scene", "Table"]
 
 

@@ -2,11 +2,10 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from gonio.instrument.pace import AXES, Pace
+from gonio.instrument.pace import AXES, Angles, Pace
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction, from_spherical
@@ -50,7 +49,7 @@ class Systematic:
         gain = values.pop("gain")
         return {f"{name}_deg": math.degrees(angle) for name, angle in values.items()} | {"gain": gain}
 
-    def true_directions(self, angles: Sequence[np.ndarray]) -> tuple[Direction, Direction]:
+    def true_directions(self, angles: Angles) -> tuple[Direction, Direction]:
         """(wi, wo) in the sample's own frame where the table states (theta_i, phi_i, theta_o, phi_o), radians."""
         theta_i, phi_i, theta_o, phi_o = angles
         return (
@@ -202,7 +201,7 @@ class Instrument(Displayed):
             values["ranges_deg"] = np.degrees(values.pop("ranges")).tolist()
         return {f"{n}_deg" if n in ANGLES else n: math.degrees(v) if n in ANGLES else v for n, v in values.items()}
 
-    def reaches(self, angles: Sequence[np.ndarray]) -> np.ndarray:
+    def reaches(self, angles: Angles) -> np.ndarray:
         """Whether the axes go to (theta_i, phi_i, theta_o, phi_o), radians: four arrays of one shape."""
         inside = [(low - 1e-9 <= a) & (a <= high + 1e-9) for a, (low, high) in zip(angles, self.ranges, strict=True)]
         return np.all(inside, axis=0)

@@ -9,6 +9,8 @@ import numpy as np
 from gonio.data.layouts import Layout
 from gonio.models.errors import GonioError
 
+Angles = Sequence[np.ndarray] | np.ndarray
+"""Arrays of theta_i, phi_i, theta_o and phi_o, radians."""
 AXES = ("theta_i", "phi_i", "theta_o", "phi_o")
 
 
@@ -36,14 +38,14 @@ class Pace:
                 if not (math.isfinite(value) and (value > 0 or (value == 0 and name == "settling"))):
                     raise GonioError(f"{name.replace('_', ' ')} is {value:g}; give a number above 0")
 
-    def moving(self, start: Sequence[np.ndarray], end: Sequence[np.ndarray]) -> np.ndarray:
+    def moving(self, start: Angles, end: Angles) -> np.ndarray:
         """Seconds on the way from directions to others, without settling; four angles each, arrays that broadcast."""
         steps = [np.abs(np.asarray(a) - np.asarray(b)) for a, b in zip(start, end, strict=True)]
         steps = [np.minimum(s, 2 * np.pi - s) if k % 2 else s for k, s in enumerate(steps)]
         speeds = np.broadcast_to(np.asarray(self.axis_speed), len(AXES))
         return np.max(np.stack(np.broadcast_arrays(*(s / v for s, v in zip(steps, speeds, strict=True)))), axis=0)
 
-    def path_seconds(self, angles: Sequence[np.ndarray], counting: float | np.ndarray) -> float:
+    def path_seconds(self, angles: Angles, counting: float | np.ndarray) -> float:
         """Seconds of readings one after another: four angles (n,), counting seconds of each."""
         count = np.size(angles[0])
         moving = np.sum(self.moving([a[:-1] for a in angles], [a[1:] for a in angles])) if count else 0.0

@@ -1,0 +1,144 @@
+"""``gonio plan``: which directions to read, how long, and in which order."""
+
+import argparse
+import math
+import re
+from typing import TYPE_CHECKING, Any
+
+from gonio.cli.arguments import (
+    DESCRIPTION,
+    FORCE,
+    MATERIAL,
+    READING,
+    Options,
+    add_options,
+    as_stated,
+    writing_json,
+)  # fmt: skip
+from gonio.models.display import percent
+from gonio.models.errors import GonioError
+from gonio.text import columns, number, show
+
+if TYPE_CHECKING:
+    from gonio.planning.planned import Plan
+
+OPTIONS: Options = {
+    "-o/--output PATH.csv": {"required": True, "help": "directions and counting times, for gonio measure --scan"},
+    "--budget TIME": "of the whole, travel included, such as 2h, 30min or 1h30min",
+    "--target SHARE": {"type": str, "help": "in place of a budget: largest relative standard uncertainty, such as 1%%"},
+    "-m/--model MODEL": "what will be fitted, such as 'lambert + ggx(eta=1.5)'; by default the fit's own model, or the "
+    "material's with its levels and widths free",
+    "--for NAME,...": {
+        "dest": "wanted",
+        "help": "what is to be known: free numbers such as ggx.alpha, albedo, scene:NAME (default: all free numbers)",
+    },
+    "--range NAME=LOW:HIGH,...": {
+        "dest": "ranges",
+        "help": "where numbers may be, such as alpha=0.05:0.3: the plan is good all over it (default: a fit's "
+        "covariance)",
+    },
+    "--against MODEL": "tell the material apart from this model, in place of knowing its numbers",
+    "--space-filling SHARE": {
+        "default": 0.2,
+        "help": "of the time, for directions all over the range, against what the model leaves out (default 0.2)",
+    },
+    "--continue T.h5": {"dest": "continued", "help": "a table of what was read already: the plan adds to it"},
+    "--picture FILE": "also draw the path (png, svg, pdf)",
+    "--json FILE": "also write everything as JSON ('-': standard output)",
+}
+UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    help_text = f"{MATERIAL}, a fit or a table: what is known before"
+    parser.add_argument("material", metavar="MATERIAL", nargs="?", help=help_text)
+    add_options(parser.add_argument, OPTIONS | DESCRIPTION | READING | FORCE)
+
+
+def run(args: argparse.Namespace) -> int:
+    from gonio.data.files import refuse_outputs
+
+    outputs = [args.output, args.json, args.picture]
+    refuse_outputs(outputs, [args.material, args.instrument, args.continued, args.model, args.against], args.force)
+    from gonio.figures.paths import require_picture, write_path
+    from gonio.instrument.description import read_instrument
+    from gonio.planning.planned import plan
+
+    if args.picture:
+        require_picture(args.picture, args.force)
+    options: dict[str, Any] = {name: getattr(args, name) for name in ("model", "against", "space_filling", "continued")}
+    options["budget"] = None if args.budget is None else seconds_of(args.budget)
+    options["target"] = None if args.target is None else _share(args.target)
+    options["wanted"] = [name.strip() for name in args.wanted.split(",")] if args.wanted else []
+    options["ranges"] = _ranges(args.ranges) if args.ranges else {}
+    instrument = None if args.instrument is None else read_instrument(args.instrument)
+    subject = None if args.material is None else as_stated(args.material, args)
+    planned = plan(subject, instrument, **options)
+    with writing_json(args.json, planned.to_dict() if args.json else None, args.force):
+        if args.picture:
+            title = f"{planned.name}: {planned.shots.seconds.size} shots in {planned.hours:.3g} h"
+            write_path(planned.shots.angles, planned.shots.seconds, title, args.picture, args.force)
+        planned.save(args.output, args.force)
+    if args.json != "-":
+        files = ", ".join(name for name in outputs if name)
+        show("\n".join([*summary(planned), f"written: {files}"]))
+    return 0
+
+
+def summary(p: "Plan") -> list[str]:
+    """What a plan promises, beside the best regular scan of equal hours, and its certificate."""
+    rows = [
+        [n.name, number(n.value, 6), *(["", number(n.regular, 4)] if p.separation else _spreads(n.value, n))]
+        for n in p.numbers
+    ]
+    ours = "" if p.separation else "std. unc."
+    filling = f"; {percent(p.space_filling)} of the time all over the range" if p.space_filling else ""
+    places = len({tuple(a) for a in p.shots.angles.T.tolist()})
+    return [
+        f"{p.name}: {p.shots.seconds.size} shots in {places} directions, {hours(p.hours * 3600)}, "
+        f"{hours(p.way * 3600)} of it moving and settling{filling}",
+        columns(rows, ["number", "value", ours, f"regular scan, equal hours ({p.regular})"]),
+        f"certificate (Kiefer-Wolfowitz): max d − p = {number(p.residual, 2)}, p = {number(p.scale, 3)}: no shares of "
+        f"the time gain more than {percent(p.residual / p.scale)} in the criterion",
+    ]
+
+
+def _spreads(value: float, n: Any) -> list[str]:
+    def text(u: float) -> str:
+        relative = f" ({percent(u / abs(value))})" if value else ""
+        return number(u, 2) + (relative if math.isfinite(u) else "")
+
+    return [text(n.standard_uncertainty), text(n.regular)]
+
+
+def hours(seconds: float) -> str:
+    """Seconds as text: 1.5 h, 12 min or 40 s."""
+    unit = next((u for u, size in UNITS.items() if seconds >= size), "s")
+    return f"{seconds / UNITS[unit]:.3g} {unit}"
+
+
+def seconds_of(text: str) -> float:
+    """Seconds of a time such as 2h, 1h30min or 90s."""
+    parts = re.findall(r"(\d+(?:\.\d+)?|\.\d+)\s*(h|min|s)", text)
+    if not parts or re.sub(r"\s", "", "".join(v + u for v, u in parts)) != re.sub(r"\s", "", text):
+        raise GonioError(f"--budget is {text!r}; give a time, such as 2h, 30min or 90s")
+    return sum(float(value) * UNITS[unit] for value, unit in parts)
+
+
+def _share(text: str) -> float:
+    try:
+        return float(text.rstrip("%").strip()) / (100 if text.strip().endswith("%") else 1)
+    except ValueError:
+        raise GonioError(f"--target is {text!r}; give a share, such as 1% or 0.01") from None
+
+
+def _ranges(text: str) -> dict[str, tuple[float, float]]:
+    ranges: dict[str, tuple[float, float]] = {}
+    for item in text.split(","):
+        parts = re.fullmatch(r"\s*([\w.\[\] ]+?)\s*=\s*([^:]+):([^:]+)", item)
+        try:
+            assert parts
+            ranges[parts[1]] = float(parts[2]), float(parts[3])
+        except (AssertionError, ValueError):
+            raise GonioError(f"--range has {item.strip()!r}; give NAME=LOW:HIGH, such as alpha=0.05:0.3") from None
+    return ranges

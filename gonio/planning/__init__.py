@@ -1,0 +1,1 @@
+"""Planning measurements: optimal directions, counting times, and the order in which the axes go."""

@@ -1,0 +1,86 @@
+"""What a measurement is for: numbers of the model, its albedo, its radiance in a scene."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gonio.data.scene import load_scene
+from gonio.models.albedo import directional_albedo
+from gonio.models.errors import GonioError, nearest
+from gonio.planning.prior import Prior
+
+ALBEDO, SCENE = "albedo", "scene:"
+INCIDENCES = (0.0, 30.0, 45.0, 60.0, 75.0)
+"""Degrees, of the directional albedos."""
+DIFFERENCE = 1e-3
+PAIRS = 4000
+
+
+class Quantities(NamedTuple):
+    """Q quantities of a model: names, values (Q,) and slopes (Q, P) by its numbers."""
+
+    names: list[str]
+    values: np.ndarray
+    slopes: np.ndarray
+
+
+def quantities(prior: Prior, p: np.ndarray, wanted: Sequence[str]) -> Quantities:
+    """The quantities that are wanted of a model: 'albedo', 'scene:NAME', or names of its free numbers.
+
+    Raises GonioError for a name that is none of these.
+    """
+    parts = [_quantity(prior, p, name) for name in wanted]
+    names = [name for part in parts for name in part.names]
+    return Quantities(names, *(np.concatenate([part[k] for part in parts]) for k in (1, 2)))
+
+
+def numbers(prior: Prior, p: np.ndarray) -> Quantities:
+    """All free numbers."""
+    return Quantities(prior.names, p, np.eye(p.size))
+
+
+def _quantity(prior: Prior, p: np.ndarray, name: str) -> Quantities:
+    if name == ALBEDO:
+        return albedos(prior, p)
+    if name.startswith(SCENE):
+        return _radiance(prior, p, name.removeprefix(SCENE))
+    names = prior.names
+    which = [k for k, n in enumerate(names) if name in (n, n.split("[")[0], n.split("[")[0].rsplit(".", 1)[-1])]
+    if not which:
+        known = [*names, ALBEDO, f"{SCENE}NAME"]
+        raise GonioError(f"the model has no number {name} to plan for; {nearest(name, known)}")
+    return Quantities([names[k] for k in which], p[which], np.eye(p.size)[which])
+
+
+def albedos(prior: Prior, p: np.ndarray) -> Quantities:
+    """Directional albedos at `INCIDENCES`, of each channel; slopes by central differences."""
+    theta = np.radians(INCIDENCES)
+
+    def values(p: np.ndarray) -> np.ndarray:
+        value = directional_albedo(prior.brdf(p), theta, 0.0, 1e-7).value.reshape(theta.size, -1)
+        return np.broadcast_to(value, (theta.size, len(prior.channels))).ravel()
+
+    d, slopes = prior.parameterisation.domains, []
+    for k in range(p.size):
+        low, high = p.copy(), p.copy()
+        step = DIFFERENCE * max(abs(p[k]), 1e-3)
+        low[k], high[k] = max(p[k] - step, d.low[k]), min(p[k] + step, d.high[k])
+        slopes.append((values(high) - values(low)) / (high[k] - low[k]))
+    channels = [f" {c}" if len(prior.channels) > 1 else "" for c in prior.channels.names]
+    names = [f"albedo at {t:g}°{c}" for t in INCIDENCES for c in channels]
+    return Quantities(names, values(p), np.stack(slopes, axis=1))
+
+
+def _radiance(prior: Prior, p: np.ndarray, name: str) -> Quantities:
+    """The rms radiance of a scene's views; its slope is the rms of theirs, so that errors of all views count."""
+    scene = load_scene(name)
+    pairs = scene.pairs(PAIRS)
+    f, slopes = prior.values_and_slopes(p, pairs.wi, pairs.wo)
+    share = np.sqrt(pairs.share / f.shape[1])[:, None]
+    by_view = [pairs.radiances(slopes[:, :, k]) * share for k in range(p.size)]
+    flat = np.stack([v.ravel() for v in by_view], axis=1)
+    # Σ share (Δradiance)² = |R Δp|² with few rows R, one for each number.
+    rows = np.asarray(np.linalg.qr(flat, mode="r"))
+    whole = pairs.rms(f)
+    return Quantities([f"radiance in {scene.name}"] * len(rows), np.full(len(rows), whole), rows)
