@@ -49,7 +49,10 @@ def require_picture(output: str | os.PathLike[str], force: bool) -> None:
 
 
 def draw_path(ax: Axes, theta: np.ndarray, phi: np.ndarray, seconds: np.ndarray, name: str) -> None:
-    """One side's directions on polar axes: the radius is the polar angle, the area of a dot the counting time there."""
+    """One side's directions on polar axes: the radius is the polar angle, the area of a dot the counting time there.
+
+    Rings stand at 30° and 60°.
+    """
     radius = np.degrees(theta)
     ax.plot(phi, radius, color=FAINT, lw=0.5, alpha=0.7)
     places, place = np.unique(np.stack([phi, radius]), axis=1, return_inverse=True)
@@ -59,7 +62,6 @@ def draw_path(ax: Axes, theta: np.ndarray, phi: np.ndarray, seconds: np.ndarray,
     for place, text, colour in ((0, "first", PALETTE[1]), (-1, "last", PALETTE[2])):
         ax.scatter(phi[place], radius[place], s=30, facecolor="none", edgecolor=colour, label=text, zorder=3)
     ax.set_ylim(0, 90)
-    ax.set_yticks([30, 60, 90], ["30°", "60°", "90°"], fontsize=8)
-    ax.set_rlabel_position(250)
+    ax.set_yticks([30, 60, 90], [])
     ax.set_title(name, fontsize=10)
     ax.legend(loc="lower left", bbox_to_anchor=(-0.12, -0.08))

@@ -137,7 +137,7 @@ def optimal_design(problem: Problem) -> Design:
         gap = float(slopes.max()) - level
         if gap <= GAP * level:
             break
-        active = np.concatenate([active[few > 1e-7], np.argsort(-slopes)[:ADDED]])
+        active = np.concatenate([active[few > 1e-5], np.argsort(-slopes)[:ADDED]])
     return Design(shares, gap, level)
 
 
@@ -149,7 +149,7 @@ def best_shares(problem: Problem, start: np.ndarray) -> np.ndarray:
         return (1e6, slopes) if not np.isfinite(value) else (-value, -slopes)
 
     whole = {"type": "eq", "fun": lambda w: w.sum() - 1.0, "jac": np.ones_like}
-    options = {"maxiter": 200, "ftol": 1e-9}
+    options = {"maxiter": 100, "ftol": 1e-8}
     bounds = [(0.0, 1.0)] * start.size
     result = minimize(cost, start, jac=True, method="SLSQP", bounds=bounds, constraints=[whole], options=options)
     shares = np.maximum(result.x, 0.0)

@@ -21,10 +21,12 @@ from gonio.planning.design import (
     require_determined,
 )
 from gonio.planning.prior import Prior
-from gonio.planning.shots import LEAST_SECONDS, Shots, Sites, ordered
+from gonio.planning.shots import LEAST_SECONDS, SOLVER_SECONDS, Shots, Sites, ordered
 
 ROUNDS = 3
 """Choose, order, and price again by the travel that came out."""
+QUICK_SECONDS = 0.2
+"""Of the solver of the path, where the next round makes another."""
 TRAVEL = 2.0
 """Seconds between two shots, before any are ordered."""
 RELEVANT = 1e-3
@@ -96,7 +98,8 @@ class Planner:
     def schedule(self, budget: float) -> Schedule:
         """The best shots for so many seconds."""
         overhead = self.instrument.pace.settling + TRAVEL
-        for _ in range(ROUNDS if self.rival is None else RELINEARISED):
+        rounds = ROUNDS if self.rival is None else RELINEARISED
+        for number in range(rounds):
             times = self.candidates.best_seconds(overhead, budget)
             filling, spread = self._filling(budget, overhead)
             share = self.space_filling if filling.seconds.size else 0.0
@@ -105,7 +108,8 @@ class Planner:
             design = optimal_design(problem)
             chosen = self._rounded(design.shares, problem, times, ((1 - share) * budget, overhead))
             both = (np.concatenate(a, axis=-1) for a in zip(chosen, filling, strict=True))
-            shots = ordered(Shots(*both), self.instrument.pace)
+            patience = SOLVER_SECONDS if number == rounds - 1 else QUICK_SECONDS
+            shots = ordered(Shots(*both), self.instrument.pace, patience)
             way = self.instrument.pace.path_seconds(shots.angles, 0.0)
             if way > 0.9 * budget:
                 raise GonioError(

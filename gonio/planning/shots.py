@@ -17,7 +17,7 @@ SYSTEMATIC = ("tilt_x", "tilt_y", "theta_i", "theta_o", "phi")
 TIMES = 48
 """Counting times that are compared."""
 LEAST_SECONDS = 0.05
-SOLVER_SECONDS = 2.0
+SOLVER_SECONDS = 1.0
 COUNTS = 60_000
 """Units of the longest way in the solver's whole numbers."""
 
@@ -87,10 +87,11 @@ class Sites:
         return both / np.sqrt(np.maximum(self.variance(seconds), 1e-300))[..., None]
 
 
-def ordered(shots: Shots, pace: Pace) -> Shots:
+def ordered(shots: Shots, pace: Pace, patience: float = SOLVER_SECONDS) -> Shots:
     """The same shots in the order of least travel, by a solver of the travelling salesman's problem.
 
-    The path may begin and end anywhere; it is never longer than in the order given.
+    It takes `patience` seconds at most. The path may begin and end anywhere, and is never longer than in the order
+    given.
     """
     import fast_tsp
 
@@ -100,7 +101,7 @@ def ordered(shots: Shots, pace: Pace) -> Shots:
     ways = pace.moving(places[:, :, None], places[:, None, :])
     lengths = np.zeros((places.shape[1] + 1,) * 2, np.uint32)  # the last is a place that is near to all: the open end
     lengths[:-1, :-1] = np.rint(ways * (COUNTS / max(ways.max(), 1e-9))).astype(np.uint32)
-    tour = fast_tsp.find_tour(lengths, SOLVER_SECONDS, max_threads=1, stop_when_converged=True)
+    tour = fast_tsp.find_tour(lengths, patience, max_threads=1, stop_when_converged=True)
     end = tour.index(places.shape[1])
     rank = np.argsort(tour[end + 1 :] + tour[:end])
     best = _reordered(shots, np.argsort(rank[place.ravel()], kind="stable"))
