@@ -98,8 +98,8 @@ def summary(p: "Plan") -> list[str]:
         f"{p.name}: {p.shots.seconds.size} shots in {places} directions, {hours(p.hours * 3600)}, "
         f"{hours(p.way * 3600)} of it moving and settling{filling}",
         columns(rows, ["number", "value", ours, f"regular scan, equal hours ({p.regular})"]),
-        f"certificate (Kiefer-Wolfowitz): max d − p = {number(p.residual, 2)}, p = {number(p.scale, 3)}: no shares of "
-        f"the time gain more than {percent(p.residual / p.scale)} in the criterion",
+        f"certificate (Kiefer-Wolfowitz): max d − Σ w d = {number(p.residual, 2)} of {number(p.scale, 3)}: no shares "
+        f"of the time gain more than {percent(p.residual / p.scale)} in the criterion",
     ]
 
 

@@ -73,9 +73,10 @@ def require_determined(matrix: Float[np.ndarray, "p p"], names: list[str]) -> No
         open_names = [n for n, length in zip(names, lengths, strict=True) if length == 0]
     else:
         values, vectors = np.linalg.eigh(matrix / np.outer(lengths, lengths))
-        if values[0] > SINGULAR * len(names):
+        null = vectors[:, values <= SINGULAR * len(names)]
+        if not null.size:
             return
-        open_names = [n for n, v in zip(names, vectors[:, 0], strict=True) if abs(v) > 0.1]
+        open_names = [n for n, v in zip(names, np.abs(null).max(axis=1), strict=True) if v > 0.1]
     together = f"{', '.join(open_names)} together" if len(open_names) > 1 else f"{open_names[0]} at all"
     raise GonioError(
         f"these directions do not determine {together}; add directions, or fix a number with -m, as in "
@@ -85,8 +86,15 @@ def require_determined(matrix: Float[np.ndarray, "p p"], names: list[str]) -> No
 
 def covariance(whole: Gram, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(C, M⁻¹, M⁻¹ B) of each draw. Raises LinAlgError where M is singular."""
-    np.linalg.cholesky(whole[:, :size, :size])
-    inverse = np.linalg.inv(whole[:, :size, :size])
+    m = whole[:, :size, :size]
+    lengths = np.sqrt(np.diagonal(m, axis1=1, axis2=2))
+    if not (lengths > 0).all():
+        raise np.linalg.LinAlgError("singular")
+    lower = np.linalg.cholesky(m / (lengths[:, :, None] * lengths[:, None, :]))
+    if np.diagonal(lower, axis1=1, axis2=2).min() ** 2 < SINGULAR:
+        raise np.linalg.LinAlgError("singular")
+    half = np.linalg.inv(lower) / lengths[:, None, :]
+    inverse = np.swapaxes(half, 1, 2) @ half
     moved = inverse @ whole[:, :size, size:]
     return inverse + moved @ np.swapaxes(moved, 1, 2), inverse, moved
 
@@ -123,7 +131,9 @@ def optimal_design(problem: Problem) -> Design:
     shares = np.full(number, 1 / number)
     for _ in range(FIRST):  # the multiplicative algorithm [Silvey, Titterington & Torsney 1978]
         slopes = np.maximum(criterion(problem, shares).slopes, 0.0)
-        shares = shares * (slopes / max(shares @ slopes, 1e-300)) ** power
+        if not shares @ slopes > 0:
+            break
+        shares = shares * (slopes / (shares @ slopes)) ** power
         shares /= shares.sum()
     active, gap, level = np.argsort(-shares)[: 3 * size + ADDED], np.inf, 1.0
     for _ in range(MOST_ROUNDS):

@@ -28,7 +28,9 @@ from gonio.planning.wanted import Quantities, albedos, numbers, quantities
 LONGEST = 1e7
 """Seconds of a plan: four months."""
 FIRST_GUESS = 600.0
-TRIES = 12
+TRIES, MOST_GROWTH = 12, 16.0
+STUCK = 0.9
+"""Of the uncertainty, still there after twice the time or more: it is not that of counting."""
 NONE = (float("nan"), float("nan"))
 NEAR = 0.02
 """A target is met where the uncertainty is at most so much, as a share, below it."""
@@ -202,8 +204,8 @@ def _uncertainties(q: Quantities, covariance: np.ndarray) -> dict[str, tuple[flo
 
 def _for_target(planner: Planner, q: Quantities, target: float) -> Schedule:
     """The shortest schedule whose largest relative uncertainty is the target."""
-    budget = FIRST_GUESS
-    low, high, schedule = 0.0, LONGEST, None
+    budget, low, high, before = FIRST_GUESS, 0.0, LONGEST, (0.0, math.inf)
+    schedule = None
     for _ in range(TRIES):
         try:
             trial = planner.schedule(budget)
@@ -216,13 +218,12 @@ def _for_target(planner: Planner, q: Quantities, target: float) -> Schedule:
             if reached >= (1 - NEAR) * target:
                 return trial
         else:
-            low = max(low, budget)
-        if low >= 0.99 * LONGEST:
-            break
-        guess = (
-            budget * (reached / target) ** 2 * 0.98**-1 if reached > target else budget * (reached / target) ** 2 * 1.01
-        )
-        budget = min(max(guess, 1.001 * low), LONGEST, 0.999 * high if high < LONGEST else LONGEST)
+            if budget >= 2 * before[0] and reached > STUCK * before[1]:
+                break
+            low, before = max(low, budget), (budget, reached)
+        # Variances go with one over the time, but for the way: a little beyond, so that it is reached.
+        guess = budget * min(1.015 * (reached / target) ** 2, MOST_GROWTH)
+        budget = min(max(guess, 1.001 * low), 0.999 * high)
     if schedule is None:
         raise GonioError(
             f"a target of {target:g} is out of reach: this instrument's noise and systematic errors leave more; give a "

@@ -111,14 +111,14 @@ class Planner:
             patience = SOLVER_SECONDS if number == rounds - 1 else QUICK_SECONDS
             shots = ordered(Shots(*both), self.instrument.pace, patience)
             way = self.instrument.pace.path_seconds(shots.angles, 0.0)
-            if way > 0.9 * budget:
-                raise GonioError(
-                    f"a budget of {budget:g} s is too short: the axes alone need {way:.0f} s; give more time, or fewer "
-                    "free numbers"
-                )
             overhead = way / shots.seconds.size
             if self.rival is not None:
                 self._relinearise(rate, design.shares)
+        if way > 0.9 * budget:
+            raise GonioError(
+                f"a budget of {budget:g} s is too short: the axes alone need {way:.0f} s; give more time, or fewer "
+                "free numbers"
+            )
         seconds = np.round(shots.seconds * (budget - way) / shots.seconds.sum(), 3)
         return Schedule(Shots(shots.angles, np.maximum(seconds, 1e-3)), design, way)
 

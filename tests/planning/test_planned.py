@@ -1,0 +1,129 @@
+"""Plans: what they promise holds, they keep their time and the instrument's limits, and `gonio measure` runs them."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+import gonio
+from gonio.__main__ import main
+from gonio.data import layouts
+from gonio.data.hdf5.writer import open_table
+from gonio.instrument import Instrument, Pace, measure
+from gonio.models.errors import GonioError
+from gonio.planning.design import gram
+from gonio.planning.planner import Planner
+from gonio.planning.prior import prior_of
+from gonio.planning.shots import Shots, ordered
+
+GLOSSY = "lambert(rho=0.3) + 0.5 * ggx(alpha=0.1)"
+COUNTING = Instrument(photons=1e4, dark=10.0, shadow=0.1)
+
+
+@pytest.fixture(scope="module")
+def glossy():
+    return gonio.plan(GLOSSY, COUNTING, budget=600.0)
+
+
+def scattered_shots(n):
+    rng = np.random.default_rng(3)
+    angles = np.stack([rng.uniform(0, 1.4, n), rng.uniform(0, 6, n), rng.uniform(0, 1.4, n), rng.uniform(0, 6, n)])
+    return Shots(angles, rng.uniform(0.1, 2.0, n))
+
+
+def test_a_plan_keeps_its_time_and_the_instruments_limits(glossy):
+    assert glossy.hours * 3600 == pytest.approx(600, abs=0.5)
+    angles, seconds = glossy.shots
+    assert COUNTING.pace.path_seconds(angles, seconds) == pytest.approx(600, abs=0.5)
+    table = measure(GLOSSY, COUNTING, glossy.layout, seconds=seconds)
+    assert (table.flag == 0).all() and (seconds > 0).all()
+    assert glossy.residual <= 1e-3 * glossy.scale
+
+
+def test_the_plan_knows_each_number_better_than_the_best_regular_scan_by_its_own_criterion(glossy):
+    free = [n for n in glossy.numbers if "albedo" not in n.name]
+    assert [n.name for n in free] == ["lambert.rho", "ggx.alpha", "ggx.scale"]
+    gain = np.prod([n.regular / n.standard_uncertainty for n in free])
+    assert gain > 3**1.5  # three times the hours, in the mean over the numbers
+
+
+def test_promised_uncertainties_are_the_scatter_of_a_closed_form_fit():
+    # Of a Lambertian the best estimate is a weighted mean: the scatter of many measurements needs no solver.
+    instrument, times = Instrument(photons=1e3, dark=20.0, noise=0.01), 2000
+    planned = gonio.plan("lambert(rho=0.4)", instrument, budget=30.0)
+    many = layouts.scattered(*np.tile(planned.shots.angles, times))
+    table = measure("lambert(rho=0.4)", instrument, many, seconds=np.tile(planned.shots.seconds, times))
+    f, weight = (a.reshape(times, -1) for a in (table.f, 1 / table.u_f**2))
+    estimates = np.pi * np.sum(weight * f, axis=1) / np.sum(weight, axis=1)
+    u = planned.numbers[0].standard_uncertainty
+    assert np.std(estimates) == pytest.approx(u, rel=0.07) and np.mean(estimates) == pytest.approx(0.4, abs=0.1 * u)
+    calibrated = gonio.plan("lambert(rho=0.4)", dataclasses.replace(instrument, calibration=0.02), budget=30.0)
+    assert calibrated.numbers[0].standard_uncertainty == pytest.approx(np.hypot(u, 0.02 * 0.4), rel=1e-3)
+
+
+def test_order_changes_no_information_and_never_lengthens_the_way():
+    planner, shots = Planner(prior_of(GLOSSY, None), COUNTING), scattered_shots(60)
+    best = ordered(shots, COUNTING.pace)
+    before, after = (COUNTING.pace.path_seconds(s.angles, s.seconds) for s in (shots, best))
+    assert after < 0.7 * before
+    np.testing.assert_allclose(planner.covariance(best), planner.covariance(shots), rtol=1e-9)
+    again = ordered(best, COUNTING.pace)
+    assert COUNTING.pace.path_seconds(*again) <= after + 1e-9
+
+
+def test_repeated_directions_are_read_one_after_another():
+    shots = scattered_shots(5)
+    shuffled = np.random.default_rng(0).permutation(np.repeat(np.arange(5), 4))
+    repeated = Shots(shots.angles[:, shuffled], shots.seconds[shuffled])
+    best = ordered(repeated, Pace())
+    assert np.count_nonzero(np.abs(np.diff(best.angles, axis=1)).sum(0)) == 4
+    assert sorted(best.seconds) == sorted(repeated.seconds)
+
+
+def test_a_target_is_met_and_not_by_far():
+    planned = gonio.plan(GLOSSY, COUNTING, target=0.001, wanted=["alpha", "rho"])
+    worst = max(n.standard_uncertainty / n.value for n in planned.numbers[:2])
+    assert 0.9e-3 < worst <= 1e-3
+    with pytest.raises(GonioError, match="out of reach"):
+        gonio.plan("lambert(rho=0.4)", dataclasses.replace(COUNTING, calibration=0.05), target=0.01)
+
+
+def test_what_was_read_already_is_not_read_again():
+    lambertian = measure("lambert(rho=0.4)", COUNTING, gonio.plan("lambert(rho=0.4)", COUNTING, budget=60.0).layout)
+    fresh = gonio.plan(lambertian, COUNTING, model="lambert", budget=60.0).numbers[0].standard_uncertainty
+    more = gonio.plan(None, COUNTING, continued=lambertian, model="lambert", budget=60.0).numbers[0]
+    rows = np.sqrt(np.sum(1 / (np.pi * lambertian.u_f) ** 2))
+    assert more.standard_uncertainty == pytest.approx((fresh**-2 + rows**2) ** -0.5, rel=0.02)
+
+
+def test_directions_that_cannot_tell_numbers_apart_are_refused():
+    with pytest.raises(GonioError, match=r"do not determine lambert1\.rho, lambert2\.rho together"):
+        gonio.plan("lambert(rho=0.3) + lambert(rho=0.2)", COUNTING, budget=600.0)
+    for wrong, reason in (({"budget": 600.0, "target": 0.1}, "one of both"), ({"budget": -1.0}, "the budget is"),
+                          ({"budget": 5.0}, "too short"), ({"budget": 9.0, "wanted": ["x"]}, "no number x"),
+                          ({"budget": 600.0, "ranges": {"alpha": (0.3, 0.1)}}, "the range of alpha")):  # fmt: skip
+        with pytest.raises(GonioError, match=reason):
+            gonio.plan(GLOSSY, COUNTING, **wrong)
+
+
+def test_the_command_writes_a_path_that_measure_runs(tmp_path, capsys):
+    (tmp_path / "lab.toml").write_text("gonio_instrument = 1\ncount_rate = 1e4\nsettling = 0.5\ntheta_o = [0, 70]\n")
+    csv, png, table = (str(tmp_path / name) for name in ("p.csv", "p.png", "t.h5"))
+    described = ["--instrument", str(tmp_path / "lab.toml")]
+    given = ["plan", GLOSSY, "--budget", "10min", *described, "--for", "albedo", "--range", "alpha=0.05:0.3"]
+    assert main([*given, "-o", csv, "--picture", png, "--json", str(tmp_path / "p.json")]) == 0
+    out = capsys.readouterr().out
+    assert "albedo at 60°" in out and "Kiefer-Wolfowitz" in out and "10 min" in out
+    assert main(["measure", GLOSSY, *described, "--scan", csv, "-o", table]) == 0
+    read, stored = open_table(table), json.loads((tmp_path / "p.json").read_text())
+    assert (read.flag == 0).all() and read.layout.size == len(stored["shots"]["seconds"])
+    assert read.provenance["counting"]["seconds"] == pytest.approx(sum(stored["shots"]["seconds"]))
+    assert np.degrees(read.layout.angles()[2]).max() <= 70
+    assert main([*given, "-o", csv]) == 2 and "--force" in capsys.readouterr().err
+
+
+def test_gram_matrices_of_shots_add_up():
+    rows = np.random.default_rng(5).normal(size=(1, 6, 1, 3))
+    parts = gram(rows[:, :2], np.ones(2)) + gram(rows[:, 2:], np.ones(4))
+    np.testing.assert_allclose(parts, gram(rows, np.ones(6)))
