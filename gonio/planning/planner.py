@@ -23,8 +23,8 @@ from gonio.planning.design import (
 from gonio.planning.prior import Prior
 from gonio.planning.shots import LEAST_SECONDS, SOLVER_SECONDS, Shots, Sites, ordered
 
-ROUNDS = 3
-"""Choose, order, and price again by the travel that came out."""
+ROUNDS, MOST_ROUNDS = 3, 8
+"""Choose, order, and price again by the travel that came out; more rounds where that was too long."""
 QUICK_SECONDS = 0.2
 """Of the solver of the path, where the next round makes another."""
 TRAVEL = 2.0
@@ -33,6 +33,8 @@ RELEVANT = 1e-3
 """Share of the time from which on a direction is taken."""
 MOST_FILLING = 300
 RELINEARISED = 4
+MOST_WAY = 0.9
+"""Share of the time that may pass moving."""
 REGULAR_STEPS = (45.0, 30.0, 15.0, 10.0, 5.0)
 PLANE_STEPS = (30.0, 15.0, 10.0, 5.0, 2.0, 1.0)
 
@@ -97,28 +99,28 @@ class Planner:
 
     def schedule(self, budget: float) -> Schedule:
         """The best shots for so many seconds."""
-        overhead = self.instrument.pace.settling + TRAVEL
-        rounds = ROUNDS if self.rival is None else RELINEARISED
-        for number in range(rounds):
+        settling, travel = self.instrument.pace.settling, TRAVEL
+        overhead, rounds = settling + travel, ROUNDS if self.rival is None else RELINEARISED
+        for number in range(MOST_ROUNDS):
             times = self.candidates.best_seconds(overhead, budget)
-            filling, spread = self._filling(budget, overhead)
+            filling, spread = self._filling(budget, settling + travel)
             share = self.space_filling if filling.seconds.size else 0.0
             rate = self.candidates.rows(times) * np.sqrt(budget * (1 - share) / (times + overhead))[:, None, None]
             problem = Problem(rate, self.before + spread, self.size, self.wanted)
             design = optimal_design(problem)
-            chosen = self._rounded(design.shares, problem, times, ((1 - share) * budget, overhead))
+            chosen = self._rounded(design.shares, problem, times, ((1 - share) * budget, overhead, travel))
             both = (np.concatenate(a, axis=-1) for a in zip(chosen, filling, strict=True))
-            patience = SOLVER_SECONDS if number == rounds - 1 else QUICK_SECONDS
+            patience = SOLVER_SECONDS if number >= rounds - 1 else QUICK_SECONDS
             shots = ordered(Shots(*both), self.instrument.pace, patience)
             way = self.instrument.pace.path_seconds(shots.angles, 0.0)
             overhead = way / shots.seconds.size
+            travel = (way - settling * shots.seconds.size) / np.unique(shots.angles, axis=1).shape[1]
             if self.rival is not None:
                 self._relinearise(rate, design.shares)
-        if way > 0.9 * budget:
-            raise GonioError(
-                f"a budget of {budget:g} s is too short: the axes alone need {way:.0f} s; give more time, or fewer "
-                "free numbers"
-            )
+            if number >= rounds - 1 and way <= MOST_WAY * budget:
+                break
+        if way > MOST_WAY * budget:
+            raise GonioError(f"{_too_short(budget)}: the axes alone need {way:.0f} s; give more time")
         seconds = np.round(shots.seconds * (budget - way) / shots.seconds.sum(), 3)
         return Schedule(Shots(shots.angles, np.maximum(seconds, 1e-3)), design, way)
 
@@ -171,30 +173,36 @@ class Planner:
         rows = self.sites(angles).rows(seconds)
         return Shots(angles, seconds), gram(rows, np.ones(angles.shape[1]))
 
-    def _rounded(self, shares: np.ndarray, problem: Problem, times: np.ndarray, terms: tuple[float, float]) -> Shots:
+    def _rounded(
+        self, shares: np.ndarray, problem: Problem, times: np.ndarray, terms: tuple[float, float, float]
+    ) -> Shots:
         """Whole shots for the shares; a direction is left out where the others use its time better.
 
-        `terms`: seconds of them all, and overhead of each.
+        `terms`: seconds of them all, on the way to a shot in the mean, and of travel to a new direction.
         """
-        budget, overhead = terms
+        budget, overhead, travel = terms
         support = np.flatnonzero(shares > RELEVANT)
         weights = shares[support] / shares[support].sum()
         best: tuple[float, Shots] | None = None
         while support.size:
             count = np.maximum(1, np.rint(budget * weights / (times[support] + overhead))).astype(int)
-            seconds = np.maximum(budget * weights / count - overhead, LEAST_SECONDS)
-            seconds *= max(budget - overhead * count.sum(), LEAST_SECONDS) / (seconds @ count)
-            rows = self.candidates.part(support).rows(seconds)
-            value = criterion(problem._replace(rows=rows), count.astype(float)).value
-            if best is None or value > best[0]:
+            left_over = budget - travel * support.size - self.instrument.pace.settling * count.sum()
+            seconds = np.maximum(weights / count, 1e-9)
+            seconds *= left_over / (seconds @ count)
+            value = -np.inf
+            if seconds.min() > 0:
+                rows = self.candidates.part(support).rows(seconds)
+                value = criterion(problem._replace(rows=rows), count.astype(float)).value
+            if value > (-np.inf if best is None else best[0]):
                 best = value, Shots(np.repeat(self.candidates.angles[:, support], count, axis=1), seconds.repeat(count))
-            elif not np.isfinite(value) or value < best[0] - 1.0:
+            elif best is not None and value < best[0] - 1.0:
                 break
             keep = np.arange(support.size) != np.argmin(weights)
             support, weights = support[keep], weights[keep]
             if support.size:
                 weights = best_shares(problem.part(support), weights / weights.sum())
-        assert best is not None
+        if best is None:
+            raise GonioError(f"{_too_short(budget)} to determine all free numbers; give more time, or fewer of them")
         return best[1]
 
     def _relinearise(self, rate: np.ndarray, shares: np.ndarray) -> None:
@@ -208,3 +216,7 @@ class Planner:
         p = np.clip(p + np.clip(step, -limit, limit), d.low, d.high)
         self.rival = dataclasses.replace(self.rival, p=p, draws=p[None])
         self.candidates = self.sites(self.candidates.angles)
+
+
+def _too_short(budget: float) -> str:
+    return f"a budget of {budget:.3g} s is too short"

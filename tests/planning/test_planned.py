@@ -50,14 +50,14 @@ def test_the_plan_knows_each_number_better_than_the_best_regular_scan_by_its_own
 
 def test_promised_uncertainties_are_the_scatter_of_a_closed_form_fit():
     # Of a Lambertian the best estimate is a weighted mean: the scatter of many measurements needs no solver.
-    instrument, times = Instrument(photons=1e3, dark=20.0, noise=0.01), 2000
+    instrument, times = Instrument(photons=1e3, dark=20.0, noise=0.01), 1000
     planned = gonio.plan("lambert(rho=0.4)", instrument, budget=30.0)
     many = layouts.scattered(*np.tile(planned.shots.angles, times))
     table = measure("lambert(rho=0.4)", instrument, many, seconds=np.tile(planned.shots.seconds, times))
     f, weight = (a.reshape(times, -1) for a in (table.f, 1 / table.u_f**2))
     estimates = np.pi * np.sum(weight * f, axis=1) / np.sum(weight, axis=1)
     u = planned.numbers[0].standard_uncertainty
-    assert np.std(estimates) == pytest.approx(u, rel=0.07) and np.mean(estimates) == pytest.approx(0.4, abs=0.1 * u)
+    assert np.std(estimates) == pytest.approx(u, rel=0.1) and np.mean(estimates) == pytest.approx(0.4, abs=0.15 * u)
     calibrated = gonio.plan("lambert(rho=0.4)", dataclasses.replace(instrument, calibration=0.02), budget=30.0)
     assert calibrated.numbers[0].standard_uncertainty == pytest.approx(np.hypot(u, 0.02 * 0.4), rel=1e-3)
 
