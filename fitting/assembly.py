@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from gonio.data.table import Channels
+from gonio.fitting.apertures import aperture_facts
 from gonio.fitting.fit_model import FitTask
 from gonio.fitting.judgement import ALBEDO_TOLERANCE
 from gonio.fitting.problem.parameterisation import of_channel
@@ -48,6 +49,7 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
             )
     cost = float(sum(e.cost for e in optima))
     f = np.concatenate([e.model_f for e in optima], axis=1)
+    apertures = aperture_facts(optima, estimates)
     brdf = build(fitted := optima[0].parameters.filled(task.terms, [e.p for e in optima]))
     measures = metrics(f, readings)
     measures["unexplained"] = _unexplained(optima)
@@ -71,7 +73,7 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
         theta_max=settings.theta_max, table=task.table, counts=task.counts,
         notes=[*notes, *sorted({n for e in optima for n in e.notes}), *_kept_defaults(task.terms)],
         floor=[float(e.problem.samples.floor) for e in optima], robust=settings.robust,
-        evidence=_evidence(task, optima, f, cost), bootstrap=_bootstrap(task, optima, labels),
+        apertures=apertures, evidence=_evidence(task, optima, f, cost), bootstrap=_bootstrap(task, optima, labels),
     )  # fmt: skip
 
 

@@ -21,7 +21,9 @@ from gonio.data.table import Channels
 from gonio.fitting.problem.parameterisation import Parameterisation, of_channel, parameters, snapped
 from gonio.fitting.problem.problem import FitProblem, compile_page_program
 from gonio.fitting.problem.readings import LOSSES, WEIGHTS, Readings, loss_floor, relative_sigma, residual_weights
+from gonio.fitting.refinement import Refinement, noise_of
 from gonio.fitting.solver.curvature import completed
+from gonio.fitting.solver.disc_choice import DiscAverages, choose_rules
 from gonio.fitting.solver.levenberg_marquardt import (
     NEAR,
     Descent,
@@ -31,7 +33,6 @@ from gonio.fitting.solver.levenberg_marquardt import (
 )
 from gonio.fitting.solver.multistart import search
 from gonio.fitting.solver.robust_weights import KINDS as ROBUST_KINDS
-from gonio.fitting.solver.robust_weights import ROUNDS, robust_fit
 from gonio.fitting.uncertainty.bootstrap import KINDS as BOOTSTRAP_KINDS
 from gonio.fitting.uncertainty.optimum import Optimum, optimum_at
 from gonio.models.deprecation import renamed, renamed_options
@@ -41,8 +42,7 @@ from gonio.models.expression.parser import Term, numbers
 MOST_REFITS = 100_000
 OLD_NAMES = {"say": "log"}
 OLD_KINDS = {"residuals": "wild", "pairs": "block_pairs"}
-REWEIGHTINGS = 30
-SETTLED = 1e-8  # relative change of the numbers from which on relative weights have settled
+APERTURES = ("average", "ignore")
 
 _known: set[Hashable] = set()
 _running: list[threading.Thread] = []
@@ -96,6 +96,7 @@ class FitOptions(TypedDict, total=False):
     per_channel: bool
     samples: int | None
     starts: int
+    aperture: str
     scene: str | os.PathLike[str] | Scene | None
     seed: int
     log: Callable[[str], None]
@@ -115,6 +116,7 @@ class FitSettings:
     per_channel: bool = False
     samples: int | None = None
     starts: int = 8
+    aperture: str = "average"
     scene: Scene | None = None
     seed: int = 0
     log: Callable[[str], None] = lambda line: None
@@ -123,6 +125,7 @@ class FitSettings:
         _require_known("loss", self.loss, LOSSES)
         _require_known("weight", self.weight, WEIGHTS)
         _require_known("robust weights", self.robust, tuple(ROBUST_KINDS))
+        _require_known("aperture", self.aperture, APERTURES)
         _require_known("bootstrap", self.bootstrap_kind, BOOTSTRAP_KINDS)
         if self.theta_max is not None and not 0 < self.theta_max <= math.pi / 2 * (1 + 1e-12):
             raise GonioError(
@@ -247,23 +250,24 @@ def _optimum(task: FitTask) -> Optimum:
     if s.size:
         finished()  # before anything large is laid out: compilers take a lot of memory for a moment
     weight, floor = residual_weights(readings, task.loss, sigma), loss_floor(readings, task.loss)
-    problem, notes = FitProblem.create(s, fixed, task.loss, readings, weight, floor), []
+    problem = FitProblem.create(s, fixed, task.loss, readings, weight, floor)
+    averaging = any(readings.half_angles) and settings.aperture == "average"
+    known_noise = likelihood or share is not None
     if not s.size:
-        return optimum_at(problem, given, problem.evaluate(given), (1, 1), likelihood, notes, None)
+        return _without_free_numbers(problem, given, likelihood, averaging)
     starts = search(problem, given, settings.starts, settings.seed)
     if starts is None:
         raise GonioError(
             f"'{task.requested}' has no finite value at any start on these readings; hold a number with name=value, or "
             "begin elsewhere with name~value."
         )
-    end, downweighted = starts.best, None
-    if share is not None:
-        end, problem = _reweighted(problem, end, share, notes)
-    if settings.robust is not None:
-        robust = robust_fit(problem, settings.robust, starts.cells, [end, *starts.ends])
-        end, problem, downweighted = robust.descent, robust.problem, robust.downweighted
-        if not robust.settled:
-            notes.append(f"the robust weights had not settled after {ROUNDS} rounds")
+    refinement = Refinement(share, settings.robust, known_noise, starts.cells, starts.ends)
+    refined, averages = refinement.of(problem, starts.best), None
+    if averaging:
+        refined, averages = refinement.over_discs(problem, refined)
+    elif any(readings.half_angles):
+        averages = refinement.ignored(refined)
+    end, problem, downweighted, notes = refined
     if not end.successful:
         end = completed(problem, end)
     agreement = (len(starts.ends), starts.agreed)
@@ -277,7 +281,18 @@ def _optimum(task: FitTask) -> Optimum:
     best = optimum(end)
     if end.successful and not best.converged:  # the last step was not evaluated before, and did not do
         best = optimum(minimise(problem, [best.p], NEAR)[0])
-    return best
+    return dataclasses.replace(best, averages=averages)
+
+
+def _without_free_numbers(problem: FitProblem, p: np.ndarray, likelihood: bool, averaging: bool) -> Optimum:
+    evaluation, averages = problem.evaluate(p), None
+    if averaging:
+        noise = 1.0 if likelihood else noise_of(problem, 0, float(evaluation.equations.cost))
+        choice = choose_rules(problem, p, noise)
+        averages = DiscAverages(True, problem.readings.half_angles, choice.rules, choice.neglected, p)
+        problem = problem.averaged(choice.rules)
+        evaluation = problem.evaluate(p)
+    return dataclasses.replace(optimum_at(problem, p, evaluation, (1, 1), likelihood, [], None), averages=averages)
 
 
 def _require_enough(task: FitTask, s: Parameterisation) -> None:
@@ -289,18 +304,3 @@ def _require_enough(task: FitTask, s: Parameterisation) -> None:
                 f"'{task.requested}' has {len(wanted)} free numbers in channel {name} ({', '.join(wanted)}), and the "
                 f"table has {have} valid reading{'s' * (have != 1)} there: {len(wanted) - have} more are needed."
             )
-
-
-def _reweighted(problem: FitProblem, end: Descent, share: float, notes: list[str]) -> tuple[Descent, FitProblem]:
-    """Descents with σ from the model's own f, until its numbers settle [iteratively reweighted least squares]."""
-    readings = problem.readings
-    for _ in range(REWEIGHTINGS):
-        f = problem.model_values(end.p)
-        problem = problem.reweighted(residual_weights(readings, "sigma", relative_sigma(readings, f, share)))
-        after = minimise(problem, [end.p], NEAR)[0]
-        moved = np.max(np.abs(after.p - end.p) / np.maximum(np.abs(after.p), 1e-9))
-        end = after
-        if moved < SETTLED:
-            return end, problem
-    notes.append(f"the weights had not settled after {REWEIGHTINGS} rounds: the numbers still moved by {moved:.1g}")
-    return end, problem

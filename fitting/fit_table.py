@@ -8,6 +8,7 @@ import numpy as np
 
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
+from gonio.fitting.apertures import aperture_notes, half_angles_of
 from gonio.fitting.assembly import assemble_result
 from gonio.fitting.fit_model import FitOptions, FitSettings, FitTask, compile_ahead, fit_model
 from gonio.fitting.problem.readings import (
@@ -23,11 +24,9 @@ from gonio.fitting.selection.automatic import Selection, select_model, shows_ani
 from gonio.fitting.selection.scene_promise import promise
 from gonio.fitting.selection.scene_selection import SceneView, view_of
 from gonio.models.errors import GonioError
-from gonio.models.expression.builder import Frame, number_label
-from gonio.models.expression.parser import Term, numbers, parse, with_defaults
+from gonio.models.expression.parser import parse, with_defaults
 
 SELECTED_STARTS = 2  # random ones after a selection, which knows where to begin
-WIDENS = 0.02  # aperture half-angle over alpha, from which on the averaging shows in a fit
 
 
 def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unpack[FitOptions]) -> FitResult:
@@ -50,6 +49,8 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
         bootstrap_kind: ``"wild"`` (random signs of the residuals) or ``"block_pairs"`` (resampled readings).
         per_channel: fit every channel by itself.
         samples: largest number of cells, at random by the seed; by default all.
+        aperture: ``"average"``: the model is averaged over the discs of light and detector whose solid angles the table
+            states, as its readings are; ``"ignore"``: it is compared at their centres.
         starts: number of random starts beside those from the data, 0 or more; at most 2 where the model was selected.
         scene: a scene, its file or the name of a shipped one: its directions are fitted, weighted by their effect on
             its radiance, and without a model the cheapest one within its tolerance is selected.
@@ -106,6 +107,7 @@ def _task(table: Table, settings: FitSettings) -> FitTask:
         limit = settings.theta_max
         below = f" with both polar angles below {np.degrees(limit):g}°; raise --theta-max." if limit else "."
         raise GonioError(f"{table.name or 'The table'} has no valid reading{below}")
+    readings = dataclasses.replace(readings, half_angles=half_angles_of(table))
     loss, sigma = _loss(settings, readings)
     counts = count_readings(table, readings)
     if settings.weight is not None:
@@ -160,8 +162,7 @@ def _fit_one(
     began = time.perf_counter()
     optima = fit_model(task)
     r = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
-    r.notes.extend(table.provenance.get("warnings", []))
-    r.notes.extend(_aperture_notes(table, optima[0].parameters.frames, task.terms, r))
+    r.notes.extend([*table.provenance.get("warnings", []), *aperture_notes(r.apertures)])
     if view is not None:
         promised = promise(table, r.brdf, view.scene, determined=not r.undetermined)
         note = view.note(r.brdf, task.readings, selection and selection.scene)
@@ -173,22 +174,6 @@ def _fit_one(
         f"{r.starts_agreed} of {r.starts} starts agree, {r.seconds['fit']:.2f} s"
     )
     return r
-
-
-def _aperture_notes(table: Table, frames: tuple[Frame, ...], terms: tuple[Term, ...], r: FitResult) -> list[str]:
-    """A note on lobes that the apertures widen: the model is compared at the centres of what was averaged."""
-    solid_angle = max(table.source_solid_angle or 0.0, table.receiver_solid_angle or 0.0)
-    half_angle = np.sqrt(solid_angle / np.pi)
-    of_width = {
-        number_label(frames, k, n.path) for k, t in enumerate(terms) for n in numbers(t) if n.info.role == "width"
-    }
-    widths = [p.label for p in r.parameters if p.name in of_width and half_angle > WIDENS * p.value]
-    if not widths:
-        return []
-    return [
-        f"a reading is an average over apertures of half-angle up to {np.degrees(half_angle):.2g}°, and the model is "
-        f"compared at their centres: {', '.join(widths)} may come out too wide"
-    ]
 
 
 def _alternative(r: FitResult, best: float) -> dict[str, Any]:

@@ -65,6 +65,7 @@ class FitResult(Displayed):
         undetermined, active_bounds, notes: sentences and labels.
         alternatives: the other models, as plain data; `bootstrap`: what the refits gave.
         seconds: wall time by stage; `table`: name of the table; `scene`: what is promised in the scene of the fit.
+        apertures: averages over the discs of light and detector, and what the numbers at their centres are off by.
     """
 
     expression: str
@@ -100,6 +101,7 @@ class FitResult(Displayed):
     robust: str | None = None
     bootstrap: dict[str, Any] | None = None
     scene: dict[str, Any] | None = None
+    apertures: dict[str, Any] | None = None
     evidence: Evidence | None = dataclasses.field(default=None, repr=False, compare=False)
 
     asked = renamed_attribute("asked", "requested")

@@ -21,13 +21,14 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from gonio.fitting.problem.arrow import Arrow, joined
+from gonio.fitting.problem.disc_averages import BlockRules, Lanes, NodePairs, Samples, block_rules, disc_rules
 from gonio.fitting.problem.parameterisation import Domains, FixedValues, Parameterisation
 from gonio.fitting.problem.readings import (
     LANES,
     PAGE,
+    POINTS,
     AnyArray,
     Readings,
-    Samples,
     block_of,
     block_shape,
     chunks,
@@ -144,6 +145,29 @@ def _lobes(s: Parameterisation, p: Float[AnyArray, " p"], fixed: FixedValues, wi
     return jax.vmap(lambda i, o: _lobes_at_sample(s, p, fixed, i, o), out_axes=-1)(wi, wo)
 
 
+def _averaged_lobes(
+    s: Parameterisation, p: Float[AnyArray, " p"], fixed: FixedValues, page: Samples, b: Int[AnyArray, ""]
+) -> _Lobes:
+    """The lobes of block b, averaged over its discs: what f is made of linearly, and its slopes, all at once."""
+    wi, wo = (Direction(*(c[b] for c in w)) for w in (page.wi, page.wo))
+    pairs = NodePairs.of(page.discs, page.rules.rule[b], page.rules.halvings[b], wi, wo)
+    # Traced once: models are long, and shapes and loop would each run through them.
+    traced, shapes = jax.make_jaxpr(lambda i, o: _lobes(s, p, fixed, i, o), return_shape=True)(wi, wo)
+    leaves, tree = jax.tree.flatten(shapes)
+
+    def add(k: Array, state: tuple[list[Array], Array]) -> tuple[list[Array], Array]:
+        sums, weights = state
+        *rays, weight = pairs.pair(k)
+        lobes = jax_core.eval_jaxpr(traced.jaxpr, traced.consts, *jax.tree.leaves(rays))
+        return [a + weight[None, None] * v for a, v in zip(sums, lobes, strict=True)], weights + weight
+
+    start = ([jnp.zeros(h.shape, h.dtype) for h in leaves], jnp.zeros_like(wi.z))
+    sums, weights = jax.lax.fori_loop(0, pairs.steps, add, start)
+    total = pairs.gathered(weights)
+    total = jnp.where(total > 0, total, 1.0)[None, None]
+    return jax.tree.unflatten(tree, [pairs.gathered(a) / total for a in sums])
+
+
 def _sum_of_lobes(lobes: _Lobes, strengths: _Strengths) -> Float[AnyArray, "c n"]:
     each = (lobe * strength[:, None] for lobe, strength in zip(lobes.values, strengths.terms, strict=True))
     return functools.reduce(operator.add, each)
@@ -183,16 +207,15 @@ def _block(
     plain: Bool[AnyArray, ""],
 ) -> tuple[Float[AnyArray, "c g n"], Float[AnyArray, "c n"]]:
     """(residuals and under them their derivatives (C, 1 + groups, n), the model's f (C, n)) of block b."""
-    wi, wo = (Direction(*(c[b] for c in w)) for w in (page.wi, page.wo))
     always = b < page.blocks
-    strengths = _strengths(s, p, fixed)
-    lobes = _computed(always, lambda: _lobes(s, p, fixed, wi, wo))
+    strengths, cosine = _strengths(s, p, fixed), page.wi.z[b]
+    lobes = _averaged_lobes(s, p, fixed, page, b)
 
     def compared() -> tuple[Array, Array, AnyArray]:
         f = _sum_of_lobes(lobes, strengths)
         weight = page.weight[b].T
         used = weight > 0
-        c = wi.z[None, :] if uses_cosine(loss) else jnp.ones_like(wi.z)[None, :]
+        c = cosine[None, :] if uses_cosine(loss) else jnp.ones_like(cosine)[None, :]
         value, slope = transform(loss, f * c, page.floor)
         value, slope = jnp.where(plain, f, value), jnp.where(plain, 1.0, slope * c)
         residual = jnp.where(used, weight * (value - page.target[b].T), 0.0)
@@ -248,7 +271,8 @@ def compile_page_program(s: Parameterisation, loss: str, fixed: FixedValues) -> 
     n, c = block_of(s.channels), s.channels
     up = Direction(*(np.full((PAGE, n), e) for e in NORMAL))
     none = np.zeros((PAGE, n, c))
-    page = Samples(up, up, none, none, np.asarray(0), np.asarray(1.0))
+    blocks = block_rules(None, PAGE)
+    page = Samples(up, up, none, none, np.asarray(0), np.asarray(1.0), blocks, disc_rules(POINTS))
     request = Request(np.asarray(0, np.int32), np.asarray(False), np.asarray(False))
     program = page_program(s, loss)
     program(np.zeros((LANES, s.size)), np.zeros(LANES, np.int32), request, fixed, page)[0].block_until_ready()
@@ -297,6 +321,9 @@ class FitProblem:
         weight: w of each residual (n, C), 0 where there is no reading.
         samples: the same in blocks, as compiled programs take them.
         target_norm_squared: Σ(w T(y c))².
+        rules: number of the rule (n,) by which the model is averaged over the discs of each reading, see
+            `disc_averages`; None: at their centres.
+        lanes: where the readings are laid in blocks; None: one after another.
     """
 
     parameters: Parameterisation
@@ -307,6 +334,8 @@ class FitProblem:
     weight: np.ndarray
     samples: Samples
     target_norm_squared: float
+    rules: np.ndarray | None = None
+    lanes: Lanes | None = None
 
     @classmethod
     def create(
@@ -317,23 +346,28 @@ class FitProblem:
         readings: Readings,
         weight: np.ndarray,
         floor: float,
+        rules: np.ndarray | None = None,
     ) -> "FitProblem":
         """The problem of some readings with weights (n, C) and a loss with this floor."""
         n, channels = readings.f.shape
-        shape = block_shape(n, channels)
-        wi, wo = (
-            Direction(*(in_blocks(np.asarray(c), shape, e) for c, e in zip(w, NORMAL, strict=True)))
-            for w in (readings.wi, readings.wo)
-        )
-        target, weights = (in_blocks(a, (*shape, channels)) for a in (readings.f, weight))
-        cosine = np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else None
+        lanes = None
+        if rules is not None and rules.any():
+            lanes = Lanes.of(rules, readings.half_angles, block_of(channels))
+        number = n if lanes is None else lanes.source.size
+        shape = block_shape(number, channels)
+        wi, wo = (_in_blocks(w, lanes, shape) for w in (readings.wi, readings.wo))
+        laid = (a if lanes is None else lanes.values(a) for a in (readings.f, weight))
+        target, weights = (in_blocks(a, (*shape, channels)) for a in laid)
+        cosine = wi.z.reshape(-1)[:, None] if uses_cosine(loss) else None
         flat, norm_squared = target.reshape(-1, channels), 0.0
-        for some in chunks(n, channels):
+        for some in chunks(number, channels):
             compared = flat[some] if cosine is None else flat[some] * cosine[some]
             flat[some] = transformed(loss, compared, floor)
             norm_squared += float(np.sum((weights.reshape(-1, channels)[some] * flat[some]) ** 2))
-        samples = Samples(wi, wo, target, weights, np.asarray(-(-n // shape[1])), np.asarray(float(floor)))
-        return cls(parameters, fixed, loss, parameters.domains, readings, weight, samples, norm_squared)
+        blocks, used = block_rules(lanes, shape[0]), -(-number // shape[1])
+        discs = disc_rules(readings.half_angles)
+        samples = Samples(wi, wo, target, weights, np.asarray(used), np.asarray(float(floor)), blocks, discs)
+        return cls(parameters, fixed, loss, parameters.domains, readings, weight, samples, norm_squared, rules, lanes)
 
     @property
     def linear(self) -> np.ndarray:
@@ -353,28 +387,39 @@ class FitProblem:
             cut = slice(first, first + PAGE)
             wi, wo = (Direction(*(c[cut] for c in w)) for w in (whole.wi, whole.wo))
             blocks = np.asarray(min(PAGE, used - first))
-            parts.append(Samples(wi, wo, whole.target[cut], whole.weight[cut], blocks, whole.floor))
+            rules = BlockRules(*(a[cut] for a in whole.rules))
+            parts.append(Samples(wi, wo, whole.target[cut], whole.weight[cut], blocks, whole.floor, rules, whole.discs))
         return parts
 
     def subset(self, cells: np.ndarray) -> "FitProblem":
         """The same problem on some of the cells."""
         if cells.size == self.weight.shape[0]:
             return self
-        readings, weight = self.readings.part(cells), self.weight[cells]
-        return FitProblem.create(self.parameters, self.fixed, self.loss, readings, weight, float(self.samples.floor))
+        return self.averaged(self.rules, cells)
+
+    def averaged(self, rules: np.ndarray | None, cells: np.ndarray | None = None) -> "FitProblem":
+        """The same problem with the model averaged by these rules (n,), on some of the cells if given."""
+        readings, weight = self.readings, self.weight
+        if cells is not None:
+            readings, weight, rules = readings.part(cells), weight[cells], None if rules is None else rules[cells]
+        floor = float(self.samples.floor)
+        return FitProblem.create(self.parameters, self.fixed, self.loss, readings, weight, floor, rules)
 
     def reweighted(self, weight: np.ndarray) -> "FitProblem":
         """The same problem with other weights (n, C); no array changes its shape, and nothing compiles again."""
-        laid = in_blocks(weight, self.samples.weight.shape)
+        laid = self._in_lanes(weight)
         norm_squared = float(np.sum((laid * self.samples.target) ** 2))
         samples = self.samples._replace(weight=laid)
         return dataclasses.replace(self, weight=weight, samples=samples, target_norm_squared=norm_squared)
 
     def retargeted(self, target: np.ndarray) -> "FitProblem":
         """The same problem with other targets T(y c), (n, C)."""
-        laid = in_blocks(target, self.samples.target.shape)
+        laid = self._in_lanes(target)
         norm_squared = float(np.sum((laid * self.samples.weight) ** 2))
         return dataclasses.replace(self, samples=self.samples._replace(target=laid), target_norm_squared=norm_squared)
+
+    def _in_lanes(self, a: np.ndarray) -> np.ndarray:
+        return in_blocks(a if self.lanes is None else self.lanes.values(a), self.samples.weight.shape)
 
     def linearised(self) -> "FitProblem":
         """The problem of f itself, its residuals to first order in f − y: for `normal_equations(plain=True)`."""
@@ -412,7 +457,8 @@ class FitProblem:
             rows[:] = np.swapaxes(np.asarray(f_of_page)[: rows.shape[0]], 1, 2)
         total = _total(squares, 1)
         equations, outer = (summed(self.parameters, total[:, k]) for k in range(2))
-        f = f.reshape(-1, self.parameters.channels)[: self.weight.shape[0]]
+        f = f.reshape(-1, self.parameters.channels)
+        f = f[: self.weight.shape[0]] if self.lanes is None else f[self.lanes.place]
         one, spread = (jax.tree.map(lambda a: a[0], e) for e in (equations, outer.matrix))
         return Evaluation(one, spread if scores else None, f)
 
@@ -442,6 +488,13 @@ class FitProblem:
             if len(waiting) == UNDER_WAY:
                 yield waiting.popleft()
         yield from waiting
+
+
+def _in_blocks(w: Direction, lanes: Lanes | None, shape: tuple[int, int]) -> Direction:
+    components = [np.asarray(c) for c in w]
+    if lanes is not None:
+        components = [lanes.directions(c, e) for c, e in zip(components, NORMAL, strict=True)]
+    return Direction(*(in_blocks(c, shape, e) for c, e in zip(components, NORMAL, strict=True)))
 
 
 def _total(squares: list[np.ndarray], number: int) -> np.ndarray:

@@ -16,12 +16,12 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout
@@ -34,6 +34,7 @@ _GUESS = 6142909891733356544.0  # of the bits: (4/3) · 1023 · 2⁵², less wha
 WEIGHTS = ("solid-angle", "cosine", "projected-solid-angle")
 NO_UNCERTAINTY = "The loss 'sigma' needs standard uncertainties above 0, and this table has none; choose another loss."
 
+POINTS = (0.0, 0.0)  # half-angles of apertures that are points
 PAGE = 16  # blocks of a page
 LANES = 16  # vectors of free numbers that a program takes side by side
 AnyArray = jax.Array | np.ndarray
@@ -54,6 +55,7 @@ class Readings:
     u_f: np.ndarray
     valid: np.ndarray
     cell_weight: np.ndarray | None = None  # (n,) weight of each cell's squared residuals, up to a factor
+    half_angles: tuple[float, float] = POINTS  # of the discs of light and detector, radians
 
     @property
     def count(self) -> int:
@@ -64,7 +66,7 @@ class Readings:
         """The readings of some of the cells."""
         wi, wo = (Direction(*(np.asarray(c)[cells] for c in w)) for w in (self.wi, self.wo))
         cell_weight = None if self.cell_weight is None else self.cell_weight[cells]
-        return Readings(wi, wo, self.f[cells], self.u_f[cells], self.valid[cells], cell_weight)
+        return Readings(wi, wo, self.f[cells], self.u_f[cells], self.valid[cells], cell_weight, self.half_angles)
 
     def channel(self, c: int) -> "Readings":
         """The readings of one channel."""
@@ -149,17 +151,6 @@ def chunks(n: int, channels: int) -> Iterator[slice]:
 def block_of(channels: int) -> int:
     """Samples of a block: what a core's cache holds of their residuals and derivatives."""
     return max(64, 512 >> max(0, (channels - 1).bit_length() - 2))
-
-
-class Samples(NamedTuple):
-    """Samples of a fit in blocks, padded with weight 0. B blocks, a multiple of `PAGE`, of n samples, C channels."""
-
-    wi: Direction  # components (B, n)
-    wo: Direction
-    target: Float[AnyArray, "B n C"]  # T(y c)
-    weight: Float[AnyArray, "B n C"]
-    blocks: AnyArray  # how many of the B are in use
-    floor: AnyArray  # of the loss
 
 
 def block_shape(n: int, channels: int) -> tuple[int, int]:

@@ -10,6 +10,7 @@ from gonio.fitting.problem.arrow import Arrow
 from gonio.fitting.problem.parameterisation import Domains, Parameterisation, at_bounds
 from gonio.fitting.problem.problem import Evaluation, FitProblem
 from gonio.fitting.problem.readings import Readings
+from gonio.fitting.solver.disc_choice import DiscAverages
 from gonio.fitting.solver.levenberg_marquardt import EXACT, eps, is_exact, stationarity, stationary_limit
 from gonio.fitting.solver.robust_weights import DownweightedReadings
 from gonio.fitting.uncertainty.covariance import NORMAL_95, open_from
@@ -59,6 +60,7 @@ class Optimum:
         starts, agreed: number of descents, and of those that ended here.
         notes: sentences for the result.
         downweighted: what a robust fit counts less.
+        averages: how the model was averaged over the discs of the apertures, or what not to do so shifts.
         profile: 95 % intervals of vague numbers, by index.
         unfollowed: vague numbers whose intervals are those of the covariance matrix all the same.
     """
@@ -82,6 +84,7 @@ class Optimum:
     downweighted: DownweightedReadings | None = None
     profile: dict[int, tuple[float, float]] = dataclasses.field(default_factory=dict)
     unfollowed: tuple[int, ...] = ()
+    averages: DiscAverages | None = None
 
     @property
     def readings(self) -> Readings:

@@ -40,6 +40,8 @@ OPTIONS: Options = {
     "--theta-max DEG": "leave out readings beyond this polar angle, on either side",
     "--channel NAME": {"action": "append", "help": "only this channel, such as R or '633 nm'"},
     "--per-channel": "fit each channel by itself",
+    "--aperture HOW": "average (default): the model is averaged over the discs of light and detector that the table "
+    "states, as its readings are; ignore: compared at their centres",
     "--samples N": "use at most N cells, chosen by the seed",
     "--starts N": "random starts beside those from the data (default 8)",
     "--scene S": "a scene's file, or a shipped scene's name: weigh by what it sees, meet its tolerance",
@@ -74,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     files += "processors, and a killed run goes on where it stopped"
     parser.add_argument("files", nargs="+", metavar="FILE", help=files)
     add_options(parser.add_argument, OPTIONS | MERL | READING | FORCE)
-    parser.set_defaults(bootstrap=0, starts=8, seed=0)
+    parser.set_defaults(bootstrap=0, starts=8, seed=0, aperture="average")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -143,6 +145,7 @@ def summary(r: "FitResult") -> list[str]:
         *([f"active bound{'s' * (len(r.active_bounds) > 1)}: {listed(r.active_bounds)}"] if r.active_bounds else []),
         *(f"undetermined: {sentence}" for sentence in r.undetermined),
         *(f"correlated: {c['a']} and {c['b']} by {number(c['correlation'], 4)}" for c in r.correlated),
+        *([f"apertures: {r.apertures['sentence']}"] if r.apertures else []),
         *(f"residuals: {sentence}" for sentence in (r.residuals.sentences if r.residuals else [])),
         *(f"note: {note}" for note in r.notes),
         *([candidate_table(r.alternatives)] if r.alternatives else []),

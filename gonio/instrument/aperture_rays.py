@@ -1,8 +1,7 @@
 """Rays of disc apertures: nodes in discs laid out gnomonically, cut by the horizon, and sums of f over pairs of rays.
 
-A disc about the direction n is n + tan s·(x t + y b) with t towards the normal: the horizon is then a straight line.
-Its nodes are x = cos ψ, y = v sin ψ: a rule in ψ from 0 to where the horizon cuts the disc, a rule in v from −1 to 1
-along the chord, so that the integrand is smooth whether the disc is whole or cut.
+A disc's nodes (see `disc_frames`) are x = cos ψ, y = v sin ψ: a rule in ψ from 0 to where the horizon cuts the disc, a
+rule in v from −1 to 1 along the chord, so that the integrand is smooth whether the disc is whole or cut.
 """
 
 import functools
@@ -15,7 +14,7 @@ import numpy as np
 
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, normalize
-from gonio.models.warps.grazing_azimuth import polar_parts
+from gonio.models.geometry.disc_frames import DiscFrame, disc_frame, disc_ray, psi_of_horizon
 
 NODES_MAX = 180
 Array = jax.Array | np.ndarray
@@ -41,12 +40,9 @@ class Disc(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """Frames of discs: axis, unit tangent towards the normal, horizontal one, tan s, ψ where the horizon cuts."""
+    """Frames of discs, and ψ where the horizon cuts them, if it does."""
 
-    axis: Direction
-    up: Direction
-    across: tuple[jax.Array, jax.Array]
-    tan_s: jax.Array
+    disc: DiscFrame
     psi_end: jax.Array | None
 
 
@@ -121,15 +117,8 @@ def disc_sums(
 
 
 def _frame(disc: Disc, crossing: bool) -> Frame:
-    w = disc.axis
-    sin_t, cos_p, sin_p = polar_parts(w)
-    up = Direction(-w.z * cos_p, -w.z * sin_p, sin_t)
-    tan_s = jnp.tan(disc.half_angle)
-    psi_end = None
-    if crossing:
-        reach = w.z / jnp.maximum(sin_t * tan_s, 1e-30)
-        psi_end = jnp.arccos(jnp.clip(-reach, -1.0, 1.0))
-    return Frame(w, up, (-sin_p, cos_p), tan_s, psi_end)
+    frame = disc_frame(disc.axis, jnp.tan(disc.half_angle))
+    return Frame(frame, psi_of_horizon(frame) if crossing else None)
 
 
 def _column(frame: Frame, node: Array) -> Column:
@@ -139,21 +128,14 @@ def _column(frame: Frame, node: Array) -> Column:
         psi = frame.psi_end * g
         cos_psi, sin_psi = jnp.cos(psi), jnp.sin(psi)
         weight = w_g * frame.psi_end * sin_psi**2
-    return Column(frame.tan_s * cos_psi, frame.tan_s * sin_psi, weight)
+    return Column(frame.disc.tan_s * cos_psi, frame.disc.tan_s * sin_psi, weight)
 
 
 def _ray(frame: Frame, column: Column, node: Array) -> tuple[Direction, jax.Array]:
     """The direction of one node in each lane's disc, and its weight × cosθ (common factors left out)."""
-    axis, up, (b_x, b_y) = frame.axis, frame.up, frame.across
     v, w_v = node
-    x, y = column.x, column.chord * v
-    inverse = 1.0 / jnp.sqrt(1.0 + x * x + y * y)
-    ray = Direction(
-        (axis.x + x * up.x + y * b_x) * inverse,
-        (axis.y + x * up.y + y * b_y) * inverse,
-        (axis.z + x * up.z) * inverse,
-    )
-    return ray, column.weight * w_v * inverse**3 * jnp.maximum(ray.z, 0.0)
+    ray, share = disc_ray(frame.disc, column.x, column.chord * v)
+    return ray, column.weight * w_v * share
 
 
 def _towards_mirror(source: Disc, detector: Disc) -> tuple[Direction, Direction]:

@@ -1,0 +1,114 @@
+"""What follows the search of a fit: relative and robust weights, and averages over the discs of the apertures."""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from gonio.fitting.problem.parameterisation import Domains
+from gonio.fitting.problem.problem import FitProblem
+from gonio.fitting.problem.readings import relative_sigma, residual_weights
+from gonio.fitting.solver.disc_choice import DiscAverages, choose_rules
+from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, minimise, stationarity
+from gonio.fitting.solver.robust_weights import ROUNDS, DownweightedReadings, robust_fit
+
+REWEIGHTINGS = 30
+SETTLED = 1e-8  # relative change of the numbers from which on relative weights have settled
+CHOICES = 4  # of how finely to average, each on the numbers that the one before led to
+STEADY = 0.02  # relative change of numbers and noise, up to which the choice stands
+
+
+class Refined(NamedTuple):
+    """The end of a fit, its problem with the last weights, what counts less in it, and sentences about it."""
+
+    descent: Descent
+    problem: FitProblem
+    downweighted: DownweightedReadings | None
+    notes: list[str]
+
+
+@dataclasses.dataclass(frozen=True)
+class Refinement:
+    """How the best descent of a search goes on.
+
+    Attributes:
+        relative_noise: standard uncertainty as a share of the model's own f, or None.
+        robust: kind of robust weights, or None.
+        known_noise: whether weighted residuals have a standard deviation of 1.
+        cells, ends: some cells, and where descents on them ended.
+    """
+
+    relative_noise: float | None
+    robust: str | None
+    known_noise: bool
+    cells: np.ndarray
+    ends: list[Descent]
+
+    def of(self, problem: FitProblem, end: Descent) -> Refined:
+        """The fit with relative and robust weights, from where that without them ended."""
+        notes, downweighted = [], None
+        if self.relative_noise is not None:
+            end, problem = _reweighted(problem, end, self.relative_noise, notes)
+        if self.robust is not None:
+            robust = robust_fit(problem, self.robust, self.cells, [end, *self.ends])
+            end, problem, downweighted = robust.descent, robust.problem, robust.downweighted
+            if not robust.settled:
+                notes.append(f"the robust weights had not settled after {ROUNDS} rounds")
+        return Refined(end, problem, downweighted, notes)
+
+    def over_discs(self, points: FitProblem, at_centres: Refined) -> tuple[Refined, DiscAverages]:
+        """The fit of averages over the discs of each reading, from where that at their centres ended.
+
+        Args:
+            points: the problem at the centres, without relative and robust weights.
+            at_centres: where it ended.
+        """
+        refined, noise, rules = at_centres, self._noise(at_centres), np.zeros(points.weight.shape[0], int)
+        for _ in range(CHOICES):
+            before, choice = refined.descent.p, choose_rules(refined.problem, refined.descent.p, noise)
+            if np.array_equal(choice.rules, rules):
+                break
+            rules, problem = choice.rules, points.averaged(choice.rules)
+            refined = self.of(problem, minimise(problem, [before], NEAR)[0])
+            quieter, noise = noise, self._noise(refined)
+            moved = np.abs(refined.descent.p - before) / np.maximum(np.abs(refined.descent.p), 1e-9)
+            if max(float(np.max(moved)), abs(quieter / noise - 1.0)) < STEADY:
+                break
+        shift = at_centres.descent.p - refined.descent.p
+        return refined, DiscAverages(True, points.readings.half_angles, rules, choice.neglected, shift)
+
+    def ignored(self, at_centres: Refined) -> DiscAverages:
+        """What the numbers at the centres are off by, to first order: a step towards the fit of averages."""
+        problem, p = at_centres.problem, at_centres.descent.p
+        choice = choose_rules(problem, p, self._noise(at_centres))
+        equations = problem.averaged(choice.rules).normal_equations(p[None])
+        order, shift = problem.order, np.zeros(p.size)
+        d = Domains(*(a[order] for a in problem.domains))
+        measure = stationarity(d, p[None, order], equations)
+        kept = ~(measure.active_bound | measure.zero_sensitivity)[0]
+        step = equations.matrix.restricted(kept).solved(np.where(kept, -equations.gradient, 0.0))
+        shift[order] = -step[0]
+        return DiscAverages(False, problem.readings.half_angles, choice.rules, choice.neglected, shift)
+
+    def _noise(self, refined: Refined) -> float:
+        return 1.0 if self.known_noise else noise_of(refined.problem, refined.descent.p.size, refined.descent.cost)
+
+
+def noise_of(problem: FitProblem, numbers: int, cost: float) -> float:
+    """Standard deviation of the weighted residuals of a fit of so many free numbers that ended at this cost."""
+    return max(float(np.sqrt(2.0 * cost / max(problem.readings.count - numbers, 1))), 1e-300)
+
+
+def _reweighted(problem: FitProblem, end: Descent, share: float, notes: list[str]) -> tuple[Descent, FitProblem]:
+    """Descents with σ from the model's own f, until its numbers settle [iteratively reweighted least squares]."""
+    readings = problem.readings
+    for _ in range(REWEIGHTINGS):
+        f = problem.model_values(end.p)
+        problem = problem.reweighted(residual_weights(readings, "sigma", relative_sigma(readings, f, share)))
+        after = minimise(problem, [end.p], NEAR)[0]
+        moved = np.max(np.abs(after.p - end.p) / np.maximum(np.abs(after.p), 1e-9))
+        end = after
+        if moved < SETTLED:
+            return end, problem
+    notes.append(f"the weights had not settled after {REWEIGHTINGS} rounds: the numbers still moved by {moved:.1g}")
+    return end, problem

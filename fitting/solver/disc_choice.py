@@ -1,0 +1,177 @@
+"""How finely a fit averages its model over the discs of each reading: no more finely than its numbers can notice.
+
+What is neglected at all readings, e of each in units of its noise, moves no combination of a fit's numbers by more than
+√Σe² of its standard uncertainty [Cauchy–Schwarz on the projection by the normal equations]. Of all choices that keep
+this sum, the one of fewest nodes is taken: each reading has the rule of least nodes + λe².
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from gonio.fitting.problem.disc_averages import STEPS, disc_rules, steps_of
+from gonio.fitting.problem.problem import FitProblem
+from gonio.fitting.problem.readings import transform, uses_cosine
+from gonio.models.geometry.directions import Direction
+
+ALLOWED = 0.3  # of a standard uncertainty: what all that is neglected may move a number by, at worst
+LITTLE = 0.3  # of that: what the readings that each step leaves may neglect together
+FINER = 0.1  # of the last known error: that of the rule above, which has none to be compared with
+PEAK_MISSED = 2.0  # f at the mirror configuration over that at the nearest node, from which on a rule may miss a lobe
+NEAR_MIRROR = 2.0  # sums of the half-angles
+GRAZING = 0.15  # cosine
+CELLS = 1 << 17  # looked at together
+
+
+class DiscChoice(NamedTuple):
+    """Rule of each reading (n,), and how far, in standard uncertainties, what is neglected may move a number."""
+
+    rules: np.ndarray
+    neglected: float
+
+
+@dataclasses.dataclass(frozen=True)
+class DiscAverages:
+    """Averages over the discs of light and detector in a fit of P numbers to n readings.
+
+    Attributes:
+        made: whether the fit made them.
+        half_angles: of the discs, radians.
+        rules: of each reading (n,), see `disc_averages`, as made or as needed.
+        neglected: how many standard uncertainties what is neglected may move a number by.
+        shift: the numbers (P,) at the discs' centres, less those of averages.
+    """
+
+    made: bool
+    half_angles: tuple[float, float]
+    rules: np.ndarray
+    neglected: float
+    shift: np.ndarray
+
+
+def choose_rules(problem: FitProblem, p: np.ndarray, noise: float) -> DiscChoice:
+    """The rules that a fit near p (P,) needs, whose weighted residuals have this standard deviation."""
+    n = problem.weight.shape[0]
+    errors = []
+    for first in range(0, n, CELLS):
+        part = problem.averaged(None, np.arange(first, min(first + CELLS, n)))
+        errors.append(_errors(part, p, noise, LITTLE * ALLOWED * np.sqrt(part.weight.shape[0] / n)))
+    error = np.concatenate(errors, axis=1)
+    graze = _grazing(problem)
+    steps = _cheapest(error, problem, graze)
+    left = np.take_along_axis(error, steps[None], axis=0)[0]
+    rules = np.where(steps > 0, 2 * steps + graze, 0)
+    return DiscChoice(rules, float(np.sqrt(np.sum(left**2))))
+
+
+def _weight(problem: FitProblem, f: np.ndarray) -> np.ndarray:
+    """Slope (n, C) of each weighted residual by the model's value, at values f (n, C)."""
+    c = np.asarray(problem.readings.wi.z)[:, None] if uses_cosine(problem.loss) else 1.0
+    return problem.weight * transform(problem.loss, f * c, problem.samples.floor, np)[1] * c
+
+
+def _grazing(problem: FitProblem) -> np.ndarray:
+    """Which readings (n,) have a disc that stands low, or that the horizon cuts."""
+    cosines = (np.asarray(w.z) for w in (problem.readings.wi, problem.readings.wo))
+    return np.any(
+        [c < max(GRAZING, np.sin(s)) for c, s in zip(cosines, problem.readings.half_angles, strict=True) if s > 0],
+        axis=0,
+    )
+
+
+def _cheapest(error: np.ndarray, problem: FitProblem, graze: np.ndarray) -> np.ndarray:
+    """The step (n,) of each reading, of errors (steps, n): fewest nodes in all that keep `ALLOWED`."""
+    steps = np.zeros(error.shape[1], int)
+    seen = np.flatnonzero(np.isfinite(error[1]))
+    rest = np.delete(error[0], seen)
+    budget = ALLOWED**2 - float(np.sum(rest**2))
+    if not seen.size or np.sum(error[0] ** 2) <= ALLOWED**2:
+        return steps
+    error = error[: 1 + int(np.flatnonzero(np.isfinite(error).any(axis=1))[-1]), seen]
+    squares = error**2
+    counts = disc_rules(problem.readings.half_angles).counts.prod(axis=1)
+    nodes = np.where(graze[seen], *(counts[g : 2 * len(error) : 2, None] for g in (1, 0)))
+    low, high = -20.0, 60.0  # log2 of λ
+    for _ in range(14):
+        middle = 0.5 * (low + high)
+        chosen = np.argmin(nodes + 2.0**middle * squares, axis=0)
+        left = float(np.sum(np.take_along_axis(squares, chosen[None], axis=0)))
+        low, high = (low, middle) if left <= budget else (middle, high)
+    steps[seen] = np.argmin(nodes + 2.0**high * squares, axis=0)
+    return steps
+
+
+def _errors(problem: FitProblem, p: np.ndarray, noise: float, little: float) -> np.ndarray:
+    """Error (steps, n) of each rule in units of the noise, as it differs from the next; inf beyond what is needed.
+
+    Cells whose errors e are the smallest, up to √Σe² = `little`, go no further at each step.
+    """
+    n, most = problem.weight.shape[0], steps_of(problem.readings.half_angles)
+    values = problem.model_values(p)
+    weight = _weight(problem, values) / noise
+    graze, probes = _grazing(problem), _Probes.of(problem, p, values)
+    error = np.full((most, n), np.inf)
+    cells = np.arange(n)
+    for step in range(1, most):
+        finer = problem.averaged(2 * step + graze, cells).model_values(p)
+        e = np.sqrt(np.sum((weight[cells] * (finer - values[cells])) ** 2, axis=1))
+        hidden = probes.missed(problem, p, step, cells)
+        e = np.maximum(e, np.sqrt(np.sum((weight[cells] * hidden) ** 2, axis=1)))
+        e = np.nan_to_num(e, nan=0.0, posinf=1e9)
+        error[step - 1, cells], error[step, cells], values[cells] = e, FINER * e, finer
+        ascending = np.sort(e)
+        left = int(np.searchsorted(np.cumsum(ascending**2), little**2))
+        if left == cells.size:
+            break
+        cells = cells[e >= ascending[left]]
+    return error
+
+
+class _Probes(NamedTuple):
+    """Pairs of directions within the discs that are nearest to mirror reflection, where f is far above the centres'."""
+
+    cells: np.ndarray  # (m,)
+    wi: np.ndarray  # (3, m)
+    wo: np.ndarray
+    f: np.ndarray  # (m, C)
+
+    @classmethod
+    def of(cls, problem: FitProblem, p: np.ndarray, values: np.ndarray) -> "_Probes":
+        """The probes of a model whose values at the centres are these (n, C)."""
+        wi, wo = (np.stack([np.asarray(c) for c in w]) for w in (problem.readings.wi, problem.readings.wo))
+        s_i, s_o = problem.readings.half_angles
+        turned = np.array([-1.0, -1.0, 1.0])[:, None]
+        angle = 2 * np.arcsin(np.minimum(0.5 * np.linalg.norm(turned * wi - wo, axis=0), 1.0))
+        reach = np.maximum(angle, max(s_i + s_o, 1e-30))
+        wi, wo = _unit(wi + s_i / reach * (turned * wo - wi)), _unit(wo + s_o / reach * (turned * wi - wo))
+        # A lobe that hides in a disc is narrower than it: farther off there is none.
+        cells = np.flatnonzero(angle < NEAR_MIRROR * (s_i + s_o))
+        f = problem.values_at(p, Direction(*wi[:, cells]), Direction(*wo[:, cells]))
+        high = (np.abs(f) > PEAK_MISSED * np.abs(values[cells])).any(axis=1)
+        cells = cells[high]
+        return cls(cells, wi[:, cells], wo[:, cells], f[high])
+
+    def missed(self, problem: FitProblem, p: np.ndarray, step: int, cells: np.ndarray) -> np.ndarray:
+        """f (len(cells), C) of lobes that a rule's nodes may all miss; 0 where they cannot.
+
+        A node is no farther from the mirror configuration than √2 s/(n + 1), along or across the plane of incidence.
+        """
+        hidden = np.zeros((cells.size, self.f.shape[1]))
+        mine = np.flatnonzero(np.isin(self.cells, cells))
+        if not mine.size:
+            return hidden
+        wi, wo, f = self.wi[:, mine], self.wo[:, mine], self.f[mine]
+        distance = np.sqrt(2.0) * max(problem.readings.half_angles) / (STEPS[step] + 1)
+        sine = np.maximum(np.hypot(wo[0], wo[1]), 1e-12)
+        across = np.stack([-wo[1], wo[0], np.zeros_like(sine)]) / sine
+        up = np.cross(wo, across, axis=0)
+        # Inwards: towards the normal, so that nothing falls below the horizon.
+        near = [problem.values_at(p, Direction(*wi), Direction(*_unit(wo + distance * t))) for t in (across, up)]
+        missed = np.abs(f) > PEAK_MISSED * np.min(np.abs(near), axis=0)
+        hidden[np.searchsorted(cells, self.cells[mine])] = np.where(missed, f, 0.0)
+        return hidden
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return v / np.linalg.norm(v, axis=0)
