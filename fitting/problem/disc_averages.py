@@ -19,7 +19,7 @@ from jaxtyping import Array, Float, Int
 
 from gonio.fitting.problem.readings import AnyArray
 from gonio.models.geometry.directions import Direction
-from gonio.models.geometry.disc_frames import DiscFrame, disc_frame, disc_ray, psi_of_horizon
+from gonio.models.warps.disc_frames import DiscFrame, disc_frame, disc_ray, psi_of_horizon
 
 STEPS = (1, 2, 3, 4, 6, 9, 14)
 PAIRS_MAX = 9**4  # nodes of a rule over both discs

@@ -14,7 +14,7 @@ import numpy as np
 
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, normalize
-from gonio.models.geometry.disc_frames import DiscFrame, disc_frame, disc_ray, psi_of_horizon
+from gonio.models.warps.disc_frames import DiscFrame, disc_frame, disc_ray, psi_of_horizon
 
 NODES_MAX = 180
 Array = jax.Array | np.ndarray
