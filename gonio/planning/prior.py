@@ -28,6 +28,8 @@ DRAWS = 8
 MOST_NUMBERS = 48
 KNOWN_ROLES = ("fresnel", "index", "extinction", "masking", "phase", "length", "wavelength")
 """Roles of numbers that an expression's value holds, unless -m frees them."""
+USUAL_FACTOR = 3.0
+"""Widths of a material that is only stated may be off by so much."""
 UNLIKE = 2.5
 """Standard uncertainties that a draw goes from its number, at most."""
 
@@ -82,6 +84,7 @@ def prior_of(subject: SubjectLike, model: str | None, ranges: Mapping[str, tuple
             the numbers written in it are free but for refractive indices and the like, and so is every lobe's scale.
         model: what will be fitted, as `gonio.fit` takes it; by default the subject's own.
         ranges: low and high ends of numbers by name, such as {"ggx.alpha": (0.05, 0.3)}: the prior is even in there.
+            Widths that come from no fit are within a factor of `USUAL_FACTOR` otherwise.
 
     Raises:
         GonioError: a number that the model does not have, no free number, or more than can be planned for.
@@ -148,10 +151,25 @@ def _of_terms(
             "channels, as in -m 'lambert(rho=shared) + shared * ggx'"
         )
     prior = Prior(material.name, terms, s, fixed, p, p[None], material.channels)
-    if covariance is None and not ranges:
+    stated = dict(ranges or {})
+    if covariance is None:
+        stated = _usual_ranges(prior, stated) | stated
+    if covariance is None and not stated:
         return prior
-    draws = _draws(prior, covariance, ranges or {})
+    draws = _draws(prior, covariance, stated)
     return dataclasses.replace(prior, p=draws[0], draws=draws)
+
+
+def _usual_ranges(prior: Prior, stated: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    """Ranges of the widths that nothing is stated of: a sample is not quite what its material is said to be."""
+    d, known = prior.parameterisation.domains, {name.rsplit(".", 1)[-1] for name in stated} | set(stated)
+    ranges = {}
+    for g in prior.parameterisation.free:
+        name = prior.parameterisation.labels[g.first][0]
+        value, low, high = prior.p[g.first], d.low[g.first], d.high[g.first]
+        if g.info.role == "width" and not {name, name.rsplit(".", 1)[-1]} & known and low < value < high:
+            ranges[name] = max(low, value / USUAL_FACTOR), min(high, value * USUAL_FACTOR)
+    return ranges
 
 
 def _draws(prior: Prior, covariance: np.ndarray | None, ranges: Mapping[str, tuple[float, float]]) -> np.ndarray:
@@ -166,7 +184,8 @@ def _draws(prior: Prior, covariance: np.ndarray | None, ranges: Mapping[str, tup
         values, vectors = np.linalg.eigh(covariance)
         draws[1:] += np.clip(normal, -UNLIKE, UNLIKE) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
     d = s.domains
-    for given, (low, high) in ranges.items():
+    shares = low_discrepancy(DRAWS - 1, len(ranges)) if ranges else np.zeros((0, 0))
+    for number, (given, (low, high)) in enumerate(ranges.items()):
         name = short.get(given, given)
         which = [k for k, n in enumerate(names) if n == name or prior.names[k] == name]
         if not which:
@@ -176,9 +195,7 @@ def _draws(prior: Prior, covariance: np.ndarray | None, ranges: Mapping[str, tup
             raise GonioError(f"the range of {given} is {low:g} to {high:g}; give two ends in {domain}")
         kind = d.kind[which]
         ends = [mapped(kind, np.full(len(which), end)) for end in (low, high)]
-        share = low_discrepancy(DRAWS - 1, 1, seed=0.1 * which[0])
-        if len(ranges) == 1:
-            share = (np.arange(DRAWS - 1) + 0.5)[:, None] / (DRAWS - 1)
+        share = shares[:, number, None] if len(ranges) > 1 else (np.arange(DRAWS - 1) + 0.5)[:, None] / (DRAWS - 1)
         draws[1:, which] = unmapped(kind, ends[0] + (ends[1] - ends[0]) * share)
         inside = (draws[0, which] >= low) & (draws[0, which] <= high)
         draws[0, which] = np.where(inside, draws[0, which], unmapped(kind, (ends[0] + ends[1]) / 2))

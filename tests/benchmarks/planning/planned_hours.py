@@ -1,0 +1,154 @@
+"""Planned measurements against regular and random ones: errors at equal hours, and hours at equal error.
+
+    python tests/benchmarks/planning/planned_hours.py [MEASUREMENTS] [MINUTES]
+
+For each material and purpose (all numbers; the albedo): the median error of fits to simulated measurements, planned, on
+the best regular scan and on the best of some random ones, all of equal hours; the hours that regular and random scans
+need for the plan's promised uncertainty (each scan's counting time is scaled: the best of all steps and numbers
+counts); the scatter of the fitted numbers over what was promised; the hours lost by plans made at a third and at thrice
+the true α, and with that range stated; the Kiefer-Wolfowitz residual.
+"""
+
+import sys
+
+import jax
+import numpy as np
+
+from gonio.data import layouts
+from gonio.fitting.fit_table import fit
+from gonio.instrument import Instrument, measure
+from gonio.instrument.pace import scan_order
+from gonio.instrument.scans import in_plane, isotropic, spherical
+from gonio.models.expression.builder import build
+from gonio.planning.candidates import readable, space_filling
+from gonio.planning.planned import plan
+from gonio.planning.planner import PLANE_STEPS, REGULAR_STEPS, Planner
+from gonio.planning.prior import prior_of
+from gonio.planning.shots import Shots
+from gonio.planning.wanted import albedos, quantities
+
+MATERIALS = {
+    "α = 0.03": ("lambert(rho=0.3) + 0.5 * ggx(alpha=0.03)", "lambert + ggx"),
+    "α = 0.1": ("lambert(rho=0.3) + 0.5 * ggx(alpha=0.1)", "lambert + ggx"),
+    "α = 0.3": ("lambert(rho=0.3) + 0.5 * ggx(alpha=0.3)", "lambert + ggx"),
+    "two lobes": ("lambert(rho=0.2) + 0.3 * ggx(alpha=0.06) + 0.3 * ggx(alpha=0.3)", "lambert + ggx + ggx"),
+    "brushed": ("0.8 * ggx(alpha_x=0.06, alpha_y=0.3)", "ggx(alpha_x=?, alpha_y=?)"),
+    "eon + ggx": ("eon(rho=0.5, r=0.6) + 0.2 * ggx(alpha=0.15)", "eon + ggx"),
+}
+PURPOSES = {"numbers": [], "albedo": ["albedo"]}
+RANDOM = (30, 100, 300, 1000)
+INSTRUMENT = Instrument(photons=1e5, shadow=np.radians(3))
+
+
+def scans(planner: Planner, random: bool) -> dict[str, np.ndarray]:
+    """Directions in their order of regular or random scans, by name."""
+    if random:
+        each = {f"{n} random": space(planner, n) for n in RANDOM}
+    else:
+        grid, name = (isotropic, "isotropic") if planner.isotropic else (spherical, "spherical")
+        each = {f"{name} {s:g}°": grid(np.radians(s)) for s in REGULAR_STEPS if planner.isotropic or s > 10}
+        if planner.isotropic:
+            each |= {f"in plane {s:g}°": in_plane(np.radians(s)) for s in PLANE_STEPS}
+        each = {k: np.stack([np.asarray(a)[scan_order(v)] for a in v.angles()]) for k, v in each.items()}
+    return {k: readable(a, INSTRUMENT) for k, a in each.items()}
+
+
+def space(planner: Planner, count: int) -> np.ndarray:
+    """Random directions, in the order of the light's angle."""
+    even = space_filling(INSTRUMENT, False, 4 * count)
+    chosen = even[:, np.random.default_rng(count).permutation(even.shape[1])[:count]]
+    return chosen[:, np.argsort(chosen[0])]
+
+
+def gain(planner: Planner, covariance: np.ndarray) -> float:
+    """A plan's variance by its own criterion, in the mean over the numbers."""
+    loss = planner.loss(covariance)
+    return float(np.exp(loss / (planner.size if planner.wanted is None else 1)))
+
+
+def equal(planner: Planner, angles: np.ndarray, budget: float, promised: float) -> tuple[float, float, Shots]:
+    """(variance at equal hours, hours at the promised variance, shots of equal hours) of a scan."""
+    way = INSTRUMENT.pace.path_seconds(angles, 0.0)
+    # A second in each direction: variances of counts go with one over the time.
+    second = Shots(angles, np.ones(angles.shape[1]))
+    try:
+        variance = gain(planner, planner.covariance(second))
+    except np.linalg.LinAlgError:
+        return np.inf, np.inf, second
+    counting = max((budget - way) / angles.shape[1], 1e-9)
+    return variance / counting if way < budget else np.inf, way + angles.shape[1] * variance / promised, Shots(
+        angles, np.full(angles.shape[1], counting)
+    )  # fmt: skip
+
+
+def simulated(truth: str, model: str, shots: Shots, planner: Planner, number: int) -> tuple[float, float, np.ndarray]:
+    """(median error of the numbers, geometric mean; median largest error of the albedo, relative; z (number, P))."""
+    layout, prior = layouts.scattered(*shots.angles), planner.prior
+    u = np.sqrt(np.diagonal(planner.covariance(shots)))
+    exact = albedos(prior, prior.p).values
+    errors, off = [], []
+    for seed in range(number):
+        table = measure(truth, INSTRUMENT, layout, seconds=shots.seconds, seed=seed, log=lambda text: None)
+        fitted = fit(table, model, starts=2)
+        values = {p.name: float(p.value) for p in fitted.parameters if p.status != "fixed"}
+        p = np.array([values[n] for n in prior.names])
+        errors.append(p - prior.p)
+        off.append(np.max(np.abs(albedos(prior, p).values / exact - 1)))
+    of_numbers = np.exp(np.mean(np.log(np.median(np.abs(errors) / prior.p, axis=0))))
+    return float(of_numbers), float(np.median(off)), np.array(errors) / u
+
+
+def lost(truth: str, budget: float) -> list[float]:
+    """Hours lost by plans made at α/3 and 3α, and over the range between."""
+    prior, widths = prior_of(truth, None), []
+    for k, name in enumerate(prior.names):
+        if "alpha" in name:
+            widths.append(k)
+    judge = Planner(prior, INSTRUMENT)
+    best = gain(judge, judge.covariance(plan(truth, INSTRUMENT, budget=budget).shots))
+    losses = []
+    for factor in (1 / 3, 3.0):
+        p = prior.p.copy()
+        p[widths] = np.minimum(p[widths] * factor, 0.9)
+        wrong = plan(prior.brdf(p), INSTRUMENT, budget=budget)
+        losses.append(gain(judge, judge.covariance(wrong.shots)) / best)
+    ranges = {prior.names[k]: (prior.p[k] / 3, min(3 * prior.p[k], 0.9)) for k in widths}
+    robust = plan(truth, INSTRUMENT, budget=budget, ranges=ranges)
+    return [*losses, gain(judge, judge.covariance(robust.shots)) / best]
+
+
+def main(number: int, budget: float) -> None:
+    print(f"{number} simulated measurements, {budget / 60:g} min each")
+    for name, (truth, model) in MATERIALS.items():
+        build(truth)
+        for purpose, wanted in PURPOSES.items():
+            prior = prior_of(truth, None)
+            q = quantities(prior, prior.p, wanted) if wanted else None
+            planned = plan(truth, INSTRUMENT, budget=budget, wanted=wanted)
+            planner = Planner(prior, INSTRUMENT, wanted=q and (q.slopes / q.values[:, None])[None])
+            promised = gain(planner, planner.covariance(planned.shots))
+            errors = {"planned": simulated(truth, model, planned.shots, planner, number)}
+            hours = {}
+            for kind in ("regular", "random"):
+                each = {k: equal(planner, a, budget, promised) for k, a in scans(planner, kind == "random").items()}
+                best = min(each, key=lambda k: each[k][0])
+                hours[kind] = min(h for _, h, _ in each.values()) / budget
+                errors[f"{kind} ({best})"] = simulated(truth, model, each[best][2], planner, number)
+            scatter = np.sqrt(np.mean(errors["planned"][2] ** 2))
+            print(
+                f"{name}, for {purpose}: {planned.shots.seconds.size} shots; hours at equal uncertainty: regular × "
+                f"{hours['regular']:.1f}, random × {hours['random']:.1f}; scatter/promised {scatter:.2f}; "
+                f"Kiefer-Wolfowitz {planned.residual / planned.scale:.1e} p",
+                flush=True,
+            )
+            for k, (numbers, albedo, _) in errors.items():
+                print(f"    {k}: numbers {numbers:.2e}, albedo {albedo:.2e}", flush=True)
+        print(
+            "    hours lost by α/3, 3α, and with the range stated: "
+            + ", ".join(f"× {x:.2f}" for x in lost(truth, budget))
+        )
+
+
+if __name__ == "__main__":
+    jax.config.update("jax_enable_x64", True)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20, 60 * float(sys.argv[2]) if len(sys.argv) > 2 else 1200.0)
