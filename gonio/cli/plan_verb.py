@@ -35,7 +35,7 @@ OPTIONS: Options = {
     "--range NAME=LOW:HIGH,...": {
         "dest": "ranges",
         "help": "where numbers may be, such as alpha=0.05:0.3: the plan is good all over it (default: a fit's "
-        "covariance)",
+        "covariance; of a material, widths within a factor of 3)",
     },
     "--against MODEL": "tell the material apart from this model, in place of knowing its numbers",
     "--space-filling SHARE": {
@@ -46,6 +46,8 @@ OPTIONS: Options = {
     "--picture FILE": "also draw the path (png, svg, pdf)",
     "--json FILE": "also write everything as JSON ('-': standard output)",
 }
+MOST_RANGES, SEEN = 4, 0.01
+"""Ranges of numbers that are printed, and the least share of a number that one is wide."""
 UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0}
 
 
@@ -94,9 +96,13 @@ def summary(p: "Plan") -> list[str]:
     ours = "" if p.separation else "std. unc."
     filling = f"; {percent(p.space_filling)} of the time all over the range" if p.space_filling else ""
     places = len({tuple(a) for a in p.shots.angles.T.tolist()})
+    wide = {name: ends for name, ends in p.over.items() if ends[1] - ends[0] > SEEN * abs(ends[1])}
+    ranges = [f"{name} {number(low, 3)} to {number(high, 3)}" for name, (low, high) in wide.items()]
+    listed = ", ".join(ranges[:MOST_RANGES] + ["..."] * (len(ranges) > MOST_RANGES))
     return [
         f"{p.name}: {p.shots.seconds.size} shots in {places} directions, {hours(p.hours * 3600)}, "
         f"{hours(p.way * 3600)} of it moving and settling{filling}",
+        *([f"good over {listed}"] if listed else []),
         columns(rows, ["number", "value", ours, f"regular scan, equal hours ({p.regular})"]),
         f"certificate (Kiefer-Wolfowitz): max d − Σ w d = {number(p.residual, 2)} of {number(p.scale, 3)}: no shares "
         f"of the time gain more than {percent(p.residual / p.scale)} in the criterion",

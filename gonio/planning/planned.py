@@ -71,6 +71,7 @@ class Plan(Displayed):
         regular: the best regular scan of equal hours, which `numbers` compares with.
         residual, scale: Kiefer-Wolfowitz residual max d − Σ w d of the design, and Σ w d: the number of parameters.
         space_filling: share of the time for directions that fill the range evenly.
+        over: least and largest value of the numbers over which the plan is good, as far as it was made for several.
     """
 
     name: str
@@ -83,6 +84,7 @@ class Plan(Displayed):
     residual: float
     scale: float
     space_filling: float
+    over: dict[str, tuple[float, float]]
 
     @property
     def layout(self) -> Layout:
@@ -255,5 +257,5 @@ def _result(planner: Planner, schedule: Schedule, q: Quantities) -> Plan:
     name = "none fits in" if regular is None else regular[0]
     return Plan(
         prior.name, shots, seconds / 3600, way / 3600, known, separation, name, design.residual, design.scale,
-        planner.space_filling,
+        planner.space_filling, {} if rival else prior.spread,
     )  # fmt: skip

@@ -52,6 +52,12 @@ class Prior:
         known = self.parameterisation.labels
         return [name if c is None else f"{name}[{self.channels.names[c]}]" for name, c in known]
 
+    @property
+    def spread(self) -> dict[str, tuple[float, float]]:
+        """Least and largest draw of each number that has several."""
+        ends = zip(self.names, self.draws.min(axis=0).tolist(), self.draws.max(axis=0).tolist(), strict=True)
+        return {name: (low, high) for name, low, high in ends if low < high}
+
     def brdf(self, p: np.ndarray) -> AbstractBRDF:
         """The model of some numbers."""
         return build(self.parameterisation.filled(self.terms, [p]))
