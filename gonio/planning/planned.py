@@ -31,6 +31,7 @@ FIRST_GUESS = 600.0
 TRIES, MOST_GROWTH = 12, 16.0
 STUCK = 0.9
 """Of the uncertainty, still there after twice the time or more: it is not that of counting."""
+LEAST_SEPARATION = 1.0
 NONE = (float("nan"), float("nan"))
 NEAR = 0.02
 """A target is met where the uncertainty is at most so much, as a share, below it."""
@@ -239,13 +240,18 @@ def _result(planner: Planner, schedule: Schedule, q: Quantities) -> Plan:
     seconds = planner.instrument.pace.path_seconds(shots.angles, shots.seconds)
     regular = planner.regular(seconds)
     rival = planner.rival is not None
-    spread = planner.covariance(shots)
-    separation = float(1 / np.sqrt(spread[-1, -1])) if rival else None
+    separation = planner.separation(shots) if rival else None
     known: list[PlannedNumber] = []
-    if rival:
-        other = float("nan") if regular is None else float(1 / np.sqrt(planner.covariance(regular[1])[-1, -1]))
-        known = [PlannedNumber("separation, in standard uncertainties", separation or 0.0, 0.0, other)]
+    if separation is not None:
+        if separation < LEAST_SEPARATION:
+            raise GonioError(
+                f"the other model can do what {prior.name} does, to {separation:.2g} standard uncertainties: no "
+                "readings of this time tell them apart; plan with the two exchanged, or give more time"
+            )
+        other = float("nan") if regular is None else planner.separation(regular[1])
+        known = [PlannedNumber("separation, in standard uncertainties", separation, 0.0, other)]
     else:
+        spread = planner.covariance(shots)
         every = [numbers(prior, prior.p), q, albedos(prior, prior.p)]
         for each in every:
             ours = _uncertainties(each, spread)

@@ -4,6 +4,7 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from gonio.instrument.instrument import Instrument
 from gonio.instrument.pace import scan_order
@@ -21,6 +22,7 @@ from gonio.planning.design import (
     require_determined,
 )
 from gonio.planning.prior import Prior
+from gonio.planning.separation import separating_design
 from gonio.planning.shots import LEAST_SECONDS, SOLVER_SECONDS, Shots, Sites, ordered
 
 ROUNDS, MOST_ROUNDS = 3, 8
@@ -32,7 +34,6 @@ TRAVEL = 2.0
 RELEVANT = 1e-3
 """Share of the time from which on a direction is taken."""
 MOST_FILLING = 300
-RELINEARISED = 4
 MOST_WAY = 0.9
 """Share of the time that may pass moving."""
 REGULAR_STEPS = (45.0, 30.0, 15.0, 10.0, 5.0)
@@ -78,46 +79,36 @@ class Planner:
         self.before = np.zeros((1, *[rows.shape[-1]] * 2))
         if self.known is not None:
             self.before = gram(self.known, np.ones(self.known.shape[1]))
-        if self.rival is not None:
-            self.wanted = np.eye(self.size)[None, -1:]
         every = (gram(rows, np.ones(angles.shape[1])) + self.before)[0, : self.size, : self.size]
-        require_determined(every, (self.rival or self.prior).names + ["the difference"] * (self.rival is not None))
+        require_determined(every, self.prior.names)
 
     def sites(self, angles: np.ndarray) -> Sites:
-        """The model's information at some directions (4, n).
-
-        Against a rival it is that on the rival's numbers and on the amount of the difference, so that the variance of
-        this amount is one over the T-criterion [Atkinson & Fedorov 1975], in the rival's linear neighbourhood.
-        """
-        here = Sites.of(
-            self.prior, self.instrument, angles, self.prior.draws if self.rival is None else self.prior.p[None]
-        )
-        if self.rival is None:
-            return here
-        f, slopes = self.rival.at_angles(self.rival.p, angles)
-        return dataclasses.replace(here, slopes=np.concatenate([slopes, (here.f[0] - f)[..., None]], axis=-1)[None])
+        """The model at some directions (4, n)."""
+        return Sites.of(self.prior, self.instrument, angles, self.prior.draws)
 
     def schedule(self, budget: float) -> Schedule:
         """The best shots for so many seconds."""
         settling, travel = self.instrument.pace.settling, TRAVEL
-        overhead, rounds = settling + travel, ROUNDS if self.rival is None else RELINEARISED
+        overhead = settling + travel
         for number in range(MOST_ROUNDS):
             times = self.candidates.best_seconds(overhead, budget)
             filling, spread = self._filling(budget, settling + travel)
             share = self.space_filling if filling.seconds.size else 0.0
-            rate = self.candidates.rows(times) * np.sqrt(budget * (1 - share) / (times + overhead))[:, None, None]
+            many = budget * (1 - share) / (times + overhead)
+            rate = self.candidates.rows(times) * np.sqrt(many)[:, None, None]
             problem = Problem(rate, self.before + spread, self.size, self.wanted)
-            design = optimal_design(problem)
+            if self.rival is None:
+                design = optimal_design(problem)
+            else:
+                design = self._separating(np.sqrt(many[:, None] / self.candidates.variance(times)[0]), filling)
             chosen = self._rounded(design.shares, problem, times, ((1 - share) * budget, overhead, travel))
             both = (np.concatenate(a, axis=-1) for a in zip(chosen, filling, strict=True))
-            patience = SOLVER_SECONDS if number >= rounds - 1 else QUICK_SECONDS
+            patience = SOLVER_SECONDS if number >= ROUNDS - 1 else QUICK_SECONDS
             shots = ordered(Shots(*both), self.instrument.pace, patience)
             way = self.instrument.pace.path_seconds(shots.angles, 0.0)
             overhead = way / shots.seconds.size
             travel = (way - settling * shots.seconds.size) / np.unique(shots.angles, axis=1).shape[1]
-            if self.rival is not None:
-                self._relinearise(rate, design.shares)
-            if number >= rounds - 1 and way <= MOST_WAY * budget:
+            if number >= ROUNDS - 1 and way <= MOST_WAY * budget:
                 break
         if way > MOST_WAY * budget:
             raise GonioError(f"{_too_short(budget)}: the axes alone need {way:.0f} s; give more time")
@@ -148,7 +139,7 @@ class Planner:
             if shots is None:
                 continue
             try:
-                loss = self.loss(self.covariance(shots))
+                loss = self.loss(self.covariance(shots)) if self.rival is None else -self.separation(shots)
             except np.linalg.LinAlgError:
                 continue
             if np.isfinite(loss) and (best is None or loss < best[0]):
@@ -190,12 +181,16 @@ class Planner:
             seconds = np.maximum(weights / count, 1e-9)
             seconds *= left_over / (seconds @ count)
             value = -np.inf
-            if seconds.min() > 0:
+            if seconds.min() > 0 and self.rival is not None:
+                value = 0.0  # shares that separate are kept as they are
+            elif seconds.min() > 0:
                 rows = self.candidates.part(support).rows(seconds)
                 value = criterion(problem._replace(rows=rows), count.astype(float)).value
             if value > (-np.inf if best is None else best[0]):
                 best = value, Shots(np.repeat(self.candidates.angles[:, support], count, axis=1), seconds.repeat(count))
             elif best is not None and value < best[0] - 1.0:
+                break
+            if best is not None and self.rival is not None:
                 break
             keep = np.arange(support.size) != np.argmin(weights)
             support, weights = support[keep], weights[keep]
@@ -205,17 +200,45 @@ class Planner:
             raise GonioError(f"{_too_short(budget)} to determine all free numbers; give more time, or fewer of them")
         return best[1]
 
-    def _relinearise(self, rate: np.ndarray, shares: np.ndarray) -> None:
-        """Moves the rival's numbers to where it comes nearest to the model in the directions of a design."""
+    def separation(self, shots: Shots) -> float:
+        """Standard uncertainties by which some shots tell the model apart from its rival at the rival's best."""
+        sites = Sites.of(self.prior, self.instrument, shots.angles, self.prior.p[None])
+        return self._nearest_rival(shots.angles, sites.f[0], 1 / np.sqrt(sites.variance(shots.seconds)[0]))[1]
+
+    def _separating(self, rate: np.ndarray, filling: Shots) -> Design:
+        """The T-optimal shares; `rate`: one over the standard uncertainty (n, C) of each candidate in its time."""
+        others = Sites.of(self.prior, self.instrument, filling.angles, self.prior.p[None])
+        fixed = 1 / np.sqrt(others.variance(filling.seconds)[0])
+        both = np.concatenate([self.candidates.angles, filling.angles], axis=1)
+        f = np.concatenate([self.candidates.f[0], others.f[0]])
+
+        def squares(shares: np.ndarray) -> tuple[np.ndarray, float]:
+            weight = np.concatenate([rate * np.sqrt(shares)[:, None], fixed])
+            read = np.flatnonzero(weight.max(axis=1) > 0)
+            p = self._nearest_rival(both[:, read], f[read], weight[read])[0]
+            assert self.rival is not None
+            difference = (self.rival.at_angles(p, both)[0] - f) ** 2
+            each = np.sum(difference[: rate.shape[0]] * rate**2, axis=1)
+            return each, float(np.sum(difference[rate.shape[0] :] * fixed**2))
+
+        return separating_design(squares, rate.shape[0])
+
+    def _nearest_rival(self, angles: np.ndarray, f: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, float]:
+        """(the rival's numbers of the least Σ (weight (f − rival))² in some directions, the root of that)."""
         assert self.rival is not None
-        flat = (rate[0] * np.sqrt(shares)[:, None, None]).reshape(-1, rate.shape[-1])[:, : self.size]
-        step = np.linalg.lstsq(flat[:, :-1], flat[:, -1], rcond=1e-10)[0]
-        d, p = self.rival.parameterisation.domains, self.rival.p
-        # Half a step for as long as it is large beside the number: the models are not linear.
-        limit = 0.5 * np.maximum(np.abs(p), 0.05)
-        p = np.clip(p + np.clip(step, -limit, limit), d.low, d.high)
-        self.rival = dataclasses.replace(self.rival, p=p, draws=p[None])
-        self.candidates = self.sites(self.candidates.angles)
+        rival, d = self.rival, self.rival.parameterisation.domains
+        scale = np.maximum(np.abs(rival.p), 1e-3)
+
+        def residuals(x: np.ndarray) -> np.ndarray:
+            return (weight * (rival.at_angles(x * scale, angles)[0] - f)).ravel()
+
+        def jacobian(x: np.ndarray) -> np.ndarray:
+            slopes = rival.at_angles(x * scale, angles)[1] * weight[..., None]
+            return slopes.reshape(-1, scale.size) * scale
+
+        start = np.clip(rival.p / scale, d.low / scale + 1e-9, d.high / scale - 1e-9)
+        end = least_squares(residuals, start, jac=jacobian, bounds=(d.low / scale, d.high / scale))  # pyright: ignore[reportArgumentType]
+        return end.x * scale, float(np.sqrt(2 * end.cost))
 
 
 def _too_short(budget: float) -> str:

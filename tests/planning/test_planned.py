@@ -97,6 +97,16 @@ def test_what_was_read_already_is_not_read_again():
     assert more.standard_uncertainty == pytest.approx((fresh**-2 + rows**2) ** -0.5, rel=0.02)
 
 
+def test_a_rival_is_told_apart_by_what_its_best_fit_leaves():
+    planned = gonio.plan(GLOSSY, COUNTING, budget=600.0, against="lambert + beckmann")
+    table = measure(GLOSSY, COUNTING, planned.layout, seconds=planned.shots.seconds)
+    left_over = 2 * gonio.fit(table, "lambert + beckmann").cost  # χ² of noise, and of the separation
+    assert np.sqrt(left_over) == pytest.approx(planned.separation, rel=0.05)
+    assert planned.separation > 3 * planned.numbers[0].regular
+    with pytest.raises(GonioError, match="no readings of this time tell them apart"):
+        gonio.plan("lambert(rho=0.4)", COUNTING, budget=60.0, against="eon")
+
+
 def test_directions_that_cannot_tell_numbers_apart_are_refused():
     with pytest.raises(GonioError, match=r"do not determine lambert1\.rho, lambert2\.rho together"):
         gonio.plan("lambert(rho=0.3) + lambert(rho=0.2)", COUNTING, budget=600.0)
