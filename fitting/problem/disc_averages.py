@@ -21,16 +21,25 @@ from gonio.fitting.problem.readings import AnyArray
 from gonio.models.geometry.directions import Direction
 from gonio.models.warps.disc_frames import DiscFrame, disc_frame, disc_ray, psi_of_horizon
 
-STEPS = (1, 2, 3, 4, 6, 9, 14)
+STEPS = (1, 2, 3, 4, 6, 9, 14, 22, 34)
 PAIRS_MAX = 9**4  # nodes of a rule over both discs
 
 
 class DiscRules(NamedTuple):
-    """Nodes of all rules in both discs: (x, y, weight), of grazing ones (ψ over where it ends, y/sin ψ, weight)."""
+    """Nodes of all rules in both discs, n columns (x, √(1 − x²), weight) by m rows (y over √(1 − x²), weight).
+
+    Of grazing rules the columns are (ψ over where it ends, 1, weight).
+    """
 
     tan_s: Float[AnyArray, "2"]
-    nodes: Float[AnyArray, "r 2 k 3"]
-    counts: Int[AnyArray, "r 2"]
+    columns: Float[AnyArray, "r 2 n 3"]
+    rows: Float[AnyArray, "r 2 m 2"]
+    shape: Int[AnyArray, "r 2 2"]
+
+    @property
+    def counts(self) -> Int[AnyArray, "r 2"]:
+        """Number of nodes in each disc."""
+        return self.shape[..., 0] * self.shape[..., 1]
 
 
 class BlockRules(NamedTuple):
@@ -56,34 +65,32 @@ class Samples(NamedTuple):
 @functools.lru_cache(maxsize=16)
 def disc_rules(half_angles: tuple[float, float]) -> DiscRules:
     """The rules for discs of these half-angles of source and detector, radians; 0 is a point."""
-    nodes = np.zeros((2 * len(STEPS), 2, 2 * STEPS[-1] ** 2, 3))
-    counts = np.ones((2 * len(STEPS), 2), np.int32)
-    for step, n in enumerate(STEPS):
-        for d, s in enumerate(half_angles):
-            for grazing in (0, 1):
-                of_disc = (_whole_nodes, _grazing_nodes)[grazing](n if s > 0 else 1)
-                counts[2 * step + grazing, d] = len(of_disc)
-                nodes[2 * step + grazing, d, : len(of_disc)] = of_disc
-    return DiscRules(np.tan(half_angles), nodes, counts)
+    size, most = 2 * len(STEPS), STEPS[-1]
+    columns, rows = np.zeros((size, 2, most, 3)), np.zeros((size, 2, 2 * most, 2))
+    rules = DiscRules(np.tan(half_angles), columns, rows, np.ones((size, 2, 2), np.int32))
+    for rule, d in np.ndindex(size, 2):
+        n = STEPS[rule // 2] if half_angles[d] > 0 else 1
+        of_n = (_grazing_rule if rule % 2 else _whole_rule)(n)
+        rules.shape[rule, d] = tuple(map(len, of_n))
+        columns[rule, d, : len(of_n[0])], rows[rule, d, : len(of_n[1])] = of_n
+    return rules
 
 
-def _whole_nodes(n: int) -> np.ndarray:
-    """(n², 3): Gauss's rule of the second Chebyshev kind in x by Gauss–Legendre along the chords."""
+def _whole_rule(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Columns by Gauss's rule of the second Chebyshev kind, rows by Gauss–Legendre: exact to degree 2n − 1."""
     if n == 1:
-        return np.array([[0.0, 0.0, 1.0]])
+        return np.array([[0.0, 1.0, 1.0]]), np.array([[0.0, 1.0]])
     psi = np.pi * np.arange(1, n + 1) / (n + 1)
-    v, w = np.polynomial.legendre.leggauss(n)
-    x, y = np.broadcast_arrays(np.cos(psi)[:, None], np.sin(psi)[:, None] * v)
-    return np.stack([x, y, (np.sin(psi) ** 2)[:, None] * w], axis=-1).reshape(-1, 3)
+    columns = np.stack([np.cos(psi), np.sin(psi), np.sin(psi) ** 2], axis=1)
+    return columns, np.stack(np.polynomial.legendre.leggauss(n), axis=1)
 
 
-def _grazing_nodes(n: int) -> np.ndarray:
-    """(2n², 3): Gauss–Legendre in ψ and along the chords, as a lobe seen at grazing is narrow in azimuth."""
+def _grazing_rule(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss–Legendre in ψ, and 2n rows: a lobe seen at grazing is narrow in azimuth."""
     if n == 1:
-        return _whole_nodes(1)
-    (g, w_g), (v, w_v) = (np.polynomial.legendre.leggauss(m) for m in (n, 2 * n))
-    g, v = np.broadcast_arrays(0.5 * (1 + g)[:, None], v)
-    return np.stack([g, v, w_g[:, None] * w_v], axis=-1).reshape(-1, 3)
+        return _whole_rule(1)
+    (g, w), rows = np.polynomial.legendre.leggauss(n), np.polynomial.legendre.leggauss(2 * n)
+    return np.stack([0.5 * (1 + g), np.ones(n), w], axis=1), np.stack(rows, axis=1)
 
 
 def steps_of(half_angles: tuple[float, float]) -> int:
@@ -186,17 +193,24 @@ class NodePairs(NamedTuple):
         return wi, wo, jnp.where(total == 1, 1.0, jnp.where(inside, share_i * share_o, 0.0))
 
     def _ray(self, d: int, node: Int[Array, " n"]) -> tuple[Direction, Array]:
-        table, frame, psi_end = self.rules.nodes[self.rule, d], self.discs.frames[d], self.discs.psi_ends[d]
-        alike = self.halvings == 0
-        x, y, w = jax.lax.cond(
-            alike, lambda: jnp.broadcast_to(table[node[0]][:, None], (3, node.size)), lambda: table[node].T
-        )
+        frame, psi_end = self.discs.frames[d], self.discs.psi_ends[d]
+        columns, rows = self.rules.columns[self.rule, d], self.rules.rows[self.rule, d]
+        m = self.rules.shape[self.rule, d, 1]
+
+        def read(node: Array) -> Array:
+            return jnp.concatenate([columns[node // m], rows[node % m]], axis=-1).T
+
+        def of_all() -> Array:
+            return jnp.broadcast_to(read(node[0])[:, None], (5, node.size))
+
+        x, length, w, v, w_v = jax.lax.cond(self.halvings == 0, of_all, lambda: read(node))
 
         def grazing() -> tuple[Array, Array, Array]:
             sine = jnp.sin(psi_end * x)
-            return jnp.cos(psi_end * x), y * sine, w * psi_end * sine * sine
+            return jnp.cos(psi_end * x), sine * v, w * w_v * psi_end * sine * sine
 
-        x, y, w = jax.lax.cond((self.rule % 2 == 1) & (self.rules.counts[self.rule, d] > 1), grazing, lambda: (x, y, w))
+        bent = (self.rule % 2 == 1) & (self.rules.counts[self.rule, d] > 1)
+        x, y, w = jax.lax.cond(bent, grazing, lambda: (x, length * v, w * w_v))
         ray, share = disc_ray(frame, frame.tan_s * x, frame.tan_s * y)
         return ray, w * share
 
