@@ -20,7 +20,8 @@ from gonio.fitting.problem.readings import (
     sigma_of,
 )
 from gonio.fitting.result import FitResult
-from gonio.fitting.selection.automatic import Selection, select_model, shows_anisotropy
+from gonio.fitting.selected_model import selected_model
+from gonio.fitting.selection.automatic import Selection, shows_anisotropy
 from gonio.fitting.selection.scene_promise import promise
 from gonio.fitting.selection.scene_selection import SceneView, view_of
 from gonio.models.errors import GonioError
@@ -85,8 +86,8 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
     if settings.scene is not None:
         view = view_of(settings.scene, task.readings, anisotropic)
     if not expressions:
-        began, data = time.perf_counter(), (task.readings, task.loss, task.sigma)
-        selection = select_model(*data, anisotropic, settings.seed, settings.log, view)
+        began = time.perf_counter()
+        selection = selected_model(task, anisotropic, view)
         expressions, parsed, seconds["select"] = [selection.expression], [selection.terms], time.perf_counter() - began
     if view is not None:
         task = _in_scene(task, view)
