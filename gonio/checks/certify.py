@@ -1,26 +1,51 @@
 """`check`: is this model, or this table, reciprocal, and does it conserve energy?"""
 
+import dataclasses
 import pkgutil
 from collections.abc import Mapping
+from typing import TypedDict, Unpack
 
 from gonio.checks.certificate import Certificate
 from gonio.checks.model.evidence import ModelEvidence
 from gonio.checks.properties import PROPERTIES
 from gonio.checks.table.evidence import LEVEL, TableEvidence
-from gonio.data.subject import SubjectLike, resolve_subject
+from gonio.data.subject import Subject, SubjectLike, resolve_subject
+from gonio.fitting.fit_table import fit
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError
 
 
-def check(
-    subject: SubjectLike,
-    *,
-    tolerances: Mapping[str, float | None] | None = None,
-    strict: bool = False,
-    feature_width: float = 0.0,
-    level: float = LEVEL,
-    against: SubjectLike | None = None,
-    name: str | None = None,
-) -> Certificate:
+class CheckOptions(TypedDict, total=False):
+    """Keywords of `gonio.check`; `help(gonio.check)` describes each."""
+
+    tolerances: Mapping[str, float | None] | None
+    strict: bool
+    feature_width: float
+    level: float
+    against: SubjectLike | None
+    model: str | None
+    name: str | None
+
+
+@dataclasses.dataclass(frozen=True)
+class CheckSettings:
+    """The options of a check, complete and checked; see `gonio.check`."""
+
+    tolerances: Mapping[str, float | None] | None = None
+    strict: bool = False
+    feature_width: float = 0.0
+    level: float = LEVEL
+    against: SubjectLike | None = None
+    model: str | None = None
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 < self.level <= 0.5:
+            raise GonioError(f"the level is {self.level}; give a chance above 0 and up to 0.5, such as 0.01")
+
+
+def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
     """Judges reciprocity, energy conservation, positivity, symmetries and edges of a model or a table.
 
     Args:
@@ -33,6 +58,9 @@ def check(
         level: for tables that store uncertainties, the chance of calling an honest one significantly wrong, in
             (0, 0.5].
         against: the truth, where one is known: agreement with it is then judged too.
+        model: tables on a grid of angles: an expression with free numbers as in `gonio.fit`, or "auto"; where the grid
+            alone leaves energy undecided, the model is fitted and its exact albedo carries the verdict, with a bound by
+            how far the readings follow it.
         name: what the certificate calls the subject.
 
     Returns:
@@ -41,15 +69,11 @@ def check(
     Raises:
         GonioError: for a subject that cannot be read, and for a tolerance or level that is unknown or out of range.
     """
-    if not 0 < level <= 0.5:
-        raise GonioError(f"the level is {level}; give a chance above 0 and up to 0.5, such as 0.01")
-    given = _checked(tolerances or {})
+    settings = settings_of(CheckSettings, "check", options)
+    given = _checked(settings.tolerances or {})
     judged = resolve_subject(subject)
-    reference = None if against is None else resolve_subject(against).brdf
-    if judged.table is None:
-        evidence = ModelEvidence(judged.brdf, judged.channels.names, reference)
-    else:
-        evidence = TableEvidence(judged.table, level, feature_width, reference).gathered()
+    reference = None if settings.against is None else resolve_subject(settings.against).brdf
+    evidence = _evidence(judged, settings, reference)
     properties = []
     for key, spec in PROPERTIES.items():
         path, tolerance = getattr(spec, judged.kind), getattr(spec, f"{judged.kind}_tolerance")
@@ -57,7 +81,19 @@ def check(
             judge = pkgutil.resolve_name(f"gonio.checks.{path}")
             properties.append(judge(evidence, given.get(key, tolerance)))
     notes = [] if judged.table is None else list(judged.table.provenance.get("warnings", []))
-    return Certificate(name or judged.name, judged.kind, properties, strict, notes)
+    return Certificate(settings.name or judged.name, judged.kind, properties, settings.strict, notes)
+
+
+def _evidence(
+    judged: Subject, settings: CheckSettings, reference: AbstractBRDF | None
+) -> ModelEvidence | TableEvidence:
+    if judged.table is None:
+        if settings.model is not None:
+            raise GonioError(f"{judged.name} is a model; another one helps tables only: leave the option out")
+        return ModelEvidence(judged.brdf, judged.channels.names, reference)
+    model = settings.model
+    fitted = None if model is None else fit(judged.table, None if model == "auto" else model)
+    return TableEvidence(judged.table, settings.level, settings.feature_width, reference, fitted).gathered()
 
 
 def _checked(tolerances: Mapping[str, float | None]) -> dict[str, float]:

@@ -34,6 +34,8 @@ OPTIONS: Options = {
     "be judged",
     "--level P": "tables with stored uncertainties: chance of calling an honest one significantly wrong (0.01)",
     "--against FILE|MATERIAL": "the truth, if known: agreement with it counts too",
+    "--model MODEL": "tables on a grid of angles: where the grid alone leaves energy undecided, fit this model (or "
+    "'auto') and assume that between the readings the surface follows it, as far as they do",
     "--repair OUT.h5": "write the nearest table that is reciprocal and conserves energy; the exit status is then that "
     "table's",
     "--nonnegative": "no reading of the repaired table is negative",
@@ -69,7 +71,9 @@ def run(args: argparse.Namespace) -> int:
         return _run_repair(args, options)
     from gonio.checks.certify import check
 
-    certificate = check(as_stated(args.subject, args), strict=args.strict, against=args.against, **options)
+    certificate = check(
+        as_stated(args.subject, args), strict=args.strict, against=args.against, model=args.model, **options
+    )
     if args.json:
         write_text(args.json, certificate.to_json(), args.force)
     if args.json != "-":
@@ -81,7 +85,7 @@ def _refuse_contradictions(args: argparse.Namespace) -> None:
     if args.self_test == (args.subject is not None):
         raise GonioError("give either a FILE or MATERIAL to check, or --self-test")
     require_degrees("--feature-width", args.feature_width, 0, 90)
-    if args.repair and (args.self_test or args.against or args.strict):
+    if args.repair and (args.self_test or args.against or args.strict or args.model):
         raise GonioError("--repair goes with tolerances and --json only; check what it wrote by a second command")
     if not args.repair and (args.nonnegative or args.step is not None):
         option = "--nonnegative" if args.nonnegative else "--step"

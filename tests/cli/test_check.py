@@ -49,3 +49,18 @@ def test_stored_uncertainties_are_tested_at_the_level_and_the_place_is_said(tmp_
     assert "all angles together" in printed
     status = main(["check", str(tmp_path / "t.h5"), "--against", "lambert(rho=0.5)", "--tol-agreement", "0.01"])
     assert status == 1 and "agreement" in capsys.readouterr().out
+
+
+def test_a_model_carries_the_verdict_that_the_grid_leaves_open(tmp_path, capsys):
+    d = np.radians
+    layout = layouts.isotropic(d(np.arange(0, 81, 10)), d(np.arange(0, 81, 10)), d(np.arange(0, 360, 20)))
+    path = str(tmp_path / "t.h5")
+    write_table(
+        path, whole_table_of_values(layout, grid_values(build("lambert(rho=0.3) + 0.4 * ggx(alpha=0.1)"), layout))
+    )
+    assert main(["check", path]) == 3
+    assert "--model auto" in capsys.readouterr().out
+    assert main(["check", path, "--model", "lambert + ggx"]) == 0
+    assert "Model-assisted" in capsys.readouterr().out
+    assert main(["check", path, "--model", "no_such"]) == 2
+    assert "no_such" in capsys.readouterr().err

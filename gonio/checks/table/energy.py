@@ -57,6 +57,23 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
     if isinstance(albedos, str):
         detail = f"The albedo of this table cannot be integrated: {albedos}."
         return without_residual("energy", UNDECIDED, tolerance, detail, incidences=0)
+    judged = _judged(albedos, evidence, tolerance)
+    if judged.verdict != UNDECIDED or evidence.fitted is None:
+        return judged
+    from gonio.checks.table.model_assisted import assisted_albedos
+
+    assisted = assisted_albedos(evidence.table, evidence.fitted, mirror_reach(evidence.table, evidence.feature_width))
+    if isinstance(assisted, str):
+        judged.detail += f" A model does not help: {assisted}."
+        return judged
+    helped = _judged(assisted, evidence, tolerance)
+    helped.facts |= {"assisted_by": evidence.fitted.expression, "without_model": judged.facts["largest_albedo"]}
+    helped.facts["bound_without_model"] = judged.bound
+    helped.detail += f" Without the model it is undecided: {judged.detail}"
+    return helped
+
+
+def _judged(albedos: Albedos, evidence: TableEvidence, tolerance: float) -> Property:
     enough = critical(sidak(evidence.level, albedos.noise.size))
     more = (max(enough, STANDARD_UNCERTAINTIES) - STANDARD_UNCERTAINTIES) * albedos.noise
     names = evidence.table.channels.names if len(evidence.table.channels) > 1 else ()
@@ -85,6 +102,8 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
         step = float(np.degrees(np.nanmin(needed))) if np.isfinite(needed).any() else None
         judged.facts["step_needed_deg"] = step
         judged.detail += _remedy(evidence.table.layout, step)
+        if evidence.fitted is None and evidence.table.layout.outgoing_grid() is not None:
+            judged.detail += " Or a model may carry the verdict, as far as the readings follow it: --model auto."
     return judged
 
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from gonio.checks.table.pairs import (
 )
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
+
+if TYPE_CHECKING:
+    from gonio.fitting.result import FitResult
 
 LEVEL = 0.01
 """Chance that an honest table is called significantly wrong, by each family of tests against stored uncertainties."""
@@ -52,12 +55,13 @@ PAIRS: dict[str, Callable[[Table], Pairs | str]] = {
 
 @dataclasses.dataclass(frozen=True)
 class TableEvidence:
-    """A table, its pairs of readings that should be equal, and the options of `gonio.check`."""
+    """A table, its pairs of readings that should be equal, a fit to it, and the options of `gonio.check`."""
 
     table: Table
     level: float = LEVEL
     feature_width: float = 0.0
     reference: AbstractBRDF | None = None
+    fitted: "FitResult | None" = None
     _pairs: dict[str, Pairs | str] = dataclasses.field(default_factory=dict, repr=False)
 
     def pairs(self, kind: str) -> Pairs | str:

@@ -1,0 +1,192 @@
+"""Directional albedos of a gridded table by a control variate: the exact ones of a model that was fitted to it, and the
+grid's integral of readings − model.
+
+It assumes that between and beyond the nodes the surface is to the model as it is at the nodes around. The bound takes
+the ratio of the two to be off by as much as it changes from a node to its neighbours, over the light that the model
+sends there: where the model is of the wrong family that is as much as without it.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from gonio.checks.albedos import Albedos, Incidence, albedos_of
+from gonio.checks.grid_resolution import LARGEST
+from gonio.checks.table.albedo_on_grid import HemisphereGrid, filled, floor_of, hemisphere_grid
+from gonio.data.flags import Flag
+from gonio.data.material import Material
+from gonio.data.table import Table
+from gonio.fitting.result import FitResult
+from gonio.models.albedo import panel_rule
+from gonio.models.arrays import Channels, Scalar
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.evaluation import evaluate
+from gonio.models.geometry.directions import Direction, from_spherical
+
+ORDER, FAST = 32, 16  # of the rules by which a model's light is shared out among the nodes, and summed
+PART = 8 * FAST**2
+NOISE = 2.0 * 1.22  # standard uncertainties of a reading that a difference of two may be without being structure
+
+
+class _Shares(NamedTuple):
+    """The light of a model at one incidence, (θo, azimuth, C), by the nodes nearest to it; and what of it is beyond."""
+
+    near: np.ndarray
+    beyond: np.ndarray
+
+
+@eqx.filter_jit
+def _samples(term: AbstractBRDF, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Channels]:
+    def one(a: Scalar, b: Scalar) -> tuple[Direction, Channels]:
+        wo, jacobian = term.lobe_map(wi, a, b)
+        return wo, term.f(wi, wo) * (jnp.maximum(wo.z, 0.0) * jacobian)
+
+    return jax.vmap(one)(u1, u2)
+
+
+def _light(brdf: AbstractBRDF, wi: Direction, order: int) -> Iterator[tuple[Direction, np.ndarray]]:
+    """Directions (n,) in which each term sends light from wi, and how much of it (n, C or 1)."""
+    u1, u2, weight = panel_rule(order)
+    for term in brdf.terms():
+        # In parts of one size: one program for all rules.
+        parts = [_samples(term, wi, u1[k : k + PART], u2[k : k + PART]) for k in range(0, u1.size, PART)]
+        wo = Direction(*(np.concatenate([np.asarray(w[k]) for w, _ in parts]) for k in range(3)))
+        yield wo, np.concatenate([np.asarray(a).reshape(PART, -1) for _, a in parts]) * weight[:, None]
+
+
+def _albedo(brdf: AbstractBRDF, wi: Direction, order: int, channels: int) -> np.ndarray:
+    whole = sum((light.sum(axis=0) for _, light in _light(brdf, wi, order)), np.zeros(1))
+    return np.broadcast_to(whole, (channels,))
+
+
+def _shares(brdf: AbstractBRDF, grid: HemisphereGrid, wi: Direction, channels: int) -> _Shares:
+    size = grid.theta_o.size, grid.azimuth.size
+    near, beyond = (np.zeros((size[0] * size[1], channels)) for _ in range(2))
+    for wo, light in _light(brdf, wi, ORDER):
+        x, y, z = (np.asarray(c) for c in wo)
+        up = z > 0
+        theta, phi = np.arccos(np.clip(z[up], 0, 1)), np.arctan2(y[up], x[up])
+        outside = (theta > grid.theta_o[-1]) | (theta < grid.theta_o[0])
+        light = np.broadcast_to(light[up], (theta.size, channels))
+        rows, columns = _hats(grid.theta_o, theta), _hats_around(grid.azimuth, phi)
+        for (i, a), (j, b) in ((r, c) for r in rows for c in columns):
+            for c in range(channels):
+                part = a * b * light[:, c]
+                near[:, c] += np.bincount(i * size[1] + j, part, near.shape[0])
+                beyond[:, c] += np.bincount(i * size[1] + j, part * outside, near.shape[0])
+    return _Shares(*(a.reshape(*size, channels) for a in (near, beyond)))
+
+
+def _hats(nodes: np.ndarray, angles: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    k = np.clip(np.searchsorted(nodes, angles) - 1, 0, nodes.size - 2)
+    t = np.clip((angles - nodes[k]) / (nodes[k + 1] - nodes[k]), 0.0, 1.0)
+    return [(k, 1 - t), (k + 1, t)]
+
+
+def _hats_around(nodes: np.ndarray, angles: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    closed = np.append(nodes, nodes[0] + 2 * np.pi)
+    return [(k % nodes.size, t) for k, t in _hats(closed, nodes[0] + np.mod(angles - nodes[0], 2 * np.pi))]
+
+
+def _at_nodes(brdf: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.ndarray:
+    """The model at the nodes of all incidences, (n, θo, azimuth, C)."""
+    angles = np.array([(t, p) for _, t, p in grid.incidences])
+    shape = len(angles), grid.theta_o.size, grid.azimuth.size
+    theta_i, phi_i = (np.broadcast_to(a[:, None, None], shape) for a in angles.T)
+    theta_o, phi_o = (np.broadcast_to(a, shape) for a in (grid.theta_o[:, None], grid.azimuth))
+    wi, wo = from_spherical(theta_i, phi_i, np), from_spherical(theta_o, phi_o, np)
+    f = np.asarray(evaluate(brdf, wi, wo))
+    return np.broadcast_to(f.reshape(*shape, -1), (*shape, channels))
+
+
+def _difference(material: Material, grid: HemisphereGrid, channels: int) -> np.ndarray:
+    """What the grid misses of a material's albedos at all incidences, (n, C)."""
+    wi = [Direction(*map(jnp.asarray, from_spherical(t, p, np))) for _, t, p in grid.incidences]
+    return np.stack([_albedo(material.brdf, w, FAST, channels) for w in wi]) - np.sum(
+        grid.weights * _at_nodes(material.brdf, grid, channels), axis=(1, 2)
+    )
+
+
+def assisted_albedos(table: Table, fitted: FitResult, reach: float) -> Albedos | str:
+    """Albedos at every incidence of a spherical or isotropic table, with the help of a model fitted to it.
+
+    Args:
+        table: the table.
+        fitted: the fit of a model to it.
+        reach: radians, how near to the mirror direction a node has to be for no lobe to hide there.
+
+    Returns:
+        The albedos with their bounds, or why there are none.
+    """
+    grid = hemisphere_grid(table.layout)
+    if isinstance(grid, str):
+        return grid
+    if not fitted.converged:
+        return "the fit of the model did not converge"
+    channels = len(table.channels)
+    spread = fitted.propagated(lambda material: _difference(material, grid, channels), by_channel=True)
+    method = (
+        f"Model-assisted: the albedo of {fitted.requested}, fitted to the table, and the grid's integral of readings − "
+        "model; between the nodes the surface is taken to follow the model as it does at the nodes around."
+    )
+    return albedos_of(_incidences(table, grid, fitted.brdf, spread, reach), method)
+
+
+def _incidences(
+    table: Table, grid: HemisphereGrid, brdf: AbstractBRDF, spread: np.ndarray, reach: float
+) -> Iterator[Incidence]:
+    channels = len(table.channels)
+    at_nodes = _at_nodes(brdf, grid, channels)
+    for k, (number, theta_i, phi_i) in enumerate(grid.incidences):
+        block = table.read_values(number * grid.stored, (number + 1) * grid.stored)
+        f, u, valid = (block[name][grid.cells] for name in ("f", "u_f", "flag"))
+        valid = valid == Flag.VALID
+        wi = Direction(*(jnp.asarray(c) for c in from_spherical(theta_i, phi_i, np)))
+        shares = _shares(brdf, grid, wi, channels)
+        row = _estimate(grid, (f.astype(float), u.astype(float), valid), at_nodes[k], shares)
+        error = np.abs(np.sum(shares.near, axis=(0, 1)) - _albedo(brdf, wi, FAST, channels))
+        bound = row.bound + 2.0 * error + 2.0 * np.nan_to_num(spread[k], nan=np.inf)
+        partial = grid.missing(valid)
+        unseen = grid.distance_to_mirror(theta_i, phi_i) > reach
+        yield row._replace(theta_i=theta_i, phi_i=phi_i, bound=bound, partial=partial, unseen=unseen and not partial)
+
+
+def _estimate(
+    grid: HemisphereGrid, readings: tuple[np.ndarray, np.ndarray, np.ndarray], m: np.ndarray, shares: _Shares
+) -> Incidence:
+    """The albedo of one incidence, of readings (f, u, valid) and the model m at the nodes, (θo, azimuth, C) each."""
+    f, u, valid = readings
+    weight, whole = grid.weights, filled(np.where(valid, f, 0.0), valid)
+    value = np.sum(shares.near + weight * (whole - m), axis=(0, 1))
+    u = np.where(valid & np.isfinite(u), u, 0.0)
+    noise = np.sqrt(np.sum((weight * u) ** 2, axis=(0, 1)))
+    floor = floor_of(value)
+    relative = NOISE * u / np.maximum(np.abs(whole), floor)
+    ratio = np.log(np.maximum(whole, floor)) - np.log(np.maximum(m, floor))
+    change = _change(ratio, 0, relative) + _change(ratio, 1, relative)
+    grown = np.expm1(np.minimum(change, LARGEST))
+    # Beyond the outermost nodes the ratio may go on changing, as far as the gap is wide.
+    gaps = np.array([grid.theta_o[0], np.pi / 2 - grid.theta_o[-1]]) / np.median(np.diff(grid.theta_o))
+    further = np.ones((grid.theta_o.size, 1, 1))
+    further[[0, -1], 0, 0] = np.maximum(gaps, 1.0)
+    beyond = np.expm1(np.minimum(change * further, LARGEST))
+    missed = np.sum((shares.near - shares.beyond) * grown + shares.beyond * beyond, axis=(0, 1))
+    # What the model leaves by a factor that is even everywhere, times what the grid misses of the model.
+    off = np.maximum(np.abs(whole - m) - NOISE * u, 0.0) / np.maximum(m, floor)
+    missed += np.sum(np.minimum(off, np.expm1(LARGEST)) * np.abs(shares.near - weight * m), axis=(0, 1))
+    guessed = np.sum(weight * np.where(valid, 0.0, np.abs(whole)), axis=(0, 1))
+    faint = np.sum(weight * np.where(np.maximum(whole, m) < floor, floor, 0.0), axis=(0, 1))
+    return Incidence(np.nan, np.nan, value, missed + guessed + faint + 2 * noise, noise)
+
+
+def _change(ratio: np.ndarray, axis: int, noise: np.ndarray) -> np.ndarray:
+    """The largest |difference| of a logarithm to its neighbours along an axis, beyond that of their noise."""
+    before, theirs = (np.roll(a, 1, axis) for a in (ratio, noise))
+    step = np.maximum(np.abs(ratio - before) - np.hypot(noise, theirs), 0.0)
+    if axis == 0:  # the azimuths close on themselves, the polar angles do not
+        step[0] = 0.0
+    return np.maximum(step, np.roll(step, -1, axis))

@@ -1,0 +1,57 @@
+"""Energy with the help of a fitted model: the bound holds whatever the model, and decides where the model fits."""
+
+import numpy as np
+import pytest
+
+import gonio
+from gonio.checks.table.energy import table_albedos
+from gonio.checks.table.model_assisted import assisted_albedos
+from gonio.data import layouts
+from gonio.data.table import Channels, whole_table_of_values
+from gonio.models.albedo import directional_albedo
+from gonio.models.errors import GonioError
+from gonio.models.evaluation import evaluate
+from gonio.models.expression.builder import build
+
+PAINT = "lambert(rho=0.3) + 0.2 * ggx(alpha=0.3) + 0.1 * ggx(alpha=0.08)"
+POLAR = np.radians(np.arange(0, 81, 8.0))
+LAYOUT = layouts.isotropic(POLAR, POLAR, np.radians(np.arange(0, 360, 15.0)))
+
+
+def table_of(gain=1.0, noise=0.0):
+    f = gain * np.asarray(evaluate(build(PAINT), *LAYOUT.directions())).reshape(*LAYOUT.shape, 1)
+    more = {"u_f": noise * f} if noise else {}
+    read = f * (1 + noise * np.random.default_rng(0).standard_normal(f.shape))
+    return whole_table_of_values(LAYOUT, read, channels=Channels.grey(), **more)
+
+
+def energy(table, model):
+    return next(p for p in gonio.check(table, model=model).properties if p.name == "energy")
+
+
+@pytest.mark.parametrize("model", ["lambert + ggx + ggx", "lambert + ggx", "lambert + phong"])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_the_bound_holds_with_models_right_and_wrong(model, noise):
+    table = table_of(noise=noise)
+    assisted, alone = assisted_albedos(table, gonio.fit(table, model), 1e-3), table_albedos(table)
+    truth = directional_albedo(build(PAINT), POLAR, 0.0, 1e-8).value[:, None]
+    assert (np.abs(assisted.value - truth) <= np.minimum(assisted.above, assisted.below)).all()
+    if model == "lambert + ggx + ggx":
+        assert assisted.above.max() < 0.02 < 10 < alone.above.max()
+
+
+@pytest.mark.parametrize(("gain", "verdict"), [(1.0, "pass"), (1.8, "fail")])
+def test_it_decides_what_the_grid_leaves_open(gain, verdict):
+    """The paint sends back 0.6 of the light, and 1.8 times as bright more than it receives."""
+    table = table_of(gain, noise=0.01)
+    helped, alone = energy(table, "lambert + ggx + ggx"), energy(table, None)
+    assert (alone.verdict, helped.verdict) == ("undecided", verdict)
+    assert "Model-assisted" in helped.detail and "Without the model it is undecided" in helped.detail
+    assert helped.facts["bound_without_model"] == alone.bound
+
+
+def test_what_it_cannot_help_is_said(tmp_path):
+    with pytest.raises(GonioError, match="is a model; another one helps tables only"):
+        gonio.check(PAINT, model="lambert")
+    listed = table_of().as_list()
+    assert "A model does not help: its directions" in energy(listed, "lambert").detail
