@@ -5,6 +5,7 @@ What averages differ by from the centres comes from a fit of averages, first of 
 """
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,11 @@ from gonio.fitting.selection.scene_selection import SceneView
 from gonio.models.errors import GonioError
 from gonio.models.expression.parser import Term, parse, with_defaults
 
-PLAIN = ("lambert + ggx(f0=?)", "lambert + ggx(alpha_x=?, alpha_y=?, f0=?)")  # isotropic, anisotropic
+PLAIN = (  # isotropic, anisotropic
+    ("lambert + ggx(f0=?)", "lambert + ggx(f0=?) + ggx"),
+    ("lambert + ggx(alpha_x=?, alpha_y=?, f0=?)", "lambert + ggx(alpha_x=?, alpha_y=?, f0=?) + ggx"),
+)
+POOR = 1.5  # mean squared residual in units of the noise, from which on the next plain model is tried
 SELECTIONS = 3
 SAME = 1.0  # standard uncertainties, over all readings, that a correction may change by
 
@@ -24,30 +29,42 @@ def selected_model(task: FitTask, anisotropic: bool, view: SceneView | None) -> 
     """The model that a task's readings ask for; the other arguments are those of `select_model`."""
     settings, before = task.settings, ""
     averaged = any(task.readings.half_angles) and settings.aperture == "average"
-    shift = np.zeros(1)
-    if averaged:
-        shift, size = _shift(task, PLAIN[anisotropic], with_defaults(parse(PLAIN[anisotropic])), shift)
-        averaged = size > SAME
+    correction = _Correction(np.zeros(1), 0.0, np.inf)
+    for plain in PLAIN[anisotropic] if averaged else ():
+        if correction.misfit > POOR:
+            correction = _correction(task, plain, with_defaults(parse(plain)), np.zeros(1))
+    averaged = correction.change > SAME
     for _ in range(SELECTIONS):
-        readings = dataclasses.replace(task.readings, f=task.readings.f - shift)
+        readings = dataclasses.replace(task.readings, f=task.readings.f - correction.shift)
         selection = select_model(readings, task.loss, task.sigma, anisotropic, settings.seed, settings.log, view)
         if not averaged or selection.expression == before:
             break
         before = selection.expression
-        shift, change = _shift(task, before, selection.terms, shift)
-        if change < SAME:
+        correction = _correction(task, before, selection.terms, correction.shift)
+        if correction.change < SAME:
             break
         settings.log(f"apertures: with {before} the readings at the centres of their discs are others; selecting again")
     return selection
 
 
-def _shift(task: FitTask, model: str, terms: tuple[Term, ...], before: np.ndarray) -> tuple[np.ndarray, float]:
-    """(averages over the discs less the values at their centres (n, C), change in standard uncertainties over all)."""
+class _Correction(NamedTuple):
+    """What averages over the discs differ by from the values at their centres, (n, C), by a fit.
+
+    `change`: from the correction before, in standard uncertainties over all readings; `misfit`: mean squared residual
+    of the fit in units of the noise.
+    """
+
+    shift: np.ndarray
+    change: float
+    misfit: float
+
+
+def _correction(task: FitTask, model: str, terms: tuple[Term, ...], before: np.ndarray) -> _Correction:
     settings = dataclasses.replace(task.settings, starts=1, per_channel=False)
     try:
         e = fit_model(dataclasses.replace(task, requested=model, terms=terms, settings=settings))[0]
     except GonioError:  # too few readings for this model
-        return before, 0.0
-    shift = e.model_f - e.problem.averaged(None).model_values(e.p)
-    noise = 1.0 if task.likelihood else noise_of(e.problem, e.p.size, e.cost)
-    return shift, float(np.linalg.norm(e.problem.linearised().weight * (shift - before)) / noise)
+        return _Correction(before, 0.0, 0.0)
+    shift, rms = e.model_f - e.problem.averaged(None).model_values(e.p), noise_of(e.problem, e.p.size, e.cost)
+    change = np.linalg.norm(e.problem.linearised().weight * (shift - before)) / (1.0 if task.likelihood else rms)
+    return _Correction(shift, float(change), rms**2 if task.likelihood else 1.0)

@@ -71,6 +71,12 @@ def test_a_model_without_free_numbers_is_compared_as_readings_are():
     assert abs(chi2[0] - 1) < 0.1 and chi2[1] > 2
 
 
+def test_the_model_selected_over_apertures_is_that_of_the_material():
+    """At the centres, three lobes and a metal's Fresnel factor were selected."""
+    selected = fit(measured(0.0, 1.0), starts=1)
+    assert selected.requested == MODEL and abs(selected.metrics["reduced_chi2"] - 1) < 0.1
+
+
 def test_half_angles_come_from_solid_angles_or_else_from_the_provenance():
     table = measured(0.5, 1.0, photons=None)
     np.testing.assert_allclose(half_angles_of(table), np.radians([0.5, 1.0]), rtol=1e-12)
