@@ -64,18 +64,31 @@ class Refinement:
             at_centres: where it ended.
         """
         refined, noise, rules = at_centres, self._noise(at_centres), np.zeros(points.weight.shape[0], int)
+        near = self._near(at_centres, noise)
         for _ in range(CHOICES):
-            before, choice = refined.descent.p, choose_rules(refined.problem, refined.descent.p, noise)
+            before, choice = near, choose_rules(refined.problem, near, noise)
             if np.array_equal(choice.rules, rules):
                 break
             rules, problem = choice.rules, points.averaged(choice.rules)
             refined = self.of(problem, minimise(problem, [before], NEAR)[0])
-            quieter, noise = noise, self._noise(refined)
-            moved = np.abs(refined.descent.p - before) / np.maximum(np.abs(refined.descent.p), 1e-9)
-            if max(float(np.max(moved)), abs(quieter / noise - 1.0)) < STEADY:
+            near, louder, noise = refined.descent.p, noise, self._noise(refined)
+            if max(_moved(before, near), abs(louder / noise - 1.0)) < STEADY:
                 break
         shift = at_centres.descent.p - refined.descent.p
         return refined, DiscAverages(True, points.readings.half_angles, rules, choice.neglected, shift)
+
+    def _near(self, at_centres: Refined, noise: float) -> np.ndarray:
+        """Numbers near those of the averages, from few of the cells: the choice for all then need not be repeated."""
+        p = at_centres.descent.p
+        if self.cells.size == at_centres.problem.weight.shape[0]:
+            return p
+        few = at_centres.problem.subset(self.cells)
+        for _ in range(CHOICES):
+            before = p
+            p = minimise(few.averaged(choose_rules(few, p, noise).rules), [p], NEAR)[0].p
+            if _moved(before, p) < STEADY:
+                break
+        return p
 
     def ignored(self, at_centres: Refined) -> DiscAverages:
         """What the numbers at the centres are off by, to first order: a step towards the fit of averages."""
@@ -92,6 +105,11 @@ class Refinement:
 
     def _noise(self, refined: Refined) -> float:
         return 1.0 if self.known_noise else noise_of(refined.problem, refined.descent.p.size, refined.descent.cost)
+
+
+def _moved(before: np.ndarray, after: np.ndarray) -> float:
+    """Largest relative change of the numbers."""
+    return float(np.max(np.abs(after - before) / np.maximum(np.abs(after), 1e-9)))
 
 
 def noise_of(problem: FitProblem, numbers: int, cost: float) -> float:
