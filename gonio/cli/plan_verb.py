@@ -104,6 +104,11 @@ def summary(p: "Plan") -> list[str]:
         f"{hours(p.way * 3600)} of it moving and settling{filling}",
         *([f"good over {listed}"] if listed else []),
         columns(rows, ["number", "value", ours, f"regular scan, equal hours ({p.regular})"]),
+        *(
+            [f"by the plan's own criterion the variance of the regular scan is {number(p.advantage, 3)} times as large"]
+            if math.isfinite(p.advantage)
+            else []
+        ),
         f"certificate (Kiefer-Wolfowitz): max d − Σ w d = {number(p.residual, 2)} of {number(p.scale, 3)}: no shares "
         f"of the time gain more than {percent(p.residual / p.scale)} in the criterion",
     ]

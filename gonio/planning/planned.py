@@ -70,6 +70,8 @@ class Plan(Displayed):
         numbers: what will be known, and how well.
         separation: standard uncertainties by which the rival model will be told apart; None without one.
         regular: the best regular scan of equal hours, which `numbers` compares with.
+        advantage: its variance over the plan's, by the plan's criterion: of all numbers the P-th root of the
+            determinants' ratio, which shares of correlated numbers count in; NaN where no regular scan fits in.
         residual, scale: Kiefer-Wolfowitz residual max d − Σ w d of the design, and Σ w d: the number of parameters.
         space_filling: share of the time for directions that fill the range evenly.
         over: least and largest value of the numbers over which the plan is good, as far as it was made for several.
@@ -82,6 +84,7 @@ class Plan(Displayed):
     numbers: list[PlannedNumber]
     separation: float | None
     regular: str
+    advantage: float
     residual: float
     scale: float
     space_filling: float
@@ -105,6 +108,7 @@ class Plan(Displayed):
         known = [{k: v if math.isfinite(v) else None for k, v in n._asdict().items() if k != "name"} | {"name": n.name}
                  for n in self.numbers]  # fmt: skip
         others = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in ("shots", "numbers")}
+        others["advantage"] = self.advantage if math.isfinite(self.advantage) else None
         return {**others, "numbers": known, "shots": columns | {"seconds": self.shots.seconds.tolist()}}
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> Path:
@@ -260,8 +264,9 @@ def _result(planner: Planner, schedule: Schedule, q: Quantities) -> Plan:
             known += [
                 PlannedNumber(n, *vu, theirs.get(n, (0, float("nan")))[1]) for n, vu in ours.items() if n not in listed
             ]
+    advantage = float("nan") if regular is None else planner.advantage(shots, regular[1])
     name = "none fits in" if regular is None else regular[0]
     return Plan(
-        prior.name, shots, seconds / 3600, way / 3600, known, separation, name, design.residual, design.scale,
-        planner.space_filling, {} if rival else prior.spread,
+        prior.name, shots, seconds / 3600, way / 3600, known, separation, name, advantage,
+        design.residual, design.scale, planner.space_filling, {} if rival else prior.spread,
     )  # fmt: skip

@@ -126,6 +126,13 @@ class Planner:
             return float(np.linalg.slogdet(covariance)[1])
         return float(np.log(np.einsum("qi,ij,qj->", self.wanted[0], covariance, self.wanted[0])))
 
+    def advantage(self, shots: Shots, others: Shots) -> float:
+        """Variance of other shots over that of some, by the criterion of the plan: of all numbers their mean ratio."""
+        if self.rival is not None:
+            return float((self.separation(shots) / self.separation(others)) ** 2)
+        difference = self.loss(self.covariance(others)) - self.loss(self.covariance(shots))
+        return float(np.exp(difference / (self.size if self.wanted is None else 1)))
+
     def regular(self, budget: float) -> tuple[str, Shots] | None:
         """The best regular scan of so many seconds, and its name; None where none fits in."""
         schemes = [(f"in the plane by {s:g}°", in_plane, s) for s in PLANE_STEPS if self.isotropic]
