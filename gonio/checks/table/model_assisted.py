@@ -2,8 +2,8 @@
 grid's integral of readings − model.
 
 It assumes that between and beyond the nodes the surface is to the model as it is at the nodes around. The bound takes
-the ratio of the two to be off by as much as it changes from a node to its neighbours, over the light that the model
-sends there: where the model is of the wrong family that is as much as without it.
+the ratio of the two to be off by as much as it changes from a node to its neighbours, or bends, over the light that the
+model sends there: where the model is of the wrong family that is as much as without it.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from gonio.checks.albedos import Albedos, Incidence, albedos_of
-from gonio.checks.grid_resolution import LARGEST
+from gonio.checks.grid_resolution import LARGEST, RESOLVED, prediction_error, prediction_error_across_pole
 from gonio.checks.table.albedo_on_grid import HemisphereGrid, filled, floor_of, hemisphere_grid
 from gonio.data.flags import Flag
 from gonio.data.material import Material
@@ -29,6 +29,7 @@ from gonio.models.geometry.directions import Direction, from_spherical
 
 ORDER, FAST = 32, 16  # of the rules by which a model's light is shared out among the nodes, and summed
 PART = 8 * FAST**2
+BETWEEN = 0.5  # of a node's prediction error, where resolved, that the ratio may be off by between: twice the theory's
 NOISE = 2.0 * 1.22  # standard uncertainties of a reading that a difference of two may be without being structure
 
 
@@ -155,38 +156,101 @@ def _incidences(
         yield row._replace(theta_i=theta_i, phi_i=phi_i, bound=bound, partial=partial, unseen=unseen and not partial)
 
 
+class _Nodes(NamedTuple):
+    """Readings and model at the nodes of one incidence, (θo, azimuth, C); below `floor` (C,) nothing matters."""
+
+    f: np.ndarray
+    u: np.ndarray
+    model: np.ndarray
+    floor: np.ndarray
+
+    @property
+    def ratio(self) -> np.ndarray:
+        """Logarithm of readings over model."""
+        return np.log(np.maximum(self.f, self.floor)) - np.log(np.maximum(self.model, self.floor))
+
+    @property
+    def noise(self) -> np.ndarray:
+        """How far noise alone may move that logarithm."""
+        return NOISE * self.u / np.maximum(np.abs(self.f), self.floor)
+
+
+class _Sum(NamedTuple):
+    """An albedo (C,), what the grid may have missed of it, and the standard uncertainty that the readings make."""
+
+    value: np.ndarray
+    missed: np.ndarray
+    noise: np.ndarray
+
+
 def _estimate(
     grid: HemisphereGrid, readings: tuple[np.ndarray, np.ndarray, np.ndarray], m: np.ndarray, shares: _Shares
 ) -> Incidence:
-    """The albedo of one incidence, of readings (f, u, valid) and the model m at the nodes, (θo, azimuth, C) each."""
+    """The albedo of one incidence, of readings (f, u, valid) and the model m at the nodes, (θo, azimuth, C) each.
+
+    The light of the model and the integral of the difference, which suits noise and what the model has not; or that
+    light, node by node, times the ratio, which suits a model whose amount or shape is a little off. Of each channel the
+    one with the smaller bound.
+    """
     f, u, valid = readings
     weight, whole = grid.weights, filled(np.where(valid, f, 0.0), valid)
-    value = np.sum(shares.near + weight * (whole - m), axis=(0, 1))
-    u = np.where(valid & np.isfinite(u), u, 0.0)
-    noise = np.sqrt(np.sum((weight * u) ** 2, axis=(0, 1)))
-    floor = floor_of(value)
-    relative = NOISE * u / np.maximum(np.abs(whole), floor)
-    ratio = np.log(np.maximum(whole, floor)) - np.log(np.maximum(m, floor))
-    change = _change(ratio, 0, relative) + _change(ratio, 1, relative)
-    grown = np.expm1(np.minimum(change, LARGEST))
-    # Beyond the outermost nodes the ratio may go on changing, as far as the gap is wide.
+    floor = floor_of(np.sum(shares.near + weight * (whole - m), axis=(0, 1)))
+    nodes = _Nodes(whole, np.where(valid & np.isfinite(u), u, 0.0), m, floor)
+    sums = _of_the_difference(grid, nodes, shares), _of_the_ratio(grid, nodes, shares)
+    bounds = [s.missed + 2 * s.noise for s in sums]
+    pairs = zip(*((s.value, bound, s.noise) for s, bound in zip(sums, bounds, strict=True)), strict=True)
+    value, bound, noise = (np.where(bounds[1] < bounds[0], b, a) for a, b in pairs)
+    rest = np.sum(weight * np.where(valid, 0.0, np.abs(whole)), axis=(0, 1))
+    rest += np.sum(weight * np.where(np.maximum(whole, m) < floor, floor, 0.0), axis=(0, 1))
+    return Incidence(np.nan, np.nan, value, bound + rest, noise)
+
+
+def _of_the_difference(grid: HemisphereGrid, nodes: _Nodes, shares: _Shares) -> _Sum:
+    weight, m = grid.weights, nodes.model
+    change = _change(nodes)
+    missed = np.sum((shares.near - shares.beyond) * np.expm1(np.minimum(change, LARGEST)), axis=(0, 1))
+    missed += _beyond(grid, shares, change)
+    # What the model leaves by a factor that is even everywhere, times what the grid misses of the model.
+    off = np.maximum(np.abs(nodes.f - m) - NOISE * nodes.u, 0.0) / np.maximum(m, nodes.floor)
+    missed += np.sum(np.minimum(off, np.expm1(LARGEST)) * np.abs(shares.near - weight * m), axis=(0, 1))
+    return _Sum(np.sum(shares.near + weight * (nodes.f - m), axis=(0, 1)), missed, _rms(weight * nodes.u))
+
+
+def _of_the_ratio(grid: HemisphereGrid, nodes: _Nodes, shares: _Shares) -> _Sum:
+    light = shares.near / np.maximum(nodes.model, nodes.floor)
+    errors = (
+        prediction_error_across_pole(nodes.ratio, grid.theta_o, grid.azimuth),
+        prediction_error(nodes.ratio, grid.azimuth, 1, 2 * np.pi),
+    )
+    bent = np.minimum(np.maximum(errors[0] - nodes.noise, 0.0) + np.maximum(errors[1] - nodes.noise, 0.0), LARGEST)
+    bent = np.where(bent <= RESOLVED, BETWEEN, 1.0) * np.expm1(bent)
+    growth = np.maximum(np.abs(nodes.f), nodes.floor) / np.maximum(nodes.model, nodes.floor)
+    missed = np.sum((shares.near - shares.beyond) * growth * bent, axis=(0, 1))
+    outside = _Shares(shares.near, shares.beyond * growth)
+    missed += _beyond(grid, outside, _change(nodes))
+    return _Sum(np.sum(light * nodes.f, axis=(0, 1)), missed, _rms(light * nodes.u))
+
+
+def _beyond(grid: HemisphereGrid, shares: _Shares, change: np.ndarray) -> np.ndarray:
+    """Beyond the outermost nodes the ratio may go on changing, as far as the gap is wide."""
     gaps = np.array([grid.theta_o[0], np.pi / 2 - grid.theta_o[-1]]) / np.median(np.diff(grid.theta_o))
     further = np.ones((grid.theta_o.size, 1, 1))
     further[[0, -1], 0, 0] = np.maximum(gaps, 1.0)
-    beyond = np.expm1(np.minimum(change * further, LARGEST))
-    missed = np.sum((shares.near - shares.beyond) * grown + shares.beyond * beyond, axis=(0, 1))
-    # What the model leaves by a factor that is even everywhere, times what the grid misses of the model.
-    off = np.maximum(np.abs(whole - m) - NOISE * u, 0.0) / np.maximum(m, floor)
-    missed += np.sum(np.minimum(off, np.expm1(LARGEST)) * np.abs(shares.near - weight * m), axis=(0, 1))
-    guessed = np.sum(weight * np.where(valid, 0.0, np.abs(whole)), axis=(0, 1))
-    faint = np.sum(weight * np.where(np.maximum(whole, m) < floor, floor, 0.0), axis=(0, 1))
-    return Incidence(np.nan, np.nan, value, missed + guessed + faint + 2 * noise, noise)
+    return np.sum(shares.beyond * np.expm1(np.minimum(change * further, LARGEST)), axis=(0, 1))
 
 
-def _change(ratio: np.ndarray, axis: int, noise: np.ndarray) -> np.ndarray:
-    """The largest |difference| of a logarithm to its neighbours along an axis, beyond that of their noise."""
-    before, theirs = (np.roll(a, 1, axis) for a in (ratio, noise))
-    step = np.maximum(np.abs(ratio - before) - np.hypot(noise, theirs), 0.0)
+def _rms(a: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.sum(a**2, axis=(0, 1)))
+
+
+def _change(nodes: _Nodes) -> np.ndarray:
+    """The largest |difference| of the ratio to its neighbours along both axes, beyond that of their noise."""
+    return _change_along(nodes, 0) + _change_along(nodes, 1)
+
+
+def _change_along(nodes: _Nodes, axis: int) -> np.ndarray:
+    before, theirs = (np.roll(a, 1, axis) for a in (nodes.ratio, nodes.noise))
+    step = np.maximum(np.abs(nodes.ratio - before) - np.hypot(nodes.noise, theirs), 0.0)
     if axis == 0:  # the azimuths close on themselves, the polar angles do not
         step[0] = 0.0
     return np.maximum(step, np.roll(step, -1, axis))
