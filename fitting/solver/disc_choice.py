@@ -60,9 +60,9 @@ def choose_rules(problem: FitProblem, p: np.ndarray, noise: float) -> DiscChoice
     error = np.concatenate(errors, axis=1)
     graze = _grazing(problem)
     steps = _cheapest(error, problem, graze)
-    left = np.take_along_axis(error, steps[None], axis=0)[0]
+    neglected = np.take_along_axis(error, steps[None], axis=0)[0]
     rules = np.where(steps > 0, 2 * steps + graze, 0)
-    return DiscChoice(rules, float(np.sqrt(np.sum(left**2))))
+    return DiscChoice(rules, float(np.sqrt(np.sum(neglected**2))))
 
 
 def _weight(problem: FitProblem, f: np.ndarray) -> np.ndarray:
@@ -83,22 +83,22 @@ def _grazing(problem: FitProblem) -> np.ndarray:
 def _cheapest(error: np.ndarray, problem: FitProblem, graze: np.ndarray) -> np.ndarray:
     """The step (n,) of each reading, of errors (steps, n): fewest nodes in all that keep `ALLOWED`."""
     steps = np.zeros(error.shape[1], int)
-    seen = np.flatnonzero(np.isfinite(error[1]))
-    rest = np.delete(error[0], seen)
+    known = np.flatnonzero(np.isfinite(error[1]))
+    rest = np.delete(error[0], known)
     budget = ALLOWED**2 - float(np.sum(rest**2))
-    if not seen.size or np.sum(error[0] ** 2) <= ALLOWED**2:
+    if not known.size or np.sum(error[0] ** 2) <= ALLOWED**2:
         return steps
-    error = error[: 1 + int(np.flatnonzero(np.isfinite(error).any(axis=1))[-1]), seen]
+    error = error[: 1 + int(np.flatnonzero(np.isfinite(error).any(axis=1))[-1]), known]
     squares = error**2
     counts = disc_rules(problem.readings.half_angles).counts.prod(axis=1)
-    nodes = np.where(graze[seen], *(counts[g : 2 * len(error) : 2, None] for g in (1, 0)))
+    nodes = np.where(graze[known], *(counts[g : 2 * len(error) : 2, None] for g in (1, 0)))
     low, high = -20.0, 60.0  # log2 of λ
     for _ in range(14):
         middle = 0.5 * (low + high)
         chosen = np.argmin(nodes + 2.0**middle * squares, axis=0)
-        left = float(np.sum(np.take_along_axis(squares, chosen[None], axis=0)))
-        low, high = (low, middle) if left <= budget else (middle, high)
-    steps[seen] = np.argmin(nodes + 2.0**high * squares, axis=0)
+        remaining = float(np.sum(np.take_along_axis(squares, chosen[None], axis=0)))
+        low, high = (low, middle) if remaining <= budget else (middle, high)
+    steps[known] = np.argmin(nodes + 2.0**high * squares, axis=0)
     return steps
 
 
@@ -121,10 +121,10 @@ def _errors(problem: FitProblem, p: np.ndarray, noise: float, little: float) -> 
         e = np.nan_to_num(e, nan=0.0, posinf=1e9)
         error[step - 1, cells], error[step, cells], values[cells] = e, FINER * e, finer
         ascending = np.sort(e)
-        left = int(np.searchsorted(np.cumsum(ascending**2), little**2))
-        if left == cells.size:
+        small = int(np.searchsorted(np.cumsum(ascending**2), little**2))
+        if small == cells.size:
             break
-        cells = cells[e >= ascending[left]]
+        cells = cells[e >= ascending[small]]
     return error
 
 
@@ -158,10 +158,10 @@ class _Probes(NamedTuple):
         A node is no farther from the mirror configuration than √2 s/(n + 1), along or across the plane of incidence.
         """
         hidden = np.zeros((cells.size, self.f.shape[1]))
-        mine = np.flatnonzero(np.isin(self.cells, cells))
-        if not mine.size:
+        peaked = np.flatnonzero(np.isin(self.cells, cells))
+        if not peaked.size:
             return hidden
-        wi, wo, f = self.wi[:, mine], self.wo[:, mine], self.f[mine]
+        wi, wo, f = self.wi[:, peaked], self.wo[:, peaked], self.f[peaked]
         distance = np.sqrt(2.0) * max(problem.readings.half_angles) / (STEPS[step] + 1)
         sine = np.maximum(np.hypot(wo[0], wo[1]), 1e-12)
         across = np.stack([-wo[1], wo[0], np.zeros_like(sine)]) / sine
@@ -169,7 +169,7 @@ class _Probes(NamedTuple):
         # Inwards: towards the normal, so that nothing falls below the horizon.
         near = [problem.values_at(p, Direction(*wi), Direction(*_unit(wo + distance * t))) for t in (across, up)]
         missed = np.abs(f) > PEAK_MISSED * np.min(np.abs(near), axis=0)
-        hidden[np.searchsorted(cells, self.cells[mine])] = np.where(missed, f, 0.0)
+        hidden[np.searchsorted(cells, self.cells[peaked])] = np.where(missed, f, 0.0)
         return hidden
 
 
