@@ -19,8 +19,23 @@ def half_angles_of(table: Table) -> tuple[float, float]:
     """Half-angles of the discs of light and detector, radians; 0 for points and where nothing is stated.
 
     From the solid angles that the table stores, else from the instrument of its provenance. Up to 45°: what is larger
-    is no aperture of a gonioreflectometer.
+    is no aperture of a gonioreflectometer, counts as a point, and is noted.
     """
+    source, detector = (angle if angle <= HALF_ANGLE_MAX * (1 + 1e-9) else 0.0 for angle in _stated(table))
+    return source, detector
+
+
+def wide_notes(table: Table) -> list[str]:
+    """A note on each aperture that is too wide to be averaged over."""
+    return [
+        f"the aperture of the {side} has a half-angle of {math.degrees(angle):.3g}°: averages are made up to 45°, and "
+        "the model was compared at its centre"
+        for side, angle in zip(SIDES, _stated(table), strict=True)
+        if angle > HALF_ANGLE_MAX * (1 + 1e-9)
+    ]
+
+
+def _stated(table: Table) -> tuple[float, float]:
     instrument = table.provenance.get("instrument")
     stated = [instrument.get(f"{side}_half_angle_deg") if isinstance(instrument, dict) else None for side in SIDES]
     solid_angles = (table.source_solid_angle, table.receiver_solid_angle)
@@ -32,8 +47,8 @@ def _half_angle(solid_angle: float | None, stated_deg: Any) -> float:
     if solid_angle is not None:
         angle = 2.0 * math.asin(min(math.sqrt(max(solid_angle, 0.0) / (4 * math.pi)), 1.0))
     else:
-        angle = math.radians(stated_deg) if isinstance(stated_deg, int | float) else 0.0
-    return angle if 0.0 < angle <= HALF_ANGLE_MAX * (1 + 1e-9) else 0.0
+        angle = math.radians(stated_deg) if isinstance(stated_deg, int | float) and 0.0 < stated_deg <= 180 else 0.0
+    return angle
 
 
 def aperture_facts(optima: list[Optimum], estimates: list[list[ParameterEstimate]]) -> dict[str, Any] | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
-from gonio.fitting.apertures import aperture_notes, half_angles_of
+from gonio.fitting.apertures import aperture_notes, half_angles_of, wide_notes
 from gonio.fitting.assembly import assemble_result
 from gonio.fitting.fit_model import FitOptions, FitSettings, FitTask, compile_ahead, fit_model
 from gonio.fitting.problem.readings import (
@@ -163,7 +163,7 @@ def _fit_one(
     began = time.perf_counter()
     optima = fit_model(task)
     r = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
-    r.notes.extend([*table.provenance.get("warnings", []), *aperture_notes(r.apertures)])
+    r.notes.extend([*table.provenance.get("warnings", []), *aperture_notes(r.apertures), *wide_notes(table)])
     if view is not None:
         promised = promise(table, r.brdf, view.scene, determined=not r.undetermined)
         note = view.note(r.brdf, task.readings, selection and selection.scene)

@@ -8,7 +8,7 @@ import pytest
 
 from gonio.data.table import Table
 from gonio.fitting import fit
-from gonio.fitting.apertures import half_angles_of
+from gonio.fitting.apertures import half_angles_of, wide_notes
 from gonio.instrument import Instrument, measure, scan
 from gonio.models.errors import GonioError
 
@@ -84,6 +84,14 @@ def test_half_angles_come_from_solid_angles_or_else_from_the_provenance():
     np.testing.assert_allclose(half_angles_of(unstated), np.radians([0.5, 1.0]), rtol=1e-12)
     assert half_angles_of(dataclasses.replace(unstated, provenance={})) == (0.0, 0.0)
     assert half_angles_of(dataclasses.replace(table, receiver_solid_angle=2 * math.pi))[1] == 0.0
+
+
+def test_an_aperture_that_is_not_averaged_over_is_said():
+    table = Table.from_arrays([0.3, 0.6], [0.0, 0.0], [0.2, 0.4], [0.0, 1.0], [0.1, 0.1])
+    for stated, known in ((60, False), (30, True), (10**400, None), (float("nan"), None), (-1, None), ("wide", None)):
+        odd = dataclasses.replace(table, provenance={"instrument": {"detector_half_angle_deg": stated}})
+        assert half_angles_of(odd)[1] == pytest.approx(math.radians(stated) if known else 0.0)
+        assert bool(wide_notes(odd)) == (known is False)
 
 
 def test_an_unknown_way_is_refused():
