@@ -62,7 +62,7 @@ def aperture_facts(optima: list[Optimum], estimates: list[list[ParameterEstimate
         {"name": p.label, "shift": float(d), "in_standard_uncertainties": float(d / p.standard_uncertainty)}
         for a, each in zip(averages, estimates, strict=True)
         for d, p in zip(a.shift, each, strict=True)
-        if p.status == "determined" and p.standard_uncertainty > 0
+        if p.status == "determined" and p.standard_uncertainty > 0 and d
     ]
     largest = max(shifts, key=lambda s: abs(s["in_standard_uncertainties"]), default=None)
     facts = {

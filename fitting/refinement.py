@@ -5,11 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gonio.fitting.problem.parameterisation import Domains
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import relative_sigma, residual_weights
-from gonio.fitting.solver.disc_choice import DiscAverages, choose_rules
-from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, minimise, stationarity
+from gonio.fitting.solver.disc_choice import DiscAverages, choose_rules, notices_discs, step_towards
+from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, minimise
 from gonio.fitting.solver.robust_weights import ROUNDS, DownweightedReadings, robust_fit
 
 REWEIGHTINGS = 30
@@ -64,6 +63,10 @@ class Refinement:
             at_centres: where it ended.
         """
         refined, noise, rules = at_centres, self._noise(at_centres), np.zeros(points.weight.shape[0], int)
+        if not notices_discs(refined.problem, refined.descent.p, noise):
+            return refined, DiscAverages(
+                True, points.readings.half_angles, rules, 0.0, np.zeros(refined.descent.p.size)
+            )
         near = self._near(at_centres, noise)
         for _ in range(CHOICES):
             before, choice = near, choose_rules(refined.problem, near, noise)
@@ -94,17 +97,13 @@ class Refinement:
         """What the numbers at the centres are off by, to first order: a step towards the fit of averages."""
         problem, p = at_centres.problem, at_centres.descent.p
         choice = choose_rules(problem, p, self._noise(at_centres))
-        equations = problem.averaged(choice.rules).normal_equations(p[None])
-        order, shift = problem.order, np.zeros(p.size)
-        d = Domains(*(a[order] for a in problem.domains))
-        measure = stationarity(d, p[None, order], equations)
-        kept = ~(measure.active_bound | measure.zero_sensitivity)[0]
-        step = equations.matrix.restricted(kept).solved(np.where(kept, -equations.gradient, 0.0))
-        shift[order] = -step[0]
+        shift = -step_towards(problem.averaged(choice.rules), p)
         return DiscAverages(False, problem.readings.half_angles, choice.rules, choice.neglected, shift)
 
     def _noise(self, refined: Refined) -> float:
-        return 1.0 if self.known_noise else noise_of(refined.problem, refined.descent.p.size, refined.descent.cost)
+        # Where the model leaves more than the noise, its numbers are not known to the noise either.
+        remaining = noise_of(refined.problem, refined.descent.p.size, refined.descent.cost)
+        return max(remaining, 1.0) if self.known_noise else remaining
 
 
 def _moved(before: np.ndarray, after: np.ndarray) -> float:

@@ -11,11 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.fitting.problem.disc_averages import STEPS, disc_rules, steps_of
+from gonio.fitting.problem.parameterisation import Domains
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import transform, uses_cosine
+from gonio.fitting.solver.levenberg_marquardt import stationarity
 from gonio.models.geometry.directions import Direction
 
 ALLOWED = 0.3  # of a standard uncertainty: what all that is neglected may move a number by, at worst
+UNNOTICED = 0.1  # of a standard uncertainty: a fit at the centres that averages move by no more stays as it is
 LITTLE = 0.3  # of that: what the readings that each step leaves may neglect together
 FINER = 0.1  # of the last known error: that of the rule above, which has none to be compared with
 PEAK_MISSED = 2.0  # f at the mirror configuration over that at the nearest node, from which on a rule may miss a lobe
@@ -48,6 +51,37 @@ class DiscAverages:
     rules: np.ndarray
     neglected: float
     shift: np.ndarray
+
+
+def notices_discs(problem: FitProblem, p: np.ndarray, noise: float) -> bool:
+    """Whether averages move any number of a fit that ended at p (P,), by the coarsest rule and as far as it sees.
+
+    `noise`: standard deviation of the weighted residuals. A lobe that this rule may miss counts as noticed.
+    """
+    n = problem.weight.shape[0]
+    for first in range(0, n, CELLS):
+        cells = np.arange(first, min(first + CELLS, n))
+        part = problem.averaged(None, cells)
+        if _Probes.of(part, p, part.model_values(p)).missed(part, p, 1, np.arange(cells.size)).any():
+            return True
+    averaged = problem.averaged(2 + _grazing(problem))
+    spread = averaged.normal_equations(p[None]).matrix.whole()[0]
+    lengths = np.sqrt(np.maximum(np.diagonal(spread), 1e-300))
+    inverse = np.linalg.pinv(spread / np.outer(lengths, lengths), hermitian=True) / np.outer(lengths, lengths)
+    u = np.empty_like(p)
+    u[problem.order] = noise * np.sqrt(np.diagonal(inverse))
+    return bool(np.any(np.abs(step_towards(averaged, p)) > UNNOTICED * u))
+
+
+def step_towards(problem: FitProblem, p: np.ndarray) -> np.ndarray:
+    """The Gauss–Newton step (P,) from p: how far averages move the numbers of a fit at the centres, to first order."""
+    equations, order = problem.normal_equations(p[None]), problem.order
+    d = Domains(*(a[order] for a in problem.domains))
+    measure = stationarity(d, p[None, order], equations)
+    kept = ~(measure.active_bound | measure.zero_sensitivity)[0]
+    step = np.empty_like(p)
+    step[order] = equations.matrix.restricted(kept).solved(np.where(kept, -equations.gradient, 0.0))[0]
+    return step
 
 
 def choose_rules(problem: FitProblem, p: np.ndarray, noise: float) -> DiscChoice:
