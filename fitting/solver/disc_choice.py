@@ -12,7 +12,7 @@ import numpy as np
 
 from gonio.fitting.problem.disc_averages import STEPS, disc_rules, steps_of
 from gonio.fitting.problem.parameterisation import Domains
-from gonio.fitting.problem.problem import FitProblem
+from gonio.fitting.problem.problem import FitProblem, sensitivities
 from gonio.fitting.problem.readings import transform, uses_cosine
 from gonio.fitting.solver.levenberg_marquardt import stationarity
 from gonio.models.geometry.directions import Direction
@@ -32,6 +32,43 @@ class DiscChoice(NamedTuple):
 
     rules: np.ndarray
     neglected: float
+
+
+@dataclasses.dataclass(frozen=True)
+class _Moves:
+    """How far changes of the model at the readings move the numbers of a fit, to first order.
+
+    `slopes` (n, groups, C): of each weighted residual by the free parameters; `inverse` (P, P): of the normal matrix.
+    """
+
+    slopes: np.ndarray
+    columns: np.ndarray
+    inverse: np.ndarray
+
+    @classmethod
+    def of(cls, problem: FitProblem, p: np.ndarray, weight: np.ndarray) -> "_Moves":
+        """Of a fit near p (P,); `weight` (n, C): slopes of residuals, in units of the noise, by the model's value."""
+        s, readings = problem.parameters, problem.readings
+        slopes = np.asarray(sensitivities(s, p, problem.fixed, readings.wi, readings.wo)[1]) * weight[:, None]
+        normal = np.zeros((p.size, p.size))
+        for c, columns in enumerate(s.columns):
+            normal[np.ix_(columns, columns)] += slopes[:, :, c].T @ slopes[:, :, c]
+        lengths = np.sqrt(np.maximum(np.diagonal(normal), 1e-300))
+        inverse = np.linalg.pinv(normal / np.outer(lengths, lengths), hermitian=True) / np.outer(lengths, lengths)
+        return cls(slopes, s.columns, inverse)
+
+    def largest(self, cells: np.ndarray, change: np.ndarray) -> float:
+        """The largest move of a number, in its standard uncertainties, by changes (k, C) at some of the cells.
+
+        Infinite where no number is free: there every reading counts by itself.
+        """
+        if not self.inverse.size:
+            return np.inf
+        gradient = np.zeros(self.inverse.shape[0])
+        for c, columns in enumerate(self.columns):
+            gradient[columns] += change[:, c] @ self.slopes[cells, :, c]
+        moved, u = self.inverse @ gradient, np.sqrt(np.maximum(np.diagonal(self.inverse), 1e-300))
+        return float(np.max(np.abs(moved) / u))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,16 +181,21 @@ def _errors(problem: FitProblem, p: np.ndarray, noise: float, little: float) -> 
     n, most = problem.weight.shape[0], steps_of(problem.readings.half_angles)
     values = problem.model_values(p)
     weight = _weight(problem, values) / noise
-    graze, probes = _grazing(problem), _Probes.of(problem, p, values)
+    graze, probes, moves = _grazing(problem), _Probes.of(problem, p, values), _Moves.of(problem, p, weight)
     error = np.full((most, n), np.inf)
     cells = np.arange(n)
     for step in range(1, most):
         finer = problem.averaged(2 * step + graze, cells).model_values(p)
         e = np.sqrt(np.sum((weight[cells] * (finer - values[cells])) ** 2, axis=1))
         hidden = probes.missed(problem, p, step, cells)
+        moved = np.inf if hidden.any() else moves.largest(cells, weight[cells] * (finer - values[cells]))
         e = np.maximum(e, np.sqrt(np.sum((weight[cells] * hidden) ** 2, axis=1)))
         e = np.nan_to_num(e, nan=0.0, posinf=1e9)
+        if moved <= ALLOWED:  # whatever single readings neglect, together they move no number
+            e *= moved / max(float(np.sqrt(np.sum(e**2))), 1e-300)
         error[step - 1, cells], error[step, cells], values[cells] = e, FINER * e, finer
+        if moved <= ALLOWED:
+            break
         ascending = np.sort(e)
         small = int(np.searchsorted(np.cumsum(ascending**2), little**2))
         if small == cells.size:
