@@ -10,10 +10,10 @@ from gonio.checks.model.evidence import ModelEvidence
 from gonio.checks.properties import PROPERTIES
 from gonio.checks.table.evidence import LEVEL, TableEvidence
 from gonio.data.subject import Subject, SubjectLike, resolve_subject
-from gonio.fitting.fit_table import fit
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError
+from gonio.models.expression.parser import parse, with_defaults
 
 
 class CheckOptions(TypedDict, total=False):
@@ -91,9 +91,9 @@ def _evidence(
         if settings.model is not None:
             raise GonioError(f"{judged.name} is a model; another one helps tables only: leave the option out")
         return ModelEvidence(judged.brdf, judged.channels.names, reference)
-    model = settings.model
-    fitted = None if model is None else fit(judged.table, None if model == "auto" else model)
-    return TableEvidence(judged.table, settings.level, settings.feature_width, reference, fitted).gathered()
+    if settings.model not in (None, "auto"):
+        with_defaults(parse(settings.model))  # refused whether it is needed or not
+    return TableEvidence(judged.table, settings.level, settings.feature_width, reference, settings.model).gathered()
 
 
 def _checked(tolerances: Mapping[str, float | None]) -> dict[str, float]:

@@ -148,8 +148,8 @@ def _ranges(text: str) -> dict[str, tuple[float, float]]:
     for item in text.split(","):
         parts = re.fullmatch(r"\s*([\w.\[\] ]+?)\s*=\s*([^:]+):([^:]+)", item)
         try:
-            assert parts
-            ranges[parts[1]] = float(parts[2]), float(parts[3])
-        except (AssertionError, ValueError):
+            name, low, high = parts.groups() if parts else ("", "", "")
+            ranges[name] = float(low), float(high)
+        except ValueError:
             raise GonioError(f"--range has {item.strip()!r}; give NAME=LOW:HIGH, such as alpha=0.05:0.3") from None
     return ranges

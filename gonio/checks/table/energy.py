@@ -58,10 +58,11 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
         detail = f"The albedo of this table cannot be integrated: {albedos}."
         return without_residual("energy", UNDECIDED, tolerance, detail, incidences=0)
     judged = _judged(albedos, evidence, tolerance)
-    if judged.verdict != UNDECIDED or evidence.fitted is None:
+    if judged.verdict != UNDECIDED or evidence.model is None:
         return judged
     from gonio.checks.table.model_assisted import assisted_albedos
 
+    assert evidence.fitted is not None
     assisted = assisted_albedos(evidence.table, evidence.fitted, mirror_reach(evidence.table, evidence.feature_width))
     if isinstance(assisted, str):
         judged.detail += f" A model does not help: {assisted}."
@@ -102,7 +103,7 @@ def _judged(albedos: Albedos, evidence: TableEvidence, tolerance: float) -> Prop
         step = float(np.degrees(np.nanmin(needed))) if np.isfinite(needed).any() else None
         judged.facts["step_needed_deg"] = step
         judged.detail += _remedy(evidence.table.layout, step)
-        if evidence.fitted is None and evidence.table.layout.outgoing_grid() is not None:
+        if evidence.model is None and evidence.table.layout.outgoing_grid() is not None:
             judged.detail += " Or a model may carry the verdict, as far as the readings follow it: --model auto."
     return judged
 

@@ -1,6 +1,7 @@
 """What the checks of a table are given, gathered in one pass: the readings that should be equal, pair by pair."""
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Self
 
@@ -55,14 +56,21 @@ PAIRS: dict[str, Callable[[Table], Pairs | str]] = {
 
 @dataclasses.dataclass(frozen=True)
 class TableEvidence:
-    """A table, its pairs of readings that should be equal, a fit to it, and the options of `gonio.check`."""
+    """A table, its pairs of readings that should be equal, and the options of `gonio.check`."""
 
     table: Table
     level: float = LEVEL
     feature_width: float = 0.0
     reference: AbstractBRDF | None = None
-    fitted: "FitResult | None" = None
+    model: str | None = None
     _pairs: dict[str, Pairs | str] = dataclasses.field(default_factory=dict, repr=False)
+
+    @functools.cached_property
+    def fitted(self) -> "FitResult | None":
+        """The fit of the stated model to the table, made where a check asks for it; None without a model."""
+        from gonio.fitting.fit_table import fit
+
+        return None if self.model is None else fit(self.table, None if self.model == "auto" else self.model)
 
     def pairs(self, kind: str) -> Pairs | str:
         """Pairs of one of the kinds of `PAIRS`, read once."""

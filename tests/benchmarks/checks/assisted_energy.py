@@ -70,8 +70,8 @@ def main(number: int, seed: int) -> None:
         plain = next(p for p in gonio.check(table).properties if p.name == "energy")
         began, said, held, line = time.perf_counter(), plain.verdict, "", ""
         if plain.verdict == "undecided":
-            fitted = gonio.fit(table)
-            helped = table_energy(TableEvidence(table, fitted=fitted), 0.01)
+            evidence = TableEvidence(table, model="auto")
+            helped, fitted = table_energy(evidence, 0.01), evidence.fitted
             assisted = assisted_albedos(table, fitted, 1e-3)
             if not isinstance(assisted, str):
                 within = np.abs(assisted.value - albedo) <= np.minimum(assisted.above, assisted.below)
