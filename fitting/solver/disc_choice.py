@@ -24,6 +24,7 @@ FINER = 0.1  # of the last known error: that of the rule above, which has none t
 PEAK_MISSED = 2.0  # f at the mirror configuration over that at the nearest node, from which on a rule may miss a lobe
 NEAR_MIRROR = 2.0  # sums of the half-angles
 GRAZING = 0.15  # cosine
+MOST_NUMBERS = 256  # free numbers up to which their moves are looked at; of more, each reading counts by itself
 CELLS = 1 << 17  # looked at together
 
 
@@ -53,17 +54,10 @@ class _Moves:
         normal = np.zeros((p.size, p.size))
         for c, columns in enumerate(s.columns):
             normal[np.ix_(columns, columns)] += slopes[:, :, c].T @ slopes[:, :, c]
-        lengths = np.sqrt(np.maximum(np.diagonal(normal), 1e-300))
-        inverse = np.linalg.pinv(normal / np.outer(lengths, lengths), hermitian=True) / np.outer(lengths, lengths)
-        return cls(slopes, s.columns, inverse)
+        return cls(slopes, s.columns, _inverse(normal))
 
     def largest(self, cells: np.ndarray, change: np.ndarray) -> float:
-        """The largest move of a number, in its standard uncertainties, by changes (k, C) at some of the cells.
-
-        Infinite where no number is free: there every reading counts by itself.
-        """
-        if not self.inverse.size:
-            return np.inf
+        """The largest move of a number, in its standard uncertainties, by changes (k, C) at some of the cells."""
         gradient = np.zeros(self.inverse.shape[0])
         for c, columns in enumerate(self.columns):
             gradient[columns] += change[:, c] @ self.slopes[cells, :, c]
@@ -93,21 +87,28 @@ class DiscAverages:
 def notices_discs(problem: FitProblem, p: np.ndarray, noise: float) -> bool:
     """Whether averages move any number of a fit that ended at p (P,), by the coarsest rule and as far as it sees.
 
-    `noise`: standard deviation of the weighted residuals. A lobe that this rule may miss counts as noticed.
+    `noise`: standard deviation of the weighted residuals. A lobe that this rule may miss counts as noticed, and so does
+    everything where numbers are too many for a matrix of them all.
     """
     n = problem.weight.shape[0]
+    if p.size > MOST_NUMBERS:
+        return True
     for first in range(0, n, CELLS):
         cells = np.arange(first, min(first + CELLS, n))
         part = problem.averaged(None, cells)
         if _Probes.of(part, p, part.model_values(p)).missed(part, p, 1, np.arange(cells.size)).any():
             return True
     averaged = problem.averaged(2 + _grazing(problem))
-    spread = averaged.normal_equations(p[None]).matrix.whole()[0]
-    lengths = np.sqrt(np.maximum(np.diagonal(spread), 1e-300))
-    inverse = np.linalg.pinv(spread / np.outer(lengths, lengths), hermitian=True) / np.outer(lengths, lengths)
     u = np.empty_like(p)
-    u[problem.order] = noise * np.sqrt(np.diagonal(inverse))
+    spread = _inverse(averaged.normal_equations(p[None]).matrix.whole()[0])
+    u[problem.order] = noise * np.sqrt(np.diagonal(spread))
     return bool(np.any(np.abs(step_towards(averaged, p)) > UNNOTICED * u))
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of a normal matrix, each number in its own unit; without what no reading tells."""
+    lengths = np.sqrt(np.maximum(np.diagonal(matrix), 1e-300))
+    return np.linalg.pinv(matrix / np.outer(lengths, lengths), hermitian=True) / np.outer(lengths, lengths)
 
 
 def step_towards(problem: FitProblem, p: np.ndarray) -> np.ndarray:
@@ -127,7 +128,8 @@ def choose_rules(problem: FitProblem, p: np.ndarray, noise: float) -> DiscChoice
     errors = []
     for first in range(0, n, CELLS):
         part = problem.averaged(None, np.arange(first, min(first + CELLS, n)))
-        errors.append(_errors(part, p, noise, LITTLE * ALLOWED * np.sqrt(part.weight.shape[0] / n)))
+        # Parts that all neglect alike neglect together: by the root of their share, their sum stays within it.
+        errors.append(_errors(part, p, noise, ALLOWED * np.sqrt(part.weight.shape[0] / n)))
     error = np.concatenate(errors, axis=1)
     graze = _grazing(problem)
     steps = _cheapest(error, problem, graze)
@@ -173,31 +175,36 @@ def _cheapest(error: np.ndarray, problem: FitProblem, graze: np.ndarray) -> np.n
     return steps
 
 
-def _errors(problem: FitProblem, p: np.ndarray, noise: float, little: float) -> np.ndarray:
+def _errors(problem: FitProblem, p: np.ndarray, noise: float, allowed: float) -> np.ndarray:
     """Error (steps, n) of each rule in units of the noise, as it differs from the next; inf beyond what is needed.
 
-    Cells whose errors e are the smallest, up to √Σe² = `little`, go no further at each step.
+    Steps end where together they move no number by more than `allowed`, in standard uncertainties. Cells whose errors e
+    are the smallest, up to √Σe² = `LITTLE` of that, go no further at each step.
     """
     n, most = problem.weight.shape[0], steps_of(problem.readings.half_angles)
     values = problem.model_values(p)
     weight = _weight(problem, values) / noise
-    graze, probes, moves = _grazing(problem), _Probes.of(problem, p, values), _Moves.of(problem, p, weight)
+    graze, probes, moves = _grazing(problem), _Probes.of(problem, p, values), None
+    if 0 < p.size <= MOST_NUMBERS:
+        moves = _Moves.of(problem, p, weight)
     error = np.full((most, n), np.inf)
     cells = np.arange(n)
     for step in range(1, most):
         finer = problem.averaged(2 * step + graze, cells).model_values(p)
         e = np.sqrt(np.sum((weight[cells] * (finer - values[cells])) ** 2, axis=1))
         hidden = probes.missed(problem, p, step, cells)
-        moved = np.inf if hidden.any() else moves.largest(cells, weight[cells] * (finer - values[cells]))
+        moved = np.inf
+        if moves is not None and not hidden.any():
+            moved = moves.largest(cells, weight[cells] * (finer - values[cells]))
         e = np.maximum(e, np.sqrt(np.sum((weight[cells] * hidden) ** 2, axis=1)))
         e = np.nan_to_num(e, nan=0.0, posinf=1e9)
-        if moved <= ALLOWED:  # whatever single readings neglect, together they move no number
+        if moved <= allowed:  # whatever single readings neglect, together they move no number
             e *= moved / max(float(np.sqrt(np.sum(e**2))), 1e-300)
         error[step - 1, cells], error[step, cells], values[cells] = e, FINER * e, finer
-        if moved <= ALLOWED:
+        if moved <= allowed:
             break
         ascending = np.sort(e)
-        small = int(np.searchsorted(np.cumsum(ascending**2), little**2))
+        small = int(np.searchsorted(np.cumsum(ascending**2), (LITTLE * allowed) ** 2))
         if small == cells.size:
             break
         cells = cells[e >= ascending[small]]
