@@ -14,6 +14,7 @@ from gonio.data.channels import LONGEST_NAME, Channels
 from gonio.data.consistency import check_readings
 from gonio.data.files import input_size
 from gonio.data.hdf5.schema import FOOTER, GONIO_FORMAT, MAGIC, RECORD
+from gonio.data.hdf5.stored_texts import has_damaged_heap, has_damaged_text
 from gonio.data.layouts import LAYOUTS, Layout
 from gonio.data.serialise import deepest, encodable, require_kind
 from gonio.data.table import Table
@@ -32,9 +33,6 @@ LONGEST_JSON = 16 << 20
 """Characters of a JSON attribute."""
 REPACK = "write it unpacked (h5repack -f NONE -l CONTI)"
 RADIANS = {"radian": 1.0, "radians": 1.0, "rad": 1.0, "degree": math.pi / 180, "degrees": math.pi / 180}
-HEAP, HEAP_HEADER = b"GCOL\x01\x00\x00\x00", 16
-SEARCHED = 64 << 20
-"""Bytes that are searched for heaps: texts stand at the front, and to look through a large table takes seconds."""
 
 T = TypeVar("T")
 
@@ -50,15 +48,19 @@ def open_table(path: str | os.PathLike[str], lazy_bytes: int = LAZY_BYTES) -> Ta
             raise GonioError(
                 f"{path} is an unfinished measurement ({progress} blocks); run the same command again to go on with it"
             )
-        if _has_damaged_heap(content):
+        if has_damaged_heap(content):
             raise GonioError(f"{path} is a damaged table (its texts run into each other); measure or copy it again")
+        return _table(path, content, lazy_bytes)
+
+
+def _table(path: str | os.PathLike[str], content: mmap.mmap, lazy_bytes: int) -> Table:
     try:
         file = h5py.File(path, "r")
     except OSError:
         message = f"{path} is not a whole HDF5 file (truncated, or another format); measure or copy it again"
         raise GonioError(message) from None
     try:
-        table = _Reader(file).table(lazy_bytes)
+        table = _Reader(file, content).table(lazy_bytes)
         check_readings(table)
         return table
     except GonioError as error:
@@ -83,34 +85,10 @@ def _unfinished(content: mmap.mmap) -> str | None:
     return None if done == count else f"{done} of {count}"
 
 
-def _has_damaged_heap(content: mmap.mmap) -> bool:
-    """Whether the chain of some collection of heap objects does not end where it should.
-
-    The library never returns from such a file. Layout by the HDF5 File Format Specification, III.E: objects of
-    (index, uses, reserved, size); index 0 is what is left over, and its size counts its own header.
-    """
-    start = content.find(HEAP, 0, SEARCHED)
-    while start >= 0:
-        size = int.from_bytes(content[start + 8 : start + 16], "little")
-        position, end = start + HEAP_HEADER, start + size
-        if not position <= end <= len(content):
-            return True
-        while position + HEAP_HEADER <= end:
-            index = int.from_bytes(content[position : position + 2], "little")
-            length = int.from_bytes(content[position + 8 : position + 16], "little")
-            if index == 0:
-                if position + length != end:
-                    return True
-                break
-            position += HEAP_HEADER + (length + 7) // 8 * 8
-        if position > end:
-            return True
-        start = content.find(HEAP, end, SEARCHED)
-    return False
-
-
 def _plain(kind: h5py.h5t.TypeID) -> bool:
     """Whether an attribute's type is one that the library reads safely: it crashes on a damaged text type."""
+    if kind.committed():
+        return False
     if kind.get_class() in (h5py.h5t.INTEGER, h5py.h5t.FLOAT):
         return True
     if kind.get_class() != h5py.h5t.STRING or not kind.is_variable_str():
@@ -123,8 +101,8 @@ def _fail(text: str) -> NoReturn:
 
 
 class _Reader:
-    def __init__(self, file: h5py.File) -> None:
-        self.file, self.bytes = file, os.path.getsize(file.filename)
+    def __init__(self, file: h5py.File, content: mmap.mmap) -> None:
+        self.file, self.content, self.bytes = file, content, len(content)
 
     def table(self, lazy_bytes: int) -> Table:
         version = self.attribute("gonio_format", int | float | str)
@@ -226,6 +204,8 @@ class _Reader:
         stored = attributes.get_id(name)
         if stored.shape not in ((), (1,)) or not _plain(stored.get_type()):
             _fail(f"attribute {name} is neither a text nor a number; copy the file again")
+        if stored.dtype.kind == "O" and has_damaged_text(self.content, name, self.file.userblock_size):
+            _fail(f"attribute {name} does not hold the text that it claims; measure or copy it again")
         value = attributes[name]
         value = value.item() if isinstance(value, np.generic | np.ndarray) and value.size == 1 else value
         value = value.decode() if isinstance(value, bytes) else value
