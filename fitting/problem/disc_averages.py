@@ -2,8 +2,8 @@
 
     reading = ∫∫ f cosθi cosθo dωi dωo / (∫ cosθi dωi · ∫ cosθo dωo),   directions below the horizon left out
 
-A rule of number 2·step + grazing has n = `STEPS[step]` by n nodes in each disc that is no point, and n by 2n where one
-stands low or the horizon cuts it. Number 0 is the centres alone. A block's lanes all use one rule. Where few readings
+A rule of number 2·step + cut has n = `STEPS[step]` by n nodes in each disc that is no point, and n by 2n where the
+horizon cuts one. Number 0 is the centres alone. A block's lanes all use one rule. Where few readings
 need a rule of many nodes, 2^`halvings` lanes side by side serve one reading, each with its share of the nodes.
 """
 
@@ -28,7 +28,7 @@ PAIRS_MAX = 9**4  # nodes of a rule over both discs
 class DiscRules(NamedTuple):
     """Nodes of all rules in both discs, n columns (x, √(1 − x²), weight) by m rows (y over √(1 − x²), weight).
 
-    Of grazing rules the columns are (ψ over where it ends, 1, weight).
+    Of rules for cut discs the columns are (ψ over where it ends, 1, weight).
     """
 
     tan_s: Float[AnyArray, "2"]
@@ -70,7 +70,7 @@ def disc_rules(half_angles: tuple[float, float]) -> DiscRules:
     rules = DiscRules(np.tan(half_angles), columns, rows, np.ones((size, 2, 2), np.int32))
     for rule, d in np.ndindex(size, 2):
         n = STEPS[rule // 2] if half_angles[d] > 0 else 1
-        of_n = (_grazing_rule if rule % 2 else _whole_rule)(n)
+        of_n = (_cut_rule if rule % 2 else _whole_rule)(n)
         rules.shape[rule, d] = tuple(map(len, of_n))
         columns[rule, d, : len(of_n[0])], rows[rule, d, : len(of_n[1])] = of_n
     return rules
@@ -85,8 +85,8 @@ def _whole_rule(n: int) -> tuple[np.ndarray, np.ndarray]:
     return columns, np.stack(np.polynomial.legendre.leggauss(n), axis=1)
 
 
-def _grazing_rule(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss–Legendre in ψ, and 2n rows: a lobe seen at grazing is narrow in azimuth."""
+def _cut_rule(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss–Legendre in ψ up to the horizon, and 2n rows: a lobe seen at grazing is narrow in azimuth."""
     if n == 1:
         return _whole_rule(1)
     (g, w), rows = np.polynomial.legendre.leggauss(n), np.polynomial.legendre.leggauss(2 * n)
@@ -205,12 +205,12 @@ class NodePairs(NamedTuple):
 
         x, length, w, v, w_v = jax.lax.cond(self.halvings == 0, of_all, lambda: read(node))
 
-        def grazing() -> tuple[Array, Array, Array]:
+        def cut() -> tuple[Array, Array, Array]:
             sine = jnp.sin(psi_end * x)
             return jnp.cos(psi_end * x), sine * v, w * w_v * psi_end * sine * sine
 
         bent = (self.rule % 2 == 1) & (self.rules.counts[self.rule, d] > 1)
-        x, y, w = jax.lax.cond(bent, grazing, lambda: (x, length * v, w * w_v))
+        x, y, w = jax.lax.cond(bent, cut, lambda: (x, length * v, w * w_v))
         ray, share = disc_ray(frame, frame.tan_s * x, frame.tan_s * y)
         return ray, w * share
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from gonio.fitting.problem.disc_averages import STEPS, disc_rules, steps_of
 from gonio.fitting.problem.parameterisation import Domains
-from gonio.fitting.problem.problem import FitProblem, sensitivities
+from gonio.fitting.problem.problem import FitProblem, NormalEquations, sensitivities
 from gonio.fitting.problem.readings import transform, uses_cosine
 from gonio.fitting.solver.levenberg_marquardt import stationarity
 from gonio.models.geometry.directions import Direction
@@ -23,7 +23,6 @@ LITTLE = 0.3  # of that: what the readings that each step leaves may neglect tog
 FINER = 0.1  # of the last known error: that of the rule above, which has none to be compared with
 PEAK_MISSED = 2.0  # f at the mirror configuration over that at the nearest node, from which on a rule may miss a lobe
 NEAR_MIRROR = 2.0  # sums of the half-angles
-GRAZING = 0.15  # cosine
 MOST_NUMBERS = 256  # free numbers up to which their moves are looked at; of more, each reading counts by itself
 CELLS = 1 << 17  # looked at together
 
@@ -98,11 +97,10 @@ def notices_discs(problem: FitProblem, p: np.ndarray, noise: float) -> bool:
         part = problem.averaged(None, cells)
         if _Probes.of(part, p, part.model_values(p)).missed(part, p, 1, np.arange(cells.size)).any():
             return True
-    averaged = problem.averaged(2 + _grazing(problem))
+    equations = problem.averaged(2 + _cut(problem)).normal_equations(p[None])
     u = np.empty_like(p)
-    spread = _inverse(averaged.normal_equations(p[None]).matrix.whole()[0])
-    u[problem.order] = noise * np.sqrt(np.diagonal(spread))
-    return bool(np.any(np.abs(step_towards(averaged, p)) > UNNOTICED * u))
+    u[problem.order] = noise * np.sqrt(np.diagonal(_inverse(equations.matrix.whole()[0])))
+    return bool(np.any(np.abs(_step(problem, p, equations)) > UNNOTICED * u))
 
 
 def _inverse(matrix: np.ndarray) -> np.ndarray:
@@ -113,7 +111,11 @@ def _inverse(matrix: np.ndarray) -> np.ndarray:
 
 def step_towards(problem: FitProblem, p: np.ndarray) -> np.ndarray:
     """The Gauss–Newton step (P,) from p: how far averages move the numbers of a fit at the centres, to first order."""
-    equations, order = problem.normal_equations(p[None]), problem.order
+    return _step(problem, p, problem.normal_equations(p[None]))
+
+
+def _step(problem: FitProblem, p: np.ndarray, equations: NormalEquations) -> np.ndarray:
+    order = problem.order
     d = Domains(*(a[order] for a in problem.domains))
     measure = stationarity(d, p[None, order], equations)
     kept = ~(measure.active_bound | measure.zero_sensitivity)[0]
@@ -131,10 +133,10 @@ def choose_rules(problem: FitProblem, p: np.ndarray, noise: float) -> DiscChoice
         # Parts that all neglect alike neglect together: by the root of their share, their sum stays within it.
         errors.append(_errors(part, p, noise, ALLOWED * np.sqrt(part.weight.shape[0] / n)))
     error = np.concatenate(errors, axis=1)
-    graze = _grazing(problem)
-    steps = _cheapest(error, problem, graze)
+    cut = _cut(problem)
+    steps = _cheapest(error, problem, cut)
     neglected = np.take_along_axis(error, steps[None], axis=0)[0]
-    rules = np.where(steps > 0, 2 * steps + graze, 0)
+    rules = np.where(steps > 0, 2 * steps + cut, 0)
     return DiscChoice(rules, float(np.sqrt(np.sum(neglected**2))))
 
 
@@ -144,16 +146,13 @@ def _weight(problem: FitProblem, f: np.ndarray) -> np.ndarray:
     return problem.weight * transform(problem.loss, f * c, problem.samples.floor, np)[1] * c
 
 
-def _grazing(problem: FitProblem) -> np.ndarray:
-    """Which readings (n,) have a disc that stands low, or that the horizon cuts."""
+def _cut(problem: FitProblem) -> np.ndarray:
+    """Which readings (n,) have a disc that the horizon cuts."""
     cosines = (np.asarray(w.z) for w in (problem.readings.wi, problem.readings.wo))
-    return np.any(
-        [c < max(GRAZING, np.sin(s)) for c, s in zip(cosines, problem.readings.half_angles, strict=True) if s > 0],
-        axis=0,
-    )
+    return np.any([c < np.sin(s) for c, s in zip(cosines, problem.readings.half_angles, strict=True) if s > 0], axis=0)
 
 
-def _cheapest(error: np.ndarray, problem: FitProblem, graze: np.ndarray) -> np.ndarray:
+def _cheapest(error: np.ndarray, problem: FitProblem, cut: np.ndarray) -> np.ndarray:
     """The step (n,) of each reading, of errors (steps, n): fewest nodes in all that keep `ALLOWED`."""
     steps = np.zeros(error.shape[1], int)
     known = np.flatnonzero(np.isfinite(error[1]))
@@ -164,7 +163,7 @@ def _cheapest(error: np.ndarray, problem: FitProblem, graze: np.ndarray) -> np.n
     error = error[: 1 + int(np.flatnonzero(np.isfinite(error).any(axis=1))[-1]), known]
     squares = error**2
     counts = disc_rules(problem.readings.half_angles).counts.prod(axis=1)
-    nodes = np.where(graze[known], *(counts[g : 2 * len(error) : 2, None] for g in (1, 0)))
+    nodes = np.where(cut[known], *(counts[g : 2 * len(error) : 2, None] for g in (1, 0)))
     low, high = -20.0, 60.0  # log2 of λ
     for _ in range(14):
         middle = 0.5 * (low + high)
@@ -184,13 +183,13 @@ def _errors(problem: FitProblem, p: np.ndarray, noise: float, allowed: float) ->
     n, most = problem.weight.shape[0], steps_of(problem.readings.half_angles)
     values = problem.model_values(p)
     weight = _weight(problem, values) / noise
-    graze, probes, moves = _grazing(problem), _Probes.of(problem, p, values), None
+    cut, probes, moves = _cut(problem), _Probes.of(problem, p, values), None
     if 0 < p.size <= MOST_NUMBERS:
         moves = _Moves.of(problem, p, weight)
     error = np.full((most, n), np.inf)
     cells = np.arange(n)
     for step in range(1, most):
-        finer = problem.averaged(2 * step + graze, cells).model_values(p)
+        finer = problem.averaged(2 * step + cut, cells).model_values(p)
         e = np.sqrt(np.sum((weight[cells] * (finer - values[cells])) ** 2, axis=1))
         hidden = probes.missed(problem, p, step, cells)
         moved = np.inf

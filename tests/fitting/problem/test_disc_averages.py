@@ -59,16 +59,16 @@ def averaged_by_midpoints(problem: FitProblem, k: int, rings: int) -> float:
     ("half_angles", "rings"), [((0.0, 2 * DEGREE), 120), ((2 * DEGREE, 0.0), 120), ((DEGREE, DEGREE), 12)]
 )
 def test_averages_are_those_of_a_finer_rule(half_angles: tuple[float, float], rings: int):
-    """In the highlight, beside it, and where the horizon cuts a disc, which takes the rules for grazing."""
+    """In the highlight, beside it, and where the horizon cuts a disc, which takes rules of its own."""
     theta_i, theta_o = np.radians([30.0, 30.0, 60.0, 5.0, 89.0]), np.radians([30.0, 36.0, 65.0, 50.0, 80.0])
     problem = problem_of(readings(theta_i, theta_o, np.array([np.pi, 3.0, np.pi, 0.5, 3.1]), half_angles))
     exact = [averaged_by_midpoints(problem, k, rings) for k in range(5)]
     finest = steps_of(half_angles) - 1
-    grazing = np.array([0, 0, 0, 0, 1])
-    values = problem.averaged(2 * finest + grazing).model_values(P)[:, 0]
+    cut = np.array([0, 0, 0, 0, 1])
+    values = problem.averaged(2 * finest + cut).model_values(P)[:, 0]
     np.testing.assert_allclose(values, exact, rtol=2e-3 if rings < 100 else 1e-4)
     centres = problem.model_values(P)[:, 0]
-    errors = [np.abs(problem.averaged(2 * step + grazing).model_values(P)[:, 0] / values - 1)[:3] for step in (1, 2, 3)]
+    errors = [np.abs(problem.averaged(2 * step + cut).model_values(P)[:, 0] / values - 1)[:3] for step in (1, 2, 3)]
     errors = [np.abs(centres / values - 1)[:3], *errors]
     assert all((finer < 0.5 * coarser).all() for coarser, finer in itertools.pairwise(errors))
 
