@@ -133,8 +133,8 @@ class _Reader:
                 fields[name] = node if f.nbytes > lazy_bytes else node[...].astype(node.dtype.newbyteorder("="))
             elif name != "u_f":
                 _fail("f or flag hold no values; measure it again")
-            elif not np.isnan(node.fillvalue):
-                fields[name] = np.broadcast_to(node.fillvalue, shape)
+            elif not np.isnan(value := self.value_of_all(node)):
+                fields[name] = np.broadcast_to(value, shape)
         return Table(layout=layout, channels=channels, **fields)
 
     def node(self, name: str) -> h5py.Dataset:
@@ -156,6 +156,12 @@ class _Reader:
         if node.nbytes > max(LAZY_BYTES, MOST_UNPACKED * self.bytes):
             _fail(f"variable {name} unpacks to {node.nbytes >> 20} MiB, of a file of {self.bytes} bytes; {REPACK}")
         return node
+
+    @staticmethod
+    def value_of_all(node: h5py.Dataset) -> float:
+        """The value of a variable without stored ones; ValueError where it is damaged, of which h5py itself crashes."""
+        defined = node.id.get_create_plist().fill_value_defined()
+        return node.fillvalue if defined == h5py.h5d.FILL_VALUE_USER_DEFINED else math.nan
 
     def has(self, name: str) -> bool:
         """Whether there is a variable, or a link, of this name; no link is followed."""

@@ -36,3 +36,14 @@ def test_a_text_of_a_damaged_type_is_refused_before_the_library_crashes_on_it(tm
     (tmp_path / "t.h5").write_bytes(whole)
     with pytest.raises(GonioError, match="attribute units is neither a text nor a number"):
         open_table(tmp_path / "t.h5")
+
+
+def test_a_damaged_value_of_all_cells_is_refused_before_the_library_crashes_on_it(tmp_path):
+    write_table(tmp_path / "t.h5", whole_table_of_values(layouts.in_plane([0.1], [0.2, 0.3]), np.ones((1, 2))))
+    whole = bytearray((tmp_path / "t.h5").read_bytes())
+    at = whole.rfind(b"\x05\0\x10\0\x01\0\0\0\x02\x02\x02\x01\x08\0\0\0")
+    assert at > 0  # the message of the fill value: its version, when it is written, that there is one, its size
+    whole[at + 8 : at + 16] = bytes((160, 200, 235, 133, 243, 204, 225, 127))
+    (tmp_path / "t.h5").write_bytes(whole)
+    with pytest.raises(GonioError, match="damaged table"):
+        open_table(tmp_path / "t.h5")
