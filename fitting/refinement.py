@@ -62,48 +62,58 @@ class Refinement:
             points: the problem at the centres, without relative and robust weights.
             at_centres: where it ended.
         """
-        refined, noise, rules = at_centres, self._noise(at_centres), np.zeros(points.weight.shape[0], int)
-        if not notices_discs(refined.problem, refined.descent.p, noise):
+        refined, rules = at_centres, np.zeros(points.weight.shape[0], int)
+        noise = self._noise(refined.problem, refined.descent)
+        # What some of the readings notice, all do: their numbers are known better.
+        parts = (refined.problem.subset(self.cells), refined.problem)
+        if not any(notices_discs(part, refined.descent.p, noise) for part in parts):
             return refined, DiscAverages(
                 True, points.readings.half_angles, rules, 0.0, np.zeros(refined.descent.p.size)
             )
-        near = self._near(at_centres, noise)
+        near, noise = self._near(at_centres, noise)
         for _ in range(CHOICES):
             before, choice = near, choose_rules(refined.problem, near, noise)
             if np.array_equal(choice.rules, rules):
                 break
             rules, problem = choice.rules, points.averaged(choice.rules)
             refined = self.of(problem, minimise(problem, [before], NEAR)[0])
-            near, louder, noise = refined.descent.p, noise, self._noise(refined)
-            if max(_moved(before, near), abs(louder / noise - 1.0)) < STEADY:
+            near, louder, noise = refined.descent.p, noise, self._noise(refined.problem, refined.descent)
+            if _settled(before, near, louder, noise):
                 break
         shift = at_centres.descent.p - refined.descent.p
         return refined, DiscAverages(True, points.readings.half_angles, rules, choice.neglected, shift)
 
-    def _near(self, at_centres: Refined, noise: float) -> np.ndarray:
-        """Numbers near those of the averages, from few of the cells: the choice for all then need not be repeated."""
+    def _near(self, at_centres: Refined, noise: float) -> tuple[np.ndarray, float]:
+        """Numbers and noise near those of averages, from few of the cells: the choice for all need not be repeated."""
         p = at_centres.descent.p
         if self.cells.size == at_centres.problem.weight.shape[0]:
-            return p
+            return p, noise
         few = at_centres.problem.subset(self.cells)
         for _ in range(CHOICES):
-            before = p
-            p = minimise(few.averaged(choose_rules(few, p, noise).rules), [p], NEAR)[0].p
-            if _moved(before, p) < STEADY:
+            before, louder = p, noise
+            averaged = few.averaged(choose_rules(few, p, noise).rules)
+            end = minimise(averaged, [p], NEAR)[0]
+            p, noise = end.p, self._noise(averaged, end)
+            if _settled(before, p, louder, noise):
                 break
-        return p
+        return p, noise
 
     def ignored(self, at_centres: Refined) -> DiscAverages:
         """What the numbers at the centres are off by, to first order: a step towards the fit of averages."""
         problem, p = at_centres.problem, at_centres.descent.p
-        choice = choose_rules(problem, p, self._noise(at_centres))
+        choice = choose_rules(problem, p, self._noise(problem, at_centres.descent))
         shift = -step_towards(problem.averaged(choice.rules), p)
         return DiscAverages(False, problem.readings.half_angles, choice.rules, choice.neglected, shift)
 
-    def _noise(self, refined: Refined) -> float:
+    def _noise(self, problem: FitProblem, end: Descent) -> float:
         # Where the model leaves more than the noise, its numbers are not known to the noise either.
-        remaining = noise_of(refined.problem, refined.descent.p.size, refined.descent.cost)
+        remaining = noise_of(problem, end.p.size, end.cost)
         return max(remaining, 1.0) if self.known_noise else remaining
+
+
+def _settled(before: np.ndarray, after: np.ndarray, louder: float, noise: float) -> bool:
+    """Whether a choice made with these numbers and noise stands for those that it led to."""
+    return max(_moved(before, after), abs(louder / noise - 1.0)) < STEADY
 
 
 def _moved(before: np.ndarray, after: np.ndarray) -> float:
