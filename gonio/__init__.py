@@ -36,6 +36,7 @@ _PUBLIC = {  # public name: where it is defined; `__init__.pyi` has the same for
     "measure": "gonio.instrument.measurement:measure",
     "open": "gonio.data.formats.registry:read",
     "plan": "gonio.planning.planned:plan",
+    "quantities": "gonio.metrology.quantities:quantities",
     "reduce": "gonio.data.reduction.coarsest_table:reduce_table",
     "repair": "gonio.checks.repairs.nearest_table:repair",
     "report": "gonio.reports.build:report",

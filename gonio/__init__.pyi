@@ -13,6 +13,7 @@ from gonio.fitting.fit_table import fit as fit
 from gonio.fitting.result import FitResult as FitResult
 from gonio.instrument.instrument import Instrument as Instrument
 from gonio.instrument.measurement import measure as measure
+from gonio.metrology.quantities import quantities as quantities
 from gonio.models.errors import GonioError as GonioError
 from gonio.planning.planned import plan as plan
 from gonio.reports.build import report as report
@@ -37,6 +38,7 @@ __all__ = [
     "material",
     "measure",
     "plan",
+    "quantities",
     "reduce",
     "repair",
     "report",

@@ -22,6 +22,7 @@ VERBS = {
     "info": "what a file holds, in any format that can be read",
     "fit": "fit a model to a table; the result is a material file",
     "check": "reciprocity, energy conservation, positivity and symmetry",
+    "quantities": "albedos and reflectance factors, and where their uncertainty comes from",
     "chart": "speed against accuracy, measured here and now",
     "stress": "where each method fails, and that it says so",
     "reduce": "the coarsest table that a scene's tolerance allows",

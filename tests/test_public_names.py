@@ -24,6 +24,7 @@ VERBS = [
     "measure",
     "open",
     "plan",
+    "quantities",
     "reduce",
     "repair",
     "report",

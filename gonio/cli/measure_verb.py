@@ -41,7 +41,7 @@ INSTRUMENT: Options = {
     "--saturation N": "counts at which the detector is full",
     "--tolerance REL": "error allowed to aperture averages (default 1e-3)",
     "--systematic NAME=V,...": f"the systematic errors themselves: {', '.join(SYSTEMATIC)} in degrees, gain as a "
-    "factor",
+    "factor, offset as a share of the white diffuser's signal",
 }
 RUN: Options = {
     "--seed SEED": {"default": 0, "help": "of the noise and the systematic errors (default 0)"},
@@ -94,10 +94,10 @@ def _systematic(text: str) -> "Systematic":
     values: dict[str, float] = {}
     for item in text.split(","):
         name, _, value = (piece.strip() for piece in item.partition("="))
-        if name not in (*SYSTEMATIC, "gain"):
-            raise GonioError(f"--systematic has no {name!r}; it has {', '.join(SYSTEMATIC)} and gain")
+        if name not in (*SYSTEMATIC, "gain", "offset"):
+            raise GonioError(f"--systematic has no {name!r}; it has {', '.join(SYSTEMATIC)}, gain and offset")
         try:
-            values[name] = (float if name == "gain" else degrees)(value)
+            values[name] = (degrees if name in SYSTEMATIC else float)(value)
         except ValueError:
             raise GonioError(f"--systematic has {item.strip()!r}; give NAME=NUMBER, such as tilt_x=0.1") from None
     return Systematic(**values)

@@ -13,6 +13,10 @@
     calibration = 0.005             # relative standard uncertainty of the calibration factor
     noise = 0.001                   # relative standard deviation of the source from reading to reading
 
+    [uncertainty]                   # of single terms, see `gonio.instrument.stated`
+    gain = "0.5 %"
+    tilt = "0.05 deg rectangular"
+
 Every key but the first is optional; `read_noise`, `ambient` and `saturation` are those of `Instrument`.
 """
 
@@ -21,8 +25,9 @@ import os
 from typing import Any
 
 from gonio.data.files import read_toml
-from gonio.instrument.instrument import ANGLES, EVERYWHERE, Instrument
+from gonio.instrument.instrument import ANGLES, EVERYWHERE, LIMITS, Instrument
 from gonio.instrument.pace import AXES, Pace
+from gonio.instrument.stated import stated_uncertainties
 from gonio.models.errors import GonioError
 
 LARGEST = 1 << 16  # bytes
@@ -30,7 +35,7 @@ NUMBERS = (*ANGLES, "calibration", "noise", "ambient", "read_noise", "saturation
 KEYS: dict[str, Any] = {
     "name": (str, "a text"), "description": (str, "a text"), "axis_speed": (object, ""),
     **dict.fromkeys((*NUMBERS, "settling", "count_rate", "dark_rate"), (int | float, "a number")),
-    **dict.fromkeys(AXES, (list, "[from, to] in degrees")),
+    **dict.fromkeys(AXES, (list, "[from, to] in degrees")), "uncertainty": (dict, "a table of terms"),
 }  # fmt: skip
 
 
@@ -61,7 +66,27 @@ def _instrument(data: dict[str, Any]) -> Instrument:
     counts |= {"dark": float(data["dark_rate"]) * seconds} if "dark_rate" in data else {}
     ranges = tuple(_range(data[n], n) if n in data else e for n, e in zip(AXES, EVERYWHERE, strict=True))
     axis_speed = radians if len(radians) == len(AXES) else math.radians(speeds[0])
-    return Instrument(pace=Pace(axis_speed=axis_speed, **pace), ranges=ranges, **numbers, **counts)
+    stated = tuple(stated_uncertainties(data.get("uncertainty", {})).values())
+    return Instrument(pace=Pace(axis_speed=axis_speed, **pace), ranges=ranges, stated=stated, **numbers, **counts)
+
+
+def instrument_of(provenance: dict[str, Any]) -> Instrument | None:
+    """The simulated instrument that a table's provenance describes, but for its pace, its ranges and its actual errors.
+
+    None where the table was not simulated, or not by an instrument that this gonio knows.
+    """
+    known = provenance.get("instrument")
+    if known == "ideal":
+        return Instrument()
+    if not isinstance(known, dict):
+        return None
+    values = {n: known[n] for n in ("photons", *LIMITS) if n in known}
+    values |= {n: math.radians(known[f"{n}_deg"]) for n in ANGLES if _is_number(known.get(f"{n}_deg"))}
+    try:
+        stated = stated_uncertainties(known.get("uncertainty", {}))
+        return Instrument(stated=tuple(stated.values()), **values)
+    except (GonioError, AttributeError):
+        return None
 
 
 def _is_number(value: object) -> bool:

@@ -6,6 +6,7 @@ import math
 import numpy as np
 
 from gonio.instrument.pace import AXES, Angles, Pace
+from gonio.instrument.stated import ANGLE_TERMS, TERMS, StatedUncertainty
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction, from_spherical
@@ -21,7 +22,8 @@ class Systematic:
 
     The arms stand at theta_i + `theta_i`, theta_o + `theta_o` and an azimuth difference larger by `phi` than
     the table says; the sample's normal is turned by `tilt_x` about the x axis, then by `tilt_y` about the y axis
-    (all radians). The irradiance is reckoned from the table's angle. Every reading is multiplied by `gain`.
+    (all radians). The irradiance is reckoned from the table's angle. Every reading is multiplied by `gain`, and its
+    signal has `offset` added, as a share of the white diffuser's at normal incidence.
     """
 
     tilt_x: float = 0.0
@@ -30,12 +32,14 @@ class Systematic:
     theta_o: float = 0.0
     phi: float = 0.0
     gain: float = 1.0
+    offset: float = 0.0
 
     def __post_init__(self) -> None:
+        domains = {"gain": "give a factor above 0", "offset": "give a share"}
         for name, value in dataclasses.asdict(self).items():
-            limit = 1e6 if name == "gain" else math.pi / 2
+            limit = 1e6 if name in domains else math.pi / 2
             if not (math.isfinite(value) and abs(value) <= limit and (name != "gain" or value > 0)):
-                domain = "give a factor above 0" if name == "gain" else "give radians within ±π/2"
+                domain = domains.get(name, "give radians within ±π/2")
                 raise GonioError(f"the systematic error {name} is {value!r}; {domain}")
 
     @property
@@ -46,8 +50,9 @@ class Systematic:
     def to_dict(self) -> dict[str, float]:
         """For a table's provenance: angles in degrees."""
         values = dataclasses.asdict(self)
-        gain = values.pop("gain")
-        return {f"{name}_deg": math.degrees(angle) for name, angle in values.items()} | {"gain": gain}
+        gain, offset = values.pop("gain"), values.pop("offset")
+        degrees = {f"{name}_deg": math.degrees(angle) for name, angle in values.items()}
+        return degrees | {"gain": gain} | ({"offset": offset} if offset else {})
 
     def true_directions(self, angles: Angles) -> tuple[Direction, Direction]:
         """(wi, wo) in the sample's own frame where the table states (theta_i, phi_i, theta_o, phi_o), radians."""
@@ -74,6 +79,8 @@ LIMITS = {
     "dark": PHOTONS_MAX, "read_noise": PHOTONS_MAX, "saturation": math.inf, "tolerance": 1.0, "seconds": 1e7,
 }  # fmt: skip
 """Largest values; the smallest is 0."""
+SYSTEMATIC_TERMS = (*ANGLE_TERMS, "gain", "solid_angle", "polarization", "dark", "ambient")
+"""In the order in which they are drawn."""
 USUAL_PACE = Pace()
 EVERYWHERE = ((0.0, math.pi / 2), (0.0, 2 * math.pi)) * 2
 
@@ -124,6 +131,8 @@ class Instrument(Displayed):
     tolerance: float = 1e-3
     """Error allowed to the average over the apertures, relative to the reading, as two rules differ: what the finer of
     them is wrong by is commonly a hundredth of that."""
+    stated: tuple[StatedUncertainty, ...] = ()
+    """What is stated of single terms, in place of `misalignment` and `calibration`; drawn once, from the seed."""
 
     def __post_init__(self) -> None:
         for name, high in LIMITS.items():
@@ -164,7 +173,9 @@ class Instrument(Displayed):
         facts = {group: _listed({n: v for n, v in values.items() if n.removesuffix("_deg") in names})
                  for group, names in groups.items()}  # fmt: skip
         errors = {n: v for n, v in values.get("systematic", {}).items() if v != (n == "gain")}
-        return {"kind": "" if values else "ideal: points, no noise, no error"} | facts | {"systematic": _listed(errors)}
+        kind = {"kind": "" if values else "ideal: points, no noise, no error"}
+        stated = ", ".join(f"{name} {text}" for name, text in values.get("uncertainty", {}).items())
+        return kind | facts | {"stated": stated, "systematic": _listed(errors)}
 
     @property
     def has_apertures(self) -> bool:
@@ -181,10 +192,21 @@ class Instrument(Displayed):
         if self.systematic is not None:
             return self.systematic
         # A separate stream: noise is drawn by cell, from other keys.
-        draw = np.random.default_rng([seed, 0x5EED]).standard_normal(6)
-        angles = (draw[:5] * self.misalignment).tolist()
-        gain = 1.0 + self.calibration * float(np.clip(draw[5], -3.0, 3.0))
-        return Systematic(*angles, gain=gain)
+        draw = np.random.default_rng([seed, 0x5EED]).standard_normal(len(SYSTEMATIC_TERMS))
+        known = self.uncertainties
+        z = dict(zip(SYSTEMATIC_TERMS, draw, strict=True)) | {"gain": np.clip(draw[5], -3.0, 3.0)}
+        errors = {name: float(s.errors(z[name])) if (s := known.get(name)) else 0.0 for name in SYSTEMATIC_TERMS}
+        angles = {name: errors[name] for name in ANGLE_TERMS}
+        factors = [1.0 + errors[name] for name in SYSTEMATIC_TERMS if TERMS[name].acts == "factor"]
+        offset = sum(errors[name] for name in SYSTEMATIC_TERMS if TERMS[name].acts == "offset")
+        return Systematic(**angles, gain=math.prod(factors), offset=offset)
+
+    @property
+    def uncertainties(self) -> dict[str, StatedUncertainty]:
+        """What is known of the systematic terms, by name: stated ones before `misalignment` and `calibration`."""
+        usual = dict.fromkeys(ANGLE_TERMS, self.misalignment) | {"gain": self.calibration}
+        known = {name: StatedUncertainty(name, u) for name, u in usual.items() if u}
+        return known | {s.name: s for s in self.stated}
 
     def to_dict(self) -> dict:
         """The fields that are not ideal, for JSON: angles in degrees, counts and shares as given."""
@@ -192,6 +214,8 @@ class Instrument(Displayed):
         values = {f.name: values[f.name] for f in dataclasses.fields(self) if values[f.name] != f.default}
         if self.systematic is not None:
             values["systematic"] = values.pop("systematic").to_dict()
+        if "stated" in values:
+            values["uncertainty"] = {s.name: s.text for s in values.pop("stated")}
         if "pace" in values:
             values |= {
                 "settling": self.pace.settling,

@@ -53,6 +53,22 @@ def standard_uncertainty(
     return np.sqrt(variance)
 
 
+def variance_parts(instrument: Instrument, expected: np.ndarray, irradiance: np.ndarray) -> dict[str, np.ndarray]:
+    """The variance of `standard_uncertainty` by its sources, each (n, channels): counting, background, readout, source.
+
+    Arguments as there; all readings are counted for the instrument's own time, with a gain of 1.
+    """
+    parts = {"source": (instrument.noise * expected) ** 2}
+    if instrument.photons is not None:
+        scale = instrument.photons * np.pi * irradiance[:, None]
+        ones = np.ones_like(expected)
+        background = instrument.ambient * instrument.photons + instrument.dark
+        parts["counting"] = np.abs(expected) * _mean_magnitude(instrument.noise) / scale
+        parts["background"] = 2 * background / scale**2 * ones
+        parts["readout"] = 2 * instrument.read_noise**2 / scale**2 * ones
+    return parts
+
+
 def _mean_magnitude(sd: float) -> float:
     """E|1 + sd·g| for a standard normal g: a source so noisy that it turns negative still counts."""
     if sd == 0:

@@ -93,6 +93,8 @@ class Reader:
         usable = flag == Flag.VALID
         values, irradiance, worst = self._expected(start, stop, usable)
         expected = self.errors.gain * np.broadcast_to(values, (stop - start, self.channels))
+        if self.errors.offset:
+            expected = expected + self.errors.offset / (np.pi * irradiance[:, None])
         flag = np.repeat(flag[:, None], self.channels, axis=1)
         finite = np.isfinite(expected)
         if not finite.all():

@@ -9,11 +9,11 @@ from gonio.instrument.aperture import irradiance
 from gonio.instrument.instrument import Instrument, Systematic
 from gonio.instrument.noise import standard_uncertainty
 from gonio.instrument.pace import Pace
+from gonio.instrument.stated import TERMS
 from gonio.planning.prior import Prior
 
 STEP = 1e-4
-"""Radians, or relative gain, of differences by systematic errors."""
-SYSTEMATIC = ("tilt_x", "tilt_y", "theta_i", "theta_o", "phi")
+"""Radians, of differences by systematic errors."""
 TIMES = 48
 """Counting times that are compared."""
 LEAST_SECONDS = 0.05
@@ -54,11 +54,14 @@ class Sites:
         """The model at some directions, for draws (S, P)."""
         each = [prior.at_angles(p, angles) for p in draws]
         f, slopes = np.stack([f for f, _ in each]), np.stack([j for _, j in each])
-        shifts = [f * instrument.calibration] if instrument.calibration else []
-        for name in SYSTEMATIC if instrument.misalignment else ():
-            high, low = (Systematic(**{name: sign * STEP}).true_directions(angles) for sign in (1, -1))
-            difference = [prior.values_and_slopes(p, *high)[0] - prior.values_and_slopes(p, *low)[0] for p in draws]
-            shifts.append(np.stack(difference) / (2 * STEP) * instrument.misalignment)
+        shifts = []
+        for name, stated in instrument.uncertainties.items():
+            if TERMS[name].acts == "factor":
+                shifts.append(f * stated.standard)
+            if TERMS[name].acts == "angle":
+                high, low = (Systematic(**{name: sign * STEP}).true_directions(angles) for sign in (1, -1))
+                difference = [prior.values_and_slopes(p, *high)[0] - prior.values_and_slopes(p, *low)[0] for p in draws]
+                shifts.append(np.stack(difference) / (2 * STEP) * stated.standard)
         return cls(instrument, angles, f, slopes, np.stack(shifts, axis=-1) if shifts else np.zeros((*f.shape, 0)))
 
     def part(self, which: np.ndarray) -> "Sites":

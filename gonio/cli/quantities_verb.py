@@ -1,0 +1,154 @@
+"""``gonio quantities``: albedos and reflectance factors, and where their uncertainty comes from."""
+
+import argparse
+import math
+from typing import TYPE_CHECKING, Any
+
+from gonio.cli.arguments import DESCRIPTION, FORCE, MERL, READING, Options, add_options, as_stated, write_text
+from gonio.models.display import percent
+from gonio.models.errors import GonioError
+from gonio.text import columns, number, show
+
+if TYPE_CHECKING:
+    from gonio.metrology.budget import Budget, Contribution
+    from gonio.metrology.quantities import Quantities
+
+OPTIONS: Options = {
+    "--budget": "tables: each source's contribution to the standard uncertainty of every quantity, in the form of the "
+    "GUM; what is neither stored nor stated is listed as not known",
+    "--uncertainty NAME=U,...": "standard uncertainties of single terms, such as 'gain=0.5 %%, tilt=0.05 deg "
+    "rectangular, theta_i=0.02 deg dof 12'; they go before those of --instrument and of the table",
+    "--geometry G,...": "more reflectance factors, at theta_i:theta_o or theta_i:theta_o:delta_phi in degrees, such "
+    "as 30:30:180 (the mirror direction)",
+    "--json FILE": "write everything as JSON too; '-' prints it instead",
+}
+MOST_CHANNELS = 3
+"""Of more channels the terminal shows the first, the middle and the last."""
+MOST_INCIDENCES, INCIDENCES = 8, (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
+"""Of more incidences it shows those near these angles, degrees, and the last."""
+NOTHING = 5e-5
+"""Per cent."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Directional and hemispherical albedos and reflectance factors of a material or a table, and with --budget "
+        "where their uncertainty comes from."
+    )
+    parser.add_argument("subject", metavar="FILE|MATERIAL", help="a table, a material's name, or an expression")
+    add_options(parser.add_argument, OPTIONS | DESCRIPTION | READING | MERL | FORCE)
+
+
+def run(args: argparse.Namespace) -> int:
+    from gonio.data.files import refuse_outputs
+
+    refuse_outputs([args.json], [args.subject, args.instrument], args.force)
+    if not args.budget and (args.uncertainty or args.instrument):
+        raise GonioError("stated uncertainties belong to a budget; give --budget too")
+    from gonio.instrument.description import read_instrument
+    from gonio.metrology.quantities import quantities
+
+    options: dict[str, Any] = {
+        "budget": args.budget,
+        "instrument": None if args.instrument is None else read_instrument(args.instrument),
+        "uncertainty": _stated(args.uncertainty) if args.uncertainty else {},
+        "geometries": [text.strip() for text in args.geometry.split(",")] if args.geometry else (),
+    }
+    result = quantities(as_stated(args.subject, args), **options)
+    if args.json:
+        write_text(args.json, result.to_json(), args.force)
+    if args.json != "-":
+        show("\n".join(summary(result)))
+    return 0
+
+
+def _stated(text: str) -> dict[str, str]:
+    stated: dict[str, str] = {}
+    for item in text.split(","):
+        name, equals, value = (piece.strip() for piece in item.partition("="))
+        if not (name and equals and value):
+            raise GonioError(f"--uncertainty has {item.strip()!r}; give NAME=U, such as gain=0.5 %")
+        stated[name] = value
+    return stated
+
+
+def summary(result: "Quantities") -> list[str]:
+    """The quantities; with a budget what each source contributes to them, and what the sources are."""
+    channels, rows = list(dict.fromkeys(q.channel for q in result.quantities)), _shown(result)
+    shown = [result.quantities[k] for k in rows]
+    heading = ["quantity", "at", *(["channel"] if len(channels) > 1 else [])]
+    labels = [[q.name, q.place, q.channel][: len(heading)] for q in shown]
+    lines = [f"{result.subject} ({result.kind})", ""]
+    if result.budget is None:
+        cells = [[number(q.value), _size(q.bound)] for q in shown]
+        lines.append(columns([a + b for a, b in zip(labels, cells, strict=True)], [*heading, "value", "bound"]))
+    else:
+        lines += _with_budget(result, result.budget, rows, labels, heading)
+    more = len(result.quantities) - len(rows)
+    lines += [f"{more} more are in the JSON (--json FILE)"] if more else []
+    return [*lines, *(f"note: {note}" for note in result.notes)]
+
+
+def _shown(result: "Quantities") -> list[int]:
+    """Those of few channels and incidences."""
+    channels = list(dict.fromkeys(q.channel for q in result.quantities))
+    if len(channels) > MOST_CHANNELS:
+        channels = [channels[0], channels[len(channels) // 2], channels[-1]]
+    places = [q.angles.get("theta_i", 0.0) for q in result.quantities if q.name == "albedo"]
+    every = sorted(set(places))
+    if len(every) > MOST_INCIDENCES:
+        every = sorted({min(every, key=lambda t: abs(t - wanted)) for wanted in (*INCIDENCES, every[-1])})
+    return [
+        k
+        for k, q in enumerate(result.quantities)
+        if q.channel in channels and (q.name != "albedo" or q.angles["theta_i"] in every)
+    ]
+
+
+def _with_budget(
+    result: "Quantities", b: "Budget", rows: list[int], labels: list[list[str]], heading: list[str]
+) -> list[str]:
+    cells: list[list[str]] = []
+    parts: list[list[str]] = []
+    known = [c for c in b.contributions if c.values.any() or (c.name == "interpolation" and b.unbounded.any())]
+    for k in rows:
+        value, u, expanded = result.quantities[k].value, float(b.standard[k]), float(b.expanded[k])
+        relative = percent(expanded / abs(value)) if value else "–"
+        cells.append([number(value), _size(u), _freedom(float(b.dof[k])), _size(expanded), relative])
+        parts.append([_part(b, c, k, value) for c in known])
+    titles = [*heading, "value", "u", "ν eff", "U (k = 2)", "U, relative"]
+    lines = [columns([a + c for a, c in zip(labels, cells, strict=True)], titles), ""]
+    lines += ["standard uncertainty by its sources, % of the value:"]
+    lines += [columns([a + p for a, p in zip(labels, parts, strict=True)], [*heading, *(c.name for c in known)]), ""]
+    sources = [[c.name, c.meaning, _input(c), c.shape, _freedom(c.dof), c.origin, _kind(c)] for c in known]
+    titles = ["source", "what it is", "u of it", "distribution", "ν", "from", "errors of the readings"]
+    lines += [columns(sources, titles), ""]
+    if b.missing:
+        lines += ["not known, and not in the above:"]
+        lines += [f"  {name}: {why}" for name, why in b.missing.items()]
+    return lines
+
+
+def _part(b: "Budget", c: "Contribution", k: int, value: float) -> str:
+    if c.name == "interpolation" and b.unbounded[k]:
+        return "no bound"
+    share = 100 * abs(float(c.values[k])) / abs(value) if value else math.nan
+    return "–" if math.isnan(share) else "0" if share < NOTHING else f"{share:.2g}"
+
+
+def _kind(c: "Contribution") -> str:
+    return "the same in all" if c.shared else "between them" if c.name == "interpolation" else "independent"
+
+
+def _input(c: "Contribution") -> str:
+    if c.standard is None:
+        return "–"
+    return f"{math.degrees(c.standard):.3g}°" if c.unit == "rad" else percent(c.standard, 3)
+
+
+def _freedom(dof: float) -> str:
+    return "∞" if math.isinf(dof) else f"{dof:.3g}"
+
+
+def _size(u: float) -> str:
+    return "no bound" if math.isinf(u) else f"{u:.2g}"

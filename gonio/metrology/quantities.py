@@ -1,0 +1,134 @@
+"""`quantities`: what standards ask for of a material or a table, and where the uncertainty of it comes from."""
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, TypedDict, Unpack
+
+from gonio.data.serialise import plain
+from gonio.data.subject import SubjectLike, resolve_subject
+from gonio.data.table import Table
+from gonio.instrument.instrument import Instrument
+from gonio.metrology.budget import Budget
+from gonio.metrology.effects import Readings
+from gonio.metrology.measurands import Quantity, TableMeasurands, to_row
+from gonio.metrology.model_quantities import model_quantities
+from gonio.metrology.sources import sources_of
+from gonio.metrology.table_budget import table_budget
+from gonio.models.deprecation import settings_of
+from gonio.models.display import Displayed
+from gonio.models.errors import GonioError
+
+MOST_SHOWN = 8
+
+
+class QuantitiesOptions(TypedDict, total=False):
+    """Keywords of `gonio.quantities`; `help(gonio.quantities)` describes each."""
+
+    budget: bool
+    instrument: Instrument | None
+    uncertainty: Mapping[str, object]
+    geometries: Sequence[str]
+    name: str | None
+
+
+@dataclasses.dataclass(frozen=True)
+class QuantitiesSettings:
+    """The options of `quantities`, complete; see `gonio.quantities`."""
+
+    budget: bool = False
+    instrument: Instrument | None = None
+    uncertainty: Mapping[str, object] = dataclasses.field(default_factory=dict)
+    geometries: Sequence[str] = ()
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        if not self.budget and (self.uncertainty or self.instrument is not None):
+            raise GonioError("stated uncertainties belong to a budget; ask for the budget too")
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class Quantities(Displayed):
+    """The quantities of a subject (`kind`: table or model), their budget if it was asked for, and remarks."""
+
+    subject: str
+    kind: str
+    quantities: list[Quantity]
+    budget: Budget | None = None
+    notes: list[str] = dataclasses.field(default_factory=list)
+
+    def facts(self) -> dict[str, str]:
+        """The first quantities with their standard uncertainties."""
+        rows = {}
+        for k, q in enumerate(self.quantities[:MOST_SHOWN]):
+            u = "" if self.budget is None else f" ± {self.budget.standard[k]:.2g}"
+            rows[" ".join(filter(None, (q.name, q.place, q.channel)))] = f"{q.value:.6g}{u}"
+        more = len(self.quantities) - MOST_SHOWN
+        return {self.kind: self.subject, **rows} | ({"…": f"{more} more"} if more > 0 else {})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as JSON can hold it: what is not finite is None."""
+        rows = [to_row(q) for q in self.quantities]
+        if self.budget is not None:
+            keys = ("standard_uncertainty", "effective_degrees_of_freedom", "expanded_uncertainty")
+            columns = self.budget.standard, self.budget.dof, self.budget.expanded
+            for row, *values in zip(rows, *columns, strict=True):
+                row |= dict(zip(keys, map(float, values), strict=True))
+        content = {"gonio_quantities": 1, "subject": self.subject, "kind": self.kind, "quantities": rows}
+        return plain(content | {"budget": self.budget and self.budget.to_dict(), "notes": self.notes})
+
+    def to_json(self) -> str:
+        """`to_dict` as JSON text, with a newline at its end."""
+        return json.dumps(self.to_dict(), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Quantities:
+    """Albedos and reflectance factors of a material or a table, and where their uncertainty comes from.
+
+    Args:
+        subject: any subject (see `gonio.data.subject.SubjectLike`).
+        budget: tables only: each source's contribution to every quantity, in the form of the GUM; what is neither
+            stored nor stated is listed as not known.
+        instrument: the real instrument with its stated uncertainties; they go before what the table stores.
+        uncertainty: uncertainties of single terms, such as {"gain": "0.5 %", "tilt": "0.05 deg rectangular dof 12"};
+            they go before the instrument's.
+        geometries: more reflectance factors, as theta_i:theta_o:delta_phi in degrees ("30:30:180" is the mirror
+            direction); of a table they have to be read there.
+        name: what the result calls the subject.
+
+    Returns:
+        The quantities; `budget` has a column of numbers for them.
+
+    Raises:
+        GonioError: a subject that cannot be read, a budget of a model, a geometry that was not read, a term that is
+            unknown.
+    """
+    settings = settings_of(QuantitiesSettings, "quantities", options)
+    known = resolve_subject(subject)
+    name = settings.name or known.name
+    if known.table is None:
+        if settings.budget:
+            raise GonioError(f"{name} is a model: a budget is of readings; give the table that it was fitted to")
+        return Quantities(name, "model", model_quantities(known.as_material(), settings.geometries))
+    table = known.table
+    if not table.valid_cells().size:
+        raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
+    measurands = TableMeasurands.of(table, settings.geometries)
+    notes = [*table.provenance.get("warnings", []), *measurands.notes]
+    budget = _budget(measurands, settings) if settings.budget else None
+    return Quantities(name, "table", measurands.quantities, budget, notes)
+
+
+def _budget(measurands: TableMeasurands, settings: QuantitiesSettings) -> Budget:
+    table = measurands.table
+    _require_readings(table)
+    sources = sources_of(table, settings.instrument, settings.uncertainty)
+    return table_budget(measurands, Readings.of(table, None), sources)
+
+
+def _require_readings(table: Table) -> None:
+    if table.interpolant is not None:
+        raise GonioError(
+            f"{table.name or 'this table'} is read by its format's own warp, which no reading's error goes through; "
+            "measure it on a grid first: gonio measure FILE --scan isotropic -o T.h5"
+        )

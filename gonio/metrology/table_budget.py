@@ -1,0 +1,64 @@
+"""The budget of a table's quantities: each source's error, put into the readings, and what that makes of them."""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from gonio.data.table import Table
+from gonio.fitting.apertures import half_angles_of
+from gonio.instrument.stated import TERMS
+from gonio.metrology.budget import Budget, Contribution
+from gonio.metrology.effects import Readings
+from gonio.metrology.measurands import TableMeasurands
+from gonio.metrology.sources import ESTIMATED, Sources
+
+INTERPOLATION, APERTURE = "interpolation", "aperture"
+NO_SLOPES = "nothing says how f changes between readings on no grid; give a model that fits them"
+
+
+def table_budget(measurands: TableMeasurands, readings: Readings, sources: Sources) -> Budget:
+    """The budget of the quantities of a table; `readings` are those of the same table."""
+    table = measurands.table
+    base = measurands.read_out(table)
+    rows, missing = [], dict(sources.missing)
+    for part in sources.noise:
+        noise = measurands.read_out(dataclasses.replace(table, u_f=part.u_f)).noise
+        rows.append(Contribution(part.name, part.meaning, False, noise, dof=part.dof, origin=part.origin))
+    unbounded = ~np.isfinite(base.bounds)
+    between = np.where(unbounded, 0.0, np.maximum(base.bounds, 0.0)) / math.sqrt(3.0)
+    meaning = "light between and beyond the readings"
+    rows.append(Contribution(INTERPOLATION, meaning, False, between, shape="rectangular", origin=ESTIMATED))
+    aperture = aperture_shift(table, readings)
+    if isinstance(aperture, str):
+        missing[APERTURE] = aperture
+    elif aperture.any():
+        off = measurands.read_out(readings.moved(aperture)).values - base.values
+        meaning = "averages over the apertures, not corrected"
+        rows.append(Contribution(APERTURE, meaning, True, off / math.sqrt(3.0), shape="rectangular", origin=ESTIMATED))
+    for name, (stated, origin) in sources.systematic.items():
+        if stated.standard == 0:
+            continue
+        shift = readings.shift(name, stated.standard)
+        if shift is None:
+            missing[name] = NO_SLOPES
+            continue
+        moved = measurands.read_out(readings.moved(shift)).values - base.values
+        unit = "rad" if TERMS[name].acts == "angle" else "1"
+        rows.append(
+            Contribution(
+                name, TERMS[name].meaning, True, moved, stated.standard, unit, stated.shape, stated.dof, origin
+            )
+        )
+    return Budget(rows, missing, unbounded)
+
+
+def aperture_shift(table: Table, readings: Readings) -> np.ndarray | str:
+    """By how much readings (n, C) are off by being averages over discs; or why that is not known."""
+    stated = table.provenance.get("instrument")
+    if table.receiver_solid_angle is None and stated is None:
+        return "the table stores no solid angle"
+    if not any(half_angles_of(table)):
+        return np.zeros(1)
+    shift = readings.averaged_over_discs()
+    return NO_SLOPES if shift is None else shift
