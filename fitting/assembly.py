@@ -11,6 +11,8 @@ from gonio.fitting.apertures import aperture_facts
 from gonio.fitting.fit_model import FitTask
 from gonio.fitting.judgement import ALBEDO_TOLERANCE
 from gonio.fitting.problem.parameterisation import of_channel
+from gonio.fitting.problem.problem import weighted_residuals
+from gonio.fitting.problem.readings import evenly_spaced, transform, uses_cosine
 from gonio.fitting.residuals.energy import LargestAlbedo, confirmed, largest_albedo
 from gonio.fitting.residuals.metrics import metrics
 from gonio.fitting.residuals.summary import Evidence
@@ -26,6 +28,7 @@ from gonio.models.expression.builder import build, number_label, to_expression
 from gonio.models.expression.parser import FACTOR, Term, calls, numbers
 
 FEW_CHANNELS = 4  # whose albedos are all computed to a bound
+MOST_COMPARED = 1 << 18  # readings that are compared with a diffuser
 BRUSHED_CHANNELS = 32  # the same of brushed lobes, whose brightest channel a rough sum may mistake
 
 
@@ -93,14 +96,24 @@ def _kept_defaults(terms: tuple[Term, ...]) -> list[str]:
 
 
 def _unexplained(optima: list[Optimum]) -> float:
-    """Σr² over that of the best Lambertian of each channel: the share of what there is to explain that is left."""
+    """Σr² over that of the best Lambertian of each channel: the share of what there is to explain that is left.
+
+    From at most `MOST_COMPARED` readings: of more, evenly spaced channels.
+    """
     remaining = total = 0.0
     for e in optima:
-        y, linear = np.where(e.problem.weight > 0, e.readings.f, 0.0), e.problem.linearised().weight
-        share = np.where(np.isfinite(linear), linear, 0.0) ** 2
+        channels = evenly_spaced(e.model_f.shape[1], max(1, MOST_COMPARED // e.model_f.shape[0]))
+        readings, weight = e.readings.of_channels(channels), e.problem.weight[:, channels]
+        loss, floor, y = e.problem.loss, e.problem.samples.floor, np.where(weight > 0, readings.f, 0.0)
+        cosine = np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else 1.0
+        with np.errstate(all="ignore"):
+            share = np.nan_to_num((weight * transform(loss, y * cosine, floor, np)[1] * cosine) ** 2, posinf=0.0)
         mean = np.sum(share * y, axis=0) / np.maximum(np.sum(share, axis=0), 1e-300)
-        total += float(np.sum(e.problem.residuals(np.broadcast_to(mean, y.shape)) ** 2))
-        remaining += 2.0 * float(e.cost)
+        left, whole = (
+            float(np.sum(weighted_residuals(readings, loss, floor, weight, f) ** 2))
+            for f in (e.model_f[:, channels], np.broadcast_to(mean, y.shape))
+        )
+        remaining, total = remaining + left, total + whole
     return remaining / total if total > 0 else float("nan")
 
 

@@ -102,14 +102,15 @@ def largest_albedo(values: Callable[[Direction, Direction], np.ndarray], channel
         values: f (n, C), 1/sr, at directions of shape (n,).
         channels: C; the directions are taken in parts, and of many channels only a third of them.
     """
-    n, rows, albedo = nodes(), max(LEAST_NODES, MOST_VALUES // channels), np.zeros(())
+    n, rows = nodes(), max(LEAST_NODES, MOST_VALUES // channels)
     if channels > MANY:
         n = n.thinned()
+    albedo = np.zeros((INCIDENCES.size * AZIMUTHS.size, channels))
     for first in range(0, n.weight.size, rows):
         part = slice(first, first + rows)
         f = values(*(Direction(*(c[part] for c in w)) for w in (n.wi, n.wo)))
-        sums = np.where(np.arange(INCIDENCES.size * AZIMUTHS.size)[:, None] == n.incidence[part], n.weight[part], 0.0)
-        albedo = albedo + sums @ np.nan_to_num(f, copy=False)
+        incidences, starts = np.unique(n.incidence[part], return_index=True)  # the nodes of each stand together
+        albedo[incidences] += np.add.reduceat(n.weight[part, None] * np.nan_to_num(f), starts)
     return _largest(albedo)
 
 

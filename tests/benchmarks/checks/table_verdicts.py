@@ -1,10 +1,13 @@
 """Verdicts on energy of tables on grids of 1°, 2°, 5° and 10°, with a node on the mirror direction and without, of
 lobes of any width that conserve energy or do not, against the truth: how many are wrong, and how many undecided.
 
-    python table_verdicts.py
+    python table_verdicts.py [--model]
+
+With `--model`, what is undecided is judged again with the help of a model that is fitted to the table.
 """
 
 import collections
+import sys
 
 import jax
 
@@ -29,7 +32,7 @@ TOLERANCE = 0.01
 
 
 def main() -> None:
-    counts, wrong = collections.Counter(), []
+    counts, wrong, assisted, undecided = collections.Counter(), [], "--model" in sys.argv[1:], []
     print(f"{'step':>5} {'alpha':>6} " + "".join(f"{m.replace('{a}', 'α'):>42}" for m in MATERIALS))
     for step in STEPS:
         for alpha in ALPHAS:
@@ -44,8 +47,12 @@ def main() -> None:
                     layout = layouts.isotropic(THETA_I, polar, azimuth)
                     table = whole_table_of_values(layout, grid_values(brdf, layout))
                     energy = table_energy(TableEvidence(table), TOLERANCE)
+                    if assisted and energy.verdict == "undecided":
+                        energy = table_energy(TableEvidence(table, model="auto"), TOLERANCE)
                     right = energy.verdict == ("pass" if lawful else "fail")
                     outcome = "undecided" if energy.verdict == "undecided" else "right" if right else "WRONG"
+                    if outcome == "undecided":
+                        undecided.append((step, shift, expression.format(a=alpha), energy.detail))
                     if outcome == "WRONG":
                         wrong.append((step, shift, brdf, energy.detail))
                     counts[step, outcome] += 1
@@ -56,6 +63,8 @@ def main() -> None:
     for step in STEPS:
         right, open_, bad = (counts[step, k] for k in ("right", "undecided", "WRONG"))
         print(f"{step:4g}°: {right} right, {bad} wrong, {open_} undecided ({open_ / (right + open_ + bad):.0%})")
+    for one in undecided if assisted else ():
+        print("undecided", *one)
     for one in wrong:
         print("WRONG", *one)
 
