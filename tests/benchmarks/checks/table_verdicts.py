@@ -52,6 +52,8 @@ def main() -> None:
                     right = energy.verdict == ("pass" if lawful else "fail")
                     outcome = "undecided" if energy.verdict == "undecided" else "right" if right else "WRONG"
                     if outcome == "undecided":
+                        unread = energy.facts.get("incidences_without_mirror_direction", 0) > 0
+                        counts[step, "undecided, mirror direction not read"] += unread
                         undecided.append((step, shift, expression.format(a=alpha), energy.detail))
                     if outcome == "WRONG":
                         wrong.append((step, shift, brdf, energy.detail))
@@ -62,7 +64,11 @@ def main() -> None:
     print()
     for step in STEPS:
         right, open_, bad = (counts[step, k] for k in ("right", "undecided", "WRONG"))
-        print(f"{step:4g}°: {right} right, {bad} wrong, {open_} undecided ({open_ / (right + open_ + bad):.0%})")
+        unread = counts[step, "undecided, mirror direction not read"]
+        print(
+            f"{step:4g}°: {right} right, {bad} wrong, {open_} undecided ({open_ / (right + open_ + bad):.0%}), "
+            f"{unread} of them without a node in the mirror direction"
+        )
     for one in undecided if assisted else ():
         print("undecided", *one)
     for one in wrong:
