@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 OPTIONS: Options = {
     "--budget": "tables: each source's contribution to the standard uncertainty of every quantity, in the form of the "
     "GUM; what is neither stored nor stated is listed as not known",
+    "--fit MODEL|FIT.toml|auto": "tables: the numbers and albedos of a fit too: of a model such as "
+    "'lambert + ggx(eta=1.5)', of the model of a fit's file, or of a selected one",
     "--uncertainty NAME=U,...": "standard uncertainties of single terms, such as 'gain=0.5 %%, tilt=0.05 deg "
     "rectangular, theta_i=0.02 deg dof 12'; they go before those of --instrument and of the table",
     "--geometry G,...": "more reflectance factors, at theta_i:theta_o or theta_i:theta_o:delta_phi in degrees, such "
@@ -42,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from gonio.data.files import refuse_outputs
 
-    refuse_outputs([args.json], [args.subject, args.instrument], args.force)
+    refuse_outputs([args.json], [args.subject, args.instrument, args.fit], args.force)
     if not args.budget and (args.uncertainty or args.instrument):
         raise GonioError("stated uncertainties belong to a budget; give --budget too")
     from gonio.instrument.description import read_instrument
@@ -50,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
 
     options: dict[str, Any] = {
         "budget": args.budget,
+        "fit": args.fit,
         "instrument": None if args.instrument is None else read_instrument(args.instrument),
         "uncertainty": _stated(args.uncertainty) if args.uncertainty else {},
         "geometries": [text.strip() for text in args.geometry.split(",")] if args.geometry else (),
@@ -74,7 +77,7 @@ def _stated(text: str) -> dict[str, str]:
 
 def summary(result: "Quantities") -> list[str]:
     """The quantities; with a budget what each source contributes to them, and what the sources are."""
-    channels, rows = list(dict.fromkeys(q.channel for q in result.quantities)), _shown(result)
+    channels, rows = _channels(result), _shown(result)
     shown = [result.quantities[k] for k in rows]
     heading = ["quantity", "at", *(["channel"] if len(channels) > 1 else [])]
     labels = [[q.name, q.place, q.channel][: len(heading)] for q in shown]
@@ -89,9 +92,13 @@ def summary(result: "Quantities") -> list[str]:
     return [*lines, *(f"note: {note}" for note in result.notes)]
 
 
+def _channels(result: "Quantities") -> list[str]:
+    return list(dict.fromkeys(q.channel for q in result.quantities if q.channel))
+
+
 def _shown(result: "Quantities") -> list[int]:
     """Those of few channels and incidences."""
-    channels = list(dict.fromkeys(q.channel for q in result.quantities))
+    channels = _channels(result)
     if len(channels) > MOST_CHANNELS:
         channels = [channels[0], channels[len(channels) // 2], channels[-1]]
     places = [q.angles.get("theta_i", 0.0) for q in result.quantities if q.name == "albedo"]
@@ -101,7 +108,7 @@ def _shown(result: "Quantities") -> list[int]:
     return [
         k
         for k, q in enumerate(result.quantities)
-        if q.channel in channels and (q.name != "albedo" or q.angles["theta_i"] in every)
+        if q.channel in (*channels, "") and (q.name != "albedo" or q.angles["theta_i"] in every)
     ]
 
 

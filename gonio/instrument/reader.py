@@ -127,7 +127,8 @@ class Reader:
         if self.by_rows:
             rows = slice(start // layout.row_size, -(-stop // layout.row_size))
             values = grid_values(brdf, layout, rows.start, rows.stop).reshape(stop - start, -1)
-            cosine = layout.cosines(start, stop)[0] if self.noisy else np.ones(1)
+            lit = self.noisy or self.errors.offset
+            cosine = layout.cosines(start, stop)[0] if lit else np.ones(1)
             return Expected(values, np.where(usable, cosine, 1.0).astype(self.dtype), None)
         source = self.instrument.source_half_angle
         wi, wo = layout.directions(start, stop)

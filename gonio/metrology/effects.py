@@ -81,6 +81,8 @@ class Readings:
     f: np.ndarray
     model: AbstractBRDF | None
     """What tells how f changes between the readings; None where nothing does."""
+    step: float = 0.0
+    """Radians: a grid's, where its interpolant is the model, which tells no curvature within it."""
 
     @classmethod
     def of(cls, table: Table, model: AbstractBRDF | None) -> "Readings":
@@ -89,7 +91,7 @@ class Readings:
         angles = np.stack([np.asarray(a)[cells] for a in table.layout.angles()])
         f = np.nan_to_num(np.asarray(table.values_at(cells)["f"], float))
         if model is None and table.layout.gridded:
-            model = interpolated(table)
+            return cls(table, cells, angles, f, interpolated(table), _grid_step(table))
         return cls(table, cells, angles, f, model)
 
     def read(self, error: Systematic) -> np.ndarray:
@@ -122,19 +124,17 @@ class Readings:
     def averaged_over_discs(self) -> np.ndarray | None:
         """By how much readings (n, C) are off by being averages over the discs of light and detector.
 
-        To second order in their half-angles a: (a²/8)∇²f, by the mean of f on rings about both directions. A grid tells
-        curvature at its own step only.
+        To second order in their half-angles a: (a²/8)∇²f, by the mean of f on rings about both directions.
         """
         discs, total = half_angles_of(self.table), np.zeros_like(self.f)
         if self.model is None:
             return None
-        step = _grid_step(self.table) if self.table.layout.gridded else 0.0
         pair = [from_angles(*self.angles[k : k + 2]) for k in (0, 2)]
         centre = evaluate_in_blocks(self.model, *pair)
         for side, half_angle in enumerate(discs):
             if not half_angle:
                 continue
-            radius = max(half_angle / math.sqrt(2.0), step)
+            radius = max(half_angle / math.sqrt(2.0), self.step)
             for k in range(RING):
                 moved = list(pair)
                 moved[side] = _beside(pair[side], radius, 2 * math.pi * k / RING)

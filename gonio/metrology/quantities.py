@@ -2,15 +2,20 @@
 
 import dataclasses
 import json
+import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 from gonio.data.serialise import plain
-from gonio.data.subject import SubjectLike, resolve_subject
+from gonio.data.subject import SubjectLike, load_material, resolve_subject
 from gonio.data.table import Table
+from gonio.fitting.fit_table import fit
+from gonio.fitting.result import FitResult
 from gonio.instrument.instrument import Instrument
-from gonio.metrology.budget import Budget
+from gonio.metrology.budget import Budget, joined
 from gonio.metrology.effects import Readings
+from gonio.metrology.fit_budget import fit_budget, outputs_of
 from gonio.metrology.measurands import Quantity, TableMeasurands, to_row
 from gonio.metrology.model_quantities import model_quantities
 from gonio.metrology.sources import sources_of
@@ -26,6 +31,7 @@ class QuantitiesOptions(TypedDict, total=False):
     """Keywords of `gonio.quantities`; `help(gonio.quantities)` describes each."""
 
     budget: bool
+    fit: FitResult | str | os.PathLike[str] | None
     instrument: Instrument | None
     uncertainty: Mapping[str, object]
     geometries: Sequence[str]
@@ -37,6 +43,7 @@ class QuantitiesSettings:
     """The options of `quantities`, complete; see `gonio.quantities`."""
 
     budget: bool = False
+    fit: FitResult | str | os.PathLike[str] | None = None
     instrument: Instrument | None = None
     uncertainty: Mapping[str, object] = dataclasses.field(default_factory=dict)
     geometries: Sequence[str] = ()
@@ -56,6 +63,7 @@ class Quantities(Displayed):
     quantities: list[Quantity]
     budget: Budget | None = None
     notes: list[str] = dataclasses.field(default_factory=list)
+    fitted: FitResult | None = dataclasses.field(default=None, repr=False)
 
     def facts(self) -> dict[str, str]:
         """The first quantities with their standard uncertainties."""
@@ -89,6 +97,9 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
         subject: any subject (see `gonio.data.subject.SubjectLike`).
         budget: tables only: each source's contribution to every quantity, in the form of the GUM; what is neither
             stored nor stated is listed as not known.
+        fit: tables only: the numbers and albedos of a fit too, and its slopes for what errors of the angles do. A fit
+            result of this table, a model as `gonio.fit` takes it, "auto", or a fitted material's file, whose model is
+            fitted again.
         instrument: the real instrument with its stated uncertainties; they go before what the table stores.
         uncertainty: uncertainties of single terms, such as {"gain": "0.5 %", "tilt": "0.05 deg rectangular dof 12"};
             they go before the instrument's.
@@ -107,23 +118,45 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
     known = resolve_subject(subject)
     name = settings.name or known.name
     if known.table is None:
-        if settings.budget:
-            raise GonioError(f"{name} is a model: a budget is of readings; give the table that it was fitted to")
+        if settings.budget or settings.fit is not None:
+            raise GonioError(f"{name} is a model: budgets and fits are of readings; give the table itself")
         return Quantities(name, "model", model_quantities(known.as_material(), settings.geometries))
     table = known.table
     if not table.valid_cells().size:
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
     measurands = TableMeasurands.of(table, settings.geometries)
     notes = [*table.provenance.get("warnings", []), *measurands.notes]
-    budget = _budget(measurands, settings) if settings.budget else None
-    return Quantities(name, "table", measurands.quantities, budget, notes)
-
-
-def _budget(measurands: TableMeasurands, settings: QuantitiesSettings) -> Budget:
-    table = measurands.table
+    fitted = None if settings.fit is None else _fitted(table, settings.fit)
+    if not settings.budget:
+        rows = [] if fitted is None else outputs_of(fitted)[0]
+        return Quantities(name, "table", measurands.quantities + rows, None, notes, fitted)
     _require_readings(table)
     sources = sources_of(table, settings.instrument, settings.uncertainty)
-    return table_budget(measurands, Readings.of(table, None), sources)
+    model = None if fitted is None else fitted.brdf
+    budget, rows = table_budget(measurands, Readings.of(table, model), sources), measurands.quantities
+    if fitted is not None:
+        of_fit, fit_rows = fit_budget(table, fitted, sources)
+        budget, rows = joined(budget, of_fit), rows + fit_rows
+    return Quantities(name, "table", rows, budget, notes, fitted)
+
+
+def _fitted(table: Table, given: FitResult | str | os.PathLike[str]) -> FitResult:
+    """The fit itself; or the one of an expression, of "auto", or of a fitted material's file, made here."""
+    if isinstance(given, FitResult):
+        return given
+    if given == "auto":
+        return fit(table)
+    if isinstance(given, str) and "(" not in given and not Path(given).suffix:
+        return fit(table, given)
+    if isinstance(given, str) and not Path(given).exists():
+        return fit(table, given)
+    material = load_material(given)
+    stored = material.meta.get("fit")
+    if not isinstance(stored, dict) or "asked" not in stored:
+        raise GonioError(f"{os.fspath(given)} is not a fitted material; give one that 'gonio fit' wrote, or a model")
+    names = ("loss", "weight", "robust", "theta_max")
+    options: Any = {name: stored[name] for name in names if stored.get(name) is not None}
+    return fit(table, str(stored["asked"]), **options)
 
 
 def _require_readings(table: Table) -> None:

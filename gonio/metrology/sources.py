@@ -59,6 +59,11 @@ class Sources:
     noise: list[Noise]
     missing: dict[str, str]
 
+    @property
+    def acting(self) -> dict[str, Source]:
+        """The systematic terms that are not exactly known."""
+        return {name: source for name, source in self.systematic.items() if source.stated.standard > 0}
+
 
 def sources_of(table: Table, instrument: Instrument | None, stated: Mapping[str, object]) -> Sources:
     """The sources of error of a table.

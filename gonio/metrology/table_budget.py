@@ -11,7 +11,7 @@ from gonio.instrument.stated import TERMS
 from gonio.metrology.budget import Budget, Contribution
 from gonio.metrology.effects import Readings
 from gonio.metrology.measurands import TableMeasurands
-from gonio.metrology.sources import ESTIMATED, Sources
+from gonio.metrology.sources import ESTIMATED, Source, Sources
 
 INTERPOLATION, APERTURE = "interpolation", "aperture"
 NO_SLOPES = "nothing says how f changes between readings on no grid; give a model that fits them"
@@ -33,24 +33,29 @@ def table_budget(measurands: TableMeasurands, readings: Readings, sources: Sourc
     if isinstance(aperture, str):
         missing[APERTURE] = aperture
     elif aperture.any():
-        off = measurands.read_out(readings.moved(aperture)).values - base.values
-        meaning = "averages over the apertures, not corrected"
-        rows.append(Contribution(APERTURE, meaning, True, off / math.sqrt(3.0), shape="rectangular", origin=ESTIMATED))
-    for name, (stated, origin) in sources.systematic.items():
-        if stated.standard == 0:
-            continue
-        shift = readings.shift(name, stated.standard)
+        rows.append(of_apertures(measurands.read_out(readings.moved(aperture)).values - base.values))
+    for name, source in sources.acting.items():
+        shift = readings.shift(name, source.stated.standard)
         if shift is None:
             missing[name] = NO_SLOPES
             continue
-        moved = measurands.read_out(readings.moved(shift)).values - base.values
-        unit = "rad" if TERMS[name].acts == "angle" else "1"
-        rows.append(
-            Contribution(
-                name, TERMS[name].meaning, True, moved, stated.standard, unit, stated.shape, stated.dof, origin
-            )
-        )
+        rows.append(shared(source, measurands.read_out(readings.moved(shift)).values - base.values))
     return Budget(rows, missing, unbounded)
+
+
+def shared(source: Source, values: np.ndarray) -> Contribution:
+    """The contribution of a systematic term that moves the quantities by these values (Q,)."""
+    stated, term = source.stated, TERMS[source.stated.name]
+    unit = "rad" if term.acts == "angle" else "1"
+    return Contribution(
+        stated.name, term.meaning, True, values, stated.standard, unit, stated.shape, stated.dof, source.origin
+    )
+
+
+def of_apertures(values: np.ndarray) -> Contribution:
+    """The contribution of averages over the apertures, by which the quantities are off (Q,): it is not corrected."""
+    meaning, values = "averages over the apertures, not corrected", values / math.sqrt(3.0)
+    return Contribution(APERTURE, meaning, True, values, shape="rectangular", origin=ESTIMATED)
 
 
 def aperture_shift(table: Table, readings: Readings) -> np.ndarray | str:
