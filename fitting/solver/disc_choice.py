@@ -12,7 +12,7 @@ import numpy as np
 
 from gonio.fitting.problem.disc_averages import STEPS, disc_rules, steps_of
 from gonio.fitting.problem.parameterisation import Domains
-from gonio.fitting.problem.problem import FitProblem, NormalEquations, sensitivities
+from gonio.fitting.problem.problem import FitProblem, NormalEquations
 from gonio.fitting.problem.readings import transform, uses_cosine
 from gonio.fitting.solver.levenberg_marquardt import stationarity
 from gonio.models.geometry.directions import Direction
@@ -36,32 +36,35 @@ class DiscChoice(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class _Moves:
-    """How far changes of the model at the readings move the numbers of a fit, to first order.
+    """How far changes of the model at the readings move the numbers of a fit at the centres, to first order.
 
-    `slopes` (n, groups, C): of each weighted residual by the free parameters; `inverse` (P, P): of the normal matrix.
+    `compared` (n, C): T(f c) at the numbers p (P,); `inverse` (P, P): of the normal matrix.
     """
 
-    slopes: np.ndarray
-    columns: np.ndarray
+    problem: FitProblem
+    p: np.ndarray
+    compared: np.ndarray
     inverse: np.ndarray
 
     @classmethod
-    def of(cls, problem: FitProblem, p: np.ndarray, weight: np.ndarray) -> "_Moves":
-        """Of a fit near p (P,); `weight` (n, C): slopes of residuals, in units of the noise, by the model's value."""
-        s, readings = problem.parameters, problem.readings
-        slopes = np.asarray(sensitivities(s, p, problem.fixed, readings.wi, readings.wo)[1]) * weight[:, None]
-        normal = np.zeros((p.size, p.size))
-        for c, columns in enumerate(s.columns):
-            normal[np.ix_(columns, columns)] += slopes[:, :, c].T @ slopes[:, :, c]
-        return cls(slopes, s.columns, _inverse(normal))
+    def of(cls, problem: FitProblem, p: np.ndarray, values: np.ndarray) -> "_Moves":
+        """Of a fit near p (P,), where the model has these values (n, C)."""
+        normal = problem.normal_equations(p[None]).matrix.whole()[0]
+        return cls(problem, p, problem.compared(values), _inverse(normal))
 
     def largest(self, cells: np.ndarray, change: np.ndarray) -> float:
-        """The largest move of a number, in its standard uncertainties, by changes (k, C) at some of the cells."""
-        gradient = np.zeros(self.inverse.shape[0])
-        for c, columns in enumerate(self.columns):
-            gradient[columns] += change[:, c] @ self.slopes[cells, :, c]
-        moved, u = self.inverse @ gradient, np.sqrt(np.maximum(np.diagonal(self.inverse), 1e-300))
-        return float(np.max(np.abs(moved) / u))
+        """The largest move of a number, in its standard uncertainties.
+
+        Args:
+            cells: where the model changes.
+            change: (k, C) of their weighted residuals, in units of the noise.
+        """
+        residual, weight = np.zeros_like(self.compared), self.problem.weight
+        residual[cells] = change
+        target = self.compared - np.divide(residual, weight, out=np.zeros_like(residual), where=weight > 0)
+        gradient = self.problem.retargeted(target).normal_equations(self.p[None]).gradient[0]
+        u = np.sqrt(np.maximum(np.diagonal(self.inverse), 1e-300))
+        return float(np.max(np.abs(self.inverse @ gradient) / u))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -185,7 +188,7 @@ def _errors(problem: FitProblem, p: np.ndarray, noise: float, allowed: float) ->
     weight = _weight(problem, values) / noise
     cut, probes, moves = _cut(problem), _Probes.of(problem, p, values), None
     if 0 < p.size <= MOST_NUMBERS:
-        moves = _Moves.of(problem, p, weight)
+        moves = _Moves.of(problem, p, values)
     error = np.full((most, n), np.inf)
     cells = np.arange(n)
     for step in range(1, most):
