@@ -145,14 +145,15 @@ def _tests_of_regions(rows: _Rows, sign: np.ndarray, step: float, level: float, 
     # Mean of the signed standardised differences, and what it makes of the mean standardised value: all weights come
     # from the uncertainties, none from readings, so that no noise is in them.
     sign = sign[rows.pair]
-    z, bright, uncertain = sign * (rows.a - rows.b) / rows.sigma, rows.mean / rows.sigma, rows.error * rows.mean
+    sigma = rows.sigma
+    z, bright, uncertain = sign * (rows.a - rows.b) / sigma, rows.mean / sigma, rows.error * rows.mean
     estimates, channels, where = [], [], []
     for channel in np.unique(rows.channel):
         of_channel = np.flatnonzero((rows.channel == channel) & (sign != 0))
         for size, number, some in regions_of(rows.angles[of_channel]):
             group = of_channel[some]
             weight = bright[group].sum()
-            error = float(np.sum((uncertain[group] + step) / rows.sigma[group]) / weight)
+            error = float(np.sum((uncertain[group] + step) / sigma[group]) / weight)
             estimates.append((z[group].sum() / weight, np.sqrt(group.size) / weight, error))
             channels.append(channel)
             where.append(region_place(size, number, evidence.channel(int(channel))))
