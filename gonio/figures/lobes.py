@@ -167,7 +167,7 @@ def mesh_angles(theta_i: float) -> tuple[np.ndarray, np.ndarray]:
 def levels(f: np.ndarray, high: float, log: bool) -> np.ndarray:
     """Radii in [0, 1]: f over its largest value, or its logarithm over `SPACE_DECADES` below that; else 0."""
     shown = np.isfinite(f) & (f > 0)
-    share = np.where(shown, f, 0.0) / high
+    share = np.where(shown, f, 0.0).astype(float) / high
     if not log:
         return share
     return np.where(shown, np.clip(1 + np.log10(np.maximum(share, 1e-300)) / SPACE_DECADES, 0, 1), 0.0)
