@@ -180,7 +180,8 @@ def _certify(
             s.certificate = given
         elif settings.check and not s.empty:
             step("checking", s)
-            s.certificate = check(s.material if s.table is None else s.table, against=settings.against, name=s.name)
+            given = s.material if s.table is None else s.table
+            s.certificate = check(given, against=settings.against, name=s.name, model=s.fitted_model)
 
 
 def _figure_files(folder: Path, document: Document, subjects: Sequence[ReportSubject]) -> dict[Path, bytes]:

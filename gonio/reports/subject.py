@@ -12,6 +12,7 @@ from gonio.figures.style import LineStyle, colour_of
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import channel_count
+from gonio.models.expression.parser import parse, with_defaults
 
 LONGEST = 40
 
@@ -71,6 +72,16 @@ class ReportSubject:
     def read(self) -> int:
         """Number of directions at which a table has a valid reading."""
         return 0 if self.table is None else int(self.table.valid_cells().size)
+
+    @property
+    def fitted_model(self) -> str | None:
+        """The model that its first fit asked for, which may decide on energy where the readings alone do not."""
+        asked = self.fits[0].meta["fit"].get("asked") if self.fits else None
+        try:
+            with_defaults(parse(asked or ""))
+        except GonioError:
+            return None
+        return asked
 
     def fit_name(self, number: int) -> str:
         """What one of its fits is called in captions."""

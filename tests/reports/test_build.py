@@ -181,6 +181,13 @@ def test_verdicts_stand_before_the_pictures(written):
     assert text.index("Summary") < text.index('class="verdict') < text.index('<svg viewBox="0 0 3')
 
 
+def test_energy_that_the_readings_leave_open_is_decided_by_the_fit(written, fitted):
+    alone = next(p for p in gonio.check(fitted[0]).properties if p.name == "energy")
+    of_page = next(p for p in written[2]["subjects"][0]["certificate"]["properties"] if p["name"] == "energy")
+    assert (alone.verdict, of_page["verdict"]) == ("undecided", "pass")
+    assert f"Model-assisted: the albedo of {fitted[1].requested}" in of_page["detail"]
+
+
 def test_agreement_with_a_truth_is_named():
     text = gonio.report(flat_table(), against="lambert(rho=0.1)")
     assert "reciprocity, energy and agreement</span>." in text and "✗ " in text

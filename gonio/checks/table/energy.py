@@ -10,6 +10,7 @@ from gonio.checks.table.count_statistics import critical, sidak
 from gonio.checks.table.evidence import TableEvidence
 from gonio.data.layouts import Layout
 from gonio.data.table import Table
+from gonio.models.errors import GonioError
 
 MIRROR_REACH = 1e-3
 """Radians: a lobe in the mirror direction is at least this wide, so that a node so near cannot miss it."""
@@ -60,18 +61,34 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
     judged = _judged(albedos, evidence, tolerance)
     if judged.verdict != UNDECIDED or evidence.model is None:
         return judged
-    from gonio.checks.table.model_assisted import assisted_albedos
-
-    assert evidence.fitted is not None
-    assisted = assisted_albedos(evidence.table, evidence.fitted, mirror_reach(evidence.table, evidence.feature_width))
+    assisted = _assisted(evidence)
     if isinstance(assisted, str):
         judged.detail += f" A model does not help: {assisted}."
         return judged
     helped = _judged(assisted, evidence, tolerance)
-    helped.facts |= {"assisted_by": evidence.fitted.expression, "without_model": judged.facts["largest_albedo"]}
+    fitted = evidence.fitted
+    helped.facts |= {
+        "assisted_by": fitted.expression if fitted else "",
+        "without_model": judged.facts["largest_albedo"],
+    }
     helped.facts["bound_without_model"] = judged.bound
     helped.detail += f" Without the model it is undecided: {judged.detail}"
     return helped
+
+
+def _assisted(evidence: TableEvidence) -> Albedos | str:
+    from gonio.checks.table.albedo_on_grid import hemisphere_grid
+    from gonio.checks.table.model_assisted import assisted_albedos
+
+    grid = hemisphere_grid(evidence.table.layout)
+    if isinstance(grid, str):
+        return grid
+    try:
+        fitted = evidence.fitted
+    except GonioError as error:  # too few readings for the model
+        return str(error)
+    assert fitted is not None
+    return assisted_albedos(evidence.table, fitted, mirror_reach(evidence.table, evidence.feature_width))
 
 
 def _judged(albedos: Albedos, evidence: TableEvidence, tolerance: float) -> Property:
