@@ -22,6 +22,8 @@ OPTIONS: Options = {
     "rectangular, theta_i=0.02 deg dof 12'; they go before those of --instrument and of the table",
     "--geometry G,...": "more reflectance factors, at theta_i:theta_o or theta_i:theta_o:delta_phi in degrees, such "
     "as 30:30:180 (the mirror direction)",
+    "--monte-carlo N": "check the linear budget by N draws of all errors at once (JCGM 101:2008), such as 1000",
+    "--seed SEED": {"default": 0, "help": "of these draws (default 0)"},
     "--json FILE": "write everything as JSON too; '-' prints it instead",
 }
 MOST_CHANNELS = 3
@@ -45,6 +47,8 @@ def run(args: argparse.Namespace) -> int:
     from gonio.data.files import refuse_outputs
 
     refuse_outputs([args.json], [args.subject, args.instrument, args.fit], args.force)
+    if args.monte_carlo is not None and not args.budget:
+        raise GonioError("--monte-carlo checks a budget; give --budget too")
     if not args.budget and (args.uncertainty or args.instrument):
         raise GonioError("stated uncertainties belong to a budget; give --budget too")
     from gonio.instrument.description import read_instrument
@@ -53,6 +57,8 @@ def run(args: argparse.Namespace) -> int:
     options: dict[str, Any] = {
         "budget": args.budget,
         "fit": args.fit,
+        "monte_carlo": args.monte_carlo or 0,
+        "seed": args.seed,
         "instrument": None if args.instrument is None else read_instrument(args.instrument),
         "uncertainty": _stated(args.uncertainty) if args.uncertainty else {},
         "geometries": [text.strip() for text in args.geometry.split(",")] if args.geometry else (),
@@ -130,10 +136,30 @@ def _with_budget(
     sources = [[c.name, c.meaning, _input(c), c.shape, _freedom(c.dof), c.origin, _kind(c)] for c in known]
     titles = ["source", "what it is", "u of it", "distribution", "ν", "from", "errors of the readings"]
     lines += [columns(sources, titles), ""]
+    if b.simulated is not None:
+        lines += [*_simulated(b, rows, labels, heading), ""]
     if b.missing:
         lines += ["not known, and not in the above:"]
         lines += [f"  {name}: {why}" for name, why in b.missing.items()]
     return lines
+
+
+def _simulated(b: "Budget", rows: list[int], labels: list[list[str]], heading: list[str]) -> list[str]:
+    """What Monte Carlo gives beside the linear budget."""
+    s = b.simulated
+    assert s is not None
+    cells: list[list[str]] = []
+    for k in rows:
+        low, high = (float(end) for end in s["interval_95.45_percent"][k])
+        half = float(b.factor[k] * b.standard[k])
+        agrees = "yes" if s["linear_agrees"][k] else "no"
+        u, shift = float(s["standard_uncertainty"][k]), float(s["shift"][k])
+        cells.append([_size(u), f"{shift:+.2g}", f"{low:+.3g} to {high:+.3g}", f"±{_size(half)}", agrees])
+    titles = [*heading, "u", "shift", "95.45 %", "linear", "agrees"]
+    return [
+        f"Monte Carlo, {s['draws']:,} draws:",
+        columns([a + c for a, c in zip(labels, cells, strict=True)], titles),
+    ]
 
 
 def _part(b: "Budget", c: "Contribution", k: int, value: float) -> str:

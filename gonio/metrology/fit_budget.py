@@ -1,6 +1,7 @@
 """The budget of fitted numbers: the optimum of a fit moves by (JᵀWJ)⁻¹JᵀW δf with any error δf of the readings."""
 
 import dataclasses
+import functools
 import math
 from typing import NamedTuple
 
@@ -30,7 +31,9 @@ MOST_GROUPS = 64
 STRUCTURE = 4.0
 """Standard deviations of χ² beyond its expectation from which on the model leaves something out."""
 LOST = 1e-13
-MODEL = "model"
+MOST_STEPS, STEADY = 8, 1e-5
+"""Steps of a refit, and the relative change of the numbers at which it ends."""
+MODEL, SCATTER = "model", "scatter"
 FITTED_ALBEDO = "albedo of the fit"
 
 
@@ -70,7 +73,7 @@ def prior_of_fit(fitted: FitResult) -> Prior:
 
 @dataclasses.dataclass(frozen=True)
 class FitBudget:
-    """The budget of a fit's free numbers, and of its albedos: what moves them, see `fit_budget`."""
+    """A fit with what moves its free numbers and its albedos."""
 
     prior: Prior
     fitted: FitResult
@@ -79,6 +82,47 @@ class FitBudget:
     """Change of the readings (n, C) by one standard uncertainty of each systematic term, and by the apertures."""
     noise: list[Noise]
     """Parts of the readings' noise, (n, C) each."""
+    missing: dict[str, str]
+    """Why other terms are not known."""
+    cells: np.ndarray | None
+    """Numbers (n,) of the cells of the readings; None where they are a choice."""
+
+    def refitted(self, shift: np.ndarray) -> np.ndarray:
+        """Changes (Q,) of the numbers, by Gauss-Newton steps, and of the albedos, where readings change (n, C)."""
+        e, p = self.evidence, self.prior.p.copy()
+        cosine = self._cosine()
+        by_model, by_reading = self._weights(cosine)
+        first, slopes = self.prior.values_and_slopes(p, e.readings.wi, e.readings.wo)
+        residual = weighted_residuals(e.readings, e.loss, e.floor, e.weight, e.model_f) - by_reading * shift
+        f, d = first, self.prior.parameterisation.domains
+        for _ in range(MOST_STEPS):
+            rows = (slopes * by_model[..., None]).reshape(-1, p.size)
+            now = (residual + by_model * (f - first)).ravel()
+            step = _inverse(rows.T @ rows, self.moving) @ (rows.T @ now)
+            p = np.clip(p - step, d.low, d.high)
+            if np.all(np.abs(step) <= STEADY * np.maximum(np.abs(p), STEADY)):
+                break
+            f, slopes = self.prior.values_and_slopes(p, e.readings.wi, e.readings.wo)
+        return self.outputs[1] @ (p - self.prior.p)
+
+    @functools.cached_property
+    def moving(self) -> np.ndarray:
+        """Which numbers (P,) no bound holds."""
+        return np.array([not p.status.startswith("at ") for p in self.fitted.parameters if p.status != "fixed"])
+
+    @functools.cached_property
+    def outputs(self) -> tuple[list[Quantity], np.ndarray]:
+        """The numbers and albedos, and their slopes (Q, P) by the numbers."""
+        return outputs_of(self.fitted)
+
+    def _cosine(self) -> np.ndarray:
+        e = self.evidence
+        return np.asarray(e.readings.wi.z)[:, None] if uses_cosine(e.loss) else np.ones((e.readings.f.shape[0], 1))
+
+    def _weights(self, cosine: np.ndarray) -> list[np.ndarray]:
+        """Weights of changes of the model and of the readings (n, C): w T'(f c) c."""
+        e = self.evidence
+        return [e.weight * transform(e.loss, f * cosine, e.floor, np)[1] * cosine for f in (e.model_f, e.readings.f)]
 
     def sums(self) -> Sums:
         """The sums over all readings, in chunks."""
@@ -87,10 +131,7 @@ class FitBudget:
         groups = _groups(e.readings.wi)
         total = np.zeros((int(groups.max()) + 1, size, size))
         noise, expected = np.zeros((len(parts), prior.p.size, prior.p.size)), 0.0
-        cosine = np.asarray(e.readings.wi.z)[:, None] if uses_cosine(e.loss) else np.ones((groups.size, 1))
-        by_model, by_reading = (
-            e.weight * transform(e.loss, f * cosine, e.floor, np)[1] * cosine for f in (e.model_f, e.readings.f)
-        )
+        by_model, by_reading = self._weights(self._cosine())
         residual = weighted_residuals(e.readings, e.loss, e.floor, e.weight, e.model_f)
         for start in range(0, groups.size, CHUNK):
             these = slice(start, start + CHUNK)
@@ -99,8 +140,8 @@ class FitBudget:
             q = [(shift[these] * by_reading[these])[..., None] for shift in self.shifts.values()]
             rows = np.concatenate([j, *q, residual[these, :, None]], axis=-1)
             for g in np.unique(groups[these]):
-                mine = rows[groups[these] == g].reshape(-1, size)
-                total[g] += mine.T @ mine
+                alike = rows[groups[these] == g].reshape(-1, size)
+                total[g] += alike.T @ alike
             for k, sigma in enumerate(parts):
                 u = np.nan_to_num(sigma[these] * by_reading[these])
                 flat = (j * u[..., None]).reshape(-1, prior.p.size)
@@ -122,51 +163,43 @@ def outputs_of(fitted: FitResult) -> tuple[list[Quantity], np.ndarray]:
     return rows, np.concatenate([np.eye(len(free)), made.slopes])
 
 
-def fit_budget(table: Table, fitted: FitResult, sources: Sources) -> tuple[Budget, list[Quantity]]:
-    """The budget of a fit's free numbers and albedos, and these quantities.
+def fit_budget(fit: FitBudget, sources: Sources) -> Budget:
+    """The budget of a fit's free numbers and albedos.
 
     Numbers that a bound holds do not move. Where the noise of the readings is known, the fit's own uncertainties are
     not taken: they count as noise what alignment does to the residuals. What these still hold, after the systematic
     terms were moved within their uncertainties, is a source of its own, as large as the incidences scatter.
-
-    Args:
-        table: that was fitted.
-        fitted: its fit, made in this process.
-        sources: of error of the table.
     """
-    made, missing = _gathered(table, fitted, sources)
-    sums, (outputs, slopes) = made.sums(), outputs_of(fitted)
-    p, status = made.prior.p.size, [e.status for e in fitted.parameters if e.status != "fixed"]
-    inverse = _inverse(sums.total[:p, :p], np.array([not s.startswith("at ") for s in status]))
+    sums, slopes, p = fit.sums(), fit.outputs[1], fit.prior.p.size
+    inverse = _inverse(sums.total[:p, :p], fit.moving)
 
     def spread(matrix: np.ndarray) -> np.ndarray:
         return np.sqrt(np.maximum(np.einsum("qp,pr,qr->q", slopes, matrix, slopes), 0.0))
 
     rows = [
         _independent(part.name, part.meaning, spread(inverse @ matrix @ inverse), part.dof, part.origin)
-        for part, matrix in zip(made.noise, sums.noise, strict=True)
+        for part, matrix in zip(fit.noise, sums.noise, strict=True)
     ]
     if not rows:
-        freedom = float(fitted.samples - p)
-        covariance = np.nan_to_num(fitted.covariance)
-        rows.append(_independent("readings", "scatter about the model", spread(covariance), freedom))
+        freedom, covariance = float(fit.fitted.samples - p), np.nan_to_num(fit.fitted.covariance)
+        rows.append(_independent(SCATTER, "scatter about the model", spread(covariance), freedom))
     elif (left_out := _left_out(sums, inverse)) is not None:
         freedom = float(sums.groups.shape[0] - 1)
         rows.append(_independent(MODEL, "what the model leaves out", spread(left_out), freedom))
     moves = slopes @ inverse @ sums.total[:p, p:-1]
-    for k, name in enumerate(made.shifts):
+    for k, name in enumerate(fit.shifts):
         rows.append(of_apertures(moves[:, k]) if name == APERTURE else shared(sources.systematic[name], moves[:, k]))
-    unbounded = np.zeros(len(outputs), bool)
-    unbounded[:p] = [s == "undetermined" for s in status]
-    return Budget(rows, missing, unbounded), outputs
+    unbounded = np.zeros(slopes.shape[0], bool)
+    unbounded[:p] = [e.status == "undetermined" for e in fit.fitted.parameters if e.status != "fixed"]
+    return Budget(rows, fit.missing, unbounded)
 
 
 def _independent(name: str, meaning: str, values: np.ndarray, dof: float, origin: str = ESTIMATED) -> Contribution:
     return Contribution(name, meaning, False, values, dof=dof, origin=origin)
 
 
-def _gathered(table: Table, fitted: FitResult, sources: Sources) -> tuple[FitBudget, dict[str, str]]:
-    """What moves the numbers of a fit, and what is not known."""
+def fit_errors(table: Table, fitted: FitResult, sources: Sources) -> FitBudget:
+    """What moves the numbers of a table's fit that was made in this process. Raises GonioError as `prior_of_fit`."""
     e, missing = fitted.evidence, dict(sources.missing)
     if e is None:
         raise GonioError("this fit keeps no readings; give its model, and the table is fitted again")
@@ -190,7 +223,7 @@ def _gathered(table: Table, fitted: FitResult, sources: Sources) -> tuple[FitBud
     noise = [n._replace(u_f=n.u_f.reshape(table.layout.size, -1)[cells]) for n in sources.noise] if whole else []
     if not whole and (e.readings.u_f > 0).any():
         noise = [Noise("readings", MEANINGS["readings"], e.readings.u_f, math.inf, STORED)]
-    return FitBudget(prior_of_fit(fitted), fitted, e, shifts, noise), missing
+    return FitBudget(prior_of_fit(fitted), fitted, e, shifts, noise, missing, cells if whole else None)
 
 
 def _groups(wi: Direction) -> np.ndarray:

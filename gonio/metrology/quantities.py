@@ -15,9 +15,10 @@ from gonio.fitting.result import FitResult
 from gonio.instrument.instrument import Instrument
 from gonio.metrology.budget import Budget, joined
 from gonio.metrology.effects import Readings
-from gonio.metrology.fit_budget import fit_budget, outputs_of
+from gonio.metrology.fit_budget import fit_budget, fit_errors, outputs_of
 from gonio.metrology.measurands import Quantity, TableMeasurands, to_row
 from gonio.metrology.model_quantities import model_quantities
+from gonio.metrology.monte_carlo import Simulation, require_draws, simulated
 from gonio.metrology.sources import sources_of
 from gonio.metrology.table_budget import table_budget
 from gonio.models.deprecation import settings_of
@@ -35,6 +36,8 @@ class QuantitiesOptions(TypedDict, total=False):
     instrument: Instrument | None
     uncertainty: Mapping[str, object]
     geometries: Sequence[str]
+    monte_carlo: int
+    seed: int
     name: str | None
 
 
@@ -47,11 +50,17 @@ class QuantitiesSettings:
     instrument: Instrument | None = None
     uncertainty: Mapping[str, object] = dataclasses.field(default_factory=dict)
     geometries: Sequence[str] = ()
+    monte_carlo: int = 0
+    seed: int = 0
     name: str | None = None
 
     def __post_init__(self) -> None:
         if not self.budget and (self.uncertainty or self.instrument is not None):
             raise GonioError("stated uncertainties belong to a budget; ask for the budget too")
+        if self.monte_carlo:
+            require_draws(self.monte_carlo)
+            if not self.budget:
+                raise GonioError("Monte Carlo checks a budget; ask for the budget too")
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -105,6 +114,9 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
             they go before the instrument's.
         geometries: more reflectance factors, as theta_i:theta_o:delta_phi in degrees ("30:30:180" is the mirror
             direction); of a table they have to be read there.
+        monte_carlo: draws of all errors at once, from their distributions and by the whole formula of a reading, which
+            show whether the linear budget holds; 0 for none, at least 100.
+        seed: of these draws.
         name: what the result calls the subject.
 
     Returns:
@@ -133,10 +145,16 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
     _require_readings(table)
     sources = sources_of(table, settings.instrument, settings.uncertainty)
     model = None if fitted is None else fitted.brdf
-    budget, rows = table_budget(measurands, Readings.of(table, model), sources), measurands.quantities
+    readings = Readings.of(table, model)
+    budget, rows, of_fit = table_budget(measurands, readings, sources), measurands.quantities, None
     if fitted is not None:
-        of_fit, fit_rows = fit_budget(table, fitted, sources)
-        budget, rows = joined(budget, of_fit), rows + fit_rows
+        of_fit = fit_errors(table, fitted, sources)
+        budget, rows = joined(budget, fit_budget(of_fit, sources)), rows + of_fit.outputs[0]
+    if settings.monte_carlo:
+        draws = simulated(
+            Simulation(measurands, readings, sources, of_fit), budget, settings.monte_carlo, settings.seed
+        )
+        budget = dataclasses.replace(budget, simulated=draws)
     return Quantities(name, "table", rows, budget, notes, fitted)
 
 
