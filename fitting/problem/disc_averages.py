@@ -21,8 +21,8 @@ from gonio.fitting.problem.readings import AnyArray
 from gonio.models.geometry.directions import Direction
 from gonio.models.warps.disc_frames import DiscFrame, disc_frame, disc_ray, psi_of_horizon
 
-STEPS = (1, 2, 3, 4, 6, 9, 14, 22, 34)
-PAIRS_MAX = 9**4  # nodes of a rule over both discs
+STEPS = (1, 2, 3, 4, 6, 9, 14, 22, 34, 52, 78)
+PAIRS_MAX = 14**4  # nodes of a rule over both discs
 
 
 class DiscRules(NamedTuple):
