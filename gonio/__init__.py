@@ -28,6 +28,7 @@ _PUBLIC = {  # public name: where it is defined; `__init__.pyi` has the same for
     "Material": "gonio.data.material:Material",
     "Scene": "gonio.data.scene:Scene",
     "Table": "gonio.data.table:Table",
+    "adapt": "gonio.planning.adaptive.adaptive_measurement:adapt",
     "chart": "gonio.charts:chart",
     "check": "gonio.checks.certify:check",
     "fit": "gonio.fitting.fit_table:fit",

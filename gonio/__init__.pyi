@@ -15,6 +15,7 @@ from gonio.instrument.instrument import Instrument as Instrument
 from gonio.instrument.measurement import measure as measure
 from gonio.metrology.quantities import quantities as quantities
 from gonio.models.errors import GonioError as GonioError
+from gonio.planning.adaptive.adaptive_measurement import adapt as adapt
 from gonio.planning.planned import plan as plan
 from gonio.reports.build import report as report
 from gonio.stability import stress as stress
@@ -31,6 +32,7 @@ __all__ = [
     "Scene",
     "Table",
     "__version__",
+    "adapt",
     "chart",
     "check",
     "fit",

@@ -21,6 +21,7 @@ ROOMS = (
     "cli",
 )  # of the top floor, upwards
 VERBS = {
+    "adapt",
     "material",
     "measure",
     "open",

@@ -16,6 +16,7 @@ import gonio.fitting
 import gonio.models
 
 VERBS = [
+    "adapt",
     "chart",
     "check",
     "fit",

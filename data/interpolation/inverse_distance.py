@@ -16,6 +16,8 @@ from gonio.models.warps.grazing_azimuth import polar_parts
 CHUNK = 64
 MAX_SAMPLES = 50_000
 """Every sample is visited for every value: beyond this a grid is the better table."""
+ROWS = 256
+"""Of distances at once."""
 SOFTENING = 1e-12
 """Squared distance at which a sample counts as met: its weight is then beyond all others'."""
 DESCRIPTION = (
@@ -77,19 +79,56 @@ def scattered_material(table: Table) -> Scattered:
             f"{n} scattered samples are too many to interpolate (at most {MAX_SAMPLES}); fit a model, or thin them out"
         )
     wi, wo = block.wi, block.wo
-    sin_i = np.hypot(wi.x, wi.y)
-    azimuth = np.arctan2(wi.y, wi.x)[sin_i > 1e-9]
-    isotropic = azimuth.size == 0 or np.ptp(azimuth) < 1e-9
-    if isotropic and azimuth.size:
-        c, s = np.cos(azimuth[0]), -np.sin(azimuth[0])
-        wi, wo = (rotate_z(w, c, s) for w in (wi, wo))
+    isotropic = one_azimuth(wi)
+    if isotropic:
+        wi, wo = _turned_back(wi, wo)
     dtype = jnp.result_type(float)
     valid = block.flag == Flag.VALID
     arrays = np.stack([*wi, *wo], axis=-1), np.where(valid, block.f, 0.0), valid
-    pairs, values, known = (jnp.asarray(_chunks(a), dtype) for a in arrays)
-    return Scattered(pairs, values, known, bool(isotropic))
+    pairs, values, known = (jnp.asarray(chunks(a), dtype) for a in arrays)
+    return Scattered(pairs, values, known, isotropic)
 
 
-def _chunks(rows: np.ndarray) -> np.ndarray:
+def one_azimuth(wi: Direction) -> bool:
+    """Whether the light of all samples, NumPy components (n,), comes from one azimuth."""
+    azimuth = np.arctan2(wi.y, wi.x)[np.hypot(wi.x, wi.y) > 1e-9]
+    return bool(azimuth.size == 0 or np.ptp(azimuth) < 1e-9)
+
+
+def left_out(wi: Direction, wo: Direction, values: np.ndarray, isotropic: bool) -> np.ndarray:
+    """The mean (n, C) of all other samples' values at each of the samples (n, C), all of them valid."""
+    if isotropic:
+        wi, wo = _turned_back(wi, wo)
+    pairs, swapped = np.stack([*wi, *wo], axis=-1), np.stack([*wo, *wi], axis=-1)
+    if isotropic:
+        swapped = np.stack([c for w in _turned_back(wo, wi, each=True) for c in w], axis=-1)
+    means = np.empty(values.shape)
+    for start in range(0, len(pairs), ROWS):
+        part = slice(start, start + ROWS)
+        d2 = np.minimum(*(_squares(pairs, other[part]) for other in (pairs, swapped)))
+        weight = 1.0 / (d2 + SOFTENING) ** 3
+        weight[np.arange(weight.shape[0]), np.arange(start, start + weight.shape[0])] = 0.0
+        means[part] = weight @ values / weight.sum(axis=1, keepdims=True)
+    return means
+
+
+def _squares(samples: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """(m, n) squared distances."""
+    return sum((pairs[:, None, k] - samples[None, :, k]) ** 2 for k in range(6))  # pyright: ignore[reportReturnType]
+
+
+def _turned_back(wi: Direction, wo: Direction, each: bool = False) -> tuple[Direction, Direction]:
+    """Pairs (n,) turned about the normal so that wi has azimuth 0: all by one angle, or each by its own."""
+    sine = np.hypot(wi.x, wi.y)
+    cos, sin = np.where(sine > 1e-9, wi.x, 1.0), np.where(sine > 1e-9, wi.y, 0.0)
+    cos, sin = cos / np.hypot(cos, sin), sin / np.hypot(cos, sin)
+    if not each:
+        first = int(np.argmax(sine > 1e-9))
+        cos, sin = cos[first], sin[first]
+    turned_i, turned_o = (rotate_z(w, cos, -sin) for w in (wi, wo))
+    return turned_i, turned_o
+
+
+def chunks(rows: np.ndarray) -> np.ndarray:
     """Rows in groups of `CHUNK`, filled up with zeros (samples that have no value)."""
     return np.pad(rows.astype(float), ((0, -rows.shape[0] % CHUNK), (0, 0))).reshape(-1, CHUNK, rows.shape[1])

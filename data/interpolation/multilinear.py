@@ -2,7 +2,7 @@
 
 Cells without a value take no part: the weights of the others are scaled up, and f is 0 where none is left.
 Beyond its outermost nodes an axis is held constant; azimuths are periodic. Scattered samples: see
-`gonio.data.interpolation.inverse_distance`.
+`gonio.data.interpolation.scattered`.
 """
 
 import dataclasses
@@ -101,7 +101,7 @@ def as_material(table: Table) -> AbstractBRDF:
     if not table.valid_cells().size:
         raise GonioError(f"table {table.name or 'without a name'} holds no valid reading; nothing can be interpolated")
     if not table.layout.gridded:
-        from gonio.data.interpolation.inverse_distance import scattered_material
+        from gonio.data.interpolation.scattered import scattered_material
 
         return scattered_material(table)
     valid = np.asarray(table.flag[...]) == Flag.VALID
@@ -137,9 +137,9 @@ def interpolation(table: Table) -> str:
     if table.interpolant is not None:
         return "interpolated by the format's own warp"
     if not table.layout.gridded:
-        from gonio.data.interpolation.inverse_distance import DESCRIPTION
+        from gonio.data.interpolation.scattered import description
 
-        return DESCRIPTION
+        return description(table)
     axes = {name: interpolation_axis(table.layout, name) for name in table.layout.axes}
     names = [f"sqrt({name})" if axis.warp else name for name, axis in axes.items()]
     text = f"multilinear in {', '.join(names)}; constant beyond the outermost nodes"

@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, Any
@@ -36,12 +37,30 @@ READING: Options = {
 }
 """How a file of readings is to be taken; of verbs that take any file."""
 DESCRIPTION: Options = {"--instrument LAB.toml": "a description of the instrument; options given beside it win"}
+UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0}
+"""Of time, in seconds."""
 JSON: Options = {"--json": "machine-readable"}
 
 
 def degrees(text: str) -> float:
     """Radians of an angle that is written in degrees."""
     return math.radians(float(text))
+
+
+def seconds_of(text: str) -> float:
+    """Seconds of a time such as 2h, 1h30min or 90s. Raises GonioError for what is none."""
+    parts = re.findall(r"(\d+(?:\.\d+)?|\.\d+)\s*(h|min|s)", text)
+    if not parts or re.sub(r"\s", "", "".join(v + u for v, u in parts)) != re.sub(r"\s", "", text):
+        raise GonioError(f"--budget is {text!r}; give a time, such as 2h, 30min or 90s")
+    return sum(float(value) * UNITS[unit] for value, unit in parts)
+
+
+def share_of(text: str) -> float:
+    """A share written as 1% or 0.01. Raises GonioError for what is none."""
+    try:
+        return float(text.rstrip("%").strip()) / (100 if text.strip().endswith("%") else 1)
+    except ValueError:
+        raise GonioError(f"--target is {text!r}; give a share, such as 1% or 0.01") from None
 
 
 KINDS: dict[str, Callable[[str], Any]] = {

@@ -4,14 +4,27 @@ import argparse
 import dataclasses
 import shlex
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from gonio.cli.arguments import DESCRIPTION, FORCE, MATERIAL, READING, Options, add_options, as_stated, degrees, given
+from gonio.cli.arguments import (
+    DESCRIPTION,
+    FORCE,
+    MATERIAL,
+    READING,
+    Options,
+    add_options,
+    as_stated,
+    degrees,
+    given,
+    seconds_of,
+    share_of,
+)
 from gonio.models.errors import GonioError
 from gonio.text import log, show
 
 if TYPE_CHECKING:
     from gonio.data.layouts import Layout
+    from gonio.data.material import Material
     from gonio.instrument.instrument import Instrument, Systematic
     from gonio.models.brdf import AbstractBRDF
 
@@ -43,6 +56,15 @@ INSTRUMENT: Options = {
     "--systematic NAME=V,...": f"the systematic errors themselves: {', '.join(SYSTEMATIC)} in degrees, gain as a "
     "factor, offset as a share of the white diffuser's signal",
 }
+ADAPTIVE: Options = {
+    "--adaptive": "read where the readings so far predict worst (in place of a scan), kriging between them; what is "
+    "shown is shown by random directions that were not used",
+    "--target SHARE": {
+        "type": str,
+        "help": "until an error of at most this is shown, such as 1%%; exit status 1 if not",
+    },
+    "--budget TIME": "or until the time is spent: moving, settling and counting, such as 2h, 30min or 1h30min",
+}
 RUN: Options = {
     "--seed SEED": {"default": 0, "help": "of the noise and the systematic errors (default 0)"},
     "--float32": "store single precision",
@@ -54,6 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("material", metavar="MATERIAL", help=MATERIAL)
     add_options(parser.add_argument, OUTPUT)
     add_options(parser.add_argument_group("scan").add_argument, SCAN)
+    add_options(parser.add_argument_group("adaptive measurement").add_argument, ADAPTIVE)
     add_options(parser.add_argument_group("instrument (ideal by default)").add_argument, INSTRUMENT, N=float)
     add_options(parser.add_argument, RUN | READING | FORCE)
 
@@ -66,16 +89,40 @@ def run(args: argparse.Namespace) -> int:
     from gonio.instrument.measurement import measure
     from gonio.instrument.scans import listed_seconds
 
+    _require_one_way(args)
     instrument = _instrument(args)
     material = load_material(as_stated(args.material, args))
+    command = shlex.join(["gonio", *sys.argv[1:]])
+    if args.adaptive:
+        return _adaptive(args, material, instrument, command)
     options = {name: getattr(args, name) for name in ("output", "seed", "force")}
     options["progress"] = args.progress or sys.stderr.isatty()
     options["dtype"] = "float32" if args.float32 else None
-    command = shlex.join(["gonio", *sys.argv[1:]])
     options["seconds"] = None if args.scan is None else listed_seconds(args.scan)
     measure(material, instrument, _scan(args, material.brdf), log=log, command=command, **options)
     show(f"written: {args.output}")
     return 0
+
+
+def _require_one_way(args: argparse.Namespace) -> None:
+    """Refuses options of a scan beside --adaptive, and those of an adaptive measurement without it."""
+    scans = [n for n in ("scan", "step", "phi_step", "theta_max", "theta_i", "float32") if getattr(args, n)]
+    ends = [n for n in ("target", "budget") if getattr(args, n)]
+    if args.adaptive and scans:
+        raise GonioError(f"--adaptive chooses its directions itself; leave --{scans[0].replace('_', '-')} out")
+    if ends and not args.adaptive:
+        raise GonioError(f"--{ends[0]} belongs to an adaptive measurement; give --adaptive too")
+
+
+def _adaptive(args: argparse.Namespace, material: "Material", instrument: "Instrument", command: str) -> int:
+    from gonio.planning.adaptive.adaptive_measurement import Outcome, adapt
+
+    target, budget = (None if t is None else of(t) for t, of in ((args.target, share_of), (args.budget, seconds_of)))
+    options: dict[str, Any] = {"output": args.output, "seed": args.seed, "force": args.force, "command": command}
+    table = adapt(material, instrument, target=target, budget=budget, log=log, **options)
+    outcome = Outcome.of(table)
+    show(f"{outcome.sentence}\nwritten: {args.output}")
+    return 0 if outcome.shown or target is None else 1
 
 
 def _instrument(args: argparse.Namespace) -> "Instrument":

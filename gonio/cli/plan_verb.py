@@ -10,9 +10,12 @@ from gonio.cli.arguments import (
     FORCE,
     MATERIAL,
     READING,
+    UNITS,
     Options,
     add_options,
     as_stated,
+    seconds_of,
+    share_of,
     writing_json,
 )  # fmt: skip
 from gonio.models.display import percent
@@ -48,7 +51,6 @@ OPTIONS: Options = {
 }
 MOST_RANGES, SEEN = 4, 0.01
 """Ranges of numbers that are printed, and the least share of a number that one is wide."""
-UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         require_picture(args.picture, args.force)
     options: dict[str, Any] = {name: getattr(args, name) for name in ("model", "against", "space_filling", "continued")}
     options["budget"] = None if args.budget is None else seconds_of(args.budget)
-    options["target"] = None if args.target is None else _share(args.target)
+    options["target"] = None if args.target is None else share_of(args.target)
     options["wanted"] = [name.strip() for name in args.wanted.split(",")] if args.wanted else []
     options["ranges"] = _ranges(args.ranges) if args.ranges else {}
     instrument = None if args.instrument is None else read_instrument(args.instrument)
@@ -126,21 +128,6 @@ def hours(seconds: float) -> str:
     """Seconds as text: 1.5 h, 12 min or 40 s."""
     unit = next((u for u, size in UNITS.items() if seconds >= size), "s")
     return f"{seconds / UNITS[unit]:.3g} {unit}"
-
-
-def seconds_of(text: str) -> float:
-    """Seconds of a time such as 2h, 1h30min or 90s."""
-    parts = re.findall(r"(\d+(?:\.\d+)?|\.\d+)\s*(h|min|s)", text)
-    if not parts or re.sub(r"\s", "", "".join(v + u for v, u in parts)) != re.sub(r"\s", "", text):
-        raise GonioError(f"--budget is {text!r}; give a time, such as 2h, 30min or 90s")
-    return sum(float(value) * UNITS[unit] for value, unit in parts)
-
-
-def _share(text: str) -> float:
-    try:
-        return float(text.rstrip("%").strip()) / (100 if text.strip().endswith("%") else 1)
-    except ValueError:
-        raise GonioError(f"--target is {text!r}; give a share, such as 1% or 0.01") from None
 
 
 def _ranges(text: str) -> dict[str, tuple[float, float]]:

@@ -89,7 +89,7 @@ class Sink(abc.ABC):
     def __init__(self, reader: Reader, settings: MeasureSettings) -> None:
         layout, material = reader.layout, reader.material
         source, receiver = reader.instrument.solid_angles()
-        dtype, about = np.dtype(settings.dtype or reader.dtype), _provenance(reader, settings.command)
+        dtype, about = np.dtype(settings.dtype or reader.dtype), provenance_of(reader, settings.command)
         self.header = TableHeader(layout, material.channels, dtype, about, material.name, source, receiver)
         self.block_cells = layout.row_size * block_rows(layout) if reader.by_rows else FLAT_BLOCK
 
@@ -142,7 +142,7 @@ class FileSink(Sink):
 
     def __init__(self, reader: Reader, settings: MeasureSettings, output: str | os.PathLike[str]) -> None:
         super().__init__(reader, settings)
-        recipe = _recipe(self.header.provenance, reader.material)
+        recipe = recipe_of(self.header.provenance, reader.material)
         self.writer = BlockWriter(
             output, self.header, recipe, settings.force, u_f=reader.noisy, block_cells=self.block_cells
         )
@@ -174,7 +174,7 @@ def open_sink(reader: Reader, settings: MeasureSettings) -> Sink:
     return MemorySink(reader, settings) if settings.output is None else FileSink(reader, settings, settings.output)
 
 
-def _provenance(reader: Reader, command: str | None) -> dict[str, Any]:
+def provenance_of(reader: Reader, command: str | None) -> dict[str, Any]:
     """The provenance of a measurement that begins now. `command`: the way to ask for it on the command line."""
     material, layout = reader.material, reader.layout
     values: dict[str, Any] = {
@@ -204,7 +204,7 @@ def _provenance(reader: Reader, command: str | None) -> dict[str, Any]:
     return values
 
 
-def _recipe(provenance: dict[str, Any], material: Material) -> dict[str, Any]:
+def recipe_of(provenance: dict[str, Any], material: Material) -> dict[str, Any]:
     """What determines the values, bit for bit: the provenance but for time, with the material's own numbers."""
     kept = {name: value for name, value in provenance.items() if name not in ("created", "command", "scan")}
     leaves, structure = jax.tree.flatten(material.brdf)

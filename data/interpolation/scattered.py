@@ -1,0 +1,172 @@
+"""Scattered samples as a material: kriged where their own left-out values are predicted better so, else averaged."""
+
+import functools
+import hashlib
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from gonio.data.flags import Flag
+from gonio.data.interpolation import inverse_distance
+from gonio.data.interpolation.kriging import HIGH, LOW, NAMES, Kriging, Places, Samples, correlation, likeliest, places
+from gonio.data.table import Table
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.geometry.directions import Direction
+
+FLOOR = 1e-3
+"""Share of the white diffuser, or of bright samples if they are darker, below which values are told apart evenly."""
+FEWEST, MOST = 24, 4000
+"""Samples that are kriged: fewer tell no law, more need too large a matrix."""
+BETTER = 0.7
+"""Of the inverse-distance mean's error at samples left out: from there on kriging is taken."""
+BEYOND = 0.5
+"""Of compressed values past the least and the largest: no value is extrapolated farther."""
+KEY = "kriging"
+"""Of the provenance that states a law: {"law": {name: value}, "floor": 1/sr}."""
+CHUNK = 64
+DESCRIPTION = (
+    "kriging of log f over tan θh and θd with a Matérn covariance, its numbers by maximum likelihood; reciprocity is "
+    "assumed{}; never beyond what was read by more than e^0.5; an approximation"
+)
+ISOTROPIC = ", isotropy and mirror symmetry too"
+
+
+class Kriged(AbstractBRDF):
+    """mean + Σ weights · covariances with the samples, of compressed values."""
+
+    main: Float[Array, "chunks chunk 2"]
+    tilted: Float[Array, "chunks chunk tilts"]
+    weights: Float[Array, "chunks chunk channel"]
+    mean: Float[Array, " channel"]
+    ends: Float[Array, "2 channel"]
+    law: Float[Array, " numbers"]
+    floor: Float[Array, ""]
+    same_all_round: bool = eqx.field(static=True)
+
+    @property
+    def isotropic(self) -> bool:
+        return self.same_all_round
+
+    def formula(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
+        i, o = (Direction(*(c[None] for c in w)) for w in (wi, wo))
+        here = places(i, o, self.law, self.same_all_round, jnp)
+
+        def step(total: Array, chunk: tuple[Array, Array, Array]) -> tuple[Array, None]:
+            main, tilted, weights = chunk
+            row = correlation(here, Places(main, tilted), jnp.exp(self.law[6]), jnp)[0]
+            return total + row @ weights, None
+
+        start = jnp.zeros(self.weights.shape[-1], self.weights.dtype)
+        total, _ = jax.lax.scan(step, start, (self.main, self.tilted, self.weights))
+        return 2 * self.floor * jnp.sinh(jnp.clip(self.mean + total, *self.ends))
+
+
+def scattered_material(table: Table) -> AbstractBRDF:
+    """The interpolant of a scattered table. Raises GonioError for too many samples."""
+    kriging = kriging_of(table)
+    if kriging is None:
+        return inverse_distance.scattered_material(table)
+    system, floor = kriging
+    variance, values, dtype = np.exp(system.law[8]), system.samples.values, jnp.result_type(float)
+    ends = np.stack([values.min(axis=0) - BEYOND, values.max(axis=0) + BEYOND])
+    rows = (*system.here, variance * system.weights)
+    main, tilted, weights = (jnp.asarray(inverse_distance.chunks(a), dtype) for a in rows)
+    mean, ends, law, floor = (jnp.asarray(a, dtype) for a in (system.mean, ends, system.law, floor))
+    return Kriged(main, tilted, weights, mean, ends, law, floor, system.samples.isotropic)
+
+
+def description(table: Table) -> str:
+    """One sentence on how a scattered table is interpolated."""
+    kriging = kriging_of(table)
+    if kriging is None:
+        return inverse_distance.DESCRIPTION
+    return DESCRIPTION.format(ISOTROPIC if kriging.system.samples.isotropic else "")
+
+
+class FlooredKriging(NamedTuple):
+    """A solved system, and the floor f₀, 1/sr, of its compressed values asinh(f / 2f₀)."""
+
+    system: Kriging
+    floor: float
+
+
+def compressed(f: np.ndarray, floor: float) -> np.ndarray:
+    """asinh(f / 2 floor)."""
+    return np.arcsinh(f / (2 * floor))
+
+
+def samples_of(table: Table, floor: float) -> Samples:
+    """The samples of a scattered table that are valid in all channels, compressed above a floor."""
+    block = table.samples()
+    usable = (block.flag == Flag.VALID).all(axis=1)
+    wi, wo = (Direction(*(np.asarray(c, float)[usable] for c in w)) for w in (block.wi, block.wo))
+    f, u_f = (a[usable].astype(float) for a in (block.f, block.u_f))
+    noise = np.mean((np.nan_to_num(u_f) / np.hypot(f, 2 * floor)) ** 2, axis=1)
+    return Samples(wi, wo, compressed(f, floor), noise, inverse_distance.one_azimuth(wi))
+
+
+def kriging_of(table: Table) -> FlooredKriging | None:
+    """The kriging of a scattered table, by the law of its provenance or else the likeliest; None: not better."""
+    stated, valid = _stated(table.provenance.get(KEY)), table.valid_cells().size
+    if not FEWEST <= valid <= MOST:
+        return None
+    return _solved(_Content(table, stated))
+
+
+class _Content:
+    """A table by what its interpolation depends on."""
+
+    def __init__(self, table: Table, stated: tuple[np.ndarray, float] | None) -> None:
+        self.table, self.stated = table, stated
+        digest = hashlib.sha256(repr(stated).encode())
+        for array in (*table.layout.angles(), *table.read_values().values()):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        self.digest = digest.hexdigest()
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Content) and self.digest == other.digest
+
+
+@functools.lru_cache(maxsize=4)
+def _solved(content: _Content) -> FlooredKriging | None:
+    table, stated = content.table, content.stated
+    block = table.samples()
+    bright = np.quantile(np.abs(block.f[block.flag == Flag.VALID]), 0.9)
+    floor = stated[1] if stated else FLOOR * min(1 / np.pi, float(bright))
+    if not floor > 0:
+        return None
+    samples = samples_of(table, floor)
+    if len(samples.noise) < FEWEST:
+        return None
+    try:
+        system = Kriging.of(samples, stated[0] if stated else likeliest(samples))
+        if not stated and not _better(system, samples):
+            return None
+    except np.linalg.LinAlgError:
+        return None
+    return FlooredKriging(system, floor)
+
+
+def _better(system: Kriging, samples: Samples) -> bool:
+    """Whether samples left out are predicted clearly better than by the inverse-distance mean of the others."""
+    means = inverse_distance.left_out(samples.wi, samples.wo, samples.values, samples.isotropic)
+    ours, theirs = (np.sqrt(np.mean(e**2)) for e in (system.left_out()[0], samples.values - means))
+    return bool(ours < BETTER * theirs)
+
+
+def _stated(kept: Any) -> tuple[np.ndarray, float] | None:
+    """Law and floor that a provenance states; None where it states none."""
+    if not isinstance(kept, Mapping) or not isinstance(kept.get("law"), Mapping):
+        return None
+    numbers = [kept["law"].get(name) for name in NAMES] + [kept.get("floor")]
+    if not all(isinstance(v, int | float) and np.isfinite(v) and v > 0 for v in numbers):
+        return None
+    return np.clip(np.log(np.array(numbers[:-1], float)), LOW, HIGH), float(numbers[-1])

@@ -1,0 +1,64 @@
+"""The error of a prediction over all directions, and what some readings show of it."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import t
+
+from gonio.instrument.instrument import Instrument
+from gonio.models.geometry.directions import from_spherical
+from gonio.planning.candidates import TILTS, Angles, highest, mirrored, readable
+
+FLOOR = 1e-3 / math.pi
+"""1/sr, a thousandth of the perfect diffuser: below, differences count relative to this."""
+UNSURE = 2.0
+"""Standard uncertainties by which a reading must be above its prediction before it counts as larger."""
+LEVEL = 0.95
+MEASURE = (
+    "rms of |f − prediction| / (the larger of both + 0.1 % of white) over directions of which half are cosine-weighted "
+    "anywhere and half are about mirror reflection, tilted by angles even in their logarithm from 0.1° to 60°"
+)
+
+
+def random_directions(count: int, instrument: Instrument, isotropic: bool, rng: np.random.Generator) -> Angles:
+    """About `count` directions (4, n) as `MEASURE` weighs them, as far as the instrument reads them."""
+    high_i, high_o = (math.sin(a) ** 2 for a in highest(instrument))
+    parts, size = [], 0
+    while size < count:
+        u = rng.random((5, 2 * count))
+        light = np.stack([np.arcsin(np.sqrt(u[0] * high_i)), 2 * np.pi * u[1]])
+        anywhere = np.stack([np.arcsin(np.sqrt(u[2] * high_o)), 2 * np.pi * u[3]])
+        tilt = TILTS[0] * (TILTS[1] / TILTS[0]) ** u[2]
+        about = mirrored(light, from_spherical(tilt, 2 * np.pi * u[3], np))
+        every = np.concatenate([light, np.where(u[4] < 0.5, anywhere, about)])
+        parts.append(readable(every, instrument, isotropic))
+        size += parts[-1].shape[1]
+        if not size:
+            break
+    return np.concatenate(parts, axis=1)[:, :count]
+
+
+def difference(predicted: np.ndarray, f: np.ndarray, u_f: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """(relative differences, their standard uncertainties) of predictions from readings, arrays, as in `MEASURE`."""
+    size = np.maximum(np.abs(predicted), np.abs(f) - UNSURE * u_f) + FLOOR
+    return np.abs(f - predicted) / size, u_f / size
+
+
+class Error(NamedTuple):
+    """An rms error, and the bound that it is below with a stated probability; from so many readings."""
+
+    value: float
+    bound: float
+    readings: int
+
+
+def shown(squares: np.ndarray, level: float = LEVEL) -> Error:
+    """The root of the mean that independent samples (n,) of an error's square show.
+
+    The bound is Student's, of these samples and one more that is as large as the largest: rare large errors are the
+    ones that few samples miss.
+    """
+    x = np.append(squares, squares.max())
+    most = x.mean() + t.ppf(level, x.size - 1) * x.std(ddof=1) / math.sqrt(x.size)
+    return Error(math.sqrt(max(float(squares.mean()), 0.0)), math.sqrt(max(float(most), 0.0)), squares.size)

@@ -1,0 +1,245 @@
+"""Adaptive measurement: the one public function, `adapt`."""
+
+import dataclasses
+import os
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypedDict, Unpack
+
+import numpy as np
+
+from gonio.data.files import refuse_outputs
+from gonio.data.interpolation.kriging import NAMES
+from gonio.data.interpolation.scattered import ISOTROPIC, MOST
+from gonio.data.interpolation.scattered import KEY as LAW
+from gonio.data.subject import SubjectLike, load_material
+from gonio.data.table import Table
+from gonio.instrument.instrument import Instrument
+from gonio.models.display import percent
+from gonio.models.errors import GonioError
+from gonio.planning.adaptive.accuracy import FLOOR, LEVEL, MEASURE, Error, difference, random_directions, shown
+from gonio.planning.adaptive.session import KEY, Session
+from gonio.planning.adaptive.table_strategy import Prediction, samples_at
+from gonio.planning.planned import LONGEST
+
+FIRST = 24
+"""Readings to begin with; twice as many of an anisotropic surface."""
+BATCH, GROWTH = 12, 0.25
+"""Readings of a round: so many, or that share of those there are."""
+FEWEST_CHECKS, USUAL_CHECKS, CHECKS = 20, 40, 100
+"""Shots of a check: with little time, at least, and at most; between these as many as there are readings."""
+CHECK_SHARE = 0.2
+"""Of the budget that the last check may take."""
+EAGER = 0.75
+"""Of the target that is expected before it is checked: a bound is larger than the error."""
+SEARCHED = 1.5
+"""Times as many readings, at which the law is searched from anew."""
+RATIOS, WRONG = (0.5, 4.0), 2.0
+"""Of an error to what was expected; from the last on the law is searched from anew."""
+STREAM = 0xADA7
+
+
+class AdaptOptions(TypedDict, total=False):
+    """Keywords of `gonio.adapt`; `help(gonio.adapt)` describes each."""
+
+    target: float | None
+    budget: float | None
+    output: str | os.PathLike[str] | None
+    seed: int
+    force: bool
+    log: Callable[[str], None] | None
+    command: str | None
+
+
+def adapt(material: SubjectLike, instrument: Instrument | None = None, **options: Unpack[AdaptOptions]) -> Table:
+    """Reads a material where the readings so far predict it worst, until an error is shown or the time is spent.
+
+    Readings are kriged; each round reads where the mean square of the expected error falls most. What is shown is
+    shown by directions drawn at random for it, which the prediction did not use: the error is the rms of `MEASURE`
+    (see `gonio.planning.adaptive.accuracy`), its bound counts their number and noise.
+
+    Args:
+        material: any subject; whether it is isotropic decides whether the light stays at one azimuth.
+        instrument: its noise, pace, ranges and shadow; ideal by default.
+        target: relative error to be shown, such as 0.01.
+        budget: seconds of moving, settling and counting; one of both at least.
+        output: a file; rounds are kept beside it, and the same call goes on where one was killed.
+        seed: of noise, systematic errors and the choice of directions.
+        force: replaces an existing output.
+        log: takes a line for each round.
+        command: the way to ask for this on the command line; the provenance keeps it.
+
+    Returns:
+        A table of scattered readings; its provenance holds each round under "adaptive": why, what was expected, what
+        was shown; and the law by which the readings predict.
+
+    Raises:
+        GonioError: neither target nor budget, a budget too short, a file that exists or is of another recipe.
+    """
+    if unknown := options.keys() - AdaptOptions.__annotations__.keys():
+        raise TypeError(f"adapt has no option '{min(unknown)}'")
+    target, budget, seed = options.get("target"), options.get("budget"), options.get("seed", 0)
+    _require(target, budget, seed)
+    output, force = options.get("output"), options.get("force", False)
+    if output is not None and isinstance(material, str | os.PathLike):
+        refuse_outputs([output], [material], force)
+    kept = {"output": output, "force": force, "command": options.get("command")}
+    about = {"strategy": "table", "target": target, "budget_s": budget, "measure": MEASURE, "level": LEVEL}
+    session = Session.begin(load_material(material), instrument or Instrument(), int(seed), about, **kept)
+    isotropic = session.isotropic
+    about["assumed"] = f"reciprocity{ISOTROPIC if isotropic else ''}"
+    loop = _Loop(session, target, budget, options.get("log") or (lambda text: None))
+    while loop.outcome is None:
+        loop.step()
+        session.save()
+    session.about |= loop.outcome
+    return session.finish(output, force, **{LAW: _stated(session.rounds[-1]["law"])})
+
+
+class Outcome(NamedTuple):
+    """What an adaptive measurement ended with: whether the target is shown, the error, and the bound on it."""
+
+    shown: bool
+    sentence: str
+
+    @classmethod
+    def of(cls, table: Table) -> "Outcome":
+        """That of a table's provenance."""
+        kept = table.provenance[KEY]
+        return cls(bool(kept["shown"]), str(kept["verdict"]))
+
+
+def _require(target: float | None, budget: float | None, seed: int) -> None:
+    if target is None and budget is None:
+        raise GonioError("give a target, such as 1%, or a budget of time, such as 2h, or both")
+    if target is not None and not 0 < target < 1:
+        raise GonioError(f"the target is {target:g}; give a relative error between 0 and 1, such as 0.01")
+    if budget is not None and not 0 < budget <= LONGEST:
+        raise GonioError(f"the budget is {budget:g} s; give more than 0 and at most {LONGEST:g} s")
+    if not (isinstance(seed, int | np.integer) and 0 <= seed < 1 << 64):
+        raise GonioError(f"the seed is {seed!r}; give a whole number from 0 to 2^64 − 1")
+
+
+def _stated(law: list[float]) -> dict[str, Any]:
+    return {"law": dict(zip(NAMES, np.exp(law).tolist(), strict=True)), "floor": FLOOR}
+
+
+@dataclasses.dataclass
+class _Loop:
+    """One round after another; each depends on the session and its number alone."""
+
+    session: Session
+    target: float | None
+    budget: float | None
+    log: Callable[[str], None]
+
+    @property
+    def outcome(self) -> dict[str, Any] | None:
+        """Error, bound and verdict, once there is one."""
+        rounds = self.session.rounds
+        return rounds[-1].get("outcome") if rounds else None
+
+    def step(self) -> None:
+        """Begins, reads where it is worst, or checks."""
+        session, rng = self.session, np.random.default_rng([self.session.seed, STREAM, len(self.session.rounds)])
+        if not session.count:
+            self._begin(rng)
+            return
+        prediction, searched = self._prediction()
+        expected = prediction.expected(session.isotropic, rng) * self._ratio()
+        left, checks = self._affordable()
+        law = {"law": prediction.system.law.tolist(), "searched": searched, "expected_error": expected}
+        if left <= checks or (self.target is not None and expected <= EAGER * self.target):
+            self._check(prediction, min(checks, left), left <= checks, law, rng)
+            return
+        count = min(max(BATCH, int(GROWTH * session.count)), left - checks)
+        angles = prediction.next_shots(count, session.isotropic, rng)
+        why = "where a reading lets the expected error fall most"
+        session.read(angles[:, : self._fitting(angles)], purpose="refine", why=why, **law)
+        self._report(f"{percent(expected)} expected before")
+
+    def _begin(self, rng: np.random.Generator) -> None:
+        session = self.session
+        count = FIRST if session.isotropic else 2 * FIRST
+        angles = random_directions(count, session.instrument, session.isotropic, rng)
+        if angles.shape[1] < count:
+            raise GonioError("the instrument reaches no direction; give larger ranges, or a smaller shadow")
+        need = session.seconds(angles[:, session.short_way(angles)]) * (1 + FEWEST_CHECKS / count)
+        if self.budget is not None and need > self.budget:
+            raise GonioError(
+                f"a budget of {self.budget:g} s is too short: {count} readings to begin with and {FEWEST_CHECKS} to "
+                f"check need about {need:.0f} s; give more time"
+            )
+        session.read(angles, purpose="start", why="random, as the error weighs directions")
+        self._report("to begin with")
+
+    def _prediction(self) -> tuple[Prediction, bool]:
+        session, valid = self.session, self.session.valid
+        last = [r for r in session.rounds if "law" in r]
+        searched = [r for r in last if r["searched"]]
+        again = not searched or session.count > SEARCHED * searched[-1]["readings"][0] or self._ratio() > WRONG
+        f, u_f = (session.values[name][valid] for name in ("f", "u_f"))
+        samples = samples_at(session.angles[:, valid], f, u_f, session.isotropic)
+        law = None if again else np.array(last[-1]["law"])
+        return Prediction.of(samples, session.instrument, law), again
+
+    def _ratio(self) -> float:
+        """The error that the last check showed, over what was expected then."""
+        checks = [r for r in self.session.rounds if r["purpose"] == "check"]
+        return float(np.clip(checks[-1]["error"] / max(checks[-1]["predicted"], 1e-12), *RATIOS)) if checks else 1.0
+
+    def _affordable(self) -> tuple[int, int]:
+        """(readings that time and size allow, those of a check)."""
+        left = MOST - self.session.count
+        checks = int(np.clip(self.session.count, USUAL_CHECKS, CHECKS))
+        if self.budget is None:
+            return left, checks
+        each = 1.05 * self.session.seconds() / self.session.count
+        checks = int(np.clip(CHECK_SHARE * self.budget / each, FEWEST_CHECKS, checks))
+        return min(left, int((self.budget - self.session.seconds()) / each)), checks
+
+    def _fitting(self, angles: np.ndarray) -> int:
+        """How many of the directions (4, n), the best first, the time allows beside a check."""
+        count = angles.shape[1]
+        if self.budget is None:
+            return count
+        each = self.session.seconds() / self.session.count
+        limit = self.budget - FEWEST_CHECKS * each
+        while count > 1 and self.session.seconds(angles[:, self.session.short_way(angles[:, :count])]) > limit:
+            count = int(0.9 * count)
+        return count
+
+    def _check(
+        self, prediction: Prediction, count: int, last: bool, law: dict[str, Any], rng: np.random.Generator
+    ) -> None:
+        session, first = self.session, self.session.count
+        predicted = law["expected_error"] / self._ratio()
+        drawn = prediction.check_shots(max(count, FEWEST_CHECKS // 2), session.isotropic, rng)
+        before = prediction.values(drawn.angles)
+        order = session.read(drawn.angles, purpose="check", why="at random, to be compared with the prediction", **law)
+        valid = session.valid[first:]
+        f, u_f = (session.values[name][first:][valid] for name in ("f", "u_f"))
+        d, u = difference(before[order][valid], f, u_f)
+        number = sum(r["purpose"] == "check" for r in session.rounds)
+        level = 1 - (1 - LEVEL) / (number * (number + 1))  # all checks together err as often as LEVEL says
+        error = shown(np.mean(d**2 - u**2, axis=1) / drawn.often[order][valid], level)
+        reached = self.target is not None and error.bound <= self.target
+        session.rounds[-1] |= {"error": error.value, "bound": error.bound, "level": level, "predicted": predicted}
+        self._report(f"{percent(error.value)} shown, at most {percent(error.bound)}")
+        if reached or last:
+            session.rounds[-1]["outcome"] = self._outcome(error, reached, first)
+
+    def _outcome(self, error: Error, reached: bool, first: int) -> dict[str, Any]:
+        session = self.session
+        if reached:
+            what = "target shown"
+        else:
+            what = "as many readings as can be interpolated" if self.budget is None else "budget spent"
+        verdict = (
+            f"{what}: error {percent(error.value)}, at most {percent(error.bound)} ({percent(LEVEL)} sure), by "
+            f"{error.readings} directions that {first} readings were to predict; {session.seconds() / 3600:.3g} h"
+        )
+        return {"shown": reached, "error": error.value, "bound": error.bound, "verdict": verdict}
+
+    def _report(self, text: str) -> None:
+        session = self.session
+        self.log(f"round {len(session.rounds)}: {session.count} readings, {session.seconds() / 3600:.3g} h, {text}")
