@@ -14,6 +14,7 @@ from gonio.data.interpolation.scattered import KEY as LAW
 from gonio.data.subject import SubjectLike, load_material
 from gonio.data.table import Table
 from gonio.instrument.instrument import Instrument
+from gonio.instrument.scans import is_isotropic
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.planning.adaptive.accuracy import FLOOR, LEVEL, MEASURE, Error, difference, random_directions, shown
@@ -54,7 +55,7 @@ def adapt(material: SubjectLike, instrument: Instrument | None = None, **options
     """Reads a material where the readings so far predict it worst, until an error is shown or the time is spent.
 
     Readings are kriged; each round reads where the mean square of the expected error falls most. What is shown is
-    shown by directions drawn at random for it, which the prediction did not use: the error is the rms of `MEASURE`
+    shown by directions shots at random for it, which the prediction did not use: the error is the rms of `MEASURE`
     (see `gonio.planning.adaptive.accuracy`), its bound counts their number and noise.
 
     Args:
@@ -84,9 +85,9 @@ def adapt(material: SubjectLike, instrument: Instrument | None = None, **options
         refuse_outputs([output], [material], force)
     kept = {"output": output, "force": force, "command": options.get("command")}
     about = {"strategy": "table", "target": target, "budget_s": budget, "measure": MEASURE, "level": LEVEL}
-    session = Session.begin(load_material(material), instrument or Instrument(), int(seed), about, **kept)
-    isotropic = session.isotropic
-    about["assumed"] = f"reciprocity{ISOTROPIC if isotropic else ''}"
+    subject = load_material(material)
+    about["assumed"] = f"reciprocity{ISOTROPIC if is_isotropic(subject.brdf) else ''}"
+    session = Session.begin(subject, instrument or Instrument(), int(seed), about, **kept)
     loop = _Loop(session, target, budget, options.get("log") or (lambda text: None))
     while loop.outcome is None:
         loop.step()
@@ -146,12 +147,12 @@ class _Loop:
             return
         prediction, searched = self._prediction()
         expected = prediction.expected(session.isotropic, rng) * self._ratio()
-        left, checks = self._affordable()
+        possible, checks = self._affordable()
         law = {"law": prediction.system.law.tolist(), "searched": searched, "expected_error": expected}
-        if left <= checks or (self.target is not None and expected <= EAGER * self.target):
-            self._check(prediction, min(checks, left), left <= checks, law, rng)
+        if possible <= checks or (self.target is not None and expected <= EAGER * self.target):
+            self._check(prediction, min(checks, possible), possible <= checks, law, rng)
             return
-        count = min(max(BATCH, int(GROWTH * session.count)), left - checks)
+        count = min(max(BATCH, int(GROWTH * session.count)), possible - checks)
         angles = prediction.next_shots(count, session.isotropic, rng)
         why = "where a reading lets the expected error fall most"
         session.read(angles[:, : self._fitting(angles)], purpose="refine", why=why, **law)
@@ -189,13 +190,13 @@ class _Loop:
 
     def _affordable(self) -> tuple[int, int]:
         """(readings that time and size allow, those of a check)."""
-        left = MOST - self.session.count
+        room = MOST - self.session.count
         checks = int(np.clip(self.session.count, USUAL_CHECKS, CHECKS))
         if self.budget is None:
-            return left, checks
+            return room, checks
         each = 1.05 * self.session.seconds() / self.session.count
         checks = int(np.clip(CHECK_SHARE * self.budget / each, FEWEST_CHECKS, checks))
-        return min(left, int((self.budget - self.session.seconds()) / each)), checks
+        return min(room, int((self.budget - self.session.seconds()) / each)), checks
 
     def _fitting(self, angles: np.ndarray) -> int:
         """How many of the directions (4, n), the best first, the time allows beside a check."""
@@ -213,15 +214,15 @@ class _Loop:
     ) -> None:
         session, first = self.session, self.session.count
         predicted = law["expected_error"] / self._ratio()
-        drawn = prediction.check_shots(max(count, FEWEST_CHECKS // 2), session.isotropic, rng)
-        before = prediction.values(drawn.angles)
-        order = session.read(drawn.angles, purpose="check", why="at random, to be compared with the prediction", **law)
+        shots = prediction.check_shots(max(count, FEWEST_CHECKS // 2), session.isotropic, rng)
+        before = prediction.values(shots.angles)
+        order = session.read(shots.angles, purpose="check", why="at random, to be compared with the prediction", **law)
         valid = session.valid[first:]
         f, u_f = (session.values[name][first:][valid] for name in ("f", "u_f"))
         d, u = difference(before[order][valid], f, u_f)
         number = sum(r["purpose"] == "check" for r in session.rounds)
         level = 1 - (1 - LEVEL) / (number * (number + 1))  # all checks together err as often as LEVEL says
-        error = shown(np.mean(d**2 - u**2, axis=1) / drawn.often[order][valid], level)
+        error = shown(np.mean(d**2 - u**2, axis=1) / shots.often[order][valid], level)
         reached = self.target is not None and error.bound <= self.target
         session.rounds[-1] |= {"error": error.value, "bound": error.bound, "level": level, "predicted": predicted}
         self._report(f"{percent(error.value)} shown, at most {percent(error.bound)}")

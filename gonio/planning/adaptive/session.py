@@ -55,7 +55,8 @@ class Session:
             GonioError: the output exists and not `force`, or its unfinished file is of another recipe.
         """
         output, force = kept["output"], kept["force"]
-        session = cls(material, instrument, seed, about, kept["command"])
+        session = cls(material, instrument, seed, dict(about), kept["command"])
+        session.about["recipe"] = session._recipe()
         if output is None:
             return session
         refuse_existing(output, force)
@@ -133,7 +134,7 @@ class Session:
         """All readings, scattered."""
         reader = self._reader()
         about = provenance_of(reader, self.command)
-        about[KEY] = {**self.about, "rounds": self.rounds, "recipe": self._recipe(about)}
+        about[KEY] = {**self.about, "rounds": self.rounds}
         f, u_f, flag = (self.values[name] for name in ("f", "u_f", "flag"))
         source, receiver = self.instrument.solid_angles()
         return Table(reader.layout, f, flag, self.material.channels, u_f, about, source, receiver, self.material.name)
@@ -141,14 +142,13 @@ class Session:
     def _reader(self) -> Reader:
         return Reader(self.material, self.instrument, layouts.scattered(*self.angles), self.seed)
 
-    def _recipe(self, provenance: dict[str, Any]) -> str:
-        content = [recipe_of(provenance, self.material), self.about]
+    def _recipe(self) -> str:
+        """Digest of what determines the readings."""
+        reader = Reader(self.material, self.instrument, layouts.scattered(*np.zeros((4, 1))), self.seed)
+        content = [recipe_of(provenance_of(reader, None), self.material), self.about]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def _take_up(self, part: Path, force: bool) -> None:
-        self.angles = np.zeros((4, 1))
-        recipe = self._recipe(provenance_of(self._reader(), None))
-        self.angles = np.zeros((4, 0))
         try:
             if part.is_symlink():
                 raise GonioError("a link")
@@ -156,7 +156,7 @@ class Session:
             kept = table.provenance.get(KEY, {})
         except GonioError:
             table, kept = None, {}
-        if table is None or kept.get("recipe") != recipe:
+        if table is None or kept.get("recipe") != self.about["recipe"]:
             if force and table is not None and kept:
                 return
             what = (

@@ -1,0 +1,104 @@
+"""Adaptive measurement: it ends as it says, keeps to its time, and goes on bit for bit where it was killed."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import gonio
+from gonio.data.hdf5.writer import open_table
+from gonio.data.interpolation.multilinear import as_material
+from gonio.data.subject import load_material
+from gonio.instrument.instrument import Instrument
+from gonio.models.evaluation import evaluate
+from gonio.models.geometry.directions import from_spherical
+from gonio.planning.adaptive.accuracy import difference, random_directions
+
+SATIN = "lambert(rho=0.3) + ggx(alpha=0.3, f0=0.04)"
+
+
+def true_error(table, material=SATIN):
+    """Of the table as everything reads it, over new directions."""
+    angles = random_directions(1000, Instrument(), True, np.random.default_rng(7))
+    wi, wo = (from_spherical(*angles[k : k + 2], np) for k in (0, 2))
+    values = [
+        np.asarray(evaluate(b, wi, wo)).reshape(1000, -1) for b in (as_material(table), load_material(material).brdf)
+    ]
+    return float(np.sqrt(np.mean(difference(*values)[0] ** 2)))
+
+
+def test_a_target_is_shown_and_true():
+    lines = []
+    table = gonio.adapt(SATIN, target=0.03, log=lines.append)
+    kept = table.provenance["adaptive"]
+    assert kept["shown"] and kept["error"] <= kept["bound"] <= 0.03 and "target shown" in kept["verdict"]
+    assert true_error(table) < 0.03
+    ends = [r["readings"] for r in kept["rounds"]]
+    assert ends[0][0] == 0 and ends[-1][1] == table.layout.size < 250 and len(lines) == len(ends)
+    assert all(a[1] == b[0] for a, b in itertools.pairwise(ends))
+    assert [r["purpose"] for r in kept["rounds"]][:: len(ends) - 1] == ["start", "check"]
+
+
+def test_a_budget_is_kept_and_what_was_reached_is_told():
+    instrument = Instrument(photons=1e5)
+    table = gonio.adapt(SATIN, instrument, budget=300.0, target=1e-6, seed=3)
+    kept = table.provenance["adaptive"]
+    angles = [np.asarray(a) for a in table.layout.angles()]
+    assert instrument.pace.path_seconds(angles, 1.0) == pytest.approx(kept["rounds"][-1]["seconds"], abs=1e-2)
+    assert 200 < kept["rounds"][-1]["seconds"] <= 300 and not kept["shown"] and "budget spent" in kept["verdict"]
+    assert true_error(table) < kept["bound"] and (np.asarray(table.u_f) > 0).all()
+
+
+def test_a_killed_measurement_goes_on_bit_for_bit(tmp_path):
+    whole = gonio.adapt(SATIN, Instrument(photons=1e6), budget=240.0)
+    path, part = tmp_path / "t.h5", tmp_path / "t.h5.part"
+    for _ in range(3):
+
+        def killed(line):
+            raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            gonio.adapt(SATIN, Instrument(photons=1e6), budget=240.0, output=path, log=killed)
+    assert not path.exists()
+    with pytest.raises(KeyboardInterrupt):
+        gonio.adapt(SATIN, Instrument(photons=1e6), budget=240.0, output=path, log=_Twice())
+    assert open_table(part).layout.size == whole.provenance["adaptive"]["rounds"][0]["readings"][1]
+    with pytest.raises(gonio.GonioError, match="another recipe"):
+        gonio.adapt(SATIN, Instrument(photons=1e6), budget=300.0, output=path)
+    table = gonio.adapt(SATIN, Instrument(photons=1e6), budget=240.0, output=path)
+    np.testing.assert_array_equal(table.f, whole.f)
+    assert not part.exists() and table.provenance["adaptive"] == whole.provenance["adaptive"]
+
+
+class _Twice:
+    """Kills at the second line."""
+
+    count = 0
+
+    def __call__(self, line):
+        self.count += 1
+        if self.count == 2:
+            raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "give a target"),
+        ({"target": 1.5}, "between 0 and 1"),
+        ({"budget": -3.0}, "more than 0"),
+        ({"budget": 20.0}, "too short"),
+        ({"target": 0.1, "seed": -1}, "the seed"),
+    ],
+)
+def test_what_is_no_measurement_is_refused(options, message):
+    with pytest.raises(gonio.GonioError, match=message):
+        gonio.adapt("lambert(rho=0.5)", **options)
+
+
+def test_a_file_that_is_no_adaptive_measurement_is_kept(tmp_path):
+    part = tmp_path / "t.h5.part"
+    part.write_text("mine")
+    with pytest.raises(gonio.GonioError, match="no unfinished adaptive measurement"):
+        gonio.adapt("lambert(rho=0.5)", target=0.1, output=tmp_path / "t.h5", force=True)
+    assert part.read_text() == "mine"
