@@ -167,7 +167,7 @@ class Table(Displayed):
         return importlib.import_module("gonio.data").to_dataset(self)
 
     def save(self, path: "str | os.PathLike[str]", force: bool = False) -> "RoundTrip":
-        """Writes the table in the format of the path's ending (.h5, .csv, .binary), whole or not at all.
+        """Writes the table in the format of the path's ending (.h5, .csv, .bsdf, .binary), whole or not at all.
 
         Returns:
             What reading the file again shows to be lost.

@@ -31,6 +31,7 @@ _PUBLIC = {  # public name: where it is defined; `__init__.pyi` has the same for
     "adapt": "gonio.planning.adaptive.adaptive_measurement:adapt",
     "chart": "gonio.charts:chart",
     "check": "gonio.checks.certify:check",
+    "convert": "gonio.data.convert:convert",
     "fit": "gonio.fitting.fit_table:fit",
     "fit_many": "gonio.fitting.batch:fit_many",
     "material": "gonio.data.subject:load_material",

@@ -2,6 +2,7 @@ from gonio.charts import chart as chart
 from gonio.checks.certificate import Certificate as Certificate
 from gonio.checks.certify import check as check
 from gonio.checks.repairs.nearest_table import repair as repair
+from gonio.data.convert import convert as convert
 from gonio.data.formats.registry import read as _read
 from gonio.data.material import Material as Material
 from gonio.data.reduction.coarsest_table import reduce_table as reduce
@@ -35,6 +36,7 @@ __all__ = [
     "adapt",
     "chart",
     "check",
+    "convert",
     "fit",
     "fit_many",
     "material",

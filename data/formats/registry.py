@@ -61,6 +61,10 @@ class Format:
     """By the signature alone: what is damaged behind it is the reader's to say."""
     read: Callable[..., "Table | Material"]
     write: Callable[..., RoundTrip] | None = None
+    """From a path, a table and `force`; and options of its own."""
+    writes_models: bool = False
+    """Whether `write` takes a material too."""
+    write_options: tuple[str, ...] = ()
     options: tuple[str, ...] = ()
     """Keywords of `read`."""
     suffixes: tuple[str, ...] = ()
@@ -81,6 +85,18 @@ def _write_hdf5(path: str | os.PathLike[str], table: Table, force: bool = False)
     return write_compared(path, table, force)
 
 
+def _write_merl(path: str | os.PathLike[str], source: "Table | Material", force: bool = False) -> RoundTrip:
+    return merl.write_merl(path, source if isinstance(source, Table) else source.brdf, force)
+
+
+def _write_rgl(
+    path: str | os.PathLike[str], source: "Table | Material", force: bool = False, **options: Any
+) -> RoundTrip:
+    from gonio.data.formats.rgl_write import write_rgl  # SciPy and JAX are loaded with the first such file
+
+    return write_rgl(path, source, force, **options)
+
+
 FORMATS = (
     Format(
         "material", "a material (.toml)", "model",
@@ -95,11 +111,14 @@ FORMATS = (
         "HDF5", "a table of gonio (HDF5)", "table", lambda head: head.start.startswith(b"\x89HDF\r\n\x1a\n"),
         _read_hdf5, _write_hdf5, suffixes=(".h5", ".hdf5", ".nc"),
     ),
-    Format("RGL", "RGL .bsdf", "table", lambda head: head.start.startswith(b"tensor_file\0"), rgl_file.read_rgl),
+    Format(
+        "RGL", "RGL .bsdf", "table", lambda head: head.start.startswith(b"tensor_file\0"),
+        rgl_file.read_rgl, _write_rgl, writes_models=True, write_options=("channel_bytes",), suffixes=(".bsdf",),
+    ),
     Format(
         "MERL", "MERL .binary", "table",
         lambda head: merl.has_header(head.start, head.size) or (head.binary and head.suffix == ".binary"),
-        merl.read_merl, merl.write_merl, options=("nodes",), suffixes=(".binary",),
+        merl.read_merl, _write_merl, writes_models=True, options=("nodes",), suffixes=(".binary",),
     ),
     Format(
         "NIST", "NIST's PTFE CSV", "table", lambda head: bool(nist_ptfe.columns_of(head.columns)),
@@ -198,14 +217,32 @@ def writable(path: str | os.PathLike[str]) -> Format:
     raise GonioError(f"{path} ends in '{_suffix(path)}'; give {', '.join(first)} or {last} to say the format")
 
 
-def write(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
-    """Writes a table in the format of the path's ending, and returns what reading it again shows to be lost.
+def write(path: str | os.PathLike[str], source: "Table | Material", force: bool = False, **options: Any) -> RoundTrip:
+    """Writes a table, or a material where the format holds models, in the format of the path's ending.
 
-    Raises GonioError for another ending, where `path` exists (unless `force`), and where it cannot be written.
+    Args:
+        path: its ending says the format.
+        source: a table or a material.
+        force: replaces an existing file.
+        options: `channel_bytes` for RGL (see `gonio.data.formats.rgl_write.write_rgl`).
+
+    Returns:
+        What reading the file again shows to be lost.
+
+    Raises:
+        GonioError: another ending, a model for a format of readings, an option that the format does not have, a path
+            that exists (unless `force`) or cannot be written.
     """
-    writer = writable(path).write
-    assert writer is not None
-    return writer(path, table, force=force)
+    known = writable(path)
+    if not (isinstance(source, Table) or known.writes_models):
+        raise GonioError(
+            f"{source.name} is a model, and {known.name} holds readings; measure it first: gonio measure "
+            f"'{source.name}' -o T.h5"
+        )
+    if unknown := sorted(set(options) - set(known.write_options)):
+        raise GonioError(f"{path} is written as {known.name}, which has no option {unknown[0]!r}; leave it out")
+    assert known.write is not None
+    return known.write(path, source, force=force, **options)
 
 
 def _suffix(path: str | os.PathLike[str]) -> str:

@@ -72,15 +72,21 @@ def read_rgl_data(path: str | os.PathLike[str]) -> RGLData:
     if phi_i.size > 2 and np.rint(2 * np.pi / np.ptp(phi_i)) not in (1, 2, 4):
         fail(f"phi_i covers {np.degrees(np.ptp(phi_i)):.3g} degrees, expected 90, 180 or 360")
     description = bytes(fields.get("description", np.zeros(0, np.uint8)).astype(np.uint8)).decode(errors="replace")
-    return RGLData(theta_i, phi_i, ndf, sigma, vndf, spectra, channels, description.strip("\0 "), jacobian)
+    mask = fields.get("valid")
+    nodes = spectra.size // spectra.shape[2]
+    valid = None
+    if mask is not None and mask.dtype == np.uint8 and mask.size == -(-nodes // 8):
+        valid = np.unpackbits(mask)[:nodes].astype(bool).reshape(*expected, *spectra.shape[-2:])
+    return RGLData(theta_i, phi_i, ndf, sigma, vndf, spectra, channels, description.strip("\0 "), jacobian, valid)
 
 
 def read_rgl(path: str | os.PathLike[str]) -> Table:
     """The table of an RGL file: its own samples, scattered; f in 1/sr, the files' cosine divided out.
 
-    A sample at or below the horizon (to the files' single precision) is BELOW_HORIZON; negative values are
-    kept. The light of an isotropic file stands at phi = 0. `Table.interpolant` is
-    `gonio.data.interpolation.rgl_warp.RGLMaterial`. Raises GonioError for a damaged file.
+    A sample at or below the horizon (to the files' single precision) is BELOW_HORIZON; one above it that the
+    file's field `valid` excludes is NOT_MEASURED; negative values are kept. The light of an isotropic file stands at
+    phi = 0. `Table.interpolant` is `gonio.data.interpolation.rgl_warp.RGLMaterial`. Raises GonioError for a damaged
+    file.
     """
     data = read_rgl_data(path)
     # Two azimuths mark an isotropic file of an older kind: both hold the same.
@@ -95,6 +101,8 @@ def read_rgl(path: str | os.PathLike[str]) -> Table:
     f = np.concatenate(values)
     flag = np.zeros(f.shape, np.uint8)
     flag[np.minimum(*grid.cosines()) <= FLOAT32_HORIZON] = Flag.BELOW_HORIZON
+    if data.valid is not None:
+        flag[(flag == Flag.VALID) & ~data.valid[:phi_count].reshape(-1, 1)] = Flag.NOT_MEASURED
     f[flag != Flag.VALID] = np.nan
 
     def interpolant(coarse: bool = False) -> "AbstractBRDF":

@@ -24,6 +24,8 @@ class RGLData:
     channels: Channels
     description: str
     jacobian: bool
+    valid: np.ndarray | None = None
+    """(phi, theta, r, r): which samples are values; None where the file does not say it."""
 
     @property
     def isotropic(self) -> bool:
@@ -52,7 +54,7 @@ def coarser(data: RGLData) -> RGLData:
     kept = sorted({*range(0, count, 2), count - 1})
     half = max(2, (data.spectra.shape[-1] + 1) // 2)
     x, y = np.meshgrid(*2 * (np.linspace(0.0, 1.0, half),))
-    spectra = np.stack([[[_bilinear(c, x, y) for c in t] for t in p[kept]] for p in data.spectra])
+    spectra = np.stack([[[bilinear(c, x, y) for c in t] for t in p[kept]] for p in data.spectra])
     return dataclasses.replace(data, theta_i=data.theta_i[kept], vndf=data.vndf[:, kept], spectra=spectra)
 
 
@@ -60,19 +62,17 @@ def samples_of(data: RGLData, p: int, t: int) -> tuple[np.ndarray, np.ndarray, n
     """(wi, wo, f) of the r × r samples of one incidence; f is (r², channels), not finite below the horizon."""
     r = data.spectra.shape[-1]
     y, x = (axis.ravel() for axis in np.meshgrid(*2 * (np.linspace(0.0, 1.0, r),), indexing="ij"))
-    u_x, u_y = _warp(data, p, t, x, y)
+    u_x, u_y = warped(data, p, t, x, y)
     theta_i, phi_i = data.theta_i[t], 0.0 if data.isotropic else data.phi_i[p]
-    wi = _direction(theta_i, phi_i)
-    theta_m, phi_m = u_x**2 * (np.pi / 2), (2 * u_y - 1) * np.pi
-    if data.isotropic and theta_i == 0:
-        phi_m = phi_m + np.pi  # as `RGLMaterial` reads normal incidence, where the light has no azimuth
-    m = _direction(theta_m, phi_m)
+    wi = direction(theta_i, phi_i)
+    # `RGLMaterial` reads normal incidence, where the light has no azimuth, turned by π.
+    m = half_vector_at(u_x, u_y, np.pi if data.isotropic and theta_i == 0 else 0.0)
     twice = 2 * (wi @ m)
     wo = twice * m - wi[:, None]
     f = data.spectra[p, t].reshape(-1, r * r).T.copy()
     if data.jacobian:
         sigma = projected_area(data.sigma, theta_i, phi_i)
-        f *= (_bilinear(data.ndf, u_x, u_y) / (4 * sigma))[:, None]
+        f *= (bilinear(data.ndf, u_x, u_y) / (4 * sigma))[:, None]
     from gonio.models.geometry.horizon import HORIZON
 
     return wi, wo, f / np.where(wo[2] > HORIZON, wo[2], np.inf)[:, None]
@@ -80,14 +80,20 @@ def samples_of(data: RGLData, p: int, t: int) -> tuple[np.ndarray, np.ndarray, n
 
 def projected_area(sigma: np.ndarray, theta_i: Any, phi_i: Any) -> np.ndarray:
     """Projected area of the facets, σ, of a file's map at the directions of the light, radians, which broadcast."""
-    return _bilinear(sigma, np.sqrt(theta_i * 2 / np.pi), (phi_i + np.pi) / (2 * np.pi))
+    return bilinear(sigma, np.sqrt(theta_i * 2 / np.pi), (phi_i + np.pi) / (2 * np.pi))
 
 
-def _direction(theta: np.ndarray | float, phi: np.ndarray | float) -> np.ndarray:
+def half_vector_at(u_x: np.ndarray, u_y: np.ndarray, turn: float = 0.0) -> np.ndarray:
+    """Half vectors (3, n) at positions of the maps, turned about the normal."""
+    return direction(u_x**2 * (np.pi / 2), (2 * u_y - 1) * np.pi + turn)
+
+
+def direction(theta: Any, phi: Any) -> np.ndarray:
+    """Unit vectors (3, ...) of angles, radians."""
     return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0.0 * phi])
 
 
-def _warp(data: RGLData, p: int, t: int, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def warped(data: RGLData, p: int, t: int, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Positions (u_x, u_y) to which the samples (x, y) of one incidence are warped: row first, then column."""
     density, conditional, marginal = (a[p, t] for a in data.warp)
     h, w = density.shape
@@ -109,7 +115,8 @@ def _solve(area: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.clip(2 * area / np.where(a + root > 0, a + root, np.inf), 0.0, 1.0)
 
 
-def _bilinear(values: np.ndarray, x: Any, y: Any) -> np.ndarray:
+def bilinear(values: np.ndarray, x: Any, y: Any) -> np.ndarray:
+    """A map (rows, columns) at positions (x, y) of the unit square."""
     rows, columns = values.shape
     x, y = np.clip(x, 0, 1) * (columns - 1), np.clip(y, 0, 1) * (rows - 1)
     i, j = np.minimum(np.int64(x), columns - 2), np.minimum(np.int64(y), rows - 2)

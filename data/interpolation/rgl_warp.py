@@ -7,7 +7,7 @@ warp, at the half vector of a pair of directions, says where to read the spectra
 1)π.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -20,6 +20,21 @@ from gonio.models.geometry.directions import Direction, half_vector, to_spherica
 
 Slices = tuple[tuple[Array, Array], Array]
 """((phi numbers, theta numbers), weights) of the stored incidences around one."""
+
+
+class Place(NamedTuple):
+    """Where the arrays of a file are read for one pair of directions."""
+
+    slices: Slices
+    x: Array
+    y: Array
+    """Position among the samples of `spectra`, in [0, 1]."""
+    u_x: Array
+    u_y: Array
+    """Position in `ndf`: of the half vector."""
+    i_x: Array
+    i_y: Array
+    """Position in `sigma`: of the light."""
 
 
 class RGLMaterial(AbstractBRDF):
@@ -56,22 +71,26 @@ class RGLMaterial(AbstractBRDF):
         return self.same_all_round
 
     def formula(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
+        place = self.place(wi, wo)
+        value = _bilinear(self.spectra, place.slices, place.x, place.y)
+        if self.jacobian:
+            sigma = _bilinear(self.sigma, None, place.i_x, place.i_y)
+            ndf = _bilinear(self.ndf, None, place.u_x, place.u_y)
+            value = value * (ndf / (4 * jnp.where(sigma > 0, sigma, jnp.inf)))
+        return value / wo.z
+
+    def place(self, wi: Direction, wo: Direction) -> Place:
+        """Where the value of a pair of directions is read."""
         wi, wo = self._reduced(wi, wo)
-        m = half_vector(wi, wo)
         theta_i, phi_i = _spherical(wi)
-        theta_m, phi_m = _spherical(m)
+        theta_m, phi_m = _spherical(half_vector(wi, wo))
         if self.same_all_round:
             phi_m = phi_m - phi_i
         u_x = jnp.sqrt(theta_m * (2 / jnp.pi))
         u_y = jnp.mod((phi_m + jnp.pi) / (2 * jnp.pi), 1.0)
         slices = _slices(self.phi_i, self.theta_i, phi_i, theta_i)
         x, y = self._inverse_warp(slices, u_x, u_y)
-        value = _bilinear(self.spectra, slices, x, y)
-        if self.jacobian:
-            i_x, i_y = jnp.sqrt(theta_i * (2 / jnp.pi)), (phi_i + jnp.pi) / (2 * jnp.pi)
-            sigma = _bilinear(self.sigma, None, i_x, i_y)
-            value = value * (_bilinear(self.ndf, None, u_x, u_y) / (4 * jnp.where(sigma > 0, sigma, jnp.inf)))
-        return value / wo.z
+        return Place(slices, x, y, u_x, u_y, jnp.sqrt(theta_i * (2 / jnp.pi)), (phi_i + jnp.pi) / (2 * jnp.pi))
 
     def _reduced(self, wi: Direction, wo: Direction) -> tuple[Direction, Direction]:
         """Both directions in the sector of azimuths that the file stores: (−π, −π/2), (−π, 0) or all.

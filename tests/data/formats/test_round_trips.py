@@ -115,4 +115,5 @@ def test_merl_keeps_what_is_not_negative(data):
 
 
 def test_every_format_that_is_written_is_tried_here():
-    assert set(SUFFIXES) == {".h5", ".csv", ".binary"}
+    # What an RGL file keeps of a table: test_rgl_write.py
+    assert set(SUFFIXES) == {".h5", ".csv", ".binary", ".bsdf"}

@@ -1,0 +1,23 @@
+"""`gonio.convert`: subjects of every kind into files, in the format of the ending."""
+
+import numpy as np
+import pytest
+
+import gonio
+
+
+def test_a_model_becomes_a_merl_file_and_that_a_table_again(tmp_path):
+    trip = gonio.convert("lambert(rho=0.5)", tmp_path / "m.binary")
+    assert trip.lost == 0 and trip.max_relative < 1e-12
+    gonio.convert(tmp_path / "m.binary", tmp_path / "m.h5")
+    table = gonio.open(tmp_path / "m.h5")
+    np.testing.assert_allclose(table.samples(limit=100).f, 0.5 / np.pi)
+
+
+def test_a_model_is_no_table_of_readings(tmp_path):
+    with pytest.raises(gonio.GonioError, match="measure it first"):
+        gonio.convert("gold", tmp_path / "m.h5")
+    with pytest.raises(gonio.GonioError, match=r"give \.h5"):
+        gonio.convert("gold", tmp_path / "m.xyz")
+    with pytest.raises(gonio.GonioError, match="no option 'channel_bytes'"):
+        gonio.convert(gonio.material("gold"), tmp_path / "m.binary", channel_bytes=16384)
