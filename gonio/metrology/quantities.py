@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
+from gonio.data.material import Material
 from gonio.data.serialise import plain
 from gonio.data.subject import SubjectLike, load_material, resolve_subject
 from gonio.data.table import Table
@@ -26,13 +27,14 @@ from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 
 MOST_SHOWN = 8
+FitLike = FitResult | Material | str | os.PathLike[str]
 
 
 class QuantitiesOptions(TypedDict, total=False):
     """Keywords of `gonio.quantities`; `help(gonio.quantities)` describes each."""
 
     budget: bool
-    fit: FitResult | str | os.PathLike[str] | None
+    fit: FitLike | None
     instrument: Instrument | None
     uncertainty: Mapping[str, object]
     geometries: Sequence[str]
@@ -46,7 +48,7 @@ class QuantitiesSettings:
     """The options of `quantities`, complete; see `gonio.quantities`."""
 
     budget: bool = False
-    fit: FitResult | str | os.PathLike[str] | None = None
+    fit: FitLike | None = None
     instrument: Instrument | None = None
     uncertainty: Mapping[str, object] = dataclasses.field(default_factory=dict)
     geometries: Sequence[str] = ()
@@ -107,8 +109,8 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
         budget: tables only: each source's contribution to every quantity, in the form of the GUM; what is neither
             stored nor stated is listed as not known.
         fit: tables only: the numbers and albedos of a fit too, and its slopes for what errors of the angles do. A fit
-            result of this table, a model as `gonio.fit` takes it, "auto", or a fitted material's file, whose model is
-            fitted again.
+            result of this table, a model as `gonio.fit` takes it, "auto", or a fitted material or its file, whose model
+            is fitted again.
         instrument: the real instrument with its stated uncertainties; they go before what the table stores.
         uncertainty: uncertainties of single terms, such as {"gain": "0.5 %", "tilt": "0.05 deg rectangular dof 12"};
             they go before the instrument's.
@@ -158,22 +160,18 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
     return Quantities(name, "table", rows, budget, notes, fitted)
 
 
-def _fitted(table: Table, given: FitResult | str | os.PathLike[str]) -> FitResult:
+def _fitted(table: Table, given: FitLike) -> FitResult:
     """The fit itself; or the one of an expression, of "auto", or of a fitted material's file, made here."""
     if isinstance(given, FitResult):
         return given
-    if given == "auto":
-        return fit(table)
-    if isinstance(given, str) and "(" not in given and not Path(given).suffix:
-        return fit(table, given)
-    if isinstance(given, str) and not Path(given).exists():
-        return fit(table, given)
+    if isinstance(given, str) and not Path(given).is_file():
+        return fit(table, None if given == "auto" else given)
     material = load_material(given)
     stored = material.meta.get("fit")
     if not isinstance(stored, dict) or "asked" not in stored:
-        raise GonioError(f"{os.fspath(given)} is not a fitted material; give one that 'gonio fit' wrote, or a model")
+        raise GonioError(f"{material.name} is not a fitted material; give one that 'gonio fit' wrote, or a model")
     names = ("loss", "weight", "robust", "theta_max")
-    options: Any = {name: stored[name] for name in names if stored.get(name) is not None}
+    options: Any = {name: stored[name] for name in names if stored.get(name) not in (None, "scene")}
     return fit(table, str(stored["asked"]), **options)
 
 
