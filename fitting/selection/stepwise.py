@@ -247,7 +247,7 @@ def _creates_energy(c: Candidate, channels: int) -> bool:
         none = np.zeros((wi.z.size, channels))
         return CandidateProblem(c.terms, SelectionData.of(wi, wo, none, none, "linear", 1.0)).values(c.p)[0]
 
-    return largest_albedo(values).value > 1.0 + CREATES
+    return largest_albedo(values, channels).value > 1.0 + CREATES
 
 
 def _reference(search: _Search) -> Candidate:
