@@ -57,8 +57,14 @@ INSTRUMENT: Options = {
     "factor, offset as a share of the white diffuser's signal",
 }
 ADAPTIVE: Options = {
-    "--adaptive": "read where the readings so far predict worst (in place of a scan), kriging between them; what is "
-    "shown is shown by random directions that were not used",
+    "--adaptive STRATEGY": {
+        "nargs": "?",
+        "const": "table",
+        "help": "in place of a scan, read where it tells most, and show the error by random directions that were not "
+        "used; table (if nothing is said): where the readings so far predict worst, kriging between them; model: what "
+        "a fitted model needs, which grows where its residuals are structure",
+    },
+    "-m/--model MODEL": "of --adaptive model (default: selected, as gonio fit does)",
     "--target SHARE": {
         "type": str,
         "help": "until an error of at most this is shown, such as 1%%; exit status 1 if not",
@@ -107,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
 def _require_one_way(args: argparse.Namespace) -> None:
     """Refuses options of a scan beside --adaptive, and those of an adaptive measurement without it."""
     scans = [n for n in ("scan", "step", "phi_step", "theta_max", "theta_i", "float32") if getattr(args, n)]
-    ends = [n for n in ("target", "budget") if getattr(args, n)]
+    ends = [n for n in ("target", "budget", "model") if getattr(args, n)]
     if args.adaptive and scans:
         raise GonioError(f"--adaptive chooses its directions itself; leave --{scans[0].replace('_', '-')} out")
     if ends and not args.adaptive:
@@ -119,6 +125,7 @@ def _adaptive(args: argparse.Namespace, material: "Material", instrument: "Instr
 
     target, budget = (None if t is None else of(t) for t, of in ((args.target, share_of), (args.budget, seconds_of)))
     options: dict[str, Any] = {"output": args.output, "seed": args.seed, "force": args.force, "command": command}
+    options |= {"strategy": args.adaptive, "model": args.model}
     table = adapt(material, instrument, target=target, budget=budget, log=log, **options)
     outcome = Outcome.of(table)
     show(f"{outcome.sentence}\nwritten: {args.output}")

@@ -63,6 +63,8 @@ def faulty(here):
         (f"measure {MATT} --adaptive --budget 5s -o a.h5", "is too short"),
         (f"measure {MATT} --adaptive --target 1% --step 5 -o a.h5", "leave --step out"),
         (f"measure {MATT} --target 1% -o a.h5", "give --adaptive too"),
+        (f"measure {MATT} --adaptive grid --target 1% -o a.h5", "give table or model"),
+        (f"measure {MATT} --adaptive -m lambert --target 1% -o a.h5", "leave it out"),
         ("fit t.h5 -m lambert -o d.csv", "exists already"),
         ("fit t.h5 -m ggy", "did you mean 'ggx'?"),
         ("fit t.h5 -m lambert --loss cube", "did you mean 'cbrt'?"),

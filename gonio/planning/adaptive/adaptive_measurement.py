@@ -1,6 +1,7 @@
 """Adaptive measurement: the one public function, `adapt`."""
 
 import dataclasses
+import math
 import os
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypedDict, Unpack
@@ -17,25 +18,32 @@ from gonio.instrument.instrument import Instrument
 from gonio.instrument.scans import is_isotropic
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
+from gonio.models.expression.parser import parse
 from gonio.planning.adaptive.accuracy import FLOOR, LEVEL, MEASURE, Error, difference, random_directions, shown
+from gonio.planning.adaptive.model_strategy import ModelPrediction
+from gonio.planning.adaptive.prediction import Prediction
 from gonio.planning.adaptive.session import KEY, Session
-from gonio.planning.adaptive.table_strategy import Prediction, samples_at
+from gonio.planning.adaptive.table_strategy import TablePrediction
 from gonio.planning.planned import LONGEST
 
 FIRST = 24
 """Readings to begin with; twice as many of an anisotropic surface."""
-BATCH, GROWTH = 12, 0.25
-"""Readings of a round: so many, or that share of those there are."""
 FEWEST_CHECKS, USUAL_CHECKS, CHECKS = 20, 40, 100
 """Shots of a check: with little time, at least, and at most; between these as many as there are readings."""
+DOUBLED = 3
+"""Times that a check has twice as many shots, after others whose error was small but not their bound."""
 CHECK_SHARE = 0.2
 """Of the budget that the last check may take."""
 EAGER = 0.75
 """Of the target that is expected before it is checked: a bound is larger than the error."""
-SEARCHED = 1.5
-"""Times as many readings, at which the law is searched from anew."""
-RATIOS, WRONG = (0.5, 4.0), 2.0
-"""Of an error to what was expected; from the last on the law is searched from anew."""
+STALLED, STUCK = 0.9, 0.7
+"""Of the error expected before, and shown before, that a model hardly betters."""
+RATIOS = (0.5, 4.0)
+"""Of an error to what was expected."""
+STRATEGIES: dict[str, Callable[[Session, float], Prediction]] = {
+    "table": TablePrediction.of,
+    "model": ModelPrediction.of,
+}
 STREAM = 0xADA7
 
 
@@ -44,6 +52,8 @@ class AdaptOptions(TypedDict, total=False):
 
     target: float | None
     budget: float | None
+    strategy: str
+    model: str | None
     output: str | os.PathLike[str] | None
     seed: int
     force: bool
@@ -54,15 +64,18 @@ class AdaptOptions(TypedDict, total=False):
 def adapt(material: SubjectLike, instrument: Instrument | None = None, **options: Unpack[AdaptOptions]) -> Table:
     """Reads a material where the readings so far predict it worst, until an error is shown or the time is spent.
 
-    Readings are kriged; each round reads where the mean square of the expected error falls most. What is shown is
-    shown by directions shots at random for it, which the prediction did not use: the error is the rms of `MEASURE`
-    (see `gonio.planning.adaptive.accuracy`), its bound counts their number and noise.
+    By the strategy "table" readings are kriged, and each round reads where the mean square of the expected error falls
+    most. By "model" a model is fitted, selected anew where its residuals are structure, and the planner chooses what
+    its predictions need. What is shown is shown by random directions that the prediction did not use: the error is the
+    rms of `MEASURE` (see `gonio.planning.adaptive.accuracy`), and its bound counts their number and noise.
 
     Args:
         material: any subject; whether it is isotropic decides whether the light stays at one azimuth.
         instrument: its noise, pace, ranges and shadow; ideal by default.
         target: relative error to be shown, such as 0.01.
         budget: seconds of moving, settling and counting; one of both at least.
+        strategy: "table" (the default) or "model".
+        model: of the second, as `gonio.fit` takes it; by default it is selected, and grows.
         output: a file; rounds are kept beside it, and the same call goes on where one was killed.
         seed: of noise, systematic errors and the choice of directions.
         force: replaces an existing output.
@@ -71,7 +84,7 @@ def adapt(material: SubjectLike, instrument: Instrument | None = None, **options
 
     Returns:
         A table of scattered readings; its provenance holds each round under "adaptive": why, what was expected, what
-        was shown; and the law by which the readings predict.
+        was shown; and what predicts, the law of the readings or the model.
 
     Raises:
         GonioError: neither target nor budget, a budget too short, a file that exists or is of another recipe.
@@ -84,16 +97,18 @@ def adapt(material: SubjectLike, instrument: Instrument | None = None, **options
     if output is not None and isinstance(material, str | os.PathLike):
         refuse_outputs([output], [material], force)
     kept = {"output": output, "force": force, "command": options.get("command")}
-    about = {"strategy": "table", "target": target, "budget_s": budget, "measure": MEASURE, "level": LEVEL}
+    about = {"target": target, "budget_s": budget, "measure": MEASURE, "level": LEVEL}
+    about |= _strategy(options.get("strategy", "table"), options.get("model"))
     subject = load_material(material)
-    about["assumed"] = f"reciprocity{ISOTROPIC if is_isotropic(subject.brdf) else ''}"
+    assumed = ISOTROPIC if is_isotropic(subject.brdf) else ""
+    about["assumed"] = f"reciprocity{assumed}" if about["strategy"] == "table" else "the model"
     session = Session.begin(subject, instrument or Instrument(), int(seed), about, **kept)
     loop = _Loop(session, target, budget, options.get("log") or (lambda text: None))
     while loop.outcome is None:
         loop.step()
         session.save()
     session.about |= loop.outcome
-    return session.finish(output, force, **{LAW: _stated(session.rounds[-1]["law"])})
+    return session.finish(output, force, **_stated(session.rounds[-1]))
 
 
 class Outcome(NamedTuple):
@@ -120,8 +135,21 @@ def _require(target: float | None, budget: float | None, seed: int) -> None:
         raise GonioError(f"the seed is {seed!r}; give a whole number from 0 to 2^64 − 1")
 
 
-def _stated(law: list[float]) -> dict[str, Any]:
-    return {"law": dict(zip(NAMES, np.exp(law).tolist(), strict=True)), "floor": FLOOR}
+def _strategy(strategy: str, model: str | None) -> dict[str, Any]:
+    if strategy not in STRATEGIES:
+        raise GonioError(f"the strategy is {strategy!r}; give {' or '.join(STRATEGIES)}")
+    if strategy == "table" and model is not None:
+        raise GonioError("a model belongs to the strategy 'model'; leave it out, or give that strategy")
+    if model is not None:
+        parse(model)
+    return {"strategy": strategy, "model": model}
+
+
+def _stated(last: dict[str, Any]) -> dict[str, Any]:
+    """The law by which a table predicts, as its interpolation takes it."""
+    if "law" not in last:
+        return {}
+    return {LAW: {"law": dict(zip(NAMES, np.exp(last["law"]).tolist(), strict=True)), "floor": FLOOR}}
 
 
 @dataclasses.dataclass
@@ -145,17 +173,21 @@ class _Loop:
         if not session.count:
             self._begin(rng)
             return
-        prediction, searched = self._prediction()
-        expected = prediction.expected(session.isotropic, rng) * self._ratio()
+        prediction = STRATEGIES[session.about["strategy"]](session, self._ratio())
+        # What a model leaves out no more readings of it tell: what is expected of it stays what its numbers leave.
+        predicted = prediction.expected(rng)
+        expected = predicted if isinstance(prediction, ModelPrediction) else predicted * self._ratio()
         possible, checks = self._affordable()
-        law = {"law": prediction.system.law.tolist(), "searched": searched, "expected_error": expected}
-        if possible <= checks or (self.target is not None and expected <= EAGER * self.target):
-            self._check(prediction, min(checks, possible), possible <= checks, law, rng)
+        facts = {**prediction.facts(), "predicted": predicted, "expected_error": expected}
+        due = self.target is not None and (expected <= EAGER * self.target or self._stalled(prediction, predicted))
+        if possible <= checks or due:
+            self._check(prediction, min(checks, possible), possible <= checks, facts, rng)
             return
-        count = min(max(BATCH, int(GROWTH * session.count)), possible - checks)
-        angles = prediction.next_shots(count, session.isotropic, rng)
-        why = "where a reading lets the expected error fall most"
-        session.read(angles[:, : self._fitting(angles)], purpose="refine", why=why, **law)
+        spare = (
+            math.inf if self.budget is None else self.budget - session.seconds() * (1 + FEWEST_CHECKS / session.count)
+        )
+        shots = prediction.next_shots(session, possible - checks, spare, rng)
+        session.read(shots, purpose="refine", why="where a reading lets the expected error fall most", **facts)
         self._report(f"{percent(expected)} expected before")
 
     def _begin(self, rng: np.random.Generator) -> None:
@@ -164,24 +196,15 @@ class _Loop:
         angles = random_directions(count, session.instrument, session.isotropic, rng)
         if angles.shape[1] < count:
             raise GonioError("the instrument reaches no direction; give larger ranges, or a smaller shadow")
-        need = session.seconds(angles[:, session.short_way(angles)]) * (1 + FEWEST_CHECKS / count)
+        shots = session.shots(angles)
+        need = session.seconds(shots) * (1 + FEWEST_CHECKS / count)
         if self.budget is not None and need > self.budget:
             raise GonioError(
                 f"a budget of {self.budget:g} s is too short: {count} readings to begin with and {FEWEST_CHECKS} to "
                 f"check need about {need:.0f} s; give more time"
             )
-        session.read(angles, purpose="start", why="random, as the error weighs directions")
+        session.read(shots, purpose="start", why="random, as the error weighs directions")
         self._report("to begin with")
-
-    def _prediction(self) -> tuple[Prediction, bool]:
-        session, valid = self.session, self.session.valid
-        last = [r for r in session.rounds if "law" in r]
-        searched = [r for r in last if r["searched"]]
-        again = not searched or session.count > SEARCHED * searched[-1]["readings"][0] or self._ratio() > WRONG
-        f, u_f = (session.values[name][valid] for name in ("f", "u_f"))
-        samples = samples_at(session.angles[:, valid], f, u_f, session.isotropic)
-        law = None if again else np.array(last[-1]["law"])
-        return Prediction.of(samples, session.instrument, law), again
 
     def _ratio(self) -> float:
         """The error that the last check showed, over what was expected then."""
@@ -191,54 +214,72 @@ class _Loop:
     def _affordable(self) -> tuple[int, int]:
         """(readings that time and size allow, those of a check)."""
         room = MOST - self.session.count
-        checks = int(np.clip(self.session.count, USUAL_CHECKS, CHECKS))
+        missed = [r for r in self.session.rounds if r["purpose"] == "check" and self._bound_is_wide(r)]
+        checks = int(np.clip(self.session.count, USUAL_CHECKS, CHECKS)) * 2 ** min(len(missed), DOUBLED)
         if self.budget is None:
             return room, checks
         each = 1.05 * self.session.seconds() / self.session.count
         checks = int(np.clip(CHECK_SHARE * self.budget / each, FEWEST_CHECKS, checks))
         return min(room, int((self.budget - self.session.seconds()) / each)), checks
 
-    def _fitting(self, angles: np.ndarray) -> int:
-        """How many of the directions (4, n), the best first, the time allows beside a check."""
-        count = angles.shape[1]
-        if self.budget is None:
-            return count
-        each = self.session.seconds() / self.session.count
-        limit = self.budget - FEWEST_CHECKS * each
-        while count > 1 and self.session.seconds(angles[:, self.session.short_way(angles[:, :count])]) > limit:
-            count = int(0.9 * count)
-        return count
-
     def _check(
-        self, prediction: Prediction, count: int, last: bool, law: dict[str, Any], rng: np.random.Generator
+        self, prediction: Prediction, count: int, last: bool, facts: dict[str, Any], rng: np.random.Generator
     ) -> None:
         session, first = self.session, self.session.count
-        predicted = law["expected_error"] / self._ratio()
-        shots = prediction.check_shots(max(count, FEWEST_CHECKS // 2), session.isotropic, rng)
-        before = prediction.values(shots.angles)
-        order = session.read(shots.angles, purpose="check", why="at random, to be compared with the prediction", **law)
+        random = prediction.check_shots(max(count, FEWEST_CHECKS // 2), rng)
+        order = session.short_way(random.angles)
+        before, often = prediction.values(random.angles)[order], random.often[order]
+        why = "at random, to be compared with the prediction"
+        session.read(session.shots(random.angles), purpose="check", why=why, **facts)
         valid = session.valid[first:]
         f, u_f = (session.values[name][first:][valid] for name in ("f", "u_f"))
-        d, u = difference(before[order][valid], f, u_f)
+        d, u = difference(before[valid], f, u_f)
         number = sum(r["purpose"] == "check" for r in session.rounds)
         level = 1 - (1 - LEVEL) / (number * (number + 1))  # all checks together err as often as LEVEL says
-        error = shown(np.mean(d**2 - u**2, axis=1) / shots.often[order][valid], level)
+        error = shown(np.mean(d**2 - u**2, axis=1) / often[valid], level)
         reached = self.target is not None and error.bound <= self.target
-        session.rounds[-1] |= {"error": error.value, "bound": error.bound, "level": level, "predicted": predicted}
+        session.rounds[-1] |= {"error": error.value, "bound": error.bound, "level": level}
         self._report(f"{percent(error.value)} shown, at most {percent(error.bound)}")
-        if reached or last:
+        if reached or last or self._stuck():
             session.rounds[-1]["outcome"] = self._outcome(error, reached, first)
+
+    def _bound_is_wide(self, check: dict[str, Any]) -> bool:
+        """Whether a check missed the target by its bound alone."""
+        return self.target is not None and check["error"] <= self.target < check["bound"]
+
+    def _stalled(self, prediction: Prediction, predicted: float) -> bool:
+        """Whether the last readings told a model hardly anything, as where it leaves something out."""
+        last = self.session.rounds[-1]
+        known = isinstance(prediction, ModelPrediction) and last["purpose"] == "refine"
+        return known and predicted > STALLED * last["predicted"]
+
+    def _stuck(self) -> bool:
+        """Whether the last two checks were of one model, and missed the target by about as much."""
+        checks = [r for r in self.session.rounds if r["purpose"] == "check"][-2:]
+        if (
+            self.target is None
+            or len(checks) < 2
+            or len({r.get("model") for r in checks}) > 1
+            or "model" not in checks[0]
+        ):
+            return False
+        before, now = (r["error"] for r in checks)
+        return min(before, now) > self.target and now > STUCK * before
 
     def _outcome(self, error: Error, reached: bool, first: int) -> dict[str, Any]:
         session = self.session
         if reached:
             what = "target shown"
+        elif self._stuck():
+            what = "no larger model found that does better"
         else:
-            what = "as many readings as can be interpolated" if self.budget is None else "budget spent"
+            what = f"{session.count} readings taken" if session.count >= MOST else "budget spent"
         verdict = (
             f"{what}: error {percent(error.value)}, at most {percent(error.bound)} ({percent(LEVEL)} sure), by "
             f"{error.readings} directions that {first} readings were to predict; {session.seconds() / 3600:.3g} h"
         )
+        if "model" in session.rounds[-1]:
+            verdict += f"; by {session.rounds[-1]['fitted']}"
         return {"shown": reached, "error": error.value, "bound": error.bound, "verdict": verdict}
 
     def _report(self, text: str) -> None:

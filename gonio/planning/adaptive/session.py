@@ -21,6 +21,7 @@ from gonio.instrument.reader import Reader
 from gonio.instrument.scans import is_isotropic
 from gonio.instrument.sinks import provenance_of, recipe_of
 from gonio.models.errors import GonioError
+from gonio.planning.shots import Shots
 
 KEY = "adaptive"
 """Of the provenance."""
@@ -40,6 +41,8 @@ class Session:
     command: str | None = None
     part: Path | None = None
     angles: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((4, 0)))
+    counting: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))
+    """Seconds that each is counted."""
     values: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
     rounds: list[dict[str, Any]] = dataclasses.field(default_factory=list)
 
@@ -80,23 +83,30 @@ class Session:
         """Whether each reading (n,) is one in all channels."""
         return (self.values["flag"] == Flag.VALID).all(axis=1)
 
-    def seconds(self, more: np.ndarray | None = None) -> float:
-        """Seconds of all readings, and of more in directions (4, m): moving, settling and counting."""
-        angles = self.angles if more is None else np.concatenate([self.angles, more], axis=1)
-        return self.instrument.pace.path_seconds(angles, self.instrument.seconds)
+    def seconds(self, more: Shots | None = None) -> float:
+        """Seconds of all readings, and of more: moving, settling and counting."""
+        angles = self.angles if more is None else np.concatenate([self.angles, more.angles], axis=1)
+        counting = self.counting if more is None else np.concatenate([self.counting, more.seconds])
+        return self.instrument.pace.path_seconds(angles, counting)
 
-    def read(self, angles: np.ndarray, **why: Any) -> np.ndarray:
-        """Reads in directions (4, m), on a short way, and keeps them; returns the order in which they were read."""
+    def shots(self, angles: np.ndarray) -> Shots:
+        """Directions (4, m) counted as long as the instrument usually does, on a short way."""
         order = self.short_way(angles)
-        first = self.count
-        self.angles = np.concatenate([self.angles, angles[:, order]], axis=1)
+        return Shots(angles[:, order], np.full(order.size, self.instrument.seconds))
+
+    def read(self, shots: Shots, **why: Any) -> None:
+        """Reads, and keeps what was read and why."""
+        first, usual = self.count, self.instrument.seconds
+        self.angles = np.concatenate([self.angles, shots.angles], axis=1)
+        self.counting = np.concatenate([self.counting, shots.seconds])
         block = self._reader().read(first, self.count)
         u_f = np.zeros(block.f.shape) if block.u_f is None else block.u_f
         for name, array in {"f": block.f, "u_f": u_f, "flag": block.flag}.items():
             array = np.asarray(array, np.uint8 if name == "flag" else np.float64)
             self.values[name] = np.concatenate([self.values[name], array]) if first else array
+        if (shots.seconds != usual).any():
+            why["counting_s"] = shots.seconds.tolist()
         self.rounds.append({"readings": [first, self.count], "seconds": round(self.seconds(), 3), **why})
-        return order
 
     def short_way(self, angles: np.ndarray) -> np.ndarray:
         """The order of directions (4, m) that goes to the nearest next, from where the axes are now."""
@@ -140,7 +150,7 @@ class Session:
         return Table(reader.layout, f, flag, self.material.channels, u_f, about, source, receiver, self.material.name)
 
     def _reader(self) -> Reader:
-        return Reader(self.material, self.instrument, layouts.scattered(*self.angles), self.seed)
+        return Reader(self.material, self.instrument, layouts.scattered(*self.angles), self.seed, self.counting)
 
     def _recipe(self) -> str:
         """Digest of what determines the readings."""
@@ -166,3 +176,7 @@ class Session:
         self.angles = np.stack([np.asarray(a) for a in table.layout.angles()])
         self.values = {name: np.array(a) for name, a in table.read_values().items()}
         self.rounds = kept["rounds"]
+        each = [
+            r.get("counting_s", [self.instrument.seconds] * (r["readings"][1] - r["readings"][0])) for r in self.rounds
+        ]
+        self.counting = np.concatenate(each)

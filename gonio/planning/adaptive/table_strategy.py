@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -15,36 +15,55 @@ from gonio.instrument.instrument import Instrument
 from gonio.instrument.noise import standard_uncertainty
 from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.planning.adaptive.accuracy import FLOOR, random_directions
+from gonio.planning.adaptive.prediction import JUDGED, Prediction
+from gonio.planning.adaptive.session import Session
+from gonio.planning.candidates import highest, readable
+from gonio.planning.shots import Shots
 
-JUDGED, OFFERED, AT_EDGE = 800, 600, 200
-"""Directions over which the error is expected, and that are offered anywhere and at the ends of the angles."""
-POOL = 4000
-DEFENSIVE = 0.5
-"""Share of the check shots that go where no error is expected as well."""
+OFFERED, AT_EDGE = 600, 200
+"""Directions that are offered anywhere and at the ends of the angles."""
+BATCH, GROWTH = 12, 0.25
+"""Readings of a round: so many, or that share of those there are."""
+SEARCHED, WRONG = 1.5, 2.0
+"""Times as many readings, and times the error expected, from which on the law is searched from anew."""
 NEIGHBOURS, PRIOR = 6, 2.0
 """Readings whose prediction by the others tells how good predictions near them are; and those that stand for all."""
 LARGEST = 1.0
 """Of the squares of relative errors."""
 
 
-class Drawn(NamedTuple):
-    """Directions (4, n), and how many times too often each was drawn (n,)."""
-
-    angles: np.ndarray
-    often: np.ndarray
-
-
 @dataclasses.dataclass(frozen=True)
-class Prediction:
-    """What the readings so far predict, and with what variance; compressed values are relative errors' own scale."""
+class TablePrediction(Prediction):
+    """Kriged readings; compressed values are on the scale of relative errors.
+
+    `searched`: whether the law was searched from anew.
+    """
 
     system: Kriging
     instrument: Instrument
+    searched: bool
 
     @classmethod
-    def of(cls, samples: Samples, instrument: Instrument, law: np.ndarray | None) -> "Prediction":
-        """The kriging of the readings by their likeliest law, which is searched from a law, or from anew."""
-        return cls(Kriging.of(samples, likeliest(samples, law)), instrument)
+    def of(cls, session: Session, ratio: float) -> "TablePrediction":
+        """The kriging of the readings so far by their likeliest law, searched from the last one or from anew.
+
+        `ratio`: the error that the last check showed, over what was expected.
+        """
+        valid, last = session.valid, [r for r in session.rounds if "law" in r]
+        searched = [r for r in last if r["searched"]]
+        again = not searched or session.count > SEARCHED * searched[-1]["readings"][0] or ratio > WRONG
+        f, u_f = (session.values[name][valid] for name in ("f", "u_f"))
+        samples = samples_at(session.angles[:, valid], f, u_f, session.isotropic)
+        law = likeliest(samples, None if again else np.array(last[-1]["law"]))
+        return cls(Kriging.of(samples, law), session.instrument, again)
+
+    @property
+    def isotropic(self) -> bool:
+        """Of the samples."""
+        return self.system.samples.isotropic
+
+    def facts(self) -> dict[str, Any]:
+        return {"law": self.system.law.tolist(), "searched": self.searched}
 
     def values(self, angles: np.ndarray) -> np.ndarray:
         """f (n, C), 1/sr, at directions (4, n)."""
@@ -54,36 +73,25 @@ class Prediction:
 
     def squares(self, angles: np.ndarray) -> np.ndarray:
         """Expected squares (n,) of the relative error."""
-        solved = solve_triangular(
-            self.system.lower, self.system.covariances(*_pairs(angles)).T, lower=True, check_finite=False
-        )
-        return np.clip(self._whole() - np.sum(solved**2, axis=0), 0.0, LARGEST) * self._surprise(angles)
+        near = self.system.covariances(*_pairs(angles)).T
+        solved = solve_triangular(self.system.lower, near, lower=True, check_finite=False)
+        whole = np.exp(self.system.law[8]) * (1 + np.exp(self.system.law[6]))
+        return np.clip(whole - np.sum(solved**2, axis=0), 0.0, LARGEST) * self._surprise(angles)
 
-    def expected(self, isotropic: bool, rng: np.random.Generator) -> float:
-        """The rms error that is expected."""
-        return float(np.sqrt(self.squares(random_directions(JUDGED, self.instrument, isotropic, rng)).mean()))
+    def next_shots(self, session: Session, most: int, seconds: float, rng: np.random.Generator) -> Shots:
+        """Where one reading after another lets the mean expected square fall most."""
+        angles = self._worst(min(max(BATCH, int(GROWTH * session.count)), most), rng)
+        count, limit = angles.shape[1], session.seconds() + seconds
+        while count > 1 and session.seconds(session.shots(angles[:, :count])) > limit:
+            count = int(0.9 * count)
+        return session.shots(angles[:, :count])
 
-    def check_shots(self, count: int, isotropic: bool, rng: np.random.Generator) -> Drawn:
-        """Directions that show the error: half of them evenly, half the more often the larger it is expected to be."""
-        pool = random_directions(POOL, self.instrument, isotropic, rng)
-        squares = self.squares(pool)
-        often = DEFENSIVE + (1 - DEFENSIVE) * squares / max(squares.mean(), 1e-300)
-        often /= often.mean()
-        ends = np.cumsum(often) / often.size
-        chosen = np.searchsorted(ends, (rng.random() + np.arange(count)) / count)
-        chosen = np.minimum(chosen, often.size - 1)
-        return Drawn(pool[:, chosen], often[chosen])
-
-    def next_shots(self, count: int, isotropic: bool, rng: np.random.Generator) -> np.ndarray:
-        """Directions (4, n), one after another that whose reading lets the mean expected square fall most."""
+    def _worst(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Directions (4, count)."""
+        isotropic = self.isotropic
         judged = random_directions(JUDGED, self.instrument, isotropic, rng)
-        offered = np.concatenate(
-            [
-                random_directions(OFFERED, self.instrument, isotropic, rng),
-                at_edges(AT_EDGE, self.instrument, isotropic, rng),
-            ],
-            axis=1,
-        )
+        offers = ((random_directions, OFFERED), (at_edges, AT_EDGE))
+        offered = np.concatenate([of(n, self.instrument, isotropic, rng) for of, n in offers], axis=1)
         both = [_pairs(a) for a in (judged, offered)]
         law, lower = self.system.law, self.system.lower
         variance, remainder = np.exp(law[8]), np.exp(law[6])
@@ -102,9 +110,6 @@ class Prediction:
             across -= np.outer(across[:, best], row)
             among -= np.outer(among[:, best].copy(), row)
         return offered[:, chosen]
-
-    def _whole(self) -> float:
-        return float(np.exp(self.system.law[8]) * (1 + np.exp(self.system.law[6])))
 
     def _surprise(self, angles: np.ndarray) -> np.ndarray:
         """Squares (n,) of the errors of the nearest readings left out, over what they are expected to be."""
@@ -127,11 +132,12 @@ class Prediction:
 
 
 def at_edges(count: int, instrument: Instrument, isotropic: bool, rng: np.random.Generator) -> np.ndarray:
-    """Directions of which one is as low as it can be read."""
+    """About `count` directions (4, n) of which one is as low as it can be read."""
     angles = random_directions(count, instrument, isotropic, rng)
-    which = np.where(rng.random(angles.shape[1]) < 0.5, 0, 2)
-    angles[which, np.arange(which.size)] = np.max(angles[[0, 2]], initial=0.0)
-    return angles
+    lowest = rng.random(angles.shape[1]) < 0.5
+    for axis, which, most in zip((0, 2), (lowest, ~lowest), highest(instrument), strict=True):
+        angles[axis, which] = most
+    return readable(angles, instrument, isotropic)
 
 
 def samples_at(angles: np.ndarray, f: np.ndarray, u_f: np.ndarray, isotropic: bool) -> Samples:

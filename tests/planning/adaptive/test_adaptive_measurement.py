@@ -39,6 +39,21 @@ def test_a_target_is_shown_and_true():
     assert [r["purpose"] for r in kept["rounds"]][:: len(ends) - 1] == ["start", "check"]
 
 
+def test_a_model_is_selected_and_its_prediction_shown():
+    material = "lambert(rho=[0.05, 0.13, 0.42]) + 1 * ggx(alpha=0.2, f0=0.04)"
+    table = gonio.adapt(material, Instrument(photons=1e5), target=0.02, strategy="model")
+    kept = table.provenance["adaptive"]
+    assert kept["shown"] and "ggx" in kept["rounds"][-1]["model"] and table.layout.size < 200
+    assert gonio.fit(table, kept["rounds"][-1]["model"]).metrics["reduced_chi2"] == pytest.approx(1.0, abs=0.5)
+
+
+def test_a_model_that_leaves_structure_is_told():
+    table = gonio.adapt(SATIN, Instrument(photons=1e5), target=0.02, strategy="model", model="lambert")
+    kept = table.provenance["adaptive"]
+    assert not kept["shown"] and kept["error"] > 0.02 and "no larger model" in kept["verdict"]
+    assert any("counting_s" in r for r in kept["rounds"])
+
+
 def test_a_budget_is_kept_and_what_was_reached_is_told():
     instrument = Instrument(photons=1e5)
     table = gonio.adapt(SATIN, instrument, budget=300.0, target=1e-6, seed=3)
@@ -89,6 +104,9 @@ class _Twice:
         ({"budget": -3.0}, "more than 0"),
         ({"budget": 20.0}, "too short"),
         ({"target": 0.1, "seed": -1}, "the seed"),
+        ({"target": 0.1, "strategy": "grid"}, "table or model"),
+        ({"target": 0.1, "model": "lambert"}, "leave it out"),
+        ({"target": 0.1, "strategy": "model", "model": "lambrt"}, "did you mean 'lambert'"),
     ],
 )
 def test_what_is_no_measurement_is_refused(options, message):
