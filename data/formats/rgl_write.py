@@ -12,6 +12,7 @@ from gonio.data.flags import Flag
 from gonio.data.formats.rgl_file import DTYPES, MAGIC, read_rgl_data
 from gonio.data.interpolation.coverage import covered
 from gonio.data.interpolation.multilinear import as_material
+from gonio.data.interpolation.rgl_data import RGLData
 from gonio.data.interpolation.rgl_fit import RGLFit, fit_rgl
 from gonio.data.interpolation.rgl_layout import CHANNEL_BYTES, RGLLayout, sectors_of
 from gonio.data.interpolation.rgl_pairs import spread_pairs
@@ -55,7 +56,7 @@ def write_rgl(
         GonioError: for channels that are neither one, nor R, G, B, nor wavelengths; for a table without readings for
             half of the directions; where `path` cannot be written.
     """
-    channels = _channels(source.channels)
+    channels = rgl_channels(source.channels)
     brdf = as_material(source) if isinstance(source, Table) else source.brdf
     layout = RGLLayout.of_bytes(channel_bytes, sectors_of(brdf))
 
@@ -63,10 +64,14 @@ def write_rgl(
         return covered(source, wi, wo) if isinstance(source, Table) else np.ones(np.shape(wi.z), bool)
 
     fit = fit_rgl(brdf, channels, layout, covers, source.name)
+    return _compared(source, RGLMaterial(write_arrays(path, fit, force)), fit)
+
+
+def write_arrays(path: str | os.PathLike[str], fit: RGLFit, force: bool = False) -> RGLData:
+    """Writes a file of these arrays, whole or not at all, and returns what is read again."""
     with new_file(path, force) as temporary:
         temporary.write_bytes(tensor_bytes(rgl_fields(fit)))
-        written = RGLMaterial(read_rgl_data(temporary))
-    return _compared(source, written, fit)
+        return read_rgl_data(temporary)
 
 
 def rgl_fields(fit: RGLFit) -> dict[str, np.ndarray]:
@@ -103,7 +108,8 @@ def tensor_bytes(fields: Mapping[str, np.ndarray]) -> bytes:
     return head + b"".join(body)
 
 
-def _channels(channels: Channels) -> Channels:
+def rgl_channels(channels: Channels) -> Channels:
+    """The channels themselves, where an RGL file can hold them. Raises GonioError for others."""
     if channels.wavelengths_nm is not None:
         if len(set(channels.wavelengths_nm)) < len(channels):
             raise GonioError("two channels have one wavelength; an RGL file holds one value for each")

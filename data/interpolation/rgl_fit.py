@@ -40,13 +40,13 @@ LIGHTS, TURNING_LIGHTS = 256, 64
 """Directions of the light whose average f by half vector D begins with."""
 ENOUGH_COVERED = 0.5
 """Share of the directions that a table must have readings for."""
-ROUNDS, STEPS = 5, 40
+ROUNDS, STEPS = 5, 80
 """Rounds of fitting in turns; steps of conjugate gradients in each."""
 ROBUST = 4.0
 """Relative errors beyond so many times the median count less."""
-DIMMEST = 1e-3
+DIMMEST = 1e-2
 """Of the median S: what is darker is fitted by absolute error."""
-ENOUGH = 1e-6
+ENOUGH = 1e-8
 """Of the first residual's square, at which conjugate gradients end."""
 SMOOTH = 1e-4
 """Weight of second differences between samples: it decides those that hardly any pair of directions reads."""

@@ -56,13 +56,19 @@ class RGLLayout:
             raise GonioError(f"{channel_bytes} bytes of a channel came; give from {LEAST_BYTES} to {MOST_BYTES}")
         values = channel_bytes // 4
         polar = max(4, round((values / SIDES_OF_INCIDENCES**2) ** (1 / 3)))
-        theta_i = np.linspace(0.0, np.pi / 2, polar)
-        phi_i = np.zeros(1)
+        return cls.of_incidences(polar, max(2, int(np.sqrt(values / polar))), np.pi / 2, sectors, azimuths)
+
+    @classmethod
+    def of_incidences(
+        cls, polar: int, side: int, theta_max: float, sectors: int | None, azimuths: int | None = None
+    ) -> "RGLLayout":
+        """The layout of so many polar angles of the light from 0 to `theta_max`, radians; else as `of_bytes`."""
+        theta_i, phi_i = np.linspace(0.0, theta_max, polar), np.zeros(1)
         if sectors is not None:
             span = 2 * np.pi / sectors
             phi_i = np.linspace(-np.pi, -np.pi + span, azimuths or round(np.degrees(span) / AZIMUTH_STEP) + 1)
         theta_i, phi_i = (a.astype(np.float32).astype(float) for a in (theta_i, phi_i))  # as the file will hold them
-        return cls(theta_i, phi_i, max(2, int(np.sqrt(values / polar))))
+        return cls(theta_i, phi_i, side)
 
 
 def sectors_of(brdf: AbstractBRDF, isotropic: bool | None = None, pairs: int = 2000) -> int | None:

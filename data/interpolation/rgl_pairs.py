@@ -73,13 +73,10 @@ def place_pairs(data: RGLData, wi: Direction, wo: Direction) -> RGLPairs:
         corners.append((first[:, None] + columns, weight[:, a, b, None] * shares))
     # Two equal rows stand for all azimuths.
     across = [np.full_like(y, 0.5) if data.isotropic else y for y in (place.u_y, place.i_y)]
-    ndf = _corners(place.u_x, across[0], data.ndf.shape[1], data.ndf.shape[0])
-    sigma = _corners(place.i_x, across[1], data.sigma.shape[1], data.sigma.shape[0])
+    ndf = bilinear_matrix(place.u_x, across[0], *data.ndf.shape[::-1])
+    sigma = bilinear_matrix(place.i_x, across[1], *data.sigma.shape[::-1])
     indices, values = (np.concatenate(part, axis=1) for part in zip(*corners, strict=True))
-    return RGLPairs(
-        wi, wo, _matrix(indices, values, int(np.prod(shape))), _matrix(*ndf, data.ndf.size),
-        _matrix(*sigma, data.sigma.size),
-    )  # fmt: skip
+    return RGLPairs(wi, wo, _matrix(indices, values, int(np.prod(shape))), ndf, sigma)
 
 
 @wide_jit
@@ -101,6 +98,11 @@ def _corners(x: np.ndarray, y: np.ndarray, columns: int, rows: int) -> tuple[np.
     first = j * columns + i
     numbers = np.stack([first, first + 1, first + columns, first + columns + 1], axis=1)
     return numbers, np.stack([(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t], axis=1)
+
+
+def bilinear_matrix(x: np.ndarray, y: np.ndarray, columns: int, rows: int) -> sparse.csr_array:
+    """(n, rows · columns): the weights that make values at positions (n,) of the unit square of a map's nodes."""
+    return _matrix(*_corners(x, y, columns, rows), rows * columns)
 
 
 def _matrix(indices: np.ndarray, values: np.ndarray, columns: int) -> sparse.csr_array:

@@ -29,15 +29,23 @@ if TYPE_CHECKING:
     from gonio.models.brdf import AbstractBRDF
 
 SYSTEMATIC = ("tilt_x", "tilt_y", "theta_i", "theta_o", "phi")
-SCANS = "isotropic, spherical, half-difference, merl, in-plane, or a CSV file of directions"
-OUTPUT: Options = {"-o/--output T.h5": {"required": True, "help": "the table; a killed run is continued"}}
+SCANS = "isotropic, spherical, half-difference, merl, in-plane, rgl, or a CSV file of directions"
+OUTPUT: Options = {
+    "-o/--output T.h5": {
+        "required": True,
+        "help": "the table; a killed run is continued; of the rgl scan also .bsdf, or .csv",
+    }
+}
 SCAN: Options = {
     "--scan SCAN": f"{SCANS}, whose column seconds, if any, is counting times (default: "
-    "isotropic, or spherical for an anisotropic material)",
+    "isotropic, or spherical for an anisotropic material); rgl: retro-reflection, from it the normals, then a grid "
+    "warped to where they reflect [Dupuy 2018]",
     "--step DEG": "step of the angles",
     "--phi-step DEG": "step of the azimuths, where it is another",
     "--theta-max DEG": "largest polar angle (default 85)",
     "--theta-i DEG,DEG,...": "incidences of the in-plane scan",
+    "--incidences N": "polar angles of the light of the rgl scan (default 8, as published)",
+    "--samples N": "samples along a side of its warped grid (default 32)",
 }
 INSTRUMENT: Options = {
     **DESCRIPTION,
@@ -101,6 +109,8 @@ def run(args: argparse.Namespace) -> int:
     command = shlex.join(["gonio", *sys.argv[1:]])
     if args.adaptive:
         return _adaptive(args, material, instrument, command)
+    if args.scan == "rgl":
+        return _rgl(args, material, instrument, command)
     options = {name: getattr(args, name) for name in ("output", "seed", "force")}
     options["progress"] = args.progress or sys.stderr.isatty()
     options["dtype"] = "float32" if args.float32 else None
@@ -112,10 +122,17 @@ def run(args: argparse.Namespace) -> int:
 
 def _require_one_way(args: argparse.Namespace) -> None:
     """Refuses options of a scan beside --adaptive, and those of an adaptive measurement without it."""
+    only_rgl = [n for n in ("incidences", "samples") if getattr(args, n) is not None]
     scans = [n for n in ("scan", "step", "phi_step", "theta_max", "theta_i", "float32") if getattr(args, n)]
     ends = [n for n in ("target", "budget", "model") if getattr(args, n)]
     if args.adaptive and scans:
         raise GonioError(f"--adaptive chooses its directions itself; leave --{scans[0].replace('_', '-')} out")
+    if only_rgl and args.scan != "rgl":
+        raise GonioError(f"--{only_rgl[0]} belongs to the rgl scan; give --scan rgl too")
+    if args.output.lower().endswith(".bsdf") and args.scan != "rgl":
+        raise GonioError(
+            f"{args.output} is written by --scan rgl; give that, or measure into .h5 and convert the table"
+        )
     if ends and not args.adaptive:
         raise GonioError(f"--{ends[0]} belongs to an adaptive measurement; give --adaptive too")
 
@@ -130,6 +147,27 @@ def _adaptive(args: argparse.Namespace, material: "Material", instrument: "Instr
     outcome = Outcome.of(table)
     show(f"{outcome.sentence}\nwritten: {args.output}")
     return 0 if outcome.shown or target is None else 1
+
+
+def _rgl(args: argparse.Namespace, material: "Material", instrument: "Instrument", command: str) -> int:
+    from gonio.data.formats.registry import writable, write
+    from gonio.data.formats.rgl_write import write_arrays
+    from gonio.instrument.rgl_scan import measure_rgl
+
+    kind = writable(args.output).name  # refuses other endings, before any work
+    if kind == "MERL":
+        raise GonioError(f"{args.output}: the rgl scan is no MERL grid; write .h5 or .bsdf, and convert that")
+    if others := [n for n in ("step", "phi_step", "theta_i") if getattr(args, n) is not None]:
+        raise GonioError(f"the rgl scan chooses its directions itself; leave --{others[0].replace('_', '-')} out")
+    options: dict[str, Any] = given(args, "incidences", "samples", "theta_max")
+    options |= {"seed": args.seed, "progress": args.progress or sys.stderr.isatty(), "command": command}
+    scan = measure_rgl(material, instrument, log=log, dtype="float32" if args.float32 else None, **options)
+    if kind == "RGL":
+        write_arrays(args.output, scan.fit, args.force)
+    else:
+        write(args.output, scan.table, args.force)
+    show(f"written: {args.output}")
+    return 0
 
 
 def _instrument(args: argparse.Namespace) -> "Instrument":
