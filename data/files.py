@@ -193,7 +193,7 @@ def read_toml(
         raise GonioError(f"{path} is not a TOML file ({reason}); expected a {kind}") from None
     version = data.pop(first, None)
     if type(version) is not int:
-        raise GonioError(f"{path}: it has no integer {first}; a {kind} file begins with '{first} = {TOML_FORMAT}'")
+        raise GonioError(f"{path}: it has no integer {first}; such a file begins with '{first} = {TOML_FORMAT}'")
     if version != TOML_FORMAT:
         update = f"this gonio reads format {TOML_FORMAT}, so update gonio"
         raise GonioError(f"{path}: {kind} format {version} is not known; {update}")
