@@ -11,8 +11,9 @@ PIP := PIP_CONSTRAINT=constraints.txt PIP_BUILD_CONSTRAINT=constraints.txt \
 demo: $(VENV)/.installed
 	$(BIN)/gonio demo
 
+# One thread of linear algebra for each worker: those of several wait for each other in turns, ten times as long.
 test: $(VENV)/.installed-tests
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal
 
 lint: $(VENV)/.installed-tests types
 	$(BIN)/ruff check .
