@@ -100,6 +100,8 @@ class TableMeasurands:
     whole: np.ndarray
     """Which incidences (n,) have an albedo."""
     notes: list[str]
+    base: Readout
+    """Of the table as it is."""
 
     @classmethod
     def of(cls, table: Table, geometries: Sequence[str] = ()) -> "TableMeasurands":
@@ -117,14 +119,14 @@ class TableMeasurands:
                 unread = ", ".join(f"{t:.4g}°" for t in np.unique(np.degrees(albedos.theta_i[~whole]).round(6)))
                 notes.append(f"There is no albedo at θi {unread}: too little of the hemisphere was read.")
         factors = _factors(table, geometries)
-        made = cls(table, [], factors, whole, notes)
-        values, bounds, _ = made._parts(table, albedos)
-        labels = made._labels(albedos)
+        nothing = np.zeros(0)
+        made = cls(table, [], factors, whole, notes, Readout(nothing, nothing, nothing))
+        base, labels = made._parts(table, albedos), made._labels(albedos)
         rows = [
             Quantity(*label[:3], float(v), float(b), label[3])
-            for label, v, b in zip(labels, values, bounds, strict=True)
+            for label, v, b in zip(labels, base.values, base.bounds, strict=True)
         ]
-        return dataclasses.replace(made, quantities=rows)
+        return dataclasses.replace(made, quantities=rows, base=base)
 
     def read_out(self, table: Table) -> Readout:
         """Values, bounds and noise of all quantities, of the same table with other f or u_f."""

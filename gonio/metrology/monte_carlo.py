@@ -41,7 +41,7 @@ class Simulation:
         sigma = _total(self.measurands.table, self.sources.noise, self.readings.cells)
         aperture = aperture_shift(self.measurands.table, self.readings)
         offset = aperture if isinstance(aperture, np.ndarray) and aperture.any() else np.zeros(1)
-        base = self.measurands.read_out(self.measurands.table).values
+        base = self.measurands.base.values
         place = None if self.fit is None else self._place(self.fit)
         nominal = None if self.readings.model is None else self.readings.read(Systematic())
         by_reading = {n.name for n in self.sources.noise}

@@ -136,7 +136,7 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
             raise GonioError(f"{name} is a model: budgets and fits are of readings; give the table itself")
         return Quantities(name, "model", model_quantities(known.as_material(), settings.geometries))
     table = known.table
-    if not table.valid_cells().size:
+    if table.interpolant is None and not table.valid_cells().size:
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
     measurands = TableMeasurands.of(table, settings.geometries)
     notes = [*table.provenance.get("warnings", []), *measurands.notes]

@@ -19,8 +19,7 @@ NO_SLOPES = "nothing says how f changes between readings on no grid; give a mode
 
 def table_budget(measurands: TableMeasurands, readings: Readings, sources: Sources) -> Budget:
     """The budget of the quantities of a table; `readings` are those of the same table."""
-    table = measurands.table
-    base = measurands.read_out(table)
+    table, base = measurands.table, measurands.base
     rows, missing = [], dict(sources.missing)
     for part in sources.noise:
         noise = measurands.read_out(dataclasses.replace(table, u_f=part.u_f)).noise
@@ -35,11 +34,12 @@ def table_budget(measurands: TableMeasurands, readings: Readings, sources: Sourc
     elif aperture.any():
         rows.append(of_apertures(measurands.read_out(readings.moved(aperture)).values - base.values))
     for name, source in sources.acting.items():
-        shift = readings.shift(name, source.stated.standard)
-        if shift is None:
+        if TERMS[name].acts == "factor":
+            rows.append(shared(source, source.stated.standard * base.values))
+        elif (shift := readings.shift(name, source.stated.standard)) is None:
             missing[name] = NO_SLOPES
-            continue
-        rows.append(shared(source, measurands.read_out(readings.moved(shift)).values - base.values))
+        else:
+            rows.append(shared(source, measurands.read_out(readings.moved(shift)).values - base.values))
     return Budget(rows, missing, unbounded)
 
 
