@@ -65,6 +65,7 @@ class FitResult(Displayed):
         undetermined, active_bounds, notes: sentences and labels.
         alternatives: the other models, as plain data; `bootstrap`: what the refits gave.
         seconds: wall time by stage; `table`: name of the table; `scene`: what is promised in the scene of the fit.
+        nuisance: errors of the instrument that were fitted too, with their uncertainties, where that was asked for.
         apertures: averages over the discs of light and detector, and what the numbers at their centres are off by.
     """
 
@@ -102,6 +103,7 @@ class FitResult(Displayed):
     bootstrap: dict[str, Any] | None = None
     scene: dict[str, Any] | None = None
     apertures: dict[str, Any] | None = None
+    nuisance: list[dict[str, Any]] | None = None
     evidence: Evidence | None = dataclasses.field(default=None, repr=False, compare=False)
 
     asked = renamed_attribute("asked", "requested")

@@ -127,6 +127,17 @@ def as_stated(subject: str, args: argparse.Namespace) -> "Subject | str":
     return resolve_subject(subject, **options)
 
 
+def stated_terms(text: str) -> dict[str, str]:
+    """The texts of stated uncertainties, by the names of their terms."""
+    stated: dict[str, str] = {}
+    for item in text.split(","):
+        name, equals, value = (piece.strip() for piece in item.partition("="))
+        if not (name and equals and value):
+            raise GonioError(f"--uncertainty has {item.strip()!r}; give NAME=U, such as gain=0.5 %")
+        stated[name] = value
+    return stated
+
+
 def require_degrees(option: str, angle: float | None, low: float, high: float) -> None:
     """Refuses an angle, radians, outside of [low, high], degrees; None is no angle."""
     if angle is not None and not low <= (value := round(math.degrees(angle), 9)) <= high:

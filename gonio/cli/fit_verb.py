@@ -7,13 +7,24 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gonio.cli.arguments import FORCE, MERL, READING, Options, add_options, require_degrees, writing_json
+from gonio.cli.arguments import (
+    DESCRIPTION,
+    FORCE,
+    MERL,
+    READING,
+    Options,
+    add_options,
+    require_degrees,
+    stated_terms,
+    writing_json,
+)
 from gonio.cli.fit_batch import SUFFIX, is_batch, run_batch, table_of
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.text import columns, log, number, show
 
 if TYPE_CHECKING:
+    from gonio.data.table import Table
     from gonio.fitting.result import FitResult
     from gonio.fitting.uncertainty.optimum import ParameterEstimate
 
@@ -44,6 +55,10 @@ OPTIONS: Options = {
     "states, as its readings are; ignore: compared at their centres",
     "--samples N": "use at most N cells, chosen by the seed",
     "--starts N": "random starts beside those from the data (default 8)",
+    "--nuisance NAME,...": "fit errors of the instrument too, held by their stated uncertainties: tilt, theta_i, "
+    "theta_o, phi, gain, dark, ...",
+    "--uncertainty NAME=U,...": "what holds them, such as 'gain=0.5 %%, tilt=0.05 deg'; before --instrument's and the "
+    "table's",
     "--scene S": "a scene's file, or a shipped scene's name: weigh by what it sees, meet its tolerance",
     "--seed SEED": "of random starts and samples (default 0)",
 }
@@ -75,7 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     files = "a table in any format that can be read; several, or folders of them, are fitted one after another, on all "
     files += "processors, and a killed run goes on where it stopped"
     parser.add_argument("files", nargs="+", metavar="FILE", help=files)
-    add_options(parser.add_argument, OPTIONS | MERL | READING | FORCE)
+    add_options(parser.add_argument, OPTIONS | DESCRIPTION | MERL | READING | FORCE)
     parser.set_defaults(bootstrap=0, starts=8, seed=0, aperture="average")
 
 
@@ -83,7 +98,12 @@ def run(args: argparse.Namespace) -> int:
     if args.theta_max == 0:
         raise GonioError("--theta-max is 0; give degrees above 0 and up to 90")
     require_degrees("--theta-max", args.theta_max, 0, 90)
-    return run_batch(args, _options(args)) if is_batch(args.files) else _run_one(args, args.files[0])
+    batch = is_batch(args.files)
+    if not args.nuisance and (args.uncertainty or args.instrument):
+        raise GonioError("stated uncertainties hold nuisance numbers; give --nuisance too")
+    if args.nuisance and (batch or len(args.model or []) > 1 or args.per_channel or args.scene):
+        raise GonioError("--nuisance goes with one table and at most one model, without --per-channel and --scene")
+    return run_batch(args, _options(args)) if batch else _run_one(args, args.files[0])
 
 
 def _options(args: argparse.Namespace) -> dict[str, Any]:
@@ -100,7 +120,7 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
     output = args.output or f"{Path(file).stem}{SUFFIX}"
     from gonio.data.files import refuse_outputs
 
-    refuse_outputs([output, args.json], [file, args.scene, *(args.model or [])], args.force)
+    refuse_outputs([output, args.json], [file, args.scene, args.instrument, *(args.model or [])], args.force)
     from gonio.data.serialise import plain
     from gonio.fitting.fit_model import ahead
     from gonio.fitting.fit_table import fit
@@ -113,12 +133,23 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
     options = _options(args)
     if not args.model or len(args.model) > 1:
         options["log"] = log
-    result = fit(table_of(file, args), args.model, **options)
+    table = table_of(file, args)
+    result = _with_nuisance(table, args, options) if args.nuisance else fit(table, args.model, **options)
     with writing_json(args.json, plain(result.to_dict()) if args.json else None, args.force):
         result.save(output, args.force)
     if args.json != "-":
         show("\n".join([*summary(result), f"written: {output}"]))
     return result.exit_status
+
+
+def _with_nuisance(table: "Table", args: argparse.Namespace, options: dict[str, Any]) -> "FitResult":
+    from gonio.instrument.description import read_instrument
+    from gonio.metrology.nuisance import fit_with_nuisance
+
+    instrument = None if args.instrument is None else read_instrument(args.instrument)
+    stated = stated_terms(args.uncertainty) if args.uncertainty else {}
+    names = [name.strip() for name in args.nuisance.split(",")]
+    return fit_with_nuisance(table, args.model[0] if args.model else None, names, instrument, stated, **options)
 
 
 def summary(r: "FitResult") -> list[str]:

@@ -4,7 +4,17 @@ import argparse
 import math
 from typing import TYPE_CHECKING, Any
 
-from gonio.cli.arguments import DESCRIPTION, FORCE, MERL, READING, Options, add_options, as_stated, write_text
+from gonio.cli.arguments import (
+    DESCRIPTION,
+    FORCE,
+    MERL,
+    READING,
+    Options,
+    add_options,
+    as_stated,
+    stated_terms,
+    write_text,
+)
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.text import columns, number, show
@@ -60,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
         "monte_carlo": args.monte_carlo or 0,
         "seed": args.seed,
         "instrument": None if args.instrument is None else read_instrument(args.instrument),
-        "uncertainty": _stated(args.uncertainty) if args.uncertainty else {},
+        "uncertainty": stated_terms(args.uncertainty) if args.uncertainty else {},
         "geometries": [text.strip() for text in args.geometry.split(",")] if args.geometry else (),
     }
     result = quantities(as_stated(args.subject, args), **options)
@@ -69,16 +79,6 @@ def run(args: argparse.Namespace) -> int:
     if args.json != "-":
         show("\n".join(summary(result)))
     return 0
-
-
-def _stated(text: str) -> dict[str, str]:
-    stated: dict[str, str] = {}
-    for item in text.split(","):
-        name, equals, value = (piece.strip() for piece in item.partition("="))
-        if not (name and equals and value):
-            raise GonioError(f"--uncertainty has {item.strip()!r}; give NAME=U, such as gain=0.5 %")
-        stated[name] = value
-    return stated
 
 
 def summary(result: "Quantities") -> list[str]:

@@ -1,8 +1,9 @@
 """What each source of error does to a table's readings: shifts that all of them share, and parts of their noise."""
 
 import dataclasses
+import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -120,6 +121,21 @@ class Readings:
         high, low = (self.read(Systematic(**{name: sign * size})) for sign in (1, -1))
         # Out of the plane of an in-plane table nobody looked: a mirror-symmetric f does not change there.
         return np.broadcast_to(np.nan_to_num((high - low) / 2), self.f.shape)
+
+    @functools.cached_property
+    def nominal(self) -> np.ndarray:
+        """Readings (n, C) without an error, by the model in between."""
+        return self.read(Systematic())
+
+    def change(self, errors: Mapping[str, float]) -> np.ndarray:
+        """Change of all readings (n, C) by systematic errors together, not only to first order."""
+        factor = math.prod(1 + e for name, e in errors.items() if TERMS[name].acts == "factor")
+        offset = sum(e for name, e in errors.items() if TERMS[name].acts == "offset")
+        angles = {name: e for name, e in errors.items() if TERMS[name].acts == "angle"}
+        turned = np.zeros_like(self.f)
+        if self.model is not None and angles:
+            turned = np.nan_to_num(self.read(Systematic(**angles)) - self.nominal)
+        return factor * (self.f + turned) + offset / (np.pi * self.lit[:, None]) - self.f
 
     def averaged_over_discs(self) -> np.ndarray | None:
         """By how much readings (n, C) are off by being averages over the discs of light and detector.

@@ -98,7 +98,7 @@ class FitBudget:
         for _ in range(MOST_STEPS):
             rows = (slopes * by_model[..., None]).reshape(-1, p.size)
             now = (residual + by_model * (f - first)).ravel()
-            step = _inverse(rows.T @ rows, self.moving) @ (rows.T @ now)
+            step = inverse_of(rows.T @ rows, self.moving) @ (rows.T @ now)
             p = np.clip(p - step, d.low, d.high)
             if np.all(np.abs(step) <= STEADY * np.maximum(np.abs(p), STEADY)):
                 break
@@ -171,7 +171,7 @@ def fit_budget(fit: FitBudget, sources: Sources) -> Budget:
     terms were moved within their uncertainties, is a source of its own, as large as the incidences scatter.
     """
     sums, slopes, p = fit.sums(), fit.outputs[1], fit.prior.p.size
-    inverse = _inverse(sums.total[:p, :p], fit.moving)
+    inverse = inverse_of(sums.total[:p, :p], fit.moving)
 
     def spread(matrix: np.ndarray) -> np.ndarray:
         return np.sqrt(np.maximum(np.einsum("qp,pr,qr->q", slopes, matrix, slopes), 0.0))
@@ -232,7 +232,7 @@ def _groups(wi: Direction) -> np.ndarray:
     return np.unique(rounded, axis=0, return_inverse=True)[1].ravel() % MOST_GROUPS
 
 
-def _inverse(matrix: np.ndarray, moving: np.ndarray) -> np.ndarray:
+def inverse_of(matrix: np.ndarray, moving: np.ndarray) -> np.ndarray:
     """(JᵀJ)⁻¹ over the numbers that move, 0 for the others; combinations without effect are left alone."""
     inverse, index = np.zeros_like(matrix), np.flatnonzero(moving & (np.diagonal(matrix) > 0))
     lengths = np.sqrt(np.diagonal(matrix)[index])

@@ -12,8 +12,6 @@ import numpy as np
 from scipy import stats
 
 from gonio.data.table import Table
-from gonio.instrument.instrument import Systematic
-from gonio.instrument.stated import ANGLE_TERMS, TERMS
 from gonio.metrology.budget import LEVEL, Budget
 from gonio.metrology.effects import Readings
 from gonio.metrology.fit_budget import FitBudget
@@ -43,14 +41,13 @@ class Simulation:
         offset = aperture if isinstance(aperture, np.ndarray) and aperture.any() else np.zeros(1)
         base = self.measurands.base.values
         place = None if self.fit is None else self._place(self.fit)
-        nominal = None if self.readings.model is None else self.readings.read(Systematic())
         by_reading = {n.name for n in self.sources.noise}
         beside = [c for c in budget.contributions if not c.shared and c.name not in by_reading]
         rows = []
         for _ in range(draws):
             z = rng.standard_normal(len(acting))
             errors = {name: float(s.stated.errors(e)) for (name, s), e in zip(acting.items(), z, strict=True)}
-            systematic = self._shift(errors, nominal)
+            systematic = self.readings.change(errors)
             noise = sigma * rng.standard_normal(sigma.shape)
             shift = systematic + noise + rng.uniform(-1, 1) * offset
             row = [self.measurands.read_out(self.readings.moved(shift)).values - base]
@@ -61,17 +58,6 @@ class Simulation:
             others = (c.values * (u if c.shape == "rectangular" else normal) for c in beside)
             rows.append(sum(others, np.concatenate(row)))
         return np.array(rows)
-
-    def _shift(self, errors: dict[str, float], nominal: np.ndarray | None) -> np.ndarray:
-        """Change of all readings (n, C) by systematic errors together."""
-        factors = math.prod(1 + e for name, e in errors.items() if TERMS[name].acts == "factor")
-        offset = sum(e for name, e in errors.items() if TERMS[name].acts == "offset")
-        angles = {name: e for name, e in errors.items() if name in ANGLE_TERMS}
-        tilted = np.zeros_like(self.readings.f)
-        if nominal is not None and angles:
-            tilted = np.nan_to_num(self.readings.read(Systematic(**angles)) - nominal)
-        added = offset / (np.pi * self.readings.lit[:, None])
-        return factors * (self.readings.f + tilted) + added - self.readings.f
 
     def _place(self, fit: FitBudget) -> np.ndarray:
         if fit.cells is None:
