@@ -15,7 +15,7 @@ from gonio.fitting.solver.robust_weights import NORMAL_MAD, DownweightedReadings
 from gonio.models.display import percent
 
 MAX_CELLS = 1 << 15  # cells that are examined; of more, a random choice
-MAX_READINGS = 1 << 19  # of these cells; of more, evenly spaced channels
+MAX_READINGS = 1 << 18  # of these cells; of more, evenly spaced channels
 OUTLYING = 5.0  # scales from which on a reading stands out
 CLUSTERED = 0.3  # share of readings in one region from which on the region is named
 DOWN_WEIGHTED = 0.5  # share of its weight that a down-weighted reading keeps at most
@@ -76,7 +76,7 @@ def summarise(e: Evidence) -> ResidualSummary:
         cells = np.sort(np.random.default_rng(e.seed).choice(n, MAX_CELLS, replace=False))
     count = e.readings.f.shape[1]
     channels = evenly_spaced(count, max(1, MAX_READINGS // cells.size))
-    subset = e.readings.part(cells).of_channels(channels)
+    subset = e.readings.of_channels(channels).part(cells)
     order = neighbour_order(subset.wi, subset.wo)
     cells, subset = cells[order], subset.part(order)
     examined = np.ix_(cells, channels)

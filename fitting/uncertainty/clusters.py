@@ -46,17 +46,18 @@ def with_clusters(e: Optimum, seed: int, noise_known: bool) -> tuple[Optimum, st
     n = e.model_f.shape[0]
     cells = np.sort(rng.choice(n, MOST_CELLS, replace=False)) if n > MOST_CELLS else np.arange(n)
     channels = evenly_spaced(e.model_f.shape[1], max(1, MOST_READINGS // cells.size))
-    readings, f, weight = e.readings.part(cells), e.model_f[cells][:, channels], e.problem.weight[cells]
+    readings, f = e.readings.of_channels(channels).part(cells), e.model_f[np.ix_(cells, channels)]
+    weight = e.problem.weight[cells]
     some = np.any(weight > 0, axis=1)
     if np.count_nonzero(some) < FEWEST:
         return (e, None) if noise_known else (_with_cells(e, some), None)
-    few, weight = readings.of_channels(channels), weight[:, channels]
-    residual, used = weighted_residuals(few, e.problem.loss, e.problem.samples.floor, weight, f), weight > 0
+    weight = weight[:, channels]
+    residual, used = weighted_residuals(readings, e.problem.loss, e.problem.samples.floor, weight, f), weight > 0
     scaled, wi, wo = residual / scales(residual, f, used), readings.wi, readings.wo
     orders = (neighbour_order(wi, wo), neighbour_order(wi, wo, by_incidence=True))
     if all(noise_tests(scaled[o], used[o], None, n, False).verdict != "structure" for o in orders):
         return e, None
-    block, kind = _clusters(few, scaled, some)
+    block, kind = _clusters(readings, scaled, some)
     clusters = int(block.max()) + 1
     number = min(clusters, MOST_CLUSTERS)
     step = _steps(e, e.problem.subset(cells), np.where(some, block % number, -1), number)
