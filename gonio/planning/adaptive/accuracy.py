@@ -59,9 +59,12 @@ def shown(squares: np.ndarray, level: float = LEVEL) -> Error:
     The bound is Student's, corrected for skewness [Chen 1995], of these samples and one twice as large as the largest:
     rare large errors are the ones that few samples miss.
     """
+    if squares.size < 2:
+        return Error(1.0, 1.0, squares.size)
     x = np.append(squares, 2 * max(squares.max(), 0.0))
     spread, quantile = x.std(ddof=1), t.ppf(level, x.size - 1)
     skew = np.mean((x - x.mean()) ** 3) / max(spread, 1e-300) ** 3 / (6 * math.sqrt(x.size))
     wide = quantile + skew * (1 + 2 * quantile**2) + 4 * skew**2 * (quantile + 2 * quantile**3)
     most = x.mean() + wide * spread / math.sqrt(x.size)
-    return Error(math.sqrt(max(float(squares.mean()), 0.0)), math.sqrt(max(float(most), 0.0)), squares.size)
+    value, bound = (math.sqrt(min(max(float(square), 0.0), 1.0)) for square in (squares.mean(), most))
+    return Error(value, bound, squares.size)

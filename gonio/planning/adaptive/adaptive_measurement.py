@@ -104,8 +104,14 @@ def adapt(material: SubjectLike, instrument: Instrument | None = None, **options
     about["assumed"] = f"reciprocity{assumed}" if about["strategy"] == "table" else "the model"
     session = Session.begin(subject, instrument or Instrument(), int(seed), about, **kept)
     loop = _Loop(session, target, budget, options.get("log") or (lambda text: None))
+    if session.count:
+        loop.log(f"going on with {session.part}: {session.count} readings were there")
     while loop.outcome is None:
-        loop.step()
+        try:
+            loop.step()
+        except GonioError:  # the same call would end here again
+            session.forget()
+            raise
         session.save()
     session.about |= loop.outcome
     return session.finish(output, force, **_stated(session.rounds[-1]))

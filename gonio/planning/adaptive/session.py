@@ -130,6 +130,11 @@ class Session:
                 temporary.unlink(missing_ok=True)
                 raise
 
+    def forget(self) -> None:
+        """Removes the file of the rounds."""
+        if self.part is not None:
+            self.part.unlink(missing_ok=True)
+
     def finish(self, output: str | os.PathLike[str] | None, force: bool, **more: Any) -> Table:
         """The table, with `more` in its provenance, in its file where there is one."""
         table = self.table()
@@ -137,7 +142,7 @@ class Session:
         if output is None or self.part is None:
             return table
         write_table(output, table, force)
-        self.part.unlink(missing_ok=True)
+        self.forget()
         return open_table(output)
 
     def table(self) -> Table:

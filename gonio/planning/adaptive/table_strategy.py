@@ -13,6 +13,7 @@ from gonio.data.interpolation.scattered import compressed
 from gonio.instrument.aperture import irradiance
 from gonio.instrument.instrument import Instrument
 from gonio.instrument.noise import standard_uncertainty
+from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.planning.adaptive.accuracy import FLOOR, random_directions
 from gonio.planning.adaptive.prediction import JUDGED, Prediction
@@ -26,6 +27,8 @@ BATCH, GROWTH = 12, 0.25
 """Readings of a round: so many, or that share of those there are."""
 SEARCHED, WRONG = 1.5, 2.0
 """Times as many readings, and times the error expected, from which on the law is searched from anew."""
+FEWEST = 8
+"""Valid readings that anything is predicted from."""
 NEIGHBOURS, PRIOR = 6, 2.0
 """Readings whose prediction by the others tells how good predictions near them are; and those that stand for all."""
 LARGEST = 1.0
@@ -50,6 +53,11 @@ class TablePrediction(Prediction):
         `ratio`: the error that the last check showed, over what was expected.
         """
         valid, last = session.valid, [r for r in session.rounds if "law" in r]
+        if valid.sum() < FEWEST:
+            raise GonioError(
+                f"of {valid.size} readings {valid.sum()} are valid, too few to go by: the detector is full, or a table "
+                "that was read holds nothing there; give fewer photons, or smaller ranges of the axes"
+            )
         searched = [r for r in last if r["searched"]]
         again = not searched or session.count > SEARCHED * searched[-1]["readings"][0] or ratio > WRONG
         f, u_f = (session.values[name][valid] for name in ("f", "u_f"))

@@ -7,6 +7,8 @@ from gonio.instrument.instrument import Instrument
 from gonio.planning.adaptive.accuracy import FLOOR, difference, random_directions, shown
 from gonio.planning.candidates import readable
 
+SMALL = 1e-4
+
 
 def test_differences_are_symmetric_bounded_and_relative():
     a, b = np.array([0.0, 1e-9, 0.2, 5.0]), np.array([1e9, 2e-9, 0.22, 4.0])
@@ -31,7 +33,12 @@ def test_directions_are_what_the_instrument_reads(isotropic):
 @pytest.mark.parametrize("spread", [0.0, 0.5, 1.0])
 def test_the_bound_holds_as_often_as_it_says(spread):
     rng = np.random.default_rng(1)
-    draws = [shown(np.exp(spread * rng.normal(size=100)) * rng.chisquare(1, 100)) for _ in range(500)]
-    truth = np.exp(spread**2 / 4)
+    draws = [shown(SMALL * np.exp(spread * rng.normal(size=100)) * rng.chisquare(1, 100)) for _ in range(500)]
+    truth = np.sqrt(SMALL) * np.exp(spread**2 / 4)
     assert np.mean([e.bound >= truth for e in draws]) >= 0.93
     assert np.median([e.bound for e in draws]) < 1.5 * truth
+
+
+@pytest.mark.parametrize("squares", [np.zeros(0), np.ones(1), np.full(30, 4.0)])
+def test_few_or_impossible_squares_show_nothing(squares):
+    assert shown(squares).bound == 1.0

@@ -120,3 +120,10 @@ def test_a_file_that_is_no_adaptive_measurement_is_kept(tmp_path):
     with pytest.raises(gonio.GonioError, match="no unfinished adaptive measurement"):
         gonio.adapt("lambert(rho=0.5)", target=0.1, output=tmp_path / "t.h5", force=True)
     assert part.read_text() == "mine"
+
+
+def test_what_says_nothing_is_refused_and_nothing_stays(tmp_path):
+    plane = gonio.measure("lambert(rho=0.5)", None, "in-plane")
+    with pytest.raises(gonio.GonioError, match="0 are valid"):
+        gonio.adapt(plane, target=0.1, output=tmp_path / "t.h5")
+    assert not list(tmp_path.iterdir())
