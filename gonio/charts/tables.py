@@ -13,7 +13,11 @@ import numpy as np
 from gonio.charts.point import Axis, Chart, Point, Settings
 from gonio.charts.timing import in_turns, precision
 from gonio.data import layouts
+from gonio.data.channels import Channels
 from gonio.data.interpolation.multilinear import as_material
+from gonio.data.interpolation.rgl_fit import fit_rgl
+from gonio.data.interpolation.rgl_layout import RGLLayout
+from gonio.data.interpolation.rgl_warp import RGLMaterial
 from gonio.data.layouts import Layout
 from gonio.data.table import whole_table_of_values
 from gonio.data.tabulate import grid_values
@@ -114,6 +118,8 @@ LAYOUTS = {"isotropic": _isotropic, "half/difference, MERL": _merl, "half/differ
 QUICK_LAYOUTS = 2
 INTERPOLATIONS = {"nearest": _nearest, "linear": _linear, "linear in log f": _logarithmic}
 STEPS, QUICK_STEPS = (15.0, 10.0, 5.0, 2.0, 1.0), (15.0, 5.0, 2.0)
+RGL_BYTES, QUICK_RGL_BYTES = (1024, 4096, 16384, 65536), (4096,)
+"""Of a channel of a written RGL file."""
 
 
 def points(settings: Settings) -> Iterator[Point]:
@@ -124,6 +130,8 @@ def points(settings: Settings) -> Iterator[Point]:
             light = light_of(brdf)
             for step in QUICK_STEPS if settings.quick else STEPS:
                 yield from _of_step(f"α = {alpha:g}", brdf, light, step, settings)
+            for channel_bytes in QUICK_RGL_BYTES if settings.quick else RGL_BYTES:
+                yield _of_rgl(f"α = {alpha:g}", brdf, light, channel_bytes, settings)
 
 
 def _of_step(panel: str, brdf: AbstractBRDF, light: Light, step: float, settings: Settings) -> Iterator[Point]:
@@ -143,13 +151,29 @@ def _of_step(panel: str, brdf: AbstractBRDF, light: Light, step: float, settings
         yield Point(panel, method, f"{step:g}°", values)
 
 
+def _of_rgl(panel: str, brdf: AbstractBRDF, light: Light, channel_bytes: int, settings: Settings) -> Point:
+    layout = RGLLayout.of_bytes(channel_bytes, None)
+    fit = fit_rgl(brdf, Channels.grey(), layout, lambda wi, wo: np.ones(wi.z.shape, bool), panel)
+    interpolant = RGLMaterial(fit.data)
+    (timing,) = in_turns([functools.partial(evaluate, interpolant, light.wi, light.wo)], *settings.clock())
+    values = {
+        "ns": timing.median / light.f.size * 1e9,
+        "error": light.misplaced(interpolant),
+        "bytes": float(layout.nodes * STORED_BYTES),
+        "first_call_s": timing.first_call,
+    }
+    return Point(panel, "RGL file", f"{layout.theta_i.size} × {layout.side}²", values)
+
+
 ERROR = Axis("error", "share of the reflected light misplaced")
 CHART = Chart(
     "tables",
     "Tables of Lambert + GGX",
     "The error is ∫∫ |f' − f| cosθo dωo over ∫∫ f cosθo dωo under uniform light, both directions within 80° of the "
     "normal. Bytes of one channel in single precision, cells below the horizon counted. Labels: step in angle (for "
-    "MERL's spacing, that of theta_d). Interpolation in log f adds 1e-6 of the peak before taking the logarithm.",
+    "MERL's spacing, that of theta_d); of an RGL file, as gonio convert writes it, incidences × samples: the maps of "
+    "its warp, the same for all channels, are not counted. Interpolation in log f adds 1e-6 of the peak before taking "
+    "the logarithm.",
     ((Axis("bytes", "bytes of a channel"), ERROR), (Axis("ns", "time of one look-up, ns"), ERROR)),
     points,
 )

@@ -25,6 +25,8 @@ from gonio.models.geometry.directions import Direction
 
 WITHIN = np.radians(80.0)
 COUNT = 3000
+DIMMEST = 1e-8
+"""f·cosθo below which no instrument reads anything, and single precision soon ends."""
 ANISOTROPIC = (
     "ggx(alpha_x=0.1, alpha_y=0.4)",
     "ggx(alpha_x=0.06, alpha_y=0.35, eta=[0.2, 0.92, 1.1], k=[3.9, 2.45, 2.45])",
@@ -113,7 +115,7 @@ def one(name: str, channel_bytes: int) -> list[float]:
             f_cos = (
                 evaluate_in_blocks(material.brdf, Direction(*wi), Direction(*wo))[:, : read.shape[1]] * wo[2][:, None]
             )
-            usable = np.broadcast_to(f_cos, read.shape) > 0
+            usable = np.broadcast_to(f_cos, read.shape) > DIMMEST
             error = np.abs(read - f_cos)[usable] / np.broadcast_to(f_cos, read.shape)[usable]
             negative += int((read < 0).sum() + np.isnan(read).sum())
             errors += [float(np.median(error)), float(np.quantile(error, 0.95))]
