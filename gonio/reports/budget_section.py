@@ -46,11 +46,13 @@ def _section(s: ReportSubject, made: Quantities) -> dict[str, Any] | None:
     b = made.budget
     assert b is not None
     rows = [k for k, q in enumerate(made.quantities) if q.channel in (s.channel, "") and _listed(made, q)]
+    if not rows:
+        return None
     shares = {
         c.name: float(np.max(np.abs(c.values[rows]) / np.maximum(b.standard[rows], 1e-300))) for c in b.contributions
     }
     known = sorted((c for c in b.contributions if shares[c.name] > 0), key=lambda c: -shares[c.name])
-    if not known or not rows:
+    if not known:
         return None
     columns = [c for c in known[:MOST_COLUMNS] if shares[c.name] >= LEAST_SHARE]
     return {
