@@ -164,7 +164,7 @@ def _fitted(table: Table, given: FitLike) -> FitResult:
     """The fit itself; or the one of an expression, of "auto", or of a fitted material's file, made here."""
     if isinstance(given, FitResult):
         return given
-    if isinstance(given, str) and not Path(given).is_file():
+    if isinstance(given, str) and not (Path(given).is_file() or given.endswith(".toml")):
         return fit(table, None if given == "auto" else given)
     material = load_material(given)
     stored = material.meta.get("fit")

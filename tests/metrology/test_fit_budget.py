@@ -80,6 +80,8 @@ def test_a_fits_file_is_fitted_again_and_slopes_of_lists_come_from_the_model(tmp
     assert [q.name for q in result.quantities if q.place == "fit"] == [*NUMBERS]
     with pytest.raises(GonioError, match="is not a fitted material"):
         quantities(exact, fit=tmp_path / "t.h5")
+    with pytest.raises(GonioError, match="does not exist"):
+        quantities(exact, fit="none.toml")
     with pytest.raises(GonioError, match="channel by channel"):
         both = measure("lambert(rho=[0.2, 0.4]) + ggx(alpha=0.3)", Instrument(), GRID)
         quantities(both, budget=True, fit=gonio.fit(both, MODEL, per_channel=True, starts=0))
