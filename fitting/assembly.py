@@ -109,11 +109,11 @@ def _unexplained(optima: list[Optimum]) -> float:
         with np.errstate(all="ignore"):
             share = np.nan_to_num((weight * transform(loss, y * cosine, floor, np)[1] * cosine) ** 2, posinf=0.0)
         mean = np.sum(share * y, axis=0) / np.maximum(np.sum(share, axis=0), 1e-300)
-        left, whole = (
+        unexplained, whole = (
             float(np.sum(weighted_residuals(readings, loss, floor, weight, f) ** 2))
             for f in (e.model_f[:, channels], np.broadcast_to(mean, y.shape))
         )
-        remaining, total = remaining + left, total + whole
+        remaining, total = remaining + unexplained, total + whole
     return remaining / total if total > 0 else float("nan")
 
 

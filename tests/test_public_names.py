@@ -19,6 +19,7 @@ VERBS = [
     "adapt",
     "chart",
     "check",
+    "convert",
     "fit",
     "fit_many",
     "material",

@@ -52,27 +52,27 @@ def has_damaged_text(content: Content, name: str, base: int = 0) -> bool:
 
     `base`: bytes before the HDF5 part, from which addresses count.
     """
-    found = list(_text_references(content, name, 0, SEARCHED))
-    found = found or list(_text_references(content, name, SEARCHED, len(content)))
-    for at in found:
-        length, address, index = (_number(content, at + skip, size) for skip, size in ((0, 4), (4, 8), (12, 4)))
+    references = list(_text_references(content, name, 0, SEARCHED))
+    references = references or list(_text_references(content, name, SEARCHED, len(content)))
+    for place in references:
+        length, address, index = (_number(content, place + skip, size) for skip, size in ((0, 4), (4, 8), (12, 4)))
         if length and (heap_objects(content, base + address) or {}).get(index) != length:
             return True
-    return not found
+    return not references
 
 
 def _text_references(content: Content, name: str, start: int, stop: int) -> Iterator[int]:
     """Where attributes of this name that hold a text of variable length store its length, address and index."""
     word = name.encode() + b"\0"
     while (start := content.find(word, start, stop)) >= 0:
-        late = start >= MESSAGE_VERSION * 3 and content[start - 9] == MESSAGE_VERSION
-        sizes = start - (7 if late else 6)
+        packed = start >= MESSAGE_VERSION * 3 and content[start - 9] == MESSAGE_VERSION
+        sizes = start - (7 if packed else 6)
         name_size, type_size, space_size = (_number(content, sizes + skip, 2) for skip in (0, 2, 4))
-        pad = _padded if content[start - 8] == 1 and not late else int
+        pad = _padded if content[start - 8] == 1 and not packed else int
         kind = start + pad(name_size)
-        at = kind + pad(type_size) + pad(space_size)
-        if name_size == len(word) and at + 16 <= len(content) and content[kind] & 15 == VARIABLE_LENGTH:
-            yield at
+        place = kind + pad(type_size) + pad(space_size)
+        if name_size == len(word) and place + 16 <= len(content) and content[kind] & 15 == VARIABLE_LENGTH:
+            yield place
         start += 1
 
 

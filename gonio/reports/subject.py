@@ -76,12 +76,12 @@ class ReportSubject:
     @property
     def fitted_model(self) -> str | None:
         """The model that its first fit asked for, which may decide on energy where the readings alone do not."""
-        asked = self.fits[0].meta["fit"].get("asked") if self.fits else None
+        requested = self.fits[0].meta["fit"].get("asked") if self.fits else None
         try:
-            with_defaults(parse(asked or ""))
+            with_defaults(parse(requested or ""))
         except GonioError:
             return None
-        return asked
+        return requested
 
     def fit_name(self, number: int) -> str:
         """What one of its fits is called in captions."""
