@@ -77,8 +77,10 @@ class Reader:
     def __init__(
         self, material: Material, instrument: Instrument, layout: Layout, seed: int, seconds: np.ndarray | None = None
     ) -> None:
-        self.seconds = np.full(layout.size, instrument.seconds) if seconds is None else seconds
+        # Without an array of its own: a layout may have more cells than fit into memory.
+        self.seconds = np.broadcast_to(instrument.seconds, layout.size) if seconds is None else seconds
         """Counting time of each cell."""
+        self.counts_evenly = seconds is None
         self.material, self.instrument, self.layout, self.seed = material, instrument, layout, seed
         self.errors = instrument.systematic_errors(seed)
         self.channels = len(material.channels)

@@ -196,7 +196,7 @@ def provenance_of(reader: Reader, command: str | None) -> dict[str, Any]:
         values["material"]["file"] = str(material.meta["file"])
     if command:
         values["command"] = command[:LONG_TEXT]
-    if (reader.seconds != reader.instrument.seconds).any():
+    if not reader.counts_evenly and (reader.seconds != reader.instrument.seconds).any():
         digest = hashlib.sha256(np.ascontiguousarray(reader.seconds).tobytes()).hexdigest()
         values["counting"] = {"seconds": float(np.sum(reader.seconds)), "digest": digest}
     if reader.errors != Systematic():
