@@ -24,6 +24,8 @@ FEWEST, MOST = 24, 4000
 """Samples that are kriged: fewer tell no law, more need too large a matrix."""
 BETTER = 0.7
 """Of the inverse-distance mean's error at samples left out: from there on kriging is taken."""
+NO_WORSE, EXACT = 1.0, 1e-6
+"""The same for a law that the provenance states, which may be damaged; an error of compressed values that is none."""
 BEYOND = 0.5
 """Of compressed values past the least and the largest: no value is extrapolated farther."""
 KEY = "kriging"
@@ -148,18 +150,18 @@ def _solved(content: _Content) -> FlooredKriging | None:
         return None
     try:
         system = Kriging.of(samples, stated[0] if stated else likeliest(samples))
-        if not stated and not _better(system, samples):
+        if not _better(system, samples, NO_WORSE if stated else BETTER):
             return None
     except np.linalg.LinAlgError:
         return None
     return FlooredKriging(system, floor)
 
 
-def _better(system: Kriging, samples: Samples) -> bool:
-    """Whether samples left out are predicted clearly better than by the inverse-distance mean of the others."""
+def _better(system: Kriging, samples: Samples, share: float) -> bool:
+    """Whether samples left out are predicted with less than a share of the inverse-distance mean's error."""
     means = inverse_distance.left_out(samples.wi, samples.wo, samples.values, samples.isotropic)
     ours, theirs = (np.sqrt(np.mean(e**2)) for e in (system.left_out()[0], samples.values - means))
-    return bool(ours < BETTER * theirs)
+    return bool(ours < max(share * theirs, EXACT if share == NO_WORSE else 0.0))
 
 
 def _stated(kept: Any) -> tuple[np.ndarray, float] | None:

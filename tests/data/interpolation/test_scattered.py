@@ -95,6 +95,12 @@ def test_the_law_that_the_provenance_states_is_used(glossy):
         assert np.exp(kriging_of(stated).system.law[0]) == pytest.approx(width)
 
 
+@pytest.mark.parametrize("number", [1e-9, 1e9])
+def test_a_damaged_law_is_not_believed(glossy, number):
+    kept = {"law": dict.fromkeys(NAMES, number), "floor": 1e-4}
+    assert kriging_of(dataclasses.replace(glossy, provenance={KEY: kept})) is None
+
+
 def test_samples_that_neighbours_do_not_tell_are_averaged():
     rng = np.random.default_rng(4)
     values = {
