@@ -17,7 +17,7 @@ from gonio.cli.arguments import (
 )
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
-from gonio.text import columns, number, show
+from gonio.text import columns, show
 
 if TYPE_CHECKING:
     from gonio.metrology.budget import Budget, Contribution
@@ -89,7 +89,7 @@ def summary(result: "Quantities") -> list[str]:
     labels = [[q.name, q.place, q.channel][: len(heading)] for q in shown]
     lines = [f"{result.subject} ({result.kind})", ""]
     if result.budget is None:
-        cells = [[_value(q.value, q.bound), _size(q.bound)] for q in shown]
+        cells = [[q.text(q.bound), _size(q.bound)] for q in shown]
         lines.append(columns([a + b for a, b in zip(labels, cells, strict=True)], [*heading, "value", "bound"]))
     else:
         lines += _with_budget(result, result.budget, rows, labels, heading)
@@ -127,7 +127,9 @@ def _with_budget(
     for k in rows:
         value, u, expanded = result.quantities[k].value, float(b.standard[k]), float(b.expanded[k])
         relative = percent(expanded / abs(value)) if value else "–"
-        cells.append([_value(value, expanded), _size(u), _freedom(float(b.dof[k])), _size(expanded), relative])
+        cells.append(
+            [result.quantities[k].text(expanded), _size(u), _freedom(float(b.dof[k])), _size(expanded), relative]
+        )
         parts.append([_part(b, c, k, value) for c in known])
     titles = [*heading, "value", "u", "ν eff", "U (k = 2)", "U, relative"]
     lines = [columns([a + c for a, c in zip(labels, cells, strict=True)], titles), ""]
@@ -181,13 +183,6 @@ def _input(c: "Contribution") -> str:
 
 def _freedom(dof: float) -> str:
     return "∞" if math.isinf(dof) else f"{dof:.3g}"
-
-
-def _value(value: float, u: float) -> str:
-    """A value to two digits of its uncertainty, or that this leaves nothing of it."""
-    if not u > 0:
-        return number(value)
-    return number(round(value, 1 - math.floor(math.log10(u)))) if u < abs(value) else "not known"
 
 
 def _size(u: float) -> str:

@@ -40,6 +40,12 @@ class Quantity:
     angles: dict[str, float] = dataclasses.field(default_factory=dict)
     unit: str = "1"
 
+    def text(self, u: float) -> str:
+        """The value to two digits of an uncertainty u, or that this leaves nothing of it."""
+        if not u > 0:
+            return f"{self.value:.6g}"
+        return f"{round(self.value, 1 - math.floor(math.log10(u))):.6g}" if u < abs(self.value) else "not known"
+
 
 class Geometry(NamedTuple):
     """Directions by polar angles and azimuth difference, radians; None: any azimuth difference that was read."""

@@ -80,8 +80,10 @@ class Quantities(Displayed):
         """The first quantities with their standard uncertainties."""
         rows = {}
         for k, q in enumerate(self.quantities[:MOST_SHOWN]):
-            u = "" if self.budget is None else f" ± {self.budget.standard[k]:.2g}"
-            rows[" ".join(filter(None, (q.name, q.place, q.channel)))] = f"{q.value:.6g}{u}"
+            u, known = "", q.text(q.bound)
+            if self.budget is not None:
+                u, known = f" ± {self.budget.standard[k]:.2g}", q.text(float(self.budget.standard[k]))
+            rows[" ".join(filter(None, (q.name, q.place, q.channel)))] = f"{known}{u}"
         more = len(self.quantities) - MOST_SHOWN
         return {self.kind: self.subject, **rows} | ({"…": f"{more} more"} if more > 0 else {})
 
