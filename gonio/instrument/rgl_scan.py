@@ -26,6 +26,7 @@ from gonio.instrument.instrument import Instrument
 from gonio.instrument.measurement import measure
 from gonio.instrument.scans import THETA_MAX
 from gonio.instrument.sinks import MeasureOptions
+from gonio.models.display import percent
 from gonio.models.errors import GonioError
 
 INCIDENCES, SAMPLES = 8, 32
@@ -196,6 +197,12 @@ def _power_iteration(signal: np.ndarray, isotropic: bool) -> np.ndarray:
         ndf = after
         if change < CONVERGED:
             break
+    else:
+        warnings.warn(
+            f"the distribution of normals still changed by {percent(float(change))} of its largest value after "
+            f"{MOST_STEPS} steps: the warped grid may miss the highlight",
+            stacklevel=2,
+        )
     return ndf / _projected_areas(ndf, np.array([[0.0], [0.0], [1.0]]))
 
 

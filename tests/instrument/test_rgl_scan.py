@@ -96,3 +96,9 @@ def test_what_tells_no_normals_is_refused():
         measure_rgl(ROUGH, incidences=1)
     with pytest.raises(GonioError, match="no reading of retro-reflection is valid"):
         measure_rgl(ROUGH, Instrument(ranges=((1.5, 1.55), (0, 6.28), (0, 0.1), (0, 6.28))), **SMALL)
+
+
+def test_normals_that_have_not_settled_are_told(scan, monkeypatch):
+    monkeypatch.setattr("gonio.instrument.rgl_scan.MOST_STEPS", 1)
+    with pytest.warns(UserWarning, match="distribution of normals still changed by"):
+        measure_rgl(ROUGH, **SMALL)
