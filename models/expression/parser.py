@@ -204,7 +204,9 @@ class _Parser:
 
     def number(self, info: ParameterInfo, what: str) -> float:
         kind, text = self.take()
-        if kind == "sign" and text in "+-" and self.peek()[0] == "number":
+        following = self.peek()
+        # A number may bring a sign of its own: two are none.
+        if kind == "sign" and text in "+-" and following[0] == "number" and following[1][0] not in "+-":
             text += self.take()[1]
         elif kind != "number":
             raise self.error(f"{what} is a number or a list of them, not {text!r}")

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gonio.models.brdf import Scaled, Sum, terms
@@ -93,6 +93,7 @@ def test_what_cannot_be_meant_is_one_sentence(text, words):
     assert all(w in said for w in words), said
 
 
+@example("[--0")
 @settings(max_examples=200, deadline=None)
 @given(st.text(alphabet="lambertgx()[]=,.*+-~?0123456789 \"'e", max_size=40))
 def test_any_text_is_a_model_or_a_sentence(text):
