@@ -16,6 +16,7 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError, nearest
 from gonio.models.expression.builder import build
+from gonio.models.subsurface.catalog import BSSRDFS
 
 LARGEST_STREAM = 256 << 20
 """Bytes that are taken from an open file."""
@@ -134,9 +135,11 @@ def _named(given: str | os.PathLike[str], options: dict[str, Any]) -> Subject:
         return _of_content(Material(text, brdf, text, channels_of(brdf), "spelled on the spot"))
     if os.sep in text or Path(text).suffix:
         raise GonioError(f"{text} does not exist; check the name and the folder")
-    if text in MODELS:
+    if text in (*MODELS, *BSSRDFS):
         raise GonioError(f"'{text}' is a model, not a material; give its parameters, as in '{text}(...)'")
-    raise GonioError(f"Unknown material '{text[:80]}'; {nearest(text[:80], [*reference_materials(), *MODELS])}")
+    raise GonioError(
+        f"Unknown material '{text[:80]}'; {nearest(text[:80], [*reference_materials(), *MODELS, *BSSRDFS])}"
+    )
 
 
 def _of_stream(stream: Any, options: dict[str, Any]) -> Subject:

@@ -12,7 +12,7 @@ Role = Literal[
     "albedo", "scale", "weight",  # levels: of what is reflected, of a lobe, of a term
     "width", "inverse_width", "roughness", "shoulder", "hot_spot", "exponent",  # shapes; "width" is alpha, of facets
     "fresnel", "index", "extinction", "masking", "phase",  # optics
-    "length", "wavelength",
+    "length", "wavelength", "coefficient",
 ]  # fmt: skip
 """What a parameter stands for, in the terms of the field."""
 

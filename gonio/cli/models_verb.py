@@ -18,9 +18,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from gonio.models.catalog import MODELS
+    from gonio.models.subsurface.catalog import BSSRDFS
 
-    if args.name and args.name not in MODELS:
-        raise GonioError(f"Unknown model '{args.name}'; {nearest(args.name, MODELS)}")
+    known = [*MODELS, *BSSRDFS]
+    if args.name and args.name not in known:
+        raise GonioError(f"Unknown model '{args.name}'; {nearest(args.name, known)}")
     if args.picture and not args.name:
         raise GonioError("--picture shows one model; name it, as in 'gonio models ggx --picture ggx.png'")
     if args.picture:  # before anything is printed, so that a refusal stands alone
@@ -28,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
         from gonio.models.expression.builder import example
 
         write_lobe(example(args.name).strip("'"), args.picture, args.force)
-    names: list[str] = [args.name] if args.name else list(MODELS)
+    names: list[str] = [args.name] if args.name else known
     facts = {name: _facts(name) for name in names}
     if args.json:
         show(json.dumps(facts, indent=2, ensure_ascii=False))
@@ -38,7 +40,8 @@ def run(args: argparse.Namespace) -> int:
         written = [f"    written: {args.picture}"] if args.picture else []
         show("\n".join([*_laws(args.name, facts[args.name]), *written]))
     else:
-        show("\nSums and factors: 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)'; a list means channels.")
+        show("\nThe last three are light below the surface (BSSRDF); see 'gonio measure --help'.")
+        show("Sums and factors: 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)'; a list means channels.")
         show("No Fresnel parameter means F = 1, f0 Schlick's, eta (with k) the exact one.")
         show("'gonio models NAME' shows one whole.")
     return 0
@@ -58,6 +61,7 @@ def _laws(name: str, facts: dict[str, Any]) -> list[str]:
 
     lines = [f"    breaks {law}: {how}" for law, how in facts["breaks"].items()]
     lines += [f"    loses: {facts['loses']}"] if facts["loses"] else []
+    lines += [f"    limits: {facts['limits']}"] if "limits" in facts else []
     return [*lines, f"    example: {example(name)}"]
 
 
@@ -66,16 +70,19 @@ def _facts(name: str) -> dict[str, Any]:
     from gonio.models.expression.builder import build, example
     from gonio.models.expression.parser import options_of
     from gonio.models.parameters import parameters_of
+    from gonio.models.subsurface.catalog import BSSRDFS
 
+    below = BSSRDFS.get(name)
+    kind = below or MODELS[name]
     # Which laws a model violates may depend on its options: those of its example stand for it.
     usual = build(example(name).strip("'"))
     return {
         "breaks": dict(usual.violates),
         "loses": usual.loses_energy,
-        "doc": inspect.getdoc(MODELS[name]) or "",
+        "doc": inspect.getdoc(kind) or "",
         "parameters": {
             p: {"domain": f"[{i.low:g}, {i.high:g}]", "low": i.low, "high": i.high, "unit": i.unit, "doc": i.doc}
-            for p, i in parameters_of(MODELS[name]).items()
+            for p, i in parameters_of(kind).items()
         },
-        "options": {o: list(c) for o, c in options_of(MODELS[name]).items()},
-    }
+        "options": {o: list(c) for o, c in options_of(kind).items()},
+    } | ({} if below is None else {"limits": below.limits})

@@ -20,13 +20,22 @@ from gonio.models.expression.parser import (
     numbers,
     options_of,
     parse,
+    parse_bssrdf,
     submodels_of,
 )
 from gonio.models.parameters import parameters_of
+from gonio.models.subsurface.base import AbstractBSSRDF
+from gonio.models.subsurface.catalog import BSSRDFS
+from gonio.models.subsurface.wide_spots import WideSpots
 
 
 def build(expression: str | tuple[Term, ...]) -> AbstractBRDF:
-    """The model that an expression means; GonioError where it cannot be read or leaves a parameter without a value."""
+    """The model that an expression means; GonioError where it cannot be read or leaves a parameter without a value.
+
+    Light below the surface (``dipole(...)``) is the BRDF that wide spots see of it.
+    """
+    if isinstance(expression, str) and (below := parse_bssrdf(expression)) is not None:
+        return WideSpots(build_bssrdf(below))
     spelled = parse(expression) if isinstance(expression, str) else expression
     for call in calls(spelled):
         missing = [n for n in needed(call) if call.values.get(n, Value()).number is None]
@@ -43,6 +52,14 @@ def build(expression: str | tuple[Term, ...]) -> AbstractBRDF:
             for t in spelled
         ]
     )
+
+
+def build_bssrdf(call: Call) -> AbstractBSSRDF:
+    """The model of light below the surface that is spelled; GonioError where it leaves a number without a value."""
+    if free := [name for name, value in call.values.items() if value.number is None]:
+        raise GonioError(f"{call.name} has no value for {', '.join(free)}; give one, as in {example(call.name)}.")
+    numbers = {name: as_array(v.number) for name, v in call.values.items() if v.number is not None}
+    return BSSRDFS[call.name](**numbers)
 
 
 class Frame(NamedTuple):
@@ -83,6 +100,9 @@ def as_array(number: float | tuple[float, ...]) -> jnp.ndarray:
 
 def example(name: str) -> str:
     """A complete expression of one model, at its starting values."""
+    if name in BSSRDFS:
+        known = parameters_of(BSSRDFS[name])
+        return f"'{name}({', '.join(f'{n}={known[n].start:g}' for n in ('sigma_a', 'sigma_s', 'eta'))})'"
     known = parameters_of(MODELS[name])
     texts = [f"{inside}=lambert(rho=0.5)" for inside in submodels_of(MODELS[name])]
     texts += [f"{n}={known[n].start:g}" for n in needed(Call(name, {}, {}))]
@@ -104,6 +124,8 @@ def to_expression(brdf: AbstractBRDF) -> str:
 def _spell_term(brdf: AbstractBRDF) -> str:
     if isinstance(brdf, Scaled):
         return f"{_number_text(brdf.scale)} * {_spell_term(brdf.base)}"
+    if isinstance(brdf, WideSpots):
+        return bssrdf_expression(brdf.bssrdf)
     if name_of(type(brdf)) is None:
         raise GonioError(
             f"A {type(brdf).__name__} has no expression; only the models that 'gonio models' lists have one."
@@ -115,6 +137,16 @@ def _spell_term(brdf: AbstractBRDF) -> str:
     defaults = {f.name: f.default for f in dataclasses.fields(type(brdf))}
     options = [f'{o}="{getattr(brdf, o)}"' for o in options_of(type(brdf)) if getattr(brdf, o) != defaults[o]]
     return f"{name_of(type(brdf))}({', '.join([*values, *options])})"
+
+
+def bssrdf_expression(bssrdf: AbstractBSSRDF) -> str:
+    """The expression of a model of light below the surface."""
+    kind = type(bssrdf)
+    name = next((n for n, known in BSSRDFS.items() if known is kind), None)
+    if name is None:
+        raise GonioError(f"A {kind.__name__} has no expression; only {', '.join(BSSRDFS)} have one.")
+    values = {n: getattr(bssrdf, n) for n in parameters_of(kind)}
+    return f"{name}({', '.join(f'{n}={_number_text(jnp.asarray(v))}' for n, v in values.items() if v is not None)})"
 
 
 def terms_to_expression(spelled: tuple[Term, ...]) -> str:

@@ -23,6 +23,7 @@ from gonio.models.brdf import SCALE
 from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError, nearest
 from gonio.models.parameters import ParameterInfo, parameters_of
+from gonio.models.subsurface.catalog import BSSRDFS
 
 LONGEST = 200_000  # characters: a thousand wavelengths at full precision are a tenth of it
 DEEPEST = 20
@@ -68,8 +69,13 @@ class Term:
     call: Call
 
 
+BRDF_FORM = "lambert(rho=0.3) + 0.5 * ggx(alpha=0.2)"
+BSSRDF_FORM = "dipole(sigma_a=0.01, sigma_s=1, eta=1.3)"
+
+
 class _Parser:
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, models: Mapping[str, type] = MODELS, form: str = BRDF_FORM) -> None:
+        self.models, self.form = models, form
         if len(text) > LONGEST:
             raise GonioError(f"A model expression of {len(text)} characters came; at most {LONGEST} are read.")
         self.text, self.tokens, self.next_token, self.nested = text, [], 0, 0
@@ -85,9 +91,7 @@ class _Parser:
 
     def error(self, what: str) -> GonioError:
         text = self.text if len(self.text) <= 80 else self.text[:77] + "..."
-        return GonioError(
-            f"Cannot read the model '{text}': {what}. Expected a form like 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2)'."
-        )
+        return GonioError(f"Cannot read the model '{text}': {what}. Expected a form like '{self.form}'.")
 
     def peek(self) -> tuple[str, str]:
         return self.tokens[self.next_token] if self.next_token < len(self.tokens) else ("end", "the end")
@@ -147,9 +151,14 @@ class _Parser:
         kind, name = self.take()
         if kind != "name":
             raise self.error(f"a model's name expected where {name!r} came")
-        if name not in MODELS:
-            raise GonioError(f"Unknown model '{name}'; {nearest(name, MODELS)}")
-        known, options = parameters_of(MODELS[name]), options_of(MODELS[name])
+        if name not in self.models:
+            if name in BSSRDFS:
+                raise GonioError(
+                    f"{name} is light below the surface, a BSSRDF and no term of a BRDF: it stands alone, and is "
+                    "fitted to a profile (gonio measure MATERIAL --scan offsets)"
+                )
+            raise GonioError(f"Unknown model '{name}'; {nearest(name, self.models)}")
+        known, options = parameters_of(self.models[name]), options_of(self.models[name])
         values: dict[str, Value] = {}
         chosen: dict[str, str] = {}
         inside: dict[str, tuple[Term, ...]] = {}
@@ -164,7 +173,7 @@ class _Parser:
             if key in options:
                 self.expect("=")
                 chosen[key] = self.option(name, key, options[key])
-            elif key in submodels_of(MODELS[name]):
+            elif key in submodels_of(self.models[name]):
                 self.expect("=")
                 inside[key] = self.over(depth)
             elif key in known:
@@ -174,7 +183,7 @@ class _Parser:
                 value = self.value(known[key], f"{name}'s {key}")
                 values[key] = dataclasses.replace(value, free=free or value.free)
             else:
-                names = [*known, *options, *submodels_of(MODELS[name])]
+                names = [*known, *options, *submodels_of(self.models[name])]
                 raise GonioError(f"{name} has no parameter '{key}'; {nearest(key, names) if names else 'it has none.'}")
             if self.peek() != ("sign", ")"):
                 self.expect(",")
@@ -189,10 +198,11 @@ class _Parser:
         return terms
 
     def whole(self, call: Call) -> Call:
-        for name in submodels_of(MODELS[call.name]):
+        for name in submodels_of(self.models[call.name]):
             if name not in call.models:
                 raise self.error(f"{call.name} stands over another model; say which, as in {name}=lambert(rho=0.5)")
-        require_one_fresnel(call)
+        if self.models is MODELS:
+            require_one_fresnel(call)
         return call
 
     def option(self, model: str, key: str, choices: tuple[str, ...]) -> str:
@@ -259,6 +269,11 @@ def parse(text: str) -> tuple[Term, ...]:
         raise parser.error(f"nothing more was expected where {parser.peek()[1]!r} came")
     if (count := sum(1 for _ in calls(tuple(terms)))) > MOST_MODELS:
         raise parser.error(f"it has {count} models; give at most {MOST_MODELS}")
+    _require_one_length(terms, parser)
+    return tuple(terms)
+
+
+def _require_one_length(terms: list[Term], parser: _Parser) -> None:
     lists = {len(v.number) for v in _values_of(terms) if isinstance(v.number, tuple)}
     if max(lists, default=0) > MOST_CHANNELS:
         raise parser.error(f"a list has {max(lists)} values, one a channel; give at most {MOST_CHANNELS}")
@@ -266,7 +281,19 @@ def parse(text: str) -> tuple[Term, ...]:
         raise parser.error(
             f"its lists have {' and '.join(map(str, sorted(lists)))} values; all lists are one value a channel"
         )
-    return tuple(terms)
+
+
+def parse_bssrdf(text: str) -> Call | None:
+    """The model of light below the surface that a text spells; None where it begins with the name of none."""
+    name = re.match(r"\s*(\w+)\s*(\(|$)", text)
+    if name is None or name[1] not in BSSRDFS:
+        return None
+    parser = _Parser(text, BSSRDFS, BSSRDF_FORM)
+    call = parser.call(0)
+    if parser.peek()[0] != "end":
+        raise parser.error(f"light below the surface stands alone, and {parser.peek()[1]!r} came behind it")
+    _require_one_length([Term(None, call)], parser)
+    return call
 
 
 def require_one_fresnel(call: Call) -> None:
