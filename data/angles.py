@@ -19,7 +19,7 @@ def radian_arrays(degrees: bool, lower: bool = False, **angles: ArrayLike) -> li
 
     Args:
         degrees: whether the numbers given are degrees.
-        lower: whether `theta_o` may lie below the horizon, up to π.
+        lower: whether directions may lie behind the sample, polar angles up to π.
         angles: polar angles by names that begin with "theta", azimuths by others.
 
     Raises:
@@ -29,7 +29,7 @@ def radian_arrays(degrees: bool, lower: bool = False, **angles: ArrayLike) -> li
     for name, angle in angles.items():
         values = as_numbers(name, angle)
         polar = name.startswith("theta")
-        high = (math.pi if lower and name == "theta_o" else math.pi / 2) if polar else MOST_TURNS * 2 * math.pi
+        high = (math.pi if lower else math.pi / 2) if polar else MOST_TURNS * 2 * math.pi
         low = 0.0 if polar else -high
         radians = np.radians(values) if degrees else values
         outside = ~((radians >= low - SLACK) & (radians <= high + SLACK))

@@ -5,6 +5,7 @@ import numpy as np
 from gonio.data.flags import FLAG_MEANINGS, Flag
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
+from gonio.models.geometry.sides import BEHIND, FRONT
 
 LARGEST_F = 1e30
 """1/sr: no surface comes near it, and its powers are still numbers."""
@@ -17,8 +18,10 @@ def check_readings(table: Table) -> None:
     """Raises GonioError, naming the first, for readings that contradict their flag, their direction or their noise.
 
     Those are flags that `Flag` does not have; and, among the valid: values that are not finite or beyond `LARGEST_F`,
-    directions at or below the horizon, uncertainties that are negative or infinite.
+    directions on the horizon, or below it where the layout holds the front alone, uncertainties that are negative or
+    infinite.
     """
+    front = table.layout.sides == FRONT
     for start, stop in table.blocks(BLOCK_CELLS):
         f, u_f, flag = table.read_values(start, stop).values()
         valid = flag == Flag.VALID
@@ -28,9 +31,15 @@ def check_readings(table: Table) -> None:
             absurd, wrong = ~(np.abs(f) <= LARGEST_F) & valid, ((u_f < 0) | np.isinf(u_f)) & valid
         _refuse(table, start, absurd, f"an f flagged valid that is no number, or beyond {LARGEST_F:g} 1/sr", remedy)
         _refuse(table, start, wrong, "a negative or infinite u_f", "give standard uncertainties, 0 exact, NaN unknown")
-        low = np.minimum(*table.layout.cosines(start, stop)) <= LEAST_COSINE
+        grazing = [(c <= LEAST_COSINE) & (front | (c >= BEHIND)) for c in table.layout.cosines(start, stop)]
         below = f"flag it {Flag.BELOW_HORIZON:d} (below_horizon)"
-        _refuse(table, start, low[:, None] & valid, "a direction at or below the horizon flagged valid", below)
+        _refuse(
+            table,
+            start,
+            np.logical_or(*grazing)[:, None] & valid,
+            "a direction at or below the horizon flagged valid",
+            below,
+        )
 
 
 def _refuse(table: Table, start: int, wrong: np.ndarray, what: str, remedy: str) -> None:

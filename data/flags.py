@@ -8,7 +8,7 @@ class Flag(enum.IntEnum):
 
     VALID = 0
     BELOW_HORIZON = 1
-    """A direction is at or below the horizon: there is nothing to read."""
+    """A direction is on the horizon, or below it where a grid holds the front alone: there is nothing to read."""
     SHADOWED = 2
     """The detector stood between the source and the sample."""
     SATURATED = 3

@@ -6,10 +6,11 @@ import numpy as np
 
 from gonio.data.flags import Flag
 from gonio.data.table import Table
+from gonio.models.geometry.sides import side_in_words
 
 MOST_ROWS = 200_000
 """Readings that are looked at."""
-RADIANS_LIMIT = 1.6
+RADIANS_LIMIT = 3.15
 """Degrees: polar angles all below it are radians, or a scan of nothing but the normal."""
 TOO_BRIGHT = 1.25
 """π f of most directions, from which readings cannot be f of anything that makes no light."""
@@ -34,6 +35,25 @@ def suspicions(table: Table, angles_unknown: bool = False, quantity_unknown: boo
         quantity_unknown: whether nobody says that the readings are f.
     """
     cells = table.valid_cells()
+    if not cells.size:
+        return []
+    theta_i, _, theta_o, _ = (a[cells] for a in table.layout.angles())
+    largest = max(theta_i.max(), theta_o.max())
+    if angles_unknown and 0 < largest <= math.radians(RADIANS_LIMIT):
+        return [
+            f"no polar angle is above {math.degrees(largest):.4g}, taken as degrees: if these are radians, state "
+            "--angles radians, else --angles degrees"
+        ]
+    result = []
+    for sides, part in table.parts().items():
+        where = "" if sides == (1, 1) else f"{side_in_words(*sides)}: "
+        result += [where + sentence for sentence in _of_part(part, sides[0] == sides[1], quantity_unknown)]
+    return result
+
+
+def _of_part(table: Table, reflection: bool, quantity_unknown: bool) -> list[str]:
+    """The same of one side of the sample."""
+    cells = table.valid_cells()
     if cells.size > MOST_ROWS:
         cells = cells[:: -(-cells.size // MOST_ROWS)]
     if not cells.size:
@@ -41,14 +61,8 @@ def suspicions(table: Table, angles_unknown: bool = False, quantity_unknown: boo
     theta_i, phi_i, theta_o, phi_o = (a[cells] for a in table.layout.angles())
     values = table.values_at(cells)
     f = np.mean(values["f"], axis=1, where=values["flag"] == Flag.VALID)
-    largest = max(theta_i.max(), theta_o.max())
-    if angles_unknown and 0 < largest <= math.radians(RADIANS_LIMIT):
-        return [
-            f"no polar angle is above {math.degrees(largest):.4g}, taken as degrees: if these are radians, state "
-            "--angles radians, else --angles degrees"
-        ]
     delta = (phi_o - phi_i) % (2 * math.pi)
-    result = _turned_azimuth(theta_i, theta_o, delta, f)
+    result = _turned_azimuth(theta_i, theta_o, delta, f) if reflection else []
     if quantity_unknown:
         result += _cosine_ratio(theta_i, theta_o, delta, f) or _too_bright(theta_i, theta_o, delta, f)
     return result

@@ -16,6 +16,7 @@ from gonio.data.flags import Flag
 from gonio.data.layouts import Layout, scattered
 from gonio.models.display import Displayed, listed
 from gonio.models.errors import GonioError, nearest, printable
+from gonio.models.geometry.sides import FRONT, Hemispheres, Sides, hemispheres_of, side, sides_in_words
 
 if TYPE_CHECKING:
     import os
@@ -130,7 +131,8 @@ class Table(Displayed):
         """A table of scattered readings.
 
         Args:
-            theta_i, phi_i: polar angle in [0, π/2] and azimuth of the direction to the light.
+            theta_i, phi_i: polar angle in [0, π], beyond π/2 behind the sample, and azimuth of the direction to the
+                light.
             theta_o, phi_o: those of the direction to the detector; all four broadcast to one shape S.
             f: BRDF, 1/sr, without the cosine, of shape S, or S + (channels,). NaN and infinite values become INVALID,
                 readings at the horizon BELOW_HORIZON.
@@ -145,7 +147,7 @@ class Table(Displayed):
                 f"from_arrays has no option '{unknown[0]}'; {nearest(unknown[0], ArrayOptions.__annotations__)}"
             )
         degrees = options.get("degrees", False)
-        angles = radian_arrays(degrees, theta_i=theta_i, phi_i=phi_i, theta_o=theta_o, phi_o=phi_o)
+        angles = radian_arrays(degrees, True, theta_i=theta_i, phi_i=phi_i, theta_o=theta_o, phi_o=phi_o)
         layout = scattered(*(a.ravel() % (2 * np.pi) for a in angles))
         values = _readings("f", f, angles[0].shape)
         uncertainty = None if u_f is None else np.broadcast_to(_readings("u_f", u_f, angles[0].shape), values.shape)
@@ -178,7 +180,7 @@ class Table(Displayed):
         return importlib.import_module("gonio.data").write(path, self, force)
 
     def facts(self) -> dict[str, str]:
-        """Layout, axes, channels, readings by what became of them, and where they come from."""
+        """Layout, axes, channels, hemispheres, readings by what became of them, and where they come from."""
         counts = self.counts() if isinstance(self.f, np.ndarray) else {}
         kinds = [f"{n:,} {kind.replace('_', ' ')}" for kind, n in counts.items() if n and kind != "cells"]
         axes = [f"{name} {len(axis)}" for name, axis in self.layout.axes.items()]
@@ -188,6 +190,7 @@ class Table(Displayed):
             "name": self.name,
             "layout": f"{self.layout.name}, {self.layout.size:,} cells: {', '.join(axes)}",
             "channels": f"{len(self.channels)}: {listed(self.channels.names)}",
+            "sides": sides_in_words(self.layout.sides),
             "readings": ", ".join(kinds),
             "uncertainty": self.uncertainty() if isinstance(self.f, np.ndarray) else "stored in the file",
             "source": str(self.provenance.get("source", simulated)),
@@ -206,6 +209,39 @@ class Table(Displayed):
             return "unknown"
         return f"stored for {known.size} of {u.size} valid readings, median {np.median(known):.4g} 1/sr"
 
+    @property
+    def sides(self) -> Sides:
+        """The sides of the sample on which light and detector are, where not all cells are below the horizon."""
+        sides = self.layout.sides
+        if sides == FRONT:
+            return sides
+        read = frozenset[tuple[int, int]]()
+        for start, stop in self.blocks():
+            there = (self._flat("flag", start, stop) != Flag.BELOW_HORIZON).any(axis=1)
+            light, detector = (side(c)[there] for c in self.layout.cosines(start, stop))
+            read |= {(a, b) for a, b in sides if ((light == a) & (detector == b)).any()}
+        return read or FRONT
+
+    @property
+    def hemispheres(self) -> Hemispheres:
+        """The hemispheres, that of the light or the opposite one, that it holds cells of."""
+        return hemispheres_of(self.sides)
+
+    def parts(self) -> "dict[tuple[int, int], Table]":
+        """The readings by the sides of light and detector, both directions mirrored into the front hemisphere.
+
+        Each part is a table as of reflection: what goes straight through stands in its mirror direction. In memory.
+        """
+        sides = self.sides
+        if sides == FRONT:
+            return {(1, 1): self}
+        return {pair: self._folded(*pair) for pair in sorted(sides, reverse=True)}
+
+    def _folded(self, light: int, detector: int) -> "Table":
+        layout, index = self.layout.folded(light, detector)
+        f, flag, u_f = (None if a is None else np.asarray(a[...])[index] for a in (self.f, self.flag, self.u_f))
+        return dataclasses.replace(self, layout=layout, f=f, flag=flag, u_f=u_f)
+
     def only(self, names: Sequence[str]) -> "Table":
         """The same table with these channels alone, in this order. Raises GonioError for a channel it does not have."""
         for name in names:
@@ -218,8 +254,8 @@ class Table(Displayed):
         return dataclasses.replace(self, f=f, flag=flag, u_f=u_f, channels=channels, interpolant=None)
 
     def as_list(self) -> "Table":
-        """The same readings as scattered samples, above the horizon."""
-        cells = np.flatnonzero(self.layout.above_horizon())
+        """The same readings as scattered samples, without those on the horizon."""
+        cells = np.flatnonzero(self.layout.readable())
         layout = scattered(*(a[cells] for a in self.layout.angles()))
         values: dict[str, Any] = self.values_at(cells)
         if self.u_f is None:
@@ -272,18 +308,20 @@ class Table(Displayed):
         return {"cells": self.layout.size, "negative": negative, **named}
 
     def valid_cells(self, theta_max: float | None = None) -> np.ndarray:
-        """C-order numbers of the cells valid in any channel, both polar angles below `theta_max`, radians."""
+        """C-order numbers of the cells valid in any channel.
+
+        `theta_max`, radians: both directions are nearer than that to the normal of their side.
+        """
         valid = [(self._flat("flag", *block) == Flag.VALID).any(axis=1) for block in self.blocks()]
         if theta_max is not None:
             for usable, block in zip(valid, self.blocks(), strict=True):
-                usable &= np.minimum(*self.layout.cosines(*block)) > math.cos(theta_max)
+                usable &= np.minimum(*np.abs(self.layout.cosines(*block))) > math.cos(theta_max)
         return np.flatnonzero(np.concatenate(valid))
 
     def samples(self, limit: int | None = None, theta_max: float | None = None, seed: int = 0) -> Block:
         """The cells valid in any channel, in C order; at most `limit` of them, drawn by `seed` without bias.
 
-        `theta_max`, radians: only cells with both polar angles below it. Flags still say which channels are
-        valid.
+        `theta_max` as of `valid_cells`. Flags still say which channels are valid.
         """
         cells = self.valid_cells(theta_max)
         if limit is not None and limit < cells.size:
@@ -315,10 +353,11 @@ def _readings(name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarra
 def whole_table_of_values(layout: Layout, f: np.ndarray, channels: Channels | None = None, **fields: Any) -> Table:
     """A table of bare values `f` (``layout.shape`` or ``layout.shape + (channels,)``): flags by the geometry.
 
-    Cells below the horizon are flagged so, values that are NaN or infinite INVALID; both are stored as NaN.
+    Cells that cannot be read (see `Layout.readable`) are flagged BELOW_HORIZON, values that are NaN or infinite
+    INVALID; both are stored as NaN.
     """
     f = np.asarray(f).reshape(*layout.shape, -1)
     flag = np.where(np.isfinite(f), np.uint8(Flag.VALID), np.uint8(Flag.INVALID))
-    flag[~layout.above_horizon().reshape(layout.shape)] = Flag.BELOW_HORIZON
+    flag[~layout.readable().reshape(layout.shape)] = Flag.BELOW_HORIZON
     f = np.where(flag == Flag.VALID, f, np.asarray(np.nan, f.dtype))
     return Table(layout, f, flag, channels or Channels.of_count(f.shape[-1]), **fields)

@@ -2,7 +2,8 @@
 
 Columns by name, in any order: theta_i, phi_i, theta_o, phi_o in degrees, or wi_x, wi_y, wi_z, wo_x, wo_y,
 wo_z; `f`, or `f_1`, `f_2`, ... for channels, in 1/sr without the cosine; optionally `u_f` (or `u_f_1`, ...),
-the standard uncertainty (nan: unknown, 0: exact), and `flag` (or `flag_1`, ...). Other names, units, delimiters
+the standard uncertainty (nan: unknown, 0: exact), and `flag` (or `flag_1`, ...). Polar angles beyond 90 degrees are
+behind the sample. Other names, units, delimiters
 and quantities are read where they say what they are; what was understood stands in the table's provenance.
 """
 
@@ -29,6 +30,7 @@ from gonio.data.round_trip import RoundTrip, compare
 from gonio.data.suspicions import suspicions
 from gonio.data.table import COPIED, Table
 from gonio.models.errors import GonioError, nearest
+from gonio.models.geometry.sides import FRONT
 
 if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
@@ -55,8 +57,7 @@ def read_csv(
         The table. Its provenance has `understood` and `warnings`, lists of sentences.
 
     Raises:
-        GonioError: with the line, for whatever is no reading; directions below the horizon are refused, readings on
-            it have no value (BELOW_HORIZON).
+        GonioError: with the line, for whatever is no reading; readings on the horizon have no value (BELOW_HORIZON).
     """
     if quantity is not None and quantity not in QUANTITIES:
         raise GonioError(f"quantity {str(quantity)[:40]!r} is unknown; {nearest(str(quantity), QUANTITIES)}")
@@ -69,9 +70,7 @@ def read_csv(
     numbers = text.numbers(used, values.names["f"] + values.names.get("u_f", []))
     directions = read_angles(text, statements, numbers, angles)
     readings = read_values(text, statements, values, numbers, None if missing is None else str(missing))
-    cosines = np.cos(directions.angles[0]), np.cos(directions.angles[2])
-    f, u_f = (None if v is None else brdf_of(v, values.quantity, *cosines) for v in (readings.f, readings.u_f))
-    readings, channels = readings._replace(f=f, u_f=u_f), values.channels
+    readings, channels = _of_quantity(readings, directions, values.quantity), values.channels
     understood = [*directions.understood, *values.understood]
     if wavelength:
         unit = wavelength.unit if wavelength.unit in LENGTHS_NM else ""
@@ -99,6 +98,15 @@ def read_csv(
     return table
 
 
+def _of_quantity(readings: Readings, directions: Directions, quantity: str) -> Readings:
+    """The readings as f, those below the horizon flagged so."""
+    if directions.below is not None:
+        readings.flag[directions.below] = Flag.BELOW_HORIZON
+    cosines = np.abs(np.cos(directions.angles[0])), np.abs(np.cos(directions.angles[2]))
+    f, u_f = (None if v is None else brdf_of(v, quantity, *cosines) for v in (readings.f, readings.u_f))
+    return readings._replace(f=f, u_f=u_f)
+
+
 def _table(
     statements: Statements, directions: Directions, rows: Readings, channels: Channels, understood: list[str]
 ) -> Table:
@@ -111,7 +119,7 @@ def _table(
         layout, (readings, repeats) = placed.layout, grid
         understood += _of_grid(placed, rows, repeats)
     flag = readings.flag.copy()
-    flag[~layout.above_horizon()] = Flag.BELOW_HORIZON
+    flag[~layout.readable()] = Flag.BELOW_HORIZON
     f = np.where(flag == Flag.VALID, readings.f, np.nan)
     if missing := int((flag == Flag.NOT_MEASURED).sum()):
         understood.append(f"{missing} readings of {flag.size} are missing")
@@ -124,12 +132,16 @@ def _placement(statements: Statements, directions: Directions) -> Placement | No
     """The grid that the rows are: the one that gonio's own file names, else the one that their directions make."""
     stated = statements.layout()
     if stated is not None:
-        cells = np.flatnonzero(stated.above_horizon())
+        cells = np.flatnonzero(stated.readable())
         if cells.size == directions.angles[0].size:
             off = [np.abs(np.sin((a[cells] - b) / 2)) for a, b in zip(stated.angles(), directions.angles, strict=True)]
             if max(o.max() for o in off) <= SAME_DIRECTION:
                 return Placement(stated, cells, np.arange(stated.size))
-    return None if statements.scattered else recognised(directions.angles, directions.rounding)
+    return None if statements.scattered else _recognised(directions)
+
+
+def _recognised(directions: Directions) -> Placement | None:
+    return recognised(directions.angles, directions.rounding, directions.below is not None)
 
 
 def _of_grid(placed: Placement, rows: Readings, repeats: int) -> list[str]:
@@ -161,7 +173,7 @@ class ListedDirections(NamedTuple):
 def read_directions(path: str | os.PathLike[str], angles: str | None = None) -> ListedDirections:
     """The directions of a CSV file; its columns can be written back with values added.
 
-    `angles` as in `read_csv`. Raises GonioError, with the line, for what is no direction or below the horizon.
+    `angles` as in `read_csv`. Raises GonioError, with the line, for what is no direction.
     """
     from gonio.models.geometry.directions import Direction, from_spherical
 
@@ -188,7 +200,7 @@ def read_seconds(path: str | os.PathLike[str]) -> np.ndarray | None:
 
 
 def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
-    """Writes the cells of a table above the horizon, and returns what reading them again shows to be lost.
+    """Writes the cells of a table that can be read, and returns what reading them again shows to be lost.
 
     Angles in degrees; every number so that reading it gives the same float. Flags are written where a channel
     of a row has no value. Raises GonioError where `path` cannot be written, or no cell is valid.
@@ -199,7 +211,7 @@ def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -
         *([f"wavelengths_nm: {json.dumps(w)}"] if (w := table.channels.wavelengths_nm) else []),
         f"layout: {json.dumps(_named_layout(table.layout))}",
     ]
-    cells = np.flatnonzero(table.layout.above_horizon())
+    cells = _written_cells(table)
     angles = [a[cells] for a in table.layout.angles()]
     f, u_f, flag = table.values_at(cells).values()
     valid = flag == Flag.VALID
@@ -221,6 +233,16 @@ def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -
     omitted = table.layout.size - f.shape[0]
     note = f"{omitted} cells below the horizon left out" if omitted else ""
     return compare(f, written["f"], valid, written["flag"] == Flag.VALID, note)
+
+
+def _written_cells(table: Table) -> np.ndarray:
+    """The cells that can be read; of a list not what a warp has carried below the horizon, by its flags."""
+    readable = table.layout.readable()
+    if not table.layout.gridded and table.layout.sides != FRONT:
+        for start, stop in table.blocks():
+            below = (table.read_values(start, stop)["flag"] == Flag.BELOW_HORIZON).all(axis=1)
+            readable[start:stop] &= ~(below & (np.minimum(*table.layout.cosines(start, stop)) < 0))
+    return np.flatnonzero(readable)
 
 
 def _named_layout(layout: Layout) -> dict[str, object]:

@@ -12,10 +12,13 @@ from gonio.data.formats.csv_statements import Statements
 from gonio.data.layouts import spherical_angles
 from gonio.data.layouts.recognition import LARGEST_ROUNDING, Angles
 from gonio.models.errors import GonioError
+from gonio.models.geometry.sides import side
 
 UNITS = ("degrees", "radians")
 UNIT_TOLERANCE = 1e-3
 """A vector whose length is off by more is no direction; a smaller error is divided out."""
+POLAR = ("theta_i", "theta_o")
+"""Angles that go on behind the sample."""
 MOST_DIGITS = 10
 HALF_TURN = {"degrees": 180.0, "radians": math.pi}
 
@@ -32,6 +35,8 @@ class Directions(NamedTuple):
     understood: list[str]
     unit_known: bool
     """Whether the file or the caller says the unit."""
+    below: np.ndarray | None = None
+    """Rows (n,) of half and difference angles, which hold reflection alone, with a direction below the horizon."""
 
 
 def direction_columns(text: CsvText) -> dict[str, Column]:
@@ -69,7 +74,7 @@ def read_angles(
         unit: "degrees" or "radians", where the caller states it.
 
     Raises:
-        GonioError: an unknown or contradictory unit; with the line, what is no direction or below the horizon.
+        GonioError: an unknown or contradictory unit; with the line, what is no direction.
     """
     columns = direction_columns(text)
     values = {role: numbers[column.name] for role, column in columns.items()}
@@ -77,11 +82,12 @@ def read_angles(
     if set(VECTORS) <= columns.keys():
         # Near the normal and the horizon an angle moves by more than the components do.
         rounding = min(20 * _printed(list(values.values())), LARGEST_ROUNDING)
-        return Directions(_of_vectors(text, values), rounding, "none: components of unit vectors", understood, True)
+        four = _of_vectors(text, values)
+        return Directions(four, rounding, "none: components of unit vectors", understood + _behind(four), True)
     units, who = _units(text, statements, columns, unit)
     rounding = _printed(list(values.values())) * (math.radians(1.0) if "degrees" in units.values() else 1.0)
     for role, angle in values.items():
-        _refuse_outside(text, columns[role].name, role, angle, units[role])
+        values[role] = _inside(text, columns[role].name, role, angle, units[role])
     radians = {role: np.radians(v) if units[role] == "degrees" else v for role, v in values.items()}
     negative = [role for role in ("theta_i", "theta_o") if role in radians and (radians[role] < 0).any()]
     for role in negative:
@@ -90,7 +96,19 @@ def read_angles(
     if "delta_phi" in columns:
         understood.append("delta_phi is phi_o - phi_i: 180° is the mirror side")
     names = " and ".join(sorted(set(units.values())))
-    return Directions(_four_angles(radians), rounding, f"{names} ({who})", understood, who != "not stated")
+    four, source = _four_angles(radians), f"{names} ({who})"
+    if "theta_h" in columns:
+        below = np.logical_or(*(side(np.cos(a)) < 0 for a in (four[0], four[2])))
+        return Directions(four, rounding, source, understood, who != "not stated", below)
+    return Directions(four, rounding, source, understood + _behind(four), who != "not stated")
+
+
+def _behind(angles: Angles) -> list[str]:
+    """What is understood of directions behind the sample."""
+    rows = {name: int((side(np.cos(a)) < 0).sum()) for name, a in (("light", angles[0]), ("detector", angles[2]))}
+    return [
+        f"the {name} is behind the sample, beyond 90° from its normal, in {n} rows" for name, n in rows.items() if n
+    ]
 
 
 def _units(
@@ -137,26 +155,29 @@ def _of_vectors(text: CsvText, values: Mapping[str, np.ndarray]) -> Angles:
         off = np.abs(np.sqrt(x**2 + y**2 + z**2) - 1.0)
         if (off > UNIT_TOLERANCE).any():
             text.fail(int(np.argmax(off > UNIT_TOLERANCE)), f"{which} is no unit vector; divide it by its length")
-        if (z < 0).any():
-            text.fail(int(np.argmax(z < 0)), f"{which} points below the horizon; expected {which}_z >= 0")
         angles += spherical_angles(x, y, z)
     theta_i, phi_i, theta_o, phi_o = angles
     return theta_i, phi_i, theta_o, phi_o
 
 
-def _refuse_outside(text: CsvText, name: str, role: str, angle: np.ndarray, unit: str) -> None:
+def _inside(text: CsvText, name: str, role: str, angle: np.ndarray, unit: str) -> np.ndarray:
+    """Angles of a column in their domain, those on the horizon exactly; refuses others with the line."""
     half = HALF_TURN[unit]
-    polar = role.startswith("theta")
-    # What is printed with few digits may lie beyond a quarter or a whole turn by half of the last one.
-    limit = (half / 2 if polar else 2 * half) + min(_printed([angle]), half * 1e-3)
-    outside = np.abs(angle) > limit
+    polar = role in POLAR
+    # What is printed with few digits may lie beyond a quarter, a half or a whole turn by half of the last one.
+    slack = min(_printed([angle]), half * 1e-3)
+    limit = half / 2 if role.startswith("theta") and not polar else half if polar else 2 * half
+    outside = np.abs(angle) > limit + slack
     if outside.any():
-        row = int(np.argmax(outside))
-        below = " is below the horizon" if role in ("theta_i", "theta_o") and angle[row] > 0 else ""
-        end = f"{half / 2:.6g}" if polar else f"{2 * half:.6g}"
-        domain = f"0 to {end} {unit} from the normal" if polar else f"-{end} to {end} {unit}"
+        domain = f"0 to {limit:.6g} {unit} from the normal" if polar else f"-{limit:.6g} to {limit:.6g} {unit}"
         remedy = "; are these degrees? state --angles degrees" if unit == "radians" and np.abs(angle).max() > 7 else ""
-        text.fail(row, f"{name[:40]} = {angle[row]:g}{below}; expected {domain}{remedy}")
+        row = int(np.argmax(outside))
+        text.fail(row, f"{name[:40]} = {angle[row]:g}; expected {domain}{remedy}")
+    if not polar:
+        return angle
+    size = np.minimum(np.abs(angle), half)
+    on_horizon = (size > half / 2) & (size <= half / 2 + slack)
+    return np.copysign(np.where(on_horizon, half / 2, size), angle)
 
 
 def _four_angles(a: Mapping[str, np.ndarray]) -> Angles:
@@ -171,9 +192,9 @@ def _four_angles(a: Mapping[str, np.ndarray]) -> Angles:
 
 
 def _unsigned(theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(theta in [0, π/2], phi in [0, 2π)) of a signed polar angle and its azimuth."""
+    """(theta in [0, π], phi in [0, 2π)) of a signed polar angle and its azimuth."""
     turned = np.where(theta < 0, phi + math.pi, phi) % (2 * math.pi)
-    return np.minimum(np.abs(theta), math.pi / 2), np.where(turned >= 2 * math.pi, 0.0, turned)
+    return np.abs(theta), np.where(turned >= 2 * math.pi, 0.0, turned)
 
 
 def _of_half_difference(a: Mapping[str, np.ndarray]) -> Angles:

@@ -64,7 +64,7 @@ def read_merl(path: str | os.PathLike[str], nodes: str = "lower") -> Table:
     f = np.empty((grid.size, 3))
     np.multiply(raw.T, SCALE, out=f)
     flag = np.zeros(f.shape, np.uint8)
-    below = ~grid.above_horizon()
+    below = ~grid.readable()
     stray = int(np.count_nonzero(f[below] >= 0))
     flag[f < 0] = Flag.NOT_MEASURED
     flag[~np.isfinite(f)] = Flag.INVALID

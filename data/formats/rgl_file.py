@@ -97,7 +97,7 @@ def read_rgl(path: str | os.PathLike[str]) -> Table:
             wi, wo, f = samples_of(data, p, t)
             angles.append(np.broadcast_arrays(*spherical_angles(*wi), *spherical_angles(*wo)))
             values.append(f)
-    grid = layouts.scattered(*np.concatenate(angles, axis=1))
+    grid = layouts.front_samples(*np.concatenate(angles, axis=1))
     f = np.concatenate(values)
     flag = np.zeros(f.shape, np.uint8)
     flag[np.minimum(*grid.cosines()) <= FLOAT32_HORIZON] = Flag.BELOW_HORIZON

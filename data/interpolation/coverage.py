@@ -10,6 +10,7 @@ from gonio.data.interpolation.multilinear import interpolation_axis
 from gonio.data.layouts.base import Layout
 from gonio.data.table import Table
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.sides import FRONT
 
 SAME = np.radians(1.0)
 """An angle this near to the only one that was read is that one."""
@@ -35,10 +36,25 @@ def covered(table: Table, wi: Direction, wo: Direction, beyond: float = 0.0) -> 
     wi, wo = (Direction(*(np.asarray(c, float) for c in w)) for w in (wi, wo))
     if table.interpolant is not None:
         return np.arccos(np.clip(wi.z, -1, 1)) <= np.max(table.layout.axes["theta_i"]) + SAME
+    if table.sides == FRONT:
+        return _in_part(table, wi, wo, beyond, True)
+    inside = np.zeros(wi.z.shape, bool)
+    upright = [w._replace(z=np.abs(w.z)) for w in (wi, wo)]
+    for (light, detector), part in table.parts().items():
+        here = np.flatnonzero((light * wi.z > 0) & (detector * wo.z > 0))
+        if here.size and part.valid_cells().size:
+            i, o = (Direction(*(c[here] for c in w)) for w in upright)
+            inside[here] = _in_part(part, i, o, beyond, light == detector)
+    return inside
+
+
+def _in_part(table: Table, wi: Direction, wo: Direction, beyond: float, reciprocal: bool) -> np.ndarray:
+    """The same of one side of the sample."""
     if table.layout.gridded:
         return _on_grid(table, wi, wo, beyond)
     readings = ScatteredHull.of(table)
-    return readings.contains(wi, wo) | readings.contains(wo, wi)
+    inside = readings.contains(wi, wo)
+    return inside | readings.contains(wo, wi) if reciprocal else inside
 
 
 def _on_grid(table: Table, wi: Direction, wo: Direction, beyond: float) -> np.ndarray:

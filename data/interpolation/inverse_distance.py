@@ -21,16 +21,17 @@ ROWS = 256
 SOFTENING = 1e-12
 """Squared distance at which a sample counts as met: its weight is then beyond all others'."""
 DESCRIPTION = (
-    "inverse-distance mean of all scattered samples, weights 1/d⁶ with d² = |wi − wi'|² + |wo − wo'|², or the same "
-    "with a sample's directions swapped if smaller (reciprocity is assumed); an approximation"
+    "inverse-distance mean of all scattered samples, weights 1/d⁶ with d² = |wi − wi'|² + |wo − wo'|²{}; an "
+    "approximation"
 )
+SWAPPED = ", or the same with a sample's directions swapped if smaller (reciprocity is assumed)"
 
 
 class Scattered(AbstractBRDF):
     """The inverse-distance mean of scattered samples [Shepard 1968], weights 1/d⁶: it falls off faster than
     the number of samples in a shell of the three or four dimensions grows, so the near ones decide.
 
-    Distance of two pairs: |wi − wi'|² + |wo − wo'|², or that to the swapped sample if smaller (reciprocity).
+    Distance of two pairs: |wi − wi'|² + |wo − wo'|², or, if `reciprocal`, that to the swapped sample if smaller.
     Where all samples have the light at one azimuth the surface is taken as isotropic: a pair is first turned
     to that azimuth.
     """
@@ -40,6 +41,7 @@ class Scattered(AbstractBRDF):
     valid: Float[Array, "chunks chunk channel"]
     """1 where there is a value, else 0."""
     same_all_round: bool = eqx.field(static=True)
+    reciprocal: bool = eqx.field(static=True, default=True)
 
     @property
     def isotropic(self) -> bool:
@@ -50,7 +52,9 @@ class Scattered(AbstractBRDF):
 
         def step(sums: tuple[Array, Array], chunk: tuple[Array, Array, Array]) -> tuple[tuple[Array, Array], None]:
             samples, values, valid = chunk
-            d2 = jnp.minimum(_distance2(samples, forward), _distance2(samples, backward))
+            d2 = _distance2(samples, forward)
+            if self.reciprocal:
+                d2 = jnp.minimum(d2, _distance2(samples, backward))
             weight = valid / (d2 + SOFTENING)[:, None] ** 3
             return (sums[0] + jnp.sum(weight * values, 0), sums[1] + jnp.sum(weight, 0)), None
 
@@ -70,8 +74,11 @@ def _distance2(samples: Array, pair: Array) -> Array:
     return jnp.sum((samples - pair[None, :]) ** 2, axis=-1)
 
 
-def scattered_material(table: Table) -> Scattered:
-    """The interpolant of a scattered table. Raises GonioError for more than `MAX_SAMPLES` samples."""
+def scattered_material(table: Table, reciprocal: bool = True) -> Scattered:
+    """The interpolant of a scattered table. Raises GonioError for more than `MAX_SAMPLES` samples.
+
+    `reciprocal`: whether a sample stands for its directions swapped too.
+    """
     block = table.samples()
     n = block.f.shape[0]
     if n > MAX_SAMPLES:
@@ -86,7 +93,7 @@ def scattered_material(table: Table) -> Scattered:
     valid = block.flag == Flag.VALID
     arrays = np.stack([*wi, *wo], axis=-1), np.where(valid, block.f, 0.0), valid
     pairs, values, known = (jnp.asarray(chunks(a), dtype) for a in arrays)
-    return Scattered(pairs, values, known, isotropic)
+    return Scattered(pairs, values, known, isotropic, reciprocal)
 
 
 def one_azimuth(wi: Direction) -> bool:

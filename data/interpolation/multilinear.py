@@ -17,12 +17,14 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from gonio.data.flags import Flag
+from gonio.data.interpolation.two_sided import TwoSided
 from gonio.data.layouts.base import Layout
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.sides import FRONT
 
 
 class InterpolationAxis(eqx.Module):
@@ -94,16 +96,25 @@ class Tabulated(AbstractBRDF):
 def as_material(table: Table) -> AbstractBRDF:
     """The BRDF that a table stands for: its format's own interpolant where it has one, else `Tabulated`.
 
-    Raises GonioError where the table holds no valid reading, or too many scattered ones.
+    Of a table of both sides of a sample each part is interpolated by itself, see `Table.parts`. Raises GonioError where
+    the table holds no valid reading, or too many scattered ones.
     """
     if table.interpolant is not None:
         return table.interpolant()
     if not table.valid_cells().size:
         raise GonioError(f"table {table.name or 'without a name'} holds no valid reading; nothing can be interpolated")
+    if table.sides == FRONT:
+        return _interpolant(table, True)
+    parts = [(sides, part) for sides, part in table.parts().items() if part.valid_cells().size]
+    return TwoSided(tuple(_interpolant(part, a == b) for (a, b), part in parts), tuple(sides for sides, _ in parts))
+
+
+def _interpolant(table: Table, reciprocal: bool) -> AbstractBRDF:
+    """The interpolant of one part of a table; `reciprocal`: whether scattered samples stand for swapped directions."""
     if not table.layout.gridded:
         from gonio.data.interpolation.scattered import scattered_material
 
-        return scattered_material(table)
+        return scattered_material(table, reciprocal)
     valid = np.asarray(table.flag[...]) == Flag.VALID
     values = np.where(valid, np.asarray(table.f[...]), 0.0)
     if (valid == valid[..., :1]).all():
@@ -139,10 +150,14 @@ def interpolation(table: Table) -> str:
     if not table.layout.gridded:
         from gonio.data.interpolation.scattered import description
 
-        return description(table)
+        parts = table.parts().items()
+        texts = [description(part, reciprocal=a == b) for (a, b), part in parts if part.valid_cells().size]
+        return "; ".join(dict.fromkeys(texts))
     axes = {name: interpolation_axis(table.layout, name) for name in table.layout.axes}
     names = [f"sqrt({name})" if axis.warp else name for name, axis in axes.items()]
     text = f"multilinear in {', '.join(names)}; constant beyond the outermost nodes"
+    if table.sides != FRONT:
+        text += ", of each side of the sample by itself"
     for name in table.layout.mirrored_axes:
         text += f"; {name} stops at pi, so the other half is taken as its mirror image"
     return text

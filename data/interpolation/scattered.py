@@ -68,11 +68,14 @@ class Kriged(AbstractBRDF):
         return 2 * self.floor * jnp.sinh(jnp.clip(self.mean + total, *self.ends))
 
 
-def scattered_material(table: Table) -> AbstractBRDF:
-    """The interpolant of a scattered table. Raises GonioError for too many samples."""
-    kriging = kriging_of(table)
+def scattered_material(table: Table, reciprocal: bool = True) -> AbstractBRDF:
+    """The interpolant of a scattered table. Raises GonioError for too many samples.
+
+    `reciprocal`: whether a sample stands for its directions swapped too; kriging takes it so, and serves no others.
+    """
+    kriging = kriging_of(table) if reciprocal else None
     if kriging is None:
-        return inverse_distance.scattered_material(table)
+        return inverse_distance.scattered_material(table, reciprocal)
     system, floor = kriging
     variance, values, dtype = np.exp(system.law[8]), system.samples.values, jnp.result_type(float)
     ends = np.stack([values.min(axis=0) - BEYOND, values.max(axis=0) + BEYOND])
@@ -82,11 +85,11 @@ def scattered_material(table: Table) -> AbstractBRDF:
     return Kriged(main, tilted, weights, mean, ends, law, floor, system.samples.isotropic)
 
 
-def description(table: Table) -> str:
+def description(table: Table, reciprocal: bool = True) -> str:
     """One sentence on how a scattered table is interpolated."""
-    kriging = kriging_of(table)
+    kriging = kriging_of(table) if reciprocal else None
     if kriging is None:
-        return inverse_distance.DESCRIPTION
+        return inverse_distance.DESCRIPTION.format(inverse_distance.SWAPPED if reciprocal else "")
     return DESCRIPTION.format(ISOTROPIC if kriging.system.samples.isotropic else "")
 
 

@@ -1,5 +1,6 @@
 """Where the cells of a table are: the layouts, their constructors, and their list by name."""
 
+from gonio.data.layouts.angle_layouts import front_samples as front_samples
 from gonio.data.layouts.angle_layouts import in_plane as in_plane
 from gonio.data.layouts.angle_layouts import isotropic as isotropic
 from gonio.data.layouts.angle_layouts import scattered as scattered

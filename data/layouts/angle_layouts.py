@@ -24,6 +24,7 @@ SIGNED_THETA_O = AxisKind(
 
 
 class _FourAngles(Layout):
+    sees_behind = True
     axis_kinds = (THETA_I, PHI_I, THETA_O, PHI_O)
 
     @staticmethod
@@ -46,6 +47,12 @@ class ScatteredSamples(_FourAngles):
 
     name = "scattered"
     gridded = False
+
+
+class FrontSamples(ScatteredSamples):
+    """Samples of the front alone, of which a warp has carried some below the horizon."""
+
+    sees_behind = False
 
 
 class SphericalGrid(_FourAngles):
@@ -82,6 +89,7 @@ class IsotropicGrid(Layout):
     """Axes theta_i, theta_o and delta_phi = phi_o − phi_i in [0, 2π), specular at π (phi_i = 0)."""
 
     name = "isotropic"
+    sees_behind = True
     axis_kinds = (THETA_I, THETA_O, DELTA_PHI)
     pole_axes = (("theta_i", "delta_phi"), ("theta_o", "delta_phi"))
 
@@ -132,9 +140,13 @@ class IsotropicGrid(Layout):
 
 
 class InPlaneGrid(Layout):
-    """Axes theta_i and a signed theta_o, positive on the specular side (delta_phi = π), negative on the light's."""
+    """Axes theta_i and a signed theta_o, positive on the specular side (delta_phi = π), negative on the light's.
+
+    Behind the sample too: of what goes straight through, theta_o is π − theta_i.
+    """
 
     name = "in_plane"
+    sees_behind = True
     axis_kinds = (THETA_I, SIGNED_THETA_O)
     in_one_plane = True
 
@@ -192,3 +204,8 @@ def in_plane(theta_i: ArrayLike, theta_o: ArrayLike) -> InPlaneGrid:
 def scattered(theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike) -> ScatteredSamples:
     """Samples anywhere: four lists of one length; radians, azimuths in [0, 2π)."""
     return ScatteredSamples({"theta_i": theta_i, "phi_i": phi_i, "theta_o": theta_o, "phi_o": phi_o})
+
+
+def front_samples(theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike) -> FrontSamples:
+    """The same of the front alone: what a warp has carried below the horizon is no transmission."""
+    return FrontSamples({"theta_i": theta_i, "phi_i": phi_i, "theta_o": theta_o, "phi_o": phi_o})

@@ -4,6 +4,7 @@ Conventions as in `gonio.models.geometry.directions`: radians, +z the normal, `w
 """
 
 import abc
+import functools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gonio.models.errors import GonioError
+from gonio.models.geometry.sides import FRONT, HORIZON, Hemispheres, Sides, hemispheres_of, side
 
 if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
@@ -64,6 +66,9 @@ class Layout(abc.ABC):
     optional_axes: ClassVar[frozenset[str]] = frozenset()
     gridded: ClassVar[bool] = True
     """Whether the cells stand on a grid of axes."""
+    sees_behind: ClassVar[bool] = False
+    """Whether light and detector may be behind the sample: polar angles beyond a right angle; else such cells are what
+    a grid has below the horizon, where nothing can be read."""
     in_one_plane: ClassVar[bool] = False
     """Whether all cells lie in the plane of incidence."""
     in_half_vectors: ClassVar[bool] = False
@@ -71,7 +76,7 @@ class Layout(abc.ABC):
     turning_axes: ClassVar[tuple[str, ...]] = ()
     """The azimuths that change together when the sample is turned about its normal."""
     pole_axes: ClassVar[tuple[tuple[str, str], ...]] = ()
-    """(polar angle, azimuth) whose azimuth has no meaning where the polar angle is 0."""
+    """(polar angle, azimuth) whose azimuth has no meaning where the polar angle is 0 or π."""
 
     def __init__(self, axes: Mapping[str, ArrayLike]) -> None:
         names = [kind.name for kind in self.axis_kinds]
@@ -133,6 +138,11 @@ class Layout(abc.ABC):
         """The layout of these nodes of some axes, by the axes' names, and of all nodes of the others."""
         return type(self)({name: axis[nodes.get(name, slice(None))] for name, axis in self.axes.items()})
 
+    def pole_nodes(self, polar: str) -> list[int]:
+        """Numbers of the nodes of a polar angle, of one of `pole_axes`, at which the azimuth has no meaning."""
+        axis = self.axes[polar]
+        return [k for k, pole in ((0, 0.0), (axis.size - 1, math.pi)) if abs(axis[k] - pole) <= SAME]
+
     @property
     def has_azimuth_of_light(self) -> bool:
         """Whether cells may differ by the light's azimuth about the surface's own x axis."""
@@ -191,12 +201,52 @@ class Layout(abc.ABC):
         cos_i, cos_o = self._on_cells(self._cosines_of, start, stop)
         return cos_i, cos_o
 
-    def above_horizon(self, start: int = 0, stop: int | None = None) -> np.ndarray:
-        """Whether both directions of the cells start..stop are above the horizon."""
-        from gonio.models.geometry.horizon import HORIZON
+    @functools.cached_property
+    def sides(self) -> Sides:
+        """The sides of the sample on which light and detector are in its cells."""
+        if not self.sees_behind:
+            return FRONT
+        light, detector = (side(np.cos(self.axes[name])) for name in ("theta_i", "theta_o"))
+        if min(light.min(), detector.min()) >= 0:
+            return FRONT
+        codes = np.unique(3 * light[:, None] + detector if self.gridded else 3 * light + detector)
+        pairs = ((int(code + 4) // 3 - 1, int(code + 4) % 3 - 1) for code in codes)
+        return frozenset(pair for pair in pairs if all(pair)) or FRONT
 
-        cos_i, cos_o = self.cosines(start, stop)
-        return (cos_i > HORIZON) & (cos_o > HORIZON)
+    @property
+    def hemispheres(self) -> Hemispheres:
+        """The hemispheres, that of the light or the opposite one, in which the detector is in its cells."""
+        return hemispheres_of(self.sides)
+
+    def readable(self, start: int = 0, stop: int | None = None) -> np.ndarray:
+        """Whether the cells start..stop can be read, see `are_readable`."""
+        return self.are_readable(*self.cosines(start, stop))
+
+    def are_readable(self, cos_i: np.ndarray, cos_o: np.ndarray) -> np.ndarray:
+        """Whether cells with these cosines of light and detector can be read: none of them lies on the horizon, nor
+        behind the sample where the layout holds its front alone."""
+        if self.sides == FRONT:
+            return (cos_i > HORIZON) & (cos_o > HORIZON)
+        return (side(cos_i) != 0) & (side(cos_o) != 0)
+
+    def folded(self, light: int, detector: int) -> tuple["Layout", tuple[Any, ...]]:
+        """(layout, index): the cells with light and detector on these sides, mirrored into the front hemisphere.
+
+        `index` takes their values out of arrays of the shape of the layout.
+        """
+        polar: dict[str, int] = {"theta_i": light, "theta_o": detector}
+        there = {name: side(np.cos(self.axes[name])) == s for name, s in polar.items()}
+        upright = {n: a if polar.get(n, 1) > 0 else _mirrored(a) for n, a in self.axes.items()}
+        if not self.gridded:
+            cells = np.flatnonzero(np.all(list(there.values()), axis=0))
+            return type(self)({n: a[cells] for n, a in upright.items()}), (cells,)
+        axes, nodes = dict(upright), [np.arange(a.size) for a in upright.values()]
+        for k, name in enumerate(axes):
+            if name in there:
+                kept = np.flatnonzero(there[name])
+                axes[name], first = np.unique(upright[name][kept], return_index=True)
+                nodes[k] = kept[first]
+        return type(self)(axes), np.ix_(*nodes)
 
     def solid_angles(self, wi: "Direction", wo: "Direction") -> np.ndarray | None:
         """dωi dωo of the cells at these directions (n,), up to a factor; None where cells have no extent.
@@ -318,6 +368,11 @@ def spherical_angles(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.nd
     """(theta in [0, π], phi in [0, 2π)), radians, of directions by their components (NumPy)."""
     phi = np.arctan2(y, x) % (2 * np.pi)
     return np.arctan2(np.hypot(x, y), z), np.where(phi >= 2 * np.pi, 0.0, phi)
+
+
+def _mirrored(theta: np.ndarray) -> np.ndarray:
+    """Polar angles, which may be signed, mirrored at the plane of the sample; 0 has no sign."""
+    return np.where(theta < 0, -np.pi - theta, np.pi - theta) + 0.0
 
 
 def spacing(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from gonio.data.layouts.angle_layouts import in_plane, isotropic, spherical
 from gonio.data.layouts.base import SAME, TURN, Layout
 from gonio.data.layouts.half_difference_grid import half_difference
 from gonio.data.layouts.mirror_grid import mirror
+from gonio.models.geometry.sides import side
 
 FEWEST = 8
 """Directions of a grid, at least: fewer are listed as they are."""
@@ -39,17 +40,20 @@ class Placement(NamedTuple):
     """Azimuth of the light in the list, radians, where that is 0 in the grid."""
 
 
-def recognised(angles: Angles, rounding: float = 0.0) -> Placement | None:
+def recognised(angles: Angles, rounding: float = 0.0, front: bool = False) -> Placement | None:
     """The grid whose cells a list of directions are, most of them, in any order; None where there is none.
 
     Args:
-        angles: theta_i, phi_i, theta_o, phi_o, radians; polar angles in [0, π/2], azimuths in [0, 2π).
+        angles: theta_i, phi_i, theta_o, phi_o, radians; polar angles in [0, π], azimuths in [0, 2π).
         rounding: radians by which printing may have moved an angle; beyond `LARGEST_ROUNDING` angles are exact.
+        front: whether directions beyond π/2 are what half angles have below the horizon, rather than behind the sample.
     """
     tolerance = (2.02 * rounding if rounding <= LARGEST_ROUNDING else 0.0) + SAME
     if angles[0].size < FEWEST:
         return None
-    return next((p for kind in KINDS for p in kind(angles, tolerance) if p is not None), None)
+    behind = not front and any((side(np.cos(a)) < 0).any() for a in (angles[0], angles[2]))
+    kinds = KINDS_OF_BOTH_SIDES if behind else KINDS
+    return next((p for kind in kinds for p in kind(angles, tolerance) if p is not None), None)
 
 
 def _in_plane(angles: Angles, tolerance: float) -> Iterator[Placement | None]:
@@ -58,7 +62,7 @@ def _in_plane(angles: Angles, tolerance: float) -> Iterator[Placement | None]:
         return
     theta_i, theta_o = _polar_nodes(angles, tolerance)
     delta = angles[3] - turn
-    if ((np.abs(np.sin(delta)) > tolerance) & (theta_o > 0)).any():
+    if ((np.abs(np.sin(delta)) > tolerance) & _off_pole(theta_o)).any():
         return
     signed = np.where(np.cos(delta) > 0, -theta_o, theta_o) + 0.0
     yield _placed(in_plane, (theta_i, signed), turn)
@@ -69,18 +73,18 @@ def _isotropic(angles: Angles, tolerance: float) -> Iterator[Placement | None]:
     # Turned by any other angle, axes of an anisotropic sample would no longer be where they were.
     if turn is not None and abs(math.sin(turn)) <= tolerance:
         theta_i, theta_o = _polar_nodes(angles, tolerance)
-        away = (theta_i > 0) & (theta_o > 0)
+        away = _off_pole(theta_i) & _off_pole(theta_o)
         delta = _azimuth_nodes(_on_near_side(angles[3] - turn, away, tolerance), tolerance, away)
-        delta = _distinct((theta_i, theta_o), delta, theta_o == 0)
+        delta = _distinct((theta_i, theta_o), delta, ~_off_pole(theta_o))
         yield _placed(isotropic, (theta_i, theta_o, delta), turn)
 
 
 def _spherical(angles: Angles, tolerance: float) -> Iterator[Placement | None]:
     theta_i, theta_o = _polar_nodes(angles, tolerance)
-    phi_i = _azimuth_nodes(angles[1], tolerance, theta_i > 0)
-    phi_o = _azimuth_nodes(angles[3], tolerance, theta_o > 0)
-    phi_i = _distinct((theta_i, theta_o, phi_o), phi_i, theta_i == 0)
-    phi_o = _distinct((theta_i, theta_o, phi_i), phi_o, theta_o == 0)
+    phi_i = _azimuth_nodes(angles[1], tolerance, _off_pole(theta_i))
+    phi_o = _azimuth_nodes(angles[3], tolerance, _off_pole(theta_o))
+    phi_i = _distinct((theta_i, theta_o, phi_o), phi_i, ~_off_pole(theta_i))
+    phi_o = _distinct((theta_i, theta_o, phi_i), phi_o, ~_off_pole(theta_o))
     yield _placed(spherical, (theta_i, phi_i, theta_o, phi_o))
 
 
@@ -135,6 +139,8 @@ KINDS: tuple[Callable[[Angles, float], Iterator[Placement | None]], ...] = (
     _mirror,
 )
 """From the fewest dimensions up."""
+KINDS_OF_BOTH_SIDES = KINDS[:3]
+"""Those that hold directions behind the sample."""
 
 
 def half_difference_angles(angles: Angles, phi_h: np.ndarray | None = None) -> Angles:
@@ -151,9 +157,14 @@ def half_difference_angles(angles: Angles, phi_h: np.ndarray | None = None) -> A
     return theta_h, phi_h % TURN, theta_d, phi_d % TURN
 
 
+def _off_pole(theta: np.ndarray) -> np.ndarray:
+    """Whether directions at these nodes have an azimuth."""
+    return (theta > 0) & (theta < math.pi - SAME)
+
+
 def _light_azimuth(angles: Angles, tolerance: float) -> float | None:
     """The one azimuth that the light has wherever it is off the normal; None where it has several."""
-    azimuths = angles[1][angles[0] > tolerance]
+    azimuths = angles[1][(angles[0] > tolerance) & (angles[0] < math.pi - tolerance)]
     if azimuths.size == 0:
         return float(angles[1][0])
     return float(azimuths[0]) if (np.abs(_wrapped(azimuths - azimuths[0])) <= tolerance).all() else None
@@ -274,28 +285,27 @@ def _pole_origins(layout: Layout, there: np.ndarray) -> np.ndarray:
     origins = np.arange(layout.size).reshape(layout.shape)
     names = list(layout.axes)
     for polar, azimuth in layout.pole_axes:
-        if abs(layout.axes[polar][0]) > SAME:
-            continue
-        pole = tuple(0 if name == polar else slice(None) for name in names)
-        part = origins[pole]
-        read = there[part]
-        along = [n for n in names if n != polar].index(azimuth)
-        sole = read.sum(along, keepdims=True) == 1
-        only = np.take_along_axis(part, np.argmax(read, along, keepdims=True), along)
-        origins[pole] = np.where(sole, only, part)
+        for node in layout.pole_nodes(polar):
+            pole = tuple(node if name == polar else slice(None) for name in names)
+            part = origins[pole]
+            read = there[part]
+            along = [n for n in names if n != polar].index(azimuth)
+            sole = read.sum(along, keepdims=True) == 1
+            only = np.take_along_axis(part, np.argmax(read, along, keepdims=True), along)
+            origins[pole] = np.where(sole, only, part)
     return origins.reshape(-1)
 
 
 def _covers(layout: Layout, there: np.ndarray) -> bool:
     """Whether most of the cells above the horizon are there, and some at every node away from a pole."""
-    above = layout.above_horizon().reshape(layout.shape)
+    above = layout.readable().reshape(layout.shape)
     read = there.reshape(layout.shape) & above
     if read.sum() <= MOST_OF_CELLS * above.sum():
         return False
     poles = {polar for polar, _ in layout.pole_axes}
-    for k, (name, axis) in enumerate(layout.axes.items()):
+    for k, name in enumerate(layout.axes):
         others = tuple(j for j in range(len(layout.shape)) if j != k)
         few = read.sum(others) < LEAST_OF_NODE * above.sum(others)
-        if few[int(name in poles and axis[0] == 0) :].any():
+        if np.delete(few, layout.pole_nodes(name) if name in poles else []).any():
             return False
     return True

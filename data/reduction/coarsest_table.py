@@ -197,7 +197,7 @@ def _reduced(whole: Table, thinned: StartGrid) -> tuple[Table, list[str]]:
     """The table of a thinned grid, single precision, and what of the whole one it leaves out, in words."""
     layout = thinned.layout
     flag = np.where(thinned.valid, np.uint8(Flag.VALID), np.uint8(Flag.NOT_MEASURED))
-    flag[~layout.above_horizon().reshape(layout.shape)] = Flag.BELOW_HORIZON
+    flag[~layout.readable().reshape(layout.shape)] = Flag.BELOW_HORIZON
     f = np.where(flag == Flag.VALID, thinned.f, np.nan).astype(np.float32)
     words = [f"by {', '.join(thinned.simplified_by)}"] if thinned.simplified_by else []
     words += thinned.left_out
@@ -263,7 +263,7 @@ def start_grids(table: Table, truth: AbstractBRDF) -> list[StartGrid]:
 
 def _averaged(truth: AbstractBRDF, layout: Layout, simplified_by: tuple[str, ...], turns: np.ndarray) -> StartGrid:
     """A grid of the mean of a table over azimuths of the light and what the simplifications take for equal."""
-    above = layout.above_horizon()
+    above = layout.readable()
     wi, wo = (
         Direction(*(np.where(above, c, up) for c, up in zip(w, NORMAL, strict=True))) for w in layout.directions()
     )

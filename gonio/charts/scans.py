@@ -69,7 +69,7 @@ def points(settings: Settings) -> Iterator[Point]:
                         ]
                         values, note = _fitted(tables, light)
                         values["hours"] = settings.pace.seconds(scan, photons) / 3600
-                        values["readings"] = float(np.count_nonzero(scan.above_horizon()))
+                        values["readings"] = float(np.count_nonzero(scan.readable()))
                         yield Point(panel, method, name, values, note)
 
 
@@ -83,7 +83,7 @@ def _of_rgl(panel: str, truth: AbstractBRDF, light: Light, photons: float, setti
         layout = scans[0].table.layout
         cost = {
             "hours": settings.pace.seconds(layout, photons) / 3600,
-            "readings": float(np.count_nonzero(layout.above_horizon())),
+            "readings": float(np.count_nonzero(layout.readable())),
         }
         values, note = _fitted([scan.table for scan in scans], light)
         yield Point(panel, "RGL's adaptive scan", name, values | cost, note)

@@ -66,11 +66,14 @@ def _material(m: "Material") -> dict[str, Any]:
 def _table(t: "Table") -> dict[str, Any]:
     import numpy as np
 
+    from gonio.models.geometry.sides import sides_in_words
+
     facts: dict[str, Any] = {"kind": "table", "name": t.name, "layout": t.layout.name, "cells": t.layout.size}
     facts["dimensions"] = ", ".join(f"{n} {s}" for n, s in zip(t.layout.dims, t.layout.shape, strict=True))
     for name, axis in t.layout.axes.items():
         a = np.degrees(axis)
         facts[f"{name} (degrees)"] = f"{a.min():.6g} to {a.max():.6g}, {np.unique(a).size} values"
+    facts["hemispheres"] = sides_in_words(t.sides) or "reflection"
     facts["channels"] = list(t.channels.names)
     counts = t.counts()
     facts["readings"] = ", ".join(f"{v} {k.replace('_', ' ')}" for k, v in counts.items() if v and k != "cells")

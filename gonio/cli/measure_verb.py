@@ -44,6 +44,16 @@ SCAN: Options = {
     "--phi-step DEG": "step of the azimuths, where it is another",
     "--theta-max DEG": "largest polar angle (default 85)",
     "--theta-i DEG,DEG,...": "incidences of the in-plane scan",
+    "--hemisphere": {
+        "choices": ("reflection", "transmission", "both"),
+        "help": "where the detector goes: to the light's side of the sample, to the other one (polar angles above "
+        "90 degrees), or to both (default: where the material scatters to)",
+    },
+    "--lit": {
+        "choices": ("front", "back", "both"),
+        "help": "the sides of the sample that the light goes to (default front); reciprocity of transmission is "
+        "checked where both were lit",
+    },
     "--incidences N": "polar angles of the light of the rgl scan (default 8, as published)",
     "--samples N": "samples along a side of its warped grid (default 32)",
 }
@@ -123,7 +133,8 @@ def run(args: argparse.Namespace) -> int:
 def _require_one_way(args: argparse.Namespace) -> None:
     """Refuses options of a scan beside --adaptive, and those of an adaptive measurement without it."""
     only_rgl = [n for n in ("incidences", "samples") if getattr(args, n) is not None]
-    scans = [n for n in ("scan", "step", "phi_step", "theta_max", "theta_i", "float32") if getattr(args, n)]
+    directions = ("scan", "step", "phi_step", "theta_max", "theta_i", "hemisphere", "lit", "float32")
+    scans = [n for n in directions if getattr(args, n)]
     ends = [n for n in ("target", "budget", "model") if getattr(args, n)]
     if args.adaptive and scans:
         raise GonioError(f"--adaptive chooses its directions itself; leave --{scans[0].replace('_', '-')} out")
@@ -157,7 +168,7 @@ def _rgl(args: argparse.Namespace, material: "Material", instrument: "Instrument
     kind = writable(args.output).name  # refuses other endings, before any work
     if kind == "MERL":
         raise GonioError(f"{args.output}: the rgl scan is no MERL grid; write .h5 or .bsdf, and convert that")
-    if others := [n for n in ("step", "phi_step", "theta_i") if getattr(args, n) is not None]:
+    if others := [n for n in ("step", "phi_step", "theta_i", "hemisphere", "lit") if getattr(args, n) is not None]:
         raise GonioError(f"the rgl scan chooses its directions itself; leave --{others[0].replace('_', '-')} out")
     options: dict[str, Any] = given(args, "incidences", "samples", "theta_max")
     options |= {"seed": args.seed, "progress": args.progress or sys.stderr.isatty(), "command": command}
@@ -196,12 +207,14 @@ def _systematic(text: str) -> "Systematic":
 
 
 def _scan(args: argparse.Namespace, brdf: "AbstractBRDF") -> "Layout":
-    from gonio.instrument.scans import default_name, scan
+    from gonio.instrument.scans import default_hemisphere, default_name, scan
 
-    options = given(args, "step", "phi_step", "theta_max")
+    options = given(args, "step", "phi_step", "theta_max", "hemisphere", "lit")
+    name = args.scan or default_name(brdf)
+    options.setdefault("hemisphere", default_hemisphere(name, brdf))
     if args.theta_i is not None:
         try:
             options["theta_i"] = [degrees(t) for t in args.theta_i.split(",")]
         except ValueError:
             raise GonioError(f"--theta-i is {args.theta_i!r}; give degrees, such as 0,30,60") from None
-    return scan(args.scan or default_name(brdf), **options)
+    return scan(name, **options)

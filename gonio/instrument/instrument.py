@@ -82,17 +82,18 @@ LIMITS = {
 SYSTEMATIC_TERMS = (*ANGLE_TERMS, "gain", "solid_angle", "polarization", "dark", "ambient")
 """In the order in which they are drawn."""
 USUAL_PACE = Pace()
-EVERYWHERE = ((0.0, math.pi / 2), (0.0, 2 * math.pi)) * 2
+EVERYWHERE = ((0.0, math.pi), (0.0, 2 * math.pi)) * 2
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Instrument(Displayed):
     """A gonioreflectometer; the default is ideal: point apertures, no noise, no error.
 
-    A reading is the detector's radiance over the sample's irradiance: with apertures the average of f over both discs
-    above the horizon, weighted by cosθi dωi and cosθo dωo. The detector looks at an evenly lit patch, so that its
-    signal is proportional to radiance: a reading of f in an irradiance E counts photons·π·f·E/E(normal incidence).
-    Light that is there without the source is read with the source off and subtracted: f = dL/dE.
+    A reading is the detector's radiance over the sample's irradiance: with apertures the average of f over both discs,
+    each on its side of the horizon, weighted by |cosθi| dωi and |cosθo| dωo. The detector looks at an evenly lit patch,
+    so that its signal is proportional to radiance: a reading of f in an irradiance E counts
+    photons·π·f·E/E(normal incidence). Light that is there without the source is read with the source off and
+    subtracted: f = dL/dE.
 
     Domains: half-angles in [0, π/4] and `shadow` in [0, π], radians; standard deviations and counts ≥ 0. Raises
     GonioError outside them, and where counts are asked for without `photons`.
@@ -127,7 +128,8 @@ class Instrument(Displayed):
     pace: Pace = USUAL_PACE
     """How fast its axes move and settle."""
     ranges: tuple[tuple[float, float], ...] = EVERYWHERE
-    """From where to where the axes theta_i, phi_i, theta_o, phi_o go, radians; nothing is read elsewhere."""
+    """From where to where the axes theta_i, phi_i, theta_o, phi_o go, radians; nothing is read elsewhere. Polar angles
+    beyond π/2 are behind the sample."""
     tolerance: float = 1e-3
     """Error allowed to the average over the apertures, relative to the reading, as two rules differ: what the finer of
     them is wrong by is commonly a hundredth of that."""

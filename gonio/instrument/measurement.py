@@ -18,9 +18,16 @@ from gonio.data.subject import SubjectLike, load_material
 from gonio.data.table import Table
 from gonio.instrument.instrument import Instrument
 from gonio.instrument.reader import Reader
-from gonio.instrument.scans import default_name, isotropy_remark, listed_seconds
+from gonio.instrument.scans import (
+    default_hemisphere,
+    default_name,
+    hemisphere_remark,
+    isotropy_remark,
+    listed_seconds,
+)
 from gonio.instrument.scans import scan as named_scan
 from gonio.instrument.sinks import OLD_NAMES, MeasureOptions, MeasureSettings, open_sink
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError
 
@@ -49,6 +56,9 @@ def measure(
         force: replaces an existing output.
         dtype: of the stored values, float32 or float64; by default JAX's own precision.
         log: takes remarks and, at the end, the rate; without it remarks are Python warnings.
+        hemisphere: of a named scan, where the detector goes: "reflection", "transmission" (behind the sample, polar
+            angles beyond π/2) or "both"; by default into the hemispheres that the material scatters into.
+        lit: of a named scan, the sides that the light goes to: "front" (default), "back" or "both".
         seconds: counting time of each cell (n,), or one for all; by default the column `seconds` of a file of
             directions, else the instrument's own.
         command: the way to ask for this on the command line; the provenance keeps it.
@@ -64,9 +74,10 @@ def measure(
     if settings.output is not None and isinstance(material, str | os.PathLike):
         refuse_outputs([settings.output], [material], force=True)  # whether it may exist the sink decides
     subject = load_material(material)
-    layout = scan if isinstance(scan, Layout) else named_scan(scan or default_name(subject.brdf))
-    if remark := isotropy_remark(layout, subject.brdf):
-        log(remark)
+    layout = _layout(scan, subject.brdf, settings)
+    for remark in (isotropy_remark(layout, subject.brdf), hemisphere_remark(layout, subject.brdf)):
+        if remark:
+            log(remark)
     seconds = settings.seconds
     if seconds is None and scan is not None and not isinstance(scan, Layout):
         seconds = listed_seconds(scan)
@@ -85,6 +96,16 @@ def measure(
     if settings.log is not None:
         log(count.summary(reader.channels))
     return table
+
+
+def _layout(scan: Layout | str | os.PathLike[str] | None, brdf: AbstractBRDF, settings: MeasureSettings) -> Layout:
+    """The scan, with the hemispheres of the settings or else of the material."""
+    if isinstance(scan, Layout):
+        if settings.hemisphere or settings.lit:
+            raise GonioError("the layout says itself where light and detector go; leave hemisphere and lit out")
+        return scan
+    name = scan or default_name(brdf)
+    return named_scan(name, hemisphere=settings.hemisphere or default_hemisphere(name, brdf), lit=settings.lit)
 
 
 def _counting(seconds: ArrayLike | None, layout: Layout) -> np.ndarray | None:

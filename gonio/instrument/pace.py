@@ -77,4 +77,4 @@ def scan_order(layout: Layout) -> np.ndarray:
         row = np.ravel_multi_index(tuple(index[:k]), shape[:k])
         turned.append(np.where(row % 2, shape[k] - 1 - index[k], index[k]))
     order = np.asarray(np.ravel_multi_index(tuple(turned), shape))
-    return order[layout.above_horizon()[order]]
+    return order[layout.readable()[order]]

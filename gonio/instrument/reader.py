@@ -13,8 +13,10 @@ from gonio.data.material import Material
 from gonio.data.tabulate import grid_values
 from gonio.instrument import aperture, noise
 from gonio.instrument.instrument import EVERYWHERE, Instrument
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.display import percent
 from gonio.models.evaluation import evaluate_in_blocks
+from gonio.models.folded import seen_from
 from gonio.models.geometry.directions import Direction
 
 FLOOR = 1e-8
@@ -113,12 +115,13 @@ class Reader:
         return BlockReadings(_masked(readings, flag), _masked(u_f, flag), flag, worst)
 
     def _flags(self, start: int, stop: int) -> np.ndarray:
-        above = self.layout.above_horizon(start, stop)
-        flag = np.where(above, np.uint8(Flag.VALID), np.uint8(Flag.BELOW_HORIZON))
+        readable = self.layout.readable(start, stop)
+        flag = np.where(readable, np.uint8(Flag.VALID), np.uint8(Flag.BELOW_HORIZON))
         if self.instrument.shadow:
             wi, wo = self.layout.directions(start, stop)
             chord = np.sqrt(sum((a - b) ** 2 for a, b in zip(wi, wo, strict=True)))
-            flag[above & (2 * np.arcsin(np.minimum(0.5 * chord, 1.0)) < self.instrument.shadow)] = Flag.SHADOWED
+            # Behind the sample too: a detector just below the horizon may stand in light that grazes.
+            flag[readable & (2 * np.arcsin(np.minimum(0.5 * chord, 1.0)) < self.instrument.shadow)] = Flag.SHADOWED
         if self.instrument.ranges != EVERYWHERE:
             reached = self.instrument.reaches(self.layout.angles(start, stop))
             flag[~reached & (flag == Flag.VALID)] = Flag.NOT_MEASURED
@@ -130,32 +133,47 @@ class Reader:
             rows = slice(start // layout.row_size, -(-stop // layout.row_size))
             values = grid_values(brdf, layout, rows.start, rows.stop).reshape(stop - start, -1)
             lit = self.noisy or self.errors.offset
-            cosine = layout.cosines(start, stop)[0] if lit else np.ones(1)
+            cosine = np.abs(layout.cosines(start, stop)[0]) if lit else np.ones(1)
             return Expected(values, np.where(usable, cosine, 1.0).astype(self.dtype), None)
         source = self.instrument.source_half_angle
         wi, wo = layout.directions(start, stop)
-        nominal = np.where(usable, aperture.irradiance(wi.z, source), 1.0)
+        sides = np.where(np.stack([wi.z, wo.z]) < 0, -1, 1)
+        nominal = np.where(usable, aperture.irradiance(sides[0] * wi.z, source), 1.0)
         share = np.ones(stop - start)
         if not self.errors.aligned:
             wi, wo = self.errors.true_directions(layout.angles(start, stop))
-            share = aperture.irradiance(wi.z, source) / nominal
+            share = aperture.irradiance(sides[0] * wi.z, source) / nominal
         cells = np.flatnonzero(usable)
         wi, wo = (Direction(*(np.asarray(c)[cells] for c in w)) for w in (wi, wo))
-        values, worst = self._values(wi, wo, nominal[cells], start + cells)
+        values, worst = self._values(wi, wo, sides[:, cells], nominal[cells], start + cells)
         every = np.zeros((stop - start, values.shape[1]), self.dtype)
         every[cells] = values * share[cells, None]
         return Expected(every, nominal.astype(self.dtype), worst)
 
     def _values(
-        self, wi: Direction, wo: Direction, irradiance: np.ndarray, cells: np.ndarray
+        self, wi: Direction, wo: Direction, sides: np.ndarray, irradiance: np.ndarray, cells: np.ndarray
     ) -> tuple[np.ndarray, WorstAverage | None]:
-        brdf, instrument = self.material.brdf, self.instrument
+        """(values (n, C), the worst average) of cells with light and detector on these sides (2, n)."""
         if not cells.size:
             return np.zeros((0, self.channels)), None
-        if not instrument.has_apertures:
-            return evaluate_in_blocks(brdf, wi, wo), None
+        if not self.instrument.has_apertures:
+            return evaluate_in_blocks(self.material.brdf, wi, wo), None
+        values, worst = np.zeros((cells.size, self.channels)), None
+        for light, detector in {(int(a), int(b)) for a, b in np.unique(sides, axis=1).T}:
+            here = np.flatnonzero((sides[0] == light) & (sides[1] == detector))
+            pair = [Direction(w.x[here], w.y[here], s * w.z[here]) for w, s in ((wi, light), (wo, detector))]
+            brdf = seen_from(self.material.brdf, light, detector)
+            values[here], of_side = self._averages(brdf, (pair[0], pair[1]), irradiance[here], cells[here])
+            worst = WorstAverage.of(worst, of_side)
+        return values, worst
+
+    def _averages(
+        self, brdf: AbstractBRDF, pair: tuple[Direction, Direction], irradiance: np.ndarray, cells: np.ndarray
+    ) -> tuple[np.ndarray, WorstAverage]:
+        """Averages over the apertures, in front of the sample, and the worst of them."""
+        instrument = self.instrument
         half_angles = instrument.source_half_angle, instrument.detector_half_angle
-        values, error = aperture.average(brdf, wi, wo, *half_angles, lambda f, k: self._tolerance(f, irradiance[k]))
+        values, error = aperture.average(brdf, *pair, *half_angles, lambda f, k: self._tolerance(f, irradiance[k]))
         excess = np.nan_to_num(error / self._tolerance(values, irradiance), posinf=0.0)
         k, channel = np.unravel_index(np.argmax(excess), excess.shape)
         cell, most = int(cells[k]), float(excess[k, channel])

@@ -104,9 +104,9 @@ def measure_rgl(
     cells = [samples_of(data, *key)[:2] for key in np.ndindex(layout.shape[:2])]
     angles = [np.concatenate(a) for a in zip(*(_angles(wi, wo) for wi, wo in cells), strict=True)]
     # One measurement of both parts: its noise is by the cell's number, so the first readings are the same again.
-    whole = layouts.scattered(*(np.concatenate(pair) for pair in zip(retro.angles(), angles, strict=True)))
+    whole = layouts.front_samples(*(np.concatenate(pair) for pair in zip(retro.angles(), angles, strict=True)))
     table = measure(subject, instrument, whole, **{**options, "log": log})
-    above = whole.above_horizon()
+    above = whole.readable()
     hours = instrument.pace.path_seconds([a[above] for a in whole.angles()], instrument.seconds) / 3600
     scan = RGLScan(table, _with_readings(data, table.read(retro.size)), retro.size, hours)
     table.provenance["scan"] = {

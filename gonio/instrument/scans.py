@@ -15,9 +15,13 @@ from gonio.models.catalog import is_ours
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.sides import Hemispheres
 
 MAX_CELLS = 1 << 31
 """A table of so many cells fills tens of gigabytes in one channel."""
+REFLECTION, TRANSMISSION, BOTH = "reflection", "transmission", "both"
+HEMISPHERES, LIT = (REFLECTION, TRANSMISSION, BOTH), ("front", "back", BOTH)
+SAME = 1e-9
 DEGREE_1, DEGREES_5, DEGREES_10 = (math.radians(degrees) for degrees in (1, 5, 10))
 """Default steps."""
 THETA_MAX = math.radians(85)
@@ -25,16 +29,32 @@ THETA_MAX = math.radians(85)
 INCIDENCES = tuple(math.radians(t) for t in (0, 15, 30, 45, 60, 75))
 
 
-def isotropic(step: float = DEGREES_5, theta_max: float = THETA_MAX, phi_step: float | None = None) -> Layout:
-    """Both polar angles from 0 to `theta_max` by `step`, delta_phi once round by `phi_step` (or `step`)."""
-    polar, azimuth = _polar(step, theta_max), _azimuth(phi_step or step)
-    return _checked(layouts.isotropic(polar, polar, azimuth))
+def isotropic(
+    step: float = DEGREES_5,
+    theta_max: float = THETA_MAX,
+    phi_step: float | None = None,
+    hemisphere: str = REFLECTION,
+    lit: str = "front",
+) -> Layout:
+    """Both polar angles from 0 to `theta_max` by `step`, delta_phi once round by `phi_step` (or `step`).
+
+    `hemisphere` and `lit` as of `scan`; behind the sample polar angles are counted from its other normal.
+    """
+    light, detector = _sides(_polar(step, theta_max), hemisphere, lit)
+    return _checked(layouts.isotropic(light, detector, _azimuth(phi_step or step)))
 
 
-def spherical(step: float = DEGREES_10, theta_max: float = THETA_MAX, phi_step: float | None = None) -> Layout:
+def spherical(
+    step: float = DEGREES_10,
+    theta_max: float = THETA_MAX,
+    phi_step: float | None = None,
+    hemisphere: str = REFLECTION,
+    lit: str = "front",
+) -> Layout:
     """All four angles, polar ones by `step`, azimuths by `phi_step` (or `step`): for anisotropic surfaces too."""
-    polar, azimuth = _polar(step, theta_max), _azimuth(phi_step or step)
-    return _checked(layouts.spherical(polar, azimuth, polar, azimuth))
+    light, detector = _sides(_polar(step, theta_max), hemisphere, lit)
+    azimuth = _azimuth(phi_step or step)
+    return _checked(layouts.spherical(light, azimuth, detector, azimuth))
 
 
 def half_difference(step: float = DEGREES_5, phi_step: float | None = None) -> Layout:
@@ -52,10 +72,19 @@ def merl() -> Layout:
     return layouts.merl()
 
 
-def in_plane(step: float = DEGREE_1, theta_max: float = THETA_MAX, theta_i: Sequence[float] = INCIDENCES) -> Layout:
+def in_plane(
+    step: float = DEGREE_1,
+    theta_max: float = THETA_MAX,
+    theta_i: Sequence[float] = INCIDENCES,
+    hemisphere: str = REFLECTION,
+    lit: str = "front",
+) -> Layout:
     """The plane of incidence: the incidences `theta_i`, the detector from −`theta_max` to `theta_max` by `step`."""
-    polar = _polar(step, theta_max)
-    return _checked(layouts.in_plane(sorted(theta_i), np.concatenate([-polar[:0:-1], polar])))
+    if max(theta_i, default=0.0) > math.pi / 2:
+        raise GonioError(f"theta_i has {_angle(max(theta_i))}; give at most 90°, and lit back for light from behind")
+    light, _ = _sides(np.array(sorted(theta_i)), hemisphere, lit)
+    _, detector = _sides(_polar(step, theta_max), hemisphere, lit)
+    return _checked(layouts.in_plane(light, np.unique(np.concatenate([-detector, detector])) + 0.0))
 
 
 def listed(path: str | os.PathLike[str]) -> Layout:
@@ -112,20 +141,27 @@ def is_isotropic(brdf: AbstractBRDF) -> bool:
 
 
 class ScanOptions(TypedDict, total=False):
-    """Angles of a named scan, radians: steps of all angles or of azimuths, the largest polar angle, incidences."""
+    """Angles of a named scan, radians: steps of all angles or of azimuths, the largest polar angle, incidences.
+
+    `hemisphere`: where the detector goes, "reflection" (the light's side of the sample), "transmission" or "both";
+    `lit`: the sides that the light goes to, "front", "back" or "both".
+    """
 
     step: float | None
     phi_step: float | None
     theta_max: float | None
     theta_i: Sequence[float] | None
+    hemisphere: str | None
+    lit: str | None
 
 
+SIDES = ("hemisphere", "lit")
 SCANS: dict[str, tuple[Callable[..., Layout], tuple[str, ...]]] = {
-    "isotropic": (isotropic, ("step", "phi_step", "theta_max")),
-    "spherical": (spherical, ("step", "phi_step", "theta_max")),
+    "isotropic": (isotropic, ("step", "phi_step", "theta_max", *SIDES)),
+    "spherical": (spherical, ("step", "phi_step", "theta_max", *SIDES)),
     "half-difference": (half_difference, ("step", "phi_step")),
     "merl": (merl, ()),
-    "in-plane": (in_plane, ("step", "theta_max", "theta_i")),
+    "in-plane": (in_plane, ("step", "theta_max", "theta_i", *SIDES)),
 }
 """Constructor and options of each scan."""
 
@@ -137,7 +173,8 @@ def scan(name: str | os.PathLike[str], **options: Unpack[ScanOptions]) -> Layout
         GonioError: for an unknown name, an option that the scan does not have, an angle out of range, and more than
             `MAX_CELLS` cells.
     """
-    given = {option: value for option, value in options.items() if value is not None}
+    usual = {"hemisphere": REFLECTION, "lit": "front"}
+    given = {option: value for option, value in options.items() if value not in (None, usual.get(option))}
     text = os.fspath(name).replace("_", "-")
     if text in SCANS:
         make, known = SCANS[text]
@@ -145,10 +182,56 @@ def scan(name: str | os.PathLike[str], **options: Unpack[ScanOptions]) -> Layout
         make, known = (lambda: listed(name)), ()
     else:
         raise GonioError(f"scan {os.fspath(name)!r} is unknown; give {', '.join(SCANS)}, or a CSV file of directions")
+    if given.keys() & {*SIDES} and not {*SIDES} & {*known}:
+        why = "half vectors hold reflection from the front alone" if text in SCANS else "its directions are the file's"
+        raise GonioError(f"scan {text} has no other hemispheres: {why}; give isotropic, spherical or in-plane")
     if unknown := sorted(given.keys() - {*known}):
         takes = f"it takes {', '.join(known)}" if known else "its directions are fixed"
         raise GonioError(f"scan {text} has no {', '.join(unknown)}; {takes}")
     return make(**given)
+
+
+def default_hemisphere(name: str | os.PathLike[str], brdf: AbstractBRDF) -> str | None:
+    """Where the detector goes if nothing is said: into the hemispheres that the surface scatters into.
+
+    None for a scan that does not choose, and for a surface that scatters into that of the light alone.
+    """
+    known = SCANS.get(os.fspath(name).replace("_", "-"), (None, ()))[1]
+    if "hemisphere" not in known or Hemispheres.TRANSMISSION not in brdf.hemispheres:
+        return None
+    return BOTH if Hemispheres.REFLECTION in brdf.hemispheres else TRANSMISSION
+
+
+def hemisphere_remark(grid: Layout, brdf: AbstractBRDF) -> str | None:
+    """A remark on a scan that leaves out a hemisphere that the surface scatters into, or reads one that stays dark."""
+    words = {Hemispheres.REFLECTION: "reflects", Hemispheres.TRANSMISSION: "transmits"}
+    for hemisphere, verb in words.items():
+        if hemisphere in brdf.hemispheres and hemisphere not in grid.hemispheres:
+            noun = hemisphere.name and hemisphere.name.lower()
+            return (
+                f"the material {verb}, but the scan leaves its {noun} out: nothing was looked at there; the isotropic, "
+                "spherical and in-plane scans read both hemispheres"
+            )
+        if hemisphere in grid.hemispheres and hemisphere not in brdf.hemispheres:
+            return f"nothing says that the material {verb}: all readings of that hemisphere are 0"
+    return None
+
+
+def _sides(polar: np.ndarray, hemisphere: str, lit: str) -> tuple[np.ndarray, np.ndarray]:
+    """Polar angles of light and detector: those in front, those behind, or both."""
+    for name, value, known in (("hemisphere", hemisphere, HEMISPHERES), ("lit", lit, LIT)):
+        if value not in known:
+            raise GonioError(f"{name} is {value!r}; give {', '.join(known[:-1])} or {known[-1]}")
+    if lit == BOTH and hemisphere != BOTH:
+        raise GonioError("a grid that is lit from both sides reads both hemispheres; give hemisphere both too")
+    behind = (math.pi - polar)[::-1]
+    of_side = {
+        "front": polar,
+        "back": behind,
+        BOTH: np.concatenate([polar, behind[behind > polar.max(initial=0) + SAME]]),
+    }
+    same = {REFLECTION: lit, TRANSMISSION: "back" if lit == "front" else "front", BOTH: BOTH}
+    return of_side[lit], of_side[same[hemisphere]]
 
 
 def _polar(step: float, theta_max: float) -> np.ndarray:

@@ -47,6 +47,8 @@ class MeasureOptions(TypedDict, total=False):
     log: Callable[[str], None] | None
     command: str | None
     seconds: ArrayLike | None
+    hemisphere: str | None
+    lit: str | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,6 +63,8 @@ class MeasureSettings:
     log: Callable[[str], None] | None = None
     command: str | None = None
     seconds: ArrayLike | None = None
+    hemisphere: str | None = None
+    lit: str | None = None
 
     def __post_init__(self) -> None:
         if not (isinstance(self.seed, int | np.integer) and 0 <= self.seed < 1 << 64):

@@ -1,22 +1,11 @@
 """The horizon: which pairs of directions a surface scatters between, decided here with one threshold."""
 
-import enum
-
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from gonio.models.geometry.directions import Direction
-
-HORIZON = 4.440892098500626e-16
-"""Cosine up to which a direction lies on the horizon: two roundings of 1, as π/2 in double precision has the cosine
-6e-17 and the cosines of a grid, products of two, end within 3e-16 of 0."""
-
-
-class Hemispheres(enum.Flag):
-    """The hemispheres that a surface scatters into: that of the light, the opposite one, or both."""
-
-    REFLECTION = enum.auto()
-    TRANSMISSION = enum.auto()
+from gonio.models.geometry.sides import HORIZON as HORIZON
+from gonio.models.geometry.sides import Hemispheres as Hemispheres
 
 
 def above_horizon(wi: Direction, wo: Direction) -> Bool[Array, "..."]:

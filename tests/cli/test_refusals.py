@@ -19,7 +19,7 @@ def faulty(here):
         "empty.csv": "",
         "text.csv": f"{DIRECTIONS}\n1,2,3,4\nx,0,20,0\n",
         "nan.csv": f"{DIRECTIONS}\nnan,0,20,0\n",
-        "below.csv": f"{DIRECTIONS}\n10,0,120,0\n",
+        "below.csv": f"{DIRECTIONS}\n10,0,190,0\n",
         "few.csv": f"{DIRECTIONS},f\n10,0,20,0,0.1\n20,0,20,0,0.1\n",
     }
     for name, text in texts.items():
@@ -50,7 +50,7 @@ def faulty(here):
         (f"eval {MATT} --directions empty.csv", "is empty"),
         (f"eval {MATT} --directions text.csv", "line 3: theta_i is 'x'"),
         (f"eval {MATT} --directions nan.csv", "line 2: theta_i is missing"),
-        (f"eval {MATT} --directions below.csv", "below the horizon"),
+        (f"eval {MATT} --directions below.csv", "expected 0 to 180 degrees"),
         ("info broken.h5", "not a whole HDF5 file"),
         ("info foreign.h5", "no table of gonio"),
         ("info noise.bin", "of an unknown kind"),

@@ -75,7 +75,7 @@ def test_longer_counting_scatters_as_its_uncertainty_says():
     ("line", "reason"),
     [
         ("axis_speed = [1, 2]", "axis_speed is"), ("settling = -1", "settling"), ("seconds = 0", "seconds is 0"),
-        ("theta_i = [0, 95]", "range of theta_i"), ("phi_i = [300, 20]", "range of phi_i"),
+        ("theta_i = [0, 195]", "range of theta_i"), ("phi_i = [300, 20]", "range of phi_i"),
         ("noise = true", "noise is True"),
         ("dark_rate = 5", "give photons too"), ("count_rate = nan", "count rate is nan"), ("colour = 1", "unknown key"),
     ],

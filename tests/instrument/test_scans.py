@@ -16,7 +16,7 @@ def test_the_default_isotropic_scan_reaches_85_degrees_and_closes_in_azimuth():
     assert grid.axes["theta_i"][-1] == pytest.approx(math.radians(85), abs=1e-12)
     assert math.pi in grid.axes["delta_phi"] or np.abs(grid.axes["delta_phi"] - math.pi).min() < 1e-12
     assert grid.axes["delta_phi"][-1] == pytest.approx(math.radians(355))
-    assert grid.above_horizon().all()
+    assert grid.readable().all()
 
 
 def test_options_change_the_grids():
@@ -37,6 +37,25 @@ def test_half_difference_scans_are_merls_grid_with_other_counts():
     assert turned.dims == ("theta_h", "theta_d", "phi_d", "phi_h") and turned.shape == (6, 6, 12, 6)
 
 
+def test_scans_of_the_other_hemisphere_mirror_the_usual_one_and_leave_out_the_horizon():
+    for name in ("isotropic", "in-plane", "spherical"):
+        usual = scans.scan(name, step=math.radians(15))
+        for hemisphere, lit, sides in (
+            ("reflection", "back", {(-1, -1)}),
+            ("transmission", None, {(1, -1)}),
+            ("transmission", "back", {(-1, 1)}),
+            ("both", None, {(1, 1), (1, -1)}),
+            ("both", "both", {(1, 1), (1, -1), (-1, 1), (-1, -1)}),
+        ):
+            grid = scans.scan(name, step=math.radians(15), hemisphere=hemisphere, lit=lit)
+            assert grid.sides == sides and grid.readable().all()
+            assert np.abs(grid.cosines()).min() > math.cos(math.radians(85.01))
+            for pair in sides:
+                part, _ = grid.folded(*pair)
+                for of_part, of_usual in zip(part.axes.values(), usual.axes.values(), strict=True):
+                    np.testing.assert_allclose(of_part, of_usual, atol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
@@ -51,6 +70,9 @@ def test_half_difference_scans_are_merls_grid_with_other_counts():
         ("spherical", {"step": math.radians(0.05)}, "more than 2.15e\\+09; give a larger step"),
         ("in-plane", {"theta_i": [7.0]}, "theta_i"),
         ("in-plane", {"theta_i": []}, "theta_i"),
+        ("merl", {"hemisphere": "both"}, "half vectors hold reflection from the front alone; give isotropic"),
+        ("isotropic", {"hemisphere": "down"}, "hemisphere is 'down'; give reflection, transmission or both"),
+        ("isotropic", {"lit": "both"}, "lit from both sides reads both hemispheres"),
     ],
 )
 def test_what_cannot_be_scanned_is_refused_in_a_sentence(name, options, message):

@@ -21,7 +21,7 @@ def random_table(grid, dtype=np.float64, u_f="stored", seed=0):
     rng = np.random.default_rng(seed)
     shape = (*grid.shape, 3)
     flag = rng.integers(0, len(Flag), shape).astype(np.uint8)
-    flag[~grid.above_horizon().reshape(grid.shape)] = Flag.BELOW_HORIZON
+    flag[~grid.readable().reshape(grid.shape)] = Flag.BELOW_HORIZON
     f = np.where(flag == 0, rng.standard_normal(shape), np.nan).astype(dtype)
     values = {"stored": rng.random(shape).astype(dtype), "exact": np.zeros(shape, dtype), "unknown": None}[u_f]
     channels = Channels(("a", "b", "µ"), (450.0, 550.5, 632.8))

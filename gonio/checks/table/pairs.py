@@ -10,7 +10,6 @@ from gonio.data.flags import Flag
 from gonio.data.layouts import Layout, spherical_angles
 from gonio.data.table import COPIED, Table
 from gonio.models.geometry.directions import Direction
-from gonio.models.geometry.horizon import HORIZON
 
 FEWEST = 12
 """Pairs below which a region is not judged alone, nor a table at all."""
@@ -98,7 +97,7 @@ def _pairs_once(table: Table, partner_of: Callable[[np.ndarray], np.ndarray | No
     if cells.size > MOST_CELLS:
         cells = np.sort(np.random.default_rng(0).choice(cells.size, MOST_CELLS, replace=False))
     wi, wo = table.layout.directions_at(cells)
-    cells = cells[np.minimum(wi.z, wo.z) > HORIZON]
+    cells = cells[table.layout.are_readable(wi.z, wo.z)]
     partner = partner_of(cells)
     assert partner is not None
     # A cell that is its own partner says nothing.
@@ -130,7 +129,7 @@ def cells_without_partner(table: Table) -> np.ndarray:
         cells = np.sort(np.random.default_rng(0).choice(cells.size, MOST_CELLS, replace=False))
     partner, (wi, wo) = table.layout.exchanged(cells), table.layout.directions_at(cells)
     assert partner is not None
-    return cells[(partner < 0) & (np.minimum(wi.z, wo.z) > HORIZON)]
+    return cells[(partner < 0) & (table.layout.are_readable(wi.z, wo.z))]
 
 
 def joined(first: Pairs, second: Pairs) -> Pairs:
@@ -173,9 +172,9 @@ def pole_pairs(table: Table) -> Pairs | str:
     cells, partners = [], []
     for polar, azimuth in layout.pole_axes:
         half = layout.axes[azimuth].size // 2
-        if layout.axes[polar][0] <= 1e-9 and half:
+        for node in layout.pole_nodes(polar) if half else []:
             # The normal of both directions is one reading many times.
-            poles = np.moveaxis(number, [layout.dims.index(a) for a in (polar, azimuth)], (0, 1))[0]
+            poles = np.moveaxis(number, [layout.dims.index(a) for a in (polar, azimuth)], (0, 1))[node]
             cells.append(poles[:half].ravel())
             partners.append(poles[half : 2 * half].ravel())
     if not cells:
@@ -186,7 +185,7 @@ def pole_pairs(table: Table) -> Pairs | str:
 
 def _comparable(table: Table, cells: np.ndarray, partner: np.ndarray) -> Pairs | str:
     wi, wo = table.layout.directions_at(cells)
-    use = (partner >= 0) & (partner != cells) & (np.minimum(wi.z, wo.z) > HORIZON)
+    use = (partner >= 0) & (partner != cells) & (table.layout.are_readable(wi.z, wo.z))
     if np.count_nonzero(use) < FEWEST:
         return "too few readings of the grid can be compared"
     return _pairs(table, cells[use], partner[use], int(np.count_nonzero(use)))

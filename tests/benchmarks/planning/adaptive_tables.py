@@ -49,7 +49,7 @@ def grids(same_all_round: bool) -> list[tuple[str, Layout, int]]:
     else:
         every = [(f"spherical {s:g}°", spherical(np.radians(s))) for s in TURNED]
         every += [(f"half-difference {s:g}°", half_difference(np.radians(s), np.radians(s))) for s in TURNED]
-    return [(name, g, int(g.above_horizon().sum()) // (2 if same_all_round else 1)) for name, g in every]
+    return [(name, g, int(g.readable().sum()) // (2 if same_all_round else 1)) for name, g in every]
 
 
 def hours_of(instrument: Instrument, layout: Layout, share: float) -> float:
@@ -90,7 +90,7 @@ def compared(name: str, instrument: Instrument, target: float, seeds: int) -> li
         rows = []
         for title, grid, readings in grids(brdf.isotropic):
             e = errors(values(as_material(whole_table_of_values(grid, grid_values(brdf, grid))), pair), f, cosine)
-            rows.append((title, readings, hours_of(instrument, grid, readings / grid.above_horizon().sum()), *e))
+            rows.append((title, readings, hours_of(instrument, grid, readings / grid.readable().sum()), *e))
         for what, column, least in (("readings", 1, count), ("hours", 2, hours)):
             enough = [r for kind in {r[0].split()[0] for r in rows} for r in _first(rows, kind, column, least)]
             best = min(enough, key=lambda r: r[3])

@@ -136,7 +136,7 @@ def test_half_and_difference_angles(path):
     write(path, ("theta_h", "theta_d", "phi_d", "f"), (*nodes, np.full(grid.size, 0.1)))
     table = read_csv(path)
     assert table.layout.name == "half_difference" and table.layout.shape == grid.shape
-    assert table.counts()["valid"] == grid.above_horizon().sum()
+    assert table.counts()["valid"] == grid.readable().sum()
 
 
 @pytest.mark.parametrize(("names", "nm"), [
@@ -239,7 +239,7 @@ def test_readings_taken_again_and_again_stay_a_list(path):
     ("theta_i,phi_i,theta_o,phi_o,f_450,f_450nm\n10,0,20,0,1,2\n", {}, "450 nm twice"),
     ("theta_i,phi_i,theta_o,phi_o,f [%]\n" + ROW, {}, "expected 1/sr"),
     ("lambda," + HEAD + "1," + ROW, {}, "'lambda \\[nm\\]'"),
-    ("# angles in radians\n" + HEAD + ROW, {}, "expected 0 to 1.5708 radians"),
+    ("# angles in radians\n" + HEAD + ROW, {}, "expected 0 to 3.14159 radians"),
     ("# angles in radians or degrees\n" + HEAD + ROW, {}, "state --angles"),
     ("# reflectance factors divided by pi\n" + HEAD + ROW, {}, "state --quantity"),
     ("theta_i [deg],phi_i,theta_o,phi_o,f\n" + ROW, {"angles": "radians"}, "leave --angles out"),

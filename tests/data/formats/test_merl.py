@@ -39,7 +39,7 @@ def test_a_file_made_by_the_definition_is_read_by_it(tmp_path):
     table = read_merl(raw_file(tmp_path / "m.binary", counts, raw))
     assert table.layout.dims == ("theta_h", "theta_d", "phi_d") and table.layout.shape == counts
     np.testing.assert_allclose(np.degrees(table.layout.axes["theta_h"]), (np.arange(5) / 5) ** 2 * 90)
-    above = table.layout.above_horizon().reshape(counts)
+    above = table.layout.readable().reshape(counts)
     valid = np.moveaxis(raw >= 0, 0, -1) & above[..., None]
     np.testing.assert_array_equal(table.flag == Flag.VALID, valid)
     np.testing.assert_allclose(table.f[valid], (np.moveaxis(raw, 0, -1) * SCALE)[valid], rtol=1e-15)
@@ -81,7 +81,7 @@ def test_other_layouts_and_models_are_resampled_and_the_loss_measured(tmp_path):
 def test_negative_readings_are_counted_as_lost_and_grey_is_repeated(tmp_path):
     grid = layouts.merl(counts=(3, 4, 6))
     table = whole_table_of_values(grid, -np.ones(grid.shape))
-    assert write_merl(tmp_path / "m.binary", table).lost == 3 * grid.above_horizon().sum()
+    assert write_merl(tmp_path / "m.binary", table).lost == 3 * grid.readable().sum()
     read = read_merl(tmp_path / "m.binary")
     assert read.flag[0, 0, 0, 0] == Flag.NOT_MEASURED and len(read.channels) == 3
     with pytest.raises(GonioError, match="choose one or three"):

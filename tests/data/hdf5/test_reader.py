@@ -16,7 +16,7 @@ def test_an_unfinished_part_is_refused_and_says_how_far_it_is(tmp_path):
         for k in blocks.missing_blocks():
             with pytest.raises(GonioError, match=f"unfinished measurement \\({k} of 4 blocks\\)"):
                 open_table(part)
-            below = ~grid.above_horizon(30 * k, 30 * (k + 1))
+            below = ~grid.readable(30 * k, 30 * (k + 1))
             blocks.write(k, np.full((30, 1), k), None, np.where(below, Flag.BELOW_HORIZON, Flag.VALID))
         tail = part.read_bytes()[-200:]
         blocks.finish()

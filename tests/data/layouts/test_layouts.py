@@ -11,6 +11,7 @@ from gonio.data.tabulate import grid_values
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction, to_half_difference
+from gonio.models.geometry.sides import FRONT
 
 TURN = np.radians([0.0, 70.0, 180.0, 300.0])
 POLAR = np.radians([0.0, 20.0, 85.0, 90.0])
@@ -50,7 +51,7 @@ def test_a_range_of_cells_is_a_part_of_all(grid, cut):
         np.testing.assert_allclose(part, np.array(whole)[:, start:stop], atol=1e-16)
     for part, whole in zip(grid.cosines(start, stop), grid.directions(), strict=True):
         np.testing.assert_allclose(part, whole.z[start:stop], atol=1e-16)
-    np.testing.assert_array_equal(grid.above_horizon(start, stop), grid.above_horizon()[start:stop])
+    np.testing.assert_array_equal(grid.readable(start, stop), grid.readable()[start:stop])
     for part, whole in zip(grid.angles(start, stop), grid.angles(), strict=True):
         np.testing.assert_array_equal(part, whole[start:stop])
 
@@ -72,11 +73,38 @@ def test_specular_is_at_delta_phi_pi_and_at_positive_in_plane_angles():
     np.testing.assert_allclose(wi, wo, atol=1e-15)
 
 
-def test_the_horizon_belongs_to_what_is_below():
+def test_what_is_on_the_horizon_cannot_be_read_nor_what_is_below_it_on_half_angles():
     grid = layouts.isotropic([0.0, np.pi / 2], [0.3, np.pi / 2, 2.0], [0.0])
-    assert grid.above_horizon().tolist() == [True, False, False, False, False, False]
+    assert grid.readable().tolist() == [True, False, True, False, False, False]
+    rounded = layouts.isotropic([0.0], np.array([0.3, np.pi / 2], np.float32), [0.0])
+    assert rounded.readable().tolist() == [True, False] and rounded.sides == FRONT
     touching = layouts.half_difference([np.pi / 4], [np.pi / 4], [0.0, np.pi / 2, np.pi])
-    assert touching.above_horizon().tolist() == [False, True, False]
+    assert touching.readable().tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("theta_i", [[0.0, 1.0], [2.0, np.pi], [0.5, 3.0]])
+@pytest.mark.parametrize("theta_o", [[0.3, 1.2], [1.8, 3.0], [1.0, np.pi]])
+def test_the_parts_of_a_grid_are_its_cells_mirrored_into_the_front(theta_i, theta_o):
+    """Each cell is in one part, at the same azimuth and the same distance from the plane of the sample."""
+    grids = [layouts.isotropic(theta_i, theta_o, [0.0, 2.0]), layouts.spherical(theta_i, [1.0], theta_o, [0.5, 3.0])]
+    signed = sorted({*theta_o, *(-t for t in theta_o if t < 3.1)})
+    grids += [layouts.in_plane(theta_i, signed), layouts.scattered(theta_i, [1.0, 2.0], theta_o, [0.5, 3.0])]
+    for grid in grids:
+        numbers, directions, found = np.arange(grid.size).reshape(grid.shape), np.array(grid.directions()), []
+        assert grid.sides == {(a, b) for a, b in np.sign(directions[:, 2]).T.astype(int).tolist()}
+        for light, detector in grid.sides:
+            part, index = grid.folded(light, detector)
+            cells = numbers[index].ravel()
+            assert part.sides == FRONT and part.name == grid.name
+            mirrored = directions[:, :, cells] * np.array([[1, 1, light], [1, 1, detector]])[..., None]
+            np.testing.assert_allclose(part.directions(), mirrored, atol=1e-15)
+            found += cells.tolist()
+        assert sorted(found) == list(range(grid.size))
+
+
+def test_half_angles_hold_reflection_alone():
+    assert layouts.merl(counts=(4, 4, 4)).sides == FRONT
+    assert layouts.mirror([0.5], [0.0, 3.0], [0.0, 1.0]).sides == FRONT
 
 
 def test_merls_grid_is_the_published_one():
@@ -132,7 +160,7 @@ class Lopsided(AbstractBRDF):
 def test_the_grid_kernel_agrees_with_the_directions(grid):
     wi, wo = grid.directions()
     expected = np.stack([1.0 + wi.x + 2 * wo.y + 3 * wi.y * wo.x, 2.0 + wi.z * wo.z + wo.x], -1)
-    expected[~grid.above_horizon()] = 0.0
+    expected[~grid.readable()] = 0.0
     expected = expected.reshape(*grid.shape, 2)
     three_rows = 3 * grid.row_size
     np.testing.assert_allclose(grid_values(Lopsided(), grid, block_cells=three_rows), expected, atol=1e-14)

@@ -35,7 +35,7 @@ each_grid = pytest.mark.parametrize("grid", GRIDS.values(), ids=GRIDS)
 def listed(grid, seed=0, share=1.0):
     """The angles of the cells above the horizon in any order, a share of them drawn at random."""
     rng = np.random.default_rng(seed)
-    cells = rng.permutation(np.flatnonzero(grid.above_horizon()))
+    cells = rng.permutation(np.flatnonzero(grid.readable()))
     cells = cells[rng.random(cells.size) <= share]
     return tuple(a[cells] for a in grid.angles()), cells
 

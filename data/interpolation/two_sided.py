@@ -1,0 +1,34 @@
+"""A table of both sides of a sample as a material: each of its parts is interpolated by itself, never across."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.sides import Hemispheres, hemispheres_of
+
+
+class TwoSided(AbstractBRDF):
+    """One BRDF, of mirrored directions, for each pair of sides of light and detector; 0 where there is none."""
+
+    parts: tuple[AbstractBRDF, ...]
+    sides: tuple[tuple[int, int], ...] = eqx.field(static=True)
+
+    @property
+    def hemispheres(self) -> Hemispheres:
+        # Light from behind is asked about too: what no part answers is 0.
+        behind = any(light < 0 for light, _ in self.sides)
+        return Hemispheres.REFLECTION | Hemispheres.TRANSMISSION if behind else hemispheres_of(frozenset(self.sides))
+
+    @property
+    def isotropic(self) -> bool:
+        return all(part.isotropic for part in self.parts)
+
+    def formula(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
+        mirrored = [w._replace(z=jnp.abs(w.z)) for w in (wi, wo)]
+        total = jnp.zeros(())
+        for part, (light, detector) in zip(self.parts, self.sides, strict=True):
+            here = (light * wi.z > 0) & (detector * wo.z > 0)
+            total = total + jnp.where(here, part.formula(mirrored[0], mirrored[1]), 0.0)
+        return total

@@ -1,0 +1,49 @@
+"""The sides of a sample, in front and behind, and the one threshold of what lies on the horizon; without JAX."""
+
+import enum
+from typing import Any
+
+import numpy as np
+
+HORIZON = 4.440892098500626e-16
+"""Cosine up to which a direction lies on the horizon: two roundings of 1, as π/2 in double precision has the cosine
+6e-17 and the cosines of a grid, products of two, end within 3e-16 of 0."""
+BEHIND = -1e-6
+"""Cosine of a stated direction from which on it lies behind the sample: of a right angle in single precision it is
+−4e-8, and such a direction lies on the horizon."""
+
+Sides = frozenset[tuple[int, int]]
+"""Sides of (light, detector), 1 in front and −1 behind."""
+FRONT: Sides = frozenset({(1, 1)})
+
+
+class Hemispheres(enum.Flag):
+    """The hemispheres that a surface scatters into: that of the light, the opposite one, or both."""
+
+    REFLECTION = enum.auto()
+    TRANSMISSION = enum.auto()
+
+
+def side(cosine: Any) -> np.ndarray:
+    """1 where a stated direction is in front of the sample, −1 behind, 0 on the horizon (NumPy, any shape)."""
+    cosine = np.asarray(cosine)
+    return (cosine > HORIZON).astype(np.int8) - (cosine < BEHIND)
+
+
+def hemispheres_of(sides: Sides) -> Hemispheres:
+    """The hemispheres, relative to the light, that pairs of directions on these sides lie in."""
+    result = Hemispheres(0)
+    for light, detector in sides:
+        result |= Hemispheres.REFLECTION if light == detector else Hemispheres.TRANSMISSION
+    return result
+
+
+def side_in_words(light: int, detector: int) -> str:
+    """What a detector on its side reads of a light on its own, in words."""
+    kind = "reflection" if light == detector else "transmission"
+    return kind if light > 0 else f"{kind}, lit from behind"
+
+
+def sides_in_words(sides: Sides) -> str:
+    """The sides that a table holds, in words; nothing for reflection from the front alone."""
+    return "" if sides == FRONT else " and ".join(side_in_words(*pair) for pair in sorted(sides, reverse=True))
