@@ -75,7 +75,8 @@ def measure(
         refuse_outputs([settings.output], [material], force=True)  # whether it may exist the sink decides
     subject = load_material(material)
     layout = _layout(scan, subject.brdf, settings)
-    for remark in (isotropy_remark(layout, subject.brdf), hemisphere_remark(layout, subject.brdf)):
+    unread = None if settings.hemisphere else hemisphere_remark(layout, subject.brdf)
+    for remark in (isotropy_remark(layout, subject.brdf), unread):
         if remark:
             log(remark)
     seconds = settings.seconds
