@@ -4,16 +4,17 @@ import dataclasses
 import importlib
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gonio.data.angles import as_numbers, broadcast, radian_arrays
+from gonio.data.angles import SLACK, as_numbers, broadcast, radian_arrays
 from gonio.data.channels import Channels
 from gonio.data.layouts import spherical_angles
-from gonio.models.albedo import Estimate, directional_albedo
+from gonio.models.albedo import Estimate, directional_albedo, directional_transmittance
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import renamed_attribute
 from gonio.models.display import Displayed, listed
@@ -22,6 +23,7 @@ from gonio.models.evaluation import channel_count, evaluate, flat_pair, sampled_
 from gonio.models.expression.builder import to_expression
 from gonio.models.expression.derivatives import parameter_derivatives
 from gonio.models.geometry.directions import Direction, from_spherical
+from gonio.models.geometry.horizon import Hemispheres
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -48,13 +50,13 @@ class Material(Displayed):
     def f(
         self, theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike, degrees: bool = False
     ) -> np.ndarray:
-        """BRDF values, 1/sr, without the cosine.
+        """BRDF values, and BTDF values where the detector is on the other side, 1/sr, without the cosine.
 
         Args:
-            theta_i: polar angle of the direction to the light, [0, π/2].
+            theta_i: polar angle of the direction to the light, [0, π]; beyond π/2 it is behind the material.
             phi_i: its azimuth.
-            theta_o: polar angle of the direction to the detector, [0, π]: what `sample` draws may lie below the
-                horizon, where f is 0.
+            theta_o: polar angle of the direction to the detector, [0, π]; below the horizon f is 0 of a material that
+                only reflects.
             phi_o: its azimuth.
             degrees: whether the angles are degrees; else radians.
 
@@ -74,12 +76,12 @@ class Material(Displayed):
 
         Angles come and go in radians, or in degrees; all arguments broadcast to the shape of both results. theta_o may
         lie below the horizon, where f is 0; of light that does not leave the surface (total reflection below a coat)
-        it is π, and pdf is 0 there: count its weight f cosθ/pdf as 0.
+        it is π, and pdf is 0 there: count its weight f cosθ/pdf as 0; of a material that transmits it is not a number.
 
         Raises:
             GonioError: as `f` does, for u1 or u2 out of range, and without a sampler.
         """
-        angles = radian_arrays(degrees, theta_i=theta_i, phi_i=phi_i)
+        angles = radian_arrays(degrees, self._transmits, theta_i=theta_i, phi_i=phi_i)
         uniform = {name: as_numbers(name, u) for name, u in (("u1", u1), ("u2", u2))}
         for name, u in uniform.items():
             if not ((u >= 0) & (u <= 1)).all():
@@ -106,7 +108,7 @@ class Material(Displayed):
         """Share of the light from (theta_i, phi_i) that is reflected, with a bound on the error of the integral.
 
         Args:
-            theta_i: polar angle of incidence, [0, π/2).
+            theta_i: polar angle of incidence, [0, π/2), or (π/2, π] for light from behind a material that transmits.
             phi_i: its azimuth.
             degrees: whether the angles are degrees; else radians.
             tolerance: absolute error asked for; a larger `bound` says that it was not met.
@@ -114,10 +116,31 @@ class Material(Displayed):
         Returns:
             `value` and `bound` of the angles' broadcast shape + (channels,), and the `evaluations` of f.
         """
-        theta, phi = radian_arrays(degrees, theta_i=theta_i, phi_i=phi_i)
-        if (theta >= math.pi / 2).any():
+        return self._share(directional_albedo, theta_i, phi_i, degrees, tolerance)
+
+    def transmittance(
+        self, theta_i: ArrayLike, phi_i: ArrayLike = 0.0, degrees: bool = False, tolerance: float = 1e-6
+    ) -> Estimate:
+        """Share of the light from (theta_i, phi_i) that leaves on the other side; else as `albedo`."""
+        return self._share(directional_transmittance, theta_i, phi_i, degrees, tolerance)
+
+    @property
+    def _lower(self) -> tuple[str, ...]:
+        return ("theta_i", "theta_o") if Hemispheres.TRANSMISSION in self.brdf.hemispheres else ("theta_o",)
+
+    def _share(
+        self,
+        integral: Callable[..., Estimate],
+        theta_i: ArrayLike,
+        phi_i: ArrayLike,
+        degrees: bool,
+        tolerance: float,
+    ) -> Estimate:
+        theta, phi = radian_arrays(degrees, self._transmits, theta_i=theta_i, phi_i=phi_i)
+        above = np.abs(theta - math.pi / 2) > SLACK if self._transmits else theta < math.pi / 2
+        if not above.all():
             raise GonioError("theta_i reaches the horizon, where no light arrives; give angles below 90 degrees")
-        estimate = directional_albedo(self.brdf, theta, phi, tolerance)
+        estimate = integral(self.brdf, theta, phi, tolerance)
         value, bound = (self._by_channel(a, theta.shape) for a in (estimate.value, estimate.bound))
         return estimate._replace(value=value, bound=bound)
 

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, from_spherical
+from gonio.models.geometry.horizon import Hemispheres
 
 ORDERS = (4, 8, 16, 32, 64, 128)  # nodes of each panel along each side: 8·order² evaluations
 NODES_A_CALL = 2048
@@ -45,12 +46,13 @@ def panel_rule(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @eqx.filter_jit
 def _term_sums(
-    brdf_terms: tuple[AbstractBRDF, ...], wi: Direction, u1: Scalar, u2: Scalar, weight: Scalar
+    brdf_terms: tuple[AbstractBRDF, ...], side: Scalar, wi: Direction, u1: Scalar, u2: Scalar, weight: Scalar
 ) -> list[tuple[Channels, Channels]]:
+    # `side` is 1 for what leaves in front, -1 for what leaves behind.
     def one(term: AbstractBRDF, w: Direction) -> tuple[Channels, Channels]:
         def node(a: Scalar, b: Scalar, c: Scalar) -> Channels:
             wo, jacobian = term.lobe_map(w, a, b)
-            return term.f(w, wo) * (c * jnp.maximum(wo.z, 0.0) * jacobian)
+            return term.f(w, wo) * (c * jnp.maximum(side * wo.z, 0.0) * jacobian)
 
         values = jax.vmap(node)(u1, u2, weight)
         return jnp.sum(values, 0), jnp.sum(jnp.abs(values), 0)
@@ -62,7 +64,7 @@ def _padded(a: np.ndarray, size: int, fill: float) -> np.ndarray:
     return np.concatenate([a, np.full(size - a.size, fill)])
 
 
-def _rule_sums(brdf_terms: tuple[AbstractBRDF, ...], wi: Direction, order: int) -> list[np.ndarray]:
+def _rule_sums(brdf_terms: tuple[AbstractBRDF, ...], side: float, wi: Direction, order: int) -> list[np.ndarray]:
     """(Σ, Σ of absolute values) of each term by the rule of one order."""
     # One compiled program for every order and number of incidences: nodes and incidences are padded to fixed blocks.
     u1, u2, weight = panel_rule(order)
@@ -72,7 +74,7 @@ def _rule_sums(brdf_terms: tuple[AbstractBRDF, ...], wi: Direction, order: int) 
             _padded(a[start : start + NODES_A_CALL], NODES_A_CALL, f)
             for a, f in zip((u1, u2, weight), (0.3, 0.3, 0.0), strict=True)
         )
-        sums = _term_sums(brdf_terms, wi, *(jnp.asarray(a) for a in block))
+        sums = _term_sums(brdf_terms, jnp.asarray(side), wi, *(jnp.asarray(a) for a in block))
         blocks.append([np.stack([np.asarray(p) for p in pair]) for pair in sums])
     return [functools.reduce(np.add, sums) for sums in zip(*blocks, strict=True)]
 
@@ -84,28 +86,64 @@ def _floor(absolute: np.ndarray) -> np.ndarray:
 def directional_albedo(
     brdf: AbstractBRDF, theta_i: ArrayLike, phi_i: ArrayLike = 0.0, tolerance: float = 1e-9
 ) -> Estimate:
-    """∫ f cosθo dωo for light from (theta_i, phi_i), radians, theta_i in [0, π/2): the share that is reflected.
+    """∫ f cosθo dωo over the hemisphere of the light from (theta_i, phi_i), radians: the share that is reflected.
 
-    Shapes: the angles broadcast to S; value and bound have S, or S + (channels,). `tolerance` is absolute. Orders
-    double until every bound meets it or the last order is reached: the bound says which.
+    theta_i in [0, π/2) is light of the front, in (π/2, π] from behind. Shapes: the angles broadcast to S; value and
+    bound have S, or S + (channels,). `tolerance` is absolute. Orders double until every bound meets it or the last
+    order is reached: the bound says which.
     """
+    return _integrals(brdf, theta_i, phi_i, tolerance, Hemispheres.REFLECTION)
+
+
+def directional_transmittance(
+    brdf: AbstractBRDF, theta_i: ArrayLike, phi_i: ArrayLike = 0.0, tolerance: float = 1e-9
+) -> Estimate:
+    """∫ f |cosθo| dωo over the hemisphere opposite to the light: the share that is transmitted.
+
+    Arguments and shapes are those of `directional_albedo`; 0 for a surface that only reflects.
+    """
+    return _integrals(brdf, theta_i, phi_i, tolerance, Hemispheres.TRANSMISSION)
+
+
+def _integrals(
+    brdf: AbstractBRDF, theta_i: ArrayLike, phi_i: ArrayLike, tolerance: float, way: Hemispheres
+) -> Estimate:
     theta, phi = np.broadcast_arrays(np.asarray(theta_i, float), np.asarray(phi_i, float))
-    parts = brdf.terms()
-    values, bounds, evaluations = [], [], 0
-    for start in range(0, theta.size, INCIDENCES_A_CALL):
-        t, p = (a.ravel()[start : start + INCIDENCES_A_CALL] for a in (theta, phi))
-        value, bound, n = _albedo_block(parts, t, p, tolerance)
-        values.append(value)
-        bounds.append(bound)
-        evaluations += n
-    value, bound = (np.concatenate(a).reshape(theta.shape + a[0].shape[1:]) for a in (values, bounds))
+    behind = theta.ravel() > np.pi / 2
+    done, whole, evaluations = [], True, 0
+    for which, back in ((np.flatnonzero(~behind), False), (np.flatnonzero(behind), True)):
+        parts = _scattering(brdf, way, back)
+        side = -1.0 if back == (way == Hemispheres.REFLECTION) else 1.0
+        whole &= len(parts) == len(brdf.terms()) or not which.size
+        for start in range(0, which.size if parts else 0, INCIDENCES_A_CALL):
+            here = which[start : start + INCIDENCES_A_CALL]
+            value, bound, n = _block(parts, side, theta.ravel()[here], phi.ravel()[here], tolerance)
+            done.append((here, value, bound))
+            evaluations += n
+    # Terms that are left out may be those with channels.
+    channels = done[0][1].shape[1:] if whole and done else _channel_shape(brdf)
+    value, bound = (np.zeros((theta.size, *channels)) for _ in range(2))
+    for here, *pair in done:
+        value[here], bound[here] = (a.reshape(here.size, *[-1] * len(channels)) for a in pair)
+    value, bound = (a.reshape(theta.shape + channels) for a in (value, bound))
     return Estimate(value, bound, evaluations)
 
 
-def _albedo_block(
-    parts: tuple[AbstractBRDF, ...], theta: np.ndarray, phi: np.ndarray, tolerance: float
+def _scattering(brdf: AbstractBRDF, way: Hemispheres, back: bool) -> tuple[AbstractBRDF, ...]:
+    """The terms that reflect, or transmit, light of the front or from behind."""
+    scattered = Hemispheres.BACK if back and way == Hemispheres.REFLECTION else way
+    return tuple(term for term in brdf.terms() if scattered in term.hemispheres)
+
+
+def _channel_shape(brdf: AbstractBRDF) -> tuple[int, ...]:
+    w = Direction(*(jax.ShapeDtypeStruct((), jnp.result_type(float)) for _ in range(3)))
+    return eqx.filter_eval_shape(lambda b, d: b.f(d, d), brdf, w).shape
+
+
+def _block(
+    parts: tuple[AbstractBRDF, ...], side: float, theta: np.ndarray, phi: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    t, p = (_padded(a, INCIDENCES_A_CALL, 0.5) for a in (theta, phi))
+    t, p = (_padded(a, INCIDENCES_A_CALL, float(a[0])) for a in (theta, phi))
     wi = Direction(*(jnp.asarray(c) for c in from_spherical(t, p, np)))
     done: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     open_terms = list(range(len(parts)))
@@ -113,7 +151,7 @@ def _albedo_block(
     step: dict[int, np.ndarray] = {}
     evaluations = 0
     for order in ORDERS:
-        sums = _rule_sums(tuple(parts[i] for i in open_terms), wi, order)
+        sums = _rule_sums(tuple(parts[i] for i in open_terms), side, wi, order)
         evaluations += 8 * order**2 * theta.size * len(open_terms)
         unmet = []
         for i, (value, absolute) in zip(open_terms, sums, strict=True):
@@ -144,7 +182,7 @@ def _channels_last(a: np.ndarray, everything: Iterable[tuple[np.ndarray, np.ndar
 
 
 def hemispherical_albedo(brdf: AbstractBRDF, tolerance: float = 1e-8) -> Estimate:
-    """2 ∫ E(μ) μ dμ, averaged over the azimuth of incidence: the share reflected under uniform light.
+    """2 ∫ E(μ) μ dμ, averaged over the azimuth of incidence: the share reflected of uniform light in front.
 
     Shapes () or (channels,). The bound adds the rule's own error to that of the directional albedos.
     """

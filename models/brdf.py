@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
-from gonio.models.geometry.horizon import Hemispheres, guarded_pair
+from gonio.models.geometry.horizon import Hemispheres, guarded_pair, lit
 from gonio.models.parameters import ParameterInfo, known_equal, parameter
 from gonio.models.warps.hemisphere import cosine_pdf, cosine_sample
 
@@ -27,7 +27,7 @@ inside, as by total reflection below a coat, and the direction means nothing."""
 
 
 class AbstractBRDF(eqx.Module):
-    """A reflecting surface: a PyTree of physical parameters that answers `f(wi, wo)`.
+    """A surface that reflects or transmits: a PyTree of physical parameters that answers `f(wi, wo)`.
 
     A model implements `formula`, and declares the hemispheres that it scatters into; `f` guards the horizon for all.
 
@@ -46,8 +46,16 @@ class AbstractBRDF(eqx.Module):
 
     @property
     def hemispheres(self) -> Hemispheres:
-        """The hemispheres that the surface scatters into; by default that of the light."""
+        """The hemispheres that the surface scatters into; by default light of the front, back into it."""
         return Hemispheres.REFLECTION
+
+    @property
+    def index_behind(self) -> Channels | float:
+        """Refractive index behind the surface relative to that in front; 1 for a sheet in one medium.
+
+        Of an interface, f over the square of the index on the side of the exit is reciprocal.
+        """
+        return 1.0
 
     @property
     def accuracy(self) -> float:
@@ -74,7 +82,7 @@ class AbstractBRDF(eqx.Module):
 
     @final
     def f(self, wi: Direction, wo: Direction) -> Channels:
-        """BRDF value, 1/sr, without the cosine factor; 0 outside of the hemispheres that the model declares.
+        """BRDF or BTDF value dL/dE, 1/sr, without the cosine factor; 0 outside of the hemispheres of the model.
 
         Raises:
             GonioError: the directions have an axis that would mix with the channels of the parameters.
@@ -163,6 +171,10 @@ class Scaled(AbstractBRDF):
     def hemispheres(self) -> Hemispheres:
         return self.base.hemispheres
 
+    @property
+    def index_behind(self) -> Channels | float:
+        return self.base.index_behind
+
     def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         return self.base.sample(wi, u1, u2)
 
@@ -209,17 +221,36 @@ class Sum(AbstractBRDF):
     def hemispheres(self) -> Hemispheres:
         return functools.reduce(operator.or_, (p.hemispheres for p in self.parts))
 
+    @property
+    def index_behind(self) -> Channels | float:
+        """That of the first part that has an interface between two media."""
+        return next((p.index_behind for p in self.parts if not known_equal(p.index_behind, 1.0)), 1.0)
+
     def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         n = len(self.parts)
         which = jnp.minimum(jnp.floor(u1 * n), n - 1)
-        samples = [part.sample(wi, u1 * n - which, u2) for part in self.parts]
+        samples = [self._sample_of(part, wi, u1 * n - which, u2) for part in self.parts]
         chosen = [which == i for i in range(n)]
         directions, leaves = zip(*samples, strict=True)
         wo = Direction(*(jnp.select(chosen, list(c)) for c in zip(*directions, strict=True)))
         return wo, jnp.select(chosen, list(leaves), default=False)
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
-        return sum(part.pdf(wi, wo) for part in self.parts) / len(self.parts)
+        return sum(self._pdf_of(part, wi, wo) for part in self.parts) / len(self.parts)
+
+    def _sample_of(self, part: AbstractBRDF, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
+        # A part that only reflects loses what comes from behind.
+        if part.hemispheres == self.hemispheres:
+            return part.sample(wi, u1, u2)
+        front, wi = lit(part.hemispheres, wi)
+        wo, leaves = part.sample(wi, u1, u2)
+        return wo, leaves & front
+
+    def _pdf_of(self, part: AbstractBRDF, wi: Direction, wo: Direction) -> Scalar:
+        if part.hemispheres == self.hemispheres:
+            return part.pdf(wi, wo)
+        front, wi = lit(part.hemispheres, wi)
+        return jnp.where(front, part.pdf(wi, wo), 0.0)
 
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         raise TypeError("a sum has no lobe map of its own: integrate each of terms() with its own")

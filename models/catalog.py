@@ -43,6 +43,8 @@ _WHERE = {
     "coat": ("layered.coat", "Coat"),
     "kelemen": ("layered.kelemen", "Kelemen"),
     "principled": ("layered.principled", "Principled"),
+    "lambert_transmission": ("transmission.lambert_transmission", "LambertTransmission"),
+    "thin_sheet": ("transmission.thin_sheet", "ThinSheet"),
 }
 
 

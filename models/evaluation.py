@@ -10,13 +10,15 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.compiling import wide_jit
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.horizon import Hemispheres
 
 BLOCK = 1 << 17
 """Pairs of one pass: what a formula of several loops, a quadrature or channels puts aside stays in the cache."""
 SMALL_BLOCK = 8192
 """Pairs of one pass where their number changes from call to call."""
-LOST = (0.0, 0.0, -1.0)
-"""What stands for the direction of light that does not leave the surface: against the normal, where pdf is 0 then."""
+LOST, NOWHERE = (0.0, 0.0, -1.0), (float("nan"),) * 3
+"""What stands for the direction of light that does not leave the surface: against the normal, where pdf is 0 then; of
+surfaces that transmit, whose light may leave there, no number."""
 
 
 @wide_jit
@@ -84,9 +86,11 @@ def evaluate_in_blocks(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> np.n
 
 @wide_jit
 def _samples(brdf: AbstractBRDF, wi: Direction, u1: jax.Array, u2: jax.Array) -> Direction:
+    lost = NOWHERE if Hemispheres.TRANSMISSION in brdf.hemispheres else LOST
+
     def one(w: Direction, a: jax.Array, b: jax.Array) -> Direction:
         wo, leaves = brdf.sample(w, a, b)
-        return Direction(*(jnp.where(leaves, c, d) for c, d in zip(wo, LOST, strict=True)))
+        return Direction(*(jnp.where(leaves, c, d) for c, d in zip(wo, lost, strict=True)))
 
     return jax.vmap(one)(wi, u1, u2)
 
@@ -97,7 +101,7 @@ def _densities(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> jax.Array:
 
 
 def sampled_directions(brdf: AbstractBRDF, wi: Direction, u1: np.ndarray, u2: np.ndarray) -> Direction:
-    """The directions that the importance sampler draws for u1, u2 in [0, 1); `LOST` for what does not leave.
+    """The directions that the importance sampler draws for u1, u2 in [0, 1); `LOST`, or `NOWHERE`, for what is lost.
 
     u1 and u2 have the shape (n,); wi has it, or is one direction.
     """

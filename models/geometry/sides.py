@@ -18,10 +18,18 @@ FRONT: Sides = frozenset({(1, 1)})
 
 
 class Hemispheres(enum.Flag):
-    """The hemispheres that a surface scatters into: that of the light, the opposite one, or both."""
+    """What a surface scatters: light in front back to it, light of either side through it, light from behind back.
+
+    +z is the front; a direction with z < 0 is behind the surface.
+    """
 
     REFLECTION = enum.auto()
     TRANSMISSION = enum.auto()
+    BACK = enum.auto()
+
+
+TWO_SIDED = Hemispheres.REFLECTION | Hemispheres.BACK
+EVERYWHERE = TWO_SIDED | Hemispheres.TRANSMISSION
 
 
 def side(cosine: Any) -> np.ndarray:

@@ -17,6 +17,8 @@ from gonio.models.brdf import (
     Scaled,
     parameter,
 )
+from gonio.models.errors import GonioError
+from gonio.models.geometry.horizon import Hemispheres
 from gonio.models.layered.coat_warp import coated_map, refracted, refracted_outwards
 from gonio.models.microfacet import albedo_tables as tables
 from gonio.models.microfacet.ggx import GGX
@@ -85,6 +87,10 @@ class Coat(AbstractComposite):
     base: AbstractBRDF = eqx.field(metadata={"model": True})
     alpha: Channels = parameter(ALPHA)
     eta: Channels = parameter(ETA)
+
+    def __check_init__(self) -> None:
+        if Hemispheres.TRANSMISSION in self.base.hemispheres:
+            raise GonioError("the base of a coat transmits light; a coat stands over a surface that only reflects")
 
     @property
     def accuracy(self) -> float:

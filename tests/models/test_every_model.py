@@ -10,6 +10,7 @@ from gonio.models.catalog import MODELS
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build, example
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.horizon import Hemispheres
 from gonio.stability.run import QUICK
 from support.cases import cases_of
 
@@ -95,7 +96,13 @@ def test_values_and_gradients_are_numbers_and_reciprocal(name):
             assert np.isfinite(leaf).all(), case
         f = np.asarray(f).reshape(len(wi), -1)
         assert (f[~up] == 0).all(), case
-        for below in ((wi * DOWN, wo), (wi, wo * DOWN), (wi * DOWN, wo * DOWN)):
+        if Hemispheres.TRANSMISSION in brdf.hemispheres:
+            through_and_back(case, brdf, wi, wo, elsewhere)
+        for below in (
+            ()
+            if Hemispheres.TRANSMISSION in brdf.hemispheres
+            else ((wi * DOWN, wo), (wi, wo * DOWN), (wi * DOWN, wo * DOWN))
+        ):
             (_, f_below), slopes = with_slopes(brdf, *map(directions, below))
             assert not any(np.any(leaf) for leaf in (f_below, *jax.tree.leaves(slopes))), case
         if "positivity" not in brdf.violates:
@@ -111,6 +118,26 @@ def test_values_and_gradients_are_numbers_and_reciprocal(name):
     (_, f), slopes = with_slopes(single, directions(wi[near], np.float32), directions(wo[near], np.float32))
     assert f.dtype == np.float32
     assert np.isfinite(f).all() and all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slopes))
+
+
+def through_and_back(case, brdf, wi, wo, elsewhere):
+    """Finite on all sides, 0 on those that the model does not declare, and f_t(i→o)/n_o² = f_t(o→i)/n_i²."""
+    for way, flips in {
+        Hemispheres.TRANSMISSION: ((DOWN, 1), (1, DOWN)),
+        Hemispheres.BACK: ((DOWN, DOWN),),
+    }.items():
+        for down_i, down_o in flips:
+            (_, f), slopes = with_slopes(brdf, directions(wi * down_i), directions(wo * down_o))
+            assert np.isfinite(f).all() and (f >= 0).all(), case
+            assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slopes)), case
+            assert way in brdf.hemispheres or not f.any(), case
+            a, b = (
+                Direction(w.x, w.y, w.z * np.ravel(d)[-1]) for w, d in zip(elsewhere, (down_i, down_o), strict=True)
+            )
+            (_, there), _ = with_slopes(brdf, a, b)
+            (_, back), _ = with_slopes(brdf, b, a)
+            n2 = 1.0 if way == Hemispheres.BACK else np.asarray(brdf.index_behind) ** (2 if np.ndim(down_i) else -2)
+            np.testing.assert_allclose(there * n2, back, rtol=2e-11, atol=1e-290, err_msg=case)
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -134,12 +161,12 @@ def maps(brdf, wi, u):
     def one(u):
         drawn, _, stretched = area(lambda v: brdf.sample(wi, v[0], v[1]), u)
         mapped, jacobian, spread = area(lambda v: brdf.lobe_map(wi, v[0], v[1]), u)
-        return stretched * brdf.pdf(wi, drawn), spread, jacobian, mapped.z
+        return stretched * brdf.pdf(wi, drawn), spread, jacobian, jnp.abs(mapped.z)
 
     return jax.vmap(one)(u)
 
 
-MIXTURES = ("principled", "kelemen", "coat")
+MIXTURES = ("principled", "kelemen", "coat", "thin_sheet")
 """Models that draw from several lobes: their density is not that of one map. Their samplers have the χ² test."""
 
 
