@@ -4,6 +4,7 @@ import json
 import math
 import mmap
 import os
+from collections.abc import Callable
 from types import UnionType
 from typing import Any, NoReturn, TypeVar
 
@@ -13,9 +14,10 @@ import numpy as np
 from gonio.data.channels import LONGEST_NAME, Channels
 from gonio.data.consistency import check_readings
 from gonio.data.files import input_size
-from gonio.data.hdf5.schema import FOOTER, GONIO_FORMAT, MAGIC, RECORD
+from gonio.data.hdf5.schema import FOOTER, GONIO_FORMAT, MAGIC, PROFILE_LAYOUT, RECORD
 from gonio.data.hdf5.stored_texts import has_damaged_heap, has_damaged_text
 from gonio.data.layouts import LAYOUTS, Layout
+from gonio.data.profile import Profile
 from gonio.data.serialise import deepest, encodable, require_kind
 from gonio.data.table import Table
 from gonio.models.errors import GonioError, one_line
@@ -34,7 +36,26 @@ LONGEST_JSON = 16 << 20
 REPACK = "write it unpacked (h5repack -f NONE -l CONTI)"
 RADIANS = {"radian": 1.0, "radians": 1.0, "rad": 1.0, "degree": math.pi / 180, "degrees": math.pi / 180}
 
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
 T = TypeVar("T")
+
+
+def holds_profile(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is one of a profile; False for any other, and for what is no file."""
+    try:
+        input_size(path)  # no pipe is waited for
+        with open(path, "rb") as start:
+            if start.read(len(SIGNATURE)) != SIGNATURE:
+                return False
+        return _opened(path, lambda reader: reader.attribute("layout", str)) == PROFILE_LAYOUT
+    except (GonioError, OSError):
+        return False
+
+
+def open_profile(path: str | os.PathLike[str]) -> Profile:
+    """The profile of an HDF5 file. Raises GonioError, naming the file and what is wrong, for anything else."""
+    return _opened(path, lambda reader: reader.profile())
 
 
 def open_table(path: str | os.PathLike[str], lazy_bytes: int = LAZY_BYTES) -> Table:
@@ -42,6 +63,11 @@ def open_table(path: str | os.PathLike[str], lazy_bytes: int = LAZY_BYTES) -> Ta
 
     Raises GonioError, naming the file and what is wrong, for anything else: truncated, foreign, newer, inconsistent.
     """
+    return _opened(path, lambda reader: reader.table(lazy_bytes), keep=True)
+
+
+def _opened(path: str | os.PathLike[str], read: "Callable[[_Reader], T]", keep: bool = False) -> T:
+    """What `read` makes of a file; `keep`: it stays open."""
     input_size(path)
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         if progress := _unfinished(content):
@@ -50,19 +76,20 @@ def open_table(path: str | os.PathLike[str], lazy_bytes: int = LAZY_BYTES) -> Ta
             )
         if has_damaged_heap(content):
             raise GonioError(f"{path} is a damaged table (its texts run into each other); measure or copy it again")
-        return _table(path, content, lazy_bytes)
+        return _checked(path, content, read, keep)
 
 
-def _table(path: str | os.PathLike[str], content: mmap.mmap, lazy_bytes: int) -> Table:
+def _checked(path: str | os.PathLike[str], content: mmap.mmap, read: "Callable[[_Reader], T]", keep: bool) -> T:
     try:
         file = h5py.File(path, "r")
     except OSError:
         message = f"{path} is not a whole HDF5 file (truncated, or another format); measure or copy it again"
         raise GonioError(message) from None
     try:
-        table = _Reader(file, content).table(lazy_bytes)
-        check_readings(table)
-        return table
+        result = read(_Reader(file, content))
+        if not keep:
+            file.close()
+        return result
     except GonioError as error:
         file.close()
         raise GonioError(f"{path}: {error}") from None
@@ -104,12 +131,17 @@ class _Reader:
     def __init__(self, file: h5py.File, content: mmap.mmap) -> None:
         self.file, self.content, self.bytes = file, content, len(content)
 
-    def table(self, lazy_bytes: int) -> Table:
+    def require_version(self) -> None:
         version = self.attribute("gonio_format", int | float | str)
         if version is None:
             _fail("an HDF5 file, but no table of gonio (no attribute gonio_format); see gonio convert")
         if not isinstance(version, int) or not 1 <= version <= GONIO_FORMAT:
             _fail(f"its format is gonio_format {version}, this gonio reads up to {GONIO_FORMAT}; install a newer one")
+
+    def table(self, lazy_bytes: int) -> Table:
+        self.require_version()
+        if self.attribute("layout", str) == PROFILE_LAYOUT:
+            _fail("it is a profile of light below a surface, and no table; gonio fit and check take it")
         f, flag, u_f = (self.node(name) for name in ("f", "flag", "u_f"))
         if f.dtype.kind != "f" or f.dtype.itemsize not in (4, 8) or u_f.dtype != f.dtype or flag.dtype != np.uint8:
             _fail(f"f, u_f and flag have types {f.dtype}, {u_f.dtype}, {flag.dtype}; expected floats and uint8")
@@ -135,7 +167,33 @@ class _Reader:
                 _fail("f or flag hold no values; measure it again")
             elif not np.isnan(value := self.value_of_all(node)):
                 fields[name] = np.broadcast_to(value, shape)
-        return Table(layout=layout, channels=channels, **fields)
+        table = Table(layout=layout, channels=channels, **fields)
+        check_readings(table)
+        return table
+
+    def profile(self) -> Profile:
+        self.require_version()
+        if self.attribute("layout", str) != PROFILE_LAYOUT:
+            _fail("it is no profile of light below a surface; measure one with gonio measure MATERIAL --scan offsets")
+        nodes = {name: self.node(name) for name in ("offset", "R", "u_R", "flag")}
+        for name, node in nodes.items():
+            if not self.stored(node) or node.nbytes > LAZY_BYTES:
+                _fail(f"variable {name} holds no values or far too many ({node.shape}); measure or copy it again")
+        units = [self.attribute("units", str, nodes[name]) for name in ("offset", "R")]
+        if units != ["mm", "mm-2"]:
+            _fail(
+                f"offset and R have units {units[0]!r} and {units[1]!r}, expected 'mm' and 'mm-2'; convert them first"
+            )
+        names = self.json("channel_names", list)
+        offset, value, u, flag = (
+            np.asarray(n[...], np.uint8 if name == "flag" else float) for name, n in nodes.items()
+        )
+        radii = [self.attribute(f"{spot}_radius_mm", int | float) for spot in ("illuminated", "viewed")]
+        if None in radii:
+            _fail("the radii of its spots are missing; measure or copy it again")
+        channels = Channels(tuple(names), self.wavelengths(len(names)))
+        name = one_line(self.attribute("title", str) or "", LONGEST_NAME)
+        return Profile(offset, value, u, flag, channels, radii[0], radii[1], self.provenance(), name)
 
     def node(self, name: str) -> h5py.Dataset:
         link = self.file.get(name, getlink=True)

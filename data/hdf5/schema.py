@@ -22,6 +22,8 @@ from gonio.data.flags import FLAG_MEANINGS, Flag
 from gonio.data.layouts import Layout
 
 GONIO_FORMAT = 1
+PROFILE_LAYOUT = "offsets"
+"""The layout of a file that holds a profile, `gonio.data.profile.Profile`, and no table."""
 RECORD = np.dtype([("done", "<u4"), ("crc", "<u4")])
 """State of one block of an unfinished file, behind its HDF5 part."""
 FOOTER = struct.Struct("<32sQ8s")
@@ -111,7 +113,7 @@ def create(path: str | os.PathLike[str], header: TableHeader, u_f: float | None)
             os.posix_fallocate(reserved.fileno(), 0, room)
     with h5py.File(path, "w", libver=("earliest", "v110")) as file:
         file.attrs.update(attributes)
-        scales = [*_axes(file, header.layout), _channels(file, header.channels)]
+        scales = [*_axes(file, header.layout), channel_scale(file, header.channels)]
         nodes = {
             "f": _cells(file, "f", header.shape, dtype, None),
             "u_f": _cells(file, "u_f", header.shape, dtype, u_f),
@@ -163,7 +165,8 @@ def _axes(file: h5py.File, layout: Layout) -> list[h5py.Dataset]:
     return scales
 
 
-def _channels(file: h5py.File, channels: Channels) -> h5py.Dataset:
+def channel_scale(file: h5py.File, channels: Channels) -> h5py.Dataset:
+    """The dimension of the channels, with their wavelengths where they have some."""
     node = file.create_dataset("channel", data=list(channels.names), dtype=h5py.string_dtype())
     node.make_scale("channel")
     node.attrs["long_name"] = "spectral channel"

@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 
-from gonio.models.brdf import AbstractBRDF, Channels, Direction
+from gonio.models.brdf import AbstractBRDF, Channels, Direction, Scalar
 from gonio.models.subsurface.base import AbstractBSSRDF
 
 
@@ -18,3 +18,9 @@ class WideSpots(AbstractBRDF):
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         b = self.bssrdf
         return self.kept * b.transmittance(wi.z) * b.total() * b.transmittance(wo.z) / jnp.pi
+
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
+        # Even in the cosine, by which Ft is smooth down to the horizon
+        z, phi = 1.0 - u1, 2.0 * jnp.pi * u2
+        sine = jnp.sqrt((1.0 - z) * (1.0 + z))
+        return Direction(sine * jnp.cos(phi), sine * jnp.sin(phi), z), jnp.full_like(u1, 2.0 * jnp.pi)
