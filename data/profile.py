@@ -12,7 +12,7 @@ from gonio.models.errors import GonioError, printable
 
 LARGEST = 1e5
 """mm, of offsets and radii."""
-MOST_OFFSETS = 100_000
+MOST_OFFSETS = 2000
 
 
 @dataclasses.dataclass(frozen=True, repr=False)

@@ -9,6 +9,7 @@ from gonio.text import columns, show
 
 if TYPE_CHECKING:
     from gonio.data.material import Material
+    from gonio.data.profile import Profile
     from gonio.data.table import Table
 
 SENTENCES = ("understood", "warnings", "assumptions")
@@ -24,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from gonio.data.formats.registry import load, sniff, split_entry
+    from gonio.data.hdf5.reader import holds_profile, open_profile
     from gonio.data.table import Table
 
     file, entry = split_entry(args.file)
@@ -31,6 +33,8 @@ def run(args: argparse.Namespace) -> int:
     if entry is None and entries is not None:
         names = entries(file)
         facts = {"kind": sniff(file).name, "file": file, "materials": len(names), "names": ", ".join(names)}
+    elif holds_profile(file):
+        facts = _profile(open_profile(file))
     else:
         content = load(args.file, **reading_options(args))
         facts = _table(content) if isinstance(content, Table) else _material(content)
@@ -47,6 +51,11 @@ def _lines(name: str, value: Any) -> list[str]:
         words = [str(v) for v in cast("list[object]", value)]
         return words if name.endswith(SENTENCES) else [", ".join(words)] if words else []
     return [value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)]
+
+
+def _profile(p: "Profile") -> dict[str, Any]:
+    facts = {"kind": "profile of light below a surface, R by the distance"} | p.facts()
+    return facts | {f"provenance: {k}": v for k, v in p.provenance.items()}
 
 
 def _material(m: "Material") -> dict[str, Any]:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from gonio.models.brdf import AbstractBRDF
 
 SYSTEMATIC = ("tilt_x", "tilt_y", "theta_i", "theta_o", "phi")
-SCANS = "isotropic, spherical, half-difference, merl, in-plane, rgl, or a CSV file of directions"
+SCANS = "isotropic, spherical, half-difference, merl, in-plane, rgl, offsets, or a CSV file of directions"
 OUTPUT: Options = {
     "-o/--output T.h5": {
         "required": True,
@@ -40,6 +40,8 @@ SCAN: Options = {
     "--scan SCAN": f"{SCANS}, whose column seconds, if any, is counting times (default: "
     "isotropic, or spherical for an anisotropic material); rgl: retro-reflection, from it the normals, then a grid "
     "warped to where they reflect [Dupuy 2018]",
+    "--offsets MM,MM,...": "distances of the viewed from the lit spot, of either sign, for --scan offsets (R by the "
+    "distance, light below the surface); or FROM:TO:NUMBER; --offsets=-1,... where the first is negative",
     "--step DEG": "step of the angles",
     "--phi-step DEG": "step of the azimuths, where it is another",
     "--theta-max DEG": "largest polar angle (default 85)",
@@ -70,6 +72,9 @@ INSTRUMENT: Options = {
     "--noise SHARE": "relative standard deviation of the source from reading to reading",
     "--calibration SHARE": "relative standard deviation of the calibration factor, one sample from the seed",
     "--saturation N": "counts at which the detector is full",
+    "--illuminated-radius MM": "radius of the lit spot: with the viewed one, a translucent material loses the light "
+    "that leaves beside it (default: both far wider than light travels below the surface)",
+    "--viewed-radius MM": "radius of the viewed spot",
     "--tolerance REL": "error allowed to aperture averages (default 1e-3)",
     "--systematic NAME=V,...": f"the systematic errors themselves: {', '.join(SYSTEMATIC)} in degrees, gain as a "
     "factor, offset as a share of the white diffuser's signal",
@@ -101,7 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_options(parser.add_argument, OUTPUT)
     add_options(parser.add_argument_group("scan").add_argument, SCAN)
     add_options(parser.add_argument_group("adaptive measurement").add_argument, ADAPTIVE)
-    add_options(parser.add_argument_group("instrument (ideal by default)").add_argument, INSTRUMENT, N=float)
+    add_options(parser.add_argument_group("instrument (ideal by default)").add_argument, INSTRUMENT, N=float, MM=float)
     add_options(parser.add_argument, RUN | READING | FORCE)
 
 
@@ -119,6 +124,8 @@ def run(args: argparse.Namespace) -> int:
     command = shlex.join(["gonio", *sys.argv[1:]])
     if args.adaptive:
         return _adaptive(args, material, instrument, command)
+    if args.scan == "offsets":
+        return _offsets(args, material, instrument, command)
     if args.scan == "rgl":
         return _rgl(args, material, instrument, command)
     options = {name: getattr(args, name) for name in ("output", "seed", "force")}
@@ -138,6 +145,8 @@ def _require_one_way(args: argparse.Namespace) -> None:
     ends = [n for n in ("target", "budget", "model") if getattr(args, n)]
     if args.adaptive and scans:
         raise GonioError(f"--adaptive chooses its directions itself; leave --{scans[0].replace('_', '-')} out")
+    if args.offsets is not None and args.scan != "offsets":
+        raise GonioError("--offsets belongs to the scan of offsets; give --scan offsets too")
     if only_rgl and args.scan != "rgl":
         raise GonioError(f"--{only_rgl[0]} belongs to the rgl scan; give --scan rgl too")
     if args.output.lower().endswith(".bsdf") and args.scan != "rgl":
@@ -178,6 +187,21 @@ def _rgl(args: argparse.Namespace, material: "Material", instrument: "Instrument
     else:
         write(args.output, scan.table, args.force)
     show(f"written: {args.output}")
+    return 0
+
+
+def _offsets(args: argparse.Namespace, material: "Material", instrument: "Instrument", command: str) -> int:
+    from gonio.instrument.offsets_scan import measure_profile, parsed_offsets
+
+    others = [n for n in ("step", "phi_step", "theta_max", "theta_i") if getattr(args, n) is not None]
+    if others or args.float32:
+        raise GonioError(f"the scan of offsets is read at the normal; leave --{(others or ['float32'])[0]} out")
+    if not args.output.lower().endswith((".h5", ".hdf5", ".nc")):
+        raise GonioError(f"{args.output} is to hold a profile; give a name that ends in .h5")
+    offsets = None if args.offsets is None else parsed_offsets(args.offsets)
+    options: dict[str, Any] = {"output": args.output, "seed": args.seed, "force": args.force, "command": command}
+    profile = measure_profile(material, instrument, offsets, **options)
+    show("\n".join([*(f"{k}: {v}" for k, v in profile.facts().items() if v), f"written: {args.output}"]))
     return 0
 
 

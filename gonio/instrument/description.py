@@ -12,6 +12,7 @@
     misalignment = 0.02             # degrees: standard uncertainty of each arm angle and tilt
     calibration = 0.005             # relative standard uncertainty of the calibration factor
     noise = 0.001                   # relative standard deviation of the source from reading to reading
+    illuminated_radius = 5          # mm on the sample, for translucent ones; viewed_radius likewise
 
     [uncertainty]                   # of single terms, see `gonio.instrument.stated`
     gain = "0.5 %"
@@ -31,7 +32,17 @@ from gonio.instrument.stated import stated_uncertainties
 from gonio.models.errors import GonioError
 
 LARGEST = 1 << 16  # bytes
-NUMBERS = (*ANGLES, "calibration", "noise", "ambient", "read_noise", "saturation", "seconds")
+NUMBERS = (
+    *ANGLES,
+    "calibration",
+    "noise",
+    "ambient",
+    "read_noise",
+    "saturation",
+    "seconds",
+    "illuminated_radius",
+    "viewed_radius",
+)
 KEYS: dict[str, Any] = {
     "name": (str, "a text"), "description": (str, "a text"), "axis_speed": (object, ""),
     **dict.fromkeys((*NUMBERS, "settling", "count_rate", "dark_rate"), (int | float, "a number")),

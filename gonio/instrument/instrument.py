@@ -77,6 +77,7 @@ LIMITS = {
     "source_half_angle": HALF_ANGLE_MAX, "detector_half_angle": HALF_ANGLE_MAX, "shadow": math.pi,
     "misalignment": math.pi / 4, "calibration": 0.3, "noise": 1.0, "ambient": 1e6, "photons": math.inf,
     "dark": PHOTONS_MAX, "read_noise": PHOTONS_MAX, "saturation": math.inf, "tolerance": 1.0, "seconds": 1e7,
+    "illuminated_radius": 1e5, "viewed_radius": 1e5,
 }  # fmt: skip
 """Largest values; the smallest is 0."""
 SYSTEMATIC_TERMS = (*ANGLE_TERMS, "gain", "solid_angle", "polarization", "dark", "ambient")
@@ -133,6 +134,11 @@ class Instrument(Displayed):
     tolerance: float = 1e-3
     """Error allowed to the average over the apertures, relative to the reading, as two rules differ: what the finer of
     them is wrong by is commonly a hundredth of that."""
+    illuminated_radius: float | None = None
+    """Radius of the evenly lit spot on the sample, mm, whatever the angle; with `viewed_radius`, translucent samples
+    lose what leaves beside the viewed spot. None: both spots are far wider than light travels below the surface."""
+    viewed_radius: float | None = None
+    """Radius of the viewed spot, mm, concentric with the lit one but in a scan of offsets."""
     stated: tuple[StatedUncertainty, ...] = ()
     """What is stated of single terms, in place of `misalignment` and `calibration`; drawn once, from the seed."""
 
@@ -154,6 +160,8 @@ class Instrument(Displayed):
         counted = [n for n in ("dark", "read_noise", "saturation") if getattr(self, n) != getattr(Instrument, n)]
         if self.photons is None and counted:
             raise GonioError(f"{', '.join(counted)} is in counts; give photons too, which says what a count is")
+        if (self.illuminated_radius is None) != (self.viewed_radius is None):
+            raise GonioError("one of illuminated_radius and viewed_radius came; give both, in mm")
         if not self.seconds > 0:
             raise GonioError("the instrument's seconds is 0; give the counting time of a reading, such as 1")
         for name, (low, high), (least, most) in zip(AXES, self.ranges, EVERYWHERE, strict=True):
@@ -171,6 +179,7 @@ class Instrument(Displayed):
             "noise": ("photons", "ambient", "dark", "read_noise", "noise", "saturation"),
             "errors": ("misalignment", "calibration", "tolerance"),
             "times": ("seconds", "settling"),
+            "spots, mm": ("illuminated_radius", "viewed_radius"),
         }
         facts = {group: _listed({n: v for n, v in values.items() if n.removesuffix("_deg") in names})
                  for group, names in groups.items()}  # fmt: skip

@@ -86,6 +86,8 @@ def measure(
     with open_sink(reader, settings) as sink:
         if sink.remark:
             log(sink.remark)
+        for warning in sink.header.provenance.get("warnings", []):
+            log(warning)
         missing = sum(block.stop - block.start for block in sink.missing)
         with CellCount(layout.size, layout.size - missing, settings.progress) as count:
             for block in sink.missing:

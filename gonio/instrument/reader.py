@@ -12,6 +12,7 @@ from gonio.data.layouts import Layout
 from gonio.data.material import Material
 from gonio.data.tabulate import grid_values
 from gonio.instrument import aperture, noise
+from gonio.instrument.edge_loss import seen_by
 from gonio.instrument.instrument import EVERYWHERE, Instrument
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.display import percent
@@ -85,6 +86,7 @@ class Reader:
         self.counts_evenly = seconds is None
         self.material, self.instrument, self.layout, self.seed = material, instrument, layout, seed
         self.errors = instrument.systematic_errors(seed)
+        self.brdf, self.edge_loss = seen_by(material.brdf, instrument)
         self.channels = len(material.channels)
         self.noisy = instrument.has_noise
         self.dtype = np.dtype(jnp.result_type(float))
@@ -128,7 +130,7 @@ class Reader:
         return flag
 
     def _expected(self, start: int, stop: int, usable: np.ndarray) -> Expected:
-        brdf, layout = self.material.brdf, self.layout
+        brdf, layout = self.brdf, self.layout
         if self.by_rows:
             rows = slice(start // layout.row_size, -(-stop // layout.row_size))
             values = grid_values(brdf, layout, rows.start, rows.stop).reshape(stop - start, -1)
@@ -157,12 +159,12 @@ class Reader:
         if not cells.size:
             return np.zeros((0, self.channels)), None
         if not self.instrument.has_apertures:
-            return evaluate_in_blocks(self.material.brdf, wi, wo), None
+            return evaluate_in_blocks(self.brdf, wi, wo), None
         values, worst = np.zeros((cells.size, self.channels)), None
         for light, detector in {(int(a), int(b)) for a, b in np.unique(sides, axis=1).T}:
             here = np.flatnonzero((sides[0] == light) & (sides[1] == detector))
             pair = [Direction(w.x[here], w.y[here], s * w.z[here]) for w, s in ((wi, light), (wo, detector))]
-            brdf = seen_from(self.material.brdf, light, detector)
+            brdf = seen_from(self.brdf, light, detector)
             values[here], of_side = self._averages(brdf, (pair[0], pair[1]), irradiance[here], cells[here])
             worst = WorstAverage.of(worst, of_side)
         return values, worst

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Self, TypedDict
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
@@ -181,6 +182,26 @@ def open_sink(reader: Reader, settings: MeasureSettings) -> Sink:
 def provenance_of(reader: Reader, command: str | None) -> dict[str, Any]:
     """The provenance of a measurement that begins now. `command`: the way to ask for it on the command line."""
     material, layout = reader.material, reader.layout
+    values = facts_of(material, command)
+    values |= {
+        "instrument": reader.instrument.to_dict() or "ideal",
+        "scan": {"layout": layout.name, "shape": list(layout.shape)},
+        "seed": reader.seed,
+    }
+    if not reader.counts_evenly and (reader.seconds != reader.instrument.seconds).any():
+        digest = hashlib.sha256(np.ascontiguousarray(reader.seconds).tobytes()).hexdigest()
+        values["counting"] = {"seconds": float(np.sum(reader.seconds)), "digest": digest}
+    if reader.errors != Systematic():
+        values["systematic"] = reader.errors.to_dict()
+    if reader.edge_loss is not None:
+        values["edge_loss"] = reader.edge_loss.to_dict()
+        if sentence := reader.edge_loss.sentence(material.channels.names):
+            values["warnings"] = [sentence]
+    return values
+
+
+def facts_of(material: Material, command: str | None) -> dict[str, Any]:
+    """What a measurement's provenance says of the material, and of when and by what it was computed."""
     values: dict[str, Any] = {
         "material": {
             "name": material.name[:LONG_TEXT],
@@ -189,22 +210,14 @@ def provenance_of(reader: Reader, command: str | None) -> dict[str, Any]:
             "description": material.description[:LONG_TEXT],
             "source": material.source[:LONG_TEXT],
         },
-        "instrument": reader.instrument.to_dict() or "ideal",
-        "scan": {"layout": layout.name, "shape": list(layout.shape)},
-        "seed": reader.seed,
         "versions": versions("jax", "numpy"),
-        "computed": {"platform": jax.default_backend(), "precision": str(reader.dtype)},
+        "computed": {"platform": jax.default_backend(), "precision": str(np.dtype(jnp.result_type(float)))},
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
     if material.meta.get("file"):
         values["material"]["file"] = str(material.meta["file"])
     if command:
         values["command"] = command[:LONG_TEXT]
-    if not reader.counts_evenly and (reader.seconds != reader.instrument.seconds).any():
-        digest = hashlib.sha256(np.ascontiguousarray(reader.seconds).tobytes()).hexdigest()
-        values["counting"] = {"seconds": float(np.sum(reader.seconds)), "digest": digest}
-    if reader.errors != Systematic():
-        values["systematic"] = reader.errors.to_dict()
     return values
 
 

@@ -11,9 +11,9 @@ from gonio.instrument.stated import TERMS
 from gonio.metrology.budget import Budget, Contribution
 from gonio.metrology.effects import Readings
 from gonio.metrology.measurands import TableMeasurands
-from gonio.metrology.sources import ESTIMATED, Source, Sources
+from gonio.metrology.sources import ESTIMATED, STORED, Source, Sources
 
-INTERPOLATION, APERTURE = "interpolation", "aperture"
+INTERPOLATION, APERTURE, EDGE_LOSS = "interpolation", "aperture", "edge_loss"
 NO_SLOPES = "nothing says how f changes between readings on no grid; give a model that fits them"
 
 
@@ -33,6 +33,8 @@ def table_budget(measurands: TableMeasurands, readings: Readings, sources: Sourc
         missing[APERTURE] = aperture
     elif aperture.any():
         rows.append(of_apertures(measurands.read_out(readings.moved(aperture)).values - base.values))
+    if (edge := edge_loss(table, [q.channel for q in measurands.quantities])).any():
+        rows.append(of_edge_loss(edge / (1 - edge) * base.values))
     for name, source in sources.acting.items():
         if TERMS[name].acts == "factor":
             rows.append(shared(source, source.stated.standard * base.values))
@@ -56,6 +58,23 @@ def of_apertures(values: np.ndarray) -> Contribution:
     """The contribution of averages over the apertures, by which the quantities are off (Q,): it is not corrected."""
     meaning, values = "averages over the apertures, not corrected", values / math.sqrt(3.0)
     return Contribution(APERTURE, meaning, True, values, shape="rectangular", origin=ESTIMATED)
+
+
+def edge_loss(table: Table, channels: list[str]) -> np.ndarray:
+    """The share that spots of finite size lost of each quantity (Q,), by its channel, as the table states it."""
+    stated = table.provenance.get("edge_loss")
+    lost = stated.get("lost") if isinstance(stated, dict) else None
+    if not isinstance(lost, list) or not all(isinstance(v, int | float) and 0 <= v < 1 for v in lost):
+        return np.zeros(len(channels))
+    names = table.channels.names if len(lost) > 1 else [""]
+    known = dict(zip(names, lost, strict=False))
+    return np.array([known.get(c if len(lost) > 1 else "", 0.0) for c in channels])
+
+
+def of_edge_loss(values: np.ndarray) -> Contribution:
+    """The contribution of light that left beside the viewed spot, which the quantities (Q,) lack: not corrected."""
+    meaning, values = "light that leaves beside the viewed spot, not corrected", values / math.sqrt(3.0)
+    return Contribution(EDGE_LOSS, meaning, True, values, shape="rectangular", origin=STORED)
 
 
 def aperture_shift(table: Table, readings: Readings) -> np.ndarray | str:
