@@ -74,8 +74,8 @@ def seen_by(brdf: AbstractBRDF, instrument: Instrument) -> tuple[AbstractBRDF, E
         losses.append(EdgeLoss(a, b, np.clip(1 - kept.value, 0, 1), kept.bound, _enough(node, b)))
         return WideSpots(node.bssrdf, jnp.asarray(kept.value if kept.value.size > 1 else kept.value[0]))
 
-    seen = jax.tree.map(narrowed, brdf, is_leaf=lambda node: isinstance(node, WideSpots))
-    return seen, max(losses, key=lambda loss: float(np.max(loss.lost)), default=None)
+    result = jax.tree.map(narrowed, brdf, is_leaf=lambda node: isinstance(node, WideSpots))
+    return result, max(losses, key=lambda loss: float(np.max(loss.lost)), default=None)
 
 
 def _enough(material: WideSpots, viewed: float) -> float:

@@ -79,23 +79,23 @@ def measure_profile(
     settings = settings_of(MeasureSettings, "measure_profile", options)
     subject, device = load_material(material), instrument or Instrument()
     bssrdf = bssrdf_of(subject)
-    at = usual_offsets(bssrdf) if offsets is None else np.asarray(offsets, float).ravel()
+    places = usual_offsets(bssrdf) if offsets is None else np.asarray(offsets, float).ravel()
     a, b = (radius or 0.0 for radius in (device.illuminated_radius, device.viewed_radius))
     if offsets is None and not max(a, b):
-        at = at[at != 0]  # where a profile may have its pole
-    _require_readable(at, a, b, device)
-    mean, bound = spot_means(bssrdf, at, a, b)
+        places = places[places != 0]  # where a profile may have its pole
+    _require_readable(places, a, b, device)
+    mean, bound = spot_means(bssrdf, places, a, b)
     errors, seed = device.systematic_errors(int(settings.seed)), int(settings.seed)
     value, u, flag = _read(device, errors, seed, errors.gain * mean, a)
     provenance: dict[str, Any] = facts_of(subject, settings.command) | {
         "instrument": device.to_dict() or "ideal",
-        "scan": {"layout": "offsets", "shape": [int(at.size)]},
+        "scan": {"layout": "offsets", "shape": [int(places.size)]},
         "seed": seed,
         "quadrature_error": float(np.max(bound / np.maximum(np.abs(mean), 1e-300))),
     }
     if errors != Systematic():
         provenance["systematic"] = errors.to_dict()
-    profile = Profile(at, value, u, flag, subject.channels, a, b, provenance, subject.name)
+    profile = Profile(places, value, u, flag, subject.channels, a, b, provenance, subject.name)
     if settings.output is not None:
         write_profile(settings.output, profile, settings.force)
     return profile
