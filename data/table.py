@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
 
 
+MEDIA = "media"
+"""Key of the provenance that states the refractive indices in front of the sample and behind it."""
 COPIED = "one_reading_for_all_azimuths"
 """Key of the provenance of a table that has one reading at a pole in the cells of all azimuths."""
 
@@ -226,6 +228,15 @@ class Table(Displayed):
     def hemispheres(self) -> Hemispheres:
         """The hemispheres, that of the light or the opposite one, that it holds cells of."""
         return hemispheres_of(self.sides)
+
+    @property
+    def media(self) -> tuple[float, float]:
+        """The refractive indices in front of the sample and behind it, as its provenance states them; else of air."""
+        stated = self.provenance.get(MEDIA)
+        if not isinstance(stated, list) or len(stated) != 2 or not all(isinstance(n, int | float) for n in stated):
+            return (1.0, 1.0)
+        front, back = (float(n) for n in stated)
+        return (front, back) if 0 < front < math.inf and 0 < back < math.inf else (1.0, 1.0)
 
     def parts(self) -> "dict[tuple[int, int], Table]":
         """The readings by the sides of light and detector, both directions mirrored into the front hemisphere.

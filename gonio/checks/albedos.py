@@ -10,10 +10,11 @@ from scipy.interpolate import PchipInterpolator
 from gonio.checks.certificate import FAIL, PASS, UNDECIDED, Property, verdict_of
 
 SENTENCE = {
-    PASS: "The surface reflects no more than it receives",
-    FAIL: "The surface reflects more than it receives",
+    PASS: "The surface {does} no more than it receives",
+    FAIL: "The surface {does} more than it receives",
     UNDECIDED: "The error of the albedo is too large for a verdict",
 }
+DOES = {"reflectance": "reflects", "transmittance": "transmits"}
 
 
 @dataclasses.dataclass
@@ -37,6 +38,14 @@ class Albedos:
     """(n,): about the step, radians, at which a lobe such as the readings suggest would be resolved; NaN: unknown."""
     partial: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0, bool))
     """(n,): whether the readings cover too little of the hemisphere: the albedo is that of what was read, at least."""
+    shares: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    """(n, channels) each: the reflectance and the transmittance that an albedo of both hemispheres is the sum of; NaN
+    where one was not read. Nothing for albedos of reflection alone."""
+
+    @property
+    def does(self) -> str:
+        """What the surface does with the light that the albedos count, in words."""
+        return " and ".join(DOES[name] for name in self.shares) or "reflects"
 
     def deciding(self, tolerance: float) -> tuple[int, int]:
         """(incidence, channel) of what decides: not finite; else surely above 1; else the one that may be largest."""
@@ -106,17 +115,38 @@ def energy_property(albedos: Albedos, tolerance: float) -> Property:
     known = not bound >= max(abs(value[worst]), 0.01)
     albedo = f"{value[worst]:.6g} ({size})" if known else f"not known ({value[worst]:.3g} {size})"
     detail = (
-        f"{SENTENCE[verdict]}: albedo {albedo} at θi {where['theta_i']:.4g}°; it loses up to"
+        f"{SENTENCE[verdict].format(does=albedos.does)}: albedo {albedo} at θi {where['theta_i']:.4g}°; it loses up to"
         f" {max(facts['largest_loss'], 0.0):.3g} (at θi {facts['loss_at_theta_i_deg']:.4g}°). {albedos.method}"
     )
+    if albedos.shares:
+        facts |= _shares_at(albedos, worst)
+        detail += _shares_in_words(facts)
     return Property("energy", verdict, residual, bound, tolerance, where, detail, facts)
+
+
+def _shares_at(albedos: Albedos, place: tuple[int, int]) -> dict[str, Any]:
+    """Reflectance, transmittance and what is left, at one incidence and channel; None for what was not read."""
+    known = {name: float(albedos.shares[name][place]) if name in albedos.shares else np.nan for name in DOES}
+    known["absorptance"] = 1 - known["reflectance"] - known["transmittance"]
+    return {name: value if np.isfinite(value) else None for name, value in known.items()}
+
+
+def _shares_in_words(facts: dict[str, Any]) -> str:
+    """The shares there, and which hemisphere was not looked at."""
+    named = zip(("R", "T", "absorbed"), (facts[k] for k in (*DOES, "absorptance")), strict=True)
+    words = ", ".join(f"{symbol} {value:.4g}" for symbol, value in named if value is not None)
+    unread = {"reflectance": "Reflection", "transmittance": "Transmission"}
+    return f" There {words}." + "".join(f" {unread[k]} was not looked at." for k in DOES if facts[k] is None)
 
 
 def with_hemispherical(judged: Property, albedos: Albedos) -> Property:
     """The same property with the albedo under uniform light, where all albedos are finite and its error has a bound."""
     if not np.isfinite(albedos.value).all():
         return judged
-    value, bound = hemispherical(albedos.theta_i, albedos.value, np.maximum(albedos.above, albedos.below))
+    # Of light from both sides that from the front.
+    lit = albedos.theta_i < np.pi / 2 if (albedos.theta_i < np.pi / 2).any() else np.full(albedos.theta_i.shape, True)
+    bound = np.maximum(albedos.above, albedos.below)
+    value, bound = hemispherical(albedos.theta_i[lit], albedos.value[lit], bound[lit])
     judged.facts |= {"hemispherical_albedo": value.tolist(), "hemispherical_bound": bound.tolist()}
     if np.isfinite(bound).all():
         numbers = ", ".join(_with_bound(float(v), float(b)) for v, b in zip(value, bound, strict=True))
@@ -137,7 +167,7 @@ def hemispherical(theta: np.ndarray, value: np.ndarray, bound: np.ndarray) -> tu
     Below the first incidence and beyond the last E is held constant, and may there be anything from 0 to 1, or to
     itself where it is larger. Fewer than four incidences have an infinite bound.
     """
-    nodes, group = np.unique(np.round(theta, 9), return_inverse=True)
+    nodes, group = np.unique(np.round(np.minimum(theta, np.pi - theta), 9), return_inverse=True)
     count = np.bincount(group)[:, None]
     e, b = (np.stack([np.bincount(group, c) for c in v.T], -1) / count for v in (value, bound))
     if nodes.size < 4:

@@ -13,6 +13,7 @@ from gonio.checks.repairs.projection import Projection, nearest
 from gonio.checks.table.evidence import LEVEL
 from gonio.data import layouts
 from gonio.data.flags import Flag
+from gonio.data.reflection_only import require_reflection
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table, whole_table_of_values
 from gonio.models.display import Displayed, percent
@@ -70,6 +71,7 @@ def repair(
     from gonio.checks.certify import check
 
     table, remark = _on_a_grid(_table(table), step)
+    require_reflection(table, table.name or "the table", "a repair")
     readings = [_Channel.of(table, c) for c in range(len(table.channels))]
     if not any(channel.valid.any() for channel in readings):
         raise GonioError("the table holds no valid reading; there is nothing to repair")

@@ -9,7 +9,6 @@ from gonio.checks.table.pairs import FEWEST, Pairs, pair_angles
 from gonio.checks.table.regions import judged_by_regions
 from gonio.checks.table.significance import decided_by_uncertainty, judged_by_level
 from gonio.data.flags import Flag
-from gonio.models.geometry.horizon import HORIZON
 
 MOST_READINGS = 200_000
 
@@ -24,8 +23,7 @@ def table_agreement(evidence: TableEvidence, tolerance: float) -> Property:
         return without_residual("agreement", NOT_APPLICABLE, tolerance, "Not testable: no truth is stated.")
     block = evidence.table.samples(MOST_READINGS)
     f = np.where(block.flag == Flag.VALID, block.f, np.nan).astype(float)
-    above = np.minimum(block.wi.z, block.wo.z) > HORIZON
-    f[~above] = np.nan
+    f[~evidence.table.layout.are_readable(block.wi.z, block.wo.z)] = np.nan
     number = int(np.isfinite(f).any(axis=1).sum())
     if np.isfinite(f).sum(axis=0).max(initial=0) < FEWEST:
         detail = f"Only {number} readings can be compared; at least {FEWEST} are needed."

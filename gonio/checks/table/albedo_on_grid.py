@@ -59,10 +59,14 @@ class HemisphereGrid:
         """Projected solid angle of each direction, sr, (theta_o, azimuth, 1): exact for what is linear between."""
         return hemisphere_weights(self.theta_o, self.azimuth)
 
-    def distance_to_mirror(self, theta_i: float, phi_i: float) -> float:
-        """How near the directions come to the mirror direction of an incidence, radians."""
+    def distance_to_mirror(self, theta_i: float, phi_i: float, bend: float = 1.0) -> float:
+        """How near the directions come to the mirror direction of an incidence, radians.
+
+        `bend`: or to where light is refracted to, sin θ = bend · sin θi; at most to the horizon.
+        """
         turn, theta_o = np.cos(self.azimuth - phi_i - np.pi), self.theta_o[:, None]
-        cos = np.cos(theta_o) * np.cos(theta_i) + np.sin(theta_o) * np.sin(theta_i) * turn
+        sin = min(bend * np.sin(theta_i), 1.0)
+        cos = np.cos(theta_o) * (np.cos(theta_i) if bend == 1.0 else np.sqrt(1 - sin**2)) + np.sin(theta_o) * sin * turn
         return float(np.arccos(np.clip(cos.max(), -1, 1)))
 
     def missing(self, valid: np.ndarray) -> bool:
@@ -89,10 +93,11 @@ def hemisphere_grid(layout: Layout) -> HemisphereGrid | str:
     return HemisphereGrid(theta_o, azimuth, cells, stored, incidences, mirrored)
 
 
-def grid_albedos(table: Table, reach: float) -> Albedos | str:
+def grid_albedos(table: Table, reach: float, bend: float = 1.0) -> Albedos | str:
     """Albedos at every incidence of a spherical or isotropic table.
 
-    `reach`, radians: how near to the mirror direction a node has to be for no lobe to hide there.
+    `reach`, radians: how near to the mirror direction a node has to be for no lobe to hide there; `bend` as of
+    `HemisphereGrid.distance_to_mirror`.
     """
     grid = hemisphere_grid(table.layout)
     if isinstance(grid, str):
@@ -108,7 +113,7 @@ def grid_albedos(table: Table, reach: float) -> Albedos | str:
             read = np.sum(grid.weights * np.where(valid, f.astype(float), 0.0), axis=(0, 1))
             rows.append(estimate._replace(value=read, partial=True))
         else:
-            rows.append(estimate._replace(unseen=grid.distance_to_mirror(theta_i, phi_i) > reach))
+            rows.append(estimate._replace(unseen=grid.distance_to_mirror(theta_i, phi_i, bend) > reach))
     method = "Integrated on the table's own grid"
     if grid.mirrored:
         method += ", taking the surface as mirror symmetric, as azimuth differences stop at 180°"

@@ -81,8 +81,11 @@ def _error_between(spectra: np.ndarray) -> np.ndarray:
     return total / mean
 
 
-def scattered_albedos(table: Table, reach: float) -> Albedos | str:
-    """Albedos at the incidences of a scattered table whose readings cover the hemisphere, by nearest readings."""
+def scattered_albedos(table: Table, reach: float, bend: float = 1.0) -> Albedos | str:
+    """Albedos at the incidences of a scattered table whose readings cover the hemisphere, by nearest readings.
+
+    `reach` and `bend` as of `gonio.checks.table.albedo_on_grid.grid_albedos`.
+    """
     cells = np.arange(table.layout.size)
     angles = angles_of(table.layout, cells)
     f, u = readings_of(table, cells)
@@ -93,16 +96,20 @@ def scattered_albedos(table: Table, reach: float) -> Albedos | str:
     groups = np.unique(np.round(key / SAME_LIGHT).astype(int), axis=0, return_inverse=True)[1].ravel()
     alike = (groups == g for g in range(groups.max(initial=-1) + 1))
     mirrored = isotropic and one_sided(angles)
-    rows = [_nearest(angles[one], f[one], u[one], mirrored, reach) for one in alike]
+    rows = [_nearest((angles[one], f[one], u[one]), mirrored, reach, bend) for one in alike]
     how = ", taking the surface as isotropic and mirror symmetric" if mirrored else ""
     albedos = albedos_of(rows, f"Integrated with the value of the nearest reading in each direction{how}.")
     none = isinstance(albedos, str) or not albedos.value.any()
     return "at no incidence do its readings cover the hemisphere" if none else albedos
 
 
-def _nearest(angles: np.ndarray, f: np.ndarray, u: np.ndarray, mirrored: bool, reach: float) -> Incidence:
+def _nearest(
+    readings: tuple[np.ndarray, np.ndarray, np.ndarray], mirrored: bool, reach: float, bend: float
+) -> Incidence:
+    """The albedo of one incidence, of readings (angles, f, u)."""
     from scipy.spatial import KDTree
 
+    angles, f, u = readings
     theta_i, phi_i = float(np.median(angles[:, 0])), float(angles[0, 1])
     # Several readings of one direction, as of the normal, are one: its neighbours are those of other directions.
     angles, f, u, *_ = merged(angles, f, u, _outgoing(angles, mirrored))
@@ -127,7 +134,8 @@ def _nearest(angles: np.ndarray, f: np.ndarray, u: np.ndarray, mirrored: bool, r
     error = np.where(uncovered[:, None], np.maximum(error, np.abs(here)), error)
     counts = np.bincount(near[:, 0], minlength=len(f))[:, None] * np.pi / points
     noise = np.sqrt(np.sum((counts * u) ** 2, axis=0))
-    mirror = np.array([[theta_i, phi_i, theta_i, phi_i + np.pi]])
+    lobe = theta_i if bend == 1.0 else np.arcsin(min(bend * np.sin(theta_i), 1.0))
+    mirror = np.array([[theta_i, phi_i, lobe, phi_i + np.pi]])
     unseen = bool(tree.query(_outgoing(mirror, mirrored))[0][0] > reach)
     return Incidence(theta_i, phi_i, value, np.pi * error.mean(axis=0) + 2 * noise, noise, unseen, partial=partial)
 

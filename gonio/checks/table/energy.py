@@ -11,6 +11,7 @@ from gonio.checks.table.evidence import TableEvidence
 from gonio.data.layouts import Layout
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
+from gonio.models.geometry.sides import FRONT
 
 MIRROR_REACH = 1e-3
 """Radians: a lobe in the mirror direction is at least this wide, so that a node so near cannot miss it."""
@@ -27,8 +28,17 @@ def mirror_reach(table: Table, feature_width: float) -> float:
 
 
 def table_albedos(table: Table, feature_width: float = 0.0) -> Albedos | str:
-    """Directional albedos of a table of any layout, or why there are none."""
+    """Directional albedos of a table of any layout, or why there are none; of both hemispheres their sum."""
     reach = mirror_reach(table, feature_width)
+    if table.sides == FRONT:
+        return _albedos(table, reach)
+    from gonio.checks.table.albedo_two_sided import two_sided_albedos
+
+    return two_sided_albedos(table, lambda part, bend: _albedos(part, reach, bend))
+
+
+def _albedos(table: Table, reach: float, bend: float = 1.0) -> Albedos | str:
+    """Those of the front; `bend`: a lobe hides at sin θo = bend · sin θi."""
     if table.interpolant is not None:
         from gonio.checks.table.albedo_scattered import warped_albedos
 
@@ -36,7 +46,7 @@ def table_albedos(table: Table, feature_width: float = 0.0) -> Albedos | str:
     if table.layout.outgoing_grid() is not None:
         from gonio.checks.table.albedo_on_grid import grid_albedos
 
-        return grid_albedos(table, reach)
+        return grid_albedos(table, reach, bend)
     if table.layout.in_half_vectors:
         from gonio.checks.table.albedo_half_difference import half_difference_albedos
 
@@ -45,7 +55,7 @@ def table_albedos(table: Table, feature_width: float = 0.0) -> Albedos | str:
         return "readings in one plane do not cover the hemisphere"
     from gonio.checks.table.albedo_scattered import scattered_albedos
 
-    return scattered_albedos(table.as_list() if table.layout.gridded else table, reach)
+    return scattered_albedos(table.as_list() if table.layout.gridded else table, reach, bend)
 
 
 def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
@@ -77,6 +87,8 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
 
 
 def _assisted(evidence: TableEvidence) -> Albedos | str:
+    if evidence.table.sides != FRONT:
+        return "it helps tables of reflection from the front alone"
     from gonio.checks.table.albedo_on_grid import hemisphere_grid
     from gonio.checks.table.model_assisted import assisted_albedos
 
@@ -120,7 +132,8 @@ def _judged(albedos: Albedos, evidence: TableEvidence, tolerance: float) -> Prop
         step = float(np.degrees(np.nanmin(needed))) if np.isfinite(needed).any() else None
         judged.facts["step_needed_deg"] = step
         judged.detail += _remedy(evidence.table.layout, step)
-        if evidence.model is None and evidence.table.layout.outgoing_grid() is not None:
+        grid = evidence.table.sides == FRONT and evidence.table.layout.outgoing_grid() is not None
+        if evidence.model is None and grid:
             judged.detail += " Or a model may carry the verdict, as far as the readings follow it: --model auto."
     return judged
 

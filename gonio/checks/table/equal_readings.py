@@ -23,7 +23,7 @@ from gonio.checks.table.regions import judged_by_regions, uncovered
 from gonio.checks.table.significance import decided_by_uncertainty, judged_by_level
 from gonio.data.flags import Flag
 from gonio.models.display import percent
-from gonio.models.geometry.horizon import HORIZON
+from gonio.models.geometry.sides import Sides
 
 SCATTER = (0.8, 1.25)
 """Scatter of the pairs, in their stated uncertainties, outside of which these are doubted."""
@@ -38,8 +38,11 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
     pairs, what = evidence.pairs("exchanged"), "f(wi, wo) and f(wo, wi)"
     if isinstance(pairs, str):
         return _equal("reciprocity", evidence, pairs, None, tolerance, what)
+    untestable = _lit_from_one_side(evidence.table.sides)
     if not np.isfinite(pairs.a + pairs.b).any():
-        reason = f"Not testable: of {pairs.eligible:,} readings none has the exchanged directions beside it."
+        reason = (
+            f"Not testable: of {pairs.eligible:,} readings none has the exchanged directions beside it.{untestable}"
+        )
         return without_residual("reciprocity", NOT_TESTABLE, tolerance, reason, pairs=0, method=pairs.how)
     judged = _equal("reciprocity", evidence, pairs, pairs.angles[:, 0] - pairs.angles[:, 2], tolerance, what)
     if evidence.table.interpolant is not None:
@@ -48,6 +51,10 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
         judged.detail += f" Nothing was compared beyond θ {edge:.0f}°: undecided there."
         return judged
     readings = _all_angles(evidence) if pairs.merged is None else pairs.merged
+    if untestable:
+        readings = readings[np.prod(np.cos(readings[:, [0, 2]]), axis=1) > 0]
+        judged.detail += untestable
+        judged.verdict = NOT_TESTABLE if judged.verdict == PASS else judged.verdict
     share, where = uncovered(readings, pairs.angles[np.isfinite(pairs.a + pairs.b).any(axis=1)])
     judged.facts["share_not_compared"] = share
     if share > MOST_UNCOVERED and judged.verdict == PASS:
@@ -57,9 +64,21 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
     return judged
 
 
+def _lit_from_one_side(sides: Sides) -> str:
+    """Why transmission cannot be tested; nothing where it can, or where there is none."""
+    through = [light for light, detector in sides if light != detector]
+    if len(through) != 1:
+        return ""
+    lit, other = ("the front", "behind") if through[0] > 0 else ("behind", "the front")
+    return (
+        f" Transmission is not testable: it was lit from {lit} alone, and the exchanged directions are of light from "
+        f"{other} (gonio measure --lit both)."
+    )
+
+
 def _all_angles(evidence: TableEvidence) -> np.ndarray:
     block = evidence.table.samples(MOST_READINGS)
-    valid = (block.flag == Flag.VALID).any(axis=1) & (np.minimum(block.wi.z, block.wo.z) > HORIZON)
+    valid = (block.flag == Flag.VALID).any(axis=1) & evidence.table.layout.are_readable(block.wi.z, block.wo.z)
     return pair_angles(block.wi, block.wo)[valid]
 
 
@@ -121,7 +140,7 @@ def _equal(
 def _by_band(pairs: Pairs, difference: np.ndarray) -> dict[str, list[float]]:
     """Median difference over bands of 5° of the larger polar angle."""
     theta = np.degrees(np.maximum(pairs.angles[:, 0], pairs.angles[:, 2]))
-    bands = {low + 2.5: difference[(theta >= low) & (theta < low + 5)] for low in range(0, 90, 5)}
+    bands = {low + 2.5: difference[(theta >= low) & (theta < low + 5)] for low in range(0, 180, 5)}
     bands = {middle: float(np.nanmedian(band)) for middle, band in bands.items() if np.isfinite(band).any()}
     return {"theta_deg": list(bands), "median": list(bands.values())}
 

@@ -17,9 +17,11 @@ from gonio.checks.table.pairs import (
     places,
     pole_pairs,
     turned_pairs,
+    without_radiance_factor,
 )
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.geometry.sides import FRONT
 
 if TYPE_CHECKING:
     from gonio.fitting.result import FitResult
@@ -29,7 +31,15 @@ LEVEL = 0.01
 
 
 def reciprocal_pairs(table: Table) -> Pairs | str:
-    """Readings with those of the exchanged directions: measured, interpolated, or by the format's own warp."""
+    """Readings with those of the exchanged directions: measured, interpolated, or by the format's own warp.
+
+    Through the sample they are what is equal between media of the table's stated indices.
+    """
+    pairs = _exchanged(table)
+    return pairs if isinstance(pairs, str) or table.sides == FRONT else without_radiance_factor(pairs, table.media)
+
+
+def _exchanged(table: Table) -> Pairs | str:
     from gonio.checks.table.scattered_pairs import interpolated_pairs, scattered_pairs, warped_pairs
 
     if table.interpolant is not None:

@@ -8,6 +8,8 @@ from gonio.checks.certificate import NOT_APPLICABLE, Property, verdict_of, witho
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs import FEWEST
 from gonio.data.flags import Flag
+from gonio.data.table import Table
+from gonio.models.geometry.sides import side_in_words
 
 LIGHT_MAX = np.radians(70)
 RIM = np.radians(75)
@@ -18,9 +20,23 @@ MEDIAN_OF_NORMAL = 0.6745
 def table_horizon(evidence: TableEvidence, tolerance: float) -> Property:
     """How far the last ring of readings is from the extrapolation of the two before, in e-folds: the median below 70°.
 
-    A jump there is the sign of a sample too small for the beam, of a blocked arm, or of a shifted axis.
+    A jump there is the sign of a sample too small for the beam, of a blocked arm, or of a shifted axis. Of both sides
+    of a sample the one with the larger jump decides.
     """
-    table, grid = evidence.table, evidence.table.layout.outgoing_grid()
+    judged = []
+    for (light, detector), part in evidence.table.parts().items():
+        rim = _rim(part, tolerance, evidence)
+        for name, side in (("theta_i", light), ("theta_o", detector)):
+            if side < 0 and name in rim.where:
+                rim.where[name] = 180.0 - rim.where[name]
+        if (light, detector) != (1, 1):
+            rim.detail = f"In {side_in_words(light, detector)}: {rim.detail}"
+        judged.append(rim)
+    return max(judged, key=lambda rim: -1.0 if rim.residual is None else rim.residual)
+
+
+def _rim(table: Table, tolerance: float, evidence: TableEvidence) -> Property:
+    grid = table.layout.outgoing_grid()
     if grid is None or grid.theta_o.size < 4:
         return without_residual(
             "horizon", NOT_APPLICABLE, tolerance, "Not testable: the grid has no rings of polar angles."

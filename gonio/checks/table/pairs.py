@@ -23,7 +23,7 @@ TURN = np.pi / 2
 BAND, SECTOR = 10.0, 30.0
 """Size of a region of pairs, degrees: of both polar angles, and of the azimuth difference."""
 
-SIDE = int(90 // BAND)
+SIDE = int(180 // BAND)
 SAME_POLAR = 1e-6
 """Difference, radians, of polar angles that are one."""
 
@@ -36,10 +36,16 @@ class Place(NamedTuple):
     band: np.ndarray
 
 
+def bands(angles: np.ndarray) -> np.ndarray:
+    """The bands of both polar angles of pairs of directions, (n, 4) radians, the lower first: (n, 2)."""
+    polar = angles[:, [0, 2]]
+    number = (np.degrees(polar) / BAND + 1e-9).astype(int)
+    return np.sort(np.minimum(number, np.where(polar < np.pi / 2, SIDE // 2, SIDE) - 1), axis=1)
+
+
 def places(angles: np.ndarray) -> Place:
     """The regions of pairs of directions, (n, 4) radians; the same for an exchanged pair."""
-    bands = np.minimum((np.degrees(angles[:, [0, 2]]) / BAND + 1e-9).astype(int), SIDE - 1)
-    low, high = bands.min(axis=1), bands.max(axis=1)
+    low, high = bands(angles).T
     turn = np.abs(np.mod(angles[:, 3] - angles[:, 1] + np.pi, 2 * np.pi) - np.pi)
     square = high * SIDE + low
     return Place(square * 100 + (np.degrees(turn) / SECTOR - 1e-9).astype(int), square, high)
@@ -120,6 +126,19 @@ def exchanged_pairs(table: Table) -> Pairs | str:
         return pairs
     # On an isotropic surface readings of θo = θi are exchanged by mirroring them: they say nothing of reciprocity.
     return pairs.where(np.abs(pairs.angles[:, 0] - pairs.angles[:, 2]) > SAME_POLAR)
+
+
+def without_radiance_factor(pairs: Pairs, media: tuple[float, float]) -> Pairs:
+    """Exchanged pairs, those through the sample divided by the squared index of the detector's medium.
+
+    f_t(i → o)/n_o² = f_t(o → i)/n_i² [Walter 2007]; `media` are the indices in front of the sample and behind it.
+    """
+    behind = np.cos(pairs.angles[:, [0, 2]]) < 0
+    through = behind[:, 0] != behind[:, 1]
+    squares = np.where(through[:, None], np.where(behind, media[1], media[0]) ** 2, 1.0)
+    by_light, by_detector = squares[:, :1], squares[:, 1:]
+    scaled = {"a": pairs.a / by_detector, "b": pairs.b / by_light}
+    return dataclasses.replace(pairs, **scaled, u_a=pairs.u_a / by_detector, u_b=pairs.u_b / by_light)
 
 
 def cells_without_partner(table: Table) -> np.ndarray:

@@ -12,7 +12,6 @@ from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.display import percent
 from gonio.models.geometry.directions import Direction
-from gonio.models.geometry.horizon import HORIZON
 from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 NEAR = np.radians(2.0)
@@ -123,7 +122,7 @@ def scattered_pairs(table: Table) -> Pairs:
     isotropic, cells = isotropic_light(table), np.arange(table.layout.size)
     angles = angles_of(table.layout, cells)
     f, u = readings_of(table, cells)
-    use = (np.maximum(angles[:, 0], angles[:, 2]) < np.pi / 2 - HORIZON) & np.isfinite(f).all(axis=1)
+    use = table.layout.readable() & np.isfinite(f).all(axis=1)
     mirrored = isotropic and one_sided(angles[use])
     readings = merged(angles[use], f[use], u[use], _features(angles[use], isotropic, False))
     angles, f, u, repeated, scatter = readings
@@ -216,7 +215,7 @@ def interpolated_pairs(table: Table, cells: np.ndarray) -> Pairs:
     layout = table.layout
     wi, wo = layout.directions_at(cells)
     exchanged = layout.coordinates(wo, wi)
-    within = np.minimum(wi.z, wo.z) > HORIZON
+    within = layout.are_readable(wi.z, wo.z)
     for name, nodes in layout.axes.items():
         if layout.periods[name] is None and name not in layout.mirrored_axes:
             angle = np.asarray(exchanged[name])

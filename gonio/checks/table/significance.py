@@ -23,7 +23,7 @@ from gonio.checks.table.count_statistics import (
     sidak,
 )
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs import BAND, Pairs
+from gonio.checks.table.pairs import BAND, SIDE, Pairs, bands
 from gonio.checks.table.regions import region_in_words, region_place, regions_of
 from gonio.models.display import percent
 
@@ -233,8 +233,7 @@ def _of_channel(channel: int, kinds: list[_Tests]) -> float | None:
 def _p_map(single: _Tests) -> dict[str, list]:
     # The least p-value of each square of polar angles, corrected for the tests in it.
     angles = np.asarray(single.place)
-    squares = np.sort(np.floor(np.degrees(angles[:, [0, 2]]) / BAND + 1e-9), axis=1).astype(int)
-    side = int(90 // BAND)
+    squares, side = bands(angles), SIDE
     key, smallest, count = squares[:, 0] * side + squares[:, 1], np.ones(side * side), np.zeros(side * side, int)
     np.minimum.at(smallest, key, single.p)
     np.add.at(count, key, 1)

@@ -1,0 +1,76 @@
+"""Directional albedos of tables of both sides of a sample: what comes back, and what goes through, by the light."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from gonio.checks.albedos import Albedos
+from gonio.data.table import Table
+
+SAME_LIGHT = np.radians(0.05)
+"""Incidences nearer than that are one."""
+ROWS = ("theta_i", "phi_i", "value", "above", "below", "noise", "unseen", "step_needed", "partial")
+REFLECTED, TRANSMITTED = "reflectance", "transmittance"
+
+
+def two_sided_albedos(table: Table, of_part: Callable[[Table, float], Albedos | str]) -> Albedos | str:
+    """R + T at every incidence of light in front of the sample and behind it; of what was read, where only one was.
+
+    Args:
+        table: a table with readings behind the sample, or light from there.
+        of_part: albedos of a part (see `Table.parts`) whose lobe goes to sin θo = factor · sin θi.
+
+    Returns:
+        The albedos with their `shares`, or why there are none of any part.
+    """
+    shares: dict[int, dict[str, Albedos]] = {1: {}, -1: {}}
+    reasons, index = [], {1: table.media[0], -1: table.media[1]}
+    for (light, detector), part in table.parts().items():
+        albedos = of_part(part, index[light] / index[detector]) if part.valid_cells().size else "it holds no reading"
+        if isinstance(albedos, str):
+            reasons.append(albedos)
+        else:
+            shares[light][REFLECTED if light == detector else TRANSMITTED] = albedos
+    lit = [_of_light(of_side, light) for light, of_side in shares.items() if of_side]
+    return _concatenated(lit) if lit else reasons[0]
+
+
+def _of_light(shares: dict[str, Albedos], light: int) -> Albedos:
+    """The sum over both hemispheres for light from one side, in the order of its polar angles."""
+    every = np.concatenate([np.stack([a.theta_i, a.phi_i], -1) for a in shares.values()])
+    _, first, numbers = np.unique(np.round(every / SAME_LIGHT), axis=0, return_index=True, return_inverse=True)
+    rows = np.split(numbers.reshape(-1), np.cumsum([len(a.value) for a in shares.values()])[:-1])
+    shape = first.size, next(iter(shares.values())).value.shape[1]
+    total: dict[str, Any] = {name: np.zeros(shape) for name in ("value", "above", "below", "noise")}
+    total |= {name: np.zeros(first.size, bool) for name in ("unseen", "partial")}
+    total |= {"step_needed": np.full(first.size, np.nan), "shares": {}}
+    for (name, albedos), k in zip(shares.items(), rows, strict=True):
+        for field in ("value", "above", "below"):
+            total[field][k] += getattr(albedos, field)
+        for field in ("unseen", "partial"):
+            total[field][k] |= getattr(albedos, field)
+        total["noise"][k] = np.hypot(total["noise"][k], albedos.noise)
+        total["step_needed"][k] = np.fmin(total["step_needed"][k], albedos.step_needed)
+        total["shares"][name] = np.full(shape, np.nan)
+        total["shares"][name][k] = albedos.value
+    theta, phi = every[first].T
+    method = " ".join(dict.fromkeys(a.method for a in shares.values()))
+    return _rows(Albedos(theta if light > 0 else np.pi - theta, phi, method=method, **total))
+
+
+def _rows(albedos: Albedos) -> Albedos:
+    """The same in the order of the light's polar angle and azimuth."""
+    order = np.lexsort((albedos.phi_i, albedos.theta_i))
+    rows: dict[str, Any] = {name: getattr(albedos, name)[order] for name in ROWS}
+    return dataclasses.replace(albedos, **rows, shares={name: v[order] for name, v in albedos.shares.items()})
+
+
+def _concatenated(lit: list[Albedos]) -> Albedos:
+    """Those of light from the front, then from behind."""
+    rows: dict[str, Any] = {name: np.concatenate([getattr(a, name) for a in lit]) for name in ROWS}
+    names = dict.fromkeys(name for a in lit for name in a.shares)
+    unread = [np.full(a.value.shape, np.nan) for a in lit]
+    shares = {n: np.concatenate([a.shares.get(n, u) for a, u in zip(lit, unread, strict=True)]) for n in names}
+    return dataclasses.replace(lit[0], **rows, shares=shares)
