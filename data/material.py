@@ -125,8 +125,8 @@ class Material(Displayed):
         return self._share(directional_transmittance, theta_i, phi_i, degrees, tolerance)
 
     @property
-    def _lower(self) -> tuple[str, ...]:
-        return ("theta_i", "theta_o") if Hemispheres.TRANSMISSION in self.brdf.hemispheres else ("theta_o",)
+    def _transmits(self) -> bool:
+        return Hemispheres.TRANSMISSION in self.brdf.hemispheres
 
     def _share(
         self,
