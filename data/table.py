@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 MEDIA = "media"
-"""Key of the provenance that states the refractive indices in front of the sample and behind it."""
+"""Key of the provenance that states the refractive indices in front of the sample and behind it, which may be lists."""
 COPIED = "one_reading_for_all_azimuths"
 """Key of the provenance of a table that has one reading at a pole in the cells of all azimuths."""
 
@@ -230,13 +230,15 @@ class Table(Displayed):
         return hemispheres_of(self.sides)
 
     @property
-    def media(self) -> tuple[float, float]:
-        """The refractive indices in front of the sample and behind it, as its provenance states them; else of air."""
-        stated = self.provenance.get(MEDIA)
-        if not isinstance(stated, list) or len(stated) != 2 or not all(isinstance(n, int | float) for n in stated):
-            return (1.0, 1.0)
-        front, back = (float(n) for n in stated)
-        return (front, back) if 0 < front < math.inf and 0 < back < math.inf else (1.0, 1.0)
+    def media(self) -> tuple[np.ndarray, np.ndarray]:
+        """Refractive indices (channels,) in front of the sample and behind it, by its provenance; else of air."""
+        stated, count = self.provenance.get(MEDIA), len(self.channels)
+        try:
+            front, behind = (np.broadcast_to(np.asarray(n, float), count) for n in stated or (1.0, 1.0))
+        except (TypeError, ValueError):
+            front = behind = np.zeros(count)
+        known = all((n > 0).all() and np.isfinite(n).all() for n in (front, behind))
+        return (front, behind) if known else (np.ones(count), np.ones(count))
 
     def parts(self) -> "dict[tuple[int, int], Table]":
         """The readings by the sides of light and detector, both directions mirrored into the front hemisphere.

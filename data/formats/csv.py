@@ -28,7 +28,7 @@ from gonio.data.layouts.recognition import Placement, recognised
 from gonio.data.quantities import QUANTITIES, brdf_of
 from gonio.data.round_trip import RoundTrip, compare
 from gonio.data.suspicions import suspicions
-from gonio.data.table import COPIED, Table
+from gonio.data.table import COPIED, MEDIA, Table
 from gonio.models.errors import GonioError, nearest
 from gonio.models.geometry.sides import FRONT
 
@@ -90,7 +90,8 @@ def read_csv(
     }
     table = _table(statements, directions, readings, channels, understood)
     table.name = stem(path)
-    table.provenance |= provenance | {"understood": [*text.understood, *understood]}
+    media = {} if (stated := statements.json(MEDIA)) is None else {MEDIA: stated}
+    table.provenance |= provenance | media | {"understood": [*text.understood, *understood]}
     if not statements.by_gonio and (
         warnings := suspicions(table, not directions.unit_known, not values.quantity_known)
     ):
@@ -209,6 +210,7 @@ def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -
         "gonio: angles in degrees, f in 1/sr without the cosine",
         f"channels: {json.dumps(list(table.channels.names))}",
         *([f"wavelengths_nm: {json.dumps(w)}"] if (w := table.channels.wavelengths_nm) else []),
+        *([f"{MEDIA}: {json.dumps(m)}"] if (m := table.provenance.get(MEDIA)) else []),
         f"layout: {json.dumps(_named_layout(table.layout))}",
     ]
     cells = _written_cells(table)

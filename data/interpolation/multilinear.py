@@ -106,7 +106,9 @@ def as_material(table: Table) -> AbstractBRDF:
     if table.sides == FRONT:
         return _interpolant(table, True)
     parts = [(sides, part) for sides, part in table.parts().items() if part.valid_cells().size]
-    return TwoSided(tuple(_interpolant(part, a == b) for (a, b), part in parts), tuple(sides for sides, _ in parts))
+    front, behind = table.media
+    brdfs = tuple(_interpolant(part, a == b) for (a, b), part in parts)
+    return TwoSided(brdfs, tuple(sides for sides, _ in parts), jnp.asarray(behind / front, jnp.result_type(float)))
 
 
 def _interpolant(table: Table, reciprocal: bool) -> AbstractBRDF:

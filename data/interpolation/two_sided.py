@@ -14,12 +14,16 @@ class TwoSided(AbstractBRDF):
 
     parts: tuple[AbstractBRDF, ...]
     sides: tuple[tuple[int, int], ...] = eqx.field(static=True)
+    index: Float[Array, " channel"] | float = 1.0
+    """Refractive index behind over that in front."""
 
     @property
     def hemispheres(self) -> Hemispheres:
-        # Light from behind is asked about too: what no part answers is 0.
-        behind = any(light < 0 for light, _ in self.sides)
-        return Hemispheres.REFLECTION | Hemispheres.TRANSMISSION if behind else hemispheres_of(frozenset(self.sides))
+        return hemispheres_of(frozenset(self.sides))
+
+    @property
+    def index_behind(self) -> Float[Array, " channel"] | float:
+        return self.index
 
     @property
     def isotropic(self) -> bool:

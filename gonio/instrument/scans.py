@@ -15,11 +15,12 @@ from gonio.models.catalog import is_ours
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
-from gonio.models.geometry.sides import Hemispheres
+from gonio.models.geometry.sides import TWO_SIDED, Hemispheres
 
 MAX_CELLS = 1 << 31
 """A table of so many cells fills tens of gigabytes in one channel."""
 REFLECTION, TRANSMISSION, BOTH = "reflection", "transmission", "both"
+THROUGH = Hemispheres.TRANSMISSION
 HEMISPHERES, LIT = (REFLECTION, TRANSMISSION, BOTH), ("front", "back", BOTH)
 SAME = 1e-9
 DEGREE_1, DEGREES_5, DEGREES_10 = (math.radians(degrees) for degrees in (1, 5, 10))
@@ -199,21 +200,20 @@ def default_hemisphere(name: str | os.PathLike[str], brdf: AbstractBRDF) -> str 
     known = SCANS.get(os.fspath(name).replace("_", "-"), (None, ()))[1]
     if "hemisphere" not in known or Hemispheres.TRANSMISSION not in brdf.hemispheres:
         return None
-    return BOTH if Hemispheres.REFLECTION in brdf.hemispheres else TRANSMISSION
+    return BOTH if brdf.hemispheres & TWO_SIDED else TRANSMISSION
 
 
 def hemisphere_remark(grid: Layout, brdf: AbstractBRDF) -> str | None:
     """A remark on a scan that leaves out a hemisphere that the surface scatters into, or reads one that stays dark."""
-    words = {Hemispheres.REFLECTION: "reflects", Hemispheres.TRANSMISSION: "transmits"}
-    for hemisphere, verb in words.items():
-        if hemisphere in brdf.hemispheres and hemisphere not in grid.hemispheres:
-            noun = hemisphere.name and hemisphere.name.lower()
+    for hemisphere, verb, noun in ((TWO_SIDED, "reflects", REFLECTION), (THROUGH, "transmits", TRANSMISSION)):
+        scatters, read = (bool(hemisphere & h) for h in (brdf.hemispheres, grid.hemispheres))
+        if scatters and not read:
             return (
                 f"the material {verb}, but the scan leaves its {noun} out: nothing was looked at there; the isotropic, "
                 "spherical and in-plane scans read both hemispheres"
             )
-        if hemisphere in grid.hemispheres and hemisphere not in brdf.hemispheres:
-            return f"nothing says that the material {verb}: all readings of that hemisphere are 0"
+        if read and not scatters:
+            return f"nothing says that the material {verb}: all readings of its {noun} are 0"
     return None
 
 

@@ -1,6 +1,8 @@
 """The sides of a sample, in front and behind, and the one threshold of what lies on the horizon; without JAX."""
 
 import enum
+import functools
+import operator
 from typing import Any
 
 import numpy as np
@@ -39,11 +41,10 @@ def side(cosine: Any) -> np.ndarray:
 
 
 def hemispheres_of(sides: Sides) -> Hemispheres:
-    """The hemispheres, relative to the light, that pairs of directions on these sides lie in."""
-    result = Hemispheres(0)
-    for light, detector in sides:
-        result |= Hemispheres.REFLECTION if light == detector else Hemispheres.TRANSMISSION
-    return result
+    """What a surface does with light that goes from one to the other of these sides."""
+    back = {1: Hemispheres.REFLECTION, -1: Hemispheres.BACK}
+    ways = (back[light] if light == detector else Hemispheres.TRANSMISSION for light, detector in sides)
+    return functools.reduce(operator.or_, ways, Hemispheres(0))
 
 
 def side_in_words(light: int, detector: int) -> str:

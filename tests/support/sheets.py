@@ -4,7 +4,7 @@ import jax.numpy as jnp
 
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import dot
-from gonio.models.geometry.sides import Hemispheres
+from gonio.models.geometry.sides import EVERYWHERE
 
 
 class Sheet(AbstractBRDF):
@@ -19,7 +19,7 @@ class Sheet(AbstractBRDF):
 
     @property
     def hemispheres(self):
-        return Hemispheres.REFLECTION | Hemispheres.TRANSMISSION
+        return EVERYWHERE
 
     @property
     def isotropic(self):

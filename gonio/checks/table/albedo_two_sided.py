@@ -26,7 +26,8 @@ def two_sided_albedos(table: Table, of_part: Callable[[Table, float], Albedos | 
         The albedos with their `shares`, or why there are none of any part.
     """
     shares: dict[int, dict[str, Albedos]] = {1: {}, -1: {}}
-    reasons, index = [], {1: table.media[0], -1: table.media[1]}
+    front, behind = (float(np.mean(n)) for n in table.media)
+    reasons, index = [], {1: front, -1: behind}
     for (light, detector), part in table.parts().items():
         albedos = of_part(part, index[light] / index[detector]) if part.valid_cells().size else "it holds no reading"
         if isinstance(albedos, str):

@@ -128,15 +128,14 @@ def exchanged_pairs(table: Table) -> Pairs | str:
     return pairs.where(np.abs(pairs.angles[:, 0] - pairs.angles[:, 2]) > SAME_POLAR)
 
 
-def without_radiance_factor(pairs: Pairs, media: tuple[float, float]) -> Pairs:
+def without_radiance_factor(pairs: Pairs, media: tuple[np.ndarray, np.ndarray]) -> Pairs:
     """Exchanged pairs, those through the sample divided by the squared index of the detector's medium.
 
-    f_t(i → o)/n_o² = f_t(o → i)/n_i² [Walter 2007]; `media` are the indices in front of the sample and behind it.
+    f_t(i → o)/n_o² = f_t(o → i)/n_i² [Walter 2007]; `media` are the indices (C,) in front of the sample and behind it.
     """
-    behind = np.cos(pairs.angles[:, [0, 2]]) < 0
-    through = behind[:, 0] != behind[:, 1]
-    squares = np.where(through[:, None], np.where(behind, media[1], media[0]) ** 2, 1.0)
-    by_light, by_detector = squares[:, :1], squares[:, 1:]
+    behind = [np.cos(pairs.angles[:, k, None]) < 0 for k in (0, 2)]
+    through = behind[0] != behind[1]
+    by_light, by_detector = (np.where(through, np.where(b, media[1], media[0]) ** 2, 1.0) for b in behind)
     scaled = {"a": pairs.a / by_detector, "b": pairs.b / by_light}
     return dataclasses.replace(pairs, **scaled, u_a=pairs.u_a / by_detector, u_b=pairs.u_b / by_light)
 
