@@ -44,6 +44,7 @@ _WHERE = {
     "kelemen": ("layered.kelemen", "Kelemen"),
     "principled": ("layered.principled", "Principled"),
     "lambert_transmission": ("transmission.lambert_transmission", "LambertTransmission"),
+    "rough_dielectric": ("transmission.rough_dielectric", "RoughDielectric"),
     "thin_sheet": ("transmission.thin_sheet", "ThinSheet"),
 }
 

@@ -38,6 +38,23 @@ def fresnel_dielectric(cos_d: Scalar, eta: Scalar) -> Scalar:
     return jnp.where(transmits, 0.5 * (r_s * r_s + r_p * r_p), jnp.where(excess == 0, 0.0, 1.0))
 
 
+def fresnel_dielectric_inside(cos_d: Scalar, eta: Scalar) -> Scalar:
+    """Reflectance of the same interface for light inside the dielectric; cos_d in [0, 1] is the cosine inside.
+
+    As `fresnel_dielectric` of 1/η, with η − 1 carried: g = √(1 − η² sin²) is the cosine outside.
+    """
+    excess = (eta - 1.0) * (eta + 1.0)
+    eta2 = eta * eta
+    g2 = eta2 * cos_d * cos_d - excess
+    transmits = g2 > 0
+    g = jnp.sqrt(jnp.where(transmits, g2, 1.0))
+    ratio_s, ratio_p = 1.0 / (eta * cos_d + g), 1.0 / (cos_d + eta * g)
+    small_s, small_p = 2.0 * eta * cos_d * ratio_s, 2.0 * cos_d * ratio_p
+    r_s = jnp.where(small_s < 0.5, small_s - 1.0, excess * ratio_s**2)
+    r_p = jnp.where(small_p < 0.5, small_p - 1.0, -excess * ((eta2 + 1.0) * cos_d * cos_d - eta2) * ratio_p**2)
+    return jnp.where(transmits, 0.5 * (r_s * r_s + r_p * r_p), jnp.where(excess == 0, 0.0, 1.0))
+
+
 def fresnel_conductor(cos_d: Scalar, eta: Scalar, k: Scalar) -> Scalar:
     """Reflectance of an interface of complex relative index η + ik (η > 0, k ≥ 0); cos_d in [0, 1].
 

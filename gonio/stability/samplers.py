@@ -46,9 +46,9 @@ def _density(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> jax.Array:
 
 
 def _frames(wi: np.ndarray) -> list[np.ndarray]:
-    # Orthonormal frames (rows x, y, z) about the mirror direction, back to the light, and the normal.
+    # Orthonormal frames (rows x, y, z) about the mirror direction, back to the light, straight on, and the normal.
     frames = []
-    for middle in (wi * [-1, -1, 1], wi, unit_vector(0.0)):
+    for middle in (wi * [-1, -1, 1], wi, -wi, unit_vector(0.0)):
         across = np.cross(middle, [0.0, 1.0, 0.0] if abs(middle[1]) < 0.9 else [1.0, 0.0, 0.0])
         across /= np.linalg.norm(across)
         frames.append(np.stack([across, np.cross(middle, across), middle]))

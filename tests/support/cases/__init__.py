@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.expression.builder import example
-from support.cases import diffuse, energy, half_vector, mirror
+from support.cases import diffuse, energy, half_vector, mirror, transmission
 
 FIRST = {
     "lambert": "lambert(rho=[0, 0.5, 1])",
@@ -25,7 +25,7 @@ FIRST = {
     "white_standard": "white_standard()",
 }
 
-CASES = {**FIRST, **diffuse.CASES, **half_vector.CASES, **mirror.CASES, **energy.CASES}
+CASES = {**FIRST, **diffuse.CASES, **half_vector.CASES, **mirror.CASES, **energy.CASES, **transmission.CASES}
 """An expression, or a function without arguments that makes the model, by a name that begins with the model's."""
 
 
