@@ -13,7 +13,7 @@ from gonio.fitting.judgement import ALBEDO_TOLERANCE
 from gonio.fitting.problem.parameterisation import of_channel
 from gonio.fitting.problem.problem import weighted_residuals
 from gonio.fitting.problem.readings import evenly_spaced, transform, uses_cosine
-from gonio.fitting.residuals.energy import LargestAlbedo, confirmed, largest_albedo
+from gonio.fitting.residuals.energy import LargestAlbedo, bounded_largest_albedo, confirmed, largest_albedo
 from gonio.fitting.residuals.metrics import metrics
 from gonio.fitting.residuals.summary import Evidence
 from gonio.fitting.result import FitResult
@@ -26,6 +26,7 @@ from gonio.fitting.uncertainty.profile_likelihood import with_profiles
 from gonio.models.catalog import MODELS
 from gonio.models.expression.builder import build, number_label, to_expression
 from gonio.models.expression.parser import FACTOR, Term, calls, numbers
+from gonio.models.geometry.sides import Hemispheres
 
 FEW_CHANNELS = 4  # whose albedos are all computed to a bound
 MOST_COMPARED = 1 << 18  # readings that are compared with a diffuser
@@ -58,7 +59,7 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
     measures["unexplained"] = _unexplained(optima)
     measures["largest_albedo"] = (albedo := _largest_albedo(optima, fitted)).value
     if albedo.value > 1.0 + ALBEDO_TOLERANCE:
-        notes.insert(0, _creates_energy(albedo, channels))
+        notes.insert(0, _creates_energy(albedo, channels, Hemispheres.TRANSMISSION in brdf.hemispheres))
     if task.likelihood:
         measures["reduced_chi2"] = 2.0 * cost / max(readings.count - len(free), 1)
     return FitResult(
@@ -105,7 +106,7 @@ def _unexplained(optima: list[Optimum]) -> float:
         channels = evenly_spaced(e.model_f.shape[1], max(1, MOST_COMPARED // e.model_f.shape[0]))
         readings, weight = e.readings.of_channels(channels), e.problem.weight[:, channels]
         loss, floor, y = e.problem.loss, e.problem.samples.floor, np.where(weight > 0, readings.f, 0.0)
-        cosine = np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else 1.0
+        cosine = readings.cos_i[:, None] if uses_cosine(loss) else 1.0
         with np.errstate(all="ignore"):
             share = np.nan_to_num((weight * transform(loss, y * cosine, floor, np)[1] * cosine) ** 2, posinf=0.0)
         mean = np.sum(share * y, axis=0) / np.maximum(np.sum(share, axis=0), 1e-300)
@@ -118,20 +119,23 @@ def _unexplained(optima: list[Optimum]) -> float:
 
 
 def _largest_albedo(optima: list[Optimum], fitted: tuple[Term, ...]) -> LargestAlbedo:
+    brdf = build(fitted)
+    if Hemispheres.TRANSMISSION in brdf.hemispheres:
+        return bounded_largest_albedo(brdf)
     each = [largest_albedo(functools.partial(e.problem.values_at, e.p), e.parameters.channels) for e in optima]
     channel = int(np.argmax([a.value for a in each]))
     worst = each[channel] if len(each) == 1 else each[channel]._replace(channel=channel)
-    brdf, count = build(fitted), max(len(each), optima[0].parameters.channels)
+    count = max(len(each), optima[0].parameters.channels)
     if count <= FEW_CHANNELS or (count <= BRUSHED_CHANNELS and not brdf.isotropic):
         return confirmed(worst, brdf)
     return confirmed(worst, build(of_channel(fitted, worst.channel)))._replace(channel=worst.channel)
 
 
-def _creates_energy(a: LargestAlbedo, channels: Channels) -> str:
+def _creates_energy(a: LargestAlbedo, channels: Channels, transmits: bool) -> str:
     channel = f" in channel {channels.names[a.channel]}" if len(channels) > 1 and a.channel < len(channels) else ""
     return (
-        f"the fitted model reflects more than it receives: {a.value:.3f} of the light at θi "
-        f"{np.degrees(a.theta_i):.0f}°{channel}; do not use it where energy counts"
+        f"the fitted model reflects {'and transmits ' * transmits}more than it receives: {a.value:.3f} of the light at "
+        f"θi {np.degrees(a.theta_i):.0f}°{channel}; do not use it where energy counts"
     )
 
 

@@ -37,9 +37,13 @@ from gonio.fitting.uncertainty.bootstrap import KINDS as BOOTSTRAP_KINDS
 from gonio.fitting.uncertainty.optimum import Optimum, optimum_at
 from gonio.models.deprecation import renamed, renamed_options
 from gonio.models.errors import GonioError, nearest
+from gonio.models.expression.builder import build
 from gonio.models.expression.parser import Term, numbers
+from gonio.models.geometry.sides import Hemispheres, hemispheres_of, side_in_words
 
 MOST_REFITS = 100_000
+BRIGHTER = 5.0
+"""Standard deviations from 0 of a sum of readings from which they are no noise about 0."""
 OLD_NAMES = {"say": "log"}
 OLD_KINDS = {"residuals": "wild", "pairs": "block_pairs"}
 APERTURES = ("average", "ignore")
@@ -244,6 +248,7 @@ def fit_model(task: FitTask) -> list[Optimum]:
 def _optimum(task: FitTask) -> Optimum:
     s, fixed, given = parameters(task.terms, len(task.channels))
     _require_enough(task, s)
+    _require_hemispheres(task, build(s.filled(task.terms, [given])).hemispheres)
     readings, settings = task.readings, task.settings
     share, likelihood = settings.relative_noise, task.likelihood
     sigma = task.sigma if share is None else relative_sigma(readings, readings.f, share)
@@ -282,6 +287,22 @@ def _optimum(task: FitTask) -> Optimum:
     if end.successful and not best.converged:  # the last step was not evaluated before, and did not do
         best = optimum(minimise(problem, [best.p], NEAR)[0])
     return dataclasses.replace(best, averages=averages)
+
+
+def _require_hemispheres(task: FitTask, scattered: Hemispheres) -> None:
+    """GonioError where many readings are brighter than their noise, and the model is 0 there whatever its numbers."""
+    readings, requested = task.readings, task.requested
+    for light, detector in readings.sides:
+        if hemispheres_of(frozenset({(light, detector)})) & scattered:
+            continue
+        here = (light * np.asarray(readings.wi.z) > 0) & (detector * np.asarray(readings.wo.z) > 0)
+        f, u = readings.f[here], np.nan_to_num(readings.u_f[here])
+        if f[readings.valid[here]].sum() > BRIGHTER * np.sqrt(np.sum(u[readings.valid[here]] ** 2)):
+            raise GonioError(
+                f"'{requested}' scatters nothing in {side_in_words(light, detector)}, where the table has "
+                f"{int(readings.valid[here].sum())} readings above 0; add a term that does, such as "
+                "lambert_transmission (gonio models), or give a table of the other readings alone"
+            )
 
 
 def _without_free_numbers(problem: FitProblem, p: np.ndarray, likelihood: bool, averaging: bool) -> Optimum:

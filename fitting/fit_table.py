@@ -85,6 +85,8 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
     anisotropic = searching and shows_anisotropy(task.layout, task.readings)
     if settings.scene is not None:
         view = view_of(settings.scene, task.readings, anisotropic)
+    if searching and task.readings.sides != [(1, 1)]:
+        raise GonioError(_no_selection(source, settings.scene is not None))
     if not expressions:
         began = time.perf_counter()
         selection = selected_model(task, anisotropic, view)
@@ -99,6 +101,17 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
         return _best(tasks, source, view, seconds)
     result = _fit_one(tasks[0], source, view, selection, seconds)
     return result if selection is None else dataclasses.replace(result, alternatives=selection.rows())
+
+
+def _no_selection(table: Table, scene: bool) -> str:
+    """Why what is made for reflection does not take a table that was read behind the sample too."""
+    name = table.name or "the table"
+    if scene:
+        return f"{name} holds more than reflection from the front, and scenes weigh that alone; leave the scene out"
+    return (
+        f"{name} holds more than reflection from the front, and a model is selected for that alone; give one, or "
+        "several to be compared, such as -m 'lambert + lambert_transmission' (gonio models lists those that transmit)"
+    )
 
 
 def _task(table: Table, settings: FitSettings) -> FitTask:

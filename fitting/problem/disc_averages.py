@@ -19,6 +19,7 @@ from jaxtyping import Array, Float, Int
 
 from gonio.fitting.problem.readings import AnyArray
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.horizon import turned_over
 from gonio.models.warps.disc_frames import DiscFrame, disc_frame, disc_ray, psi_of_horizon
 
 STEPS = (1, 2, 3, 4, 6, 9, 14, 22, 34, 52, 78)
@@ -159,6 +160,8 @@ class _Discs(NamedTuple):
 
     frames: tuple[DiscFrame, DiscFrame]
     psi_ends: tuple[Array, Array]
+    sides: tuple[Array, Array]
+    """−1 where a disc is behind the sample: it is averaged as its mirror image in front."""
 
 
 class NodePairs(NamedTuple):
@@ -173,12 +176,14 @@ class NodePairs(NamedTuple):
     @classmethod
     def of(cls, rules: DiscRules, rule: Array, halvings: Array, wi: Direction, wo: Direction) -> "NodePairs":
         """The pairs about directions of shape (n,)."""
+        sides = jnp.where(wi.z < 0, -1.0, 1.0), jnp.where(wo.z < 0, -1.0, 1.0)
+        wi, wo = turned_over(wi, sides[0]), turned_over(wo, sides[1])
         frames = disc_frame(wi, rules.tan_s[0]), disc_frame(wo, rules.tan_s[1])
         whole = jnp.full_like(wi.z, jnp.pi)
         ends = jax.lax.cond(rule % 2 == 1, lambda: tuple(map(psi_of_horizon, frames)), lambda: (whole, whole))
         total = jnp.prod(rules.counts[rule])
         steps = (total + (1 << halvings) - 1) >> halvings
-        return cls(steps, rules, rule, halvings, _Discs(frames, ends))
+        return cls(steps, rules, rule, halvings, _Discs(frames, ends, sides))
 
     def pair(self, k: Int[AnyArray, ""]) -> tuple[Direction, Direction, Float[Array, " n"]]:
         """(wi, wo, weight) of pair k of each lane."""
@@ -212,7 +217,7 @@ class NodePairs(NamedTuple):
         bent = (self.rule % 2 == 1) & (self.rules.counts[self.rule, d] > 1)
         x, y, w = jax.lax.cond(bent, cut, lambda: (x, length * v, w * w_v))
         ray, share = disc_ray(frame, frame.tan_s * x, frame.tan_s * y)
-        return ray, w * share
+        return turned_over(ray, self.discs.sides[d]), w * share
 
     def gathered(self, a: Float[AnyArray, "*b n"]) -> Float[AnyArray, "*b n"]:
         """Sums over the lanes of one reading, in the lane that stands for it."""

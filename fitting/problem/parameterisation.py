@@ -16,7 +16,7 @@ import numpy as np
 
 from gonio.fitting.problem.arrow import Sizes
 from gonio.models.expression.builder import Frame, frame, number_label
-from gonio.models.expression.parser import ParameterRef, Term, Value, changed, numbers
+from gonio.models.expression.parser import FACTOR, ParameterRef, Term, Value, changed, numbers
 from gonio.models.parameters import ParameterInfo
 
 LINEAR, LOG, LOG1P = 0, 1, 2
@@ -218,8 +218,11 @@ def parameters(terms: tuple[Term, ...], channels: int) -> Parameters:
     free, fixed, start, size = [], [], [], 0
     for index, term in enumerate(terms):
         values: dict[str, np.ndarray] = {}
+        several = sum(_domain(n).linear for n in numbers(term) if n.path != FACTOR) > 1
         for n in numbers(term):
             value, info = n.value, _domain(n)
+            if several and n.path != FACTOR:  # f is a sum of what is proportional to each
+                info = dataclasses.replace(info, linear=False)
             if not value.free:
                 values[n.path] = np.asarray(value.number, float)
                 continue

@@ -208,7 +208,7 @@ def _block(
 ) -> tuple[Float[AnyArray, "c g n"], Float[AnyArray, "c n"]]:
     """(residuals and under them their derivatives (C, 1 + groups, n), the model's f (C, n)) of block b."""
     always = b < page.blocks
-    strengths, cosine = _strengths(s, p, fixed), page.wi.z[b]
+    strengths, cosine = _strengths(s, p, fixed), jnp.abs(page.wi.z[b])
     lobes = _averaged_lobes(s, p, fixed, page, b)
 
     def compared() -> tuple[Array, Array, AnyArray]:
@@ -358,7 +358,7 @@ class FitProblem:
         wi, wo = (_in_blocks(w, lanes, shape) for w in (readings.wi, readings.wo))
         laid = (a if lanes is None else lanes.values(a) for a in (readings.f, weight))
         target, weights = (in_blocks(a, (*shape, channels)) for a in laid)
-        cosine = wi.z.reshape(-1)[:, None] if uses_cosine(loss) else None
+        cosine = np.abs(wi.z.reshape(-1))[:, None] if uses_cosine(loss) else None
         flat, norm_squared = target.reshape(-1, channels), 0.0
         for some in chunks(number, channels):
             compared = flat[some] if cosine is None else flat[some] * cosine[some]
@@ -423,7 +423,7 @@ class FitProblem:
 
     def linearised(self) -> "FitProblem":
         """The problem of f itself, its residuals to first order in f − y: for `normal_equations(plain=True)`."""
-        cosine = np.asarray(self.readings.wi.z)[:, None] if uses_cosine(self.loss) else 1.0
+        cosine = self.readings.cos_i[:, None] if uses_cosine(self.loss) else 1.0
         with np.errstate(all="ignore"):
             slope = transform(self.loss, self.readings.f * cosine, self.samples.floor, np)[1]
             return self.retargeted(self.readings.f).reweighted(self.weight * slope * cosine)
@@ -503,7 +503,7 @@ def _total(squares: list[np.ndarray], number: int) -> np.ndarray:
 
 def compared(readings: Readings, loss: str, floor: float | AnyArray, f: np.ndarray) -> np.ndarray:
     """T(f c) of a loss at the readings' directions, for values f (n, C); the floor may be one for each channel."""
-    c = np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else 1.0
+    c = readings.cos_i[:, None] if uses_cosine(loss) else 1.0
     return transformed(loss, f * c, floor)
 
 

@@ -28,6 +28,7 @@ from gonio.data.layouts import Layout
 from gonio.data.table import Block, Table
 from gonio.models.errors import GonioError, nearest
 from gonio.models.geometry.directions import NORMAL, Direction
+from gonio.models.geometry.horizon import turned_over
 
 LOSSES = ("sigma", "linear", "cbrt", "log", "log1p")
 _GUESS = 6142909891733356544.0  # of the bits: (4/3) · 1023 · 2⁵², less what halves the worst error of the first guess
@@ -58,6 +59,17 @@ class Readings:
     half_angles: tuple[float, float] = POINTS  # of the discs of light and detector, radians
 
     @property
+    def cos_i(self) -> np.ndarray:
+        """|cosθi| of each cell (n,), of light from either side."""
+        return np.abs(np.asarray(self.wi.z))
+
+    @property
+    def sides(self) -> list[tuple[int, int]]:
+        """The sides of the sample, 1 in front and −1 behind, of (light, detector) in its cells."""
+        behind = np.stack([np.asarray(w.z) < 0 for w in (self.wi, self.wo)])
+        return [(1 - 2 * int(a), 1 - 2 * int(b)) for a, b in np.unique(behind, axis=1).T]
+
+    @property
     def count(self) -> int:
         """Number of valid readings, channels counted apart."""
         return int(np.count_nonzero(self.valid))
@@ -83,7 +95,7 @@ def evenly_spaced(channels: int, most: int) -> np.ndarray:
 
 
 def readings_of(table: Table, limit: int | None = None, theta_max: float | None = None, seed: int = 0) -> Readings:
-    """The valid readings of a table with both directions above the horizon (and below `theta_max`, radians)."""
+    """The valid readings of a table (both directions nearer to a normal than `theta_max`, radians)."""
     block: Block = table.samples(limit=limit, theta_max=theta_max, seed=seed)
     n, channels = block.f.shape
     shape = block_shape(n, channels)
@@ -124,7 +136,9 @@ def coarse_cells(readings: Readings, limit: int, seed: int) -> np.ndarray:
     if n <= limit:
         return np.arange(n)
     rng = np.random.default_rng(seed)
-    h = [np.asarray(a) + np.asarray(b) for a, b in zip(readings.wi, readings.wo, strict=True)]
+    # What goes straight through is as narrow as what is mirrored: both directions in front.
+    i, o = (turned_over(w, np.sign(np.asarray(w.z))) for w in (readings.wi, readings.wo))
+    h = [np.asarray(a) + np.asarray(b) for a, b in zip(i, o, strict=True)]
     tan2 = (h[0] * h[0] + h[1] * h[1]) / np.maximum(h[2] * h[2], np.finfo(float).tiny)
     band = np.clip(np.frexp(np.maximum(tan2, np.finfo(float).tiny))[1], *BANDS).astype(np.int8) - np.int8(BANDS[0])
     rare = np.bincount(band, minlength=BANDS[1] - BANDS[0] + 1) < RARE * limit
@@ -271,7 +285,7 @@ def loss_floor(readings: Readings, loss: str) -> float:
     The median standard uncertainty of the readings (times cosθi where the loss has it) for `cbrt` and `log`; without
     one, a hundredth of the median reading for `cbrt`, and 1 for the others.
     """
-    cosine = np.asarray(readings.wi.z)[:, None] if uses_cosine(loss) else 1.0
+    cosine = readings.cos_i[:, None] if uses_cosine(loss) else 1.0
     sigma = sigma_of(readings) if uses_cosine(loss) else None
     if sigma is not None:
         return float(np.median((sigma * cosine)[readings.valid]))
@@ -289,7 +303,7 @@ def cell_weights(weight: str, layout: Layout, wi: Direction, wo: Direction) -> n
     """
     if weight not in WEIGHTS:
         raise GonioError(f"Unknown weight '{weight}'; {nearest(weight, WEIGHTS)}")
-    cosines = np.asarray(wi.z) * np.asarray(wo.z)
+    cosines = np.abs(np.asarray(wi.z) * np.asarray(wo.z))
     if weight == "cosine":
         return cosines
     cells = layout.solid_angles(wi, wo)

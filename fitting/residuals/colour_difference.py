@@ -48,12 +48,12 @@ def sphere_difference(
     if pixels.size > MAX_PIXELS:
         pixels = np.sort(np.random.default_rng(seed).choice(pixels, MAX_PIXELS, replace=False))
     shown = readings.part(pixels)
-    area = np.asarray(shown.wo.z, float)
+    area = np.abs(np.asarray(shown.wo.z, float))
     if layout is not None and layout.gridded and pixels.size:
         area = area * layout.solid_angles(shown.wi, shown.wo)
     if pixels.size < MIN_PIXELS or not area.sum() > 0:
         return None
-    exposure = np.pi * np.asarray(shown.wi.z)[:, None]
+    exposure = np.pi * shown.cos_i[:, None]
     white = to_xyz.sum(axis=1)
     lab = [to_lab(np.clip(f * exposure, 0.0, 1.0) @ to_xyz.T, white) for f in (model_f[pixels], shown.f)]
     difference = ciede2000(*lab)

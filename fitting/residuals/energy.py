@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gonio.models.albedo import directional_albedo
+from gonio.models.albedo import directional_albedo, directional_transmittance
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, from_spherical
+from gonio.models.geometry.sides import Hemispheres
 
 INCIDENCES = np.radians([0.0, 30, 60, 75, 85])
 AZIMUTHS = np.radians([0.0, 90.0])
@@ -123,9 +124,12 @@ def confirmed(rough: LargestAlbedo, brdf: AbstractBRDF) -> LargestAlbedo:
 
 
 def bounded_largest_albedo(brdf: AbstractBRDF) -> LargestAlbedo:
-    """The largest directional albedo of a model at `INCIDENCES` from two azimuths, to 1e-4."""
+    """The largest directional albedo of a model at `INCIDENCES` from two azimuths, to 1e-4; with what it transmits."""
     theta, phi = (a.ravel() for a in np.meshgrid(INCIDENCES, AZIMUTHS, indexing="ij"))
-    return _largest(directional_albedo(brdf, theta, phi, 1e-4).value.reshape(theta.size, -1))
+    albedo = directional_albedo(brdf, theta, phi, 1e-4).value.reshape(theta.size, -1)
+    if Hemispheres.TRANSMISSION in brdf.hemispheres:
+        albedo = albedo + directional_transmittance(brdf, theta, phi, 1e-4).value.reshape(theta.size, -1)
+    return _largest(albedo)
 
 
 def _largest(albedo: np.ndarray) -> LargestAlbedo:

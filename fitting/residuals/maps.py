@@ -10,6 +10,7 @@ from gonio.fitting.residuals.pair_angles import PairAngles
 
 HALF_EDGES = (0.0, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0)
 EVEN_EDGES = tuple(np.arange(0.0, 91.0, 10.0).tolist())
+BEHIND_TOO = tuple(np.arange(0.0, 181.0, 10.0).tolist())
 AXES = {"half_difference": ("theta_h", "theta_d"), "incident_outgoing": ("theta_i", "theta_o")}
 SYMBOLS = {"theta_h": "θh", "theta_d": "θd", "theta_i": "θi", "theta_o": "θo"}
 
@@ -61,9 +62,14 @@ def grouped_median(group: np.ndarray, values: np.ndarray, groups: int) -> np.nda
     return medians
 
 
+def _even_edges(angles: np.ndarray) -> tuple[float, ...]:
+    """Of bands up to the horizon, or on behind the sample."""
+    return EVEN_EDGES if angles.max(initial=0.0) <= EVEN_EDGES[-1] else BEHIND_TOO
+
+
 def residual_map(angles: PairAngles, relative: np.ndarray, used: np.ndarray, axes: tuple[str, ...]) -> ResidualMap:
     """Map over two of the angles of relative residuals (n, C) where `used` (n, C)."""
-    edges = tuple(HALF_EDGES if a == "theta_h" else EVEN_EDGES for a in axes)
+    edges = tuple(HALF_EDGES if a == "theta_h" else _even_edges(getattr(angles, a)) for a in axes)
     shape = tuple(len(e) - 1 for e in edges)
     cell = np.broadcast_to(map_cells(angles, axes, edges)[:, None], used.shape)[used]
     median = grouped_median(cell, relative[used], shape[0] * shape[1]).reshape(shape)

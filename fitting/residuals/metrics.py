@@ -19,7 +19,7 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
     sums, relative, known = np.zeros(7), np.empty(readings.f.size), 0
     for chunk in chunks(*readings.f.shape):
         y, m = (np.where(readings.valid[chunk], a[chunk], 0.0) for a in (readings.f, model_f))
-        cos_i, cos_o = (np.asarray(w.z)[chunk, None] for w in (readings.wi, readings.wo))
+        cos_i, cos_o = (np.abs(np.asarray(w.z)[chunk, None]) for w in (readings.wi, readings.wo))
         cosines, off = cos_i * cos_o, m - y
         logs = np.sign(m) * np.log1p(np.abs(m)) - np.sign(y) * np.log1p(np.abs(y))
         roots = np.cbrt(m * cos_i) - np.cbrt(y * cos_i)

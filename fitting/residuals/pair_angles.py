@@ -10,7 +10,10 @@ BITS = 15  # of each of four coordinates in the order along the curve
 
 
 class PairAngles(NamedTuple):
-    """Angles of pairs of directions, degrees, (n,) each: polar angles, half angle and difference angle."""
+    """Angles of pairs of directions, degrees, (n,) each: polar angles, half angle and difference angle.
+
+    Half and difference angles of what goes through are those of its mirror image in front.
+    """
 
     theta_i: np.ndarray
     theta_o: np.ndarray
@@ -26,7 +29,9 @@ class PairAngles(NamedTuple):
 def pair_angles(wi: Direction, wo: Direction) -> PairAngles:
     """The angles of pairs of unit directions with components (n,)."""
     i, o = (np.stack([np.asarray(c, float) for c in w]) for w in (wi, wo))
-    polar = [np.arctan2(np.hypot(w[0], w[1]), w[2]) for w in (i, o, i + o)]
+    polar = [np.arctan2(np.hypot(w[0], w[1]), w[2]) for w in (i, o)]
+    i, o = (np.stack([w[0], w[1], np.abs(w[2])]) for w in (i, o))
+    polar.append(np.arctan2(np.hypot(*(i + o)[:2]), (i + o)[2]))
     theta_d = np.arctan2(np.linalg.norm(i - o, axis=0), np.linalg.norm(i + o, axis=0))
     return PairAngles(*(np.degrees(a) for a in (*polar, theta_d)))
 
@@ -43,4 +48,5 @@ def neighbour_order(wi: Direction, wo: Direction, by_incidence: bool = False) ->
         for bit in range(BITS):
             position = 2 * bit + k % 2 + (2 * BITS if k < 2 else 0) if by_incidence else 4 * bit + k
             code |= ((level >> np.uint64(bit)) & np.uint64(1)) << np.uint64(position)
-    return np.argsort(code, kind="stable")
+    sides = 2 * (np.asarray(wi.z) < 0) + (np.asarray(wo.z) < 0)
+    return np.lexsort((code, sides))

@@ -19,7 +19,7 @@ MAX_READINGS = 1 << 18  # of these cells; of more, evenly spaced channels
 OUTLYING = 5.0  # scales from which on a reading stands out
 CLUSTERED = 0.3  # share of readings in one region from which on the region is named
 DOWN_WEIGHTED = 0.5  # share of its weight that a down-weighted reading keeps at most
-TENS = tuple(range(0, 91, 10))
+TENS = tuple(range(0, 181, 10))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,12 +118,12 @@ def _main_region(angles: PairAngles, chosen: np.ndarray) -> str:
     if not chosen.any():
         return ""
     cell = map_cells(angles, ("theta_i", "theta_o"), (TENS, TENS))
-    counts = np.bincount(np.broadcast_to(cell[:, None], chosen.shape)[chosen], minlength=81)
+    counts = np.bincount(np.broadcast_to(cell[:, None], chosen.shape)[chosen], minlength=18 * 18)
     most = int(np.argmax(counts))
     if counts[most] < CLUSTERED * counts.sum():
         return "spread over the directions"
     share = f"{percent(counts[most] / counts.sum())} of them" if counts[most] < counts.sum() else "all"
-    theta_i, theta_o = (10 * k for k in divmod(most, 9))
+    theta_i, theta_o = (10 * k for k in divmod(most, 18))
     return f"{share} at θi {theta_i}–{theta_i + 10}°, θo {theta_o}–{theta_o + 10}°"
 
 

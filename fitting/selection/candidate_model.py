@@ -86,7 +86,7 @@ class SelectionData:
     ) -> "SelectionData":
         """From readings f (n, C), 1/sr, and their weights."""
         n = f.shape[0]
-        cosine = np.asarray(wi.z, float)[:, None] if uses_cosine(loss) else np.ones((n, 1))
+        cosine = np.abs(np.asarray(wi.z, float))[:, None] if uses_cosine(loss) else np.ones((n, 1))
         target = transformed(loss, f * cosine, floor)
         return cls(_blocks(wi, wo), f, target, weight, cosine, loss, floor)
 

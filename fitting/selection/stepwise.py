@@ -215,7 +215,7 @@ def stepwise_selection(
         known = np.where(valid, sigma[cells][:, channels], 1.0)
         # Counts that are never expected have an uncertainty of nothing: no candidate but the truth would have a χ².
         weight = weight / np.maximum(known, LEAST_SIGMA * float(np.sqrt(np.mean(known[valid] ** 2))))
-    compared = f * np.asarray(subset.wi.z)[:, None] if uses_cosine(loss) else f
+    compared = f * subset.cos_i[:, None] if uses_cosine(loss) else f
     data = SelectionData.of(subset.wi, subset.wo, f, weight, loss, floor_of(loss, compared[valid]))
     near = criteria.neighbourhood(subset.wi, subset.wo)
     search = _Search(data, near, {}, anisotropic, sigma is not None, log)

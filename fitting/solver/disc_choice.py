@@ -145,13 +145,13 @@ def choose_rules(problem: FitProblem, p: np.ndarray, noise: float) -> DiscChoice
 
 def _weight(problem: FitProblem, f: np.ndarray) -> np.ndarray:
     """Slope (n, C) of each weighted residual by the model's value, at values f (n, C)."""
-    c = np.asarray(problem.readings.wi.z)[:, None] if uses_cosine(problem.loss) else 1.0
+    c = problem.readings.cos_i[:, None] if uses_cosine(problem.loss) else 1.0
     return problem.weight * transform(problem.loss, f * c, problem.samples.floor, np)[1] * c
 
 
 def _cut(problem: FitProblem) -> np.ndarray:
     """Which readings (n,) have a disc that the horizon cuts."""
-    cosines = (np.asarray(w.z) for w in (problem.readings.wi, problem.readings.wo))
+    cosines = (np.abs(np.asarray(w.z)) for w in (problem.readings.wi, problem.readings.wo))
     return np.any([c < np.sin(s) for c, s in zip(cosines, problem.readings.half_angles, strict=True) if s > 0], axis=0)
 
 
@@ -226,7 +226,9 @@ class _Probes(NamedTuple):
         """The probes of a model whose values at the centres are these (n, C)."""
         wi, wo = (np.stack([np.asarray(c) for c in w]) for w in (problem.readings.wi, problem.readings.wo))
         s_i, s_o = problem.readings.half_angles
-        turned = np.array([-1.0, -1.0, 1.0])[:, None]
+        # Of what goes through, to straight through.
+        through = np.where(wi[2] * wo[2] < 0, -1.0, 1.0)
+        turned = np.stack([-np.ones_like(through), -np.ones_like(through), through])
         angle = 2 * np.arcsin(np.minimum(0.5 * np.linalg.norm(turned * wi - wo, axis=0), 1.0))
         reach = np.maximum(angle, max(s_i + s_o, 1e-30))
         wi, wo = _unit(wi + s_i / reach * (turned * wo - wi)), _unit(wo + s_o / reach * (turned * wi - wo))
@@ -250,7 +252,7 @@ class _Probes(NamedTuple):
         distance = np.sqrt(2.0) * max(problem.readings.half_angles) / (STEPS[step] + 1)
         sine = np.maximum(np.hypot(wo[0], wo[1]), 1e-12)
         across = np.stack([-wo[1], wo[0], np.zeros_like(sine)]) / sine
-        up = np.cross(wo, across, axis=0)
+        up = np.sign(wo[2]) * np.cross(wo, across, axis=0)
         # Inwards: towards the normal, so that nothing falls below the horizon.
         near = [problem.values_at(p, Direction(*wi), Direction(*_unit(wo + distance * t))) for t in (across, up)]
         missed = np.abs(f) > PEAK_MISSED * np.min(np.abs(near), axis=0)

@@ -52,8 +52,8 @@ def advice(e: Optimum, combination: Combination) -> str:
     sigma = _noise(e.readings, e.model_f, probes.f)[:, channels]
     rows = probes.rows[:, :, channels]
     known, reach, change = _precision(e, view), open_from(e.domains, e.p)[view.index], combination.change[view.index]
-    top = float(np.degrees(np.max(np.arccos(np.clip(np.minimum(wi.z, wo.z), 0, 1)))))
-    outer = np.degrees(np.maximum(probes.theta_i, probes.theta_o))
+    top = float(np.degrees(np.max(np.arccos(np.clip(np.minimum(np.abs(wi.z), np.abs(wo.z)), 0, 1)))))
+    outer = np.degrees(np.max([np.minimum(t, np.pi - t) for t in (probes.theta_i, probes.theta_o)], axis=0))
 
     def separated(cells: np.ndarray) -> bool:
         more = _information(columns, rows[cells], sigma[cells], change.size)
@@ -123,6 +123,10 @@ def _probes(e: Optimum) -> _Probes:
     phi = np.tile(np.repeat(np.radians([180.0, 0.0, 175.0, 120.0]), EACH // 4), INCIDENCES)
     # The mirror direction itself belongs to every incidence: a lobe is often narrower than the grid.
     theta_o[:: EACH // 4] = theta_i[:: EACH // 4]
+    # On the sides of the sample that were read.
+    lit, read = np.repeat(np.array(e.readings.sides).T, theta_i.size, axis=1) < 0
+    theta_i, theta_o, phi = (np.tile(a, len(e.readings.sides)) for a in (theta_i, theta_o, phi))
+    theta_i, theta_o = np.where(lit, np.pi - theta_i, theta_i), np.where(read, np.pi - theta_o, theta_o)
     pair = (from_spherical(theta_i, 0.0, np), from_spherical(theta_o, phi, np))
     wi, wo = (Direction(*(jnp.asarray(c) for c in w)) for w in pair)
     f, rows = sensitivities(e.parameters, jnp.asarray(e.p), e.problem.fixed, wi, wo)

@@ -117,7 +117,7 @@ class FitBudget:
 
     def _cosine(self) -> np.ndarray:
         e = self.evidence
-        return np.asarray(e.readings.wi.z)[:, None] if uses_cosine(e.loss) else np.ones((e.readings.f.shape[0], 1))
+        return e.readings.cos_i[:, None] if uses_cosine(e.loss) else np.ones((e.readings.f.shape[0], 1))
 
     def _weights(self, cosine: np.ndarray) -> list[np.ndarray]:
         """Weights of changes of the model and of the readings (n, C): w T'(f c) c."""
