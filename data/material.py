@@ -22,6 +22,7 @@ from gonio.models.errors import GonioError, printable
 from gonio.models.evaluation import channel_count, evaluate, flat_pair, sampled_directions, sampling_density
 from gonio.models.expression.builder import to_expression
 from gonio.models.expression.derivatives import parameter_derivatives
+from gonio.models.expression.wavelengths import wavelengths_of
 from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.geometry.horizon import Hemispheres
 
@@ -173,12 +174,13 @@ class Material(Displayed):
         return np.array(np.broadcast_to(array, (*shape, len(self.channels))))
 
     def facts(self) -> dict[str, str]:
-        """Name, model, channels and source."""
+        """Name, model, channels, source, and where the model is used beyond what it is made for."""
         return {
             "name": self.name,
             "model": self.expression or self.description or type(self.brdf).__name__,
             "channels": f"{len(self.channels)}: {listed(self.channels.names)}",
             "source": self.source,
+            "note": "; ".join(self.brdf.validity_notes),
         }
 
 
@@ -188,8 +190,11 @@ def _pair(angles: list[np.ndarray]) -> tuple[Direction, Direction]:
 
 
 def channels_of(brdf: AbstractBRDF) -> Channels:
-    """The channels of a model that does not name them."""
-    return Channels.of_count(channel_count(brdf) or 1)
+    """The channels of a model that does not name them: its wavelengths, where it has one each, else by their count."""
+    count, wavelengths = channel_count(brdf) or 1, wavelengths_of(brdf)
+    if wavelengths is not None and len(set(wavelengths)) == count:
+        return Channels.of_wavelengths(wavelengths)
+    return Channels.of_count(count)
 
 
 def material_of(brdf: AbstractBRDF) -> Material:

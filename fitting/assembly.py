@@ -23,6 +23,7 @@ from gonio.fitting.uncertainty.clusters import with_clusters
 from gonio.fitting.uncertainty.identifiability import MOST_ALIKE, listed, undetermined_sentences
 from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
 from gonio.fitting.uncertainty.profile_likelihood import with_profiles
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.catalog import MODELS
 from gonio.models.expression.builder import build, number_label, to_expression
 from gonio.models.expression.parser import FACTOR, Term, calls, numbers
@@ -75,15 +76,15 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
         undetermined=_undetermined(optima, estimates),
         active_bounds=[p.label for p in free if p.status.startswith("at ")], seconds=seconds,
         theta_max=settings.theta_max, table=task.table, counts=task.counts,
-        notes=[*notes, *sorted({n for e in optima for n in e.notes}), *_kept_defaults(task.terms)],
+        notes=[*notes, *sorted({n for e in optima for n in e.notes}), *_model_notes(task.terms, brdf)],
         floor=[float(e.problem.samples.floor) for e in optima], robust=settings.robust,
         apertures=apertures, evidence=_evidence(task, optima, f, cost), bootstrap=_bootstrap(task, optima, labels),
     )  # fmt: skip
 
 
-def _kept_defaults(terms: tuple[Term, ...]) -> list[str]:
-    """A note for each model on the parameters that have a default, which the expression does not name."""
-    notes = []
+def _model_notes(terms: tuple[Term, ...], brdf: AbstractBRDF) -> list[str]:
+    """Where the model leaves what it is made for, and which parameters kept a default that nobody mentioned."""
+    notes = list(brdf.validity_notes)
     for call in calls(terms):
         defaults = {f.name: f.default for f in dataclasses.fields(MODELS[call.name]) if "parameter" in f.metadata}
         kept = [

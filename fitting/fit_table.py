@@ -25,7 +25,9 @@ from gonio.fitting.selection.automatic import Selection, shows_anisotropy
 from gonio.fitting.selection.scene_promise import promise
 from gonio.fitting.selection.scene_selection import SceneView, view_of
 from gonio.models.errors import GonioError
+from gonio.models.expression.builder import terms_to_expression
 from gonio.models.expression.parser import parse, with_defaults
+from gonio.models.expression.wavelengths import with_wavelengths
 
 SELECTED_STARTS = 2  # random ones after a selection, which knows where to begin
 
@@ -72,9 +74,10 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
     settings = FitSettings.create(options)
     source = resolve_subject(table).require_table()
     expressions = [model] if isinstance(model, str) else list(model or [])
-    parsed = [with_defaults(parse(m)) for m in expressions]
     if settings.scene is not None and (names := settings.scene.channels_of(source.channels.names)):
         source = source.only(names)
+    expressions = [_at_wavelengths(m, source) for m in expressions]
+    parsed = [with_defaults(parse(m)) for m in expressions]
     began = time.perf_counter()
     if parsed:
         loss = _usual_loss(settings, source.u_f is not None)
@@ -112,6 +115,13 @@ def _no_selection(table: Table, scene: bool) -> str:
         f"{name} holds more than reflection from the front, and a model is selected for that alone; give one, or "
         "several to be compared, such as -m 'lambert + lambert_transmission' (gonio models lists those that transmit)"
     )
+
+
+def _at_wavelengths(expression: str, table: Table) -> str:
+    """The expression with the wavelengths of the table's channels, where a model takes one that was not mentioned."""
+    terms = parse(expression)
+    complete = with_wavelengths(terms, table.channels.wavelengths_nm)
+    return expression if complete == terms else terms_to_expression(complete)
 
 
 def _task(table: Table, settings: FitSettings) -> FitTask:

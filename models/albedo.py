@@ -51,8 +51,7 @@ def _term_sums(
     # `side` is 1 for what leaves in front, -1 for what leaves behind.
     def one(term: AbstractBRDF, w: Direction) -> tuple[Channels, Channels]:
         def node(a: Scalar, b: Scalar, c: Scalar) -> Channels:
-            wo, jacobian = term.lobe_map(w, a, b)
-            return term.f(w, wo) * (c * jnp.maximum(side * wo.z, 0.0) * jacobian)
+            return term.flux(w, a, b, side) * c
 
         values = jax.vmap(node)(u1, u2, weight)
         return jnp.sum(values, 0), jnp.sum(jnp.abs(values), 0)

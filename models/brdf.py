@@ -73,6 +73,16 @@ class AbstractBRDF(eqx.Module):
         )
 
     @property
+    def symmetric(self) -> bool:
+        """Whether f stays as it is where both directions are mirrored at the plane of x and the normal."""
+        return True
+
+    @property
+    def validity_notes(self) -> tuple[str, ...]:
+        """Where the parameters leave the range that the model's approximation is made for: a sentence each."""
+        return ()
+
+    @property
     def facet_widths(self) -> tuple[Scalar, Scalar] | None:
         """The widths along x and y of the slopes of facets that make a lobe about the mirror direction, or None.
 
@@ -120,6 +130,18 @@ class AbstractBRDF(eqx.Module):
         """
         wo, leaves = self.sample(wi, u1, u2)
         return wo, jnp.where(leaves, 1.0 / jnp.where(leaves, self.pdf(wi, wo), 1.0), 0.0)
+
+    def flux(self, wi: Direction, u1: Scalar, u2: Scalar, side: Scalar) -> Channels:
+        """f |cosθo| dω/(du1 du2) at a point of the lobe map: what integrates to the share that leaves.
+
+        `side` is 1 for what leaves in front, -1 for what leaves behind.
+        """
+        wo, jacobian = self.lobe_map(wi, u1, u2)
+        return self.f(wi, wo) * (jnp.maximum(side * wo.z, 0.0) * jacobian)
+
+    def specular(self, wi: Direction) -> Channels:
+        """Share of the light from `wi` that leaves as an image of its source: a delta, which is no part of f."""
+        return jnp.zeros_like(wi.z)
 
     def terms(self) -> "tuple[AbstractBRDF, ...]":
         """The BRDFs that add up to this one and have a lobe map each; itself, for most."""
@@ -184,6 +206,12 @@ class Scaled(AbstractBRDF):
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return self.base.lobe_map(wi, u1, u2)
 
+    def flux(self, wi: Direction, u1: Scalar, u2: Scalar, side: Scalar) -> Channels:
+        return self.scale * self.base.flux(wi, u1, u2, side)
+
+    def specular(self, wi: Direction) -> Channels:
+        return self.scale * self.base.specular(wi)
+
     def terms(self) -> tuple[AbstractBRDF, ...]:
         return tuple(Scaled(self.scale, part) for part in self.base.terms())
 
@@ -202,6 +230,14 @@ class Scaled(AbstractBRDF):
     @property
     def isotropic(self) -> bool:
         return self.base.isotropic
+
+    @property
+    def symmetric(self) -> bool:
+        return self.base.symmetric
+
+    @property
+    def validity_notes(self) -> tuple[str, ...]:
+        return self.base.validity_notes
 
     @property
     def facet_widths(self) -> tuple[Scalar, Scalar] | None:
@@ -255,6 +291,9 @@ class Sum(AbstractBRDF):
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         raise TypeError("a sum has no lobe map of its own: integrate each of terms() with its own")
 
+    def specular(self, wi: Direction) -> Channels:
+        return functools.reduce(operator.add, (part.specular(wi) for part in self.parts))
+
     def terms(self) -> tuple[AbstractBRDF, ...]:
         return tuple(s for part in self.parts for s in part.terms())
 
@@ -269,6 +308,14 @@ class Sum(AbstractBRDF):
     @property
     def isotropic(self) -> bool:
         return all(part.isotropic for part in self.parts)
+
+    @property
+    def symmetric(self) -> bool:
+        return all(part.symmetric for part in self.parts)
+
+    @property
+    def validity_notes(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(note for part in self.parts for note in part.validity_notes))
 
 
 class AbstractComposite(AbstractBRDF):

@@ -30,6 +30,8 @@ _WHERE = {
     "abg": ("surface_scatter.harvey_shack", "ABg"),
     "retro": ("microfacet.retro", "Retro"),
     "charlie": ("microfacet.charlie", "Charlie"),
+    "rayleigh_rice": ("surface_scatter.rayleigh_rice", "RayleighRice"),
+    "grating": ("surface_scatter.grating", "Grating"),
     "he_torrance": ("surface_scatter.he_torrance", "HeTorrance"),
     "oren_nayar": ("diffuse.oren_nayar", "OrenNayar"),
     "minnaert": ("diffuse.minnaert", "Minnaert"),

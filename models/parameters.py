@@ -12,7 +12,7 @@ Role = Literal[
     "albedo", "scale", "weight",  # levels: of what is reflected, of a lobe, of a term
     "width", "inverse_width", "roughness", "shoulder", "hot_spot", "exponent",  # shapes; "width" is alpha, of facets
     "fresnel", "index", "extinction", "masking", "phase",  # optics
-    "length", "wavelength", "coefficient",
+    "length", "angle", "wavelength", "coefficient",
 ]  # fmt: skip
 """What a parameter stands for, in the terms of the field."""
 
@@ -22,7 +22,8 @@ class ParameterInfo:
     """Domain [low, high] (closed at both ends), unit and meaning of a parameter.
 
     `start` is where a fit begins when nothing is known; `role` is what the parameter stands for; `per_channel`: a joint
-    fit frees one value for each channel; `linear`: f is proportional to it; `log`: a fit steps in its logarithm.
+    fit frees one value for each channel; `linear`: f is proportional to it; `log`: a fit steps in its logarithm;
+    `only`: an option and its choice, with which alone the model has the parameter, and needs it.
     """
 
     low: float
@@ -34,6 +35,7 @@ class ParameterInfo:
     per_channel: bool = False
     linear: bool = False
     log: bool = False
+    only: tuple[str, str] | None = None
 
 
 def parameter(info: ParameterInfo, **kwargs: Any) -> Any:

@@ -43,12 +43,17 @@ def read_material(path: str | os.PathLike[str]) -> "Material":
 def _material(data: dict[str, Any], path: Path) -> "Material":
     # Models load JAX, and a table's file does without it.
     from gonio.data.material import Material
-    from gonio.models.expression.builder import build
+    from gonio.models.expression.builder import build, terms_to_expression
+    from gonio.models.expression.parser import parse
+    from gonio.models.expression.wavelengths import with_wavelengths
 
     if "model" not in data:
         raise GonioError("it has no model; expected a spelled model in quotes")
     expression = " ".join(data["model"].split())
-    brdf = build(expression)
+    terms = parse(expression)
+    complete = with_wavelengths(terms, _wavelengths(data))
+    expression = expression if complete == terms else terms_to_expression(complete)
+    brdf = build(complete)
     source = data.get("source", {}).get("text", "")
     if not isinstance(source, str):
         raise GonioError(f"source.text is {type(source).__name__}; expected a text")
@@ -56,6 +61,18 @@ def _material(data: dict[str, Any], path: Path) -> "Material":
     meta = {"file": str(path)} | ({"fit": data["fit"]} if "fit" in data else {})
     name, description = data.get("name", stem(path)), data.get("description", "")
     return Material(name, brdf, expression, _declared_channels(data, brdf), description, source, meta)
+
+
+def _wavelengths(data: dict[str, Any]) -> list[float] | None:
+    wavelengths = data.get("wavelengths_nm")
+    if wavelengths is None:
+        return None
+    for v in wavelengths:
+        if isinstance(v, bool) or not isinstance(v, int | float) or not 1 <= v <= 1e6:
+            raise GonioError(f"wavelengths_nm holds {v!r}; expected wavelengths from 1 to 1e6 nm")
+    if not wavelengths:
+        raise GonioError("wavelengths_nm is empty; leave it out for a grey material")
+    return [float(v) for v in wavelengths]
 
 
 def _declared_channels(data: dict[str, Any], brdf: "AbstractBRDF") -> Channels:
@@ -72,12 +89,7 @@ def _declared_channels(data: dict[str, Any], brdf: "AbstractBRDF") -> Channels:
             raise GonioError("channels holds something that is not a name; expected a list of texts")
         channels = Channels(tuple(names))
     else:
-        for v in wavelengths or []:
-            if isinstance(v, bool) or not isinstance(v, int | float) or not 1 <= v <= 1e6:
-                raise GonioError(f"wavelengths_nm holds {v!r}; expected wavelengths from 1 to 1e6 nm")
-        if not wavelengths:
-            raise GonioError("wavelengths_nm is empty; leave it out for a grey material")
-        channels = Channels.of_wavelengths(map(float, wavelengths))
+        channels = Channels.of_wavelengths(_wavelengths(data) or ())
     if len(channels) != count:
         raise GonioError(
             f"{len(channels)} channels are named, but the model has {count}; name as many as its lists hold"

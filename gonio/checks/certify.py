@@ -80,7 +80,8 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
         if path is not None and (reference is not None or not spec.needs_reference):
             judge = pkgutil.resolve_name(f"gonio.checks.{path}")
             properties.append(judge(evidence, given.get(key, tolerance)))
-    notes = [] if judged.table is None else list(judged.table.provenance.get("warnings", []))
+    table = judged.table
+    notes = list(judged.brdf.validity_notes if table is None else table.provenance.get("warnings", []))
     return Certificate(settings.name or judged.name, judged.kind, properties, settings.strict, notes)
 
 

@@ -76,9 +76,9 @@ def assemble(
 
 
 def _notes(s: ReportSubject, e: Evaluation | None) -> list[str]:
-    """What the readings are suspected of, and how they are interpolated."""
+    """What the readings are suspected of, and how they are interpolated; where a model leaves what it is made for."""
     if s.table is None:
-        return []
+        return list(s.model.validity_notes)
     return [*s.table.provenance.get("warnings", []), *([] if e is None else [_interpolation_note(e)])]
 
 

@@ -31,8 +31,14 @@ def settings_of(name: str) -> list[str]:
     lead = next(leading, required[0] if required else None)
     changes = [{lead: f"{v:.6g}"} for v in _grid(known[lead])] if lead else [{}]
     changes += [{n: f"{v:.6g}"} for n in known if n in required and n != lead for v in (known[n].low, known[n].high)]
-    changes += [{option: choice} for option, choices in options_of(model).items() for choice in choices[1:]]
     settings = [{**inside, **base, **change} for change in changes]
+    choices = [(option, choice) for option, every in options_of(model).items() for choice in every[1:]]
+    for option, choice in choices:
+        # Parameters that go with a choice come and go with it.
+        with_it = needed(Call(name, {}, {option: choice}))
+        kept = {n: v for n, v in base.items() if n in with_it or not known[n].only}
+        starts = {n: f"{known[n].start:g}" for n in with_it if n not in kept}
+        settings.append({**inside, **kept, **starts, option: choice})
     width = next((w for w in ANISOTROPIC if f"{w}_x" in known), None)
     if width:
         both = dict(zip((f"{width}_x", f"{width}_y"), ANISOTROPIC[width], strict=True))

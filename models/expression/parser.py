@@ -203,13 +203,16 @@ class _Parser:
                 raise self.error(f"{call.name} stands over another model; say which, as in {name}=lambert(rho=0.5)")
         if self.models is MODELS:
             require_one_fresnel(call)
+            require_its_options(call)
         return call
 
     def option(self, model: str, key: str, choices: tuple[str, ...]) -> str:
         kind, text = self.take()
         text = text.strip("\"'")
-        if kind not in ("string", "name", "number") or text not in choices:
-            raise GonioError(f"{model}'s {key} is '{text}'; {nearest(text, choices)}")
+        if kind not in ("string", "name", "number") or (choices and text not in choices):
+            raise GonioError(
+                f"{model}'s {key} is '{text}'; {nearest(text, choices) if choices else 'give a text in quotes.'}"
+            )
         return text
 
     def number(self, info: ParameterInfo, what: str) -> float:
@@ -242,7 +245,7 @@ class _Parser:
 
 
 def options_of(model_class: type) -> dict[str, tuple[str, ...]]:
-    """The options of a model class (such as `smith`) with the choices of each."""
+    """The options of a model class (such as `smith`) with the choices of each; none where any text may be one."""
     fields = dataclasses.fields(model_class)
     return {f.name: f.metadata["choices"] for f in fields if "choices" in f.metadata}
 
@@ -311,8 +314,24 @@ def require_one_fresnel(call: Call) -> None:
             raise GonioError(f"{call.name} has one of {name}_x and {name}_y; give both, or {name}.")
 
 
+def chosen_option(call: Call, option: str) -> str:
+    """The choice of an option: what was said, or the model's default."""
+    defaults = {f.name: str(f.default) for f in dataclasses.fields(MODELS[call.name])}
+    return call.options.get(option, defaults[option])
+
+
+def require_its_options(call: Call) -> None:
+    """GonioError for a parameter that goes with another choice of an option."""
+    known = parameters_of(MODELS[call.name])
+    for name in call.values:
+        if (only := known[name].only) and chosen_option(call, only[0]) != only[1]:
+            raise GonioError(
+                f"{call.name}'s {name} goes with {only[0]}={only[1]}; here {only[0]} is {chosen_option(call, only[0])}."
+            )
+
+
 def needed(call: Call) -> tuple[str, ...]:
-    """The parameters that a model cannot do without, in its order: those without a default, and its width.
+    """The parameters that a model cannot do without, in its order: those without a default, of its options, its width.
 
     A model with widths along x and y has `alpha` (or `n`) or both of the others.
     """
@@ -323,7 +342,12 @@ def needed(call: Call) -> tuple[str, ...]:
             break
     else:
         widths = ()
-    return tuple(n for n, f in fields.items() if n in widths or f.default is dataclasses.MISSING)
+
+    def needs(field: dataclasses.Field) -> bool:
+        only = field.metadata["parameter"].only
+        return field.default is dataclasses.MISSING or (only is not None and chosen_option(call, only[0]) == only[1])
+
+    return tuple(n for n, f in fields.items() if n in widths or needs(f))
 
 
 FACTOR = "scale"

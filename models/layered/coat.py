@@ -100,6 +100,14 @@ class Coat(AbstractComposite):
     def violates(self) -> Mapping[str, str]:
         return self.base.violates
 
+    @property
+    def symmetric(self) -> bool:
+        return self.base.symmetric
+
+    @property
+    def validity_notes(self) -> tuple[str, ...]:
+        return self.base.validity_notes
+
     def terms(self) -> tuple[AbstractBRDF, ...]:
         under = tuple(UnderCoat(part, self.alpha, self.eta) for part in self.base.terms())
         return (GGX(alpha=self.alpha, eta=self.eta), *under)

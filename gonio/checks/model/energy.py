@@ -2,6 +2,8 @@
 
 import dataclasses
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from gonio.checks.albedos import Albedos, energy_property, with_hemispherical
@@ -13,6 +15,7 @@ from gonio.checks.model.reciprocity import difference_of_pairs, rounding_of
 from gonio.models.albedo import directional_albedo
 from gonio.models.brdf import AbstractBRDF, Sum
 from gonio.models.catalog import is_ours
+from gonio.models.geometry.directions import Direction, from_spherical
 
 GRAZING = 89.9
 """The last incidence, degrees."""
@@ -38,12 +41,12 @@ def incidences() -> np.ndarray:
 def model_energy(evidence: ModelEvidence, tolerance: float) -> Property:
     """How far the directional albedo exceeds 1 at the worst incidence; losses in the facts."""
     ours, isotropic = is_ours(evidence.brdf), _isotropic(evidence)
-    # Our anisotropic models are mirror symmetric along x and y: a quarter of the azimuths stands for all.
-    azimuths = np.linspace(0, np.pi / 2, 4) if ours else np.arange(8) * np.pi / 4
+    # Our anisotropic models are mirror symmetric along x and y, but those that say otherwise: a quarter stands for all.
+    azimuths = np.linspace(0, np.pi / 2, 4) if ours and evidence.brdf.symmetric else np.arange(8) * np.pi / 4
     azimuths = np.zeros(1) if isotropic else azimuths
     rule = "by each lobe's own map" if ours else "by adaptive cubature, as the model's own map is not known to be right"
     several = "" if isotropic else f", at {azimuths.size} azimuths"
-    method = f"Incidence 0 to {GRAZING}°{several}, integrated {rule}."
+    method = f"Incidence 0 to {GRAZING}°{several}, integrated {rule}.{_beside_f(evidence.brdf)}"
     integrator = _Integrator(evidence.brdf, max(tolerance / 4, 1e-9), evidence.channels, method)
     theta, phi = (a.ravel() for a in np.meshgrid(incidences(), azimuths, indexing="ij"))
     albedos = integrator.albedos(theta, phi)
@@ -62,6 +65,17 @@ def model_energy(evidence: ModelEvidence, tolerance: float) -> Property:
     judged = with_hemispherical(energy_property(refined, tolerance), albedos)
     judged.series = series
     return judged
+
+
+def specular_share(brdf: AbstractBRDF, theta: np.ndarray, phi: np.ndarray) -> np.ndarray:
+    """What leaves as an image of the source, beside f, (incidences, channels)."""
+    wi = Direction(*(jnp.asarray(c) for c in from_spherical(theta, phi, np)))
+    return np.asarray(jax.vmap(brdf.specular)(wi), float).reshape(theta.size, -1)
+
+
+def _beside_f(brdf: AbstractBRDF) -> str:
+    share = specular_share(brdf, np.zeros(1), np.zeros(1)).max()
+    return f" The specular share, no part of f, is counted: {share:.6g} at normal incidence." if share else ""
 
 
 def _isotropic(evidence: ModelEvidence) -> bool:
@@ -92,6 +106,7 @@ class _Integrator:
             each = [cubature_albedo(term, t, p, self.accuracy, limit) for t, p in zip(theta, phi, strict=True)]
             v, b = (np.stack(a) for a in zip(*each, strict=True))
             value, bound = value + v, bound + b
+        value = value + specular_share(self.brdf, theta, phi)
         bound = bound + 64 * precision() * np.abs(value)
         return Albedos(theta, phi, value, bound, bound, self.method, self.channels)
 

@@ -12,14 +12,18 @@ TURN = rotated(0.7)
 
 
 def model_symmetry(evidence: ModelEvidence, tolerance: float) -> Property:
-    """The largest relative difference between f and f with both directions mirrored at the x–z plane."""
+    """The largest relative difference of f and f mirrored at the x–z plane; only of what claims the symmetry."""
     worst = difference_of_pairs(evidence.brdf, mirrored, evidence.angles)
     detail = (
         "The largest relative difference between f(Δφ) and f(−Δφ), both directions mirrored at the plane of x and the"
         f" normal, is {worst.residual:.2g}, searched over {worst.pairs:,} pairs."
     )
     bound = rounding_of(evidence.brdf, mirrored, worst)
-    return difference_property("symmetry", evidence, worst, bound, tolerance, detail)
+    judged = difference_property("symmetry", evidence, worst, bound, tolerance, detail)
+    if not evidence.brdf.symmetric:
+        judged.verdict = NOT_APPLICABLE
+        judged.detail += " The model does not claim to be symmetric."
+    return judged
 
 
 def model_isotropy(evidence: ModelEvidence, tolerance: float) -> Property:

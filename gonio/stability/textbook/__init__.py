@@ -1,11 +1,20 @@
 """Every model once more, as its paper prints it, in mpmath numbers of any precision: an independent second opinion."""
 
-from gonio.stability.textbook import diffuse, half_vector, layered, microfacet, mirror, physical_optics, volumetric
+from gonio.stability.textbook import (
+    diffuse,
+    half_vector,
+    layered,
+    microfacet,
+    mirror,
+    physical_optics,
+    volumetric,
+    waves,
+)
 from gonio.stability.textbook.frame import TextbookForm
 
 TEXTBOOK: dict[str, TextbookForm] = {
     name: form
-    for module in (diffuse, volumetric, half_vector, mirror, microfacet, layered, physical_optics)
+    for module in (diffuse, volumetric, half_vector, mirror, microfacet, layered, physical_optics, waves)
     for name, form in vars(module).items()
     if isinstance(form, TextbookForm)
 }
