@@ -26,6 +26,6 @@ def require_reflection(subject: "Table | AbstractBRDF", name: str, method: str) 
         transmits = Hemispheres.TRANSMISSION in subject.hemispheres
     if transmits:
         raise GonioError(
-            f"{name} transmits, and {method} knows reflection from the front alone; take its reflection: gonio measure "
-            f"'{name}' --hemisphere reflection -o R.h5"
+            f"{name} transmits, and {method} knows reflection from the front alone; measure that: "
+            "gonio measure SUBJECT --hemisphere reflection -o R.h5"
         )

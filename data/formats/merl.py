@@ -15,6 +15,7 @@ from gonio.data.channels import Channels
 from gonio.data.files import new_file, stem, whole_size
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout
+from gonio.data.reflection_only import require_reflection
 from gonio.data.round_trip import RoundTrip, compare, compare_cells
 from gonio.data.table import Table, whole_table_of_values
 from gonio.models.errors import GonioError
@@ -89,6 +90,7 @@ def write_merl(
     MERL has no sign for a negative reading: those become "no data" and are counted as lost. Raises GonioError
     for other than one or three channels, and where `path` cannot be written.
     """
+    require_reflection(source, getattr(source, "name", "") or "the model", "a MERL file")
     table = _on_merl_grid(source, nodes)
     if len(table.channels) not in (1, 3):
         raise GonioError(

@@ -18,6 +18,7 @@ from gonio.data.interpolation.rgl_layout import CHANNEL_BYTES, RGLLayout, sector
 from gonio.data.interpolation.rgl_pairs import spread_pairs
 from gonio.data.interpolation.rgl_warp import RGLMaterial
 from gonio.data.material import Material
+from gonio.data.reflection_only import require_reflection
 from gonio.data.round_trip import RoundTrip, compare
 from gonio.data.table import Table
 from gonio.models.display import percent
@@ -56,6 +57,7 @@ def write_rgl(
         GonioError: for channels that are neither one, nor R, G, B, nor wavelengths; for a table without readings for
             half of the directions; where `path` cannot be written.
     """
+    require_reflection(source if isinstance(source, Table) else source.brdf, source.name, "an RGL file")
     channels = rgl_channels(source.channels)
     brdf = as_material(source) if isinstance(source, Table) else source.brdf
     layout = RGLLayout.of_bytes(channel_bytes, sectors_of(brdf))

@@ -12,6 +12,7 @@ from gonio.data.interpolation.multilinear import as_material
 from gonio.data.layouts.base import Layout
 from gonio.data.reduction.table_resolution import Resolution, known_truth, measured_error, resolution
 from gonio.data.reduction.thin_grid import SceneValues, StartGrid, Thinning
+from gonio.data.reflection_only import require_reflection
 from gonio.data.scene import Scene, load_scene
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Channels, Table
@@ -105,6 +106,7 @@ def reduce_table(
         GonioError: the table does not answer for what the scene sees, or no smaller table is within the tolerance.
     """
     table, scene = resolve_subject(table).require_table(), load_scene(scene)
+    require_reflection(table, table.name or "the table", "a scene")
     tolerance = scene.tolerance if tolerance is None else tolerance
     whole, left_out = table, ()
     if (names := scene.channels_of(table.channels.names)) and len(names) < len(table.channels):

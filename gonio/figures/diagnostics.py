@@ -198,11 +198,18 @@ class MedianGrid(NamedTuple):
 
 def median_grid(across: np.ndarray, up: np.ndarray, relative: np.ndarray, root: bool) -> MedianGrid:
     """Medians of (model − reading)/|reading| by two angles, degrees; `root`: even steps of the first one's root."""
-    x_edges = np.linspace(0, np.sqrt(90), BINS + 1) ** 2 if root else ABOUT_NODES
-    y_edges = np.linspace(0, 90, BINS + 1) if root else ABOUT_NODES
+    x_edges = np.linspace(0, np.sqrt(90), BINS + 1) ** 2 if root else _about_nodes(across)
+    y_edges = np.linspace(0, 90, BINS + 1) if root else _about_nodes(up)
     rows, columns = x_edges.size - 1, y_edges.size - 1
     cell = bins(across, x_edges) * columns + bins(up, y_edges)
     return MedianGrid(x_edges, y_edges, grouped_median(cell, 100 * relative, rows * columns).reshape(rows, columns))
+
+
+def _about_nodes(angles: np.ndarray) -> np.ndarray:
+    """Edges of bins up to the horizon, or on behind the sample."""
+    if angles.max(initial=0.0) <= 90:
+        return ABOUT_NODES
+    return np.concatenate([ABOUT_NODES, 180 - ABOUT_NODES[-2::-1]])
 
 
 def residual_limit(grids: Sequence[MedianGrid]) -> float:
@@ -224,8 +231,13 @@ def draw_residual_map(ax: Axes, grid: MedianGrid, axes: tuple[str, str], limit: 
         norm=CenteredNorm(halfrange=limit), rasterized=True,
     )  # fmt: skip
     style.colour_bar(ax, mesh, "median of (model − reading)/|reading|, %", extend="both")
-    (style.root_degree_axis if root else style.degree_axis)(ax.xaxis)
-    style.degree_axis(ax.yaxis)
+    for axis, edges in ((ax.xaxis, grid.x_edges), (ax.yaxis, grid.y_edges)):
+        if root and axis is ax.xaxis:
+            style.root_degree_axis(axis)
+        elif edges[-1] > 90:
+            style.degree_axis(axis, range(0, 181, 30))
+        else:
+            style.degree_axis(axis)
     ax.set(xlabel=NAMES[axes[0]], ylabel=NAMES[axes[1]])
 
 

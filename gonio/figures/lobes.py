@@ -36,9 +36,12 @@ class Curve:
 
 def draw_in_plane(ax: Axes, curves: Sequence[Curve], log: bool) -> None:
     """f against the signed outgoing angle."""
-    ax.set_xlim(-90, 90)
-    degree_axis(ax.xaxis, range(-90, 91, 30))
-    ax.set_xlabel("θₒ  (light’s side  ←   → mirror’s side)")
+    end = 180 if _behind(curves) else 90
+    ax.set_xlim(-end, end)
+    degree_axis(ax.xaxis, range(-end, end + 1, end // 3))
+    ax.set_xlabel("θₒ  (light’s side  ←   → mirror’s side)" + ", beyond ±90° behind" * (end > 90))
+    for horizon in (-90, 90) if end > 90 else ():
+        ax.axvline(horizon, color=AXIS_GREY, lw=0.7)
     if log:
         log_axis(ax, *value_range(curves))
     else:
@@ -72,7 +75,9 @@ def _draw(ax: Axes, x: np.ndarray, y: np.ndarray, c: Curve) -> None:
         style.draw_dots(ax, x, y, c.colour)
         ax.plot([], [], c.marker, ms=2.9, color=c.colour, mew=0, label=c.label, ls="none")
     else:
-        ax.plot(x, y, color=c.colour, ls=c.dash, label=c.label)
+        # Nothing leaves along the horizon: the line is broken between the two sides.
+        between = np.abs(np.abs(c.theta_o) - 90.0) < 1e-9
+        ax.plot(x, np.where(between, np.nan, y), color=c.colour, ls=c.dash, label=c.label)
 
 
 def draw_polar(ax: Axes, curves: Sequence[Curve], log: bool) -> None:
@@ -81,7 +86,10 @@ def draw_polar(ax: Axes, curves: Sequence[Curve], log: bool) -> None:
     rings = _log_rings(low, high) if log else _linear_rings(curves)
     floor, top = math.log10(rings[0]) if log else 0.0, rings[-1]
     span = (math.log10(top) - floor) if log else top
-    _half_disc(ax, rings, [(math.log10(r) - floor) / span if log else r / span for r in rings])
+    radii = [(math.log10(r) - floor) / span if log else r / span for r in rings]
+    _half_disc(ax, rings, radii)
+    if _behind(curves):
+        _lower_half(ax, radii)
     for c in curves:
         radius = _radius(c.f, floor, span, log)
         t = np.radians(c.theta_o)
@@ -89,6 +97,25 @@ def draw_polar(ax: Axes, curves: Sequence[Curve], log: bool) -> None:
         if c.theta_i is not None:
             _incoming(ax, c.theta_i, c.colour)
     style.legend_above(ax)
+
+
+def _behind(curves: Sequence[Curve]) -> bool:
+    """Whether some of the angles are behind the sample."""
+    return any(np.abs(c.theta_o).max(initial=0.0) > 90 for c in curves)
+
+
+def _lower_half(ax: Axes, radii: list[float]) -> None:
+    """Rings and rays behind the sample."""
+    ax.set_ylim(-1.16, 1.16)
+    for degrees in (-150, -120, 120, 150, 180):
+        t = math.radians(degrees)
+        ax.plot([0, math.sin(t)], [0, math.cos(t)], color=RULE, lw=0.6, zorder=0)
+        ax.text(
+            1.045 * math.sin(t), 1.035 * math.cos(t), f"{degrees}°".replace("-", "−"), color=INK, fontsize=9,
+            ha="center" if degrees == 180 else "left" if degrees > 0 else "right", va="top",
+        )  # fmt: skip
+    for radius in radii:
+        ax.add_patch(Wedge((0, 0), radius, 180, 360, fill=False, ec=RULE, lw=0.6, zorder=0))
 
 
 def _radius(f: np.ndarray, floor: float, span: float, log: bool) -> np.ndarray:

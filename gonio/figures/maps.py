@@ -64,19 +64,28 @@ def colours(values: np.ndarray, scale: Scale) -> np.ndarray:
     return rgba
 
 
-def draw_map(ax: Axes, values: np.ndarray, scale: Scale, theta_i: float) -> None:
-    """A map of pixels: `values`, 1/sr, at the points of `disc_points`; theta_i in degrees for the marks."""
+def draw_map(ax: Axes, values: np.ndarray, scale: Scale, theta_i: float, behind: bool = False) -> None:
+    """A map of pixels: `values`, 1/sr, at the points of `disc_points`; theta_i in degrees for the marks.
+
+    `behind`: values are those behind the sample, as seen through it from the front.
+    """
     inside, _, _ = disc_points()
     rgba = np.full((*inside.shape, 4), [255, 255, 255, 0], np.uint8)
     rgba[inside] = colours(values, scale)
     ax.imshow(rgba, extent=(-1, 1, -1, 1), interpolation="none")
-    _draw_marks(ax, theta_i, style.MARK_WHITE)
+    _draw_marks(ax, theta_i, style.MARK_WHITE, behind)
 
 
 def draw_dots(
-    ax: Axes, theta_o: np.ndarray, delta_phi: np.ndarray, f: np.ndarray, scale: Scale, theta_i: float
+    ax: Axes,
+    theta_o: np.ndarray,
+    delta_phi: np.ndarray,
+    f: np.ndarray,
+    scale: Scale,
+    theta_i: float,
+    behind: bool = False,
 ) -> None:
-    """A map of readings (n,), each a dot where it was measured; all angles in degrees."""
+    """A map of readings (n,), each a dot where it was measured; all angles in degrees, theta_o from its normal."""
     x, y = on_disc(np.radians(theta_o), np.radians(delta_phi))
     positive = f > 0
     level = np.clip(decade_levels(f[positive], scale), 0, 1)
@@ -84,10 +93,10 @@ def draw_dots(
     options = {"s": size, "lw": 0, "rasterized": f.size > 300}
     ax.scatter(x[~positive], y[~positive], color=DOT_GREY, **options)
     ax.scatter(x[positive], y[positive], c=level, cmap=MAP, vmin=0, vmax=1, **options)
-    _draw_marks(ax, theta_i, DOT_GREY)
+    _draw_marks(ax, theta_i, DOT_GREY, behind)
 
 
-def _draw_marks(ax: Axes, theta_i: float, line: str) -> None:
+def _draw_marks(ax: Axes, theta_i: float, line: str, behind: bool) -> None:
     ax.set_aspect("equal")
     ax.axis("off")
     ax.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2))
@@ -101,10 +110,11 @@ def _draw_marks(ax: Axes, theta_i: float, line: str) -> None:
     t = math.radians(theta_i)
     (light, _), (mirror, _) = (on_disc(np.array(t), np.array(p)) for p in (0.0, math.pi))
     edge = {"mec": style.MARK_BLACK, "zorder": 5, "ls": "none"}
-    ax.plot(light, 0, "o", ms=6.5, mfc=style.MARK_WHITE, mew=0.9, **edge)
+    if not behind:
+        ax.plot(light, 0, "o", ms=6.5, mfc=style.MARK_WHITE, mew=0.9, **edge)
     ax.plot(mirror, 0, "+", ms=9, mew=2.6, mec=style.MARK_WHITE, zorder=5)
     ax.plot(mirror, 0, "+", ms=8, mew=1.0, mec=style.MARK_BLACK, zorder=6)
-    ax.set_title(f"θᵢ = {theta_i:g}°", pad=1)
+    ax.set_title(f"θᵢ = {theta_i:g}°" + ", behind" * behind, pad=1)
 
 
 def draw_scale(ax: Axes, scale: Scale) -> None:

@@ -141,8 +141,9 @@ def write_lobe(expression: str, output: str | os.PathLike[str], force: bool = Fa
         raise GonioError(f"{output} is no picture that can be written; end its name in {', '.join(PICTURES)}")
     refuse_existing(output, force)
     # The grey of the channels: their mean, as one line an incidence is what a small picture holds.
-    values = [f.mean(axis=1) for f in plane_values(build(expression), INCIDENCES)]
-    curves = _curves(map(plane_angles, INCIDENCES), values, INCIDENCES, None)
+    brdf = build(expression)
+    values, behind = [f.mean(axis=1) for f in plane_values(brdf, INCIDENCES)], sampling.transmits(brdf)
+    curves = _curves([plane_angles(t, behind) for t in INCIDENCES], values, INCIDENCES, None)
     with styled(), new_file(output, force) as temporary:
         fig = Figure(figsize=(2 * WIDTH, HEIGHT + 0.3), layout="constrained")
         for ax, log, scale in zip(fig.subplots(1, 2), (False, True), ("linear", "logarithmic"), strict=True):
@@ -216,7 +217,8 @@ def _sphere(s: Subject, channel: int) -> list[np.ndarray]:
 def _lobe_curves(s: Subject, incidences: list[float], channel: int) -> list[Curve]:
     if s.table is None:
         values = [of_channel(f, channel) for f in plane_values(s.brdf, incidences)]
-        return _curves(map(plane_angles, incidences), values, incidences, None)
+        behind = sampling.transmits(s.brdf)
+        return _curves([plane_angles(t, behind) for t in incidences], values, incidences, None)
     incidences = readings.table_incidences(s.table, incidences)
     near = [readings.in_plane_readings(n) for n in readings.readings_near(s.table, incidences)]
     return _curves([n.theta_o for n in near], [n.f[:, channel] for n in near], incidences, "o")
@@ -239,7 +241,8 @@ def _slice_readings(table: Table, channel: int) -> tuple[np.ndarray, np.ndarray,
     _, _, _, phi_d = jax.jit(to_half_difference)(block.wi, block.wo)
     off = np.abs(np.degrees(np.asarray(phi_d)) % 180 - 90)
     # At a difference angle of 0 there is no azimuth.
-    index = np.flatnonzero(((off <= NEAR_SLICE) | (angles.theta_d < 1e-6)) & (block.flag[:, channel] == Flag.VALID))
+    near = ((off <= NEAR_SLICE) | (angles.theta_d < 1e-6)) & (block.flag[:, channel] == Flag.VALID)
+    index = np.flatnonzero(near & (np.minimum(block.wi.z, block.wo.z) > 0))  # half angles are of reflection
     return angles.theta_h[index], angles.theta_d[index], block.f[index, channel]
 
 

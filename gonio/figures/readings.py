@@ -35,6 +35,18 @@ class Readings(NamedTuple):
         index = evenly_chosen(index, most)
         return Readings(self.theta_o[index], self.delta_phi[index], self.f[index, channel], self.u[index, channel])
 
+    def by_side(self) -> "list[tuple[bool, Readings]]":
+        """(whether behind the sample, those there, theta_o from the normal of their side), where there are any."""
+        behind = self.theta_o > 90.0
+        sides = [(False, self._where(~behind))]
+        if behind.any():
+            there = self._where(behind)
+            sides.append((True, there._replace(theta_o=180.0 - there.theta_o)))
+        return sides
+
+    def _where(self, chosen: np.ndarray) -> "Readings":
+        return Readings(self.theta_o[chosen], self.delta_phi[chosen], self.f[chosen], self.u[chosen])
+
 
 class PlaneReadings(NamedTuple):
     """Readings in the plane of incidence: signed outgoing angles, degrees (n,), f and u, 1/sr, (n, channels)."""

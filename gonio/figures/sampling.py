@@ -14,6 +14,7 @@ from gonio.figures.spheres import sphere_pairs
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction, from_spherical
+from gonio.models.geometry.sides import Hemispheres
 
 INCIDENCES = (0.0, 30.0, 60.0, 80.0)
 MAP_INCIDENCES = (30.0, 60.0)
@@ -38,6 +39,8 @@ class ModelValues:
     """The same at `COMPARED`."""
     maps: list[np.ndarray]
     """At `disc_points` for each incidence of the maps."""
+    maps_behind: list[np.ndarray]
+    """The same behind the sample, mirrored into the front; empty where nothing is there."""
     meshes: list[np.ndarray]
     """At `mesh_angles` of each incidence."""
     slice: np.ndarray
@@ -51,16 +54,29 @@ class ModelValues:
         return known_of_lit(self.spheres)
 
 
-def plane_angles(theta_i: float) -> np.ndarray:
-    """Signed outgoing angles, degrees, of a model's curve: every degree, and closer around the mirror direction."""
+def plane_angles(theta_i: float, behind: bool = False) -> np.ndarray:
+    """Signed outgoing angles, degrees, of a model's curve: every degree, and closer around the mirror direction.
+
+    `behind`: those behind the sample too, beyond ±90°, and closer around straight through.
+    """
     near = np.concatenate([-np.geomspace(8, 0.01, 30), [0.0], np.geomspace(0.01, 8, 30)])
-    every = np.concatenate([np.linspace(-89.5, 89.5, 180), np.clip(theta_i + near, -89.5, 89.5)])
-    return np.sort(every)
+    every = np.sort(np.concatenate([np.linspace(-89.5, 89.5, 180), np.clip(theta_i + near, -89.5, 89.5)]))
+    if not behind:
+        return every
+    # A gap at the horizon breaks the line there; the lobe behind goes on from 180° at −180°.
+    mirrored = np.where(every < 0, -180.0 - every, 180.0 - every)
+    low, high = mirrored[every < 0], mirrored[every >= 0]
+    return np.concatenate([np.sort(low), [-90.0], every, [90.0], np.sort(high)])
+
+
+def transmits(brdf: AbstractBRDF) -> bool:
+    """Whether there is something to be shown behind the sample."""
+    return Hemispheres.TRANSMISSION in brdf.hemispheres
 
 
 def plane_values(brdf: AbstractBRDF, incidences: Sequence[float]) -> list[np.ndarray]:
     """f, 1/sr, of shape (n, channels), at `plane_angles` of each incidence, degrees."""
-    return _evaluated(brdf, [_plane(t) for t in incidences])
+    return _evaluated(brdf, [_plane(t, transmits(brdf)) for t in incidences])
 
 
 def slice_values(brdf: AbstractBRDF) -> np.ndarray:
@@ -108,17 +124,20 @@ def model_values(
     incidences = [*incidences, *[incidences[-1]] * (len(INCIDENCES) - len(incidences))]
     maps = [*map_incidences, *[map_incidences[-1]] * (len(MAP_INCIDENCES) - len(map_incidences))]
     groups: list[list[Pairs]] = [
-        [_plane(t) for t in incidences],
-        [_plane(t) for t in COMPARED],
+        [_plane(t, transmits(brdf)) for t in incidences],
+        [_plane(t, transmits(brdf)) for t in COMPARED],
         [_disc(t) for t in maps],
+        [_disc(t, behind=True) for t in maps if transmits(brdf)],
         [_mesh(t) for t in incidences],
         [slice_pairs()],
         _sphere_pairs(),
     ]
     pieces = iter(_evaluated(brdf, list(itertools.chain(*groups)), covers))
     *values, spheres = [[next(pieces) for _ in group] for group in groups]
-    curves, compared, discs, meshes, (the_slice,) = [[of_channel(f, channel) for f in group] for group in values]
-    return ModelValues(curves, compared, discs, meshes, the_slice, _lit(spheres, channels, channel))
+    curves, compared, discs, behind, meshes, (the_slice,) = [
+        [of_channel(f, channel) for f in group] for group in values
+    ]
+    return ModelValues(curves, compared, discs, behind, meshes, the_slice, _lit(spheres, channels, channel))
 
 
 def fewer_channels(table: Table, channel: int) -> tuple[Table, int]:
@@ -167,14 +186,14 @@ def _linear_srgb(f_cos: np.ndarray, channels: Channels, channel: int) -> np.ndar
     return radiance @ to_srgb.T
 
 
-def _plane(theta_i: float) -> Pairs:
-    signed = np.radians(plane_angles(theta_i))
+def _plane(theta_i: float, behind: bool) -> Pairs:
+    signed = np.radians(plane_angles(theta_i, behind))
     return _pairs(theta_i, np.abs(signed), np.where(signed >= 0, np.pi, 0.0))
 
 
-def _disc(theta_i: float) -> Pairs:
+def _disc(theta_i: float, behind: bool = False) -> Pairs:
     _, theta, phi = disc_points()
-    return _pairs(theta_i, theta, phi)
+    return _pairs(theta_i, np.pi - theta if behind else theta, phi)
 
 
 def _mesh(theta_i: float) -> Pairs:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 from gonio.data.material import Material
+from gonio.data.reflection_only import require_reflection
 from gonio.data.serialise import plain
 from gonio.data.subject import SubjectLike, load_material, resolve_subject
 from gonio.data.table import Table
@@ -140,6 +141,7 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
     table = known.table
     if table.interpolant is None and not table.valid_cells().size:
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
+    require_reflection(table, name, "the list of quantities")
     measurands = TableMeasurands.of(table, settings.geometries)
     notes = [*table.provenance.get("warnings", []), *measurands.notes]
     fitted = None if settings.fit is None else _fitted(table, settings.fit)

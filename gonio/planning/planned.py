@@ -13,6 +13,7 @@ from gonio.data import layouts
 from gonio.data.files import new_file
 from gonio.data.formats.csv_columns import write_columns
 from gonio.data.layouts import Layout
+from gonio.data.reflection_only import require_reflection
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
 from gonio.fitting.problem.readings import readings_of
@@ -156,6 +157,7 @@ def plan(
         raise GonioError("give what to measure, or the table to continue, one of both")
     table = None if read is None else resolve_subject(read).require_table()
     prior = prior_of(subject if table is None else table, options.get("model"), options.get("ranges"))  # pyright: ignore[reportArgumentType]
+    require_reflection(prior.brdf(prior.p) if table is None else table, "what is to be planned", "a plan")
     wanted, chosen = None, list(options.get("wanted") or [])
     if chosen:
         each = [quantities(prior, p, chosen) for p in prior.draws]

@@ -10,6 +10,7 @@ from gonio.metrology.measurands import ALBEDO, Quantity
 from gonio.metrology.quantities import Quantities, quantities
 from gonio.metrology.sources import sources_of
 from gonio.models.errors import GonioError
+from gonio.models.geometry.sides import FRONT
 from gonio.reports.subject import ReportSubject
 
 INCIDENCES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
@@ -24,9 +25,9 @@ MOST_FITTED = 300_000
 
 
 def budget_of(s: ReportSubject) -> dict[str, Any] | None:
-    """The budget of a subject in its shown channel; None of models, and of tables that know no source of error."""
+    """The budget of a subject in its shown channel; None of models, of tables of transmission, and without a source."""
     table = s.table
-    if table is None or s.empty or table.interpolant is not None or not table.layout.size:
+    if table is None or s.empty or table.interpolant is not None or not table.layout.size or table.sides != FRONT:
         return None
     readings = table.layout.size * len(table.channels)
     if readings > MOST_READINGS:

@@ -72,7 +72,10 @@ def _albedo_figures(s: ReportSubject) -> list[ReportFigure]:
     if series is None:
         return []
     curves = series.curves(s.look.colour, "o" if s.table is not None else None)
-    caption = "Directional albedo (the share of light that is reflected) with its bound; the dashed line is 1."
+    energy = property_of(s, "energy")
+    both = energy is not None and "transmittance" in energy.facts
+    share = "sent out into the hemispheres that were read" if both else "reflected"
+    caption = f"Directional albedo (the share of light that is {share}) with its bound; the dashed line is 1."
     if len(curves) < len(series.names):
         caption += f" {len(curves)} of {len(series.names)} channels."
     if not all(np.isfinite(c.bound).all() for c in curves):
@@ -159,10 +162,14 @@ def comparison_figures(evaluated: Sequence[tuple[ReportSubject, Evaluation]]) ->
 def _compared_lobes(
     evaluated: Sequence[tuple[ReportSubject, Evaluation]], k: int, theta_i: float
 ) -> ReportFigure | None:
-    curves, data, angles = [], [], sampling.plane_angles(theta_i)
+    shown = [values for _, e in evaluated for _, values in (e.models or e.sources)[:1]]
+    behind = bool(shown) and all(values.maps_behind for values in shown)
+    curves, data, angles = [], [], sampling.plane_angles(theta_i, behind)
     for s, e in evaluated:
         for name, values in (e.models or e.sources)[:1]:
             f = values.compared[k]
+            if f.size > angles.size:  # beside what only reflects
+                f = f[np.abs(sampling.plane_angles(theta_i, behind=True)) < 90]
             if not np.isfinite(f).any():
                 continue
             curves.append(Curve(angles, f, shortened(s.name), s.look.colour, s.look.dash))

@@ -15,6 +15,7 @@ MOST_DOTS = 4000
 LEAST_OF_SLICE = 0.25
 """Share of a slice that the readings cover, below which it is not drawn: the grazing half of it is rarely read."""
 BLANK = " Blank: not read."
+BEHIND = ", behind the sample"
 BARS = ", with their standard uncertainties"
 PEAKED = 20.0
 """A lobe whose peak is this many times its median is shown in logarithms."""
@@ -82,7 +83,8 @@ def _plane_curves(
     for k, (theta_i, tone) in enumerate(zip(e.incidences, shades(s.look.colour, len(e.incidences)), strict=True)):
         label = f"θᵢ {theta_i:.4g}°"
         if lines is not None:
-            line = lobes.Curve(sampling.plane_angles(theta_i), lines.curves[k], label, tone, theta_i=theta_i)
+            angles = sampling.plane_angles(theta_i, bool(lines.maps_behind))
+            line = lobes.Curve(angles, lines.curves[k], label, tone, theta_i=theta_i)
             add("lines", line, theta_i)
         if e.near:
             x, f, u = readings.in_plane_readings(e.near[theta_i])
@@ -101,29 +103,40 @@ def _near_words(s: ReportSubject) -> str:
 
 def _map_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     """f over the outgoing hemisphere: readings as dots, the model as a map, on one colour scale."""
-    near = [(t, e.near[t].of_channel(s.shown, MOST_DOTS)) for t in e.map_incidences if e.near]
-    dots = [(t, shown) for t, shown in near if shown.f.size]
+    near = [(t, side) for t in e.map_incidences if e.near for side in e.near[t].by_side()]
+    near = [(t, behind, side.of_channel(s.shown, MOST_DOTS)) for t, (behind, side) in near]
+    dots = [(t, behind, shown) for t, behind, shown in near if shown.f.size]
     discs = [
-        (k, name, t, f) for k, (name, m) in enumerate(e.models) for t, f in zip(e.map_incidences, m.maps, strict=False)
+        (k, name, t, behind, f)
+        for k, (name, m) in enumerate(e.models)
+        for behind, of_side in ((False, m.maps), (True, m.maps_behind))
+        for t, f in zip(e.map_incidences, of_side, strict=False)
+        if f.any() or not m.maps_behind
     ]
     if not dots and not discs:
         return []
-    scale = maps.colour_range(np.concatenate([*(shown.f for _, shown in dots), *(f for *_, f in discs)]))
+    scale = maps.colour_range(np.concatenate([*(shown.f for *_, shown in dots), *(f for *_, f in discs)]))
     made = []
     where = f"of {s.name} over the outgoing hemisphere, incidence"
-    for theta_i, shown in dots:
-        label = f"Readings {where} {theta_i:.4g}°"
-        image = picture(label, maps.draw_dots, *shown[:3], scale, theta_i, size=maps.MAP_SIZE)
-        numbers = zip(("theta_o_deg", "delta_phi_deg", "f_per_sr"), map(rounded, shown[:3]), strict=True)
+    for theta_i, behind, shown in dots:
+        label = f"Readings {where} {theta_i:.4g}°{BEHIND * behind}"
+        image = picture(label, maps.draw_dots, *shown[:3], scale, theta_i, behind, size=maps.MAP_SIZE)
+        theta_o = 180.0 - shown.theta_o if behind else shown.theta_o
+        numbers = zip(("theta_o_deg", "delta_phi_deg", "f_per_sr"), map(rounded, (theta_o, *shown[1:3])), strict=True)
         data = {"theta_i_deg": theta_i, **dict(numbers)}
-        made.append(ReportFigure(f"readings-{theta_i:.4g}", "Readings.", image, data, "small"))
-    for k, name, theta_i, f in discs:
-        image = picture(f"f {where} {theta_i:.4g}°, {name}", maps.draw_map, f, scale, theta_i, size=maps.MAP_SIZE)
+        slug = f"readings-{theta_i:.4g}" + "-behind" * behind
+        made.append(ReportFigure(slug, "Readings.", image, data, "small"))
+    for k, name, theta_i, behind, f in discs:
+        label = f"f {where} {theta_i:.4g}°{BEHIND * behind}, {name}"
+        image = picture(label, maps.draw_map, f, scale, theta_i, behind, size=maps.MAP_SIZE)
         data = {"theta_i_deg": theta_i, "pixels_across": maps.SIDE, "f_per_sr": rounded(f, 4)}
-        slug = f"map-{theta_i:.4g}" + (f"-{k + 1}" if k else "")
+        data |= {"behind": True} if behind else {}
+        slug = f"map-{theta_i:.4g}" + (f"-{k + 1}" if k else "") + "-behind" * behind
         made.append(ReportFigure(slug, f"{name[0].upper()}{name[1:]}.", image, data, "small"))
     caption = f"f over the outgoing hemisphere from above (equal areas are equal solid angles), {s.in_channel}; "
     caption += "○ light, + mirror direction, grey: no positive value."
+    if any(behind for _, behind, _ in dots) or any(behind for *_, behind, _ in discs):
+        caption += " Behind: as seen through the sample from the front, + straight through."
     bar = picture("Colour scale of f in 1/sr", maps.draw_scale, scale, size=maps.SCALE_SIZE)
     data = {"low_per_sr": scale[0], "high_per_sr": scale[1]}
     return [*made, ReportFigure("map-scale", caption, bar, data, "bar")]

@@ -12,6 +12,7 @@ from gonio.data.files import refuse_outputs
 from gonio.data.interpolation.kriging import NAMES
 from gonio.data.interpolation.scattered import ISOTROPIC, MOST
 from gonio.data.interpolation.scattered import KEY as LAW
+from gonio.data.reflection_only import require_reflection
 from gonio.data.subject import SubjectLike, load_material
 from gonio.data.table import Table
 from gonio.instrument.instrument import Instrument
@@ -100,6 +101,7 @@ def adapt(material: SubjectLike, instrument: Instrument | None = None, **options
     about = {"target": target, "budget_s": budget, "measure": MEASURE, "level": LEVEL}
     about |= _strategy(options.get("strategy", "table"), options.get("model"))
     subject = load_material(material)
+    require_reflection(subject.brdf, subject.name, "an adaptive measurement")
     assumed = ISOTROPIC if is_isotropic(subject.brdf) else ""
     about["assumed"] = f"reciprocity{assumed}" if about["strategy"] == "table" else "the model"
     session = Session.begin(subject, instrument or Instrument(), int(seed), about, **kept)
