@@ -119,7 +119,12 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
 def _run_one(args: argparse.Namespace, file: str) -> int:
     output = args.output or f"{Path(file).stem}{SUFFIX}"
     from gonio.data.files import refuse_outputs
+    from gonio.data.hdf5.reader import holds_profile
 
+    if holds_profile(file):
+        from gonio.cli.profile_fits import run_profile_fit
+
+        return run_profile_fit(args, file, output)
     refuse_outputs([output, args.json], [file, args.scene, args.instrument, *(args.model or [])], args.force)
     from gonio.data.serialise import plain
     from gonio.fitting.fit_model import ahead

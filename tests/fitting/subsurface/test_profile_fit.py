@@ -1,0 +1,90 @@
+"""Coefficients of light below the surface from profiles: recovery, uncertainty, and what is left open."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import gonio
+from gonio.fitting.subsurface.profile_fit import fit_profile
+from gonio.instrument.offsets_scan import measure_profile
+from gonio.models.errors import GonioError
+
+TRUTH = {"sigma_a": 0.02, "sigma_s": 1.5}
+MATERIAL = "dipole(sigma_a=0.02, sigma_s=1.5, eta=1.3)"
+OFFSETS = np.array([-6.0, -2.0, -0.5, 0.0, 0.5, 2.0, 6.0, 12.0])
+SPOTS = {"illuminated_radius": 0.5, "viewed_radius": 0.3}
+MODEL = "dipole(eta=1.3)"
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return measure_profile(MATERIAL, gonio.Instrument(**SPOTS), OFFSETS)
+
+
+def numbers(fit):
+    return {p.name.split(".")[1]: p for p in fit.parameters if p.status != "fixed"}
+
+
+def test_an_exact_profile_gives_its_material_back(exact):
+    fit = fit_profile(exact, MODEL)
+    assert fit.converged and fit.metrics["relative_rms"] < 1e-6
+    assert {n: p.value for n, p in numbers(fit).items()} == pytest.approx(TRUTH, rel=1e-5)
+
+
+def test_the_finite_spots_are_taken_into_account(exact):
+    points = dataclasses.replace(exact, offsets=OFFSETS, illuminated_radius=1e-3, viewed_radius=1e-3)
+    biased = numbers(fit_profile(points, MODEL))
+    assert abs(biased["sigma_s"].value / TRUTH["sigma_s"] - 1) > 0.02
+
+
+def test_noisy_profiles_are_within_their_uncertainties():
+    z = []
+    for seed in range(6):
+        profile = measure_profile(MATERIAL, gonio.Instrument(**SPOTS, photons=1e6), OFFSETS, seed=seed)
+        fit = fit_profile(profile, MODEL)
+        assert fit.converged
+        z += [(p.value - TRUTH[n]) / p.standard_uncertainty for n, p in numbers(fit).items()]
+    assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.5 and np.abs(z).max() < 4.5
+
+
+def test_what_readings_leave_open_is_named(exact):
+    same = dataclasses.replace(exact, offsets=1 + 1e-9 * np.abs(OFFSETS), value=0 * exact.value + 0.01)
+    fit = fit_profile(same, MODEL)
+    assert any("not determined" in s or "only the combination" in s for s in fit.undetermined)
+    assert numbers(fit)["sigma_s"].status == "undetermined"
+    assert "sigma_s·(1 − g)" in fit_profile(exact, "dipole(eta=1.3, g=?)").undetermined[0]
+
+
+def test_no_absorption_is_a_bound(exact):
+    clear = measure_profile(
+        "dipole(sigma_a=0, sigma_s=1.5, eta=1.3)", gonio.Instrument(**SPOTS, photons=1e5), OFFSETS, seed=1
+    )
+    absorption = numbers(fit_profile(clear, MODEL))["sigma_a"]
+    assert absorption.status == "at lower bound" and absorption.interval95[0] == 0 < absorption.interval95[1] < 0.01
+
+
+def test_a_fitted_material_is_written_and_read(exact, tmp_path):
+    fit = fit_profile(exact, "dipole(sigma_a=0.02, eta=1.3)")
+    assert numbers(fit).keys() == {"sigma_s"}
+    read = gonio.material(fit.save(tmp_path / "fit.toml"))
+    assert read.expression == fit.material.expression and read.meta["fit"]["converged"]
+
+
+@pytest.mark.parametrize(
+    ("model", "why"),
+    [
+        ("lambert(rho=0.3)", "no model of light below the surface"),
+        ("dipole(eta=?)", "does not tell the index"),
+        ("dipole(albedo=0.5, mfp=1)", "leave albedo out"),
+        ("dipole(sigma_a=[1, 2])", "one each"),
+    ],
+)
+def test_other_models_are_refused(exact, model, why):
+    with pytest.raises(GonioError, match=why):
+        fit_profile(exact, model)
+
+
+def test_a_profile_fits_no_brdf_and_a_table_no_profile(exact):
+    with pytest.raises(GonioError, match="BSSRDF"):
+        gonio.fit(gonio.measure("grey_card", scan="in-plane"), "dipole")
