@@ -44,16 +44,18 @@ def _material(data: dict[str, Any], path: Path) -> "Material":
     # Models load JAX, and a table's file does without it.
     from gonio.data.material import Material
     from gonio.models.expression.builder import build, terms_to_expression
-    from gonio.models.expression.parser import parse
+    from gonio.models.expression.parser import parse, parse_bssrdf
     from gonio.models.expression.wavelengths import with_wavelengths
 
     if "model" not in data:
         raise GonioError("it has no model; expected a spelled model in quotes")
     expression = " ".join(data["model"].split())
-    terms = parse(expression)
-    complete = with_wavelengths(terms, _wavelengths(data))
-    expression = expression if complete == terms else terms_to_expression(complete)
-    brdf = build(complete)
+    wavelengths = _wavelengths(data)
+    if parse_bssrdf(expression) is None:  # light below the surface has a number for each wavelength already
+        terms = parse(expression)
+        complete = with_wavelengths(terms, wavelengths)
+        expression = expression if complete == terms else terms_to_expression(complete)
+    brdf = build(expression)
     source = data.get("source", {}).get("text", "")
     if not isinstance(source, str):
         raise GonioError(f"source.text is {type(source).__name__}; expected a text")

@@ -8,12 +8,15 @@ from typing import TypedDict, Unpack
 from gonio.checks.certificate import Certificate
 from gonio.checks.model.evidence import ModelEvidence
 from gonio.checks.properties import PROPERTIES
+from gonio.checks.subsurface import check_bssrdf, check_profile
 from gonio.checks.table.evidence import LEVEL, TableEvidence
+from gonio.data.hdf5.reader import profile_of
 from gonio.data.subject import Subject, SubjectLike, resolve_subject
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError
 from gonio.models.expression.parser import parse, with_defaults
+from gonio.models.subsurface.wide_spots import WideSpots
 
 
 class CheckOptions(TypedDict, total=False):
@@ -71,7 +74,13 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
     """
     settings = settings_of(CheckSettings, "check", options)
     given = _checked(settings.tolerances or {})
+    if (profile := profile_of(subject)) is not None:
+        _refuse_options_of_tables(settings, "a profile")
+        return check_profile(profile, settings.name or profile.name or "profile", given, settings.level)
     judged = resolve_subject(subject)
+    if judged.material is not None and isinstance(judged.material.brdf, WideSpots):
+        _refuse_options_of_tables(settings, "light below a surface")
+        return check_bssrdf(judged.material.brdf.bssrdf, judged.channels, settings.name or judged.name, given)
     reference = None if settings.against is None else resolve_subject(settings.against).brdf
     evidence = _evidence(judged, settings, reference)
     properties = []
@@ -95,6 +104,11 @@ def _evidence(
     if settings.model not in (None, "auto"):
         with_defaults(parse(settings.model))  # refused whether it is needed or not
     return TableEvidence(judged.table, settings.level, settings.feature_width, reference, settings.model).gathered()
+
+
+def _refuse_options_of_tables(settings: CheckSettings, what: str) -> None:
+    if settings.model is not None or settings.against is not None:
+        raise GonioError(f"{what} is checked for reciprocity, energy and positivity; leave model and against out")
 
 
 def _checked(tolerances: Mapping[str, float | None]) -> dict[str, float]:
