@@ -55,4 +55,10 @@ def side_in_words(light: int, detector: int) -> str:
 
 def sides_in_words(sides: Sides) -> str:
     """The sides that a table holds, in words; nothing for reflection from the front alone."""
-    return "" if sides == FRONT else " and ".join(side_in_words(*pair) for pair in sorted(sides, reverse=True))
+    if sides == FRONT:
+        return ""
+    words = []
+    for light, suffix in ((1, ""), (-1, ", lit from behind")):
+        kinds = [side_in_words(1, light * detector) for a, detector in sides if a == light]
+        words += [" and ".join(sorted(kinds)) + suffix] if kinds else []
+    return "; ".join(words)

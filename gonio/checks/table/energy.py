@@ -16,6 +16,8 @@ from gonio.models.geometry.sides import FRONT
 MIRROR_REACH = 1e-3
 """Radians: a lobe in the mirror direction is at least this wide, so that a node so near cannot miss it."""
 
+OR_THROUGH = ", or where light goes straight through or is refracted to"
+
 STANDARD_UNCERTAINTIES = 2.0
 """How many of the readings' noise the bounds of albedos hold."""
 
@@ -124,8 +126,8 @@ def _judged(albedos: Albedos, evidence: TableEvidence, tolerance: float) -> Prop
         judged.detail += f" Below θi {passes_below:.4g}° it passes."
     if albedos.unseen.any():
         judged.detail += (
-            " The readings leave out the mirror direction, where a lobe narrower than the grid may hide: read there"
-            " too, or state the width of the narrowest feature."
+            f" The readings leave out the mirror direction{OR_THROUGH * bool(albedos.shares)}, where a lobe narrower"
+            " than the grid may hide: read there too, or state the width of the narrowest feature."
         )
     elif judged.verdict == UNDECIDED:
         needed = albedos.step_needed[refused]
@@ -163,7 +165,10 @@ def _remedy(layout: Layout, needed: float | None) -> str:
 
 
 def _series(albedos: Albedos) -> dict[str, list]:
-    theta = np.unique(albedos.theta_i)
-    groups = [albedos.theta_i == t for t in theta]
+    # From the front, or, where all light was behind, by its angles from the normal there.
+    lit = albedos.theta_i < np.pi / 2
+    from_normal = np.where(lit, albedos.theta_i, np.nan if lit.any() else np.pi - albedos.theta_i)
+    theta = np.unique(from_normal[np.isfinite(from_normal)])
+    groups = [from_normal == t for t in theta]
     value, bound = (np.stack([v[group].max(axis=0) for group in groups]) for v in (albedos.value, albedos.below))
     return {"theta_i_deg": np.degrees(theta).tolist(), "albedo": value.T.tolist(), "bound": bound.T.tolist()}
