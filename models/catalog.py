@@ -47,6 +47,9 @@ _WHERE = {
     "principled": ("layered.principled", "Principled"),
     "lambert_transmission": ("transmission.lambert_transmission", "LambertTransmission"),
     "rough_dielectric": ("transmission.rough_dielectric", "RoughDielectric"),
+    "rough_slab": ("transmission.rough_slab", "RoughSlab"),
+    "transmitted": ("transmission.transmitted", "Transmitted"),
+    "cosine_power_transmission": ("transmission.transmitted", "CosinePowerTransmission"),
     "thin_sheet": ("transmission.thin_sheet", "ThinSheet"),
 }
 

@@ -10,6 +10,7 @@ from gonio.models.errors import GonioError
 from gonio.models.evaluation import SMALL_BLOCK as BLOCK
 from gonio.models.evaluation import evaluate_in_blocks, sampled_directions
 from gonio.models.geometry.directions import Direction, from_spherical
+from gonio.models.geometry.horizon import Hemispheres
 from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 values = evaluate_in_blocks
@@ -98,6 +99,8 @@ def _near_lobes(brdf: AbstractBRDF) -> list[np.ndarray]:
     angles = [np.stack([theta_i, phi_i, theta_o, phi_i + away + turn], -1) for away in (0.0, np.pi)]
     for term in brdf.terms():
         theta, phi = sampled_angles(term, theta_i, phi_i)
+        if Hemispheres.TRANSMISSION in term.hemispheres:  # light and detector on any sides stand for those in front
+            theta = np.minimum(theta, np.pi - theta)
         angles.append(np.stack([theta_i, phi_i, theta, phi], -1)[theta < np.pi / 2])
     return angles
 

@@ -166,7 +166,7 @@ def maps(brdf, wi, u):
     return jax.vmap(one)(u)
 
 
-MIXTURES = ("principled", "kelemen", "coat", "thin_sheet", "rough_dielectric")
+MIXTURES = ("principled", "kelemen", "coat", "thin_sheet", "rough_dielectric", "rough_slab")
 """Models that draw from several lobes: their density is not that of one map. Their samplers have the χ² test."""
 
 

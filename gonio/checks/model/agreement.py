@@ -6,8 +6,10 @@ from gonio.checks.certificate import NOT_APPLICABLE, Property, without_residual
 from gonio.checks.direction_search import pair, pair_angles, precision, refuse_other_channels, values
 from gonio.checks.model.evidence import ModelEvidence
 from gonio.checks.model.reciprocity import difference_property, worst_difference
+from gonio.checks.model.sides import on_every_side
 
 
+@on_every_side
 def model_agreement(evidence: ModelEvidence, tolerance: float) -> Property:
     """The largest relative difference between f and the reference's that a search of the closed hemisphere finds.
 

@@ -6,6 +6,7 @@ from gonio.checks.certificate import Property, place_of, relative_difference, ve
 from gonio.checks.direction_search import directions, precision, values
 from gonio.checks.model.evidence import ModelEvidence
 from gonio.checks.model.reciprocity import rounding_floor
+from gonio.checks.model.sides import on_every_side
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.low_discrepancy import low_discrepancy
@@ -16,6 +17,7 @@ POINTS = 1024
 INCIDENCES, AZIMUTHS = 32, 33
 
 
+@on_every_side
 def model_pole(evidence: ModelEvidence, tolerance: float) -> Property:
     """The change of f with the azimuth of a direction that nears the normal, extrapolated to the normal itself."""
     u = low_discrepancy(POINTS, 4)
@@ -52,6 +54,7 @@ def _change_with_azimuth(
     return relative_difference(f[:, 0], f[:, 1], floor).max(axis=-1)
 
 
+@on_every_side
 def model_horizon(evidence: ModelEvidence, tolerance: float) -> Property:
     """f cosθo at the horizon, relative to its largest value at that incidence: light must not leave along the surface.
 

@@ -1,6 +1,7 @@
 """Energy conservation of a model: the directional albedo at all incidences, with bounds, at most 1."""
 
 import dataclasses
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -12,10 +13,13 @@ from gonio.checks.direction_search import precision, rotated
 from gonio.checks.model.cubature import cubature_albedo
 from gonio.checks.model.evidence import ModelEvidence
 from gonio.checks.model.reciprocity import difference_of_pairs, rounding_of
-from gonio.models.albedo import directional_albedo
+from gonio.checks.model.sides import worst_of
+from gonio.models.albedo import Estimate, directional_albedo, directional_transmittance
 from gonio.models.brdf import AbstractBRDF, Sum
 from gonio.models.catalog import is_ours
+from gonio.models.folded import seen_from
 from gonio.models.geometry.directions import Direction, from_spherical
+from gonio.models.geometry.sides import Hemispheres
 
 GRAZING = 89.9
 """The last incidence, degrees."""
@@ -39,7 +43,18 @@ def incidences() -> np.ndarray:
 
 
 def model_energy(evidence: ModelEvidence, tolerance: float) -> Property:
-    """How far the directional albedo exceeds 1 at the worst incidence; losses in the facts."""
+    """How far the directional albedo exceeds 1 at the worst incidence; losses in the facts.
+
+    Of a surface that transmits it is R + T, of light in front and of light from behind, and the facts say what of it is
+    reflected, transmitted and absorbed.
+    """
+    transmits = Hemispheres.TRANSMISSION in evidence.brdf.hemispheres
+    lights = {1: (1, 1), -1: (-1, -1)} if transmits else {1: (1, 1)}
+    judged = {way: _lit_from(evidence, light, tolerance) for light, way in lights.items()}
+    return worst_of(judged, lambda light, _: "light in front" if light > 0 else "light from behind")
+
+
+def _lit_from(evidence: ModelEvidence, light: int, tolerance: float) -> Property:
     ours, isotropic = is_ours(evidence.brdf), _isotropic(evidence)
     # Our anisotropic models are mirror symmetric along x and y, but those that say otherwise: a quarter stands for all.
     azimuths = np.linspace(0, np.pi / 2, 4) if ours and evidence.brdf.symmetric else np.arange(8) * np.pi / 4
@@ -47,7 +62,7 @@ def model_energy(evidence: ModelEvidence, tolerance: float) -> Property:
     rule = "by each lobe's own map" if ours else "by adaptive cubature, as the model's own map is not known to be right"
     several = "" if isotropic else f", at {azimuths.size} azimuths"
     method = f"Incidence 0 to {GRAZING}°{several}, integrated {rule}.{_beside_f(evidence.brdf)}"
-    integrator = _Integrator(evidence.brdf, max(tolerance / 4, 1e-9), evidence.channels, method)
+    integrator = _Integrator(evidence.brdf, light, max(tolerance / 4, 1e-9), evidence.channels, method)
     theta, phi = (a.ravel() for a in np.meshgrid(incidences(), azimuths, indexing="ij"))
     albedos = integrator.albedos(theta, phi)
 
@@ -64,6 +79,8 @@ def model_energy(evidence: ModelEvidence, tolerance: float) -> Property:
     refined = integrator.refined(integrator.refined(albedos, isotropic), isotropic)
     judged = with_hemispherical(energy_property(refined, tolerance), albedos)
     judged.series = series
+    if Hemispheres.TRANSMISSION in evidence.brdf.hemispheres:
+        _tell_shares(judged, integrator)
     return judged
 
 
@@ -78,6 +95,16 @@ def _beside_f(brdf: AbstractBRDF) -> str:
     return f" The specular share, no part of f, is counted: {share:.6g} at normal incidence." if share else ""
 
 
+def _tell_shares(judged: Property, integrator: "_Integrator") -> None:
+    """What is reflected, transmitted and absorbed along the normal, and the words for a surface that transmits."""
+    r, t = (share(np.zeros(1), np.zeros(1))[0][0] for share in (integrator.reflected, integrator.transmitted))
+    shares = {"reflected_at_0": r, "transmitted_at_0": t, "absorbed_at_0": 1 - r - t}
+    judged.facts |= {name: value.tolist() for name, value in shares.items()}
+    texts = (", ".join(f"{v:.4g}" for v in value) for value in shares.values())
+    judged.detail = judged.detail.replace("reflects", "sends out").replace("albedo", "R + T")
+    judged.detail += " Along the normal R is {}, T {}, A = 1 − R − T {}.".format(*texts)
+
+
 def _isotropic(evidence: ModelEvidence) -> bool:
     if is_ours(evidence.brdf):
         return evidence.brdf.isotropic
@@ -89,36 +116,58 @@ def _isotropic(evidence: ModelEvidence) -> bool:
 @dataclasses.dataclass(frozen=True)
 class _Integrator:
     brdf: AbstractBRDF
+    light: int
+    """1: the light is in front, -1: behind."""
     accuracy: float
     channels: tuple[str, ...]
     method: str
 
     def albedos(self, theta: np.ndarray, phi: np.ndarray) -> Albedos:
+        """What is reflected, and what is transmitted where something is."""
+        value, bound = self.reflected(theta, phi)
+        if Hemispheres.TRANSMISSION in self.brdf.hemispheres:
+            v, b = self.transmitted(theta, phi)
+            value, bound = value + v, bound + b
+        bound = bound + 64 * precision() * np.abs(value)
+        return Albedos(theta, phi, value, bound, bound, self.method, self.channels)
+
+    def reflected(self, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(R, bound), each (n, channels), with what is specular of light in front."""
+        value, bound = self._integrals(self.light, directional_albedo, theta, phi)
+        return value + (specular_share(self.brdf, theta, phi) if self.light > 0 else 0.0), bound
+
+    def transmitted(self, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(T, bound), each (n, channels)."""
+        return self._integrals(-self.light, directional_transmittance, theta, phi)
+
+    def _integrals(
+        self, detector: int, by_maps: Callable[..., Estimate], theta: np.ndarray, phi: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Terms of ours together by their maps, others one by one by adaptive cubature; bounds are added."""
         ours = tuple(t for t in self.brdf.terms() if is_ours(t))
         foreign = [t for t in self.brdf.terms() if not is_ours(t)]
         value, bound = np.zeros((theta.size, 1)), np.zeros((theta.size, 1))
         if ours:
-            v, b = self._by_maps(ours[0] if len(ours) == 1 else Sum(ours), theta, phi)
+            whole = ours[0] if len(ours) == 1 else Sum(ours)
+            estimate = by_maps(whole, theta if self.light > 0 else np.pi - theta, np.asarray(phi), self.accuracy)
+            v, b = (a.reshape(theta.size, -1).copy() for a in (estimate.value, estimate.bound))
+            self._adapted(seen_from(whole, self.light, detector), theta, phi, v, b)
             value, bound = value + v, bound + b
         limit = 1.0 if len(foreign) == 1 and not ours else None
-        for term in foreign:
+        for term in (seen_from(t, self.light, detector) for t in foreign):
             each = [cubature_albedo(term, t, p, self.accuracy, limit) for t, p in zip(theta, phi, strict=True)]
             v, b = (np.stack(a) for a in zip(*each, strict=True))
             value, bound = value + v, bound + b
-        value = value + specular_share(self.brdf, theta, phi)
-        bound = bound + 64 * precision() * np.abs(value)
-        return Albedos(theta, phi, value, bound, bound, self.method, self.channels)
+        return value, bound
 
-    def _by_maps(self, brdf: AbstractBRDF, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        estimate = directional_albedo(brdf, theta, np.asarray(phi), self.accuracy)
-        value, bound = (a.reshape(theta.size, -1).copy() for a in (estimate.value, estimate.bound))
-        # Where the lobe's own map does not resolve it (very unequal widths), cells that adapt may.
+    def _adapted(
+        self, brdf: AbstractBRDF, theta: np.ndarray, phi: np.ndarray, value: np.ndarray, bound: np.ndarray
+    ) -> None:
+        """Where the lobe's own map does not resolve it (very unequal widths), cells that adapt may: in place."""
         coarse = np.flatnonzero(np.any((bound > COARSE) & (value + bound > 1), axis=-1))
         for k in coarse[:MOST_ADAPTED]:
             v, b = cubature_albedo(brdf, float(theta[k]), float(phi[k]), self.accuracy)
             value[k], bound[k] = np.where(b < bound[k], (v, b), (value[k], bound[k]))
-        return value, bound
 
     def refined(self, known: Albedos, isotropic: bool) -> Albedos:
         """With incidences added on either side of the largest albedo: the maximum lies in there."""

@@ -6,11 +6,13 @@ from gonio.checks.certificate import NOT_APPLICABLE, Property
 from gonio.checks.direction_search import mirrored, rotated
 from gonio.checks.model.evidence import ModelEvidence
 from gonio.checks.model.reciprocity import difference_of_pairs, difference_property, rounding_of
+from gonio.checks.model.sides import on_every_side
 
 GRAZING = np.radians(89.9)
 TURN = rotated(0.7)
 
 
+@on_every_side
 def model_symmetry(evidence: ModelEvidence, tolerance: float) -> Property:
     """The largest relative difference of f and f mirrored at the x–z plane; only of what claims the symmetry."""
     worst = difference_of_pairs(evidence.brdf, mirrored, evidence.angles)
@@ -26,6 +28,7 @@ def model_symmetry(evidence: ModelEvidence, tolerance: float) -> Property:
     return judged
 
 
+@on_every_side
 def model_isotropy(evidence: ModelEvidence, tolerance: float) -> Property:
     """The largest relative change of f when both directions are turned; not applicable to what claims no isotropy."""
     # Closer to the horizon the rounding of a turned direction is as large as its cosine.

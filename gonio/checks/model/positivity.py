@@ -6,8 +6,10 @@ from gonio.checks.certificate import PASS, UNDECIDED, Property, place_in_words, 
 from gonio.checks.direction_search import climb, pair, precision, values
 from gonio.checks.model.evidence import ModelEvidence
 from gonio.checks.model.reciprocity import STARTS
+from gonio.checks.model.sides import on_every_side
 
 
+@on_every_side
 def model_positivity(evidence: ModelEvidence, tolerance: float) -> Property:
     """How far f falls below 0, in units of its mean over the pairs."""
     angles = evidence.angles

@@ -20,7 +20,9 @@ from gonio.checks.certificate import (
 )
 from gonio.checks.direction_search import PairMap, climb, moved_by_rounding, pair, precision, swapped, values
 from gonio.checks.model.evidence import ModelEvidence
+from gonio.checks.model.sides import seen, ways_of, worst_of
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.folded import seen_from
 from gonio.models.geometry.directions import Direction
 
 STARTS = 8
@@ -91,15 +93,20 @@ def rounding_of(brdf: AbstractBRDF, partner: PairMap, worst: WorstDifference) ->
     Every component is moved by one unit in its last place, up or down at random, several times over. A difference
     that the model means stays the same; one that rounding makes changes. Four times its spread, and eight roundings.
     """
-    return max(_rounding(brdf, partner, angles, worst.floor) for angles in (worst.angles[None], worst.starts))
+    return rounding_of_values(lambda wi, wo: values(brdf, wi, wo), lambda wi, wo: values(brdf, *partner(wi, wo)), worst)
 
 
-def _rounding(brdf: AbstractBRDF, partner: PairMap, angles: np.ndarray, floor: float) -> float:
+def rounding_of_values(a: Values, b: Values, worst: WorstDifference) -> float:
+    """`rounding_of` of any two values."""
+    return max(_rounding(a, b, angles, worst.floor) for angles in (worst.angles[None], worst.starts))
+
+
+def _rounding(first: Values, second: Values, angles: np.ndarray, floor: float) -> float:
     rng = np.random.default_rng(1)
     signed = []
     for _ in range(ROUNDING_STEPS):
         wi, wo = (moved_by_rounding(w, rng) for w in pair(angles))
-        a, b = values(brdf, wi, wo), values(brdf, *partner(wi, wo))
+        a, b = first(wi, wo), second(wi, wo)
         signed.append(relative_difference(a, b, floor) * np.sign(a - b))
     return float(np.max(4 * np.max(np.ptp(np.stack(signed), axis=0), axis=-1) + 8 * precision()))
 
@@ -126,12 +133,42 @@ def difference_property(
 
 
 def model_reciprocity(evidence: ModelEvidence, tolerance: float) -> Property:
-    """The largest relative difference between f(wi, wo) and f(wo, wi) that a search of the closed hemisphere finds."""
-    worst = difference_of_pairs(evidence.brdf, swapped, evidence.angles)
+    """The largest relative difference between f(wi, wo) and f(wo, wi) that a search of the closed hemisphere finds.
+
+    Of a surface that transmits also f_t(wi, wo)/n_o² against f_t(wo, wi)/n_i², n the index on the side of the exit.
+    """
+    judges = {way: _through if way[0] != way[1] else _same_side for way in ways_of(evidence.brdf)}
+    return worst_of({way: judge(seen(evidence, *way), evidence, tolerance) for way, judge in judges.items()})
+
+
+def _same_side(turned: ModelEvidence, evidence: ModelEvidence, tolerance: float) -> Property:
+    """Of light and detector on the same side."""
+    worst = difference_of_pairs(turned.brdf, swapped, turned.angles)
     detail = (
         f"The largest 2|a−b|/(|a|+|b|) of f(wi, wo) and f(wo, wi) is {worst.residual:.2g}, searched over"
         f" {worst.pairs:,} pairs of the closed hemisphere and refined from the worst; values below {worst.floor:.1g}"
         " /sr do not count."
     )
-    bound = rounding_of(evidence.brdf, swapped, worst)
+    bound = rounding_of(turned.brdf, swapped, worst)
     return difference_property("reciprocity", evidence, worst, bound, tolerance, detail)
+
+
+def _through(turned: ModelEvidence, evidence: ModelEvidence, tolerance: float) -> Property:
+    """Of light in front and the detector behind, against both exchanged."""
+    n2, back = np.asarray(evidence.brdf.index_behind, float) ** 2, seen_from(evidence.brdf, -1, 1)
+
+    def forth(wi: Direction, wo: Direction) -> np.ndarray:
+        return values(turned.brdf, wi, wo) / n2
+
+    def exchanged(wi: Direction, wo: Direction) -> np.ndarray:
+        return values(back, wo, wi)
+
+    worst = worst_difference(forth, exchanged, turned.angles)
+    form = "f(wi, wo)" if np.all(n2 == 1) else "f(wi, wo)/n²"
+    detail = (
+        f"The largest 2|a−b|/(|a|+|b|) of {form}, from front to back, and f(wo, wi), from back to front, is"
+        f" {worst.residual:.2g}, searched over {worst.pairs:,} pairs; values below {worst.floor:.1g} /sr do not count."
+    )
+    return difference_property(
+        "reciprocity", evidence, worst, rounding_of_values(forth, exchanged, worst), tolerance, detail
+    )
