@@ -56,6 +56,10 @@ class Transmitted(AbstractEitherSide):
         return self.base.isotropic
 
     @property
+    def symmetric(self) -> bool:
+        return self.base.symmetric
+
+    @property
     def violates(self) -> Mapping[str, str]:
         return self.base.violates
 
