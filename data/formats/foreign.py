@@ -31,7 +31,6 @@ SIGNATURES = (
 )
 """What a file begins with, and what it then is."""
 TEXTS = (
-    (r"(?i)WindowElement", "an XML BSDF of Radiance or WINDOW (Klems or tensor tree)"),
     (r"^\s*<(?:!DOCTYPE html|html)", "an HTML page"),
     (r"^\s*<\?xml|^\s*<\w+[ >]", "an XML file"),
     (r'^\s*\{[\s\S]*"(?:\$schema|schema)"[^,]*OpenMATERIAL', "an OpenMATERIAL JSON file"),

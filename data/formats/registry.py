@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from gonio.data.consistency import check_readings
 from gonio.data.files import input_size
-from gonio.data.formats import bbm_fits, csv, csv_directions, material_file, merl, nist_ptfe, rgl_file
+from gonio.data.formats import bbm_fits, csv, csv_directions, material_file, merl, nist_ptfe, rgl_file, window_xml
 from gonio.data.formats.csv_columns import CsvText
 from gonio.data.formats.foreign import foreign_kind
 from gonio.data.round_trip import RoundTrip
@@ -121,6 +121,11 @@ FORMATS = (
         merl.read_merl, _write_merl, writes_models=True, options=("nodes",), suffixes=(".binary",),
     ),
     Format(
+        "window XML", "an XML BSDF of WINDOW or Radiance", "table",
+        lambda head: b"<WindowElement" in head.start or b"<\0W\0i\0n\0d\0o\0w\0E\0l" in head.start,
+        window_xml.read_window_xml, suffixes=(".xml",),
+    ),
+    Format(
         "NIST", "NIST's PTFE CSV", "table", lambda head: bool(nist_ptfe.columns_of(head.columns)),
         nist_ptfe.read_nist, options=("wavelength_nm",),
     ),
@@ -131,7 +136,7 @@ FORMATS = (
     ),
 )  # fmt: skip
 """In the order in which files are tried."""
-BINARY_FORMATS = 5
+BINARY_FORMATS = 6
 """The first formats have signatures; the others are tables of text, which a foreign text may look like."""
 
 

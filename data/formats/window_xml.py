@@ -16,7 +16,7 @@ from gonio.data.channels import Channels
 from gonio.data.files import input_size, stem
 from gonio.data.flags import Flag
 from gonio.data.interpolation.angle_basis import KLEMS_BASES, MOST_PATCHES, AngleBasis
-from gonio.data.interpolation.scattering_blocks import BLOCKS, Matrix, ScatteringBlock, SheetBSDF
+from gonio.data.interpolation.scattering_blocks import BLOCKS, Matrix, ScatteringBlock, SheetBSDF, pair_of
 from gonio.data.interpolation.tree_text import parse_numbers, parse_tree
 from gonio.data.table import Table
 from gonio.models.errors import GonioError, nearest
@@ -68,11 +68,8 @@ def read_window_xml(path: str | os.PathLike[str]) -> Table:
     angles, values = [], []
     for name in BLOCKS:
         for where, f in _sampled(bsdf.blocks[name]):
-            arriving, leaving = where[:, :2], where[:, 2:]
-            front, kept = name.endswith("front"), name.startswith("reflection")
-            theta_i = arriving[:, 0] if front else np.pi - arriving[:, 0]
-            theta_o = leaving[:, 0] if front == kept else np.pi - leaving[:, 0]
-            angles.append(np.stack([theta_i, (arriving[:, 1] + np.pi) % (2 * np.pi), theta_o, leaving[:, 1]]))
+            wi, wo = pair_of(name, where[:, :2], where[:, 2:])
+            angles.append(np.stack([*wi, *wo]))
             values.append(f)
     f = np.concatenate(values)
     flag = np.where(np.isfinite(f), np.uint8(Flag.VALID), np.uint8(Flag.NOT_MEASURED))

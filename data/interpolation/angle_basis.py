@@ -48,6 +48,19 @@ class AngleBasis:
         theta = np.repeat(middle, self.counts)
         return theta, np.concatenate([2 * np.pi * np.arange(n) / n for n in self.counts])
 
+    def patch(self, theta: np.ndarray, phi: np.ndarray) -> np.ndarray:
+        """(n,): the number of the patch that a direction is in, radians."""
+        ring = np.searchsorted(np.radians(self.edges[1:-1]), theta, side="right")
+        count = np.asarray(self.counts)[ring]
+        return self.first[ring] + np.floor(phi / (2 * np.pi) * count + 0.5).astype(int) % count
+
+    def within(self, patch: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(n, 2): theta and phi, radians, of places in patches by their numbers: u, v in [0, 1), even in cos θ dω."""
+        ring = np.searchsorted(self.first, patch, side="right") - 1
+        low, high = (np.sin(np.radians(e))[ring] ** 2 for e in (self.edges[:-1], self.edges[1:]))
+        turn = (patch - self.first[ring] + v - 0.5) / np.asarray(self.counts)[ring]
+        return np.stack([np.arcsin(np.sqrt(low + (high - low) * u)), 2 * np.pi * turn % (2 * np.pi)], axis=-1)
+
     def projected_solid_angles(self) -> np.ndarray:
         """(size,): ∫ cos θ dω of each patch, sr; they add to π."""
         share = np.diff(np.sin(np.radians(self.edges)) ** 2)

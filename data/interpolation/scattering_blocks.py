@@ -13,34 +13,32 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from gonio.data.interpolation.angle_basis import AngleBasis
+from gonio.data.table import Table
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, safe_atan2
-from gonio.models.geometry.horizon import Hemispheres
+from gonio.models.geometry.horizon import EVERYWHERE, Hemispheres
 
 BLOCKS = ("reflection front", "transmission front", "transmission back", "reflection back")
 """By the side on which the light falls."""
+
+
+def pair_of(name: str, arriving: np.ndarray, leaving: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+    """(theta, phi) of wi and of wo, radians, of directions of travel (n, 2) of the block with this name."""
+    front, kept = name.endswith("front"), name.startswith("reflection")
+    theta_i = arriving[:, 0] if front else np.pi - arriving[:, 0]
+    theta_o = leaving[:, 0] if front == kept else np.pi - leaving[:, 0]
+    return (theta_i, (arriving[:, 1] + np.pi) % (2 * np.pi)), (theta_o, leaving[:, 1])
 
 
 class BlockSamples(NamedTuple):
     """Pairs of directions at which a block stores its values."""
 
     arriving: np.ndarray
-    """(n, 2): theta, the angle to the normal, and phi, the azimuth, radians, of the direction in which light travels."""
+    """(n, 2): theta, to the normal, and phi, the azimuth, radians, of the direction in which light travels."""
     leaving: np.ndarray
     f: np.ndarray
     """(n,), 1/sr."""
-
-
-class IncidentSums(NamedTuple):
-    """Hemispherical values of a block: the share of the light of one incidence that leaves into its hemisphere."""
-
-    theta: np.ndarray
-    """(n,): angle of incidence, radians, in the middle of a patch."""
-    phi: np.ndarray
-    """(n,): azimuth of the direction in which the light arrives."""
-    share: np.ndarray
-    """(n,)."""
 
 
 class ScatteringBlock(eqx.Module):
@@ -55,8 +53,16 @@ class ScatteringBlock(eqx.Module):
         """The block's own patches."""
 
     @abc.abstractmethod
-    def incident_sums(self) -> IncidentSums:
-        """∫ f cos θo dωo for the block's own incidences; exact, as f is constant in patches."""
+    def within(self, u: np.ndarray) -> BlockSamples:
+        """`samples`, at another place in each patch: u (n, 4) in [0, 1), even in projected solid angle."""
+
+    @abc.abstractmethod
+    def incidences(self) -> np.ndarray:
+        """(n, 2): theta and phi, radians, in the middle of the block's own patches of arriving directions."""
+
+    @abc.abstractmethod
+    def share(self, arriving: np.ndarray) -> np.ndarray:
+        """(n,): ∫ f cos θo dωo, the share of the light that leaves, for arriving directions (n, 2); exact."""
 
 
 class Matrix(ScatteringBlock):
@@ -74,9 +80,17 @@ class Matrix(ScatteringBlock):
         rows, columns = (g.ravel() for g in np.mgrid[: len(b), : len(a)])
         return BlockSamples(a[columns], b[rows], np.asarray(self.values).ravel())
 
-    def incident_sums(self) -> IncidentSums:
-        share = self.leaving.projected_solid_angles() @ np.asarray(self.values, float)
-        return IncidentSums(*self.arriving.centres(), share)
+    def within(self, u: np.ndarray) -> BlockSamples:
+        rows, columns = (g.ravel() for g in np.mgrid[: self.leaving.size, : self.arriving.size])
+        a, b = self.arriving.within(columns, *u[:, :2].T), self.leaving.within(rows, *u[:, 2:].T)
+        return BlockSamples(a, b, np.asarray(self.values).ravel())
+
+    def incidences(self) -> np.ndarray:
+        return np.stack(self.arriving.centres(), axis=-1)
+
+    def share(self, arriving: np.ndarray) -> np.ndarray:
+        shares = self.leaving.projected_solid_angles() @ np.asarray(self.values, float)
+        return shares[self.arriving.patch(*arriving.T)]
 
 
 def _patch(basis: AngleBasis, w: Direction) -> Int[Array, ""]:
@@ -130,38 +144,49 @@ class Tree(ScatteringBlock):
         return first + jnp.sum(along * 2 ** (level * np.arange(dimensions)[::-1]))
 
     def samples(self) -> BlockSamples:
-        low, size = np.asarray(self.low, float), np.asarray(self.size, float)
-        isotropic = low.shape[1] == 3
-        reached = low[:, 0] < 0.5 if isotropic else np.ones(len(low), bool)
-        low, size = low[reached], size[reached]
-        middle = low + size[:, None] / 2
-        if isotropic:
-            # A cell may reach beyond the normal, where there is nothing
-            sin_i = 1 - (low[:, 0] + np.minimum(low[:, 0] + size, 0.5))
-            arriving = np.stack([np.arcsin(sin_i), np.zeros(len(low))], axis=-1)
-        else:
-            arriving = _angles(middle[:, 0], middle[:, 1])
-        return BlockSamples(arriving, _angles(middle[:, -2], middle[:, -1]), np.asarray(self.values, float)[reached])
+        return self.within(np.full((int(np.sum(self._reached())), 4), 0.5))
 
-    def incident_sums(self) -> IncidentSums:
+    def _reached(self) -> np.ndarray:
+        """Whether there are directions in a cell: of three dimensions half the cube is empty."""
+        return np.asarray(self.low[:, 0]) < (0.5 if self.low.shape[1] == 3 else 1.0)
+
+    def within(self, u: np.ndarray) -> BlockSamples:
+        reached = self._reached()
+        low, size = np.asarray(self.low, float)[reached], np.asarray(self.size, float)[reached, None]
+        values = np.asarray(self.values, float)[reached]
+        leaving = _angles(*(low[:, -2:] + size * u[:, 2:]).T)
+        if low.shape[1] == 4:
+            return BlockSamples(_angles(*(low[:, :2] + size * u[:, :2]).T), leaving, values)
+        # A cell may reach beyond the normal, where there is nothing
+        rim, core = 1 - 2 * low[:, 0], 1 - 2 * np.minimum(low[:, 0] + size[:, 0], 0.5)
+        arriving = np.arcsin(np.sqrt(core**2 + (rim**2 - core**2) * u[:, 0]).clip(max=1.0))
+        return BlockSamples(np.stack([arriving, np.zeros(len(low))], axis=-1), leaving, values)
+
+    def incidences(self) -> np.ndarray:
+        n = round(1 / float(np.min(self.size)))
+        middle = (np.arange(n) + 0.5) / n
+        if self.low.shape[1] == 3:
+            theta = np.arcsin(1 - 2 * middle[: -(-n // 2)].clip(max=0.5))
+            return np.stack([theta, np.zeros(theta.size)], axis=-1)
+        return _angles(*(g.ravel() for g in np.meshgrid(middle, middle, indexing="ij")))
+
+    def share(self, arriving: np.ndarray) -> np.ndarray:
         low, size = np.asarray(self.low, float), np.asarray(self.size, float)
         n, axes = round(1 / size.min()), low.shape[1] - 2
         # Each cell gives to all incidences within it: added at its corners, then summed along the axes
-        share = np.zeros((n + 1,) * axes)
+        shares = np.zeros((n + 1,) * axes)
         start, stop = np.rint(low[:, :axes] * n).astype(int), np.rint((low[:, :axes] + size[:, None]) * n).astype(int)
         flux = np.pi * np.asarray(self.values, float) * size**2
         for corner in np.ndindex((2,) * axes):
             at = tuple(np.where(c, stop[:, k], start[:, k]) for k, c in enumerate(corner))
-            np.add.at(share, at, flux * (-1) ** sum(corner))
+            np.add.at(shares, at, flux * (-1) ** sum(corner))
         for axis in range(axes):
-            share = np.cumsum(share, axis)
-        middle = (np.arange(n) + 0.5) / n
-        if axes == 1:
-            inside = middle < 0.5
-            theta = np.arcsin(1 - 2 * middle[inside])
-            return IncidentSums(theta, np.zeros(theta.size), share[:n][inside])
-        angles = _angles(*(g.ravel() for g in np.meshgrid(middle, middle, indexing="ij")))
-        return IncidentSums(angles[:, 0], angles[:, 1], share[:n, :n].ravel())
+            shares = np.cumsum(shares, axis)
+        sin_i, phi = np.sin(arriving[:, 0]), arriving[:, 1]
+        place: tuple = (0.5 - 0.5 * sin_i,)
+        if axes == 2:
+            place = disc_to_square(sin_i * np.cos(phi), sin_i * np.sin(phi))
+        return shares[tuple(np.clip((np.asarray(p) * n).astype(int), 0, n - 1) for p in place)]
 
 
 def disc_to_square(x: Scalar, y: Scalar) -> tuple[Scalar, Scalar]:
@@ -193,7 +218,7 @@ class SheetBSDF(AbstractBRDF):
 
     @property
     def hemispheres(self) -> Hemispheres:
-        return Hemispheres.REFLECTION | Hemispheres.TRANSMISSION
+        return EVERYWHERE
 
     @property
     def isotropic(self) -> bool:
@@ -210,3 +235,9 @@ class SheetBSDF(AbstractBRDF):
             for name in BLOCKS
         ]
         return jnp.select([jnp.broadcast_to(m, values[0].shape) for m in lit], values)
+
+
+def sheet_of(table: Table) -> SheetBSDF | None:
+    """The sheet whose patches a table holds; None for all other tables."""
+    own = None if table.interpolant is None else table.interpolant()
+    return own if isinstance(own, SheetBSDF) else None

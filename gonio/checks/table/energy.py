@@ -8,6 +8,7 @@ from gonio.checks.albedos import Albedos, energy_property, with_hemispherical
 from gonio.checks.certificate import UNDECIDED, Property, without_residual
 from gonio.checks.table.count_statistics import critical, sidak
 from gonio.checks.table.evidence import TableEvidence
+from gonio.data.interpolation.scattering_blocks import sheet_of
 from gonio.data.layouts import Layout
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
@@ -31,6 +32,10 @@ def mirror_reach(table: Table, feature_width: float) -> float:
 
 def table_albedos(table: Table, feature_width: float = 0.0) -> Albedos | str:
     """Directional albedos of a table of any layout, or why there are none; of both hemispheres their sum."""
+    if (sheet := sheet_of(table)) is not None:
+        from gonio.checks.table.sheet import sheet_albedos
+
+        return sheet_albedos(sheet)
     reach = mirror_reach(table, feature_width)
     if table.sides == FRONT:
         return _albedos(table, reach)

@@ -19,6 +19,7 @@ from gonio.checks.table.pairs import (
     turned_pairs,
     without_radiance_factor,
 )
+from gonio.data.interpolation.scattering_blocks import sheet_of
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.sides import FRONT
@@ -42,6 +43,10 @@ def reciprocal_pairs(table: Table) -> Pairs | str:
 def _exchanged(table: Table) -> Pairs | str:
     from gonio.checks.table.scattered_pairs import interpolated_pairs, scattered_pairs, warped_pairs
 
+    if (sheet := sheet_of(table)) is not None:
+        from gonio.checks.table.sheet import sheet_pairs
+
+        return sheet_pairs(sheet)
     if table.interpolant is not None:
         return warped_pairs(table)
     if not table.layout.gridded:

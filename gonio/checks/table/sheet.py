@@ -1,0 +1,80 @@
+"""Checks of a sheet's BSDF in patches, a file of windows: its hemispherical values, and its exchanged directions."""
+
+import numpy as np
+
+from gonio.checks.albedos import Albedos
+from gonio.checks.direction_search import directions, values
+from gonio.checks.table.albedo_two_sided import REFLECTED, TRANSMITTED
+from gonio.checks.table.pairs import Pairs
+from gonio.data.interpolation.scattering_blocks import BLOCKS, ScatteringBlock, SheetBSDF, pair_of
+
+POINTS = 8
+"""Places in each patch at which the exchanged directions are read."""
+MOST_PATCHES = 200_000
+"""Of more patches so many are compared, chosen at random."""
+METHOD = "Summed over the file's own patches, in each of which f is constant."
+
+
+def sheet_albedos(bsdf: SheetBSDF) -> Albedos:
+    """R + T for light on each side, at the file's own incidences; exact by the file's own rule."""
+    lit = [_of_side(bsdf, side) for side in ("front", "back") if any(_blocks(bsdf, side))]
+    theta, phi, total, shares = (np.concatenate(a) for a in zip(*lit, strict=True))
+    nothing, never = np.zeros(total.shape), np.zeros(len(total), bool)
+    known = {name: shares[:, :, k] for k, name in enumerate((REFLECTED, TRANSMITTED))}
+    return Albedos(
+        theta, phi, total, nothing, nothing, METHOD, (), nothing, never, np.full(len(total), np.nan), never, known
+    )
+
+
+def _blocks(bsdf: SheetBSDF, side: str) -> list[ScatteringBlock]:
+    return [b for name in (f"reflection {side}", f"transmission {side}") for b in bsdf.blocks[name] if b is not None]
+
+
+def _of_side(bsdf: SheetBSDF, side: str) -> tuple[np.ndarray, ...]:
+    """(theta_i, phi_i) (n,), R + T (n, channels), both apart (n, channels, 2) of the finest incidences of a side."""
+    arriving = max((b.incidences() for b in _blocks(bsdf, side)), key=len)
+    unread = np.full(len(arriving), np.nan)
+    shares = np.stack(
+        [
+            np.stack([unread if b is None else b.share(arriving) for b in bsdf.blocks[f"{kind} {side}"]], axis=-1)
+            for kind in ("reflection", "transmission")
+        ],
+        axis=-1,
+    )
+    theta = arriving[:, 0] if side == "front" else np.pi - arriving[:, 0]
+    return theta, (arriving[:, 1] + np.pi) % (2 * np.pi), np.nansum(shares, axis=-1), shares
+
+
+def sheet_pairs(bsdf: SheetBSDF) -> Pairs:
+    """The patches, and the mean of the exchanged directions over each: half their range is the error."""
+    rng = np.random.default_rng(0)
+    found: list[tuple[np.ndarray, ...]] = []
+    for name in BLOCKS:
+        for channel, block in enumerate(bsdf.blocks[name]):
+            if block is not None:
+                found.append(_exchanged(bsdf, block, name, channel, rng))
+    a, b, error, angles = (np.concatenate(column) for column in zip(*found, strict=True))
+    unknown = np.full_like(a, np.nan)
+    return Pairs(a, b, unknown, unknown, angles, len(a), "the file's patches, exchanged by its own rule", error)
+
+
+def _exchanged(
+    bsdf: SheetBSDF, block: ScatteringBlock, name: str, channel: int, rng: np.random.Generator
+) -> tuple[np.ndarray, ...]:
+    """a, b and its error (n, channels), NaN but in this channel, and angles (n, 4)."""
+    middle = block.samples()
+    keep = np.arange(len(middle.f))
+    if keep.size > MOST_PATCHES:
+        keep = np.sort(rng.choice(keep.size, MOST_PATCHES, replace=False))
+    back = []
+    for _ in range(POINTS):
+        places = block.within(rng.random((len(middle.f), 4)))
+        wi, wo = pair_of(name, places.arriving[keep], places.leaving[keep])
+        back.append(values(bsdf, directions(*wo), directions(*wi))[:, channel])
+    wi, wo = pair_of(name, middle.arriving[keep], middle.leaving[keep])
+    shape = keep.size, len(bsdf.blocks[name])
+    a, b, error = (np.full(shape, np.nan) for _ in range(3))
+    a[:, channel], b[:, channel] = middle.f[keep], np.mean(back, axis=0)
+    size = np.maximum(np.abs(a[:, channel]) + np.abs(b[:, channel]), 1e-300)
+    error[:, channel] = np.ptp(back, axis=0) / size
+    return a, b, error, np.stack([*wi, *wo], axis=-1)
