@@ -4,6 +4,7 @@ Read as a table of the file's own patches and, between them, the file's own rule
 "front" is +z here. (Radiance's programs call that side the back.)
 """
 
+import itertools
 import os
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable
@@ -15,7 +16,7 @@ from gonio.data import layouts
 from gonio.data.channels import Channels
 from gonio.data.files import input_size, stem
 from gonio.data.flags import Flag
-from gonio.data.interpolation.angle_basis import KLEMS_BASES, MOST_PATCHES, AngleBasis
+from gonio.data.interpolation.angle_basis import EARLIER_BASES, KLEMS_BASES, MOST_PATCHES, AngleBasis
 from gonio.data.interpolation.scattering_blocks import BLOCKS, Matrix, ScatteringBlock, SheetBSDF, pair_of
 from gonio.data.interpolation.tree_text import parse_numbers, parse_tree
 from gonio.data.table import Table
@@ -28,6 +29,10 @@ STRUCTURES = ("Columns", "Rows", "TensorTree3", "TensorTree4")
 NANOMETRES = {"nm": 1.0, "nanometer": 1.0, "nanometers": 1.0, "micrometer": 1e3, "micrometers": 1e3, "um": 1e3}
 
 
+Bases = dict[str, tuple[AngleBasis, ...]]
+"""By their names in small letters: the one that the file defines, or those that programs have taken for it."""
+
+
 class SheetData(NamedTuple):
     """What a file of a sheet holds."""
 
@@ -37,6 +42,8 @@ class SheetData(NamedTuple):
     structure: str
     material: str
     left_out: tuple[str, ...]
+    undefined: tuple[str, ...]
+    """Bases that the file names without defining them."""
 
 
 class _Elements(ElementTree.TreeBuilder):
@@ -83,11 +90,20 @@ def read_window_xml(path: str | os.PathLike[str]) -> Table:
         "assumptions": [
             "the file's front is the front here (+z); Radiance's programs call that side the back",
             "f is constant in each patch of the file",
+            *(f"the file does not define its basis {name}; it is taken as WINDOW's" for name in data.undefined),
             *(f"left out: {what}" for what in data.left_out),
         ],
     }
     grid = layouts.scattered(*np.concatenate(angles, axis=1))
-    return Table(grid, f, flag, data.channels, provenance=provenance, name=stem(path), interpolant=lambda: bsdf)
+
+    def interpolant(coarse: bool = False) -> SheetBSDF:
+        if coarse:
+            raise GonioError(
+                f"the patches of {path} cannot be thinned; measure it on a grid: gonio measure FILE -o T.h5"
+            )
+        return bsdf
+
+    return Table(grid, f, flag, data.channels, provenance=provenance, name=stem(path), interpolant=interpolant)
 
 
 def _sampled(blocks: tuple[ScatteringBlock | None, ...]) -> Iterable[tuple[np.ndarray, np.ndarray]]:
@@ -142,10 +158,12 @@ def _sheet(root: ElementTree.Element) -> SheetData:
     known = next((s for s in STRUCTURES if s.lower() == structure.lower()), None)
     if known is None:
         raise GonioError(f"its data structure is {structure[:40]!r}; {nearest(structure, STRUCTURES)}")
-    bases = {b.name.lower(): b for b in KLEMS_BASES}
+    bases: Bases = {}
+    for basis in (*KLEMS_BASES, *EARLIER_BASES):
+        bases[basis.name.lower()] = (*bases.get(basis.name.lower(), ()), basis)
     for element in layer.iterfind("DataDefinition/AngleBasis"):
         basis = _basis(element)
-        bases[basis.name.lower()] = basis
+        bases[basis.name.lower()] = (basis,)
     blocks: dict[str, dict[str, ScatteringBlock]] = {}
     wavelengths: dict[str, float | None] = {}
     left_out = [f"{n - 1} more layers" for n in [len(root.findall("Optical/Layer"))] if n > 1]
@@ -168,7 +186,9 @@ def _sheet(root: ElementTree.Element) -> SheetData:
         channels = Channels.of_wavelengths([length for length in lengths if length is not None])
         blocks = dict(zip(channels.names, blocks.values(), strict=True))
     material = " ".join(filter(None, (_text(layer, f"Material/{k}") for k in ("Manufacturer", "Name"))))
-    return SheetData(blocks, channels, known, material, tuple(left_out))
+    named = [(e.text or "").strip() for tag in ("Column", "Row") for e in layer.iter(f"{tag}AngleBasis")]
+    undefined = sorted({name for name in named if len(bases.get(name.lower(), ())) > 1})
+    return SheetData(blocks, channels, known, material, tuple(left_out), tuple(undefined))
 
 
 def _wavelength(element: ElementTree.Element) -> tuple[str, float | None]:
@@ -197,7 +217,7 @@ def _basis(element: ElementTree.Element) -> AngleBasis:
     return AngleBasis(name, (0.0, *upper), tuple(counts))
 
 
-def _block(element: ElementTree.Element, structure: str, bases: dict[str, AngleBasis], what: str) -> ScatteringBlock:
+def _block(element: ElementTree.Element, structure: str, bases: Bases, what: str) -> ScatteringBlock:
     text = _text(element, "ScatteringData")
     if structure.startswith("Tensor"):
         basis = _text(element, "AngleBasis")
@@ -208,10 +228,13 @@ def _block(element: ElementTree.Element, structure: str, bases: dict[str, AngleB
     for name in names:
         if name.lower() not in bases:
             raise GonioError(f"{what}: the angle basis {name[:40]!r} is not defined")
-    arriving, leaving = (bases[name.lower()] for name in names)
     values = parse_numbers(text, what)
-    if values.size != arriving.size * leaving.size:
+    known = [(a, b) for a, b in itertools.product(*(bases[name.lower()] for name in names))]
+    fitting = [(a, b) for a, b in known if a.size * b.size == values.size]
+    if not fitting:
+        arriving, leaving = known[0]
         raise GonioError(f"{what}: {values.size:,} values, expected {leaving.size} × {arriving.size}")
+    arriving, leaving = fitting[0]
     if structure == "Rows":
         return Matrix(values.reshape(arriving.size, leaving.size).T, arriving, leaving)
     return Matrix(values.reshape(leaving.size, arriving.size), arriving, leaving)

@@ -69,7 +69,12 @@ class AngleBasis:
 
 KLEMS_BASES = (
     AngleBasis("LBNL/Klems Full", (0, 5, 15, 25, 35, 45, 55, 65, 75, 90), (1, 8, 16, 20, 24, 24, 24, 16, 12)),
+    AngleBasis("LBNL/Klems Half", (0, 6.5, 19.5, 32.5, 45.5, 58.5, 71.5, 90), (1, 8, 12, 16, 20, 12, 8)),
+    AngleBasis("LBNL/Klems Quarter", (0, 9, 27, 45, 63, 90), (1, 8, 12, 12, 8)),
+)
+"""The bases that files may name without defining them, as WINDOW has them."""
+EARLIER_BASES = (
     AngleBasis("LBNL/Klems Half", (0, 6.5, 19.5, 32.5, 46.5, 61.5, 76.5, 90), (1, 8, 12, 16, 20, 12, 4)),
     AngleBasis("LBNL/Klems Quarter", (0, 9, 27, 46, 66, 90), (1, 8, 12, 12, 8)),
 )
-"""The bases that files name without defining them."""
+"""Those that Radiance's programs took for them before 2024."""
