@@ -18,7 +18,7 @@ FIT_FACTS = ("converged", "reason", "loss", "samples", "starts_agreed", "starts"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    file = "a table (HDF5, MERL, RGL, NIST or plain CSV), a material file, or published fits"
+    file = "a table (HDF5, MERL, RGL, XML of windows, NIST or plain CSV), a material file, or published fits"
     parser.add_argument("file", metavar="FILE", help=file)
     add_options(parser.add_argument, READING | JSON)
 

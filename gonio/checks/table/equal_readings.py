@@ -22,6 +22,7 @@ from gonio.checks.table.pairs import FEWEST, Pairs, pair_angles
 from gonio.checks.table.regions import judged_by_regions, uncovered
 from gonio.checks.table.significance import decided_by_uncertainty, judged_by_level
 from gonio.data.flags import Flag
+from gonio.data.interpolation.scattering_blocks import sheet_of
 from gonio.models.display import percent
 from gonio.models.geometry.sides import Sides
 
@@ -45,7 +46,7 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
         )
         return without_residual("reciprocity", NOT_TESTABLE, tolerance, reason, pairs=0, method=pairs.how)
     judged = _equal("reciprocity", evidence, pairs, pairs.angles[:, 0] - pairs.angles[:, 2], tolerance, what)
-    if evidence.table.interpolant is not None:
+    if evidence.table.interpolant is not None and sheet_of(evidence.table) is None:
         judged.verdict = UNDECIDED if judged.verdict == PASS else judged.verdict
         edge = np.degrees(np.max(pairs.angles[:, [0, 2]]))
         judged.detail += f" Nothing was compared beyond θ {edge:.0f}°: undecided there."

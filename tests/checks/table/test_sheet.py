@@ -66,5 +66,13 @@ def test_energy_is_that_of_the_worst_incidence(tmp_path):
     matrices = honest()
     matrices["transmission back"] = matrices["transmission back"] * np.where(np.arange(41) == 30, 9.0, 1.0)
     energy = certificate(tmp_path, matrices)["energy"]
-    assert energy.verdict == "fail" and energy.worst["theta_i"] > 90
+    assert energy.verdict == "fail" and energy.where["theta_i"] > 90
     assert "T " in energy.detail and "R " in energy.detail
+
+
+def test_what_a_file_leaves_out_is_said(tmp_path):
+    """Lit from the front alone, the sheet cannot be tested from side to side, and what it lacks is no failure."""
+    matrices = {name: m for name, m in honest().items() if name.endswith("front")}
+    c = certificate(tmp_path, matrices)
+    assert c["energy"].verdict == "pass" and c["reciprocity"].verdict == "not testable"
+    assert "behind" in c["reciprocity"].detail

@@ -31,7 +31,6 @@ FILES = {
     "NumPy archive": npz(),
     "Excel": archive("[Content_Types].xml"),
     "ZIP": archive("a.txt"),
-    "Radiance": b'<?xml version="1.0"?>\n<WindowElement xmlns="http://windows.lbl.gov">\n',
     "XML": b'<?xml version="1.0"?>\n<brdf/>\n',
     "HTML": b"<!DOCTYPE html><html>",
     "Zemax": b"# a comment, theta, phi\nSource  Measured\nSymmetry  PlaneSymmetrical\n",
