@@ -146,8 +146,8 @@ def _root(data: bytes) -> ElementTree.Element:
 
 
 def _text(element: ElementTree.Element, path: str) -> str:
-    found = element.find(path)
-    return "" if found is None or found.text is None else found.text.strip()
+    child = element.find(path)
+    return "" if child is None or child.text is None else child.text.strip()
 
 
 def _sheet(root: ElementTree.Element) -> SheetData:
@@ -194,8 +194,8 @@ def _sheet(root: ElementTree.Element) -> SheetData:
 def _wavelength(element: ElementTree.Element) -> tuple[str, float | None]:
     """The name of a channel, and its wavelength, nm, if it has one."""
     label = _text(element, "Wavelength") or "unnamed"
-    found = element.find("Wavelength")
-    unit = "" if found is None else found.get("unit", "").lower()
+    child = element.find("Wavelength")
+    unit = "" if child is None else child.get("unit", "").lower()
     try:
         return label, float(label) * NANOMETRES[unit]
     except (ValueError, KeyError):

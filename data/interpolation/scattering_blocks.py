@@ -178,8 +178,8 @@ class Tree(ScatteringBlock):
         start, stop = np.rint(low[:, :axes] * n).astype(int), np.rint((low[:, :axes] + size[:, None]) * n).astype(int)
         flux = np.pi * np.asarray(self.values, float) * size**2
         for corner in np.ndindex((2,) * axes):
-            at = tuple(np.where(c, stop[:, k], start[:, k]) for k, c in enumerate(corner))
-            np.add.at(shares, at, flux * (-1) ** sum(corner))
+            corners = tuple(np.where(c, stop[:, k], start[:, k]) for k, c in enumerate(corner))
+            np.add.at(shares, corners, flux * (-1) ** sum(corner))
         for axis in range(axes):
             shares = np.cumsum(shares, axis)
         sin_i, phi = np.sin(arriving[:, 0]), arriving[:, 1]
@@ -239,5 +239,5 @@ class SheetBSDF(AbstractBRDF):
 
 def sheet_of(table: Table) -> SheetBSDF | None:
     """The sheet whose patches a table holds; None for all other tables."""
-    own = None if table.interpolant is None else table.interpolant()
-    return own if isinstance(own, SheetBSDF) else None
+    brdf = None if table.interpolant is None else table.interpolant()
+    return brdf if isinstance(brdf, SheetBSDF) else None

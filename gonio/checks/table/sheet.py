@@ -48,12 +48,12 @@ def _of_side(bsdf: SheetBSDF, side: str) -> tuple[np.ndarray, ...]:
 def sheet_pairs(bsdf: SheetBSDF) -> Pairs:
     """The patches, and the mean of the exchanged directions over each: half their range is the error."""
     rng = np.random.default_rng(0)
-    found: list[tuple[np.ndarray, ...]] = []
+    blocks: list[tuple[np.ndarray, ...]] = []
     for name in BLOCKS:
         for channel, block in enumerate(bsdf.blocks[name]):
             if block is not None:
-                found.append(_exchanged(bsdf, block, name, channel, rng))
-    a, b, error, angles = (np.concatenate(column) for column in zip(*found, strict=True))
+                blocks.append(_exchanged(bsdf, block, name, channel, rng))
+    a, b, error, angles = (np.concatenate(column) for column in zip(*blocks, strict=True))
     unknown = np.full_like(a, np.nan)
     return Pairs(a, b, unknown, unknown, angles, len(a), "the file's patches, exchanged by its own rule", error)
 
