@@ -19,6 +19,7 @@ from gonio.models.errors import GonioError as GonioError
 from gonio.planning.adaptive.adaptive_measurement import adapt as adapt
 from gonio.planning.planned import plan as plan
 from gonio.reports.build import report as report
+from gonio.reports.chapter import chapter as chapter
 from gonio.stability import stress as stress
 
 open = _read
@@ -34,6 +35,7 @@ __all__ = [
     "Table",
     "__version__",
     "adapt",
+    "chapter",
     "chart",
     "check",
     "convert",

@@ -17,6 +17,7 @@ import gonio.models
 
 VERBS = [
     "adapt",
+    "chapter",
     "chart",
     "check",
     "convert",

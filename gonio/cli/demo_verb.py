@@ -1,4 +1,7 @@
-"""``gonio demo``: measure, keep, fit, check and report bundled materials, by the commands that a user would type."""
+"""``gonio demo``: measure, keep, fit, check and report bundled materials, by the commands that a user would type.
+
+``gonio demo chapter``: the textbook's ideas as small experiments, on one page.
+"""
 
 import argparse
 import os
@@ -7,6 +10,7 @@ import sys
 import time
 from typing import NamedTuple
 
+from gonio.cli.arguments import FORCE, Options, add_options
 from gonio.models.errors import GonioError
 from gonio.text import show
 
@@ -24,15 +28,30 @@ SAMPLES = (
     Sample("titanium_blasted", tuple(f"1 * {n}(eta=?, k=?, smith=separable)" for n in ("ggx", "beckmann")), True),
     Sample("two_lobe_paint", ("lambert + ggx(eta=1.5)", "lambert + ggx(eta=1.5) + ggx(eta=1.5)")),
 )
+OPTIONS: Options = {
+    "-o/--output OUT": "the folder of the files (demo), or the chapter's page (chapter.html)",
+    "--set NAME=VALUE": {"action": "append", "default": [], "help": "a number of the chapter; the page names them all"},
+    "--numbers FILE.toml": "several of them: gonio_chapter = 1, then name = value",
+}
 SCAN = "--scan isotropic --step 5 --seed 1"
 INSTRUMENT = "--source-half-angle 0.1 --detector-half-angle 0.25 --photons 1e7 --ambient 0.02 --dark 100 --noise 0.002"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("-o", "--output", default="demo", metavar="FOLDER", help="of the files (default: demo)")
+    parser.description = (
+        "The whole job on bundled materials, ending in a report to look at; or, as 'gonio demo chapter', the ideas of"
+        " the textbook's chapter as small computed experiments on one page."
+    )
+    parser.add_argument("part", nargs="?", choices=("chapter",), help="the chapter's ideas as experiments")
+    add_options(parser.add_argument, OPTIONS | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:
+    if args.part == "chapter":
+        return _run_chapter(args)
+    if args.set or args.numbers:
+        raise GonioError("--set and --numbers change numbers of the chapter: gonio demo chapter --set theta_i=60")
+    args.output = args.output or "demo"
     try:
         os.makedirs(args.output, exist_ok=True)
     except FileExistsError:
@@ -54,6 +73,18 @@ def run(args: argparse.Namespace) -> int:
     show("\n── the report ──")
     _run_command(f"report {shlex.join(tables + fits)} -o {shlex.quote(page)} --force")
     show(f"\nDone in {time.perf_counter() - began:.0f} s. Open this page in a browser: {os.path.abspath(page)}")
+    return 0
+
+
+def _run_chapter(args: argparse.Namespace) -> int:
+    from gonio.reports.chapter import chapter
+    from gonio.reports.chapter.numbers import assigned, read_numbers
+
+    changes = ({} if args.numbers is None else read_numbers(args.numbers)) | assigned(args.set)
+    began, page = time.perf_counter(), args.output or "chapter.html"
+    chapter(page, force=args.force, log=show, **changes)
+    seconds = time.perf_counter() - began
+    show(f"\nDone in {seconds:.0f} s. Open this page in a browser: {os.path.abspath(page)}")
     return 0
 
 

@@ -273,6 +273,13 @@ def root_degree_axis(axis: Axis) -> None:
     axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v * v:.0f}°"))
 
 
+def plain_powers(*axes: Axis) -> None:
+    """Powers of ten in plain text at the decades of logarithmic axes, and no minor labels."""
+    for axis in axes:
+        axis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(v)))
+        axis.set_minor_formatter(NullFormatter())
+
+
 def log_axis(ax: Axes, low: float, high: float) -> None:
     """A logarithmic y axis over the values low..high, with a grid; 1-2-5 ticks where it spans few decades."""
     # Limits first: scales change by the limits of the data, which may be too close for that.
