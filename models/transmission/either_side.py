@@ -20,7 +20,7 @@ class AbstractEitherSide(AbstractBRDF):
         """Whether the light goes through, or back."""
 
     @abc.abstractmethod
-    def seen(self, wi: Direction) -> AbstractBRDF:
+    def facing(self, wi: Direction) -> AbstractBRDF:
         """The model that reflects, as it stands for light from wi."""
 
     @property
@@ -33,18 +33,18 @@ class AbstractEitherSide(AbstractBRDF):
 
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         side, beyond = self._sides(wi)
-        return self.seen(wi).formula(turned_over(wi, side), turned_over(wo, beyond))
+        return self.facing(wi).formula(turned_over(wi, side), turned_over(wo, beyond))
 
     def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         side, beyond = self._sides(wi)
-        wo, leaves = self.seen(wi).sample(turned_over(wi, side), u1, u2)
+        wo, leaves = self.facing(wi).sample(turned_over(wi, side), u1, u2)
         return turned_over(wo, beyond), leaves
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         side, beyond = self._sides(wi)
-        return self.seen(wi).pdf(turned_over(wi, side), turned_over(wo, beyond))
+        return self.facing(wi).pdf(turned_over(wi, side), turned_over(wo, beyond))
 
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         side, beyond = self._sides(wi)
-        wo, jacobian = self.seen(wi).lobe_map(turned_over(wi, side), u1, u2)
+        wo, jacobian = self.facing(wi).lobe_map(turned_over(wi, side), u1, u2)
         return turned_over(wo, beyond), jacobian

@@ -95,7 +95,7 @@ class SlabFace(AbstractEitherSide):
     def through(self) -> bool:
         return False
 
-    def seen(self, wi: Direction) -> AbstractBRDF:
+    def facing(self, wi: Direction) -> AbstractBRDF:
         return Beckmann(alpha=jnp.where(wi.z > 0, self.alpha, self.alpha_behind), eta=self.eta)
 
 
@@ -114,7 +114,7 @@ class SlabInside(AbstractEitherSide):
     def through(self) -> bool:
         return self.passes
 
-    def seen(self, wi: Direction) -> AbstractBRDF:
+    def facing(self, wi: Direction) -> AbstractBRDF:
         front = wi.z > 0
         near, far = (
             jnp.where(front, *pair) for pair in ((self.alpha, self.alpha_behind), (self.alpha_behind, self.alpha))

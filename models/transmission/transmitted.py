@@ -30,7 +30,7 @@ class CosinePowerTransmission(AbstractEitherSide):
     def isotropic(self) -> bool:
         return True
 
-    def seen(self, wi: Direction) -> AbstractBRDF:
+    def facing(self, wi: Direction) -> AbstractBRDF:
         return self.tau * Phong(n=self.n)
 
 
@@ -74,5 +74,5 @@ class Transmitted(AbstractEitherSide):
     def terms(self) -> tuple[AbstractBRDF, ...]:
         return tuple(Transmitted(base=part) for part in self.base.terms())
 
-    def seen(self, wi: Direction) -> AbstractBRDF:
+    def facing(self, wi: Direction) -> AbstractBRDF:
         return self.base

@@ -20,7 +20,7 @@ from gonio.checks.certificate import (
 )
 from gonio.checks.direction_search import PairMap, climb, moved_by_rounding, pair, precision, swapped, values
 from gonio.checks.model.evidence import ModelEvidence
-from gonio.checks.model.sides import seen, ways_of, worst_of
+from gonio.checks.model.sides import evidence_from, ways_of, worst_of
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.folded import seen_from
 from gonio.models.geometry.directions import Direction
@@ -138,7 +138,7 @@ def model_reciprocity(evidence: ModelEvidence, tolerance: float) -> Property:
     Of a surface that transmits also f_t(wi, wo)/n_o² against f_t(wo, wi)/n_i², n the index on the side of the exit.
     """
     judges = {way: _through if way[0] != way[1] else _same_side for way in ways_of(evidence.brdf)}
-    return worst_of({way: judge(seen(evidence, *way), evidence, tolerance) for way, judge in judges.items()})
+    return worst_of({way: judge(evidence_from(evidence, *way), evidence, tolerance) for way, judge in judges.items()})
 
 
 def _same_side(turned: ModelEvidence, evidence: ModelEvidence, tolerance: float) -> Property:

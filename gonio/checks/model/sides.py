@@ -40,12 +40,12 @@ def on_every_side(judge: Judge) -> Judge:
         ways = ways_of(evidence.brdf)
         if evidence.reference is not None:
             ways += [way for way in ways_of(evidence.reference) if way not in ways]
-        return worst_of({way: judge(seen(evidence, *way), tolerance) for way in ways})
+        return worst_of({way: judge(evidence_from(evidence, *way), tolerance) for way in ways})
 
     return judged
 
 
-def seen(evidence: ModelEvidence, light: int, detector: int) -> ModelEvidence:
+def evidence_from(evidence: ModelEvidence, light: int, detector: int) -> ModelEvidence:
     """The evidence with light and detector on these sides, both turned to the front."""
     if (light, detector) == (1, 1):
         return evidence
