@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import lineax as lx
 import numpy as np
 import optimistix as optx
 
@@ -108,14 +109,17 @@ def program(kind: type[AbstractBSSRDF]) -> Program:
         return jnp.sum(r * r)
 
     def descend(x: jax.Array, args: tuple) -> jax.Array:
-        solver = optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6)
+        solver = optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6, linear_solver=lx.Normal(lx.Cholesky()))
         return optx.least_squares(residual, solver, x, args, max_steps=100, throw=False).value
 
     def linearised(x: jax.Array, args: tuple) -> tuple[jax.Array, jax.Array]:
         return residual(x, args), jax.jacfwd(residual)(x, args)
 
-    over = functools.partial(jax.vmap, in_axes=(0, None))
-    return Program(jax.jit(over(cost)), jax.jit(over(descend)), jax.jit(linearised))
+    def descents(starts: jax.Array, args: tuple) -> jax.Array:
+        # One after another: a loop over them side by side takes longer to compile than they take to run
+        return jax.lax.map(lambda x: descend(x, args), starts)
+
+    return Program(jax.jit(jax.vmap(cost, in_axes=(0, None))), jax.jit(descents), jax.jit(linearised))
 
 
 def solve(

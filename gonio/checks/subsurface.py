@@ -39,7 +39,7 @@ def _model_reciprocity(bssrdf: AbstractBSSRDF, tolerance: float) -> Property:
     size = 1 / float(np.max(np.asarray(bssrdf.extinction)))
     places = [Position(*(size * rng.standard_normal((2, PAIRS)))) for _ in range(2)]
     ways = [from_spherical(np.arccos(rng.random(PAIRS)), 2 * np.pi * rng.random(PAIRS), np) for _ in range(2)]
-    s = eqx.filter_jit(lambda *pair: jax.vmap(bssrdf.s)(*pair))
+    s = eqx.filter_jit(lambda a, b, c, d: jax.vmap(bssrdf.s)(a, b, c, d))
     there, back = (np.asarray(s(*pair)) for pair in ((places[0], ways[0], places[1], ways[1]),
                                                      (places[1], ways[1], places[0], ways[0])))  # fmt: skip
     residual = float(np.max(np.abs(there - back) / np.maximum(np.abs(there) + np.abs(back), 1e-300) * 2))
@@ -124,9 +124,10 @@ def _exchanged_spots(profile: Profile, tolerance: float, level: float) -> Proper
     mean = np.where(use, np.abs(profile.value[i] + profile.value[j]) / 2, 0.0)
     u = np.where(use, np.hypot(np.nan_to_num(profile.u[i]), np.nan_to_num(profile.u[j])), 0.0)
     ring = profile.offsets[i][:, None] ** 2  # the light at a distance, of offsets that grow by a factor
+    limit = float(stats.norm.isf(level / max(int(use.sum()), 1) / 2))
+    ring = np.where(mean > limit * u, ring, 0.0)  # what noise drowns tells nothing of the light
     light = np.maximum(np.sum(ring * mean, axis=0), 1e-300)
     shares = np.abs(np.sum(ring * signed, axis=0)) / light
-    limit = float(stats.norm.isf(level / max(int(use.sum()), 1) / 2))
     noise = limit * np.sqrt(np.sum((ring * u) ** 2, axis=0)) / light
     known = u > 0
     z = np.where(known, difference / np.where(known, u, 1.0), 0.0)

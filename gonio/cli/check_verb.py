@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Judges reciprocity, energy conservation, positivity, symmetries and edges of a model or a table, each with"
         " the error of the judgement. Exit status: 0 pass, 1 fail, 3 undecided."
     )
-    subject = "a table, a material's name, or an expression"
+    subject = "a table, a profile (light below the surface), a material's name, or an expression"
     parser.add_argument("subject", metavar="FILE|MATERIAL", nargs="?", help=subject)
     add_options(parser.add_argument, OPTIONS | READING | FORCE)
     parser.set_defaults(feature_width=0.0, level=0.01)

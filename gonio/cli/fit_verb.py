@@ -32,7 +32,8 @@ OPTIONS: Options = {
     "-m/--model MODEL": {
         "action": "append",
         "help": "such as 'lambert + ggx(eta=1.5)': omitted shapes are free, name=v is fixed, name~v free from v; "
-        "several are ranked by BIC; without one, a model grows until BIC and held-out directions ask for no more",
+        "several are ranked by BIC; without one, a model grows until BIC and held-out directions ask for no more; of a "
+        "profile (light below the surface) 'dipole(eta=1.3)', or without one the best of all",
     },
     "-o/--output FIT.toml": "the fitted material, or the folder of those of several files; FILE's name with .fit.toml "
     "if not given",
@@ -87,8 +88,8 @@ CANDIDATE_COLUMNS: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    files = "a table in any format that can be read; several, or folders of them, are fitted one after another, on all "
-    files += "processors, and a killed run goes on where it stopped"
+    files = "a table in any format that can be read, or a profile (measure --scan offsets); several tables, or folders "
+    files += "of them, are fitted one after another, on all processors, and a killed run goes on where it stopped"
     parser.add_argument("files", nargs="+", metavar="FILE", help=files)
     add_options(parser.add_argument, OPTIONS | DESCRIPTION | MERL | READING | FORCE)
     parser.set_defaults(bootstrap=0, starts=8, seed=0, aperture="average")

@@ -20,7 +20,7 @@ def run(args: argparse.Namespace) -> int:
     from gonio.models.catalog import MODELS
     from gonio.models.subsurface.catalog import BSSRDFS
 
-    known = [*MODELS, *BSSRDFS]
+    known: list[str] = [*MODELS, *BSSRDFS]
     if args.name and args.name not in known:
         raise GonioError(f"Unknown model '{args.name}'; {nearest(args.name, known)}")
     if args.picture and not args.name:

@@ -27,7 +27,7 @@ class Dipole(AbstractBSSRDF):
     """
 
     limits = (
-        "less than a half space reflects: by 12 % at an albedo of 0.8, 4 % at 0.95, 0.7 % at 0.99 (isotropic "
+        "less than a half space reflects: by 12 % at an albedo of 0.8, 4 % at 0.95, 0.8 % at 0.99 (isotropic "
         "scattering, matched index); of what leaves within a mean free path of the beam about 40 % is missing"
     )
 

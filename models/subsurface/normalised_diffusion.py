@@ -25,7 +25,7 @@ class NormalisedDiffusion(AbstractBSSRDF):
 
     limits = (
         "right in the total and to 10 % within three mean free paths (isotropic scattering, matched index); beyond ten "
-        "of them 30 to 45 % of the light is missing, beyond thirty nearly all; internal reflection is left out"
+        "of them off by up to 45 %, beyond thirty nearly all is missing; internal reflection is left out"
     )
 
     sigma_a: Channels | None = parameter(ABSORPTION, default=None)
