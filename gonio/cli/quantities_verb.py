@@ -31,7 +31,7 @@ OPTIONS: Options = {
     "--uncertainty NAME=U,...": "standard uncertainties of single terms, such as 'gain=0.5 %%, tilt=0.05 deg "
     "rectangular, theta_i=0.02 deg dof 12'; they go before those of --instrument and of the table",
     "--geometry G,...": "more reflectance factors, at theta_i:theta_o or theta_i:theta_o:delta_phi in degrees, such "
-    "as 30:30:180 (the mirror direction)",
+    "as 30:30:180 (the mirror direction); angles beyond 90 are behind the sample, such as 0:180 (straight through)",
     "--monte-carlo N": "check the linear budget by N draws of all errors at once (JCGM 101:2008), such as 1000",
     "--seed SEED": {"default": 0, "help": "of these draws (default 0)"},
     "--json FILE": "write everything as JSON too; '-' prints it instead",
@@ -46,8 +46,8 @@ NOTHING = 5e-5
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Directional and hemispherical albedos and reflectance factors of a material or a table, and with --budget "
-        "where their uncertainty comes from."
+        "Directional and hemispherical albedos and reflectance factors of a material or a table (of a model that "
+        "transmits also transmittance, absorptance and haze), and with --budget where their uncertainty comes from."
     )
     parser.add_argument("subject", metavar="FILE|MATERIAL", help="a table, a material's name, or an expression")
     add_options(parser.add_argument, OPTIONS | DESCRIPTION | READING | MERL | FORCE)
@@ -104,17 +104,19 @@ def _channels(result: "Quantities") -> list[str]:
 
 def _shown(result: "Quantities") -> list[int]:
     """Those of few channels and incidences."""
+    from gonio.metrology.measurands import DIRECTIONAL
+
     channels = _channels(result)
     if len(channels) > MOST_CHANNELS:
         channels = [channels[0], channels[len(channels) // 2], channels[-1]]
-    places = [q.angles.get("theta_i", 0.0) for q in result.quantities if q.name == "albedo"]
+    places = [q.angles.get("theta_i", 0.0) for q in result.quantities if q.name in DIRECTIONAL]
     every = sorted(set(places))
     if len(every) > MOST_INCIDENCES:
         every = sorted({min(every, key=lambda t: abs(t - wanted)) for wanted in (*INCIDENCES, every[-1])})
     return [
         k
         for k, q in enumerate(result.quantities)
-        if q.channel in (*channels, "") and (q.name != "albedo" or q.angles["theta_i"] in every)
+        if q.channel in (*channels, "") and (q.name not in DIRECTIONAL or q.angles["theta_i"] in every)
     ]
 
 

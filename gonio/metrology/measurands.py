@@ -22,6 +22,9 @@ NAMED = ("0:45", "45:0")
 SAME = math.radians(0.1)
 """A direction was read where a reading is so near."""
 ALBEDO, UNIFORM, FACTOR = "albedo", "albedo under uniform light", "reflectance factor"
+TRANSMITTANCE, ABSORPTANCE, THROUGH_FACTOR = "transmittance", "absorptance", "transmittance factor"
+DIRECTIONAL = (ALBEDO, TRANSMITTANCE, ABSORPTANCE)
+"""Quantities that are listed for each incidence."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,7 +68,8 @@ class Geometry(NamedTuple):
             numbers = [float(part) for part in text.split(":")]
         except ValueError:
             numbers = []
-        inside = len(numbers) in (2, 3) and all(0 <= n < 90 for n in numbers[:2]) and all(map(math.isfinite, numbers))
+        polar = all(0 <= n <= 180 and n != 90 for n in numbers[:2])
+        inside = len(numbers) in (2, 3) and polar and all(map(math.isfinite, numbers))
         if not inside:
             raise GonioError(
                 f"{text!r} is no geometry; give theta_i:theta_o or theta_i:theta_o:delta_phi in degrees, such as 45:0"

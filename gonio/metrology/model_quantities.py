@@ -1,15 +1,31 @@
 """Albedos and reflectance factors of a model, with the error of computing them."""
 
+import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from gonio.data.material import Material
-from gonio.metrology.measurands import ALBEDO, FACTOR, NAMED, UNIFORM, Geometry, Quantity
+from gonio.metrology.haze import haze_by_angle, haze_of_sphere
+from gonio.metrology.measurands import (
+    ABSORPTANCE,
+    ALBEDO,
+    FACTOR,
+    NAMED,
+    THROUGH_FACTOR,
+    TRANSMITTANCE,
+    UNIFORM,
+    Geometry,
+    Quantity,
+)
+from gonio.models.albedo import Estimate
+from gonio.models.geometry.sides import Hemispheres
 
 INCIDENCES = tuple(range(0, 90, 5))
 """Degrees."""
+THROUGH = ("0:180",)
+"""Geometries of a material that transmits: straight through."""
 NODES = 16
 AZIMUTHS = (0.0, 45.0, 90.0, 135.0)
 """Degrees, of the light over an anisotropic model."""
@@ -18,34 +34,67 @@ AZIMUTHS = (0.0, 45.0, 90.0, 135.0)
 def model_quantities(material: Material, geometries: Sequence[str]) -> list[Quantity]:
     """Directional albedos, the albedo under uniform light, and reflectance factors at named `NAMED` and others.
 
-    Of an anisotropic model the light comes from the azimuth 0; under uniform light from all.
+    Of an anisotropic model the light comes from the azimuth 0; under uniform light from all. Of one that transmits also
+    transmittances, what is absorbed, haze at normal incidence, and transmittance factors π f_t with f_t |cosθo|.
     """
-    names, rows = material.channels.names, []
-    albedos = material.albedo(INCIDENCES, degrees=True)
-    for k, theta in enumerate(INCIDENCES):
-        values = zip(names, albedos.value[k], albedos.bound[k], strict=True)
-        rows += [Quantity(ALBEDO, f"θi {theta}°", c, float(v), float(b), {"theta_i": theta}) for c, v, b in values]
-    uniform = zip(names, *_uniform_light(material), strict=True)
-    rows += [Quantity(UNIFORM, "", c, float(v), float(b)) for c, v, b in uniform]
-    for text in dict.fromkeys([*NAMED, *geometries]):
-        g = Geometry.of(text)
-        turn = 0.0 if g.delta_phi is None else g.delta_phi
-        angles = {"theta_i": math.degrees(g.theta_i), "theta_o": math.degrees(g.theta_o)}
-        angles |= {} if g.delta_phi is None else {"delta_phi": math.degrees(turn)}
-        angles = {name: round(angle, 9) for name, angle in angles.items()}
-        f = np.pi * material.f(g.theta_i, 0.0, g.theta_o, turn)
-        rows += [Quantity(FACTOR, g.text, c, float(v), 0.0, angles) for c, v in zip(names, f, strict=True)]
+    transmits = Hemispheres.TRANSMISSION in material.brdf.hemispheres
+    shares = {ALBEDO: material.albedo(INCIDENCES, degrees=True)}
+    if transmits:
+        r, t = shares[ALBEDO], material.transmittance(INCIDENCES, degrees=True)
+        shares |= {TRANSMITTANCE: t, ABSORPTANCE: Estimate(1 - r.value - t.value, r.bound + t.bound, 0)}
+    rows = []
+    for name, share in shares.items():
+        for theta, value, bound in zip(INCIDENCES, share.value, share.bound, strict=True):
+            rows += _by_channel(material, name, f"θi {theta}°", value, bound, {"theta_i": theta})
+    rows += _by_channel(material, UNIFORM, "", *_uniform_light(material, material.albedo))
+    if transmits:
+        through = _uniform_light(material, material.transmittance)
+        rows += _by_channel(material, "transmittance under uniform light", "", *through)
+        rows += _by_channel(material, "haze beyond 2.5°", "θi 0°", *haze_by_angle(material), {"theta_i": 0})
+        rows += _by_channel(material, "haze of a sphere", "θi 0°", *haze_of_sphere(material), {"theta_i": 0})
+    for text in dict.fromkeys([*NAMED, *(THROUGH if transmits else ()), *geometries]):
+        rows += _factor(material, Geometry.of(text))
     return rows
 
 
-def _uniform_light(material: Material) -> tuple[np.ndarray, np.ndarray]:
-    """∫ E d(sin²θ) by Gauss's rule (C,), and how far off: the change from half as many nodes, and the albedos' own."""
+def _factor(material: Material, g: Geometry) -> list[Quantity]:
+    """The reflectance or transmittance factor at a geometry; of a transmittance f_t |cosθo| too."""
+    turn = 0.0 if g.delta_phi is None else g.delta_phi
+    angles = {"theta_i": math.degrees(g.theta_i), "theta_o": math.degrees(g.theta_o)}
+    angles |= {} if g.delta_phi is None else {"delta_phi": math.degrees(turn)}
+    angles = {name: round(angle, 9) for name, angle in angles.items()}
+    f = material.f(g.theta_i, 0.0, g.theta_o, turn)
+    through = (g.theta_i > math.pi / 2) != (g.theta_o > math.pi / 2)
+    rows = _by_channel(material, THROUGH_FACTOR if through else FACTOR, g.text, np.pi * f, 0 * f, angles)
+    if through:
+        scattered = f * abs(math.cos(g.theta_o))
+        rows += [
+            dataclasses.replace(row, unit="1/sr")
+            for row in _by_channel(material, "scattering function f cosθo", g.text, scattered, 0 * f, angles)
+        ]
+    return rows
+
+
+def _by_channel(
+    material: Material,
+    name: str,
+    place: str,
+    value: np.ndarray,
+    bound: np.ndarray,
+    angles: dict[str, float] | None = None,
+) -> list[Quantity]:
+    columns = zip(material.channels.names, value, bound, strict=True)
+    return [Quantity(name, place, c, float(v), float(b), dict(angles or {})) for c, v, b in columns]
+
+
+def _uniform_light(material: Material, share: Callable[..., Estimate]) -> tuple[np.ndarray, np.ndarray]:
+    """∫ of a directional share by sin²θ by Gauss's rule (C,), and how far off: by half as many nodes, and its own."""
     phi = np.zeros(1) if material.brdf.isotropic else np.array(AZIMUTHS)
 
     def rule(count: int) -> tuple[np.ndarray, np.ndarray]:
         x, w = np.polynomial.legendre.leggauss(count)
         theta = np.degrees(np.arcsin(np.sqrt((1 + x) / 2)))
-        albedos = material.albedo(theta[:, None], phi, degrees=True)
+        albedos = share(theta[:, None], phi, degrees=True)
         mean = [np.sum(w[:, None] / 2 * a.mean(axis=1), axis=0) for a in (albedos.value, albedos.bound)]
         return mean[0], mean[1]
 

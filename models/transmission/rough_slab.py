@@ -35,18 +35,19 @@ CLEAR = ParameterInfo(
 )
 NOT_CLEAR = 0.98
 GAIN = (
-    "a clear sheet gains up to 0.4 % at 40° to 65° (α = 0.1, η = 1.5; 1.7 % for η = 1.05), as its lobes have a flat "
-    "sheet's shares"
+    "a clear sheet gains 0.2 % at 40° for α = 0.1, η = 1.5 (2 % at 60° for η = 1.05): its lobes have "
+    "a flat one's shares"
 )
 TAIL = 8.0
 """Half exponent of the tail that directions are drawn with: nearly Gaussian, a little heavier."""
 
 
 class InnerLobe(AbstractDiscLobe):
-    """√(w(θi) w(θo)) exp(−|β−β₀|²/(sᵢsₒ))/(π sᵢsₒ), |β−β₀| as of a reflection.
+    """w exp(−|β−β₀|²/(sᵢsₒ))/(π sᵢsₒ), |β−β₀| as of a reflection.
 
-    w is the share that a flat sheet transmits, or reflects from its far side, all internal bounces summed; s the
-    width, in direction cosines β, that the slopes at both passages, and at the far side, make of one direction.
+    w is the share that a flat sheet transmits, or reflects from its far side, all internal bounces summed, in the mean
+    (½(wᵢ⁻² + wₒ⁻²))^(−½) of both directions; s the width, in direction cosines β, that the slopes at both passages, and
+    at the far side, make of one direction.
     """
 
     near: Channels
@@ -75,7 +76,9 @@ class InnerLobe(AbstractDiscLobe):
         s2 = jnp.sqrt(s2_i * s2_o)
         # Widths grow away from the normal: more would come to a wide lobe's edge than the middle gives.
         wider = (self.near**2 + self.far**2) * ((self.eta - 1.0) ** 2 / self.eta)
-        level = jnp.sqrt(positive(w_i)) * jnp.sqrt(positive(w_o)) / (1.0 + wider)
+        # A mean that stays near the lesser share: a grazing direction must not get the greater one of the lobe's rest.
+        least, most = jnp.minimum(w_i, w_o), positive(jnp.maximum(w_i, w_o))
+        level = least / (jnp.sqrt(0.5 * (1.0 + (least / most) ** 2)) * (1.0 + wider))
         return level * jnp.exp(-projected_distance2(wi, wo) / s2) / (jnp.pi * s2)
 
     def core(self, wi: Direction) -> tuple[Channels, Scalar]:

@@ -146,7 +146,7 @@ def test_the_command_line_prints_and_writes_all_of_it(matt, tmp_path, capsys):
         ("--uncertainty gain=1", "give --budget too"),
         ("--geometry 30", "is no geometry"),
         ("--geometry 33:12", "the nearest reading is at 30:15"),
-        ("--geometry 45:95", "is no geometry"),
+        ("--geometry 45:90", "is no geometry"),
         ("--budget --instrument none.toml", "does not exist"),
     ],
 )
