@@ -232,13 +232,8 @@ class Table(Displayed):
     @property
     def media(self) -> tuple[np.ndarray, np.ndarray]:
         """Refractive indices (channels,) in front of the sample and behind it, by its provenance; else of air."""
-        stated, count = self.provenance.get(MEDIA), len(self.channels)
-        try:
-            front, behind = (np.broadcast_to(np.asarray(n, float), count) for n in stated or (1.0, 1.0))
-        except (TypeError, ValueError):
-            front = behind = np.zeros(count)
-        known = all((n > 0).all() and np.isfinite(n).all() for n in (front, behind))
-        return (front, behind) if known else (np.ones(count), np.ones(count))
+        known = media_of(self.provenance.get(MEDIA), len(self.channels))
+        return known or (np.ones(len(self.channels)), np.ones(len(self.channels)))
 
     def parts(self) -> "dict[tuple[int, int], Table]":
         """The readings by the sides of light and detector, both directions mirrored into the front hemisphere.
@@ -348,6 +343,16 @@ class Table(Displayed):
             return values.reshape(-1, count)[start:stop]
         pieces = [values[box].reshape(-1, count) for box in boxes(self.layout.shape, start, stop)]
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+
+
+def media_of(stated: Any, channels: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """Refractive indices (channels,) in front and behind of what a file states of them; None for what is none."""
+    try:
+        front, behind = (np.broadcast_to(np.asarray(n, float), channels) for n in stated)
+    except (TypeError, ValueError):
+        return None
+    known = all((n > 0).all() and np.isfinite(n).all() for n in (front, behind))
+    return (front, behind) if known else None
 
 
 def _readings(name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:

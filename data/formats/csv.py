@@ -28,7 +28,7 @@ from gonio.data.layouts.recognition import Placement, recognised
 from gonio.data.quantities import QUANTITIES, brdf_of
 from gonio.data.round_trip import RoundTrip, compare
 from gonio.data.suspicions import suspicions
-from gonio.data.table import COPIED, MEDIA, Table
+from gonio.data.table import COPIED, MEDIA, Table, media_of
 from gonio.models.errors import GonioError, nearest
 from gonio.models.geometry.sides import FRONT
 
@@ -90,7 +90,7 @@ def read_csv(
     }
     table = _table(statements, directions, readings, channels, understood)
     table.name = stem(path)
-    media = {} if (stated := statements.json(MEDIA)) is None else {MEDIA: stated}
+    media = {} if media_of(stated := statements.json(MEDIA), len(channels)) is None else {MEDIA: stated}
     table.provenance |= provenance | media | {"understood": [*text.understood, *understood]}
     if not statements.by_gonio and (
         warnings := suspicions(table, not directions.unit_known, not values.quantity_known)

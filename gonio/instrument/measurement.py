@@ -24,6 +24,7 @@ from gonio.instrument.scans import (
     hemisphere_remark,
     isotropy_remark,
     listed_seconds,
+    out_of_reach,
 )
 from gonio.instrument.scans import scan as named_scan
 from gonio.instrument.sinks import OLD_NAMES, MeasureOptions, MeasureSettings, open_sink
@@ -76,7 +77,8 @@ def measure(
     subject = load_material(material)
     layout = _layout(scan, subject.brdf, settings)
     unread = None if settings.hemisphere else hemisphere_remark(layout, subject.brdf)
-    for remark in (isotropy_remark(layout, subject.brdf), unread):
+    unreached = out_of_reach(layout, instrument or Instrument())
+    for remark in (isotropy_remark(layout, subject.brdf), unread, unreached):
         if remark:
             log(remark)
     seconds = settings.seconds

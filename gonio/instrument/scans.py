@@ -10,6 +10,8 @@ import numpy as np
 
 from gonio.data import layouts
 from gonio.data.layouts import Layout
+from gonio.instrument.instrument import Instrument
+from gonio.instrument.pace import AXES
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.catalog import is_ours
 from gonio.models.errors import GonioError
@@ -215,6 +217,16 @@ def hemisphere_remark(grid: Layout, brdf: AbstractBRDF) -> str | None:
         if read and not scatters:
             return f"nothing says that the material {verb}: all readings of its {noun} are 0"
     return None
+
+
+def out_of_reach(grid: Layout, instrument: Instrument) -> str | None:
+    """A remark where the instrument's arms do not go behind the sample, and the scan does."""
+    ranges: dict[str, tuple[float, float]] = dict(zip(AXES, instrument.ranges, strict=True))
+    arms = {"theta_i": {light for light, _ in grid.sides}, "theta_o": {detector for _, detector in grid.sides}}
+    short = [name for name, sides in arms.items() if -1 in sides and ranges[name][1] <= math.pi / 2]
+    if not short:
+        return None
+    return f"the range of the instrument's {' and '.join(short)} ends in front: nothing is measured behind the sample"
 
 
 def _sides(polar: np.ndarray, hemisphere: str, lit: str) -> tuple[np.ndarray, np.ndarray]:

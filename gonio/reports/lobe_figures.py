@@ -169,6 +169,7 @@ def _space_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     top = float(positive.max()) if positive.size else high
     image = picture(label, lobes.draw_lobe, e.incidences[k], mesh, top, log, size=lobes.SPACE_SIZE)
     caption = f"The lobe in space, {s.in_channel}"
+    caption += ", in front of the sample" * any(values.maps_behind for _, values in sources)
     if name == INTERPOLATED:
         caption += f"; {e.interpolation}; open where nothing was read"
     return [ReportFigure("lobe", f"{caption}.", image, data, "space")]
@@ -207,6 +208,8 @@ def _slice_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
 def _sphere_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     """Lit spheres of readings and of the models."""
     sources = [(name, values) for name, values in e.sources if values.known_of_sphere >= LEAST_KNOWN]
+    dark = [bool(v.maps_behind) and not any(np.nan_to_num(p).any() for p in v.spheres) for _, v in sources]
+    sources = [source for source, nothing in zip(sources, dark, strict=True) if not nothing]
     if not sources:
         return []
     matrix, words = channel_colour(s.channels)

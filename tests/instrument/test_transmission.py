@@ -17,7 +17,7 @@ from gonio.models.expression.builder import build
 from gonio.models.geometry.sides import Hemispheres
 from tests.support.sheets import Sheet
 
-PAINT = "lambert(rho=0.2) + 0.5 * ggx(alpha=0.2, eta=1.5)"
+PAINT = "lambert(rho=0.2) + 0.5 * phong(n=20)"
 
 
 class Mirrored(AbstractBRDF):
@@ -54,7 +54,7 @@ def test_readings_behind_are_those_of_the_mirror_image_in_front(instrument):
         Mirrored(build(PAINT)), instrument, scans.isotropic(step, phi_step=2 * step, hemisphere="transmission")
     )
     (part,) = behind.parts().values()
-    np.testing.assert_allclose(part.f, front.f, rtol=1e-9)
+    np.testing.assert_allclose(part.f, front.f, rtol=1e-6)
     np.testing.assert_allclose(part.layout.axes["theta_o"], front.layout.axes["theta_o"], atol=1e-15)
 
 
@@ -80,10 +80,9 @@ def test_a_detector_behind_stands_in_the_light_only_where_both_graze():
 def test_where_nothing_is_said_a_scan_goes_where_the_material_scatters():
     step = math.radians(45)
     sheet, remarks = Sheet(0.3, 0.5), []
-    assert gonio.measure(PAINT).sides == {(1, 1)}
-    assert gonio.measure(Mirrored(build(PAINT))).sides == {(1, -1)}
-    assert gonio.measure(sheet).sides == {(1, 1), (1, -1)}
-    assert gonio.measure(sheet, hemisphere="reflection").sides == {(1, 1)}  # said, so no remark
+    assert gonio.measure(Mirrored(build(PAINT)), scan="in-plane").sides == {(1, -1)}
+    assert gonio.measure(sheet, scan="in-plane").sides == {(1, 1), (1, -1)}
+    assert gonio.measure(sheet, scan="in-plane", hemisphere="reflection").sides == {(1, 1)}  # said, so no remark
     assert gonio.measure(sheet, scan=scans.isotropic(step), log=remarks.append).sides == {(1, 1)}
     behind = scans.isotropic(step, hemisphere="transmission")
     assert gonio.measure(sheet, scan=behind, log=remarks.append).sides == {(1, -1)}

@@ -21,10 +21,12 @@ def table_horizon(evidence: TableEvidence, tolerance: float) -> Property:
     """How far the last ring of readings is from the extrapolation of the two before, in e-folds: the median below 70°.
 
     A jump there is the sign of a sample too small for the beam, of a blocked arm, or of a shifted axis. Of both sides
-    of a sample the one with the larger jump decides.
+    of a sample the one with the larger jump decides; what goes through may end at an angle of its own.
     """
     judged = []
     for (light, detector), part in evidence.table.parts().items():
+        if light != detector:
+            continue
         rim = _rim(part, tolerance, evidence)
         for name, side in (("theta_i", light), ("theta_o", detector)):
             if side < 0 and name in rim.where:
@@ -32,6 +34,9 @@ def table_horizon(evidence: TableEvidence, tolerance: float) -> Property:
         if (light, detector) != (1, 1):
             rim.detail = f"In {side_in_words(light, detector)}: {rim.detail}"
         judged.append(rim)
+    if not judged:
+        detail = "Not testable: what goes through a sample may end before the horizon."
+        return without_residual("horizon", NOT_APPLICABLE, tolerance, detail)
     return max(judged, key=lambda rim: -1.0 if rim.residual is None else rim.residual)
 
 

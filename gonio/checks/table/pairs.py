@@ -24,6 +24,8 @@ BAND, SECTOR = 10.0, 30.0
 """Size of a region of pairs, degrees: of both polar angles, and of the azimuth difference."""
 
 SIDE = int(180 // BAND)
+ROUNDING = 1e-12
+"""Of the largest reading: what is smaller is nothing, as where no light is refracted to."""
 SAME_POLAR = 1e-6
 """Difference, radians, of polar angles that are one."""
 
@@ -136,8 +138,11 @@ def without_radiance_factor(pairs: Pairs, media: tuple[np.ndarray, np.ndarray]) 
     behind = [np.cos(pairs.angles[:, k, None]) < 0 for k in (0, 2)]
     through = behind[0] != behind[1]
     by_light, by_detector = (np.where(through, np.where(b, media[1], media[0]) ** 2, 1.0) for b in behind)
-    scaled = {"a": pairs.a / by_detector, "b": pairs.b / by_light}
-    return dataclasses.replace(pairs, **scaled, u_a=pairs.u_a / by_detector, u_b=pairs.u_b / by_light)
+    a, b = pairs.a / by_detector, pairs.b / by_light
+    size = np.fmax(np.abs(a), np.abs(b))
+    nothing = size <= ROUNDING * np.nanmax(size, initial=0.0)
+    a, b = (np.where(nothing, 0.0, v) for v in (a, b))
+    return dataclasses.replace(pairs, a=a, b=b, u_a=pairs.u_a / by_detector, u_b=pairs.u_b / by_light)
 
 
 def cells_without_partner(table: Table) -> np.ndarray:

@@ -34,8 +34,9 @@ ROUNDING = 2 * float(np.finfo(np.float32).eps)
 
 
 def decided_by_uncertainty(pairs: Pairs) -> bool:
-    """Whether the stored uncertainties of most pairs are known and not all zero."""
-    comparable = np.isfinite(pairs.a) & np.isfinite(pairs.b)
+    """Whether the stored uncertainties of most pairs are known and not all zero; where nothing was met they may be."""
+    dark = (pairs.a == 0) & (pairs.b == 0) & (pairs.u_a == 0) & (pairs.u_b == 0)
+    comparable = np.isfinite(pairs.a) & np.isfinite(pairs.b) & ~dark
     return bool(comparable.any() and np.mean(_usable(pairs)[comparable]) >= FEWEST_KNOWN)
 
 
@@ -81,7 +82,9 @@ def _rows(pairs: Pairs) -> _Rows:
 def _count_sizes(pairs: Pairs) -> tuple[np.ndarray, np.ndarray]:
     n = len(pairs.a)
     q = np.zeros((2 * n, pairs.a.shape[1]))
-    theta = np.concatenate([pairs.angles[:, 0], pairs.angles[:, 2]])
+    theta, sides = pairs.angles[:, [0, 2]], np.cos(pairs.angles[:, [0, 2]]) < 0
+    # Each pair of sides by itself: between media what goes through is scaled.
+    theta = np.concatenate([theta[:, k] + 2 * np.pi * (2 * sides[:, k] + sides[:, 1 - k]) for k in (0, 1)])
     for c in range(q.shape[1]):
         f, u = (np.concatenate([x[:, c], y[:, c]]) for x, y in ((pairs.a, pairs.b), (pairs.u_a, pairs.u_b)))
         ok = np.isfinite(f) & np.isfinite(u) & (u > 0)

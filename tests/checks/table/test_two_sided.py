@@ -71,6 +71,14 @@ def test_an_honest_sheet_lit_from_both_sides_passes_all():
     assert set(verdicts(sheet(BOTH, BOTH)).values()) <= {PASS, "not applicable"}
 
 
+def test_where_no_light_goes_nothing_is_wrong():
+    """Beyond the angles that light is refracted to no count is met, and no uncertainty is stored."""
+    table = sheet(BOTH, BOTH, change=lambda f, wi, wo: np.where(np.abs(wi.z * wo.z) < 0.6, 0.0, f))
+    assert np.mean(table.f == 0) > 0.3
+    judged = verdicts(table)
+    assert judged["reciprocity"] == judged["symmetry"] == judged["pole"] == PASS and FAIL not in judged.values()
+
+
 @pytest.mark.parametrize(
     "change",
     [
