@@ -18,6 +18,7 @@ from gonio.data import layouts
 from gonio.data.formats.registry import load
 from gonio.data.scene import read_scene
 from gonio.data.table import Channels, Table, whole_table_of_values
+from support.window_xml import QUARTER, document, numbers
 
 NUMBERS = [
     "nan",
@@ -124,6 +125,14 @@ def valid_files(folder: Path) -> list[Path]:
         "s.scene": 'gonio_scene = 1\nname = "s"\ntolerance = 0.05\nchannels = ["R"]\n[[light]]\ntheta = [60, 80]\n'
         "phi = [0, 90]\nweight = 0.8\n[[light]]\ntheta = [0, 90]\nfills = true\n[[view]]\ntheta = [0, 80]\n",
     }
+    bounds = "<ThetaBounds><LowerTheta>{}</LowerTheta><UpperTheta>{}</UpperTheta></ThetaBounds>"
+    ring = f"<AngleBasisBlock>{bounds}<nPhis>{{}}</nPhis></AngleBasisBlock>"
+    basis = ring.format(0, 45, 1) + ring.format(45, 90, 4)
+    own = f"<AngleBasis><AngleBasisName>own</AngleBasisName>{basis}</AngleBasis>"
+    matrix, leaf = numbers(rng.random(25)), "{" + numbers(rng.random(8)) + "}"
+    sheet = document({"Reflection Front": matrix, "Transmission Back": matrix}, more=own)
+    texts["klems.xml"] = sheet.replace(QUARTER.name, "own")
+    texts["tree.xml"] = document({"Transmission Front": "{" + f"{leaf} {{0.1}}" * 4 + "}"}, "TensorTree3")
     for name, text in texts.items():
         (folder / name).write_bytes(text.encode() if isinstance(text, str) else text)
     return sorted(folder.iterdir())
