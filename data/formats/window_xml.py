@@ -36,8 +36,8 @@ Bases = dict[str, tuple[AngleBasis, ...]]
 class SheetData(NamedTuple):
     """What a file of a sheet holds."""
 
-    blocks: dict[str, dict[str, ScatteringBlock]]
-    """By channel and by the names of `BLOCKS`."""
+    blocks: list[dict[str, ScatteringBlock]]
+    """Of each channel, by the names of `BLOCKS`."""
     channels: Channels
     structure: str
     material: str
@@ -71,7 +71,7 @@ def read_window_xml(path: str | os.PathLike[str]) -> Table:
     GonioError for a damaged file.
     """
     data = read_sheet(path)
-    bsdf = SheetBSDF({name: tuple(data.blocks[c].get(name) for c in data.channels.names) for name in BLOCKS})
+    bsdf = SheetBSDF({name: tuple(of_channel.get(name) for of_channel in data.blocks) for name in BLOCKS})
     angles, values = [], []
     for name in BLOCKS:
         for where, f in _sampled(bsdf.blocks[name]):
@@ -184,11 +184,10 @@ def _sheet(root: ElementTree.Element) -> SheetData:
     channels = Channels(tuple(wavelengths))
     if all(length is not None for length in lengths):
         channels = Channels.of_wavelengths([length for length in lengths if length is not None])
-        blocks = dict(zip(channels.names, blocks.values(), strict=True))
     material = " ".join(filter(None, (_text(layer, f"Material/{k}") for k in ("Manufacturer", "Name"))))
     named = [(e.text or "").strip() for tag in ("Column", "Row") for e in layer.iter(f"{tag}AngleBasis")]
     undefined = sorted({name for name in named if len(bases.get(name.lower(), ())) > 1})
-    return SheetData(blocks, channels, known, material, tuple(left_out), tuple(undefined))
+    return SheetData(list(blocks.values()), channels, known, material, tuple(left_out), tuple(undefined))
 
 
 def _wavelength(element: ElementTree.Element) -> tuple[str, float | None]:

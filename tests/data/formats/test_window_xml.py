@@ -194,6 +194,12 @@ def test_other_refusals(tmp_path):
             read(written(tmp_path, text))
 
 
+def test_a_wavelength_of_odd_characters_is_a_name(tmp_path):
+    table = read(written(tmp_path, document({"Reflection Front": GOOD}, wavelength="a\u202eb" + "x" * 300)))
+    assert table.channels.names[0].startswith("a") and len(table.channels.names[0]) <= 200
+    assert np.isfinite(table.f).all()
+
+
 def test_a_basis_that_is_only_named_is_chosen_by_its_size(tmp_path):
     """Two bases have been called Half: of 77 patches by WINDOW, of 73 by Radiance's programs before 2024."""
     for basis in (KLEMS_BASES[1], EARLIER_BASES[0]):
