@@ -111,6 +111,8 @@ class _Builder:
     def tree(self, values: np.ndarray) -> Tree:
         if self.stack or self.in_leaf:
             raise self._fail("a brace of the tensor tree stays open")
+        if sum(1 << level * self.dimensions for _, level in self.leaves) != values.size:
+            raise self._fail("numbers stand beside the branches of a node of the tensor tree")
         low, size = np.empty((values.size, self.dimensions)), np.empty(values.size)
         for (start, level), (corner, side) in zip(self.leaves, self.corners, strict=True):
             n = 1 << level

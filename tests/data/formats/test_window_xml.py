@@ -159,6 +159,7 @@ BAD = {
     "not finite": (None, GOOD.replace(GOOD.split(",")[3], " nan", 1), "Columns", "not finite"),
     "another structure": (None, GOOD, "Matrix", "data structure is 'Matrix'"),
     "open brace": (None, "{{1}", "TensorTree3", "stays open|branches"),
+    "beside a node": (None, "{" + "7 {1}" * 8 + "}", "TensorTree3", "beside the branches"),
     "no grid": (None, "{1 2 3}", "TensorTree3", "powers of 2"),
 }
 
