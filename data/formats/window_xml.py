@@ -22,7 +22,7 @@ from gonio.data.interpolation.tree_text import parse_numbers, parse_tree
 from gonio.data.table import Table
 from gonio.models.errors import GonioError, nearest
 
-MOST_BYTES = 1 << 28
+MOST_BYTES = 1 << 27
 MOST_ELEMENTS = 1 << 16
 MOST_RINGS = 512
 STRUCTURES = ("Columns", "Rows", "TensorTree3", "TensorTree4")

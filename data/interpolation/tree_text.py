@@ -7,7 +7,7 @@ import numpy as np
 from gonio.data.interpolation.scattering_blocks import Tree
 from gonio.models.errors import GonioError
 
-MOST_NODES = 1 << 22
+MOST_NODES = 1 << 21
 MOST_LEVELS = 12
 """Halvings of the unit cube's side."""
 
@@ -38,7 +38,7 @@ def parse_tree(text: str, dimensions: int, what: str) -> Tree:
         raise GonioError(f"{what}: the tensor tree has {brace.size // 2:,} nodes, expected 1 to {MOST_NODES:,}")
     blank = (raw == ord(",")) | (raw <= ord(" ")) | (raw == ord("{")) | (raw == ord("}"))
     starts = ~blank & np.concatenate([[True], blank[:-1]])
-    numbers_before = np.cumsum(starts)[brace]
+    numbers_before = np.cumsum(starts, dtype=np.int32)[brace]
     values = parse_numbers(text.replace("{", " ").replace("}", " "), what)
     if numbers_before[0] or numbers_before[-1] != values.size:
         raise GonioError(f"{what}: numbers stand outside of the braces of the tensor tree")
@@ -54,38 +54,38 @@ def parse_tree(text: str, dimensions: int, what: str) -> Tree:
 
 
 class _Builder:
-    """A tree as its braces come, one after another."""
+    """A tree as its braces come, one after another. A path is the number whose digits are the branches taken."""
 
     def __init__(self, dimensions: int, what: str) -> None:
-        self.dimensions, self.what = dimensions, what
+        self.dimensions, self.what, self.branches = dimensions, what, 1 << dimensions
         self.children: list[list[int]] = []
-        self.leaves: list[tuple[int, int]] = []
-        self.corners: list[tuple[np.ndarray, float]] = []
-        self.stack: list[tuple[int, np.ndarray, float]] = []
+        self.leaves: list[tuple[int, int, int, int]] = []
+        """Where the numbers begin, log₂ of the cells along each side, the path, and the nodes above."""
+        self.stack: list[tuple[int, int]] = []
+        """The number and the path of each open node."""
         self.depth, self.whole, self.in_leaf = 0, False, False
 
     def _fail(self, text: str) -> GonioError:
         return GonioError(f"{self.what}: {text}")
 
-    def _corner(self, reference: int) -> tuple[np.ndarray, float]:
-        """Enters a node or leaf below the last node; its corner and side."""
+    def _enter(self, reference: int) -> int:
+        """Enters a node or leaf below the last node; its path."""
         if not self.stack:
             if self.whole:
                 raise self._fail("numbers or nodes stand behind the tensor tree")
             self.whole = True
-            return np.zeros(self.dimensions), 1.0
-        node, low, side = self.stack[-1]
+            return 0
+        node, path = self.stack[-1]
         branch = len(self.children[node])
-        if branch >= 1 << self.dimensions:
-            raise self._fail(f"a node of the tensor tree has more than {1 << self.dimensions} branches")
+        if branch >= self.branches:
+            raise self._fail(f"a node of the tensor tree has more than {self.branches} branches")
         self.children[node].append(reference)
-        return low + side / 2 * ((branch >> np.arange(self.dimensions)) & 1), side / 2
+        return path << self.dimensions | branch
 
     def open(self) -> None:
         number = len(self.children)
-        low, side = self._corner(number)
+        self.stack.append((number, self._enter(number)))
         self.children.append([])
-        self.stack.append((number, low, side))
         self.depth = max(self.depth, len(self.stack))
         if self.depth > MOST_LEVELS:
             raise self._fail(f"the tensor tree is more than {MOST_LEVELS} levels deep")
@@ -94,8 +94,7 @@ class _Builder:
         level, rest = divmod((stop - start).bit_length() - 1, self.dimensions)
         if stop == start or rest or (stop - start).bit_count() != 1 or level + self.depth > MOST_LEVELS:
             raise self._fail(f"a leaf of the tensor tree has {stop - start:,} numbers, expected a grid of powers of 2")
-        self.corners.append(self._corner(-1 - len(self.leaves)))
-        self.leaves.append((start, level))
+        self.leaves.append((start, level, self._enter(-1 - len(self.leaves)), len(self.stack)))
         self.in_leaf = True
 
     def close(self) -> None:
@@ -103,21 +102,34 @@ class _Builder:
             self.in_leaf = False
         elif not self.stack:
             raise self._fail("a brace of the tensor tree closes that was not open")
-        elif len(self.children[self.stack[-1][0]]) != 1 << self.dimensions:
-            raise self._fail(f"a node of the tensor tree has fewer than {1 << self.dimensions} branches")
+        elif len(self.children[self.stack[-1][0]]) != self.branches:
+            raise self._fail(f"a node of the tensor tree has fewer than {self.branches} branches")
         else:
             self.stack.pop()
 
     def tree(self, values: np.ndarray) -> Tree:
         if self.stack or self.in_leaf:
             raise self._fail("a brace of the tensor tree stays open")
-        if sum(1 << level * self.dimensions for _, level in self.leaves) != values.size:
+        leaves = np.array(self.leaves, np.int64).reshape(-1, 4)
+        if int(np.sum(1 << leaves[:, 1] * self.dimensions)) != values.size:
             raise self._fail("numbers stand beside the branches of a node of the tensor tree")
         low, size = np.empty((values.size, self.dimensions)), np.empty(values.size)
-        for (start, level), (corner, side) in zip(self.leaves, self.corners, strict=True):
-            n = 1 << level
-            cells = np.indices((n,) * self.dimensions).reshape(self.dimensions, -1).T
-            low[start : start + len(cells)] = corner + cells * (side / n)
-            size[start : start + len(cells)] = side / n
-        children = np.array(self.children, np.int32).reshape(-1, 1 << self.dimensions)
-        return Tree(values, low, size, children, np.array(self.leaves, np.int32), self.depth)
+        for level in np.unique(leaves[:, 1]):
+            start, _, path, above = leaves[leaves[:, 1] == level].T
+            cells = np.indices((1 << level,) * self.dimensions).reshape(self.dimensions, -1).T
+            side = 0.5 ** (above + level)
+            numbers = start[:, None] + np.arange(len(cells))
+            low[numbers] = self._corners(path, above)[:, None] + cells * side[:, None, None]
+            size[numbers] = side[:, None]
+        children = np.array(self.children, np.int32).reshape(-1, self.branches)
+        return Tree(values, low, size, children, leaves[:, :2].astype(np.int32), self.depth)
+
+    def _corners(self, path: np.ndarray, above: np.ndarray) -> np.ndarray:
+        """(n, dimensions): the least corners of nodes by their paths and the nodes above them."""
+        corner = np.zeros((path.size, self.dimensions))
+        for k in range(int(above.max(initial=0))):
+            # The last branch halves the smallest cube
+            half = np.where(k < above, 0.5 ** (above - k), 0.0)
+            bits = path[:, None] >> (k * self.dimensions + np.arange(self.dimensions)) & 1
+            corner += half[:, None] * bits
+        return corner
