@@ -21,6 +21,7 @@ from gonio.metrology.fit_budget import fit_budget, fit_errors, outputs_of
 from gonio.metrology.measurands import Quantity, TableMeasurands, to_row
 from gonio.metrology.model_quantities import model_quantities
 from gonio.metrology.monte_carlo import Simulation, require_draws, simulated
+from gonio.metrology.polished_quantities import polished_quantities
 from gonio.metrology.sources import sources_of
 from gonio.metrology.table_budget import table_budget
 from gonio.models.deprecation import settings_of
@@ -137,7 +138,9 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
     if known.table is None:
         if settings.budget or settings.fit is not None:
             raise GonioError(f"{name} is a model: budgets and fits are of readings; give the table itself")
-        return Quantities(name, "model", model_quantities(known.as_material(), settings.geometries))
+        material = known.as_material()
+        rows = model_quantities(material, settings.geometries) + polished_quantities(material)
+        return Quantities(name, "model", rows, notes=list(material.brdf.validity_notes))
     table = known.table
     if table.interpolant is None and not table.valid_cells().size:
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
