@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gonio.checks.certificate import (
+    FAIL,
     NOT_APPLICABLE,
     NOT_TESTABLE,
     PASS,
@@ -30,6 +31,8 @@ SCATTER = (0.8, 1.25)
 """Scatter of the pairs, in their stated uncertainties, outside of which these are doubted."""
 
 MOST_READINGS = 200_000
+LEAST_FACTOR = 0.05
+"""|log| of a factor between transmission from the front and from behind that is worth a word."""
 MOST_UNCOVERED = 0.05
 """Share of the readings, by squares of polar angles in which nothing was compared, above which nothing passes."""
 
@@ -51,6 +54,7 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
         edge = np.degrees(np.max(pairs.angles[:, [0, 2]]))
         judged.detail += f" Nothing was compared beyond θ {edge:.0f}°: undecided there."
         return judged
+    judged.detail += _of_media(pairs) if judged.verdict == FAIL else ""
     readings = _all_angles(evidence) if pairs.merged is None else pairs.merged
     if untestable:
         readings = readings[np.prod(np.cos(readings[:, [0, 2]]), axis=1) > 0]
@@ -63,6 +67,23 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
     if share > 0:
         judged.detail += f" Nothing exchanged was read for {percent(share)} of the readings, {where}: undecided there."
     return judged
+
+
+def _of_media(pairs: Pairs) -> str:
+    """What one factor between all readings through the sample and those of the exchanged directions would come from."""
+    behind = np.cos(pairs.angles[:, [0, 2]]) < 0
+    bright = (behind[:, 0] != behind[:, 1]) & ((pairs.a > 0) & (pairs.b > 0)).all(axis=1)
+    ratio = np.log(pairs.a[bright] / pairs.b[bright]) * np.where(behind[bright][:, 1:], 1, -1)
+    if len(ratio) < FEWEST:
+        return ""
+    middle = float(np.median(ratio))
+    scatter = float(np.median(np.abs(ratio - middle)))
+    if abs(middle) < LEAST_FACTOR or scatter > abs(middle) / 4:
+        return ""
+    return (
+        f" All of transmission is {np.exp(middle):.3g} times as bright behind as in front, as between media whose"
+        f" indices are as 1 to {np.exp(middle / 2):.3g}: where that is so the table has to state it (media)."
+    )
 
 
 def _lit_from_one_side(sides: Sides) -> str:

@@ -99,6 +99,9 @@ def test_between_media_radiance_grows_with_the_squared_index():
     interface.provenance[MEDIA] = [1.0, 1.0]
     reciprocity = check(interface)["reciprocity"]
     assert reciprocity.verdict == FAIL and reciprocity.facts["largest"] == pytest.approx(2 * 1.25 / 3.25, abs=0.1)
+    assert (
+        "2.25 times as bright behind as in front, as between media whose indices are as 1 to 1.5" in reciprocity.detail
+    )
 
 
 def test_light_from_one_side_alone_tells_nothing_of_transmissions_reciprocity():
