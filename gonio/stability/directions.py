@@ -18,8 +18,21 @@ def unit_vector(theta: float | np.ndarray, phi: float | np.ndarray = AZIMUTH) ->
     return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
 
 
-def pairs(column: str) -> tuple[np.ndarray, np.ndarray]:
-    """(wi, wo), unit vectors of shape (n, 3), of one incidence: the first is the exact mirror, the second the retro."""
+BEHIND = np.array([1.0, 1.0, -1.0])
+
+
+def pairs(column: str, transmits: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """(wi, wo), unit vectors of shape (n, 3), of one incidence: the first is the exact mirror, the second the retro.
+
+    `transmits`: and again with the detector behind, so that the mirror is straight through, and with the light behind.
+    """
+    wi, wo = _pairs_in_front(column)
+    if not transmits:
+        return wi, wo
+    return np.concatenate([wi, wi, wi * BEHIND]), np.concatenate([wo, wo * BEHIND, wo])
+
+
+def _pairs_in_front(column: str) -> tuple[np.ndarray, np.ndarray]:
     theta, phi = COLUMNS[column], AZIMUTH
     wi = unit_vector(theta, phi)
     wo = [wi * [-1.0, -1.0, 1.0], wi, unit_vector(0.0)]

@@ -6,7 +6,7 @@ from gonio.models.expression.builder import build
 from gonio.stability.directions import COLUMNS, pairs
 from gonio.stability.outcome import RIGHT, SAYS_SO, SILENT, Cell
 from gonio.stability.precision import PRECISIONS, cast, cast_directions
-from gonio.stability.values_and_gradients import slopes_of, values_of
+from gonio.stability.values_and_gradients import slopes_of, transmits, values_of
 
 LAWS_ONLY = "no textbook form, by laws only"
 
@@ -22,7 +22,7 @@ def law_cells(method: str, name: str, expression: str, precision: str) -> list[C
     allowed = float(np.sqrt(np.finfo(dtype).eps))
     cells = []
     for column in COLUMNS:
-        wi, wo = (cast_directions(w, dtype) for w in pairs(column))
+        wi, wo = (cast_directions(w, dtype) for w in pairs(column, transmits(brdf)))
         f = np.asarray(values_of(brdf, wi, wo), float)
         error, finite = 0.0, bool(np.isfinite(f).all())
         if method == "gradient":

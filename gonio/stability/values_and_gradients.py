@@ -12,6 +12,7 @@ from mpmath import mpf
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.sides import Hemispheres
 from gonio.models.parameters import parameters_of
 from gonio.stability.directions import COLUMNS, pairs
 from gonio.stability.outcome import RIGHT, SAYS_SO, SILENT, Cell, worst
@@ -26,6 +27,11 @@ NEGLIGIBLE = 1e-6
 TABLED_SLOPE = 1e-6  # what the wide steps of such a reference are good for
 SLOPE_ACCURACY = 1e3
 """Factor between the accuracy that a table claims and that of its slope."""
+
+
+def transmits(brdf: AbstractBRDF) -> bool:
+    """Whether light goes through the surface."""
+    return Hemispheres.TRANSMISSION in brdf.hemispheres
 
 
 @eqx.filter_jit
@@ -121,7 +127,7 @@ def _cells(
 
 
 def _value_judgements(case: _Case, column: str) -> list[Judgement]:
-    wi, wo = (w.astype(case.dtype) for w in pairs(column))
+    wi, wo = (w.astype(case.dtype) for w in pairs(column, transmits(case.brdf)))
     values = np.asarray(values_of(case.brdf, *(cast_directions(w, case.dtype) for w in (wi, wo))))
     # What no product of single numbers can carry, and what is nothing beside the largest value there, is 0.
     floor = case.tiny * 1e11 + case.eps**3 * float(np.max(np.abs(np.nan_to_num(values))))
@@ -140,7 +146,7 @@ def _value_spread(reference: Reference, inputs: Inputs, exact: mpf) -> mpf:
 
 
 def _gradient_judgements(case: _Case, column: str) -> list[Judgement]:
-    wi, wo = (w[::2].astype(case.dtype) for w in pairs(column))
+    wi, wo = (w[::2].astype(case.dtype) for w in pairs(column, transmits(case.brdf)))
     gradients = _gradients(case.brdf, *(cast_directions(w, case.dtype) for w in (wi, wo)))
     by_parameter = {n: getattr(gradients[0], n) for n in parameters_of(type(gradients[0]))}
     slopes = {n: np.asarray(s) for n, s in by_parameter.items() if s is not None}
@@ -150,7 +156,7 @@ def _gradient_judgements(case: _Case, column: str) -> list[Judgement]:
         inputs = case.reference.inputs(i, o)
         scale = abs(case.reference.value(inputs))
         # Near the horizon f changes within its cosine: that slope may be beyond the largest number.
-        steep = scale / min(i[2], o[2]) > case.largest * 1e-6
+        steep = scale / min(abs(i[2]), abs(o[2])) > case.largest * 1e-6
         lost = not np.isfinite(directions[k]).all() and not steep
         error, value = (float("inf"), float("nan")) if lost else (0.0, 0.0)
         judged.append(Judgement(SAYS_SO if lost else RIGHT, error, 0.0, inputs, value, mpf(0)))

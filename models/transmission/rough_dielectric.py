@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jax.scipy.special import betaln
 from jaxtyping import Array, Bool
 
 from gonio.models.brdf import (
@@ -26,6 +25,7 @@ from gonio.models.geometry.directions import dot, reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles
 from gonio.models.geometry.horizon import EVERYWHERE, TWO_SIDED, Hemispheres, same_side, turned_over
+from gonio.models.log_beta import log_beta
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet import distributions as slopes
 from gonio.models.microfacet.beckmann import Beckmann
@@ -204,7 +204,7 @@ class RoughRefraction(AbstractInterface):
         if self.smith != "correlated":
             return 1.0 / (l_i * l_o)
         z_i, z_o = positive(wi.z), positive(wo.z)
-        return jnp.exp(betaln(l_i / z_i, l_o / z_o) - jnp.log(z_i) - jnp.log(z_o))
+        return jnp.exp(log_beta(l_i / z_i, l_o / z_o) - jnp.log(z_i) - jnp.log(z_o))
 
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         eta, front = self.eta, wi.z > 0
@@ -281,10 +281,10 @@ class RoughDielectric(AbstractComposite):
 
     loses_energy = "What is refracted or reflected towards another facet is lost: 0.33 at 80° for α = 0.5, η = 1.5."
 
+    eta: Channels = parameter(ETA)
     alpha: Channels | None = parameter(mf.ALPHA, default=None)
     alpha_x: Channels | None = parameter(mf.ALPHA_X, default=None)
     alpha_y: Channels | None = parameter(mf.ALPHA_Y, default=None)
-    eta: Channels = parameter(ETA, default=1.5)
     distribution: str = eqx.field(static=True, default="ggx", metadata=DISTRIBUTION)
     smith: str = eqx.field(static=True, default="correlated", metadata=SMITH)
 

@@ -7,6 +7,7 @@ from gonio.stability.textbook import (
     microfacet,
     mirror,
     physical_optics,
+    transmission,
     volumetric,
     waves,
 )
@@ -14,7 +15,7 @@ from gonio.stability.textbook.frame import TextbookForm
 
 TEXTBOOK: dict[str, TextbookForm] = {
     name: form
-    for module in (diffuse, volumetric, half_vector, mirror, microfacet, layered, physical_optics, waves)
+    for module in (diffuse, volumetric, half_vector, mirror, microfacet, layered, physical_optics, waves, transmission)
     for name, form in vars(module).items()
     if isinstance(form, TextbookForm)
 }

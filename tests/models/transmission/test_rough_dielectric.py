@@ -13,8 +13,10 @@ from gonio.models.evaluation import evaluate, evaluate_in_blocks
 from gonio.models.expression.builder import build
 from gonio.models.fresnel import fresnel_dielectric_inside
 from gonio.models.geometry.directions import from_spherical
+from gonio.models.log_beta import log_beta
 from gonio.models.transmission.rough_dielectric import RoughDielectric, RoughReflection, RoughRefraction
 from gonio.stability.samplers import count_and_expect, p_value
+from gonio.stability.values_and_gradients import value_cells
 from support import helpers
 
 
@@ -86,6 +88,20 @@ def test_all_light_is_accounted_for_where_only_the_light_is_masked():
         np.testing.assert_allclose(r.value + t.value, 1.0, atol=1e-6)
 
 
+def test_beta_function_to_the_digit():
+    a, b = np.array([1.0, 1.02, 1.02, 1.5, 3, 10, 30, 2.3, 1.0001]), np.array([1, 7.9, 86, 20, 300, 12, 100, 1e8, 1e12])
+    with mp.workdps(40):
+        exact = [float(mp.log(mp.beta(mp.mpf(x), mp.mpf(y)))) for x, y in zip(a, b, strict=True)]
+    np.testing.assert_allclose(log_beta(a, b), exact, rtol=1e-14, atol=3e-15)
+    np.testing.assert_array_equal(log_beta(a, b), log_beta(b, a))
+
+
+def test_values_against_walters_formula_in_forty_digits():
+    """From all sides, near straight through and at the horizon."""
+    for cell in value_cells("rough_dielectric", "rough_dielectric(eta=1.5, alpha=0.3)", "float64", ("30°", "80°")):
+        assert cell.verdict == "right", cell.detail
+
+
 def test_no_interface_at_index_one():
     """Light then goes straight on, which no finite f holds."""
     wi, wo = from_spherical(0.4, 0.0), from_spherical(np.array([2.0, np.pi - 0.4]), np.pi)
@@ -139,4 +155,4 @@ def test_sampler_draws_with_its_density_into_both_hemispheres(theta):
 
 def test_walters_fit_is_beckmanns():
     with pytest.raises(GonioError, match="beckmann"):
-        build("rough_dielectric(alpha=0.1, smith=walter)")
+        build("rough_dielectric(alpha=0.1, eta=1.5, smith=walter)")
