@@ -110,6 +110,8 @@ def _fitted(profile: Profile, model: str) -> ProfileFit:
     rule = spot_rule(distances, profile.illuminated_radius, profile.viewed_radius, NODES)
     kind, optima, known, misfits = BSSRDFS[request.call.name], [], [], []
     for c in range(len(profile.channels)):
+        if not (profile.value[:, c][profile.valid[:, c]] > 0).any():
+            raise GonioError(f"channel {profile.channels.names[c]} has no light: none of its readings is above 0")
         weight, has_noise = _weights(profile, c)
         if np.count_nonzero(weight) < np.count_nonzero(request.free):
             name = profile.channels.names[c]

@@ -70,7 +70,7 @@ def _model_light(bssrdf: AbstractBSSRDF, channels: Channels, energy: float, posi
         f"∫∫R dA is {total[worst]:.6f} (±{off:.1g}): of the light that passed the surface no more leaves. An integral "
         "of R and the closed form agree to the bound."
     )
-    negative = float(np.max(-profile / np.max(profile, axis=0)))
+    negative = float(np.max(-profile / np.maximum(np.max(profile, axis=0), 1e-300)))
     least = f"R is {'nowhere negative' if negative <= 0 else f'negative by {percent(negative)} of its largest value'}."
     return [
         Property("energy", verdict_of(residual, off, energy), residual, off, energy, where, detail),

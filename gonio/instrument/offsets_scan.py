@@ -104,6 +104,8 @@ def measure_profile(
 def bssrdf_of(material: Material) -> AbstractBSSRDF:
     """The model of a material's light below the surface. Raises GonioError, with the remedy, where there is none."""
     if isinstance(material.brdf, WideSpots):
+        if not np.max(np.asarray(material.brdf.bssrdf.scattering)) > 0:
+            raise GonioError(f"{material.name} does not scatter, and sends no light back; give it a sigma_s above 0")
         return material.brdf.bssrdf
     raise GonioError(
         f"{material.name} is a BRDF: nothing says how far light travels below its surface; give a translucent "

@@ -53,16 +53,17 @@ def kept_share(bssrdf: AbstractBSSRDF, a: float, b: float) -> Kept:
         The share in [0, 1] and a bound on its error, from a rule of half the order, and rounding.
     """
     cuts = np.pi * np.concatenate([[0.0], 0.5 ** np.arange(PANELS, -1.0, -1.0)])
-    total = np.maximum(totals(bssrdf), 1e-300)
+    total = totals(bssrdf)
+    dark = total <= 0  # nothing leaves, and nothing is lost
     values = []
     for order in (ORDER // 2, ORDER):
         x, w = np.polynomial.legendre.leggauss(order)
         half = np.diff(cuts)[:, None] / 2
         theta, weight = (cuts[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
         r2 = (a - b) ** 2 + 4 * a * b * np.sin(theta / 2) ** 2
-        share = evaluated(bssrdf, "cumulative", np.sqrt(r2)) / total
+        share = np.where(dark, 1.0, evaluated(bssrdf, "cumulative", np.sqrt(r2))) / np.where(dark, 1.0, total)
         values.append(2 / np.pi * max(a, b) ** 2 * np.sum((weight * np.sin(theta) ** 2 / r2)[:, None] * share, axis=0))
-    return Kept(values[1], np.abs(values[1] - values[0]) + ROUNDING)
+    return Kept(np.where(dark, 1.0, values[1]), np.abs(values[1] - values[0]) + ROUNDING)
 
 
 def spot_rule(offsets: np.ndarray, a: float, b: float, nodes: int = NODES) -> SpotRule:

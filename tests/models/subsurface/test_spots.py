@@ -65,5 +65,10 @@ def test_offset_spots_beside_random_points():
         assert spot_rule(np.array([-offset]), a, b).weight.sum() == pytest.approx(1.0, rel=1e-9)
 
 
+def test_what_does_not_scatter_has_nothing_to_lose():
+    black = Dipole(**MANY | {"albedo": np.zeros(3)})
+    assert (kept_share(black, 1.0, 1.0).value == 1).all()
+
+
 def test_points_read_the_profile_itself():
     assert read(DIPOLE, 2.0, 0.0, 0.0) == pytest.approx(evaluated(DIPOLE, "profile", 2.0)[1])
