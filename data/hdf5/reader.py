@@ -58,13 +58,6 @@ def open_profile(path: str | os.PathLike[str]) -> Profile:
     return _opened(path, lambda reader: reader.profile())
 
 
-def profile_of(subject: object) -> Profile | None:
-    """The profile that a subject is, or whose file it names; None for anything else."""
-    if isinstance(subject, Profile):
-        return subject
-    return open_profile(subject) if isinstance(subject, str | os.PathLike) and holds_profile(subject) else None
-
-
 def open_table(path: str | os.PathLike[str], lazy_bytes: int = LAZY_BYTES) -> Table:
     """The table of an HDF5 file that gonio wrote (format 1 or older); values stay in the file beyond `lazy_bytes`.
 

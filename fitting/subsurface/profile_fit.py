@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from scipy import stats
 
-from gonio.data.hdf5.reader import open_profile
 from gonio.data.material import Material
 from gonio.data.profile import Profile
+from gonio.data.profile_files import open_profile
 from gonio.fitting.problem.parameterisation import LOG, LOG1P, Domains
 from gonio.fitting.subsurface.problem import NEAR_ZERO, NODES, STARTS, ProfileData, ProfileOptimum, solve
 from gonio.fitting.subsurface.result import ProfileFit

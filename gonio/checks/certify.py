@@ -10,7 +10,7 @@ from gonio.checks.model.evidence import ModelEvidence
 from gonio.checks.properties import PROPERTIES
 from gonio.checks.subsurface import check_bssrdf, check_profile
 from gonio.checks.table.evidence import LEVEL, TableEvidence
-from gonio.data.hdf5.reader import profile_of
+from gonio.data.profile_files import profile_of
 from gonio.data.subject import Subject, SubjectLike, resolve_subject
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import settings_of

@@ -120,7 +120,7 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
 def _run_one(args: argparse.Namespace, file: str) -> int:
     output = args.output or f"{Path(file).stem}{SUFFIX}"
     from gonio.data.files import refuse_outputs
-    from gonio.data.hdf5.reader import holds_profile
+    from gonio.data.profile_files import holds_profile
 
     if holds_profile(file):
         from gonio.cli.profile_fits import run_profile_fit

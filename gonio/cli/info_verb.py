@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from gonio.data.formats.registry import load, sniff, split_entry
-    from gonio.data.hdf5.reader import holds_profile, open_profile
+    from gonio.data.profile_files import holds_profile, open_profile
     from gonio.data.table import Table
 
     file, entry = split_entry(args.file)

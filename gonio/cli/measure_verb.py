@@ -191,13 +191,13 @@ def _rgl(args: argparse.Namespace, material: "Material", instrument: "Instrument
 
 
 def _offsets(args: argparse.Namespace, material: "Material", instrument: "Instrument", command: str) -> int:
+    from gonio.data.profile_files import require_profile_ending
     from gonio.instrument.offsets_scan import measure_profile, parsed_offsets
 
     others = [n for n in ("step", "phi_step", "theta_max", "theta_i") if getattr(args, n) is not None]
     if others or args.float32:
         raise GonioError(f"the scan of offsets is read at the normal; leave --{(others or ['float32'])[0]} out")
-    if not args.output.lower().endswith((".h5", ".hdf5", ".nc")):
-        raise GonioError(f"{args.output} is to hold a profile; give a name that ends in .h5")
+    require_profile_ending(args.output)
     offsets = None if args.offsets is None else parsed_offsets(args.offsets)
     options: dict[str, Any] = {"output": args.output, "seed": args.seed, "force": args.force, "command": command}
     profile = measure_profile(material, instrument, offsets, **options)

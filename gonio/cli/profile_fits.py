@@ -21,7 +21,7 @@ OTHERS = (
 def run_profile_fit(args: argparse.Namespace, file: str, output: str) -> int:
     """Fits a profile, writes the material and prints what is known of it; the exit status is the fit's."""
     from gonio.data.files import refuse_outputs
-    from gonio.data.hdf5.reader import open_profile
+    from gonio.data.profile_files import open_profile
     from gonio.data.serialise import plain
     from gonio.fitting.subsurface.profile_fit import fit_profile
 

@@ -9,9 +9,9 @@ from typing import Any, Unpack
 import numpy as np
 
 from gonio.data.flags import Flag
-from gonio.data.hdf5.profile_writer import write_profile
 from gonio.data.material import Material
 from gonio.data.profile import MOST_OFFSETS, Profile, check_lengths
+from gonio.data.profile_files import write_profile
 from gonio.data.subject import SubjectLike, load_material
 from gonio.instrument import noise
 from gonio.instrument.instrument import Instrument, Systematic
