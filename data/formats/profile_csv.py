@@ -28,7 +28,8 @@ def is_profile(path: str | os.PathLike[str]) -> bool:
     """Whether the header of a text file begins with the offset of a profile; False for what is no file."""
     try:
         input_size(path)
-        start = Path(path).open("rb").read(HEAD).decode("utf-8", "replace")
+        with open(path, "rb") as file:
+            start = file.read(HEAD).decode("utf-8", "replace")
     except (GonioError, OSError):
         return False
     return any(line.lstrip().startswith(f"{OFFSET},") for line in start.splitlines())
@@ -83,13 +84,15 @@ def _profile(path: str | os.PathLike[str], comments: list[str], columns: dict[st
             else Channels(tuple(channels))
         )  # fmt: skip
         flag = np.where(np.isfinite(value), np.uint8(Flag.VALID), np.uint8(Flag.NOT_MEASURED))
-        return Profile(columns[OFFSET], value, u, flag, known, *radii.values(), {"source": "CSV"}, stem(path))
+        return Profile(
+            columns[OFFSET], value, u, flag, known, radii[RADII[0]], radii[RADII[1]], {"source": "CSV"}, stem(path)
+        )
     except GonioError as error:
         raise GonioError(f"{path}: {error}") from None
 
 
 def write_profile(path: str | os.PathLike[str], profile: Profile, force: bool = False) -> Path:
-    """Writes a profile at full precision, whole or not at all; its provenance, and why a reading is missing, are lost."""
+    """Writes a profile at full precision, whole or not at all; its provenance and its flags are lost."""
     names = profile.channels.names
     suffixes = [""] if len(names) == 1 and profile.channels.wavelengths_nm is None else [f"_{name}" for name in names]
     header = [OFFSET, *(f"{kind}R{suffix}" for suffix in suffixes for kind in ("", "u_"))]
@@ -100,10 +103,6 @@ def write_profile(path: str | os.PathLike[str], profile: Profile, force: bool = 
         table.writerow(header)
         for k, offset in enumerate(profile.offsets):
             pairs = zip(profile.value[k], profile.u[k], profile.valid[k], strict=True)
-            cells = [
-                cell
-                for v, u, there in pairs
-                for cell in (repr(float(v)) if there else "", repr(float(u)) if there else "")
-            ]
+            cells = [repr(float(number)) if there else "" for v, u, there in pairs for number in (v, u)]
             table.writerow([repr(float(offset)), *cells])
     return Path(path)

@@ -29,11 +29,12 @@ def run(args: argparse.Namespace) -> int:
     from gonio.data.table import Table
 
     file, entry = split_entry(args.file)
-    entries = sniff(file).entries
+    profile = holds_profile(file)
+    entries = None if profile else sniff(file).entries
     if entry is None and entries is not None:
         names = entries(file)
         facts = {"kind": sniff(file).name, "file": file, "materials": len(names), "names": ", ".join(names)}
-    elif holds_profile(file):
+    elif profile:
         facts = _profile(open_profile(file))
     else:
         content = load(args.file, **reading_options(args))

@@ -1,12 +1,16 @@
 """The scan of offsets: what it reads, its noise, and the file that keeps it."""
 
+import dataclasses
+
 import h5py
 import numpy as np
 import pytest
 import xarray
 
 import gonio
+from gonio.data.channels import Channels
 from gonio.data.hdf5.reader import holds_profile, open_profile
+from gonio.data.profile_files import profile_of, write_profile
 from gonio.instrument.offsets_scan import measure_profile, parsed_offsets
 from gonio.models.errors import GonioError
 from gonio.models.fresnel import fresnel_dielectric
@@ -50,6 +54,22 @@ def test_a_profile_is_kept_in_a_file_that_netcdf_clients_open(tmp_path):
         gonio.open(path)
     with pytest.raises(GonioError, match="exists already"):
         measure_profile(MATERIAL, device, OFFSETS, output=path)
+
+
+def test_a_profile_goes_through_csv(tmp_path):
+    profile = measure_profile(MATERIAL, gonio.Instrument(illuminated_radius=0.5, viewed_radius=0.2), OFFSETS)
+    measured = dataclasses.replace(profile, channels=Channels.of_wavelengths([450, 600.5]))
+    path = write_profile(tmp_path / "p.csv", measured)
+    read = profile_of(path)
+    assert read.channels == measured.channels and read.viewed_radius == 0.2
+    for name in ("offsets", "value", "u", "flag"):
+        assert (getattr(read, name) == getattr(measured, name)).all()
+    path.write_text("offset_mm,R\n1,0.5\n2,\n")
+    assert profile_of(path).valid.tolist() == [[True], [False]]
+    for text, why in (("1,x", "line 2"), ("1,2,3", "3 cells"), ("", "0 offsets")):
+        path.write_text(f"offset_mm,R\n{text}\n")
+        with pytest.raises(GonioError, match=why):
+            profile_of(path)
 
 
 @pytest.mark.parametrize(
