@@ -5,6 +5,8 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
 
 from gonio.data.channels import Channels
 from gonio.data.material import Material
@@ -22,6 +24,9 @@ EYE, LAMP = (0.0, -1.3, 2.6), (0.0, 2.6, 2.2)
 """Where the eye and the lamp are, in radii of the disc, whose middle is the origin and whose normal is z."""
 FINEST = np.arange(390.0, 731.0, 10.0)
 """nm: a rainbow of a few wavelengths would be a row of spots."""
+SIZE = (4.0, 4.0)
+"""Inches."""
+GROUND = "#111111"
 WHITE = 0.99
 """Quantile of the brightness that is shown as white."""
 
@@ -89,6 +94,15 @@ def lit_disc(
     rgba = np.zeros((side, side, 4), np.uint8)
     rgba[inside] = np.concatenate([encoded(linear), np.full((len(linear), 1), 255, np.uint8)], axis=1)
     return LitDisc(rgba, colour.words)
+
+
+def draw_disc(ax: Axes, rgba: np.ndarray) -> None:
+    """The picture on a dark ground."""
+    ax.axis("off")
+    ax.set_aspect("equal")
+    ax.add_patch(Rectangle((-1.05, -1.05), 2.1, 2.1, facecolor=GROUND))
+    ax.imshow(rgba, extent=(-1, 1, -1, 1), interpolation="none", zorder=2)
+    ax.set(xlim=(-1.05, 1.05), ylim=(-1.05, 1.05))
 
 
 def _local(place: tuple[float, float, float], x: np.ndarray, y: np.ndarray, r: np.ndarray) -> tuple[Direction, ...]:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from gonio.figures import lobes, maps, readings, sampling, spheres
+from gonio.figures import disc, lobes, maps, readings, sampling, spheres
 from gonio.figures.sampling import LEAST_KNOWN, ModelValues, known_share
 from gonio.figures.spectral_colour import channel_colour
 from gonio.figures.style import picture, shades, size_for
@@ -23,7 +23,7 @@ PEAKED = 20.0
 
 def figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     """All figures of a subject's lobes, as far as it has values for them."""
-    makers = (_plane_figures, _space_figures, _map_figures, _sphere_figures, _slice_figures)
+    makers = (_plane_figures, _space_figures, _map_figures, _sphere_figures, _disc_figures, _slice_figures)
     return [figure for make in makers for figure in make(s, e)]
 
 
@@ -203,6 +203,18 @@ def _slice_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
         slug = "slice-readings" if name == INTERPOLATED else "slice-model" + (f"-{number}" if number > 1 else "")
         made.append(ReportFigure(slug, caption, picture(label, maps.draw_slice, f, scale), data))
     return made
+
+
+def _disc_figures(s: ReportSubject, _: Evaluation) -> list[ReportFigure]:
+    """A grooved or brushed disc under a lamp, of an anisotropic model with wavelengths."""
+    material = s.material
+    if material is None or material.expression is None or material.brdf.isotropic or s.channels.wavelengths_nm is None:
+        return []
+    lit = disc.lit_disc(material)
+    image = picture(f"A disc of {s.name} under a lamp", disc.draw_disc, lit.rgba, size=disc.SIZE)
+    caption = f"A disc whose local x axis points outwards, a lamp behind it: {lit.words}."
+    data = {"eye_radii": list(disc.EYE), "lamp_radii": list(disc.LAMP), "wavelengths_nm": disc.FINEST.tolist()}
+    return [ReportFigure("disc", caption, image, data)]
 
 
 def _sphere_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
