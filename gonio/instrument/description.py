@@ -8,7 +8,7 @@
     dark_rate = 20                  # dark counts/s
     seconds = 1                     # counting time of a reading, where a scan does not say another
     source_half_angle = 0.1         # degrees; detector_half_angle and shadow (source blocked) likewise
-    theta_i = [0, 80]               # range of an axis, degrees; likewise phi_i, theta_o, phi_o
+    theta_i = [0, 80]               # range of an axis, degrees, beyond 90 behind; likewise phi_i, theta_o, phi_o
     misalignment = 0.02             # degrees: standard uncertainty of each arm angle and tilt
     calibration = 0.005             # relative standard uncertainty of the calibration factor
     noise = 0.001                   # relative standard deviation of the source from reading to reading
