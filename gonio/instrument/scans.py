@@ -207,16 +207,17 @@ def default_hemisphere(name: str | os.PathLike[str], brdf: AbstractBRDF) -> str 
 
 def hemisphere_remark(grid: Layout, brdf: AbstractBRDF) -> str | None:
     """A remark on a scan that leaves out a hemisphere that the surface scatters into, or reads one that stays dark."""
+    remarks = []
     for hemisphere, verb, noun in ((TWO_SIDED, "reflects", REFLECTION), (THROUGH, "transmits", TRANSMISSION)):
         scatters, read = (bool(hemisphere & h) for h in (brdf.hemispheres, grid.hemispheres))
         if scatters and not read:
-            return (
+            remarks.append(
                 f"the material {verb}, but the scan leaves its {noun} out: nothing was looked at there; the isotropic, "
                 "spherical and in-plane scans read both hemispheres"
             )
         if read and not scatters:
-            return f"nothing says that the material {verb}: all readings of its {noun} are 0"
-    return None
+            remarks.append(f"nothing says that the material {verb}: all readings of its {noun} are 0")
+    return "; ".join(remarks) or None
 
 
 def out_of_reach(grid: Layout, instrument: Instrument) -> str | None:
