@@ -9,6 +9,7 @@ from gonio.models.arrays import Channels
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction, add, normalize
+from gonio.models.geometry.horizon import Hemispheres, same_side
 
 TRUTH = "agreement"
 """The mistake breaks no law: only a stated truth gives it away."""
@@ -28,6 +29,14 @@ class Mistaken(AbstractBRDF):
 
     base: AbstractBRDF
     mistake: str = eqx.field(static=True)
+
+    @property
+    def hemispheres(self) -> Hemispheres:
+        return self.base.hemispheres
+
+    @property
+    def index_behind(self) -> Channels | float:
+        return self.base.index_behind
 
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         return MISTAKES[self.mistake](self.base, wi, wo)
@@ -68,7 +77,16 @@ def _cos2(w: Direction) -> jnp.ndarray:
     return (w.x**2 - w.y**2) / jnp.maximum(w.x**2 + w.y**2, 1e-300)
 
 
+def _in_transmission(base: AbstractBRDF, wi: Direction, wo: Direction, factor: Channels) -> Channels:
+    return base.formula(wi, wo) * jnp.where(same_side(wi, wo), 1.0, factor)
+
+
 MISTAKES = {
+    "index lost": lambda base, wi, wo: _in_transmission(
+        base, wi, wo, jnp.where(wi.z > 0, base.index_behind**-2.0, 1.0)
+    ),
+    "one way through": lambda base, wi, wo: _in_transmission(base, wi, wo, jnp.where(wi.z > 0, 1.0, 0.0)),
+    "cosine kept through": lambda base, wi, wo: _in_transmission(base, wi, wo, jnp.abs(wo.z)),
     "cosine kept": lambda base, wi, wo: base.formula(wi, wo) * wo.z,
     "cosine divided twice": lambda base, wi, wo: base.formula(wi, wo) / jnp.maximum(wi.z, 1e-150),
     "coat of one way": lambda base, wi, wo: base.formula(wi, wo) * (1 - (0.04 + 0.96 * (1 - wi.z) ** 5)),
@@ -86,7 +104,7 @@ def mutants() -> list[Mutant]:
     """Each mistake once."""
     lobe, paint = Textbook(0.3, 1.0), build("ggx(alpha=0.3, f0=0.04) + lambert(rho=0.5)")
     brushed = build("ggx(alpha_x=0.1, alpha_y=0.4)")
-    colours = build("lambert(rho=[0.5, 0.9, 0.7])")
+    colours, glass = build("lambert(rho=[0.5, 0.9, 0.7])"), build("rough_dielectric(alpha=0.4, eta=1.5)")
 
     def wrong(name: str, base: AbstractBRDF = paint) -> Mistaken:
         return Mistaken(base, name)
@@ -101,6 +119,9 @@ def mutants() -> list[Mutant]:
         Mutant("diffuse light dimmed on its way in alone", wrong("coat of one way", build("lambert(rho=0.9)")),
                build("lambert(rho=0.9)"), "reciprocity"),
         Mutant("brightness follows the light's azimuth alone", wrong("light's plane only"), paint, "reciprocity"),
+        Mutant("η² at the exit lost", wrong("index lost", glass), glass, "reciprocity"),
+        Mutant("h of refraction not turned to the front", wrong("one way through", glass), glass, "reciprocity"),
+        Mutant("f_t cosθo kept for f_t", wrong("cosine kept through", glass), glass, "reciprocity"),
         Mutant("the 4 of 4 cosθi cosθo lost", 4.0 * lobe, lobe, "energy"),
         Mutant("the 1/π of a diffuser lost", build("3.14159 * lambert(rho=0.5)"), build("lambert(rho=0.5)"), "energy"),
         Mutant("one channel scaled by 1.25", jnp.array([1.0, 1.25, 1.0]) * colours, colours, "energy"),
