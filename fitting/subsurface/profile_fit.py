@@ -31,6 +31,7 @@ LEVEL = 0.01
 """Chance of calling residuals more than noise that are noise."""
 LEAST = 1e-12
 """1/mm: an absorption that is 0."""
+NO_INDEX = "no index was given, and 1 is taken: the numbers depend on it, so give it, such as eta=1.3"
 ONLY_REDUCED = "only the combination sigma_s·(1 − g) is determined by a profile: sigma_s and g are not; give g"
 
 
@@ -77,7 +78,7 @@ def fit_profile(profile: Profile | str | os.PathLike[str], model: str | None = N
     if model is not None:
         return _fitted(profile, model)
     eta = _stated_index(profile)
-    fits = [_fitted(profile, f"{name}(eta={eta})") for name in BSSRDFS]
+    fits = [_fitted(profile, f"{name}{eta}") for name in BSSRDFS]
     best = min(fits, key=lambda fit: (not fit.converged, fit.cost))
     candidates = [
         {
@@ -91,17 +92,16 @@ def fit_profile(profile: Profile | str | os.PathLike[str], model: str | None = N
 
 
 def _stated_index(profile: Profile) -> str:
-    """The index of a simulated profile's material, which an experimenter would know, as an expression says it; or 1."""
+    """The index of a simulated profile's material, which an experimenter would know, as an expression says it."""
     material = profile.provenance.get("material")
     try:
         call = parse_bssrdf(str(material.get("spelling"))) if isinstance(material, dict) else None
     except GonioError:
         call = None
-    number = call.values["eta"].number if call and "eta" in call.values else 1.0
-    count = len(profile.channels)
-    if not isinstance(number, tuple):
-        return f"{number:g}"
-    return f"[{', '.join(f'{n:g}' for n in number)}]" if len(number) == count else "1"
+    number = call.values["eta"].number if call and "eta" in call.values else None
+    if isinstance(number, tuple):
+        return f"(eta=[{', '.join(f'{n:g}' for n in number)}])" if len(number) == len(profile.channels) else ""
+    return "" if number is None else f"(eta={number:g})"
 
 
 def _fitted(profile: Profile, model: str) -> ProfileFit:
@@ -179,7 +179,8 @@ class _Spread:
 
 def _result(profile: Profile, model: str, request: Request, solved: Solved) -> ProfileFit:
     optima, known, misfits = solved
-    notes, undetermined, parameters = [], [], []
+    undetermined, parameters = [], []
+    notes = [] if "eta" in request.call.values else [NO_INDEX]
     freedom = [max(int(np.count_nonzero(o.residual)) - int(request.free.sum()), 0) for o in optima]
     for c, (o, dof) in enumerate(zip(optima, freedom, strict=True)):
         name = profile.channels.names[c] if len(optima) > 1 else None
