@@ -15,9 +15,10 @@ from gonio.reports.chapter.numbers import Numbers, assigned, numbers_of, read_nu
 
 
 def test_the_whole_chapter_is_one_page_whose_results_agree(tmp_path, capsys):
-    """All eleven experiments, by the command of a student who changes two numbers."""
+    """All eleven experiments, by the command of a student who changes numbers and, to compile less, surfaces."""
     page = tmp_path / "page.html"
-    words = ["--set", "theta_i=60", "--set", "rays=2e4", "-o", str(page)]
+    changes = ("theta_i=60", "rays=2e4", "material=lambert(rho=0.3)", "interface=thin_sheet(rho=0.3, tau=0.4)")
+    words = [word for change in changes for word in ("--set", change)] + ["-o", str(page)]
     assert main(["demo", "chapter", *words]) == 0
     out, text = capsys.readouterr().out, page.read_text()
     assert out.count("differs") == 1 and "minnaert" in out  # the liar alone
