@@ -12,6 +12,7 @@ from gonio.data.material import Material
 from gonio.data.profile import Profile
 from gonio.data.profile_files import open_profile
 from gonio.fitting.problem.parameterisation import LOG, LOG1P, Domains
+from gonio.fitting.residuals.noise_tests import noise_tests
 from gonio.fitting.subsurface.problem import NEAR_ZERO, NODES, STARTS, ProfileData, ProfileOptimum, solve
 from gonio.fitting.subsurface.result import ProfileFit
 from gonio.fitting.uncertainty.covariance import NORMAL_95, CovarianceEstimate
@@ -192,6 +193,10 @@ def _result(profile: Profile, model: str, request: Request, solved: Solved) -> P
                 f"the residuals{'' if name is None else f' of {name}'} are more than the stored noise: the model does "
                 f"not follow the profile, and its intervals are {np.sqrt(o.cost / dof):.2g} times as wide"
             )
+    if "eta" not in request.call.values:
+        notes.append(
+            "eta is taken as 1, matched to the outside, which a profile does not tell: give it, such as eta=1.3"
+        )
     if "g" in request.call.values and _is_free(request.call.values["g"]):
         undetermined.append(ONLY_REDUCED)
         parameters = [
@@ -210,10 +215,16 @@ def _result(profile: Profile, model: str, request: Request, solved: Solved) -> P
     slope = max(o.gradient for o in optima)
     exact, converged = all(o.exact for o in optima), all(o.converged for o in optima)
     reason = "the residual is rounding" if exact else f"largest projected gradient {slope:.1e}"
+    order, stored = np.argsort(profile.offsets, kind="stable"), all(known)
+    tests = noise_tests(
+        np.stack([o.residual for o in optima], axis=-1)[order], profile.valid[order],
+        sum(o.cost for o in optima) if stored else None, sum(freedom), exact,
+    )  # fmt: skip
     material = Material(profile.name or expression, WideSpots(bssrdf), expression, profile.channels, "a fitted profile")
     return ProfileFit(
         material, model, parameters, converged, reason, metrics, int(profile.valid.sum()),
-        sum(o.cost for o in optima), STARTS, min(o.agreed for o in optima), undetermined, notes, profile.name,
+        sum(o.cost for o in optima), STARTS, min(o.agreed for o in optima), undetermined, notes,
+        {"noisiness": dataclasses.asdict(tests)}, profile.name,
     )  # fmt: skip
 
 

@@ -26,6 +26,7 @@ class ProfileFit(Displayed):
         samples: readings, channels counted apart; `cost` Σr² of them all.
         starts, starts_agreed: descents of a channel, and how many ended at the best cost, of the worst channel.
         undetermined, notes: sentences.
+        residuals: `noisiness`, whether the residuals along the offsets are noise, structure or rounding.
         profile: name of the profile; `alternatives`: what else was fitted.
     """
 
@@ -41,13 +42,14 @@ class ProfileFit(Displayed):
     starts_agreed: int
     undetermined: list[str]
     notes: list[str]
+    residuals: dict[str, Any]
     profile: str = ""
     alternatives: list[dict[str, Any]] = dataclasses.field(default_factory=list)
 
     @property
     def judgement(self) -> FitJudgement:
         """Whether it is good, in one sentence."""
-        facts = ("converged", "reason", "metrics", "undetermined")
+        facts = ("converged", "reason", "metrics", "undetermined", "residuals")
         return judge_fit({name: getattr(self, name) for name in facts})
 
     @property
@@ -64,7 +66,17 @@ class ProfileFit(Displayed):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as JSON can hold it, but for numbers that are not finite."""
-        names = ("converged", "reason", "metrics", "samples", "starts", "starts_agreed", "undetermined", "notes")
+        names = (
+            "converged",
+            "reason",
+            "metrics",
+            "samples",
+            "starts",
+            "starts_agreed",
+            "undetermined",
+            "notes",
+            "residuals",
+        )
         facts = {name: getattr(self, name) for name in names}
         numbers = [dataclasses.asdict(p) | {"label": p.label} for p in self.parameters]
         loss = "sigma" if "reduced_chi2" in self.metrics else "relative"

@@ -53,6 +53,15 @@ def test_noisy_profiles_are_within_their_uncertainties(exact):
     assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.5 and np.abs(z).max() < 4.5
 
 
+def test_a_model_that_does_not_follow_an_exact_profile_is_not_called_good():
+    """The same dipole by another index: its residuals are not noise, and what was assumed is said."""
+    profile = measure_profile(MATERIAL, gonio.Instrument(**SPOTS), np.geomspace(0.1, 20, 40))
+    wrong = fit_profile(profile, "dipole")
+    assert wrong.judgement.verdict != "good" and "structure" in wrong.judgement.sentence
+    assert any("eta is taken as 1" in note for note in wrong.notes)
+    assert fit_profile(profile, MODEL).judgement.verdict == "good"
+
+
 def test_what_readings_leave_open_is_named(exact):
     same = dataclasses.replace(exact, offsets=1 + 1e-9 * np.abs(OFFSETS), value=0 * exact.value + 0.01)
     fit = fit_profile(same, MODEL)
