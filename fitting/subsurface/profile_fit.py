@@ -2,7 +2,7 @@
 
 import dataclasses
 import os
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -215,17 +215,22 @@ def _result(profile: Profile, model: str, request: Request, solved: Solved) -> P
     slope = max(o.gradient for o in optima)
     exact, converged = all(o.exact for o in optima), all(o.converged for o in optima)
     reason = "the residual is rounding" if exact else f"largest projected gradient {slope:.1e}"
-    order, stored = np.argsort(profile.offsets, kind="stable"), all(known)
-    tests = noise_tests(
-        np.stack([o.residual for o in optima], axis=-1)[order], profile.valid[order],
-        sum(o.cost for o in optima) if stored else None, sum(freedom), exact,
-    )  # fmt: skip
     material = Material(profile.name or expression, WideSpots(bssrdf), expression, profile.channels, "a fitted profile")
     return ProfileFit(
         material, model, parameters, converged, reason, metrics, int(profile.valid.sum()),
         sum(o.cost for o in optima), STARTS, min(o.agreed for o in optima), undetermined, notes,
-        {"noisiness": dataclasses.asdict(tests)}, profile.name,
+        _residuals(profile, solved, sum(freedom)), profile.name,
     )  # fmt: skip
+
+
+def _residuals(profile: Profile, solved: Solved, freedom: int) -> dict[str, Any]:
+    """Whether the residuals along the offsets are noise, structure or rounding."""
+    optima, known, _ = solved
+    order = np.argsort(profile.offsets, kind="stable")
+    scaled = np.stack([o.residual for o in optima], axis=-1)[order]
+    cost = sum(o.cost for o in optima) if all(known) else None
+    tests = noise_tests(scaled, profile.valid[order], cost, freedom, all(o.exact for o in optima))
+    return {"noisiness": dataclasses.asdict(tests)}
 
 
 def _spread(o: ProfileOptimum, free: np.ndarray, dof: int, known: bool, suffix: str) -> _Spread:
