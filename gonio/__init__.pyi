@@ -5,6 +5,8 @@ from gonio.checks.repairs.nearest_table import repair as repair
 from gonio.data.convert import convert as convert
 from gonio.data.formats.registry import read as _read
 from gonio.data.material import Material as Material
+from gonio.data.profile import Profile as Profile
+from gonio.data.profile_files import open_profile as open_profile
 from gonio.data.reduction.coarsest_table import reduce_table as reduce
 from gonio.data.scene import Scene as Scene
 from gonio.data.subject import load_material as material
@@ -12,8 +14,11 @@ from gonio.data.table import Table as Table
 from gonio.fitting.batch import fit_many as fit_many
 from gonio.fitting.fit_table import fit as fit
 from gonio.fitting.result import FitResult as FitResult
+from gonio.fitting.subsurface.profile_fit import fit_profile as fit_profile
+from gonio.fitting.subsurface.result import ProfileFit as ProfileFit
 from gonio.instrument.instrument import Instrument as Instrument
 from gonio.instrument.measurement import measure as measure
+from gonio.instrument.offsets_scan import measure_profile as measure_profile
 from gonio.metrology.quantities import quantities as quantities
 from gonio.models.errors import GonioError as GonioError
 from gonio.planning.adaptive.adaptive_measurement import adapt as adapt
@@ -31,6 +36,8 @@ __all__ = [
     "GonioError",
     "Instrument",
     "Material",
+    "Profile",
+    "ProfileFit",
     "Scene",
     "Table",
     "__version__",
@@ -41,8 +48,11 @@ __all__ = [
     "convert",
     "fit",
     "fit_many",
+    "fit_profile",
     "material",
     "measure",
+    "measure_profile",
+    "open_profile",
     "plan",
     "quantities",
     "reduce",

@@ -23,9 +23,12 @@ VERBS = [
     "convert",
     "fit",
     "fit_many",
+    "fit_profile",
     "material",
     "measure",
+    "measure_profile",
     "open",
+    "open_profile",
     "plan",
     "quantities",
     "reduce",
@@ -33,7 +36,17 @@ VERBS = [
     "report",
     "stress",
 ]
-CLASSES = ["Certificate", "FitResult", "GonioError", "Instrument", "Material", "Scene", "Table"]
+CLASSES = [
+    "Certificate",
+    "FitResult",
+    "GonioError",
+    "Instrument",
+    "Material",
+    "Profile",
+    "ProfileFit",
+    "Scene",
+    "Table",
+]
 
 
 def test_completion_shows_verbs_and_classes():

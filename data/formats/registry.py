@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from gonio.data.consistency import check_readings
 from gonio.data.files import input_size
-from gonio.data.formats import bbm_fits, csv, csv_directions, material_file, merl, nist_ptfe, rgl_file, window_xml
+from gonio.data.formats import bbm_fits, csv, csv_directions, material_file, merl, nist_ptfe, rgl_file
 from gonio.data.formats.csv_columns import CsvText
 from gonio.data.formats.foreign import foreign_kind
 from gonio.data.round_trip import RoundTrip
@@ -79,6 +79,12 @@ def _read_hdf5(path: str | os.PathLike[str]) -> Table:
     return open_table(path)
 
 
+def _read_window_xml(path: str | os.PathLike[str]) -> Table:
+    from gonio.data.formats.window_xml import read_window_xml  # JAX is loaded with the first such file
+
+    return read_window_xml(path)
+
+
 def _write_hdf5(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
     from gonio.data.hdf5.writer import write_compared
 
@@ -123,7 +129,7 @@ FORMATS = (
     Format(
         "window XML", "an XML BSDF of WINDOW or Radiance", "table",
         lambda head: b"<WindowElement" in head.start or b"<\0W\0i\0n\0d\0o\0w\0E\0l" in head.start,
-        window_xml.read_window_xml, suffixes=(".xml",),
+        _read_window_xml, suffixes=(".xml",),
     ),
     Format(
         "NIST", "NIST's PTFE CSV", "table", lambda head: bool(nist_ptfe.columns_of(head.columns)),
