@@ -55,7 +55,7 @@ def sheet_pairs(bsdf: SheetBSDF) -> Pairs:
                 blocks.append(_exchanged(bsdf, block, name, channel, rng))
     a, b, error, angles = (np.concatenate(column) for column in zip(*blocks, strict=True))
     unknown = np.full_like(a, np.nan)
-    return Pairs(a, b, unknown, unknown, angles, len(a), "the file's patches, exchanged by its own rule", error)
+    return Pairs(a, b, unknown, unknown, angles, len(a), "patches of the file, exchanged by its own rule", error)
 
 
 def _exchanged(
