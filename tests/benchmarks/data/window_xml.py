@@ -1,0 +1,70 @@
+"""XML files of windows beside Radiance's own reader: hemispherical values, f, and reciprocity by its measure.
+
+    window_xml.py FILE...
+
+Needs pyradiance. Its "back" is the file's and gonio's front; its f marks the place of a value by up to ±0.03 %. Its
+checkBSDF states reciprocity as |a − b| / max(a, b) over pairs above 1e-4 in percent, as the last columns do here.
+"""
+
+import sys
+
+import jax
+import numpy as np
+import pyradiance.bsdf as radiance
+
+from gonio.checks.table.sheet import sheet_pairs
+from gonio.data.formats.window_xml import read_window_xml
+from gonio.data.interpolation.scattering_blocks import BLOCKS, SheetBSDF
+from gonio.models.evaluation import evaluate
+from gonio.models.geometry.directions import Direction
+
+jax.config.update("jax_enable_x64", True)
+PAIRS = 4000
+
+
+def hemispherical(bsdf: SheetBSDF, theirs: object, name: str) -> tuple[float, float, float]:
+    """The share at the incidence nearest to the normal, the largest, and the largest difference from Radiance's."""
+    block = bsdf.blocks[name][0]
+    assert block is not None
+    arriving = block.incidences()
+    shares = block.share(arriving)
+    part = radiance.SAMPLE_ALL & ~(radiance.SAMPLE_T if name.startswith("reflection") else radiance.SAMPLE_R)
+    polar = np.degrees(np.pi - arriving[:, 0] if name.endswith("front") else arriving[:, 0])
+    there = [
+        radiance.direct_hemi(theirs, t, p, part) for t, p in zip(polar, np.degrees(arriving[:, 1]) + 180, strict=True)
+    ]
+    return float(shares[np.argmin(arriving[:, 0])]), float(shares.max()), float(np.abs(shares - there).max())
+
+
+def values(bsdf: SheetBSDF, theirs: object) -> float:
+    """The largest relative difference of f at random pairs."""
+    rng = np.random.default_rng(0)
+    theta, phi = np.arccos(rng.uniform(-1, 1, (2, PAIRS))), rng.uniform(0, 2 * np.pi, (2, PAIRS))
+    wi, wo = (
+        Direction(np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)) for t, p in zip(theta, phi, strict=True)
+    )
+    degrees = np.degrees(np.stack([np.pi - theta[0], phi[0], np.pi - theta[1], phi[1]], axis=-1))
+    there = np.array([radiance.query(theirs, *pair)[1] for pair in degrees])
+    return float(np.max(np.abs(np.asarray(evaluate(bsdf, wi, wo))[:, 0] - there) / np.maximum(np.abs(there), 1e-3)))
+
+
+def main() -> None:
+    for path in sys.argv[1:]:
+        bsdf, theirs = read_window_xml(path).interpolant(), radiance.load_file(path)
+        print(f"{path}\n  f: largest relative difference {values(bsdf, theirs):.1e}")
+        pairs = sheet_pairs(bsdf)
+        side = np.sign(np.cos(pairs.angles[:, [0, 2]]))
+        kinds = {"reflection front": (side == 1).all(axis=1), "reflection back": (side == -1).all(axis=1)}
+        for name in BLOCKS:
+            normal, largest, difference = hemispherical(bsdf, theirs, name)
+            a, b = (v[kinds.get(name, side.prod(axis=1) < 0), 0] for v in (pairs.a, pairs.b))
+            seen = (a > 1e-4) & (b > 1e-4)
+            unequal = 100 * np.abs(a - b)[seen] / np.maximum(a, b)[seen]
+            print(
+                f"  {name:18s} at the normal {normal:.9f}, largest {largest:.6f}, from Radiance's {difference:.1e};"
+                f" reciprocity {unequal.min():.1f} {unequal.mean():.1f} {unequal.max():.1f} %"
+            )
+
+
+if __name__ == "__main__":
+    main()
