@@ -7,6 +7,7 @@ checkBSDF states reciprocity as |a − b| / max(a, b) over pairs above 1e-4 in p
 """
 
 import sys
+from typing import Any
 
 import jax
 import numpy as np
@@ -14,7 +15,7 @@ import pyradiance.bsdf as radiance
 
 from gonio.checks.table.sheet import sheet_pairs
 from gonio.data.formats.window_xml import read_window_xml
-from gonio.data.interpolation.scattering_blocks import BLOCKS, SheetBSDF
+from gonio.data.interpolation.scattering_blocks import BLOCKS, SheetBSDF, sheet_of
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 
@@ -22,7 +23,7 @@ jax.config.update("jax_enable_x64", True)
 PAIRS = 4000
 
 
-def hemispherical(bsdf: SheetBSDF, theirs: object, name: str) -> tuple[float, float, float]:
+def hemispherical(bsdf: SheetBSDF, theirs: Any, name: str) -> tuple[float, float, float]:
     """The share at the incidence nearest to the normal, the largest, and the largest difference from Radiance's."""
     block = bsdf.blocks[name][0]
     assert block is not None
@@ -36,7 +37,7 @@ def hemispherical(bsdf: SheetBSDF, theirs: object, name: str) -> tuple[float, fl
     return float(shares[np.argmin(arriving[:, 0])]), float(shares.max()), float(np.abs(shares - there).max())
 
 
-def values(bsdf: SheetBSDF, theirs: object) -> float:
+def values(bsdf: SheetBSDF, theirs: Any) -> float:
     """The largest relative difference of f at random pairs."""
     rng = np.random.default_rng(0)
     theta, phi = np.arccos(rng.uniform(-1, 1, (2, PAIRS))), rng.uniform(0, 2 * np.pi, (2, PAIRS))
@@ -50,7 +51,8 @@ def values(bsdf: SheetBSDF, theirs: object) -> float:
 
 def main() -> None:
     for path in sys.argv[1:]:
-        bsdf, theirs = read_window_xml(path).interpolant(), radiance.load_file(path)
+        bsdf, theirs = sheet_of(read_window_xml(path)), radiance.load_file(path)
+        assert bsdf is not None
         print(f"{path}\n  f: largest relative difference {values(bsdf, theirs):.1e}")
         pairs = sheet_pairs(bsdf)
         side = np.sign(np.cos(pairs.angles[:, [0, 2]]))
