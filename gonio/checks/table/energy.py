@@ -35,7 +35,7 @@ def table_albedos(table: Table, feature_width: float = 0.0) -> Albedos | str:
     if (sheet := sheet_of(table)) is not None:
         from gonio.checks.table.sheet import sheet_albedos
 
-        return sheet_albedos(sheet)
+        return sheet_albedos(sheet, table.channels.names)
     reach = mirror_reach(table, feature_width)
     if table.sides == FRONT:
         return _albedos(table, reach)

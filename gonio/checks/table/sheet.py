@@ -1,5 +1,7 @@
 """Checks of a sheet's BSDF in patches, a file of windows: its hemispherical values, and its exchanged directions."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gonio.checks.albedos import Albedos
@@ -15,15 +17,31 @@ MOST_PATCHES = 200_000
 METHOD = "Summed over the file's own patches, in each of which f is constant."
 
 
-def sheet_albedos(bsdf: SheetBSDF) -> Albedos:
-    """R + T for light on each side, at the file's own incidences; exact by the file's own rule."""
+def sheet_albedos(bsdf: SheetBSDF, channels: Sequence[str]) -> Albedos:
+    """R + T for light on each side, at the file's own incidences; exact by the file's own rule.
+
+    Where a channel lacks a block its sum is of the other alone, and the method names what was not looked at.
+    """
     lit = [_of_side(bsdf, side) for side in ("front", "back") if any(_blocks(bsdf, side))]
     theta, phi, total, shares = (np.concatenate(a) for a in zip(*lit, strict=True))
     nothing, never = np.zeros(total.shape), np.zeros(len(total), bool)
-    known = {name: shares[:, :, k] for k, name in enumerate((REFLECTED, TRANSMITTED))}
+    both = {name: shares[:, :, k] for k, name in enumerate((REFLECTED, TRANSMITTED))}
+    known = {name: share for name, share in both.items() if np.isfinite(share).any()}
+    method = METHOD + _left_out(bsdf, channels)
     return Albedos(
-        theta, phi, total, nothing, nothing, METHOD, (), nothing, never, np.full(len(total), np.nan), never, known
+        theta, phi, total, nothing, nothing, method, (), nothing, never, np.full(len(total), np.nan), never, known
     )
+
+
+def _left_out(bsdf: SheetBSDF, channels: Sequence[str]) -> str:
+    """A sentence that names the blocks that the file lacks, and of which channels; nothing for a whole file."""
+    lacking = {name: [c for c, b in zip(channels, bsdf.blocks[name], strict=True) if b is None] for name in BLOCKS}
+    texts = [
+        name if len(without) == len(channels) else f"{name} of {', '.join(without)}"
+        for name, without in lacking.items()
+        if without
+    ]
+    return f" The file lacks, so that it was not looked at: {'; '.join(texts)}." if texts else ""
 
 
 def _blocks(bsdf: SheetBSDF, side: str) -> list[ScatteringBlock]:

@@ -76,3 +76,16 @@ def test_what_a_file_leaves_out_is_said(tmp_path):
     c = certificate(tmp_path, matrices)
     assert c["energy"].verdict == "pass" and c["reciprocity"].verdict == "not testable"
     assert "behind" in c["reciprocity"].detail
+    assert "lacks" in c["energy"].detail and "reflection back" in c["energy"].detail
+
+
+def test_a_block_that_one_channel_lacks_is_named_in_the_verdict(tmp_path):
+    """Its sum is of reflection alone there, which must not pass as R + T."""
+    front = {n.title(): numbers(m) for n, m in honest().items() if n.endswith("front")}
+    more = document({"Reflection Front": front["Reflection Front"]}, wavelength="Solar")
+    layer = more.split("</DataDefinition>")[1].split("</Layer>")[0]
+    path = tmp_path / "sheet.xml"
+    path.write_text(document(front).replace("</Layer>", layer + "</Layer>"))
+    assert "transmission front of Solar" in gonio.check(path)["energy"].detail
+    path.write_text(document({"Reflection Front": front["Reflection Front"]}))
+    assert gonio.check(path)["energy"].detail.startswith("The surface reflects no more")
