@@ -10,7 +10,7 @@ from gonio.models.arrays import Channels, Scalar
 from gonio.models.errors import GonioError
 from gonio.models.fresnel import fresnel_dielectric
 from gonio.models.geometry.directions import Direction
-from gonio.models.parameters import ParameterInfo
+from gonio.models.parameters import ParameterInfo, parameter
 
 MOST = 1e5
 """1/mm: a mean free path of 10 nm."""
@@ -42,12 +42,12 @@ class AbstractBSSRDF(eqx.Module):
     limits: ClassVar[str]
     """Where the model is wrong, and by how much: one sentence."""
 
-    sigma_a: eqx.AbstractVar[Channels | None]
-    sigma_s: eqx.AbstractVar[Channels | None]
-    g: eqx.AbstractVar[Channels]
-    eta: eqx.AbstractVar[Channels]
-    albedo: eqx.AbstractVar[Channels | None]
-    mfp: eqx.AbstractVar[Channels | None]
+    sigma_a: Channels | None = parameter(ABSORPTION, default=None)
+    sigma_s: Channels | None = parameter(SCATTERING, default=None)
+    g: Channels = parameter(ASYMMETRY, default=0.0)
+    eta: Channels = parameter(INDEX, default=1.0)
+    albedo: Channels | None = parameter(ALBEDO, default=None)
+    mfp: Channels | None = parameter(FREE_PATH, default=None)
 
     def __check_init__(self) -> None:
         known = [v is not None for v in (self.sigma_a, self.sigma_s, self.albedo, self.mfp)]

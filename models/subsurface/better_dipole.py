@@ -5,14 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from gonio.models.arrays import Channels, Scalar
-from gonio.models.parameters import parameter
 from gonio.models.subsurface.base import (
-    ABSORPTION,
-    ALBEDO,
-    ASYMMETRY,
-    FREE_PATH,
-    INDEX,
-    SCATTERING,
     AbstractBSSRDF,
     of_source,
     root,
@@ -44,13 +37,6 @@ class BetterDipole(AbstractBSSRDF):
         "less than a half space reflects: by 30 % at an albedo of 0.8, 9 % at 0.95, 2 % at 0.99 (isotropic scattering, "
         "matched index), as light scattered once is left out; with it, 13 to 18 % more than a half space does"
     )
-
-    sigma_a: Channels | None = parameter(ABSORPTION, default=None)
-    sigma_s: Channels | None = parameter(SCATTERING, default=None)
-    g: Channels = parameter(ASYMMETRY, default=0.0)
-    eta: Channels = parameter(INDEX, default=1.0)
-    albedo: Channels | None = parameter(ALBEDO, default=None)
-    mfp: Channels | None = parameter(FREE_PATH, default=None)
 
     def _sources(self) -> _Sources:
         z = 1.0 / self.extinction

@@ -3,14 +3,7 @@
 import jax.numpy as jnp
 
 from gonio.models.arrays import Channels, Scalar
-from gonio.models.parameters import parameter
 from gonio.models.subsurface.base import (
-    ABSORPTION,
-    ALBEDO,
-    ASYMMETRY,
-    FREE_PATH,
-    INDEX,
-    SCATTERING,
     AbstractBSSRDF,
     of_source,
     root,
@@ -30,13 +23,6 @@ class Dipole(AbstractBSSRDF):
         "less than a half space reflects: by 12 % at an albedo of 0.8, 4 % at 0.95, 0.8 % at 0.99 (isotropic "
         "scattering, matched index); of what leaves within a mean free path of the beam about 40 % is missing"
     )
-
-    sigma_a: Channels | None = parameter(ABSORPTION, default=None)
-    sigma_s: Channels | None = parameter(SCATTERING, default=None)
-    g: Channels = parameter(ASYMMETRY, default=0.0)
-    eta: Channels = parameter(INDEX, default=1.0)
-    albedo: Channels | None = parameter(ALBEDO, default=None)
-    mfp: Channels | None = parameter(FREE_PATH, default=None)
 
     def _sources(self) -> tuple[Channels, Channels, Channels, Channels]:
         """(α'/2, σ, depth of the source, height of its image)."""

@@ -3,14 +3,7 @@
 import jax.numpy as jnp
 
 from gonio.models.arrays import Channels, Scalar
-from gonio.models.parameters import parameter
 from gonio.models.subsurface.base import (
-    ABSORPTION,
-    ALBEDO,
-    ASYMMETRY,
-    FREE_PATH,
-    INDEX,
-    SCATTERING,
     AbstractBSSRDF,
 )
 from gonio.models.volume_scatter.chandrasekhar_h import absorption_root, h_isotropic
@@ -27,13 +20,6 @@ class NormalisedDiffusion(AbstractBSSRDF):
         "right in the total and to 10 % within three mean free paths (isotropic scattering, matched index); beyond ten "
         "of them off by up to 45 %, beyond thirty nearly all is missing; internal reflection is left out"
     )
-
-    sigma_a: Channels | None = parameter(ABSORPTION, default=None)
-    sigma_s: Channels | None = parameter(SCATTERING, default=None)
-    g: Channels = parameter(ASYMMETRY, default=0.0)
-    eta: Channels = parameter(INDEX, default=1.0)
-    albedo: Channels | None = parameter(ALBEDO, default=None)
-    mfp: Channels | None = parameter(FREE_PATH, default=None)
 
     def _shape(self) -> tuple[Channels, Channels]:
         """(A, s)."""
