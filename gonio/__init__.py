@@ -34,7 +34,7 @@ _PUBLIC = {  # public name: where it is defined; `__init__.pyi` has the same for
     "chapter": "gonio.reports.chapter:chapter",
     "chart": "gonio.charts:chart",
     "check": "gonio.checks.certify:check",
-    "convert": "gonio.data.convert:convert",
+    "convert": "gonio.exports.convert:convert",
     "fit": "gonio.fitting.fit_table:fit",
     "fit_many": "gonio.fitting.batch:fit_many",
     "fit_profile": "gonio.fitting.subsurface.profile_fit:fit_profile",

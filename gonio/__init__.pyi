@@ -2,7 +2,6 @@ from gonio.charts import chart as chart
 from gonio.checks.certificate import Certificate as Certificate
 from gonio.checks.certify import check as check
 from gonio.checks.repairs.nearest_table import repair as repair
-from gonio.data.convert import convert as convert
 from gonio.data.formats.registry import read as _read
 from gonio.data.material import Material as Material
 from gonio.data.profile import Profile as Profile
@@ -11,6 +10,7 @@ from gonio.data.reduction.coarsest_table import reduce_table as reduce
 from gonio.data.scene import Scene as Scene
 from gonio.data.subject import load_material as material
 from gonio.data.table import Table as Table
+from gonio.exports.convert import convert as convert
 from gonio.fitting.batch import fit_many as fit_many
 from gonio.fitting.fit_table import fit as fit
 from gonio.fitting.result import FitResult as FitResult

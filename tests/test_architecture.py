@@ -15,6 +15,7 @@ ROOMS = (
     "checks",
     "metrology",
     "figures",
+    "exports",
     "stability",
     "charts",
     "reports",

@@ -14,7 +14,7 @@ from gonio.data.formats.csv_columns import CsvText
 from gonio.data.formats.foreign import foreign_kind
 from gonio.data.round_trip import RoundTrip
 from gonio.data.table import Table
-from gonio.models.errors import GonioError
+from gonio.models.errors import GonioError, nearest
 
 if TYPE_CHECKING:
     from gonio.data.material import Material
@@ -218,23 +218,44 @@ def split_entry(path: str | os.PathLike[str]) -> tuple[str, str | None]:
     return file, entry
 
 
-def writable(path: str | os.PathLike[str]) -> Format:
-    """The format in which an output of this name is written. Raises GonioError, naming the endings, for others."""
-    writers = [known for known in FORMATS if known.write is not None]
-    for known in writers:
+def targets() -> dict[str, Format]:
+    """The formats that are written, by the names in small letters that ``--to`` gives them."""
+    return {known.name.casefold(): known for known in FORMATS if known.write is not None}
+
+
+def writable(path: str | os.PathLike[str], to: str | None = None) -> Format:
+    """The format in which an output of this name is written, or the one that is named.
+
+    Raises GonioError, naming the endings, for another ending, and for a name that no written format has.
+    """
+    writers = targets()
+    if to is not None:
+        if (known := writers.get(to.casefold())) is None:
+            raise GonioError(f"no format {to[:80]!r} is written; {nearest(to[:80], writers)}")
+        if known.suffixes and _suffix(path) not in known.suffixes:
+            raise GonioError(f"{path} ends in '{_suffix(path)}'; {known.title} ends in {' or '.join(known.suffixes)}")
+        return known
+    for known in writers.values():
         if _suffix(path) in known.suffixes:
             return known
-    *first, last = (f"{known.suffixes[0]} ({known.name})" for known in writers)
+    *first, last = (f"{known.suffixes[0]} ({known.name})" for known in writers.values() if known.suffixes)
     raise GonioError(f"{path} ends in '{_suffix(path)}'; give {', '.join(first)} or {last} to say the format")
 
 
-def write(path: str | os.PathLike[str], source: "Table | Material", force: bool = False, **options: Any) -> RoundTrip:
+def write(
+    path: str | os.PathLike[str],
+    source: "Table | Material",
+    force: bool = False,
+    to: str | None = None,
+    **options: Any,
+) -> RoundTrip:
     """Writes a table, or a material where the format holds models, in the format of the path's ending.
 
     Args:
         path: its ending says the format.
         source: a table or a material.
         force: replaces an existing file.
+        to: the format's name, where several have one ending.
         options: `channel_bytes` for RGL (see `gonio.data.formats.rgl_write.write_rgl`).
 
     Returns:
@@ -244,7 +265,7 @@ def write(path: str | os.PathLike[str], source: "Table | Material", force: bool 
         GonioError: another ending, a model for a format of readings, an option that the format does not have, a path
             that exists (unless `force`) or cannot be written.
     """
-    known = writable(path)
+    known = writable(path, to)
     if not (isinstance(source, Table) or known.writes_models):
         raise GonioError(
             f"{source.name} is a model, and {known.name} holds readings; measure it first: gonio measure "

@@ -17,8 +17,8 @@ import jax
 import mitsuba as mi
 import numpy as np
 
-from gonio.data.convert import convert
 from gonio.data.subject import load_material, reference_materials
+from gonio.exports.convert import convert
 from gonio.instrument.scans import is_isotropic
 from gonio.models.evaluation import evaluate_in_blocks, sampled_directions
 from gonio.models.geometry.directions import Direction

@@ -21,3 +21,13 @@ def test_a_model_is_no_table_of_readings(tmp_path):
         gonio.convert("gold", tmp_path / "m.xyz")
     with pytest.raises(gonio.GonioError, match="no option 'channel_bytes'"):
         gonio.convert(gonio.material("gold"), tmp_path / "m.binary", channel_bytes=16384)
+
+
+def test_a_format_is_named_where_endings_leave_it_open(tmp_path):
+    table = gonio.Table.from_arrays(30, 0, [0.0, 20.0], 180, [0.1, 0.2], degrees=True, name="two")
+    gonio.convert(table, tmp_path / "two.csv", to="CSV")
+    assert gonio.open(tmp_path / "two.csv").name == "two"
+    with pytest.raises(gonio.GonioError, match="no format 'vsc' is written"):
+        gonio.convert(table, tmp_path / "two.vsc", to="vsc")
+    with pytest.raises(gonio.GonioError, match=r"ends in '.txt'; CSV .* ends in \.csv"):
+        gonio.convert(table, tmp_path / "two.txt", to="csv")
