@@ -49,6 +49,36 @@ def plain(value: Any) -> Any:
     return _walked(value, lambda leaf: None if isinstance(leaf, float) and not math.isfinite(leaf) else leaf)
 
 
+def finite(content: dict[str, Any]) -> dict[str, Any]:
+    """`plain`, with the reasons of what became None.
+
+    They stand in the entry "null", by JSON pointers (of a list, one for all that is in it).
+    """
+    reasons: dict[str, str] = dict(content.get("null", {}))
+    _note_reasons(unboxed(content), "", reasons)
+    return plain(content) | ({"null": reasons} if reasons else {})
+
+
+def _note_reasons(value: Any, pointer: str, reasons: dict[str, str]) -> None:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _note_reasons(inner, f"{pointer}/{key.replace('~', '~0').replace('/', '~1')}", reasons)
+    elif isinstance(value, list):
+        numbers = [v for v in value if isinstance(v, float) and not math.isfinite(v)]
+        if numbers:
+            kinds = sorted({_not_finite(v) for v in numbers})
+            reasons[pointer] = f"{len(numbers)} of {len(value)}: {', '.join(kinds)}"
+        for k, inner in enumerate(value):
+            if isinstance(inner, list | dict):
+                _note_reasons(inner, f"{pointer}/{k}", reasons)
+    elif isinstance(value, float) and not math.isfinite(value):
+        reasons[pointer] = _not_finite(value)
+
+
+def _not_finite(value: float) -> str:
+    return "not known" if math.isnan(value) else "infinite" if value > 0 else "minus infinite"
+
+
 def toml_values(value: Any) -> Any:
     """`unboxed`, as TOML can hold it: entries that are None are left out, other objects become texts."""
     return _walked(value, lambda leaf: leaf if isinstance(leaf, bool | int | float | str) else str(leaf), True)

@@ -30,6 +30,8 @@ VERBS = {
     "convert": "from one format to another, with the round-trip error",
 }
 
+WITHOUT_JSON = ("demo",)
+
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
@@ -53,7 +55,10 @@ def parser(called: str | None = None) -> argparse.ArgumentParser:
     for verb, summary in VERBS.items():
         sub = verbs.add_parser(verb, help=summary, description=summary[0].upper() + summary[1:] + ".")
         if verb == called:
+            from gonio.cli.arguments import JSON, OUTPUT, add_options
+
             importlib.import_module(f"gonio.cli.{verb}_verb").add_arguments(sub)
+            add_options(sub.add_argument, OUTPUT if verb in WITHOUT_JSON else JSON | OUTPUT)
     return top
 
 
@@ -67,11 +72,17 @@ def main(argv: list[str] | None = None) -> int:
         print(_versions() if args.version else parser().format_help())
         return 0
     verb = importlib.import_module(f"gonio.cli.{args.verb}_verb")
+    from gonio.cli.arguments import refuse_json
     from gonio.models.errors import GonioError, one_line
+    from gonio.text import printing
 
     try:
         _prepare_jax()
-        return verb.run(args)
+        target = getattr(args, "json", None)
+        if target not in (None, "-"):
+            refuse_json(args)
+        with printing(args.quiet, args.verbose, target == "-"):
+            return verb.run(args)
     except BrokenPipeError:
         # The reader of the output (head, less) has gone: no error, and nobody to tell.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

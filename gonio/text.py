@@ -1,10 +1,12 @@
 """Plain text for terminals and pipes alike: aligned columns, numbers at a readable length."""
 
+import contextlib
+import dataclasses
 import importlib.metadata
 import math
 import platform
 import sys
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 
 from gonio.models.errors import printable
 
@@ -73,11 +75,49 @@ def sr_label(value: float) -> str:
     return head + power_of_ten(exponent)
 
 
+@dataclasses.dataclass(frozen=True)
+class Printing:
+    """What a command prints: results on standard output, remarks on standard error, and details among the results."""
+
+    results: bool = True
+    remarks: bool = True
+    details: bool = False
+
+
+_printing = [Printing()]
+"""The last one counts: the demonstration calls one verb from another."""
+
+
+@contextlib.contextmanager
+def printing(quiet: bool = False, verbose: bool = False, data: bool = False) -> Generator[None]:
+    """What `show` and `log` print inside the block.
+
+    Args:
+        quiet: nothing (errors go to standard error by another way).
+        verbose: details too.
+        data: standard output is for data (JSON), so results are not shown there.
+    """
+    now = _printing[-1]
+    changed = Printing(now.results and not (quiet or data), now.remarks and not quiet, now.details or verbose)
+    _printing.append(changed)
+    try:
+        yield
+    finally:
+        _printing.pop()
+
+
+def is_verbose() -> bool:
+    """Whether details are shown too (-v)."""
+    return _printing[-1].details
+
+
 def show(text: str = "") -> None:
     """Lines to standard output, `printable`, at once: a user of a long command sees them when they are true."""
-    print(printable(text, kept="\n"), flush=True)
+    if _printing[-1].results:
+        print(printable(text, kept="\n"), flush=True)
 
 
 def log(text: str) -> None:
     """A line to standard error: progress and remarks, which no pipe should swallow."""
-    print(printable(text, kept="\n"), file=sys.stderr, flush=True)
+    if _printing[-1].remarks:
+        print(printable(text, kept="\n"), file=sys.stderr, flush=True)

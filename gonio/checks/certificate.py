@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gonio.checks.properties import PROPERTIES
-from gonio.data.serialise import plain
+from gonio.data.serialise import finite
 from gonio.models.display import Displayed
 
 PASS, FAIL, UNDECIDED, NOT_APPLICABLE = "pass", "fail", "undecided", "not applicable"
@@ -140,8 +140,8 @@ class Certificate(Displayed):
         raise KeyError(name)
 
     def to_dict(self) -> dict[str, Any]:
-        """The whole certificate as JSON can hold it: what is not a finite number is None."""
-        return plain(
+        """The whole certificate as JSON can hold it: what is not a finite number is None, and "null" says why."""
+        return finite(
             {
                 "gonio_certificate": 1,
                 "subject": self.subject,

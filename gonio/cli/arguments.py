@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from gonio.data.table import Table
 
 MATERIAL = "a reference material, a readable file or an expression"
+JSON_FORMAT = 1
+"""Of the keys that all JSON of the command line begins with."""
 Options = dict[str, str | dict[str, Any]]
 """Options by "-m/--model MODEL" or "--flag", each with its help or with the arguments of `add_argument`."""
 
@@ -39,7 +41,19 @@ READING: Options = {
 DESCRIPTION: Options = {"--instrument LAB.toml": "a description of the instrument; options given beside it win"}
 UNITS = {"h": 3600.0, "min": 60.0, "s": 1.0}
 """Of time, in seconds."""
-JSON: Options = {"--json": "machine-readable"}
+OUTPUT: Options = {
+    "-q/--quiet": "print errors only; the exit status is the verdict",
+    "-v/--verbose": "print everything that is known",
+}
+"""Of every verb."""
+JSON: Options = {
+    "--json FILE.json": {
+        "nargs": "?",
+        "const": "-",
+        "help": "print the result as JSON in place of words, or write it to FILE.json beside them",
+    }
+}
+"""Of every verb that says numbers."""
 
 
 def degrees(text: str) -> float:
@@ -63,8 +77,17 @@ def share_of(text: str) -> float:
         raise GonioError(f"--target is {text!r}; give a share, such as 1% or 0.01") from None
 
 
+def json_name(text: str) -> str:
+    """Where JSON goes; the ending keeps an input that is meant to be read from being taken for it."""
+    if text != "-" and not text.lower().endswith(".json"):
+        raise argparse.ArgumentTypeError(
+            f"--json is {text!r}; give a name that ends in .json, or put --json last to print it"
+        )
+    return text
+
+
 KINDS: dict[str, Callable[[str], Any]] = {
-    "DEG": degrees, "DEG/S": degrees, "N": int, "SEED": int,
+    "DEG": degrees, "DEG/S": degrees, "N": int, "SEED": int, "FILE.json": json_name,
     **dict.fromkeys(("SHARE", "REL", "ERROR", "T", "P", "1/S"), float),
 }  # fmt: skip
 
@@ -155,25 +178,47 @@ def write_text(path: str, text: str, force: bool) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
+def refuse_json(args: argparse.Namespace) -> None:
+    """Raises GonioError, before any work, where the JSON's file is there already, or is an input of the verb."""
+    from gonio.data.files import refuse_outputs
+
+    others = [value for name, value in vars(args).items() if name not in ("json", "output", "picture", "repair")]
+    words = [w for value in others for w in (value if isinstance(value, list) else [value]) if isinstance(w, str)]
+    refuse_outputs([args.json], words, getattr(args, "force", False))
+
+
 @contextlib.contextmanager
-def writing_json(path: str | None, content: object, force: bool) -> Generator[None]:
-    """Writes JSON where the block ends well, after room for it was found: both outputs are there, or none is."""
-    if path is None or path == "-":
+def writing_json(args: argparse.Namespace, content: dict[str, Any], status: int = 0) -> Generator[None]:
+    """Writes JSON, if it is wanted, where the block ends well, after room for it was found: both outputs, or none.
+
+    Args:
+        args: of the verb: `json` says where it goes, "-" is standard output.
+        content: what the verb says; numbers that are not finite become null, see `gonio.data.serialise.finite`.
+        status: the exit status.
+    """
+    if args.json is None or args.json == "-":
         yield
-        if path is not None:
-            write_json(path, content, force)
+        if args.json is not None:
+            sys.stdout.write(_json_text(args, content, status))
         return
     from gonio.data.files import new_file
 
-    with new_file(path, force) as temporary:
-        temporary.write_text(_json_text(content), encoding="utf-8")
+    with new_file(args.json, getattr(args, "force", False)) as temporary:
+        temporary.write_text(_json_text(args, content, status), encoding="utf-8")
         yield
 
 
-def _json_text(content: object) -> str:
-    return printable(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False), kept="\n") + "\n"
+def _json_text(args: argparse.Namespace, content: dict[str, Any], status: int) -> str:
+    from gonio import __version__
+    from gonio.data.serialise import finite
+
+    head = {"gonio_json": JSON_FORMAT, "verb": args.verb, "gonio": __version__, "exit_status": status}
+    text = json.dumps(head | finite(content), indent=2, ensure_ascii=False, allow_nan=False)
+    return printable(text, kept="\n") + "\n"
 
 
-def write_json(path: str, content: object, force: bool) -> None:
-    """Writes JSON as `write_text` writes a text."""
-    write_text(path, _json_text(content), force)
+def write_json(args: argparse.Namespace, content: dict[str, Any], status: int = 0) -> int:
+    """Writes JSON as `writing_json` does; returns the exit status."""
+    with writing_json(args, content, status):
+        pass
+    return status

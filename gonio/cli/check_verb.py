@@ -14,7 +14,6 @@ from gonio.cli.arguments import (
     as_stated,
     require_degrees,
     write_json,
-    write_text,
     writing_json,
 )
 from gonio.models.display import percent
@@ -40,7 +39,6 @@ OPTIONS: Options = {
     "table's",
     "--nonnegative": "no reading of the repaired table is negative",
     "--step DEG": {"type": float, "help": "a file that is no grid (RGL's) is repaired on one of this step (5)"},
-    "--json FILE": "write the certificate as JSON too; '-' prints it instead",
 }
 COLOURS = {"pass": "green", "fail": "red", "undecided": "yellow", "not testable": "yellow", "not applicable": "dim"}
 HEADINGS = ("property", "verdict", "residual", "bound", "tolerance", "worst at")
@@ -64,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
 
     refuse_outputs([args.json, args.repair], [args.subject, args.against], args.force)
     if args.self_test:
-        return run_self_test(args.json, args.force)
+        return run_self_test(args)
     tolerances = {name: getattr(args, f"tol_{name}") for name in PROPERTIES}
     options: dict[str, Any] = {"tolerances": tolerances, "feature_width": args.feature_width, "level": args.level}
     if args.repair:
@@ -74,11 +72,8 @@ def run(args: argparse.Namespace) -> int:
     certificate = check(
         as_stated(args.subject, args), strict=args.strict, against=args.against, model=args.model, **options
     )
-    if args.json:
-        write_text(args.json, certificate.to_json(), args.force)
-    if args.json != "-":
-        print_certificate(certificate)
-    return certificate.exit_status
+    print_certificate(certificate)
+    return write_json(args, certificate.to_dict(), certificate.exit_status)
 
 
 def _refuse_contradictions(args: argparse.Namespace) -> None:
@@ -136,12 +131,11 @@ def _run_repair(args: argparse.Namespace, options: dict[str, Any]) -> int:
 
     result = repair(as_stated(args.subject, args), nonnegative=args.nonnegative, step=args.step, **options)
     change = {"file": args.repair, "moved": result.moved, "remark": result.remark, "after": result.after.to_dict()}
-    with writing_json(args.json, result.before.to_dict() | {"repair": change}, args.force):
+    with writing_json(args, result.before.to_dict() | {"repair": change}, result.after.exit_status):
         write_table(args.repair, result.table, args.force)
-    if args.json != "-":
-        print_certificate(result.before)
-        show(f"\n{repair_sentence(result)}\n")
-        print_certificate(result.after)
+    print_certificate(result.before)
+    show(f"\n{repair_sentence(result)}\n")
+    print_certificate(result.after)
     return result.after.exit_status
 
 
@@ -162,14 +156,11 @@ def repair_sentence(result: "Repaired") -> str:
     return text + (f". {at_limit} albedos stand at the limit of 1." if at_limit else ". No albedo stands at 1.")
 
 
-def run_self_test(path: str | None, force: bool) -> int:
-    """Judges all subjects, prints each verdict, then the confusion table; 0 only if every verdict is right.
-
-    `path`: where all of it goes as JSON; "-" prints that alone, to standard output.
-    """
+def run_self_test(args: argparse.Namespace) -> int:
+    """Judges all subjects, prints each verdict, then the confusion table; 0 only if every verdict is right."""
     from gonio.checks.controls.self_test import Judgement, confusion, self_test
 
-    out = log if path == "-" else show
+    out = log if args.json == "-" else show
     judged: list[Judgement] = []
     for one in self_test():
         judged.append(one)
@@ -180,7 +171,5 @@ def run_self_test(path: str | None, force: bool) -> int:
     rows = [(name, str(row["right"]), str(row["wrong"])) for name, row in table.items()]
     out(f"\n{columns(rows, ('subjects: expected', 'right', 'wrong'))}\n")
     out(f"{len(judged)} subjects, {wrong} judged wrongly.")
-    if path:
-        content = {"gonio_self_test": 1, "confusion": table, "judged": [one.to_dict() for one in judged]}
-        write_json(path, content, force)
-    return 1 if wrong else 0
+    content = {"gonio_self_test": 1, "confusion": table, "judged": [one.to_dict() for one in judged]}
+    return write_json(args, content, 1 if wrong else 0)

@@ -37,7 +37,6 @@ OPTIONS: Options = {
     },
     "-o/--output FIT.toml": "the fitted material, or the folder of those of several files; FILE's name with .fit.toml "
     "if not given",
-    "--json FILE": "also write everything about the fit as JSON ('-': standard output)",
     "--loss LOSS": "sigma, linear, cbrt, log or log1p; by default sigma where known, else cbrt",
     "--relative-noise SHARE": "noise as a share of f, such as 0.05; reweighted",
     "--weight HOW": "solid-angle: by the solid angle of a cell; cosine: by cosθi cosθo; projected-solid-angle: by both",
@@ -127,7 +126,6 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
 
         return run_profile_fit(args, file, output)
     refuse_outputs([output, args.json], [file, args.scene, args.instrument, *(args.model or [])], args.force)
-    from gonio.data.serialise import plain
     from gonio.fitting.fit_model import ahead
     from gonio.fitting.fit_table import fit
     from gonio.fitting.problem.arrow import Sizes
@@ -141,10 +139,9 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
         options["log"] = log
     table = table_of(file, args)
     result = _with_nuisance(table, args, options) if args.nuisance else fit(table, args.model, **options)
-    with writing_json(args.json, plain(result.to_dict()) if args.json else None, args.force):
+    with writing_json(args, result.to_dict() | {"written": output}, result.exit_status):
         result.save(output, args.force)
-    if args.json != "-":
-        show("\n".join([*summary(result), f"written: {output}"]))
+    show("\n".join([*summary(result), f"written: {output}"]))
     return result.exit_status
 
 

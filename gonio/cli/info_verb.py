@@ -4,7 +4,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any, cast
 
-from gonio.cli.arguments import JSON, READING, add_options, reading_options
+from gonio.cli.arguments import FORCE, READING, add_options, reading_options, write_json
 from gonio.text import columns, show
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ FIT_FACTS = ("converged", "reason", "loss", "samples", "starts_agreed", "starts"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     file = "a table (HDF5, MERL, RGL, XML of windows, NIST or plain CSV), a material file, or published fits"
     parser.add_argument("file", metavar="FILE", help=file)
-    add_options(parser.add_argument, READING | JSON)
+    add_options(parser.add_argument, READING | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -39,11 +39,8 @@ def run(args: argparse.Namespace) -> int:
     else:
         content = load(args.file, **reading_options(args))
         facts = _table(content) if isinstance(content, Table) else _material(content)
-    if args.json:
-        show(json.dumps(facts, indent=2, ensure_ascii=False))
-        return 0
     show(columns([[k, line] for k, v in facts.items() for line in _lines(k, v)]))
-    return 0
+    return write_json(args, facts)
 
 
 def _lines(name: str, value: Any) -> list[str]:

@@ -2,10 +2,9 @@
 
 import argparse
 import inspect
-import json
 from typing import Any
 
-from gonio.cli.arguments import FORCE, JSON, add_options
+from gonio.cli.arguments import FORCE, add_options, write_json
 from gonio.models.errors import GonioError, nearest
 from gonio.text import columns, show
 
@@ -13,7 +12,7 @@ from gonio.text import columns, show
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="?", help="show one model whole")
     picture = "write a small picture of the model's lobe, at its usual values (png, svg, pdf)"
-    add_options(parser.add_argument, JSON | {"--picture FILE": picture} | FORCE)
+    add_options(parser.add_argument, {"--picture FILE": picture} | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -32,9 +31,6 @@ def run(args: argparse.Namespace) -> int:
         write_lobe(example(args.name).strip("'"), args.picture, args.force)
     names: list[str] = [args.name] if args.name else known
     facts = {name: _facts(name) for name in names}
-    if args.json:
-        show(json.dumps(facts, indent=2, ensure_ascii=False))
-        return 0
     show("\n".join(line for name in facts for line in _lines(name, facts[name], whole=bool(args.name))))
     if args.name:
         written = [f"    written: {args.picture}"] if args.picture else []
@@ -44,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
         show("Sums and factors: 'lambert(rho=0.3) + 0.5 * ggx(alpha=0.2, f0=0.04)'; a list means channels.")
         show("No Fresnel parameter means F = 1, f0 Schlick's, eta (with k) the exact one.")
         show("'gonio models NAME' shows one whole.")
-    return 0
+    return write_json(args, {"models": facts})
 
 
 def _lines(name: str, facts: dict[str, Any], whole: bool) -> list[str]:

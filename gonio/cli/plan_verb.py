@@ -47,7 +47,6 @@ OPTIONS: Options = {
     },
     "--continue T.h5": {"dest": "continued", "help": "a table of what was read already: the plan adds to it"},
     "--picture FILE": "also draw the path (png, svg, pdf)",
-    "--json FILE": "also write everything as JSON ('-': standard output)",
 }
 MOST_RANGES, SEEN = 4, 0.01
 """Ranges of numbers that are printed, and the least share of a number that one is wide."""
@@ -78,14 +77,13 @@ def run(args: argparse.Namespace) -> int:
     instrument = None if args.instrument is None else read_instrument(args.instrument)
     subject = None if args.material is None else as_stated(args.material, args)
     planned = plan(subject, instrument, **options)
-    with writing_json(args.json, planned.to_dict() if args.json else None, args.force):
+    with writing_json(args, planned.to_dict()):
         if args.picture:
             title = f"{planned.name}: {planned.shots.seconds.size} shots in {planned.hours:.3g} h"
             write_path(planned.shots.angles, planned.shots.seconds, title, args.picture, args.force)
         planned.save(args.output, args.force)
-    if args.json != "-":
-        files = ", ".join(name for name in outputs if name)
-        show("\n".join([*summary(planned), f"written: {files}"]))
+    files = ", ".join(name for name in outputs if name)
+    show("\n".join([*summary(planned), f"written: {files}"]))
     return 0
 
 

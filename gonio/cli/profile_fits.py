@@ -22,7 +22,6 @@ def run_profile_fit(args: argparse.Namespace, file: str, output: str) -> int:
     """Fits a profile, writes the material and prints what is known of it; the exit status is the fit's."""
     from gonio.data.files import refuse_outputs
     from gonio.data.profile_files import open_profile
-    from gonio.data.serialise import plain
     from gonio.fitting.subsurface.profile_fit import fit_profile
 
     if given := [name for name in OTHERS if getattr(args, name, None)]:
@@ -32,10 +31,9 @@ def run_profile_fit(args: argparse.Namespace, file: str, output: str) -> int:
     refuse_outputs([output, args.json], [file], args.force)
     profile = open_profile(file)
     result = fit_profile(profile, args.model[0] if args.model else None)
-    with writing_json(args.json, plain(result.to_dict()) if args.json else None, args.force):
+    with writing_json(args, result.to_dict() | {"written": output}, result.exit_status):
         result.save(output, args.force)
-    if args.json != "-":
-        show("\n".join([*profile_summary(result), f"written: {output}"]))
+    show("\n".join([*profile_summary(result), f"written: {output}"]))
     return result.exit_status
 
 

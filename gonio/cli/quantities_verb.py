@@ -13,7 +13,7 @@ from gonio.cli.arguments import (
     add_options,
     as_stated,
     stated_terms,
-    write_text,
+    write_json,
 )
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
@@ -34,7 +34,6 @@ OPTIONS: Options = {
     "as 30:30:180 (the mirror direction); angles beyond 90 are behind the sample, such as 0:180 (straight through)",
     "--monte-carlo N": "check the linear budget by N draws of all errors at once (JCGM 101:2008), such as 1000",
     "--seed SEED": {"default": 0, "help": "of these draws (default 0)"},
-    "--json FILE": "write everything as JSON too; '-' prints it instead",
 }
 MOST_CHANNELS = 3
 """Of more channels the terminal shows the first, the middle and the last."""
@@ -74,11 +73,8 @@ def run(args: argparse.Namespace) -> int:
         "geometries": [text.strip() for text in args.geometry.split(",")] if args.geometry else (),
     }
     result = quantities(as_stated(args.subject, args), **options)
-    if args.json:
-        write_text(args.json, result.to_json(), args.force)
-    if args.json != "-":
-        show("\n".join(summary(result)))
-    return 0
+    show("\n".join(summary(result)))
+    return write_json(args, result.to_dict())
 
 
 def summary(result: "Quantities") -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any, TypedDict, Unpack
 
 from gonio.data.material import Material
 from gonio.data.reflection_only import require_reflection
-from gonio.data.serialise import plain
+from gonio.data.serialise import finite
 from gonio.data.subject import SubjectLike, load_material, resolve_subject
 from gonio.data.table import Table
 from gonio.fitting.fit_table import fit
@@ -90,7 +90,7 @@ class Quantities(Displayed):
         return {self.kind: self.subject, **rows} | ({"…": f"{more} more"} if more > 0 else {})
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as JSON can hold it: what is not finite is None."""
+        """Everything as JSON can hold it: what is not finite is None, and "null" says why."""
         rows = [to_row(q) for q in self.quantities]
         if self.budget is not None:
             keys = ("standard_uncertainty", "effective_degrees_of_freedom", "expanded_uncertainty")
@@ -98,7 +98,7 @@ class Quantities(Displayed):
             for row, *values in zip(rows, *columns, strict=True):
                 row |= dict(zip(keys, map(float, values), strict=True))
         content = {"gonio_quantities": 1, "subject": self.subject, "kind": self.kind, "quantities": rows}
-        return plain(content | {"budget": self.budget and self.budget.to_dict(), "notes": self.notes})
+        return finite(content | {"budget": self.budget and self.budget.to_dict(), "notes": self.notes})
 
     def to_json(self) -> str:
         """`to_dict` as JSON text, with a newline at its end."""

@@ -54,6 +54,9 @@ def test_its_json_holds_everything_and_no_nan():
     written = json.loads(Certificate("a", "table", [p]).to_json())
     assert written["properties"][0]["residual"] is None
     assert written["properties"][0]["series"]["albedo"] == [[1.0, None]]
+    assert written["null"] == {
+        "/properties/0/residual": "infinite", "/properties/0/series/albedo/0": "1 of 2: not known"
+    }  # fmt: skip
     assert written["overall"] == "undecided" and written["exit_status"] == 3
 
 

@@ -63,7 +63,7 @@ def test_models_and_materials_list_themselves(capsys):
     for verb in ("models", "materials"):
         assert main([verb]) == 0 and len(capsys.readouterr().out.splitlines()) > 15
     assert main(["models", "ggx", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["ggx"]["parameters"]["alpha"]["high"] == 1
+    assert json.loads(capsys.readouterr().out)["models"]["ggx"]["parameters"]["alpha"]["high"] == 1
     assert main(["materials", "gold"]) == 0
     assert tomllib.loads(capsys.readouterr().out)["name"] == "gold"
 

@@ -32,6 +32,8 @@ def faulty(here):
     (here / "warp.bsdf").write_bytes(b"tensor_file\0" + bytes([1, 0]) + (2**32 - 1).to_bytes(4, "little") + bytes(90))
     (here / "folder").mkdir()
     (here / "link.h5").symlink_to("t.h5")
+    (here / "t.json").write_bytes((here / "t.h5").read_bytes())
+    (here / "link.json").symlink_to("t.json")
     (here / "s.scene.toml").write_text("gonio_scene = 1\n")
     (here / "page.json").write_text("{}")
     return here
@@ -83,13 +85,14 @@ def faulty(here):
         ("convert t.h5 t.xyz", "give .h5"),
         ("convert t.h5 t.h5 --force", "is an input of this command"),
         ("convert t.h5 link.h5 --force", "is an input of this command"),
-        ("check t.h5 --json t.h5 --force", "is an input of this command"),
-        ("check t.h5 --json link.h5 --force", "is an input of this command"),
-        (f"check {MATT} --against t.h5 --json t.h5 --force", "is an input of this command"),
+        ("check t.json --json t.json --force", "is an input of this command"),
+        ("info t.json --json link.json --force", "is an input of this command"),
+        (f"check {MATT} --against t.json --json t.json --force", "is an input of this command"),
+        ("info t.h5 --json page.json", "exists already"),
         ("check t.h5 --repair t.h5 --force", "is an input of this command"),
-        ("check t.h5 --repair new.h5 --json folder/../new.h5", "are one file"),
+        ("fit t.h5 -m lambert -o new.json --json folder/../new.json", "are one file"),
         ("fit t.h5 -m lambert --scene s.scene.toml -o s.scene.toml --force", "is an input of this command"),
-        ("fit t.h5 -m lambert -o new.toml --json ./new.toml", "are one file"),
+        ("fit t.h5 -m lambert -o new.json --json ./new.json", "are one file"),
         ("reduce t.h5 --scene s.scene.toml -o s.scene.toml --force", "is an input of this command"),
         ("report t.h5 -o t.h5 --force", "is an input of this command"),
         ("report t.h5 -o ''", "is a folder"),
@@ -141,7 +144,8 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(faulty, capsys, command, m
 
 
 @pytest.mark.parametrize(
-    "command", ["mesure", "fit", "eval gold --direction x --bogus", "measure gold -o x.h5 --photons many"]
+    "command",
+    ["mesure", "fit", "eval gold --direction x --bogus", "measure gold -o x.h5 --photons many", "info --json t.h5"],
 )
 def test_unknown_verbs_and_options_are_one_line(here, capsys, command):
     with pytest.raises(SystemExit) as stop:

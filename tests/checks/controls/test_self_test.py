@@ -2,12 +2,12 @@ import json
 
 import pytest
 
+from gonio.__main__ import main
 from gonio.checks.certify import check
 from gonio.checks.controls import self_test as testing
 from gonio.checks.controls.model_mutants import mutants
 from gonio.checks.controls.self_test import Judgement, confusion, must_fail, must_pass
 from gonio.checks.controls.table_mutants import honest_table, material, table_mutants
-from gonio.cli import check_verb as cli
 from gonio.models.errors import GonioError
 
 
@@ -39,7 +39,7 @@ def test_channels_that_cannot_be_compared_are_refused():
 def test_the_self_test_ends_well_only_if_every_verdict_is_right(monkeypatch, tmp_path, capsys, right, status):
     judgements = [Judgement("liar", "a", "energy", "energy", True), Judgement("honest", "b", "pass", "energy", right)]
     monkeypatch.setattr(testing, "self_test", lambda: iter(judgements))
-    assert cli.run_self_test(str(tmp_path / "t.json"), False) == status
+    assert main(["check", "--self-test", "--json", str(tmp_path / "t.json")]) == status
     assert "2 subjects" in capsys.readouterr().out
     assert json.loads((tmp_path / "t.json").read_text())["confusion"] == confusion(judgements)
     assert confusion(judgements)["honest: pass"] == {"right": int(right), "wrong": int(not right)}
