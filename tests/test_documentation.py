@@ -13,7 +13,7 @@ import pytest
 from sybil import Example, Sybil
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
-from gonio.__main__ import main, parser
+from gonio.cli.program import main, parser
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 NOTEBOOK = ROOT / "tests" / "support" / "first_day.ipynb"

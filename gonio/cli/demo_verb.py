@@ -90,7 +90,7 @@ def _run_chapter(args: argparse.Namespace) -> int:
 
 def _run_command(command: str) -> None:
     """Runs a command line as a user would; a verdict (exit 1 or 3) is a result here, bad input is not."""
-    from gonio.__main__ import main
+    from gonio.cli.program import main
 
     show(f"$ gonio {command}")
     before, sys.argv = sys.argv, ["gonio", *shlex.split(command)]

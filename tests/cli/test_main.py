@@ -11,7 +11,7 @@ import tomllib
 import numpy as np
 import pytest
 
-import gonio.__main__ as program
+import gonio.cli.program as program
 from gonio.__main__ import VERBS, main
 
 

@@ -4,7 +4,7 @@ import subprocess
 import sys
 import threading
 
-from gonio.__main__ import AHEAD
+from gonio.cli.program import AHEAD
 from gonio.fitting.fit_model import ahead, finished
 
 
