@@ -22,6 +22,8 @@ UNFINISHED = ".part"
 """The ending of a table that is being written block by block."""
 MOST_PARTS = 32
 """Parts of a dotted key, at most: the parser's memory grows as the square of their number. Brackets likewise."""
+LARGEST_TEXT = 1 << 27
+"""Bytes of a text that is parsed: its lines and numbers take ten times as much."""
 LARGEST_WHOLE = 1 << 30
 """Bytes of a file that is read as a whole."""
 

@@ -202,7 +202,7 @@ class CsvText:
                 )
 
 
-def decoded(path: str | os.PathLike[str], limit: int | None = None) -> str:
+def decoded(path: str | os.PathLike[str], limit: int | None = None, expected: str = "CSV with a header") -> str:
     """The text of a file with line feeds alone. Raises GonioError where it is absent, empty or no text."""
     input_size(path)
     with Path(path).open("rb") as file:
@@ -218,7 +218,7 @@ def decoded(path: str | os.PathLike[str], limit: int | None = None) -> str:
         or controls
         or (wide and not text.isascii() and sum(map(str.isascii, text)) * 2 < len(text))
     ):
-        raise GonioError(f"{path} is no text file; expected CSV with a header")
+        raise GonioError(f"{path} is no text file; expected {expected}")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 

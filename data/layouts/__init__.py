@@ -12,3 +12,5 @@ from gonio.data.layouts.base import spherical_angles as spherical_angles
 from gonio.data.layouts.half_difference_grid import half_difference as half_difference
 from gonio.data.layouts.half_difference_grid import merl as merl
 from gonio.data.layouts.mirror_grid import mirror as mirror
+from gonio.data.layouts.mirror_grid import straight as straight
+from gonio.data.layouts.turned_grid import turned as turned
