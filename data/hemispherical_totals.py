@@ -29,7 +29,8 @@ def grid_totals(
     for n in range(f.shape[0]):
         for start in range(0, theta.size, step):
             part = slice(start, start + step)
-            cut = tuple((k[part], w[part]) for k, w in rows)
+            (low, w_low), (high, w_high) = rows
+            cut = ((low[part], w_low[part]), (high[part], w_high[part]))
             values, known = (_bilinear(a, cut, columns) for a in (f[n], valid[n].astype(float)))
             m = theta[part, None]
             cosine = np.cos(centre[n]) * np.cos(m) + np.sin(centre[n]) * np.sin(m) * np.cos(ring)
@@ -38,13 +39,15 @@ def grid_totals(
     return total
 
 
-Weights = tuple[tuple[np.ndarray, np.ndarray], ...]
+Weights = tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Numbers of the lower nodes with their weights, and those of the upper ones."""
 
 
 def _bilinear(values: np.ndarray, rows: Weights, columns: Weights) -> np.ndarray:
-    along = sum(values[k] * w[:, None, None] for k, w in rows)
-    return sum(along[:, k] * w[:, None] for k, w in columns)
+    (low, w_low), (high, w_high) = rows
+    along = values[low] * w_low[:, None, None] + values[high] * w_high[:, None, None]
+    (low, w_low), (high, w_high) = columns
+    return along[:, low] * w_low[:, None] + along[:, high] * w_high[:, None]
 
 
 def _between(nodes: np.ndarray, cap: bool = False) -> tuple[np.ndarray, np.ndarray, Weights]:

@@ -38,8 +38,10 @@ def on_nodes(polar: np.ndarray, azimuth: np.ndarray, values: np.ndarray, pole: b
     """
     p, a = np.meshgrid(polar, azimuth, indexing="ij")
     a = np.where(p < 0, a + 180.0, a)
-    nodes, places = zip(*(np.unique(x, return_inverse=True) for x in _rounded(np.abs(p), a)), strict=True)
-    cell = places[0].reshape(-1) * nodes[1].size + places[1].reshape(-1)
+    p, a = _rounded(np.abs(p), a)
+    rows, row = np.unique(p, return_inverse=True)
+    columns, column = np.unique(a, return_inverse=True)
+    cell = row.reshape(-1) * columns.size + column.reshape(-1)
     order = np.argsort(cell, kind="stable")
     there, start, count = np.unique(cell[order], return_index=True, return_counts=True)
     flat = values.reshape(*values.shape[:-2], -1)[..., order]
@@ -47,15 +49,15 @@ def on_nodes(polar: np.ndarray, azimuth: np.ndarray, values: np.ndarray, pole: b
     mean = np.add.reduceat(flat, start, axis=-1) / count
     spread = np.maximum.reduceat(flat, start, axis=-1) - np.minimum.reduceat(flat, start, axis=-1)
     differ = (spread > AGREE * np.abs(mean)).reshape(-1, there.size).any(axis=0) & ~single
-    result = np.full((*values.shape[:-2], nodes[0].size * nodes[1].size), np.nan)
+    result = np.full((*values.shape[:-2], rows.size * columns.size), np.nan)
     result[..., there] = np.where(differ | single, mean, flat[..., start])
-    missing = np.ones(nodes[0].size * nodes[1].size, bool)
+    missing = np.ones(rows.size * columns.size, bool)
     missing[there] = False
-    result, missing = (x.reshape(*x.shape[:-1], nodes[0].size, nodes[1].size) for x in (result, missing))
-    if pole and nodes[0][0] == 0 and missing[0].any() and not missing[0].all():
+    result, missing = (x.reshape(*x.shape[:-1], rows.size, columns.size) for x in (result, missing))
+    if pole and rows[0] == 0 and missing[0].any() and not missing[0].all():
         result[..., 0, missing[0]] = result[..., 0, ~missing[0]].mean(axis=-1, keepdims=True)
         missing[0] = False
-    return Nodes(*nodes, result, missing, int(np.sum(count - 1)), int(differ.sum()))
+    return Nodes(rows, columns, result, missing, int(np.sum(count - 1)), int(differ.sum()))
 
 
 def _rounded(polar: np.ndarray, azimuth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

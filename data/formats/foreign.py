@@ -26,7 +26,6 @@ SIGNATURES = (
     (b"{\\rtf", "an RTF document"),
     (b"\x80\x04", "a Python pickle"),
     (b"\x80\x05", "a Python pickle"),
-    (b"OPTIS", "a Speos BSDF file"),
     (b"IESNA", "an IES luminaire file"),
 )
 """What a file begins with, and what it then is."""
@@ -36,8 +35,8 @@ TEXTS = (
     (r'^\s*\{[\s\S]*"(?:\$schema|schema)"[^,]*OpenMATERIAL', "an OpenMATERIAL JSON file"),
     (r'^\s*\{[\s\S]*(?:BRDF_JSON|"theta_[ivr]"|"wavelengths?")', "a JSON file of readings (BiRD)"),
     (r"^\s*[\[{]\s*(?:[\"\[{\]}\d-]|$)", "a JSON file"),
-    (r"(?m)^(?:Source\s+Measured|SampleRotation\s|AngleOfIncidence\s|ScatterType\s+B[RT]DF)", "a Zemax BSDF file"),
-    (r"(?m)^\s*type bsdf_data", "a FRED BSDF file"),
+    (r"(?m)^\s*ScatterRadial\s+\d|^\s*(?:AOI|POI)\s+[\d.]+\s*$", "a LightTools BSDF file"),
+    (r"(?m)^Source\s+Measured", "a damaged Zemax BSDF file"),
     (r"(?m)^#PARAM_(?:IN|OUT)\s|^#DIM\s+\d", "an ALTA data file"),
     (r"(?m)^VARS\s+theta|^ASTM\b", "an ASTM BSDF file (E1392/E2387)"),
     (r"(?m)^#in(?:theta|phi)\b", "a pab goniophotometer file"),

@@ -19,9 +19,14 @@ def repeats_in_words(nodes: Nodes) -> list[str]:
 
 
 def copied_pole(layout: Layout, f: np.ndarray) -> bool:
-    """Whether the values at the centre of the grid, (theta_i, theta_m, phi_m, ...), are the same for all azimuths."""
-    centre = f[:, 0]
-    return layout.axes["theta_m"][0] == 0 and centre.shape[1] > 1 and bool((centre == centre[:, :1]).all())
+    """Whether the values where the detector's azimuth has no meaning are the same for all azimuths."""
+    names = list(layout.axes)
+    for polar, azimuth in layout.pole_axes:
+        for node in layout.pole_nodes(polar) if polar != "theta_i" and layout.axes[azimuth].size > 1 else ():
+            pole = np.moveaxis(f, [names.index(polar), names.index(azimuth)], [0, 1])[node]
+            if bool(np.array_equal(pole, np.broadcast_to(pole[:1], pole.shape), equal_nan=True)):
+                return True
+    return False
 
 
 def all_zero_in_words(layout: Layout, f: np.ndarray) -> str:

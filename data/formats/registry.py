@@ -3,13 +3,25 @@
 import dataclasses
 import functools
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gonio.data.consistency import check_readings
 from gonio.data.files import input_size
-from gonio.data.formats import bbm_fits, csv, csv_directions, material_file, merl, nist_ptfe, rgl_file
+from gonio.data.formats import (
+    bbm_fits,
+    csv,
+    csv_directions,
+    fred,
+    material_file,
+    merl,
+    nist_ptfe,
+    rgl_file,
+    speos,
+    zemax,
+)
 from gonio.data.formats.csv_columns import CsvText
 from gonio.data.formats.foreign import foreign_kind
 from gonio.data.round_trip import RoundTrip
@@ -42,6 +54,12 @@ class FileHead:
     def text(self) -> CsvText | None:
         """A text file with its header; None for others. Raises GonioError for a text that has none."""
         return None if self.binary else CsvText(self.path, HEADER_BYTES)
+
+    @functools.cached_property
+    def opening(self) -> str:
+        """The first characters of a text; nothing of other files."""
+        wide = self.start[:2] in WIDE_MARKS
+        return "" if self.binary else self.start.decode("utf-16" if wide else "latin-1", "ignore")
 
     @property
     def columns(self) -> list[str]:
@@ -83,6 +101,11 @@ def _read_window_xml(path: str | os.PathLike[str]) -> Table:
     from gonio.data.formats.window_xml import read_window_xml  # JAX is loaded with the first such file
 
     return read_window_xml(path)
+
+
+def _reads_as(opening: str) -> Callable[[FileHead], bool]:
+    """Whether a text has this pattern in its beginning."""
+    return lambda head: re.search(opening, head.opening) is not None
 
 
 def _write_hdf5(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
@@ -132,6 +155,19 @@ FORMATS = (
         _read_window_xml, suffixes=(".xml",),
     ),
     Format(
+        "Speos", "a Speos .brdf or .anisotropicbsdf (text)", "table", lambda head: head.start.startswith(b"OPTIS"),
+        speos.read_speos, suffixes=(".anisotropicbsdf", ".brdf"),
+    ),
+    Format(
+        "Zemax", "a Zemax .bsdf (text)", "table",
+        _reads_as(r"(?im)^\s*(?:SampleRotation|AngleOfIncidence)\s+\d|^\s*ScatterType\s+B[RT]DF\s*$"),
+        zemax.read_zemax, suffixes=(".bsdf",),
+    ),
+    Format(
+        "FRED", "FRED's text of readings", "table", _reads_as(r"(?im)^\s*type\s+bsdf_data\b|^!!.*BSDF"),
+        fred.read_fred,
+    ),
+    Format(
         "NIST", "NIST's PTFE CSV", "table", lambda head: bool(nist_ptfe.columns_of(head.columns)),
         nist_ptfe.read_nist, options=("wavelength_nm",),
     ),
@@ -142,8 +178,8 @@ FORMATS = (
     ),
 )  # fmt: skip
 """In the order in which files are tried."""
-BINARY_FORMATS = 6
-"""The first formats have signatures; the others are tables of text, which a foreign text may look like."""
+TABLES_OF_TEXT = 2
+"""The last formats have no signature: they are tables of text, which a foreign text may look like."""
 
 
 def sniff(path: str | os.PathLike[str]) -> Format:
@@ -152,7 +188,7 @@ def sniff(path: str | os.PathLike[str]) -> Format:
     with open(path, "rb") as file:
         start = file.read(HEAD_BYTES)
     head = FileHead(os.fspath(path), size, start, _suffix(path), b"\0" in start and start[:2] not in WIDE_MARKS)
-    for known in FORMATS[:BINARY_FORMATS]:
+    for known in FORMATS[:-TABLES_OF_TEXT]:
         if known.recognises(head):
             return known
     if (kind := foreign_kind(start, size)) is not None:
@@ -160,7 +196,7 @@ def sniff(path: str | os.PathLike[str]) -> Format:
             f"{path} is {kind}, which gonio does not read; export its readings as CSV with the columns "
             "theta_i,phi_i,theta_o,phi_o,f"
         )
-    for known in FORMATS[BINARY_FORMATS:]:
+    for known in FORMATS[-TABLES_OF_TEXT:]:
         if known.recognises(head):
             return known
     if head.text is not None and head.text.delimiter and len(head.columns) > 1 and not head.text.headless:

@@ -16,11 +16,12 @@ from gonio.data.channels import Channels
 from gonio.data.files import stem
 from gonio.data.flags import Flag
 from gonio.data.formats.angle_nodes import DIGITS, on_nodes
+from gonio.data.formats.grid_words import all_zero_in_words, copied_pole
 from gonio.data.formats.speos_text import MOST_BLOCKS, SpeosBlock, SpeosText, read_speos_text
 from gonio.data.formats.text_lines import MOST_VALUES
 from gonio.data.hemispherical_totals import grid_totals
 from gonio.data.layouts import Layout
-from gonio.data.table import Table
+from gonio.data.table import COPIED, Table
 from gonio.models.errors import GonioError, one_line
 
 LIMIT = "less than the number that is read"
@@ -49,7 +50,7 @@ def read_speos(path: str | os.PathLike[str]) -> Table:
     text = read_speos_text(path)
     half = all((b.phi >= 0).all() and (b.phi <= 180).all() for b in text.blocks)
     parts = [_in_our_angles(b, text.intensity, half) for b in text.blocks]
-    channels, scales, told = _scales(text, parts)
+    channels, scales, sentences = _scales(text, parts)
     layout, f, filled = _on_grid(parts, scales, half)
     flag = np.where(np.isfinite(f), np.uint8(Flag.VALID), np.uint8(Flag.NOT_MEASURED))
     flag[~layout.readable().reshape(layout.shape)] = Flag.BELOW_HORIZON
@@ -59,9 +60,13 @@ def read_speos(path: str | os.PathLike[str]) -> Table:
         "format": "Speos BSDF",
         "source": os.path.basename(path),
         "comments": [one_line(c) for c in (text.comment, text.description) if c],
-        "understood": [*_understood(text, layout, filled), *told],
+        "understood": [*_understood(text, layout, filled), *sentences],
         "totals": _totals(text, parts, scales),
     }
+    if copied_pole(layout, f):
+        table.provenance[COPIED] = True
+    if dark := all_zero_in_words(layout, f):
+        table.provenance["warnings"] = [dark]
     return table
 
 
@@ -92,19 +97,19 @@ def _scales(text: SpeosText, parts: list[_Part]) -> tuple[Channels, np.ndarray, 
         return Channels.of_wavelengths(text.wavelengths), scales, [_scale_in_words(scales)]
     wavelengths = np.unique(np.concatenate([s.wavelengths for s in text.spectra.values()]))
     shares = {name: _on_wavelengths(s.wavelengths, s.share, wavelengths) for name, s in text.spectra.items()}
-    told: list[str] = []
+    sentences: list[str] = []
     if all(np.ptp(share) == 0 for share in shares.values()):
-        told.append(
+        sentences.append(
             f"the totals are the same at all {wavelengths.size} wavelengths, {wavelengths[0]:g} to {wavelengths[-1]:g} "
             "nm: one channel"
         )
         channels, shares = Channels.grey(), {name: share[:1] for name, share in shares.items()}
     else:
         channels = Channels.of_wavelengths(wavelengths)
-        told.append("one angular distribution for all wavelengths, times their totals")
+        sentences.append("one angular distribution for all wavelengths, times their totals")
     factors = {name: share * _inverse_integral(parts, name, text) for name, share in shares.items()}
     scales = np.stack([factors[part.block.part] for part in parts])
-    return channels, scales, [_scale_in_words(scales), *told]
+    return channels, scales, [_scale_in_words(scales), *sentences]
 
 
 def _on_wavelengths(known: np.ndarray, share: np.ndarray, wavelengths: np.ndarray) -> np.ndarray:

@@ -85,7 +85,7 @@ def read_zemax(path: str | os.PathLike[str]) -> Table:
     turned = lit.azimuth.size > 1
     make = layouts.straight if transmits else layouts.mirror
     angles = [np.radians(x) for x in (lit.polar, out.polar, out.azimuth, lit.azimuth)]
-    layout = make(*angles[:3], angles[3] if turned else None)
+    layout = make(angles[0], angles[1], angles[2], angles[3] if turned else None)
     f = np.transpose(lit.values, (3, 1, 2, 4, 0))
     missing = out.missing[None, :, :, None, None] | lit.missing[:, None, None, :, None]
     flag = np.where(np.isfinite(f), np.uint8(Flag.VALID), np.uint8(Flag.INVALID))

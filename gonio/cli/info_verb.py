@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from gonio.data.profile import Profile
     from gonio.data.table import Table
 
-SENTENCES = ("understood", "warnings", "assumptions")
+SENTENCES = ("comments", "understood", "warnings", "assumptions", "totals")
 """Lists of the provenance that hold sentences."""
 FIT_FACTS = ("converged", "reason", "loss", "samples", "starts_agreed", "starts")
 
