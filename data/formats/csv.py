@@ -1,10 +1,10 @@
 """Plain CSV: what `gonio convert` and `gonio eval` write, and what people, spreadsheets and instruments do.
 
 Columns by name, in any order: theta_i, phi_i, theta_o, phi_o in degrees, or wi_x, wi_y, wi_z, wo_x, wo_y,
-wo_z; `f`, or `f_1`, `f_2`, ... for channels, in 1/sr without the cosine; optionally `u_f` (or `u_f_1`, ...),
-the standard uncertainty (nan: unknown, 0: exact), and `flag` (or `flag_1`, ...). Polar angles beyond 90 degrees are
-behind the sample. Other names, units, delimiters
-and quantities are read where they say what they are; what was understood stands in the table's provenance.
+wo_z; `f`, or `f_450nm`, ..., `f_R`, `f_G`, `f_B`, or `f_1`, `f_2`, ... for channels, in 1/sr without the cosine;
+optionally `u_f` (or `u_f_450nm`, ...), the standard uncertainty (nan: unknown, 0: exact), and `flag` (or
+`flag_450nm`, ...). Polar angles beyond 90 degrees are behind the sample. Other names, units, delimiters and quantities
+are read where they say what they are; what was understood stands in the table's provenance.
 """
 
 import json
@@ -19,7 +19,7 @@ from gonio.data.files import new_file, stem
 from gonio.data.flags import Flag
 from gonio.data.formats.csv_columns import CsvText, write_columns
 from gonio.data.formats.csv_directions import Directions, direction_columns, read_angles
-from gonio.data.formats.csv_header import ANGLES, LENGTHS_NM, VECTORS
+from gonio.data.formats.csv_header import ANGLES, LENGTHS_NM, VECTORS, value_names
 from gonio.data.formats.csv_readings import Readings, by_wavelength, on_grid, read_values
 from gonio.data.formats.csv_statements import Statements
 from gonio.data.formats.csv_values import value_columns
@@ -226,7 +226,7 @@ def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -
         values["flag"] = flag
     columns = {name: _degrees(a) for name, a in zip(ANGLES, angles, strict=True)}
     for name, value in values.items():
-        columns |= {f"{name}_{k + 1}" if len(table.channels) > 1 else name: v for k, v in enumerate(value.T)}
+        columns |= dict(zip(value_names(table.channels, name), value.T, strict=True))
     with new_file(path, force) as temporary:
         with temporary.open("w", encoding="utf-8") as file:
             write_columns(file, columns, comments)

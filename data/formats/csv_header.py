@@ -1,10 +1,13 @@
 """The columns of a CSV file by what their names say: direction, value, channel or wavelength, and unit."""
 
+import itertools
+import json
 import re
 from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from gonio.data.channels import Channels
 from gonio.models.errors import GonioError
 
 ANGLES = ("theta_i", "phi_i", "theta_o", "phi_o")
@@ -47,6 +50,8 @@ QUANTITY_NAMES = {
     **{f"{f}cos{t}": "brdf_cos_i" for f in ("f", "fr", "brdf") for t in ("thetai", "i")},
 }  # fmt: skip
 """The stored quantity by the name of a value's column; None where the name leaves it open."""
+LABELLED = (("R", "G", "B"), ("X", "Y", "Z"))
+"""Names of channels that are columns' own."""
 COLOURS = {"r": "R", "g": "G", "b": "B", "red": "R", "green": "G", "blue": "B", "x": "X", "y": "Y", "z": "Z"}
 ANGLE_UNITS = dict.fromkeys(("deg", "degs", "degree", "degrees", "°", "º"), "degrees")
 ANGLE_UNITS |= dict.fromkeys(("rad", "rads", "radian", "radians"), "radians")
@@ -102,6 +107,31 @@ def columns_of(names: Sequence[str], units: Sequence[str] = ()) -> list[Column]:
         # A lone column named R, X or y is whatever it is.
         columns = [c._replace(role="") if c in bare and c.label else c for c in columns]
     return columns
+
+
+def value_names(channels: Channels, quantity: str = "f") -> list[str]:
+    """Names of the columns of a quantity, one for each channel, as `columns_of` reads them.
+
+    f_450nm, or f_R, f_G, f_B, where that says all of the channels; f for one; else f_1, f_2, ..., beside a comment.
+    """
+    wavelengths = channels.wavelengths_nm or ()
+    plain = all(a < b for a, b in itertools.pairwise(wavelengths)) and all(w == round(w, 6) for w in wavelengths)
+    if wavelengths and plain and channels.names == Channels.of_wavelengths(wavelengths).names:
+        return [f"{quantity}_{w:.13g}nm" for w in wavelengths]
+    if channels.names in LABELLED and not wavelengths:
+        return [f"{quantity}_{name}" for name in channels.names]
+    return [f"{quantity}_{k + 1}" if len(channels) > 1 else quantity for k in range(len(channels))]
+
+
+def channel_comments(channels: Channels) -> list[str]:
+    """Comments that list the channels where `value_names` cannot; none where it does."""
+    if value_names(channels)[-1] not in ("f", f"f_{len(channels)}") or channels == Channels.grey():
+        return []
+    wavelengths = channels.wavelengths_nm
+    return [
+        f"channels: {json.dumps(list(channels.names))}",
+        *([f"wavelengths_nm: {json.dumps(wavelengths)}"] if wavelengths else []),
+    ]
 
 
 def shown(names: Sequence[str], most: int = 80) -> str:

@@ -7,7 +7,7 @@ import math
 import re
 import sys
 from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from gonio.models.errors import GonioError, printable
 from gonio.text import log
@@ -31,9 +31,10 @@ READING: Options = {
         "choices": ("degrees", "radians"),
         "help": "unit of a CSV file's angles, where the file does not say it",
     },
-    "--quantity": {
+    "--quantity KIND": {
         "choices": ("brdf", "brdf_cos", "brdf_cos_i", "reflectance_factor", "i_over_f"),
-        "help": "what a CSV file's values are: f (default), f cos(theta_o), f cos(theta_i), π f, π f cos(theta_i)",
+        "help": "what a CSV file's values are: brdf (f, the default), brdf_cos (f cos(theta_o)), brdf_cos_i "
+        "(f cos(theta_i)), reflectance_factor (π f) or i_over_f (π f cos(theta_i))",
     },
     "--missing VALUE": "the number that stands for no reading in a CSV file, such as -999; none: there is none",
 }
@@ -110,6 +111,13 @@ def add_options(add: Callable[..., object], options: Options, **kinds: Callable[
         add(*names.split("/"), **how)
 
 
+def words_of(args: argparse.Namespace, name: str) -> list[str]:
+    """The words of an argument that takes one or several; none where it takes something else."""
+    value = getattr(args, name, None)
+    every = cast("list[object]", value) if isinstance(value, list) else [value]
+    return [word for word in every if isinstance(word, str)]
+
+
 def given(args: argparse.Namespace, *names: str) -> dict[str, Any]:
     """Those of the options that the command line gives."""
     return {name: getattr(args, name) for name in names if getattr(args, name) is not None}
@@ -182,9 +190,8 @@ def refuse_json(args: argparse.Namespace) -> None:
     """Raises GonioError, before any work, where the JSON's file is there already, or is an input of the verb."""
     from gonio.data.files import refuse_outputs
 
-    others = [value for name, value in vars(args).items() if name not in ("json", "output", "picture", "repair")]
-    words = [w for value in others for w in (value if isinstance(value, list) else [value]) if isinstance(w, str)]
-    refuse_outputs([args.json], words, getattr(args, "force", False))
+    names = [name for name in vars(args) if name not in ("json", "output", "picture", "repair")]
+    refuse_outputs([args.json], [w for name in names for w in words_of(args, name)], getattr(args, "force", False))
 
 
 @contextlib.contextmanager

@@ -17,8 +17,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "input", metavar="IN", help="any file that can be read; for .bsdf and .binary any model too (a reference "
         "material, an expression, a fit)"
     )  # fmt: skip
-    parser.add_argument("output", metavar="OUT", help=".h5 (gonio's HDF5), .bsdf (RGL), .binary (MERL) or .csv")
+    parser.add_argument(
+        "output",
+        metavar="OUT",
+        help=".h5 (gonio's HDF5), .bsdf (RGL), .binary (MERL) or .csv; '-' prints CSV, or what --to names",
+    )
     add_options(parser.add_argument, MERL | READING | OPTIONS | FORCE)
+
+
+def streamed(args: argparse.Namespace) -> str:
+    """The ending of the format that is printed: CSV, or the one that is named. Raises GonioError where it is binary."""
+    from gonio.data.formats.registry import targets
+
+    known = targets().get((args.to or "CSV").casefold())
+    return known.suffixes[0] if known is not None and known.suffixes else ".csv"
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,19 +1,66 @@
-"""``gonio eval``: values of a material at any directions, as CSV."""
+"""``gonio eval``: values of a material at any directions, typed at the prompt or listed in a file."""
 
 import argparse
 import io
+import math
+import shutil
+import sys
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gonio.cli.arguments import FORCE, MATERIAL, READING, Options, add_options, as_stated, write_text
+from gonio.cli.arguments import (
+    FORCE,
+    MATERIAL,
+    READING,
+    Options,
+    add_options,
+    as_stated,
+    write_text,
+    writing_json,
+)
+from gonio.models.errors import GonioError
+from gonio.text import columns as aligned
+from gonio.text import number, show
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from gonio.data.channels import Channels
+    from gonio.models.geometry.directions import Direction
+
+ANGLES = ("theta_i", "phi_i", "theta_o", "phi_o", "delta_phi")
+MOST_VALUES = 100_000
+"""Numbers of one option."""
+CELL = 12
+"""Columns of a terminal that a value takes."""
+MOST_ROWS = 10_000_000
+OPTIONS: Options = {
+    "--directions DIRS.csv": "columns theta_i,phi_i,theta_o,phi_o in degrees, or wi_x,wi_y,wi_z,wo_x,wo_y,wo_z; '-' is "
+    "standard input",
+    "--theta-i ANGLES": "polar angles of the light, degrees: one, several (0,30,60), or start:stop:step with stop; "
+    "all angles that are given are combined (default 0)",
+    "--theta-o ANGLES": "polar angles of the detector; without --phi-o and --delta-phi in the plane of incidence, "
+    "positive on the mirror side, negative on the light's side (default 0)",
+    "--phi-i ANGLES": "azimuths of the light (default 0)",
+    "--phi-o ANGLES": "azimuths of the detector",
+    "--delta-phi ANGLES": "or what they are beyond those of the light: 180 is the mirror side",
+    "-o/--output OUT.csv": "'-': standard output (default: there, as a table to read at a terminal)",
+}
+
+
+class Listed(NamedTuple):
+    """Directions, and the columns of numbers that name them in the output."""
+
+    wi: "Direction"
+    wo: "Direction"
+    columns: "dict[str, np.ndarray]"
+    typed: "dict[str, np.ndarray] | None" = None
+    """The angles as they were typed, where they were: to be read beside the values."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Values of f, in 1/sr without the cosine, of a material at any directions."
     parser.add_argument("material", metavar="MATERIAL", help=MATERIAL)
-    columns = "columns theta_i,phi_i,theta_o,phi_o in degrees, or wi_x,wi_y,wi_z,wo_x,wo_y,wo_z"
-    options: Options = {
-        "--directions DIRS.csv": {"required": True, "help": columns},
-        "-o/--output OUT.csv": {"default": "-", "help": "default: standard output"},
-    }
-    add_options(parser.add_argument, options | READING | FORCE)
+    add_options(parser.add_argument, OPTIONS | READING | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -22,18 +69,125 @@ def run(args: argparse.Namespace) -> int:
     refuse_outputs([args.output], [args.directions, args.material], args.force)
     import numpy as np
 
-    from gonio.data.formats.csv import read_directions
-    from gonio.data.formats.csv_columns import write_columns
     from gonio.data.formats.registry import is_there, sniff
     from gonio.data.subject import load_material
     from gonio.models.evaluation import evaluate
 
-    wi, wo, columns = read_directions(args.directions, args.angles)
+    listed = _directions(args)
     if not (is_there(args.material) and "angles" in sniff(args.material).options):
         args.angles = None  # they are the directions' own
-    f = np.asarray(evaluate(load_material(as_stated(args.material, args)).brdf, wi, wo))
-    columns |= {"f": f} if f.ndim == 1 else {f"f_{c + 1}": f[:, c] for c in range(f.shape[1])}
-    text = io.StringIO()
-    write_columns(text, columns)
-    write_text(args.output, text.getvalue(), args.force)
+    material = load_material(as_stated(args.material, args))
+    f = np.asarray(evaluate(material.brdf, listed.wi, listed.wo)).reshape(listed.wi.z.size, -1)
+    facts: dict[str, Any] = {"material": material.name, "channels": material.channels.names, "unit": "1/sr"}
+    facts |= {"wavelengths_nm": material.channels.wavelengths_nm, **_angles_deg(listed), "f": f}
+    with writing_json(args, facts):
+        _write(args, listed, f, material.channels)
     return 0
+
+
+def _write(args: argparse.Namespace, listed: Listed, f: "np.ndarray", channels: "Channels") -> None:
+    from gonio.data.formats.csv_columns import write_columns
+    from gonio.data.formats.csv_header import channel_comments, value_names
+
+    names = value_names(channels)
+    if args.output is None and (args.json == "-" or sys.stdout.isatty()):
+        show(_to_read(listed.typed or listed.columns, dict(zip(names, f.T, strict=True))))
+        return
+    text = io.StringIO()
+    write_columns(text, listed.columns | dict(zip(names, f.T, strict=True)), channel_comments(channels))
+    write_text(args.output or "-", text.getvalue(), args.force)
+
+
+def _to_read(angles: "dict[str, np.ndarray]", values: "dict[str, np.ndarray]") -> str:
+    """A table as wide as the terminal: angles that are the same in all rows stand above it."""
+    same = {name: a[0] for name, a in angles.items() if a.size > 1 and (a == a[0]).all()}
+    varying = {name: [f"{v:.6g}" for v in a] for name, a in angles.items() if name not in same}
+    room = shutil.get_terminal_size().columns - (CELL - 2) * len(varying)
+    shown = dict(list(values.items())[: max(1, room // CELL)])
+    cells = [*varying.values(), *([number(v) for v in column] for column in shown.values())]
+    above = [", ".join([*(f"{name} {value:.6g}" for name, value in same.items()), "f in 1/sr"])]
+    more = len(values) - len(shown)
+    below = [f"{more} more channels: widen the terminal, or write them with -o or --json"] if more else []
+    return "\n".join([*above, aligned(list(zip(*cells, strict=True)), [*varying, *shown]), *below])
+
+
+def _angles_deg(listed: Listed) -> "dict[str, np.ndarray]":
+    import numpy as np
+
+    from gonio.data.layouts import spherical_angles
+
+    angles = [*spherical_angles(*listed.wi), *spherical_angles(*listed.wo)]
+    names = ("theta_i_deg", "phi_i_deg", "theta_o_deg", "phi_o_deg")
+    return {name: np.round(np.degrees(a), 10) for name, a in zip(names, angles, strict=True)}
+
+
+def _directions(args: argparse.Namespace) -> Listed:
+    """Those of the file, or all combinations of the angles that are given."""
+    given = {name: getattr(args, name) for name in ANGLES if getattr(args, name) is not None}
+    if args.directions is not None:
+        if given:
+            raise GonioError(f"--directions lists all angles; leave --{next(iter(given)).replace('_', '-')} out")
+        from gonio.data.formats.csv import read_directions
+
+        return Listed(*read_directions(args.directions, args.angles))
+    if not given:
+        raise GonioError("give angles, such as --theta-i 30 --theta-o 0:80:10, or --directions FILE")
+    if "phi_o" in given and "delta_phi" in given:
+        raise GonioError("--phi-o and --delta-phi say the same; give one of them")
+    return _combined({name: _numbers(name, text) for name, text in given.items()}, args.angles == "radians")
+
+
+def _combined(given: "dict[str, np.ndarray]", radians: bool) -> Listed:
+    import numpy as np
+
+    from gonio.models.geometry.directions import from_spherical
+
+    half = math.pi if radians else 180.0
+    azimuth = "delta_phi" if "delta_phi" in given else "phi_o"
+    axes = {name: given.get(name, np.zeros(1)) for name in ("theta_i", "phi_i", "theta_o")}
+    axes[azimuth] = given.get(azimuth, np.full(1, half))
+    if math.prod(axis.size for axis in axes.values()) > MOST_ROWS:
+        raise GonioError(f"the angles combine to more than {MOST_ROWS:,} directions; give larger steps")
+    theta_i, phi_i, theta_o, turn = (a.ravel() for a in np.meshgrid(*axes.values(), indexing="ij"))
+    phi_o = turn if "phi_o" in given else phi_i + turn
+    angles: list[np.ndarray] = []
+    for theta, phi in ((theta_i, phi_i), (theta_o, phi_o)):
+        behind = theta < 0  # a signed angle: its size, on the other side of the normal
+        angles += [np.abs(theta), np.where(behind, phi + half, phi) % (2 * half)]
+    for name, theta in (("theta-i", angles[0]), ("theta-o", angles[2])):
+        if (theta > half).any():
+            raise GonioError(f"--{name} has {theta.max():g}; give 0 to {half:g} from the normal, or negative angles")
+    scale = 1.0 if radians else math.pi / 180.0
+    wi, wo = (from_spherical(angles[k] * scale, angles[k + 1] * scale, np) for k in (0, 2))
+    unit = " [rad]" if radians else ""
+    named = dict(zip([f"{name}{unit}" for name in ANGLES[:4]], angles, strict=True))
+    typed = {f"theta_i{unit}": theta_i, f"phi_i{unit}": phi_i, f"theta_o{unit}": theta_o}
+    return Listed(wi, wo, named, typed | ({f"{azimuth}{unit}": turn} if azimuth in given else {}))
+
+
+def _numbers(name: str, text: str) -> "np.ndarray":
+    """The numbers of 0,30,60 or 0:80:10 (80 included), or of several such, separated by commas."""
+    import numpy as np
+
+    option = f"--{name.replace('_', '-')}"
+    values: list[float] = []
+    for item in text.split(","):
+        try:
+            ends = [float(n) for n in item.split(":")]
+        except ValueError:
+            ends = []
+        if len(ends) not in (1, 3) or not all(map(math.isfinite, ends)):
+            expected = "give degrees: 30, several as 0,30,60, or start:stop:step as 0:80:10"
+            raise GonioError(f"{option} is {text[:80]!r}; {expected}")
+        values += ends if len(ends) == 1 else _steps(option, *ends)
+    return np.array(values)
+
+
+def _steps(option: str, start: float, stop: float, step: float) -> list[float]:
+    if step == 0 or (stop - start) / step < 0:
+        raise GonioError(f"{option} goes from {start:g} to {stop:g} by {step:g}; give a step that leads there")
+    count = int((stop - start) / step * (1 + 1e-12) + 1e-9) + 1
+    if count > MOST_VALUES:
+        raise GonioError(f"{option} has {count:,} numbers; give a larger step")
+    # The decimals that were typed, not those of a sum.
+    return [round(start + k * step, 12) for k in range(count)]

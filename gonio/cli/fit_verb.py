@@ -94,6 +94,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(bootstrap=0, starts=8, seed=0, aperture="average")
 
 
+def streamed(args: argparse.Namespace) -> str:
+    return ".fit.toml"
+
+
 def run(args: argparse.Namespace) -> int:
     if args.theta_max == 0:
         raise GonioError("--theta-max is 0; give degrees above 0 and up to 90")

@@ -58,6 +58,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_options(parser.add_argument, OPTIONS | DESCRIPTION | READING | FORCE)
 
 
+def streamed(args: argparse.Namespace) -> str:
+    return ".csv"
+
+
 def run(args: argparse.Namespace) -> int:
     from gonio.data.files import refuse_outputs
 

@@ -5,12 +5,21 @@ import contextlib
 import gc
 import importlib
 import os
+import re
+import shutil
+import signal
 import sys
+import textwrap
 import threading
+from collections.abc import Callable, Sequence
+from types import FrameType
 from typing import NoReturn
 
 from gonio.cli.arguments import JSON, OUTPUT, add_options, refuse_json
-from gonio.models.errors import GonioError, one_line
+from gonio.cli.encoding import print_what_can_be_encoded
+from gonio.cli.examples import EXAMPLES
+from gonio.cli.streams import refuse_stream, standard_streams
+from gonio.models.errors import GonioError, nearest, one_line
 from gonio.text import printing, versions
 
 AHEAD = "gonio-ahead"
@@ -32,34 +41,77 @@ VERBS = {
     "reduce": "the coarsest table that a scene's tolerance allows",
     "report": "tables, fits, checks and pictures in one self-contained page",
     "convert": "from one format to another, with the round-trip error",
+    "completion": "the script by which bash, zsh or fish complete verbs, options and names on TAB",
 }
+WITHOUT_JSON = ("demo", "completion")
+WIDTH = 80
+"""Columns of a help text, at most."""
+FIRST_STEPS = """\
+usage: gonio VERB ...    'gonio --help' lists the verbs, 'gonio VERB --help' tells all of one
 
-WITHOUT_JSON = ("demo",)
+Three commands to try first:
+  gonio demo                                               # the whole job, ending in a page to look at
+  gonio eval 'ggx(alpha=0.2)' --theta-i 30 --theta-o 0:80:10
+  gonio check gold
+"""
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM came."""
 
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         # One line, like every other error of a user's.
-        sys.stderr.write(f"gonio: {one_line(message)}; see '{self.prog} --help'.\n")
+        message = one_line(message)
+        sys.stderr.write(f"gonio: {message}{'' if message.endswith(('.', '?')) else ';'} see '{self.prog} --help'.\n")
         raise SystemExit(2)
+
+    def require_known(self, words: Sequence[str]) -> None:
+        """Ends with the nearest option where there is no such one: a missing argument is often a misspelled one."""
+        known = set(re.findall(r"^ +(?:-\w[^-]*, )?(--[a-z][\w-]*)", self.format_help(), re.MULTILINE))
+        for word in words:
+            option = word.partition("=")[0]
+            if word == "--":
+                return
+            if re.fullmatch(r"--[a-zA-Z][\w-]*", option) and not any(k.startswith(option) for k in known):
+                self.error(f"unknown option '{option}'; {nearest(option, known)}")
+
+
+class _Help(argparse.RawDescriptionHelpFormatter):
+    """Of one style for all verbs, no wider than `WIDTH`."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, width=min(shutil.get_terminal_size().columns, WIDTH) - 2)
 
 
 def parser(called: str | None = None) -> argparse.ArgumentParser:
     """The parser of the whole command line; only the verb that is called gets its arguments."""
+    return _parsers(called)[0]
+
+
+def _parsers(called: str | None) -> tuple[_Parser, _Parser]:
+    """The whole command line's, and that of the verb that is called."""
+    material = "MATERIAL is a reference material's name, any readable file, or an expression such as "
     top = _Parser(
         prog="gonio",
         description="A virtual gonioreflectometer and BRDF fitting tool.",
-        epilog="MATERIAL is a reference material's name, any readable file, or an expression such as "
-        "'lambert(rho=0.3) + ggx(alpha=0.2, f0=0.04)'.",
+        epilog=textwrap.fill(f"{material}'lambert(rho=0.3) + ggx(alpha=0.2, f0=0.04)'.", WIDTH - 2),
+        formatter_class=_Help,
     )
     top.add_argument("--version", action="store_true", help="the versions of gonio and of what it computes with")
     verbs = top.add_subparsers(dest="verb", metavar="VERB", parser_class=_Parser)
+    of_verb = top
     for verb, summary in VERBS.items():
-        sub = verbs.add_parser(verb, help=summary, description=summary[0].upper() + summary[1:] + ".")
+        description = summary[0].upper() + summary[1:] + "."
+        sub = verbs.add_parser(verb, help=summary, description=description, formatter_class=_Help)
         if verb == called:
             importlib.import_module(f"gonio.cli.{verb}_verb").add_arguments(sub)
             add_options(sub.add_argument, OUTPUT if verb in WITHOUT_JSON else JSON | OUTPUT)
-    return top
+            sub.description = textwrap.fill(sub.description or description, WIDTH - 2)
+            sub.epilog = "\n".join(["examples:", *(f"  {line}" for line in EXAMPLES[verb])])
+            of_verb = sub
+    return top, of_verb
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -67,26 +119,29 @@ def main(argv: list[str] | None = None) -> int:
     # Imports and traces make many objects that stay: to look for cycles among them takes a tenth of a command's start.
     gc.set_threshold(100_000, 50, 100)
     words = sys.argv[1:] if argv is None else argv
-    args = parser(next((w for w in words if w in VERBS), None)).parse_args(words)
+    if not words:
+        sys.stdout.write(FIRST_STEPS)
+        return 0
+    args = parsed(words)
     if args.version or args.verb is None:
         print(_versions() if args.version else parser().format_help())
         return 0
     verb = importlib.import_module(f"gonio.cli.{args.verb}_verb")
-
     try:
         _prepare_jax()
         target = getattr(args, "json", None)
         if target not in (None, "-"):
             refuse_json(args)
-        with printing(args.quiet, args.verbose, target == "-"):
+        ending = getattr(verb, "streamed", None if args.verb == "eval" else refuse_stream)
+        with printing(args.quiet, args.verbose, target == "-"), standard_streams(args, ending):
             return verb.run(args)
     except BrokenPipeError:
         # The reader of the output (head, less) has gone: no error, and nobody to tell.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except KeyboardInterrupt:
-        sys.stderr.write("gonio: interrupted.\n")
-        return 130
+    except KeyboardInterrupt as interruption:
+        kept: Callable[[argparse.Namespace], str] = getattr(verb, "kept", lambda args: "nothing was written")
+        return _interrupted(interruption, kept(args))
     except GonioError as error:
         message = str(error)
     except OSError as error:
@@ -97,6 +152,38 @@ def main(argv: list[str] | None = None) -> int:
     message = one_line(message)
     sys.stderr.write(f"gonio: {message}{'' if message.endswith(('.', '?')) else '.'}\n")
     return 2
+
+
+def parsed(words: Sequence[str]) -> argparse.Namespace:
+    """The arguments of a command line; ends with one line and status 2 where it is none."""
+    words = _with_negative_ranges(words)
+    called = next((w for w in words if w in VERBS), None)
+    top, of_verb = _parsers(called)
+    first = next((w for w in words if not w.startswith("-")), None)
+    if first is not None and first not in VERBS:
+        top.error(f"unknown verb '{first}'; {nearest(first, VERBS)}")
+    if any(w.startswith("--") for w in words):
+        of_verb.require_known(words)
+    return top.parse_args(words)
+
+
+def _with_negative_ranges(words: Sequence[str]) -> list[str]:
+    """Words of which -80:80:10 after an option is its value, where argparse would take it for another option."""
+    joined: list[str] = []
+    for word in words:
+        if joined and re.fullmatch(r"--[a-z][\w-]*", joined[-1]) and re.match(r"-\.?\d", word):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+def _interrupted(interruption: KeyboardInterrupt, kept: str) -> int:
+    """Says in a line what is left of the work; the exit status of a process that the signal ends."""
+    by, status = ("terminated", 143) if isinstance(interruption, Terminated) else ("interrupted", 130)
+    with contextlib.suppress(OSError):
+        sys.stderr.write(f"gonio: {by}; {kept}.\n")
+    return status
 
 
 def _versions() -> str:
@@ -114,8 +201,16 @@ def command() -> None:
 
     Waiting would make every refusal as slow as a fit, and an interpreter that ends while XLA compiles aborts.
     """
+    if "_ARGCOMPLETE" in os.environ:
+        from gonio.cli.completion_verb import complete
+
+        complete()
+    signal.signal(signal.SIGTERM, _terminate)
+    print_what_can_be_encoded()
     try:
         status = main()
+    except KeyboardInterrupt as interruption:
+        status = _interrupted(interruption, "nothing was written")
     except Exception as error:
         # A fault of gonio's own: its status must not be taken for a verdict (1: fail), nor for a refused input (2).
         if os.environ.get("GONIO_DEBUG"):
@@ -126,11 +221,15 @@ def command() -> None:
             " command and its files. GONIO_DEBUG=1 shows where it is.\n"
         )
         status = INTERNAL_ERROR
-    if any(t.name == AHEAD for t in threading.enumerate()):
+    if status in (130, 143) or any(t.name == AHEAD for t in threading.enumerate()):
         with contextlib.suppress(OSError):
             sys.stdout.flush()
         os._exit(status)
     raise SystemExit(status)
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    raise Terminated
 
 
 def _prepare_jax() -> None:

@@ -17,7 +17,9 @@ from gonio.__main__ import VERBS, main
 
 def test_eval_writes_its_columns_back(here, capsys):
     assert main(["eval", "lambert(rho=[0.3, 0.6])", "--directions", "d.csv"]) == 0
-    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    comment, *lines = capsys.readouterr().out.splitlines()
+    rows = list(csv.DictReader(lines))
+    assert comment == '# channels: ["channel 1", "channel 2"]'
     assert [float(r["theta_o"]) for r in rows] == [30, 45]
     np.testing.assert_allclose(
         [[float(r[c]) for c in ("f_1", "f_2")] for r in rows], [[0.3 / np.pi, 0.6 / np.pi]] * 2, rtol=1e-15

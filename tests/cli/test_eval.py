@@ -1,0 +1,118 @@
+"""`gonio eval` at the prompt: angles that are typed, channels by their names, standard input and output."""
+
+import io
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+
+import gonio
+from gonio.__main__ import main
+
+COLOURED = "lambert(rho=[0.3, 0.6, 0.9])"
+
+
+def test_typed_angles_are_combined_and_read_back(here, capsys):
+    """The table that eval writes holds every combination, in the plane where no azimuth is given."""
+    assert main(["eval", COLOURED, "--theta-i", "0,30", "--theta-o", "-20:20:10", "-o", "out.csv"]) == 0
+    table = gonio.open("out.csv")
+    assert table.channels.names == ("R", "G", "B") and table.layout.size == 10
+    np.testing.assert_allclose(np.asarray(table.f).reshape(-1, 3), [[r / np.pi for r in (0.3, 0.6, 0.9)]] * 10)
+    theta_i, _, theta_o, delta_phi = np.degrees(table.layout.angles())
+    signed = np.where(np.cos(np.radians(delta_phi)) < 0, theta_o, -theta_o)
+    assert sorted(zip(theta_i.round(), signed.round(), strict=True)) == [
+        (i, o) for i in (0, 30) for o in range(-20, 21, 10)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("typed", "phi_o"),
+    [
+        (["--theta-o", "-40"], 0.0),
+        (["--theta-o", "40"], 180.0),
+        (["--theta-o", "-40", "--delta-phi", "90"], 270.0),
+        (["--theta-o", "40", "--phi-i", "20", "--delta-phi=-30"], 350.0),
+        (["--theta-o", "40", "--phi-o", "15"], 15.0),
+    ],
+)
+def test_signed_angles_are_turned_as_in_a_file(capsys, typed, phi_o):
+    assert main(["eval", "lambert(rho=0.5)", "--theta-i", "30", *typed, "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["theta_o_deg"] == [40] and facts["phi_o_deg"] == [phi_o]
+    assert facts["f"] == [[pytest.approx(0.5 / math.pi)]] and facts["unit"] == "1/sr"
+
+
+def test_names_of_channels_are_columns_and_come_back(here, capsys):
+    """Wavelengths in the header; names that no header tells in a comment, with numbered columns."""
+    assert main(["eval", "gold", "--theta-o", "10", "-o", "-"]) == 0
+    (here / "gold.csv").write_text(capsys.readouterr().out)
+    assert (here / "gold.csv").read_text().startswith("theta_i,phi_i,theta_o,phi_o,f_413.3nm,")
+    assert gonio.open("gold.csv").channels == gonio.material("gold").channels
+    (here / "m.toml").write_text(
+        'gonio_material = 1\nname = "m"\nmodel = "lambert(rho=[0.1, 0.2])"\nchannels = ["wet", "dry"]\n'
+    )
+    assert main(["eval", "m.toml", "--theta-o", "10", "-o", "m.csv"]) == 0
+    assert gonio.open("m.csv").channels.names == ("wet", "dry")
+
+
+class Typed(io.StringIO):
+    """A terminal's standard output."""
+
+    def isatty(self):
+        return True
+
+
+def test_a_terminal_gets_a_table_as_wide_as_it_is(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    monkeypatch.setattr(sys, "stdout", Typed())
+    assert main(["eval", "gold", "--theta-i", "45", "--theta-o", "-60:60:30"]) == 0
+    above, header, _, first, *_, below = sys.stdout.getvalue().splitlines()
+    assert above == "theta_i 45, phi_i 0, f in 1/sr" and header.split()[:2] == ["theta_o", "f_413.3nm"]
+    assert first.split()[0] == "-60" and "3 more channels" in below and len(header) <= 60
+
+
+def test_standard_input_and_output_stand_for_files(here, monkeypatch, capsysbinary):
+    def piped(data, *words):
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
+        status = main(list(words))
+        return status, *(stream.decode() for stream in capsysbinary.readouterr())
+
+    directions = (here / "d.csv").read_bytes()
+    status, values, _ = piped(directions, "eval", COLOURED, "--directions", "-")
+    assert status == 0 and values.splitlines()[0] == "theta_i,phi_i,theta_o,phi_o,f_R,f_G,f_B"
+    status, facts, _ = piped(values.encode(), "info", "-", "--json")
+    assert status == 0 and json.loads(facts)["cells"] == 2
+    status, text, err = piped((here / "t.h5").read_bytes(), "convert", "-", "-")
+    (here / "back.csv").write_text(text)
+    assert status == 0 and gonio.open("back.csv").layout == gonio.open("t.h5").layout
+    for words, why in {
+        "info -": "is empty",
+        "eval - --directions -": "can be read once",
+        "convert t.h5 - --to hdf5": "no text",
+        "measure gold -o -": "no text",
+        "eval gold --theta-o 0 -o - --json": "both go to standard output",
+    }.items():
+        status, out, err = piped(b"", *words.split())
+        assert status == 2 and out == "" and why in err and "/tmp" not in err, words
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("", "give angles"),
+        ("--directions d.csv --phi-i 3", "leave --phi-i out"),
+        ("--phi-o 1 --delta-phi 2", "give one of them"),
+        ("--theta-o 0:80", "start:stop:step"),
+        ("--theta-o 0:80:-1", "a step that leads there"),
+        ("--theta-o 0:80:1e-9", "give a larger step"),
+        ("--theta-i 0:80:0.01 --theta-o 0:80:0.01", "give larger steps"),
+        ("--theta-i 181", "from the normal"),
+        ("--theta-i nan", "give degrees"),
+    ],
+)  # fmt: skip
+def test_angles_that_are_none_are_refused_in_a_line(here, capsys, words, message):
+    assert main(["eval", "gold", *words.split()]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and message in err and err.count("\n") == 1
