@@ -13,30 +13,27 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from gonio.data import layouts
 from gonio.data.channels import Channels
 from gonio.data.files import new_file, stem
 from gonio.data.flags import Flag
 from gonio.data.formats.csv_columns import CsvText, write_columns
 from gonio.data.formats.csv_directions import Directions, direction_columns, read_angles
 from gonio.data.formats.csv_header import ANGLES, LENGTHS_NM, VECTORS, value_names
-from gonio.data.formats.csv_readings import Readings, by_wavelength, on_grid, read_values
+from gonio.data.formats.csv_readings import Readings, by_wavelength, read_values
 from gonio.data.formats.csv_statements import Statements
 from gonio.data.formats.csv_values import value_columns
+from gonio.data.formats.listed_rows import SAME_DIRECTION, table_of_rows
 from gonio.data.layouts import Layout
 from gonio.data.layouts.recognition import Placement, recognised
 from gonio.data.quantities import QUANTITIES, brdf_of
 from gonio.data.round_trip import RoundTrip, compare
 from gonio.data.suspicions import suspicions
-from gonio.data.table import COPIED, MEDIA, Table, media_of
+from gonio.data.table import MEDIA, Table, media_of
 from gonio.models.errors import GonioError, nearest
 from gonio.models.geometry.sides import FRONT
 
 if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
-
-SAME_DIRECTION = 1e-9
-"""Radians by which the rows of gonio's own file may be off the cells that it names."""
 
 
 def read_csv(
@@ -88,7 +85,7 @@ def read_csv(
         "quantity": values.quantity + ("" if values.quantity_known else " (not stated)"),
         "ignored_columns": [n for n in dict.fromkeys(text.names) if n and n not in numbers][:100],
     }
-    table = _table(statements, directions, readings, channels, understood)
+    table = table_of_rows(directions.angles, readings, channels, _placement(statements, directions), understood)
     table.name = stem(path)
     media = {} if media_of(stated := statements.json(MEDIA), len(channels)) is None else {MEDIA: stated}
     table.provenance |= provenance | media | {"understood": [*text.understood, *understood]}
@@ -108,27 +105,6 @@ def _of_quantity(readings: Readings, directions: Directions, quantity: str) -> R
     return readings._replace(f=f, u_f=u_f)
 
 
-def _table(
-    statements: Statements, directions: Directions, rows: Readings, channels: Channels, understood: list[str]
-) -> Table:
-    """The table of the rows; adds to `understood` what was understood of their layout."""
-    placed = _placement(statements, directions)
-    grid = None if placed is None else on_grid(placed, rows)
-    if placed is None or grid is None:
-        layout, readings = layouts.scattered(*directions.angles), rows
-    else:
-        layout, (readings, repeats) = placed.layout, grid
-        understood += _of_grid(placed, rows, repeats)
-    flag = readings.flag.copy()
-    flag[~layout.readable()] = Flag.BELOW_HORIZON
-    f = np.where(flag == Flag.VALID, readings.f, np.nan)
-    if missing := int((flag == Flag.NOT_MEASURED).sum()):
-        understood.append(f"{missing} readings of {flag.size} are missing")
-    f, u_f, flag = (None if a is None else a.reshape(*layout.shape, -1) for a in (f, readings.u_f, flag))
-    copied = placed is not None and grid is not None and (placed.origins != np.arange(layout.size)).any()
-    return Table(layout, f, flag, channels, u_f, {COPIED: True} if copied else {})
-
-
 def _placement(statements: Statements, directions: Directions) -> Placement | None:
     """The grid that the rows are: the one that gonio's own file names, else the one that their directions make."""
     stated = statements.layout()
@@ -138,29 +114,9 @@ def _placement(statements: Statements, directions: Directions) -> Placement | No
             off = [np.abs(np.sin((a[cells] - b) / 2)) for a, b in zip(stated.angles(), directions.angles, strict=True)]
             if max(o.max() for o in off) <= SAME_DIRECTION:
                 return Placement(stated, cells, np.arange(stated.size))
-    return None if statements.scattered else _recognised(directions)
-
-
-def _recognised(directions: Directions) -> Placement | None:
+    if statements.scattered:
+        return None
     return recognised(directions.angles, directions.rounding, directions.below is not None)
-
-
-def _of_grid(placed: Placement, rows: Readings, repeats: int) -> list[str]:
-    layout = placed.layout
-    sizes = " × ".join(f"{axis.size} {name}" for name, axis in layout.axes.items())
-    sentences = [f"the rows are a grid ({layout.name}: {sizes})"]
-    copied = int((placed.origins != np.arange(layout.size)).sum())
-    if copied:
-        sentences.append(
-            f"at the pole, where azimuth has no meaning, one reading stands for all azimuths ({copied} cells)"
-        )
-    if repeats:
-        sentences.append(f"{repeats} rows repeat a direction of another; their means are taken")
-    if layout.mirrored_axes:
-        sentences.append("azimuths are of one side only: the other is taken as its mirror image")
-    if placed.turned > SAME_DIRECTION:
-        sentences.append(f"the light's azimuth, {np.degrees(placed.turned):.6g}° in all rows, is 0 in the grid")
-    return sentences
 
 
 class ListedDirections(NamedTuple):
@@ -213,7 +169,7 @@ def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -
         *([f"{MEDIA}: {json.dumps(m)}"] if (m := table.provenance.get(MEDIA)) else []),
         f"layout: {json.dumps(_named_layout(table.layout))}",
     ]
-    cells = _written_cells(table)
+    cells = written_cells(table)
     angles = [a[cells] for a in table.layout.angles()]
     f, u_f, flag = table.values_at(cells).values()
     valid = flag == Flag.VALID
@@ -224,7 +180,7 @@ def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -
         values["u_f"] = u_f.astype(np.float64)
     if not valid.all():
         values["flag"] = flag
-    columns = {name: _degrees(a) for name, a in zip(ANGLES, angles, strict=True)}
+    columns = {name: rounded_degrees(a) for name, a in zip(ANGLES, angles, strict=True)}
     for name, value in values.items():
         columns |= dict(zip(value_names(table.channels, name), value.T, strict=True))
     with new_file(path, force) as temporary:
@@ -237,7 +193,7 @@ def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -
     return compare(f, written["f"], valid, written["flag"] == Flag.VALID, note)
 
 
-def _written_cells(table: Table) -> np.ndarray:
+def written_cells(table: Table) -> np.ndarray:
     """The cells that can be read; of a list not what a warp has carried below the horizon, by its flags."""
     readable = table.layout.readable()
     if not table.layout.gridded and table.layout.sides != FRONT:
@@ -259,7 +215,7 @@ def _lengthened(w: np.ndarray) -> np.ndarray:
     return w / np.where(np.abs(length - 1.0) <= 1e-6, 1.0, length)
 
 
-def _degrees(radians: np.ndarray) -> np.ndarray:
+def rounded_degrees(radians: np.ndarray) -> np.ndarray:
     """Degrees that give back these radians: the rounded number a person would write, where that does."""
     degrees = np.degrees(radians)
     rounded = np.round(degrees, 10)

@@ -81,11 +81,11 @@ def read_angles(
     understood = [f"{c.name[:40]} is {role}" for role, c in columns.items() if c.name != role]
     if set(VECTORS) <= columns.keys():
         # Near the normal and the horizon an angle moves by more than the components do.
-        rounding = min(20 * _printed(list(values.values())), LARGEST_ROUNDING)
+        rounding = min(20 * printed_rounding(list(values.values())), LARGEST_ROUNDING)
         four = _of_vectors(text, values)
         return Directions(four, rounding, "none: components of unit vectors", understood + _behind(four), True)
     units, who = _units(text, statements, columns, unit)
-    rounding = _printed(list(values.values())) * (math.radians(1.0) if "degrees" in units.values() else 1.0)
+    rounding = printed_rounding(list(values.values())) * (math.radians(1.0) if "degrees" in units.values() else 1.0)
     for role, angle in values.items():
         values[role] = _inside(text, columns[role].name, role, angle, units[role])
     radians = {role: np.radians(v) if units[role] == "degrees" else v for role, v in values.items()}
@@ -165,7 +165,7 @@ def _inside(text: CsvText, name: str, role: str, angle: np.ndarray, unit: str) -
     half = HALF_TURN[unit]
     polar = role in POLAR
     # What is printed with few digits may lie beyond a quarter, a half or a whole turn by half of the last one.
-    slack = min(_printed([angle]), half * 1e-3)
+    slack = min(printed_rounding([angle]), half * 1e-3)
     limit = half / 2 if role.startswith("theta") and not polar else half if polar else 2 * half
     outside = np.abs(angle) > limit + slack
     if outside.any():
@@ -207,7 +207,7 @@ def _of_half_difference(a: Mapping[str, np.ndarray]) -> Angles:
     return theta_i, phi_i, theta_o, phi_o
 
 
-def _printed(columns: list[np.ndarray]) -> float:
+def printed_rounding(columns: list[np.ndarray]) -> float:
     """Half of the last printed digit, in the unit of the numbers, of the larger ones: %g prints more of the smaller."""
     values = np.abs(np.concatenate(columns))
     values = np.unique(values[values >= 0.3 * values.max()])

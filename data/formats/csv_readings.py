@@ -94,6 +94,27 @@ def by_wavelength(
     if rows.f.shape[1] > 1:
         text.refuse(f"it has the column {column[:40]!r} beside several columns of f; keep one")
     nm, channel = np.unique(nanometres(wavelengths, unit), return_inverse=True)
+    spread = by_channel(channel, nm.size, angles, rows)
+    if spread is None:
+        text.refuse(f"it has {nm.size} wavelengths, few of them at most of its geometries; split it by wavelength")
+    return nm, *spread
+
+
+def by_channel(
+    channel: np.ndarray, count: int, angles: np.ndarray, rows: Readings
+) -> tuple[np.ndarray, Readings] | None:
+    """(first row of each geometry, readings) of rows that hold one channel each.
+
+    Args:
+        channel: number of each row's channel, (n,).
+        count: channels.
+        angles: of each row, (k, n); rows with the same ones are one geometry.
+        rows: readings of one channel, (n, 1).
+
+    Returns:
+        A geometry that was not read in a channel is NOT_MEASURED there, one that was read several times stands
+        several times. None where most of that would be empty.
+    """
     geometry = np.unique(angles, axis=1, return_inverse=True)[1].reshape(-1)
     order = np.lexsort((channel, geometry))
     same = (np.diff(geometry[order]) == 0) & (np.diff(channel[order]) == 0)
@@ -101,12 +122,10 @@ def by_wavelength(
     repeat = np.empty(channel.size, np.intp)
     repeat[order] = np.arange(channel.size) - np.repeat(starts, np.diff(starts, append=channel.size))
     _, first, place = np.unique(np.stack([geometry, repeat]), axis=1, return_index=True, return_inverse=True)
-    if first.size * nm.size > MOST_SPREAD * channel.size:
-        text.refuse(
-            f"it has {nm.size} wavelengths at {first.size} geometries, few of them at most; split it by wavelength"
-        )
+    if first.size * count > MOST_SPREAD * channel.size:
+        return None
     rank = np.argsort(np.argsort(first))
-    shape = first.size, nm.size
+    shape = first.size, count
     f, flag = np.full(shape, np.nan), np.full(shape, np.uint8(Flag.NOT_MEASURED))
     cells = rank[place.reshape(-1)], channel.reshape(-1)
     f[cells], flag[cells] = rows.f[:, 0], rows.flag[:, 0]
@@ -114,7 +133,7 @@ def by_wavelength(
     if rows.u_f is not None:
         u_f = np.full(shape, np.nan)
         u_f[cells] = rows.u_f[:, 0]
-    return nm, np.sort(first), Readings(f, u_f, flag)
+    return np.sort(first), Readings(f, u_f, flag)
 
 
 def on_grid(placed: Placement, rows: Readings) -> tuple[Readings, int] | None:

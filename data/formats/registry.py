@@ -201,9 +201,9 @@ def sniff(path: str | os.PathLike[str]) -> Format:
             return known
     if head.text is not None and head.text.delimiter and len(head.columns) > 1 and not head.text.headless:
         csv_directions.direction_columns(head.text)  # raises, naming the columns that are missing
-    *first, last = (known.title for known in FORMATS if known.holds == "table")
+    names = ", ".join(known.name for known in FORMATS if known.holds == "table")
     kind = "binary" if head.binary else "text"
-    raise GonioError(f"{path} is {kind} of an unknown kind; expected {', '.join(first)}, or {last}")
+    raise GonioError(f"{path} is {kind} of an unknown kind; expected one of {names}")
 
 
 def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
@@ -218,7 +218,7 @@ def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
     if entry is not None:
         options["entry"] = entry
     if unknown := sorted(set(options) - set(known.options)):
-        raise GonioError(f"{path} has the format {known.name}, which has no option {unknown[0]!r}; leave it out")
+        raise GonioError(f"{path} is {known.title}, which has no option {unknown[0]!r}; leave it out")
     content = known.read(file, **options)
     if isinstance(content, Table):
         try:
