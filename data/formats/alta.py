@@ -12,8 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.data.channels import Channels
-from gonio.data.formats.csv_directions import UNIT_TOLERANCE, printed_rounding
-from gonio.data.formats.listed_rows import Convention, Listing, convention, coverage_factor, table_of_listing
+from gonio.data.formats.csv_directions import UNIT_TOLERANCE
+from gonio.data.formats.listed_rows import (
+    Convention,
+    Listing,
+    convention,
+    coverage_factor,
+    rounding_of,
+    table_of_listing,
+)
 from gonio.data.formats.number_rows import number_rows, text_lines
 from gonio.data.layouts import spherical_angles
 from gonio.data.table import Table
@@ -81,7 +88,7 @@ def _about_back_vector(c: np.ndarray) -> Vectors:
 def _stark(c: np.ndarray) -> Vectors:
     """By the lengths of (L + V)/2, projected, and of (L − V)/2, and the azimuth between them [Stark 2005]."""
     half = np.stack([c[0], 0 * c[0], np.sqrt(np.maximum(1 - c[0] ** 2 - c[1] ** 2, 0.0))])
-    back = c[1] * _polar(np.arctan2(-half[2], c[0] * np.cos(c[2])), c[2])
+    back = c[1] * _polar(np.arctan2(half[2], -c[0] * np.cos(c[2])), c[2])
     return half + back, half - back
 
 
@@ -89,10 +96,10 @@ def _neumann(c: np.ndarray) -> Vectors:
     """By the projected lengths of (L + V)/2 and (L − V)/2, and the azimuth between them [Neumann 1996]."""
     half, back = np.stack([c[0], 0 * c[0]]), c[1] * np.stack([np.cos(c[2]), np.sin(c[2])])
 
-    def raised(xy: np.ndarray) -> np.ndarray:
+    def on_hemisphere(xy: np.ndarray) -> np.ndarray:
         return np.stack([*xy, np.sqrt(np.maximum(1 - np.sum(xy**2, axis=0), 0.0))])
 
-    return raised(half - back), raised(half + back)
+    return on_hemisphere(half + back), on_hemisphere(half - back)
 
 
 PARAMETRISATIONS: dict[str, tuple[int, Callable[[np.ndarray], Vectors]]] = {
@@ -171,7 +178,7 @@ def read_alta(path: str | os.PathLike[str], quantity: str | None = None, coverag
     k = coverage_factor(coverage)
     u_f, sentences = _uncertainties(numbers[:, count + header.outputs :], header, k), [f"angles are radians, {name}"]
     sentences += [sentence, *([] if u_f is None else [f"half of an interval is taken as {k:g} standard uncertainties"])]
-    rounding = printed_rounding(list(c)) if name in IN_ANGLES and c.size else 0.0
+    rounding = rounding_of(c) if name in IN_ANGLES else 0.0
     listing = Listing(angles, f, _channels(header), u_f, rounding=rounding)
     about = {"format": "ALTA", "header": {k: v for k, v in header.stated.items() if v}, "understood": sentences}
     return table_of_listing(path, listing, how, about, header.stated.get("SAMPLE", ""))

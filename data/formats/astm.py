@@ -12,8 +12,8 @@ import re
 import numpy as np
 
 from gonio.data.channels import Channels
-from gonio.data.formats.csv_directions import UNITS, printed_rounding
-from gonio.data.formats.listed_rows import Listing, convention, table_of_listing
+from gonio.data.formats.csv_directions import UNITS
+from gonio.data.formats.listed_rows import Listing, convention, rounding_of, table_of_listing
 from gonio.data.formats.number_rows import number_rows, text_lines
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
@@ -63,9 +63,9 @@ def read_astm(
     columns = dict(zip(names, number_rows(path, lines[first + 1 :], len(names), ",", first + 2).T, strict=True))
     zero = np.zeros(len(columns["theta_i"]))
     four = [columns.get(name, zero) for name in ANGLES]
-    rounding = printed_rounding(four) if zero.size else 0.0
+    rounding = rounding_of(four, math.radians(1.0) if angles == "degrees" else 1.0)
     if angles == "degrees":
-        four, rounding = [np.radians(a) for a in four], math.radians(rounding)
+        four = [np.radians(a) for a in four]
     elif zero.size and max(np.abs(four[0]).max(), np.abs(four[2]).max()) > RADIANS_LIMIT:
         raise GonioError(f"{path} has polar angles above π, and the format's are radians; state --angles degrees")
     f = np.stack([columns[name] for name in values], axis=-1)

@@ -13,11 +13,17 @@ import numpy as np
 
 from gonio.data.channels import Channels
 from gonio.data.flags import Flag
-from gonio.data.formats.bird_own import own_table
-from gonio.data.formats.csv_directions import printed_rounding
+from gonio.data.formats.bird_section import stored_table
 from gonio.data.formats.csv_readings import Readings, by_channel
 from gonio.data.formats.json_text import JsonPart, read_json
-from gonio.data.formats.listed_rows import Convention, Listing, convention, coverage_factor, table_of_listing
+from gonio.data.formats.listed_rows import (
+    Convention,
+    Listing,
+    convention,
+    coverage_factor,
+    rounding_of,
+    table_of_listing,
+)
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 
@@ -80,7 +86,7 @@ def read_bird(
         raise GonioError(f"{path}: its data have no BRDF, no variables and no theta_v; export the file again")
     metadata = JsonPart(path, file.data.get("metadata", file.data.get("head", {})), "metadata")
     about = _about(metadata)
-    table = own_table(file, rows.f, rows.u_f, rows.angles) if how == Convention(quantity_known=False) else None
+    table = stored_table(file, rows.f, rows.u_f, rows.angles) if how == Convention(quantity_known=False) else None
     if table is not None:
         table.name, table.provenance = about["metadata"].get("sample", ""), about | {"source": os.path.basename(path)}
         return table
@@ -116,7 +122,7 @@ def _schema_1(data: JsonPart, coverage: float | None) -> _Rows:
         values = part.numbers("values", count=f.size)
         scale = math.pi / 180 if unit in DEGREES else 1.0
         columns.append(values * scale)
-        rounding.append(printed_rounding([values]) * scale if values.size else 0.0)
+        rounding.append(rounding_of([values], scale))
     u_f = _uncertainty(data, brdf, f, coverage, understood)
     return _Rows(
         np.stack(columns), f, u_f, _wavelengths(data, f.size, understood), _states(data, f.size), max(rounding),
@@ -232,7 +238,7 @@ def _older(data: JsonPart) -> _Rows:
         if len(letters) != f.shape[1]:
             raise GonioError(f"{data.path}: data.pol has {len(letters)} entries, expected {f.shape[1]}")
         states = [letters[g] for g in geometry]
-    rounding = math.radians(printed_rounding(list(degrees))) if degrees.size else 0.0
+    rounding = rounding_of(degrees, math.radians(1.0))
     understood = ["angles are taken as degrees, wavelengths as nm: the older form does not say their units"]
     wavelengths = np.repeat(nm, f.shape[1])
     return _Rows(np.radians(degrees)[:, geometry], f.reshape(-1), None, wavelengths, states, rounding, understood)

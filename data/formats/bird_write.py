@@ -10,7 +10,7 @@ import numpy as np
 from gonio.data.files import new_file
 from gonio.data.flags import Flag
 from gonio.data.formats.bird import read_bird
-from gonio.data.formats.bird_own import SECTION, own_content
+from gonio.data.formats.bird_section import SECTION, section_of
 from gonio.data.formats.csv import rounded_degrees, written_cells
 from gonio.data.formats.json_text import MOST_BYTES
 from gonio.data.reflection_only import require_reflection
@@ -30,7 +30,7 @@ FACTS = {
 def write_bird(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
     """Writes the readings of a table, and returns what reading them again shows to be lost.
 
-    Cells without a value have no row; gonio's own section keeps their flags, and the grid. Raises GonioError for a
+    Cells without a value have no row; gonio's section section keeps their flags, and the grid. Raises GonioError for a
     table that transmits, one without a valid reading, one too large, and where `path` cannot be written.
     """
     require_reflection(table, table.name or "the table", "a BiRD file")
@@ -59,7 +59,7 @@ def write_bird(path: str | os.PathLike[str], table: Table, force: bool = False) 
         "cell": _variable("cell", "", numbers, "Number of the cell in gonio's grid."),
         "channel": _variable("channel", "", names, "Name of the channel."),
     }
-    content = {"metadata": _metadata(table, own_content(table, cells, valid, degrees)), "data": data}
+    content = {"metadata": _metadata(table, section_of(table, cells, valid, degrees)), "data": data}
     text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     if len(text) > MOST_BYTES:
         raise GonioError(
@@ -76,7 +76,7 @@ def _variable(name: str, unit: str, values: Any, description: str) -> dict[str, 
     return {"name": name, "description": description, "unit": unit, "values": np.asarray(values).tolist()}
 
 
-def _metadata(table: Table, own: dict[str, Any]) -> dict[str, Any]:
+def _metadata(table: Table, section: dict[str, Any]) -> dict[str, Any]:
     """What a table knows of the metadata that the schema asks for."""
     measured = "instrument" not in table.provenance
     return {
@@ -86,7 +86,7 @@ def _metadata(table: Table, own: dict[str, Any]) -> dict[str, Any]:
         "description": str(table.provenance.get("material", "") or table.provenance.get("source", "")),
         "method": "measurement" if measured else "simulation",
         "sample": {"name": table.name},
-        "adhoc_section": {SECTION: own},
+        "adhoc_section": {SECTION: section},
     }
 
 

@@ -75,8 +75,9 @@ class JsonPart:
 
     def numbers(self, key: str, dimensions: int = 1, count: int | None = None) -> np.ndarray:
         """The list of numbers of a key, NaN where it has null; of lists of one length with two dimensions."""
+        entries = self.entries(key)
         try:
-            array = np.array(self.entries(key), np.float64)
+            array = np.array(entries, np.float64)
         except (TypeError, ValueError, OverflowError):
             self._refuse(key, "a list of numbers" if dimensions == 1 else "rows of as many numbers each")
         if array.ndim != dimensions:

@@ -2,6 +2,7 @@
 
 import math
 import os
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,8 +11,9 @@ from gonio.data import layouts
 from gonio.data.channels import Channels
 from gonio.data.files import stem
 from gonio.data.flags import Flag
+from gonio.data.formats.csv_directions import printed_rounding
 from gonio.data.formats.csv_readings import Readings, on_grid
-from gonio.data.layouts.recognition import Angles, Placement, recognised
+from gonio.data.layouts.recognition import LARGEST_ROUNDING, Angles, Placement, recognised
 from gonio.data.quantities import QUANTITIES, brdf_of
 from gonio.data.suspicions import suspicions
 from gonio.data.table import COPIED, Table
@@ -49,6 +51,16 @@ class Convention(NamedTuple):
     """Whether the format or the caller says the quantity."""
     mirror_azimuth: float = 180.0
     """phi_o − phi_i of the mirror side, degrees: 180, or 0 where azimuths are of the light's way."""
+
+
+def rounding_of(columns: Iterable[np.ndarray], radians: float = 1.0) -> float:
+    """Radians by which printing may have moved the angles of any column; 0 where they are taken as exact.
+
+    `radians`: one unit of the columns.
+    """
+    with np.errstate(all="ignore"):  # numbers that are no angles are refused later
+        largest = max((printed_rounding([c]) * radians for c in columns if c.any()), default=0.0)
+    return largest if largest <= LARGEST_ROUNDING else 0.0
 
 
 def convention(quantity: str | None, mirror_azimuth: float | None) -> Convention:

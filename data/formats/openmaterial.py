@@ -7,10 +7,9 @@ import numpy as np
 
 from gonio.data.channels import Channels
 from gonio.data.flags import Flag
-from gonio.data.formats.csv_directions import printed_rounding
 from gonio.data.formats.csv_readings import Readings, by_channel
 from gonio.data.formats.json_text import JsonPart, read_json
-from gonio.data.formats.listed_rows import Listing, convention, table_of_listing
+from gonio.data.formats.listed_rows import Listing, convention, rounding_of, table_of_listing
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 
@@ -56,7 +55,7 @@ def read_openmaterial(
     first, readings = spread
     angles = theta_i[first], np.zeros(first.size), theta_o[first], phi_o[first]
     channels = Channels.of_wavelengths(nm)
-    listing = Listing(angles, readings.f, channels, None, readings.flag, printed_rounding(list(angles)))
+    listing = Listing(angles, readings.f, channels, None, readings.flag, rounding_of(angles))
     about, solid_angle = _about(data, brdf)
     table = table_of_listing(path, listing, how, about, about["metadata"].get("name", ""))
     table.receiver_solid_angle = solid_angle

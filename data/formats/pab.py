@@ -3,14 +3,14 @@
 A file has one incidence; files that were joined have several, each behind its own header.
 """
 
+import math
 import os
 import re
 
 import numpy as np
 
 from gonio.data.channels import Channels
-from gonio.data.formats.csv_directions import printed_rounding
-from gonio.data.formats.listed_rows import Listing, convention, table_of_listing
+from gonio.data.formats.listed_rows import Listing, convention, rounding_of, table_of_listing
 from gonio.data.formats.number_rows import number_rows, text_lines
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
@@ -83,7 +83,7 @@ def read_pab(path: str | os.PathLike[str], mirror_azimuth: float | None = None) 
         raise GonioError(f"{path} has no rows of readings behind its header; expected theta, phi and value")
     degrees = np.concatenate(parts)
     quantity, angles = quantities.pop(), np.radians(degrees[:, :4]).T
-    rounding = float(np.radians(printed_rounding(list(degrees[:, :4].T))))
+    rounding = rounding_of(degrees[:, :4].T, math.radians(1.0))
     listing = Listing((angles[0], angles[1], angles[2], angles[3]), degrees[:, 4:], Channels.grey(), rounding=rounding)
     about = {"format": "pab", "header": header.stated, "understood": []}
     about["understood"] += ["the values are DSF, with the cosine"] if quantity == "brdf_cos" else []

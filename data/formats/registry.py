@@ -11,13 +11,18 @@ from typing import TYPE_CHECKING, Any, Literal
 from gonio.data.consistency import check_readings
 from gonio.data.files import input_size
 from gonio.data.formats import (
+    alta,
+    astm,
     bbm_fits,
+    bird,
     csv,
     csv_directions,
     fred,
     material_file,
     merl,
     nist_ptfe,
+    openmaterial,
+    pab,
     rgl_file,
     speos,
     zemax,
@@ -126,6 +131,18 @@ def _write_rgl(
     return write_rgl(path, source, force, **options)
 
 
+def _write_astm(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
+    from gonio.data.formats.astm_write import write_astm
+
+    return write_astm(path, table, force)
+
+
+def _write_bird(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
+    from gonio.data.formats.bird_write import write_bird
+
+    return write_bird(path, table, force)
+
+
 FORMATS = (
     Format(
         "material", "a material (.toml)", "model",
@@ -166,6 +183,27 @@ FORMATS = (
     Format(
         "FRED", "FRED's text of readings", "table", _reads_as(r"(?im)^\s*type\s+bsdf_data\b|^!!.*BSDF"),
         fred.read_fred,
+    ),
+    Format(
+        "ASTM", "an ASTM file (E1392, E2387)", "table", lambda head: astm.VARIABLES.search(head.start) is not None,
+        astm.read_astm, _write_astm, options=("angles", "quantity", "mirror_azimuth"), suffixes=(".astm",),
+    ),
+    Format(
+        "ALTA", "an ALTA file", "table", lambda head: alta.SIGNATURE.search(head.start) is not None,
+        alta.read_alta, options=("quantity", "coverage"),
+    ),
+    Format(
+        "pab", "a pab goniophotometer's file", "table", lambda head: pab.SIGNATURE.search(head.start) is not None,
+        pab.read_pab, options=("mirror_azimuth",),
+    ),
+    Format(
+        "OpenMATERIAL", "an OpenMATERIAL table (.xompt)", "table",
+        lambda head: openmaterial.is_openmaterial(head.start),
+        openmaterial.read_openmaterial, options=("quantity", "mirror_azimuth"), suffixes=(".xompt",),
+    ),
+    Format(
+        "BiRD", "a BiRD file (JSON)", "table", lambda head: bird.is_bird(head.start),
+        bird.read_bird, _write_bird, options=("quantity", "mirror_azimuth", "coverage"), suffixes=(".json",),
     ),
     Format(
         "NIST", "NIST's PTFE CSV", "table", lambda head: bool(nist_ptfe.columns_of(head.columns)),

@@ -29,14 +29,23 @@ MERL: Options = {
 READING: Options = {
     "--angles": {
         "choices": ("degrees", "radians"),
-        "help": "unit of a CSV file's angles, where the file does not say it",
+        "help": "unit of the angles of a CSV or ASTM file, where the file does not say it",
     },
     "--quantity KIND": {
         "choices": ("brdf", "brdf_cos", "brdf_cos_i", "reflectance_factor", "i_over_f"),
-        "help": "what a CSV file's values are: brdf (f, the default), brdf_cos (f cos(theta_o)), brdf_cos_i "
+        "help": "what a file's values are: brdf (f, the default), brdf_cos (f cos(theta_o)), brdf_cos_i "
         "(f cos(theta_i)), reflectance_factor (π f) or i_over_f (π f cos(theta_i))",
     },
     "--missing VALUE": "the number that stands for no reading in a CSV file, such as -999; none: there is none",
+    "--mirror-azimuth DEG": {
+        "choices": (0, 180),
+        "type": int,
+        "help": "azimuth of the mirror side from the light in a laboratory's file: 180 (default) or 0",
+    },
+    "--coverage K": {
+        "type": float,
+        "help": "standard uncertainties in the uncertainties of a BiRD or ALTA file (default 1)",
+    },
 }
 """How a file of readings is to be taken; of verbs that take any file."""
 DESCRIPTION: Options = {"--instrument LAB.toml": "a description of the instrument; options given beside it win"}
@@ -125,7 +134,8 @@ def given(args: argparse.Namespace, *names: str) -> dict[str, Any]:
 
 def reading_options(args: argparse.Namespace) -> dict[str, Any]:
     """The keywords by which `gonio.data.formats.registry.load` takes a file as the command line says."""
-    options = {name: getattr(args, name, None) for name in ("angles", "quantity", "missing")}
+    names = ("angles", "quantity", "missing", "mirror_azimuth", "coverage")
+    options = {name: getattr(args, name, None) for name in names}
     options["nodes"] = getattr(args, "merl_nodes", None)
     return {name: value for name, value in options.items() if value is not None}
 

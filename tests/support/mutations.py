@@ -94,7 +94,8 @@ def valid_files(folder: Path) -> list[Path]:
     """Writes one small valid file or more of every reader."""
     for name, table in _tables().items():
         table.save(folder / name)
-    _tables()["grid.h5"].save(folder / "grid.csv")
+    for name in ("grid.csv", "grid.json"):
+        _tables()["grid.h5"].save(folder / name)
     with h5py.File(folder / "grid.h5") as plain, h5py.File(folder / "packed.h5", "w") as packed:
         packed.attrs.update(plain.attrs)
         for name in plain:
@@ -133,9 +134,38 @@ def valid_files(folder: Path) -> list[Path]:
     sheet = document({"Reflection Front": matrix, "Transmission Back": matrix}, more=own)
     texts["klems.xml"] = sheet.replace(QUARTER.name, "own")
     texts["tree.xml"] = document({"Transmission Front": "{" + f"{leaf} {{0.1}}" * 4 + "}"}, "TensorTree3")
+    texts |= _laboratory_files()
     for name, text in texts.items():
         (folder / name).write_bytes(text.encode() if isinstance(text, str) else text)
     return sorted(folder.iterdir())
+
+
+def _laboratory_files() -> dict[str, bytes | str]:
+    """Files of laboratories and researchers."""
+    names = ("theta_i", "phi_i", "theta_r", "phi_r")
+    columns: dict[str, Any] = {n: {"unit": "deg", "values": [10 * k, 20.5, 30, 40]} for k, n in enumerate(names)}
+    columns["BRDF"] = {"unit": "1/sr", "values": [0.1, -0.2, 0.3, 0.4], "uncertainty": {"value": 2, "unit": "%"}}
+    columns["wavelength_i"] = {"unit": "nm", "values": [450, 450, 650, 650]}
+    schema = {"metadata": {"sample": {"name": "tile"}, "type": "BRDF"}, "data": columns}
+    polarised = {"polarization_i": {"notation": "inStokes", "values": [[1, 1, 0, 0], [1, -1, 0, 0]] * 2}}
+    older = {"wavelengths": [400, 500.5], "theta_i": [45, 45, 15], "phi_i": [0, 0, 0], "theta_v": [20, -30, 0]}
+    older |= {"phi_v": [0, 22.5, 180], "pol": ["s", "s", "p"], "data": [[0.1, 0.2, 0.3], [0.2, 0.3, 0.4]]}
+    rows = [[w, t, o, p, 0.2] for w in (5e-7, 9.05e-7) for t in (0.0, 0.5) for o in (0.0, 0.7) for p in (0.0, 3.14)]
+    table = {"lookupTable": rows, "receiverSolidAngles": [{"wavelength": 5e-7, "solidAngle": 1e-3}]}
+    asphalt = {"metadata": {"name": "asphalt", "license": "x"}, "brdf": table}
+    return {
+        "a.astm": "DATE today\nNUM_POINTS 3\nVARS theta_i,phi_i,theta_s,phi_s,R,G,B\n"
+        + "0.1,0,0.5,3.1,0.1,-0.2,0.3\n" * 3,
+        "three.astm": "VARS theta_i,theta_s,phi_s,400nm,500nm\r\n" + "0.1,0.5,3.1,0.1,0.2\r\n" * 3,
+        "s.alta": "#DIM 4 1\n#PARAM_IN SPHERICAL_TL_PL_TV_PV\n#PARAM_OUT INV_STERADIAN_COSINE_FACTOR\n#VS 2\n"
+        + "0.1 0 0.5 3.1 0.2 0.01 0.02\n" * 3,
+        "h.alta": "#DIM 3 3\n#PARAM_IN RUSIN_TH_TD_PD\n#PARAM_OUT RGB_COLOR\n" + "0.1 0.2 0.3 0.1 0.2 0.3\n" * 3,
+        "pab.dat": '#sample_name "a"\n#format: theta phi DSF\n#intheta 30\n#inphi 0\n' + "10 20.5 0.1\n120 30 0.2\n",
+        "schema.json": json.dumps(schema),
+        "pol.json": json.dumps({"data": columns | polarised}),
+        "older.json": json.dumps({"head": {}, "data": older}),
+        "a.xompt": json.dumps(asphalt),
+    }
 
 
 def read_anything(path: Path) -> object:

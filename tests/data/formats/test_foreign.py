@@ -27,7 +27,6 @@ def npz():
 
 FILES = {
     "JSON": json.dumps({"head": {}, "rows": [[1, 2], [3, 4]]}).encode(),
-    "JSON file of readings": json.dumps({"data": {"theta_i": [1, 2], "phi_i": [1, 2]}}).encode(),
     "NumPy archive": npz(),
     "Excel": archive("[Content_Types].xml"),
     "ZIP": archive("a.txt"),
@@ -35,8 +34,6 @@ FILES = {
     "HTML": b"<!DOCTYPE html><html>",
     "Zemax": b"# a comment, theta, phi\nSource  Measured\nSymmetry  PlaneSymmetrical\n",
     "LightTools": b"Source Measured\nScatterAzimuth 2\n0 90\nScatterRadial 1\n0\nDataBegin\nAOI 10\nPOI 0\n",
-    "ALTA": b"#DIM 3 1\n#VS 0\n0.1 0.2 0.3 0.4\n",
-    "ASTM": b"VARS theta_i,phi_i,theta_s,phi_s,R,G,B\n0,0,0,0,1,1,1\n",
     "MATLAB": b"MATLAB 5.0 MAT-file, Platform: GLNXA64" + bytes(90),
     "UTIA": bytes(UTIA_BYTES),
     "OpenEXR": b"v/1\x01" + bytes(40),

@@ -23,9 +23,7 @@ MOST_READINGS = 1 << 24
 DIRECTIONS = ("theta_i", "phi_i", "theta_r", "phi_r")
 
 
-def own_content(
-    table: Table, cells: np.ndarray, valid: np.ndarray, degrees: Mapping[str, np.ndarray]
-) -> dict[str, Any]:
+def section_of(table: Table, cells: np.ndarray, valid: np.ndarray, degrees: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """The section of a table.
 
     Args:
@@ -47,7 +45,7 @@ def own_content(
     return content
 
 
-def own_table(file: JsonPart, f: np.ndarray, u_f: np.ndarray | None, angles: np.ndarray) -> Table | None:
+def stored_table(file: JsonPart, f: np.ndarray, u_f: np.ndarray | None, angles: np.ndarray) -> Table | None:
     """The table that gonio wrote, cell by cell; None for other files, and where the section does not fit the rows.
 
     Args:
@@ -64,19 +62,21 @@ def own_table(file: JsonPart, f: np.ndarray, u_f: np.ndarray | None, angles: np.
     return None
 
 
-def _table(file: JsonPart, own: JsonPart, f: np.ndarray, u_f: np.ndarray | None, angles: np.ndarray) -> Table | None:
+def _table(
+    file: JsonPart, section: JsonPart, f: np.ndarray, u_f: np.ndarray | None, angles: np.ndarray
+) -> Table | None:
     variables = file.part("data").part("adhoc_variables")
-    gaps = own.part("not_read")
+    gaps = section.part("not_read")
     lost = _whole(gaps.numbers("cell"))
     rows = _whole(variables.part("cell").numbers("values", count=f.size))
-    channels = _channels(own)
+    channels = _channels(section)
     names = [str(name) for name in variables.part("channel").entries("values")]
     numbers = {name: k for k, name in enumerate(channels.names)}
     if len(names) != f.size or not set(names) <= set(numbers):
         return None
     channel = np.array([numbers[name] for name in names], np.intp)
     where = np.radians([gaps.numbers(name, count=lost.size) for name in DIRECTIONS])
-    layout = _layout(own, np.concatenate([rows, lost]), np.concatenate([angles, where], axis=1))
+    layout = _layout(section, np.concatenate([rows, lost]), np.concatenate([angles, where], axis=1))
     missing, flags = _whole(gaps.numbers("channel", count=lost.size)), _whole(gaps.numbers("flag", count=lost.size))
     shape = layout.size, len(channels)
     if max(rows.max(initial=0), lost.max(initial=0)) >= layout.size or missing.max(initial=0) >= len(channels):
@@ -87,7 +87,7 @@ def _table(file: JsonPart, own: JsonPart, f: np.ndarray, u_f: np.ndarray | None,
     values = np.full((2, *shape), np.nan)
     values[0][rows, channel] = f
     if u_f is not None:
-        u_f[_whole(own.numbers("unknown_uncertainty"), f.size)] = np.nan
+        u_f[_whole(section.numbers("unknown_uncertainty"), f.size)] = np.nan
         values[1][rows, channel] = u_f
     flag, f, u = (a.reshape(*layout.shape, -1) for a in (flag, *values))
     return Table(layout, f, flag, channels, None if u_f is None else u)
@@ -100,14 +100,14 @@ def _whole(numbers: np.ndarray, below: int = MOST_READINGS) -> np.ndarray:
     return numbers.astype(np.intp)
 
 
-def _channels(own: JsonPart) -> Channels:
-    wavelengths = tuple(own.numbers("wavelengths_nm")) if "wavelengths_nm" in own else None
-    return Channels(tuple(str(name) for name in own.entries("channels")), wavelengths)
+def _channels(section: JsonPart) -> Channels:
+    wavelengths = tuple(section.numbers("wavelengths_nm")) if "wavelengths_nm" in section else None
+    return Channels(tuple(str(name) for name in section.entries("channels")), wavelengths)
 
 
-def _layout(own: JsonPart, cells: np.ndarray, angles: np.ndarray) -> Layout:
+def _layout(section: JsonPart, cells: np.ndarray, angles: np.ndarray) -> Layout:
     """The stated grid, or the scattered directions of all cells."""
-    stated = own.part("layout")
+    stated = section.part("layout")
     kind = layouts.LAYOUTS.get(stated.text("name"))
     if kind is None or not kind.gridded:
         if cells.max(initial=0) >= cells.size:
@@ -117,6 +117,6 @@ def _layout(own: JsonPart, cells: np.ndarray, angles: np.ndarray) -> Layout:
         return layouts.scattered(*four)
     axes = stated.part("axes")
     sizes = [len(axes.entries(name)) for name in axes.data]
-    if np.prod(np.array(sizes, float)) * len(own.entries("channels")) > MOST_READINGS:
+    if np.prod(np.array(sizes, float)) * len(section.entries("channels")) > MOST_READINGS:
         raise GonioError("the grid is too large")
     return kind({name: axes.numbers(name) for name in axes.data})

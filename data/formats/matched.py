@@ -1,0 +1,43 @@
+"""The round trip of a table into a file whose cells are others, or stand in another order."""
+
+import dataclasses
+
+import numpy as np
+
+from gonio.data.flags import Flag
+from gonio.data.round_trip import RoundTrip, compare
+from gonio.data.table import Table
+
+SAME_COMPONENT = 1e-8
+"""Of unit vectors: directions whose components differ by less are one."""
+
+
+def matched(written: Table, read: Table, note: str = "") -> RoundTrip:
+    """The round trip of a table into one with other cells, or the same in another order, by its valid readings.
+
+    A reading whose directions and channel are not there again is lost; of repeats the first is the first.
+    """
+    (one, f), (two, again) = (_by_direction(table) for table in (written, read))
+    _, first, second = np.intersect1d(one, two, assume_unique=True, return_indices=True)
+    valid = np.ones(len(first), bool)
+    result = compare(f[first], again[second], valid, valid, note)
+    return dataclasses.replace(result, lost=one.size - first.size)
+
+
+def _by_direction(table: Table) -> tuple[np.ndarray, np.ndarray]:
+    """(a number for directions, channel and repeat, f) of the valid readings of a table."""
+    cells = table.valid_cells()
+    values = table.values_at(cells)
+    row, channel = np.nonzero(values["flag"] == Flag.VALID)
+    wi, wo = table.layout.directions_at(cells)
+    # The offset keeps round numbers, of which many files are made, off the limits between two integers.
+    steps = [np.round(c / SAME_COMPONENT + 0.1237).astype(np.int64).astype(np.uint64)[row] for c in (*wi, *wo)]
+    code = np.zeros(row.size, np.uint64)
+    for part in (*steps, channel.astype(np.uint64)):
+        code = (code ^ part) * np.uint64(0x9E3779B97F4A7C15)
+        code ^= code >> np.uint64(29)
+    order = np.argsort(code, kind="stable")
+    starts = np.flatnonzero(np.concatenate([[True], np.diff(code[order]) != 0])) if row.size else np.zeros(0, int)
+    repeat = np.empty(row.size, np.uint64)
+    repeat[order] = (np.arange(row.size) - np.repeat(starts, np.diff(starts, append=row.size))).astype(np.uint64)
+    return code + repeat, values["f"][row, channel]
