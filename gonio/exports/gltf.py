@@ -1,0 +1,92 @@
+"""glTF 2.0's material, as its appendix B and the KHR extensions for index, specular, anisotropy and clear coat say it."""
+
+from typing import Any
+
+import numpy as np
+
+from gonio.exports.forms import Appearance, Form, Number, Values
+from gonio.exports.lobes import column, f0_of, ggx_facets, schlick
+from gonio.exports.pairs import Pairs
+
+COLOUR = Number("base_color", 0.0, 1.0, 0.5, coloured=True)
+WIDTH = Number("alpha", 1e-4, 1.0, 0.2, log=True, width=True)
+STRENGTH = Number("anisotropy", 0.0, 1.0, 0.5)
+SPECULAR = (Number("ior", 1.0, 4.0, 1.5), Number("specular", 0.0, 1.0, 0.9))
+TINT = Number("specular_color", 0.0, 4.0, 1.0, coloured=True)
+COAT = (Number("clearcoat", 0.0, 1.0, 0.7), Number("coat_alpha", 1e-4, 1.0, 0.1, log=True, width=True))
+COAT_F0 = 0.04
+
+
+def forms(sought: Appearance) -> tuple[Form, ...]:
+    """A dielectric over a diffuser, a metal, both mixed, and under a clear coat."""
+    every = []
+    for turned in (False,) if sought.isotropic else (False, True):
+        shape = (WIDTH,) if sought.isotropic else (WIDTH, STRENGTH)
+        bases = {
+            "dielectric": (COLOUR, *shape, *SPECULAR),
+            "metal": (COLOUR, *shape),
+            "dielectric and metal": (COLOUR, *shape, *SPECULAR, TINT, Number("metallic", 0.0, 1.0, 0.5)),
+        }
+        every += [_form(name, numbers, turned) for name, numbers in bases.items()]
+        if sought.isotropic and len(sought.widths) != 1:
+            every += [_form(f"{name} under a clear coat", (*bases[name], *COAT), False) for name in list(bases)[:2]]
+    return tuple(every)
+
+
+def _form(name: str, numbers: tuple[Number, ...], turned: bool) -> Form:
+    def f(v: Values, pairs: Pairs) -> np.ndarray:
+        return surface(v, pairs, turned)
+
+    return Form(name, numbers, f, lambda v: said(v, turned), colours_mix=any(n.name == TINT.name for n in numbers))
+
+
+def surface(v: Values, pairs: Pairs, turned: bool = False) -> np.ndarray:
+    """f of the material; wo is the view. `turned`: the wide axis is y."""
+    specular = _specular(v, pairs, turned)
+    metallic = float(v.get("metallic", 0.0 if "ior" in v else 1.0))
+    f = metallic * specular * schlick(pairs.cos_d, v["base_color"])
+    if metallic < 1:
+        f0 = np.minimum(f0_of(v["ior"]) * v.get("specular_color", np.ones(1)), 1.0) * v["specular"]
+        fresnel = schlick(pairs.cos_d, f0, v["specular"])
+        left = 1.0 - fresnel.max(axis=1, keepdims=True)
+        f = f + (1.0 - metallic) * (fresnel * specular + left * v["base_color"] / np.pi)
+    if "clearcoat" not in v:
+        return f
+    coat = v["clearcoat"] * schlick(column(pairs.wo.z), COAT_F0)
+    return (1.0 - coat) * f + coat * ggx_facets(pairs, v["coat_alpha"], v["coat_alpha"], "separable")
+
+
+def _specular(v: Values, pairs: Pairs, turned: bool) -> np.ndarray:
+    """The masking is separable in the appendix, and correlated in the extension for anisotropy."""
+    alpha = v["alpha"]
+    if "anisotropy" not in v:
+        return ggx_facets(pairs, alpha, alpha, "separable")
+    wide = alpha + (1.0 - alpha) * v["anisotropy"] ** 2
+    return ggx_facets(pairs, *((alpha, wide) if turned else (wide, alpha)))
+
+
+def said(v: Values, turned: bool = False) -> dict[str, Any]:
+    """The material as JSON."""
+    metallic = float(v.get("metallic", 0.0 if "ior" in v else 1.0))
+    extensions: dict[str, Any] = {}
+    if "ior" in v:
+        extensions["KHR_materials_ior"] = {"ior": float(v["ior"])}
+        extensions["KHR_materials_specular"] = {"specularFactor": float(v["specular"])}
+        if "specular_color" in v:
+            tint = np.broadcast_to(v["specular_color"], (3,)).tolist()
+            extensions["KHR_materials_specular"]["specularColorFactor"] = tint
+    if "anisotropy" in v:
+        rotation = {"anisotropyRotation": float(np.pi / 2)} if turned else {}
+        extensions["KHR_materials_anisotropy"] = {"anisotropyStrength": float(v["anisotropy"]), **rotation}
+    if "clearcoat" in v:
+        extensions["KHR_materials_clearcoat"] = {
+            "clearcoatFactor": float(v["clearcoat"]), "clearcoatRoughnessFactor": float(np.sqrt(v["coat_alpha"])),
+        }  # fmt: skip
+    return {
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [*np.broadcast_to(v["base_color"], (3,)).tolist(), 1.0],
+            "metallicFactor": metallic,
+            "roughnessFactor": float(np.sqrt(v["alpha"])),
+        },
+        "extensions": extensions,
+    }

@@ -1,0 +1,239 @@
+"""Mitsuba 3: sums of its diffuse, roughconductor and roughdielectric plugins, exact where the terms are its own; or its
+principled plugin."""
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from gonio.exports.forms import Appearance, Form, Number, Values, base_terms, plain
+from gonio.exports.lobes import (
+    beckmann_facets,
+    column,
+    conductor,
+    dielectric,
+    eon,
+    ggx_facets,
+    schlick,
+)
+from gonio.exports.pairs import Pairs
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.diffuse.lambert import Lambert
+from gonio.models.microfacet.beckmann import Beckmann
+from gonio.models.microfacet.ggx import GGX
+from gonio.models.transmission.rough_dielectric import RoughDielectric
+
+Plugin = dict[str, Any]
+LEAST_SHARE = 0.1
+"""Of a part in a blend, from which it is drawn."""
+LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
+ZERO = np.zeros(())
+
+
+def forms(sought: Appearance) -> tuple[Form, ...]:
+    """The sum of plugins that the surface is, where it is one; else what may be near to it."""
+    own = _own(sought)
+    if own is not None:
+        return (own,)
+    kinds = ["beckmann" if any(isinstance(m, Beckmann) for _, m in base_terms(sought.material.brdf)) else "ggx"]
+    several = len(sought.widths) != 1 or not sought.isotropic
+    lobes: list[Sequence[str]] = [("dielectric",), ("metal",), ("white",)]
+    if several and sought.isotropic:
+        lobes += [("dielectric", "dielectric"), ("white", "dielectric")]
+    sums = tuple(_sum(lobe, kind, sought.isotropic) for kind in kinds for lobe in lobes)
+    return (*sums, _principled(sought.isotropic)) if sought.colours in (1, 3) else sums
+
+
+def _own(sought: Appearance) -> Form | None:
+    """The surface in Mitsuba's own plugins, where each of its terms is one of them."""
+    parts, colourless = [], plain(sought.material.channels)
+    for scale, model in base_terms(sought.material.brdf):
+        part = _plugin(np.asarray(scale), model, sought, colourless)
+        if part is None:
+            return None
+        parts.append(part)
+    plugins = [plugin for plugin, _, _ in parts]
+
+    def f(values: Values, pairs: Pairs) -> np.ndarray:
+        return functools.reduce(np.add, (of(pairs) for _, of, _ in parts))
+
+    names = " + ".join(plugin["type"] for plugin in plugins)
+    return Form(names, (), f, lambda values: summed(plugins), transmits=any(through for _, _, through in parts))
+
+
+def _plugin(
+    scale: np.ndarray, model: AbstractBRDF, sought: Appearance, colourless: bool
+) -> tuple[Plugin, Callable[[Pairs], np.ndarray], bool] | None:
+    """(plugin, f, whether it transmits) of a term, or None where Mitsuba has none that is the same."""
+    if isinstance(model, Lambert):
+        rho = _colour(scale * np.asarray(model.rho), sought)
+        return {"type": "diffuse", "reflectance": texture(rho)}, lambda p: _front(p, eon(p, rho, ZERO)), False
+    separable = {GGX: ("separable",), Beckmann: ("walter",)}
+    if isinstance(model, GGX | Beckmann) and model.smith in separable[type(model)] and model.energy == "single":
+        index = [None if v is None else np.asarray(v) for v in (model.eta, model.k)]
+        if model.f0 is not None or (not colourless and any(v is not None and v.ndim for v in index)):
+            return None
+        widths = [np.asarray(w) for w in model.widths]
+        if any(w.ndim for w in widths):
+            return None
+        tint = _colour(scale, sought)
+        kind = "ggx" if isinstance(model, GGX) else "beckmann"
+        said = _conductor(kind, (float(widths[0]), float(widths[1])), index[0], index[1], tint)
+        return said, lambda p: _front(p, tint * _lobe(p, kind, widths, index[0], index[1])), False
+    if isinstance(model, RoughDielectric) and scale.ndim == 0 and scale == 1 and np.ndim(model.eta) == 0:
+        return _interface(model)
+    return None
+
+
+def _interface(model: RoughDielectric) -> tuple[Plugin, Callable[[Pairs], np.ndarray], bool] | None:
+    if model.smith != ("separable" if model.distribution == "ggx" else "walter"):
+        return None
+    from gonio.models.evaluation import evaluate_in_blocks
+
+    alpha_x, alpha_y = (model.alpha if w is None else w for w in (model.alpha_x, model.alpha_y))
+    said = {
+        "type": "roughdielectric", "distribution": model.distribution, "alpha_u": float(alpha_x),
+        "alpha_v": float(alpha_y), "int_ior": float(model.eta), "ext_ior": 1.0,
+    }  # fmt: skip
+    return said, lambda p: evaluate_in_blocks(model, p.wi, p.wo), True
+
+
+def _front(pairs: Pairs, f: np.ndarray) -> np.ndarray:
+    return np.where(column(pairs.wo.z) > 0, f, 0.0)
+
+
+def _colour(values: np.ndarray, sought: Appearance) -> np.ndarray:
+    return np.broadcast_to(values, (sought.to_rgb.shape[1],)) @ sought.to_rgb.T
+
+
+def _lobe(
+    pairs: Pairs, kind: str, widths: Sequence[np.ndarray], eta: np.ndarray | None, k: np.ndarray | None
+) -> np.ndarray:
+    facets = beckmann_facets(pairs, *widths) if kind == "beckmann" else ggx_facets(pairs, *widths, "separable")
+    if eta is None:
+        return facets
+    return facets * (dielectric(pairs.cos_d, eta) if k is None else conductor(pairs.cos_d, eta, k))
+
+
+def _conductor(
+    kind: str, widths: tuple[float, float], eta: np.ndarray | None, k: np.ndarray | None, tint: np.ndarray
+) -> Plugin:
+    alpha = {"alpha": widths[0]} if widths[0] == widths[1] else {"alpha_u": widths[0], "alpha_v": widths[1]}
+    index = {"material": "none"} if eta is None else {"eta": texture(eta), "k": texture(0.0 if k is None else k)}
+    plugin = {"type": "roughconductor", "distribution": kind, **alpha, **index}
+    return plugin if np.all(tint == 1) else plugin | {"specular_reflectance": texture(tint)}
+
+
+def texture(values: Any) -> Plugin:
+    """A colour, or a grey; beyond 1 a raw one, as reflectances are refused there."""
+    v = np.atleast_1d(np.asarray(values, float))
+    if v.size == 1 or np.all(v == v[0]):
+        return {"type": "uniform", "value": float(v[0])}
+    return {"type": "rgb", "value": [float(x) for x in v]}
+
+
+def summed(parts: Sequence[Plugin]) -> Plugin:
+    """The sum of BSDFs: a blend, in which each stands as many times as bright as its share is smaller."""
+    if len(parts) == 1:
+        return parts[0]
+    needs = np.array([max(LEAST_SHARE, *_brightness(p)) for p in parts])
+    share = float(needs[0] / needs.sum())
+    first, rest = scaled(parts[0], 1 / (1 - (1 - share))), [scaled(p, 1 / (1 - share)) for p in parts[1:]]
+    return {"type": "blendbsdf", "weight": 1 - share, "first": first, "second": summed(rest)}
+
+
+def _reflectance(plugin: Plugin) -> str:
+    return "reflectance" if plugin["type"] == "diffuse" else "specular_reflectance"
+
+
+def _brightness(plugin: Plugin) -> list[float]:
+    value = plugin.get(_reflectance(plugin), {}).get("value", 0.0)
+    return value if isinstance(value, list) else [0.0, value if plugin["type"] == "diffuse" else 0.0]
+
+
+def scaled(plugin: Plugin, factor: float) -> Plugin:
+    """A plugin that reflects so many times as much."""
+    if plugin["type"] == "blendbsdf":
+        return plugin | {name: scaled(plugin[name], factor) for name in ("first", "second")}
+    name = _reflectance(plugin)
+    value = np.asarray(plugin.get(name, {"value": 1.0})["value"]) * factor
+    said = texture(value)
+    if value.ndim and value.max() > 1:
+        said = {"type": "rawconstant", "value": said["value"]}
+    return plugin | {name: said}
+
+
+def _sum(lobes: Sequence[str], kind: str, isotropic: bool) -> Form:
+    """A diffuser under lobes: of a dielectric, of a metal, or with a Fresnel factor of 1."""
+    numbers = [Number("rho", 0.0, 1.0, 0.3, coloured=True)]
+    for j, lobe in enumerate(lobes):
+        axes = ("alpha",) if isotropic else ("alpha_u", "alpha_v")
+        numbers += [Number(f"{axis}{j}", 1e-4, 1.0, 0.2, log=True, width=True) for axis in axes]
+        numbers += {
+            "dielectric": [Number(f"eta{j}", 1.01, 4.0, 1.5, log=True), Number(f"scale{j}", 0.0, 20.0, 1.0)],
+            "metal": [
+                Number(f"eta{j}", 0.02, 10.0, 1.0, coloured=True, log=True),
+                Number(f"k{j}", 0.0, 20.0, 3.0, coloured=True),
+            ],
+            "white": [Number(f"scale{j}", 0.0, 1.0, 0.3, coloured=True)],
+        }[lobe]
+
+    def parts(v: Values) -> list[tuple[tuple[Any, Any], Any, Any, Any]]:
+        each = []
+        for j in range(len(lobes)):
+            widths = (v[f"alpha{j}"],) * 2 if isotropic else (v[f"alpha_u{j}"], v[f"alpha_v{j}"])
+            each.append((widths, v.get(f"eta{j}"), v.get(f"k{j}"), v.get(f"scale{j}", np.ones(()))))
+        return each
+
+    def f(v: Values, pairs: Pairs) -> np.ndarray:
+        lit = (scale * _lobe(pairs, kind, widths, eta, k) for widths, eta, k, scale in parts(v))
+        return functools.reduce(np.add, lit, v["rho"] / np.pi * np.ones((pairs.wi.z.size, 1)))
+
+    def say(v: Values) -> Plugin:
+        said = [
+            _conductor(kind, (float(w[0]), float(w[1])), eta, k, np.atleast_1d(scale)) for w, eta, k, scale in parts(v)
+        ]
+        diffuse = {"type": "diffuse", "reflectance": texture(v["rho"])}
+        return summed([diffuse, *said] if np.max(v["rho"]) > 1e-6 else said)
+
+    names = {"dielectric": "a dielectric's lobe", "metal": "a metal's lobe", "white": "a tinted lobe"}
+    return Form(" + ".join(["diffuse", *(names[lobe] for lobe in lobes)]), tuple(numbers), f, say)
+
+
+def _principled(isotropic: bool) -> Form:
+    """The principled plugin, without its sheen and its clearcoat (which its code does not divide by the cosines)."""
+    shares = ("metallic", "specular", "spec_tint", "flatness")
+    numbers = [
+        Number("base_color", 0.0, 1.0, 0.5, coloured=True),
+        Number("alpha", 1e-3, 1.0, 0.2, log=True, width=True),
+        *(Number(name, 0.0, 1.0, start) for name, start in zip(shares, (0.2, 0.5, 0.1, 0.1), strict=True)),
+    ]
+    numbers += [] if isotropic else [Number("anisotropic", 0.0, 1.0, 0.5)]
+    return Form("principled", tuple(numbers), _principled_f, _say_principled, colours_mix=True)
+
+
+def _say_principled(v: Values) -> Plugin:
+    said = {"type": "principled", "base_color": texture(v["base_color"]), "roughness": float(np.sqrt(v["alpha"]))}
+    return said | {name: float(v[name]) for name in v if name not in ("base_color", "alpha")}
+
+
+def _principled_f(v: Values, pairs: Pairs) -> np.ndarray:
+    """As the plugin computes it [Burley 2012, with exact Fresnel reflection]."""
+    base, metallic = v["base_color"], v["metallic"]
+    z_i, z_o, cos_d = column(pairs.wi.z), column(pairs.wo.z), pairs.cos_d
+    f_i, f_o, f_d = ((1.0 - c) ** 5 for c in (z_i, z_o, cos_d))
+    flat = np.sqrt(v["alpha"]) * cos_d**2
+    retro = (1.0 + (2.0 * flat - 0.5) * f_i) * (1.0 + (2.0 * flat - 0.5) * f_o)
+    smooth = (1.0 + (flat - 1.0) * f_i) * (1.0 + (flat - 1.0) * f_o)
+    flatter = 1.25 * (smooth * (1.0 / (z_i + z_o) - 0.5) + 0.5)
+    diffuse = (retro + (flatter - retro) * v["flatness"]) * base / np.pi
+    f0 = 0.08 * max(float(v["specular"]), 1e-6)
+    luminance = float(np.sum(LUMINANCE * base)) if base.size == 3 else float(base[0])
+    tint = base / luminance if luminance > 0 else np.ones(1)
+    plain_f = dielectric(cos_d, np.asarray(2.0 / (1.0 - np.sqrt(f0)) - 1.0))
+    tinted = plain_f + (schlick(cos_d, f0 * tint) - plain_f) * v["spec_tint"]
+    fresnel = tinted + (schlick(cos_d, base) - tinted) * metallic
+    aspect = np.sqrt(1.0 - 0.9 * v.get("anisotropic", ZERO))
+    widths = (np.maximum(v["alpha"] / aspect, 1e-3), np.maximum(v["alpha"] * aspect, 1e-3))
+    return (1.0 - metallic) * diffuse + fresnel * ggx_facets(pairs, *widths, "separable")

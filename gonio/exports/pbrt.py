@@ -1,0 +1,139 @@
+"""pbrt-v4: its materials diffuse, conductor, coateddiffuse, dielectric and diffusetransmission, alone or mixed.
+
+Of a coated diffuser what pbrt finds by a random walk between the layers is computed here in closed form: the base is
+lit by what passes the rough interface, and by what the interface sends back.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from gonio.exports.forms import Appearance, Form, Number, Values, base_terms
+from gonio.exports.lobes import column, conductor, dielectric, ggx_facets, interface_shares
+from gonio.exports.pairs import Pairs
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.transmission.rough_dielectric import RoughDielectric
+from gonio.models.transmission.thin_sheet import ThinSheet
+
+Said = list[dict[str, Any]]
+"""Materials in the order in which they are made, the last one the surface: "type", and parameters by their types."""
+
+
+def forms(sought: Appearance) -> tuple[Form, ...]:
+    """The interface or sheet that the surface is; else what may be near to it."""
+    own = _own(sought)
+    if own is not None:
+        return (own,)
+    axes = ("alpha",) if sought.isotropic else ("alpha_x", "alpha_y")
+    kinds = [("diffuse",), ("coated",), ("metal",), ("diffuse", "metal"), ("coated", "metal")]
+    if sought.isotropic and len(sought.widths) != 1:
+        kinds += [("coated", "coated"), ("metal", "metal")]
+    return tuple(_mix(kind, axes) for kind in kinds)
+
+
+def _own(sought: Appearance) -> Form | None:
+    (scale, model), *more = base_terms(sought.material.brdf)
+    if more or np.any(scale != 1):
+        return None
+    said = _through(model, sought)
+    if said is None:
+        return None
+
+    def f(v: Values, pairs: Pairs) -> np.ndarray:
+        return sought.f(pairs.wi, pairs.wo)
+
+    return Form(said[0]["type"], (), f, lambda v: said, transmits=True)
+
+
+def _through(model: AbstractBRDF, sought: Appearance) -> Said | None:
+    """The material that transmits as a model does, where there is one."""
+    if isinstance(model, ThinSheet) and model.rho_behind is None:
+        shares = {"reflectance": model.rho, "transmittance": model.tau}
+        count = sought.to_rgb.shape[1]
+        rgb = {k: np.broadcast_to(np.asarray(v), (count,)) @ sought.to_rgb.T for k, v in shares.items()}
+        return [{"type": "diffusetransmission", **{f"rgb {k}": colour(v) for k, v in rgb.items()}}]
+    if isinstance(model, RoughDielectric) and model.smith == "correlated" and model.distribution == "ggx":
+        alpha_x, alpha_y = (model.alpha if w is None else w for w in (model.alpha_x, model.alpha_y))
+        if all(np.ndim(a) == 0 for a in (alpha_x, alpha_y, model.eta)):
+            return [{"type": "dielectric", **_roughness(alpha_x, alpha_y), "float eta": float(model.eta)}]
+    return None
+
+
+def colour(values: Any) -> list[float]:
+    """Red, green and blue."""
+    return [float(x) for x in np.broadcast_to(np.asarray(values, float), (3,))]
+
+
+def _roughness(alpha_x: Any, alpha_y: Any) -> dict[str, Any]:
+    each = {"float uroughness": float(alpha_x), "float vroughness": float(alpha_y)}
+    return {"bool remaproughness": False, **each}
+
+
+def _widths(v: Values, axes: tuple[str, ...], suffix: str) -> tuple[Any, Any]:
+    return tuple(v[f"{axis}{suffix}"] for axis in (axes * 2)[:2])
+
+
+class _Part:
+    """One material of a mix: its numbers, f and parameters."""
+
+    def __init__(self, kind: str, axes: tuple[str, ...], suffix: str) -> None:
+        self.kind, self.axes, self.suffix = kind, axes, suffix
+        widths = [Number(f"{axis}{suffix}", 1e-4, 1.0, 0.2, log=True, width=True) for axis in axes]
+        rho = Number(f"reflectance{suffix}", 0.0, 1.0, 0.4, coloured=True)
+        self.numbers = {
+            "diffuse": [rho],
+            "coated": [rho, *widths, Number(f"eta{suffix}", 1.01, 3.0, 1.5, log=True)],
+            "metal": [
+                *widths, Number(f"eta{suffix}", 0.02, 10.0, 1.0, coloured=True, log=True),
+                Number(f"k{suffix}", 0.0, 20.0, 3.0, coloured=True),
+            ],
+        }[kind]  # fmt: skip
+
+    def f(self, v: Values, pairs: Pairs) -> np.ndarray:
+        s = self.suffix
+        if self.kind == "diffuse":
+            return v[f"reflectance{s}"] / np.pi * np.ones((pairs.wi.z.size, 1))
+        facets = ggx_facets(pairs, *_widths(v, self.axes, s))
+        if self.kind == "metal":
+            return facets * conductor(pairs.cos_d, v[f"eta{s}"], v[f"k{s}"])
+        alpha = float(np.sqrt(np.prod(_widths(v, self.axes, s))))
+        below = under_coat(pairs, v[f"reflectance{s}"], alpha, float(v[f"eta{s}"]))
+        return facets * dielectric(pairs.cos_d, v[f"eta{s}"]) + below
+
+    def say(self, v: Values) -> dict[str, Any]:
+        s = self.suffix
+        if self.kind == "diffuse":
+            return {"type": "diffuse", "rgb reflectance": colour(v[f"reflectance{s}"])}
+        rough = _roughness(*_widths(v, self.axes, s))
+        if self.kind == "metal":
+            return {"type": "conductor", **rough, "rgb eta": colour(v[f"eta{s}"]), "rgb k": colour(v[f"k{s}"])}
+        return {
+            "type": "coateddiffuse", "rgb reflectance": colour(v[f"reflectance{s}"]), **rough,
+            "float eta": float(v[f"eta{s}"]), "float thickness": 0.0, "integer maxdepth": 100,
+        }  # fmt: skip
+
+
+def under_coat(pairs: Pairs, rho: np.ndarray, alpha: float, eta: float) -> np.ndarray:
+    """f of a Lambertian base under a rough interface: T(μi) T(μo) ρ/(π η² (1 − ρ R)), R what it sends back inside."""
+    passed = [column(interface_shares(w.z, alpha, eta)[1]) for w in (pairs.wi, pairs.wo)]
+    x, w = np.polynomial.legendre.leggauss(32)
+    mu = (x + 1) / 2
+    back = float(np.sum(w * mu * interface_shares(mu, alpha, 1.0 / eta)[0]))
+    return passed[0] * passed[1] * rho / (np.pi * eta**2 * (1.0 - rho * back))
+
+
+def _mix(kinds: tuple[str, ...], axes: tuple[str, ...]) -> Form:
+    parts = [_Part(kind, axes, str(k) if len(kinds) > 1 else "") for k, kind in enumerate(kinds)]
+    numbers = [n for part in parts for n in part.numbers]
+    names = {"diffuse": "diffuse", "coated": "coateddiffuse", "metal": "conductor"}
+    if len(parts) == 1:
+        only = parts[0]
+        return Form(names[kinds[0]], tuple(numbers), only.f, lambda v: [only.say(v)])
+
+    def f(v: Values, pairs: Pairs) -> np.ndarray:
+        return (1.0 - v["amount"]) * parts[0].f(v, pairs) + v["amount"] * parts[1].f(v, pairs)
+
+    def say(v: Values) -> Said:
+        return [*(part.say(v) for part in parts), {"type": "mix", "float amount": float(v["amount"])}]
+
+    return Form(f"mix of {names[kinds[0]]} and {names[kinds[1]]}", (*numbers, Number("amount", 0.0, 1.0, 0.5)), f, say)
