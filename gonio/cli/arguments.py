@@ -79,12 +79,12 @@ def seconds_of(text: str) -> float:
     return sum(float(value) * UNITS[unit] for value, unit in parts)
 
 
-def share_of(text: str) -> float:
-    """A share written as 1% or 0.01. Raises GonioError for what is none."""
+def share_of(text: str, option: str = "--target") -> float:
+    """A share written as 1% or 0.01. Raises GonioError, naming the option, for what is none."""
     try:
         return float(text.rstrip("%").strip()) / (100 if text.strip().endswith("%") else 1)
     except ValueError:
-        raise GonioError(f"--target is {text!r}; give a share, such as 1% or 0.01") from None
+        raise GonioError(f"{option} is {text!r}; give a share, such as 1% or 0.01") from None
 
 
 def json_name(text: str) -> str:

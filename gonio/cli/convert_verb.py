@@ -1,12 +1,18 @@
-"""``gonio convert``: from one format to another, or a model into a file of samples, with the round-trip error."""
+"""``gonio convert``: from one format to another, or a model into a file of samples or a renderer's, with the error."""
 
 import argparse
+from typing import Any
 
-from gonio.cli.arguments import FORCE, MERL, READING, Options, add_options, given, reading_options
+from gonio.cli.arguments import FORCE, MERL, READING, Options, add_options, given, reading_options, share_of
 from gonio.text import log, show
 
 OPTIONS: Options = {
-    "--to NAME": "the format to write, where OUT's ending leaves it open",
+    "--to NAME": "the renderer (mitsuba, pbrt, materialx, gltf, blender), or the format where OUT's ending leaves it "
+    "open",
+    "-m/--model EXPRESSION": "for a renderer, of a table: what is fitted to it; without one a model is selected",
+    "--measured": "for mitsuba and pbrt: the surface as data, in OUT.bsdf beside OUT",
+    "--tolerance SHARE": "for a renderer: write nothing if rms (of f, cosine-weighted) or albedo differ by more, such "
+    "as 5%%",
     "--channel-bytes N": "of one channel's samples in a .bsdf file (default 16384, as published), of an anisotropic "
     "surface those of each azimuth of the light",
 }
@@ -14,29 +20,33 @@ OPTIONS: Options = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "input", metavar="IN", help="any file that can be read; for .bsdf and .binary any model too (a reference "
-        "material, an expression, a fit)"
+        "input", metavar="IN", help="any file that can be read; for renderers, .bsdf and .binary any model too (a "
+        "reference material, an expression, a fit)"
     )  # fmt: skip
     parser.add_argument(
-        "output",
-        metavar="OUT",
-        help=".h5 (gonio's HDF5), .bsdf (RGL), .binary (MERL) or .csv; '-' prints CSV, or what --to names",
-    )
-    add_options(parser.add_argument, MERL | READING | OPTIONS | FORCE)
+        "output", metavar="OUT", help=".h5 (gonio's HDF5), .bsdf (RGL), .binary (MERL), .csv; .xml or .json (--to "
+        "mitsuba), .pbrt, .mtlx (OpenPBR), .gltf or .glb, .py (--to blender); '-' prints CSV, or what --to names"
+    )  # fmt: skip
+    add_options(parser.add_argument, OPTIONS | MERL | READING | FORCE, SHARE=str)
 
 
 def streamed(args: argparse.Namespace) -> str:
     """The ending of the format that is printed: CSV, or the one that is named. Raises GonioError where it is binary."""
     from gonio.data.formats.registry import targets
+    from gonio.exports.targets import TARGETS
 
-    known = targets().get((args.to or "CSV").casefold())
+    name = (args.to or "CSV").casefold()
+    known = TARGETS.get(name) or targets().get(name)
     return known.suffixes[0] if known is not None and known.suffixes else ".csv"
 
 
 def run(args: argparse.Namespace) -> int:
-    from gonio.data.formats.registry import writable
+    from gonio.exports.targets import target_of
 
-    writable(args.output, args.to)  # refuses other endings, before any work
+    if target_of(args.output, args.to) is None:
+        from gonio.data.formats.registry import writable
+
+        writable(args.output, args.to)  # refuses other endings, before any work
     from gonio.data.files import refuse_outputs
     from gonio.data.subject import resolve_subject
     from gonio.exports.convert import convert
@@ -46,6 +56,13 @@ def run(args: argparse.Namespace) -> int:
     warnings: list[str] = [] if subject.table is None else subject.table.provenance.get("warnings", [])
     for warning in warnings:
         log(f"gonio: {args.input}: {warning}")
-    error = convert(subject, args.output, args.to, args.force, **given(args, "channel_bytes"))
+    options: dict[str, Any] = given(args, "channel_bytes", "model") | {
+        "force": args.force,
+        "measured": args.measured,
+        "log": log,
+    }
+    if args.tolerance is not None:
+        options["tolerance"] = share_of(args.tolerance, "--tolerance")
+    error = convert(subject, args.output, args.to, **options)
     show(f"{args.output}: {error}")
     return 0

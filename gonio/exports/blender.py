@@ -63,29 +63,29 @@ def _form(name: str, numbers: tuple[Number, ...], turned: bool) -> Form:
     def f(v: Values, pairs: Pairs) -> np.ndarray:
         return surface(v, pairs, turned)
 
-    return Form(name, numbers, f, lambda v: said(v, turned))
+    return Form(name, numbers, f, lambda v: description(v, turned))
 
 
 def surface(v: Values, pairs: Pairs, turned: bool = False) -> np.ndarray:
     """f of the node; wo is the view. `turned`: the wide axis is y."""
-    f, left = np.zeros((pairs.wi.z.size, 1)), np.ones(1)
+    f, throughput = np.zeros((pairs.wi.z.size, 1)), np.ones(1)
     if "coat_weight" in v:
-        reflected, albedo = _dielectric(pairs, (v["coat_alpha"],) * 2, float(v["coat_ior"]), np.ones(1))
-        f, left = v["coat_weight"] * reflected, 1.0 - v["coat_weight"] * albedo.max(axis=1, keepdims=True)
+        reflected, albedo = _dielectric(pairs, (v["coat_alpha"], v["coat_alpha"]), float(v["coat_ior"]), np.ones(1))
+        f, throughput = v["coat_weight"] * reflected, 1.0 - v["coat_weight"] * albedo.max(axis=1, keepdims=True)
     aspect = np.sqrt(1.0 - 0.9 * v.get("anisotropic", 0.0))
-    alphas = (min(v["alpha"] / aspect, 1.0), v["alpha"] * aspect)
-    alphas = alphas[::-1] if turned else alphas
+    wide, narrow = min(v["alpha"] / aspect, 1.0), v["alpha"] * aspect
+    alphas = (narrow, wide) if turned else (wide, narrow)
     metallic = float(v.get("metallic", 0.0 if "ior" in v else 1.0))
     tint = v.get("specular_tint", np.ones(1))
     if metallic > 0:
         average = f82_average(v["base_color"], tint)
         metal = f82(pairs.cos_d, v["base_color"], tint) * ggx_facets(pairs, *alphas) * _gain(pairs, alphas, average)
-        f = f + left * metallic * metal
+        f = f + throughput * metallic * metal
     if metallic < 1:
-        left = left * (1.0 - metallic)
+        throughput = throughput * (1.0 - metallic)
         reflected, albedo = _dielectric(pairs, alphas, float(v["ior"]), tint)
-        below = left * (1.0 - albedo.max(axis=1, keepdims=True))
-        f = f + left * reflected + below * eon(pairs, v["base_color"], v["diffuse_roughness"])
+        below = throughput * (1.0 - albedo.max(axis=1, keepdims=True))
+        f = f + throughput * reflected + below * eon(pairs, v["base_color"], v["diffuse_roughness"])
     return f
 
 
@@ -113,7 +113,7 @@ def _dielectric(pairs: Pairs, alphas: tuple[Any, Any], eta: float, tint: np.ndar
     return tinted(dielectric(pairs.cos_d, np.asarray(eta))) * ggx_facets(pairs, *alphas) * gain, albedo
 
 
-def said(v: Values, turned: bool = False) -> dict[str, Any]:
+def description(v: Values, turned: bool = False) -> dict[str, Any]:
     """Values of the node's sockets, by their names."""
     sockets: dict[str, Any] = {"Metallic": 0.0 if "ior" in v else 1.0, "Roughness": float(np.sqrt(v["alpha"]))}
     for name, value in v.items():

@@ -57,10 +57,10 @@ if __name__ == "__main__":
 '''
 
 
-def blender_file(said: dict[str, Any], about: About, suffix: str) -> bytes:
+def blender_file(description: dict[str, Any], about: About, suffix: str) -> bytes:
     """The text of the script; what comes from a user's file stands in it as literals only."""
     comment = "\n".join(about.lines).replace("\\", "/").replace('"""', "'''").rstrip('"')
     facts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in about.facts.items()}
-    rounded = {k: [round(x, 8) for x in v] if isinstance(v, list) else round(v, 8) for k, v in said.items()}
+    rounded = {k: [round(x, 8) for x in v] if isinstance(v, list) else round(v, 8) for k, v in description.items()}
     sockets = pprint.pformat(rounded, width=100, sort_dicts=False)
     return SCRIPT.format(comment=comment, name=about.name, sockets=sockets, facts=repr(facts)).encode()

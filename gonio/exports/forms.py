@@ -1,4 +1,4 @@
-"""The forms that a renderer has for a surface: numbers with domains, and f of them; and the appearance that is sought."""
+"""The forms that a renderer has for a surface: numbers with domains, and f of them; and the appearance sought."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -42,7 +42,7 @@ class Form:
     numbers: tuple[Number, ...]
     f: Callable[[Values, Pairs], np.ndarray]
     """f (n, 1) or (n, C), 1/sr, of the numbers at pairs of directions."""
-    say: Callable[[Values], Any]
+    describe: Callable[[Values], Any]
     """The renderer's own description of the numbers."""
     colours_mix: bool = False
     """Whether a colour's number changes other channels too."""

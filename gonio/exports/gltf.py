@@ -1,4 +1,4 @@
-"""glTF 2.0's material, as its appendix B and the KHR extensions for index, specular, anisotropy and clear coat say it."""
+"""glTF 2.0's material, as its appendix B and the KHR extensions ior, specular, anisotropy and clearcoat say it."""
 
 from typing import Any
 
@@ -37,7 +37,9 @@ def _form(name: str, numbers: tuple[Number, ...], turned: bool) -> Form:
     def f(v: Values, pairs: Pairs) -> np.ndarray:
         return surface(v, pairs, turned)
 
-    return Form(name, numbers, f, lambda v: said(v, turned), colours_mix=any(n.name == TINT.name for n in numbers))
+    return Form(
+        name, numbers, f, lambda v: description(v, turned), colours_mix=any(n.name == TINT.name for n in numbers)
+    )
 
 
 def surface(v: Values, pairs: Pairs, turned: bool = False) -> np.ndarray:
@@ -48,8 +50,8 @@ def surface(v: Values, pairs: Pairs, turned: bool = False) -> np.ndarray:
     if metallic < 1:
         f0 = np.minimum(f0_of(v["ior"]) * v.get("specular_color", np.ones(1)), 1.0) * v["specular"]
         fresnel = schlick(pairs.cos_d, f0, v["specular"])
-        left = 1.0 - fresnel.max(axis=1, keepdims=True)
-        f = f + (1.0 - metallic) * (fresnel * specular + left * v["base_color"] / np.pi)
+        throughput = 1.0 - fresnel.max(axis=1, keepdims=True)
+        f = f + (1.0 - metallic) * (fresnel * specular + throughput * v["base_color"] / np.pi)
     if "clearcoat" not in v:
         return f
     coat = v["clearcoat"] * schlick(column(pairs.wo.z), COAT_F0)
@@ -65,7 +67,7 @@ def _specular(v: Values, pairs: Pairs, turned: bool) -> np.ndarray:
     return ggx_facets(pairs, *((alpha, wide) if turned else (wide, alpha)))
 
 
-def said(v: Values, turned: bool = False) -> dict[str, Any]:
+def description(v: Values, turned: bool = False) -> dict[str, Any]:
     """The material as JSON."""
     metallic = float(v.get("metallic", 0.0 if "ior" in v else 1.0))
     extensions: dict[str, Any] = {}

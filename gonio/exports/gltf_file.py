@@ -13,10 +13,10 @@ ROWS, COLUMNS = 32, 64
 FLOAT, SHORT, VERTICES, INDICES = 5126, 5123, 34962, 34963
 
 
-def gltf_file(said: dict[str, Any], about: About, suffix: str) -> bytes:
+def gltf_file(description: dict[str, Any], about: About, suffix: str) -> bytes:
     """The content of the file, by its ending."""
     views, accessors, data = _buffers()
-    used = sorted(said["extensions"])
+    used = sorted(description["extensions"])
     content: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": about.facts["written by"]},
         **({"extensionsUsed": used} if used else {}),
@@ -27,7 +27,7 @@ def gltf_file(said: dict[str, Any], about: About, suffix: str) -> bytes:
             "attributes": {"POSITION": 0, "NORMAL": 1, "TANGENT": 2, "TEXCOORD_0": 3}, "indices": 4, "material": 0,
         }]}],
         "materials": [
-            {"name": about.name, **{k: v for k, v in said.items() if v}, "extras": {"gonio": about.facts}}
+            {"name": about.name, **{k: v for k, v in description.items() if v}, "extras": {"gonio": about.facts}}
         ],
         "accessors": accessors,
         "bufferViews": views,

@@ -5,7 +5,7 @@ without a compilation: an export is fitted in a second.
 """
 
 import functools
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
@@ -14,6 +14,8 @@ from gonio.exports.pairs import Pairs
 from gonio.models.geometry.directions import Direction
 
 Array = np.ndarray
+Value = np.ndarray | float
+"""Of a number, with or without channels."""
 Smith = Literal["correlated", "separable"]
 C1, C2 = 0.5 - 2 / (3 * np.pi), 2 / 3 - 28 / (15 * np.pi)
 """Of the energy-preserving Oren–Nayar model [Portsmouth, Kutz & Hill 2024]."""
@@ -26,11 +28,11 @@ def column(values: Array) -> Array:
     return np.asarray(values)[:, None]
 
 
-def _stretched(w: Direction, alpha_x: Array, alpha_y: Array) -> Array:
+def _stretched(w: Direction, alpha_x: Value, alpha_y: Value) -> Array:
     return (alpha_x * column(w.x)) ** 2 + (alpha_y * column(w.y)) ** 2
 
 
-def ggx_facets(pairs: Pairs, alpha_x: Array, alpha_y: Array, smith: Smith = "correlated") -> Array:
+def ggx_facets(pairs: Pairs, alpha_x: Value, alpha_y: Value, smith: Smith = "correlated") -> Array:
     """D G/(4 cosθi cosθo) of GGX [Walter 2007, eq. 33 and 34; Heitz 2014, eq. 72, 85 and 99]."""
     spread = [column(w.z) ** 2 + _stretched(w, alpha_x, alpha_y) for w in (pairs.wi, pairs.wo)]
     s_i, s_o = (np.sqrt(s) for s in spread)
@@ -39,14 +41,14 @@ def ggx_facets(pairs: Pairs, alpha_x: Array, alpha_y: Array, smith: Smith = "cor
     return ggx_density(pairs, alpha_x, alpha_y) * visible
 
 
-def ggx_density(pairs: Pairs, alpha_x: Array, alpha_y: Array) -> Array:
+def ggx_density(pairs: Pairs, alpha_x: Value, alpha_y: Value) -> Array:
     """D of GGX, 1/sr."""
     h = pairs.h
     s = (column(h.x) / alpha_x) ** 2 + (column(h.y) / alpha_y) ** 2 + column(h.z) ** 2
     return 1.0 / (np.pi * alpha_x * alpha_y * s * s)
 
 
-def beckmann_facets(pairs: Pairs, alpha_x: Array, alpha_y: Array) -> Array:
+def beckmann_facets(pairs: Pairs, alpha_x: Value, alpha_y: Value) -> Array:
     """D G/(4 cosθi cosθo) of Beckmann, G the product of Walter's rational fits [Walter 2007, eq. 25 and 27]."""
     h = pairs.h
     z2 = column(h.z) ** 2
@@ -61,25 +63,25 @@ def beckmann_facets(pairs: Pairs, alpha_x: Array, alpha_y: Array) -> Array:
     return masked
 
 
-def schlick(cos_d: Array, f0: Array, f90: Array | float = 1.0) -> Array:
+def schlick(cos_d: Value, f0: Value, f90: Value = 1.0) -> Any:
     """f0 + (f90 − f0)(1 − cos)⁵ [Schlick 1994]."""
     return f0 + (f90 - f0) * (1.0 - cos_d) ** 5
 
 
-def f82(cos_d: Array, f0: Array, tint: Array) -> Array:
+def f82(cos_d: Array, f0: Value, tint: Value) -> Any:
     """Schlick's reflectance less a term that makes it `tint` times as high at 82° [Kutz et al. 2021]."""
-    at_82 = schlick(np.asarray(F82_COSINE), f0)
+    at_82 = schlick(F82_COSINE, f0)
     a = at_82 * (1.0 - tint) / (F82_COSINE * (1 - F82_COSINE) ** 6)
     return schlick(cos_d, f0) - a * cos_d * (1.0 - cos_d) ** 6
 
 
-def f82_average(f0: Array, tint: Array) -> Array:
+def f82_average(f0: Value, tint: Value) -> Value:
     """2 ∫ F μ dμ of `f82`."""
-    a = schlick(np.asarray(F82_COSINE), f0) * (1.0 - tint) / (F82_COSINE * (1 - F82_COSINE) ** 6)
+    a = schlick(F82_COSINE, f0) * (1.0 - tint) / (F82_COSINE * (1 - F82_COSINE) ** 6)
     return f0 + (1.0 - f0) / 21.0 - a / 126.0
 
 
-def dielectric(cos_d: Array, eta: Array) -> Array:
+def dielectric(cos_d: Value, eta: Value) -> Array:
     """Reflectance of a smooth dielectric of relative index `eta`, unpolarised."""
     g2 = eta * eta - 1.0 + cos_d * cos_d
     g = np.sqrt(np.maximum(g2, 0.0))
@@ -88,7 +90,7 @@ def dielectric(cos_d: Array, eta: Array) -> Array:
     return np.where(g2 > 0, 0.5 * (r_s * r_s + r_p * r_p), 1.0)
 
 
-def conductor(cos_d: Array, eta: Array, k: Array) -> Array:
+def conductor(cos_d: Array, eta: Value, k: Value) -> Array:
     """Reflectance of a smooth conductor of relative index η + ik, unpolarised."""
     cosine = np.asarray(cos_d, complex)
     g = np.sqrt((eta + 1j * k) ** 2 - 1.0 + cosine * cosine)
@@ -102,30 +104,30 @@ def _unit_rule(count: int = 48) -> tuple[Array, Array]:
     return (x + 1) / 2, w / 2
 
 
-def dielectric_average(eta: Array) -> Array:
+def dielectric_average(eta: Value) -> Array:
     """2 ∫ F μ dμ of `dielectric`, for eta > 1."""
     mu, w = (a[:, None] for a in _unit_rule())
     return np.sum(2 * w * mu * dielectric(mu, eta), axis=0)
 
 
-def f0_of(eta: Array) -> Array:
+def f0_of(eta: Value) -> Value:
     """Reflectance at normal incidence of a dielectric."""
     return ((eta - 1.0) / (eta + 1.0)) ** 2
 
 
-def index_of(f0: Array) -> Array:
+def index_of(f0: Value) -> Value:
     """Index above 1 of the dielectric that reflects `f0` at normal incidence."""
     root = np.sqrt(np.minimum(f0, 0.99999))
     return (1.0 + root) / (1.0 - root)
 
 
-def _fujii_albedo(mu: Array, r: Array) -> Array:
+def _fujii_albedo(mu: Array, r: Value) -> Array:
     sin = np.sqrt(np.maximum(1.0 - mu * mu, 0.0))
     g = sin * (np.arccos(np.clip(mu, -1, 1)) - sin * mu) + 2 / 3 * (sin / mu * (1.0 - sin**3) - sin)
     return (1.0 + r * g / np.pi) / (1.0 + C1 * r)
 
 
-def eon(pairs: Pairs, rho: Array, r: Array) -> Array:
+def eon(pairs: Pairs, rho: Value, r: Value) -> Array:
     """The energy-preserving Oren–Nayar diffuser [Portsmouth, Kutz & Hill 2024]; Lambert for r = 0."""
     z_i, z_o = column(pairs.wi.z), column(pairs.wo.z)
     s = column(pairs.wi.x * pairs.wo.x + pairs.wi.y * pairs.wo.y)
@@ -204,12 +206,12 @@ def dielectric_share(mu: Array, alpha: float, eta: float) -> Array:
 def interface_shares(mu: Array, alpha: float, eta: float) -> tuple[Array, Array]:
     """(R, T): shares of the light at the cosines `mu` (n,) that a rough interface reflects and lets through, once."""
     nodes = np.linspace(0, 1, 16)
-    at, widths = np.maximum(nodes**2, 1e-4), np.full(nodes.shape, max(alpha, 1e-4))
-    cos_d, m = _visible(at, widths)
+    position, widths = np.maximum(nodes**2, 1e-4), np.full(nodes.shape, max(alpha, 1e-4))
+    cos_d, m = _visible(position, widths)
     fresnel = dielectric(cos_d, np.asarray(eta))
     cos_t = np.sqrt(np.maximum(1.0 - (1.0 - cos_d * cos_d) / eta**2, 0.0))
-    behind = at[:, None, None] / eta - (cos_d / eta - cos_t) * m[2]
-    through = (1.0 - fresnel) * _passing(at, widths, behind)
-    back = fresnel * _passing(at, widths, 2 * cos_d * m[2] - at[:, None, None])
+    behind = position[:, None, None] / eta - (cos_d / eta - cos_t) * m[2]
+    through = (1.0 - fresnel) * _passing(position, widths, behind)
+    back = fresnel * _passing(position, widths, 2 * cos_d * m[2] - position[:, None, None])
     r, t = (np.interp(np.sqrt(mu), nodes, np.mean(a, axis=(-2, -1))) for a in (back, through))
     return r, t

@@ -7,12 +7,12 @@ from gonio.exports.about import About, number
 TYPES = {"base_color": "color3", "specular_color": "color3"}
 
 
-def materialx_file(said: dict[str, Any], about: About, suffix: str) -> bytes:
+def materialx_file(description: dict[str, Any], about: About, suffix: str) -> bytes:
     """The text of the file; colours are linear sRGB (lin_rec709)."""
     comment = "\n".join(f"  {line}" for line in about.lines)
-    turned = said.get("turned", False)
+    turned = description.get("turned", False)
     inputs = []
-    for name, value in said.items():
+    for name, value in description.items():
         if name != "turned":
             text = ", ".join(number(x) for x in value) if isinstance(value, list) else number(value)
             inputs.append(f'    <input name="{name}" type="{TYPES.get(name, "float")}" value="{text}"/>')

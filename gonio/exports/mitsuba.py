@@ -22,6 +22,7 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.diffuse.lambert import Lambert
 from gonio.models.microfacet.beckmann import Beckmann
 from gonio.models.microfacet.ggx import GGX
+from gonio.models.microfacet.widths import along_axes
 from gonio.models.transmission.rough_dielectric import RoughDielectric
 
 Plugin = dict[str, Any]
@@ -33,9 +34,9 @@ ZERO = np.zeros(())
 
 def forms(sought: Appearance) -> tuple[Form, ...]:
     """The sum of plugins that the surface is, where it is one; else what may be near to it."""
-    own = _own(sought)
-    if own is not None:
-        return (own,)
+    exact = _own(sought)
+    if exact is not None:
+        return (exact,)
     kinds = ["beckmann" if any(isinstance(m, Beckmann) for _, m in base_terms(sought.material.brdf)) else "ggx"]
     several = len(sought.widths) != 1 or not sought.isotropic
     lobes: list[Sequence[str]] = [("dielectric",), ("metal",), ("white",)]
@@ -79,8 +80,8 @@ def _plugin(
             return None
         tint = _colour(scale, sought)
         kind = "ggx" if isinstance(model, GGX) else "beckmann"
-        said = _conductor(kind, (float(widths[0]), float(widths[1])), index[0], index[1], tint)
-        return said, lambda p: _front(p, tint * _lobe(p, kind, widths, index[0], index[1])), False
+        description = _conductor(kind, (float(widths[0]), float(widths[1])), index[0], index[1], tint)
+        return description, lambda p: _front(p, tint * _lobe(p, kind, widths, index[0], index[1])), False
     if isinstance(model, RoughDielectric) and scale.ndim == 0 and scale == 1 and np.ndim(model.eta) == 0:
         return _interface(model)
     return None
@@ -91,12 +92,12 @@ def _interface(model: RoughDielectric) -> tuple[Plugin, Callable[[Pairs], np.nda
         return None
     from gonio.models.evaluation import evaluate_in_blocks
 
-    alpha_x, alpha_y = (model.alpha if w is None else w for w in (model.alpha_x, model.alpha_y))
-    said = {
+    alpha_x, alpha_y = along_axes(model, "alpha")
+    description = {
         "type": "roughdielectric", "distribution": model.distribution, "alpha_u": float(alpha_x),
         "alpha_v": float(alpha_y), "int_ior": float(model.eta), "ext_ior": 1.0,
     }  # fmt: skip
-    return said, lambda p: evaluate_in_blocks(model, p.wi, p.wo), True
+    return description, lambda p: evaluate_in_blocks(model, p.wi, p.wo), True
 
 
 def _front(pairs: Pairs, f: np.ndarray) -> np.ndarray:
@@ -110,7 +111,8 @@ def _colour(values: np.ndarray, sought: Appearance) -> np.ndarray:
 def _lobe(
     pairs: Pairs, kind: str, widths: Sequence[np.ndarray], eta: np.ndarray | None, k: np.ndarray | None
 ) -> np.ndarray:
-    facets = beckmann_facets(pairs, *widths) if kind == "beckmann" else ggx_facets(pairs, *widths, "separable")
+    x, y = widths
+    facets = beckmann_facets(pairs, x, y) if kind == "beckmann" else ggx_facets(pairs, x, y, "separable")
     if eta is None:
         return facets
     return facets * (dielectric(pairs.cos_d, eta) if k is None else conductor(pairs.cos_d, eta, k))
@@ -158,10 +160,10 @@ def scaled(plugin: Plugin, factor: float) -> Plugin:
         return plugin | {name: scaled(plugin[name], factor) for name in ("first", "second")}
     name = _reflectance(plugin)
     value = np.asarray(plugin.get(name, {"value": 1.0})["value"]) * factor
-    said = texture(value)
+    description = texture(value)
     if value.ndim and value.max() > 1:
-        said = {"type": "rawconstant", "value": said["value"]}
-    return plugin | {name: said}
+        description = {"type": "rawconstant", "value": description["value"]}
+    return plugin | {name: description}
 
 
 def _sum(lobes: Sequence[str], kind: str, isotropic: bool) -> Form:
@@ -190,15 +192,15 @@ def _sum(lobes: Sequence[str], kind: str, isotropic: bool) -> Form:
         lit = (scale * _lobe(pairs, kind, widths, eta, k) for widths, eta, k, scale in parts(v))
         return functools.reduce(np.add, lit, v["rho"] / np.pi * np.ones((pairs.wi.z.size, 1)))
 
-    def say(v: Values) -> Plugin:
-        said = [
+    def describe(v: Values) -> Plugin:
+        plugins = [
             _conductor(kind, (float(w[0]), float(w[1])), eta, k, np.atleast_1d(scale)) for w, eta, k, scale in parts(v)
         ]
         diffuse = {"type": "diffuse", "reflectance": texture(v["rho"])}
-        return summed([diffuse, *said] if np.max(v["rho"]) > 1e-6 else said)
+        return summed([diffuse, *plugins] if np.max(v["rho"]) > 1e-6 else plugins)
 
     names = {"dielectric": "a dielectric's lobe", "metal": "a metal's lobe", "white": "a tinted lobe"}
-    return Form(" + ".join(["diffuse", *(names[lobe] for lobe in lobes)]), tuple(numbers), f, say)
+    return Form(" + ".join(["diffuse", *(names[lobe] for lobe in lobes)]), tuple(numbers), f, describe)
 
 
 def _principled(isotropic: bool) -> Form:
@@ -210,19 +212,23 @@ def _principled(isotropic: bool) -> Form:
         *(Number(name, 0.0, 1.0, start) for name, start in zip(shares, (0.2, 0.5, 0.1, 0.1), strict=True)),
     ]
     numbers += [] if isotropic else [Number("anisotropic", 0.0, 1.0, 0.5)]
-    return Form("principled", tuple(numbers), _principled_f, _say_principled, colours_mix=True)
+    return Form("principled", tuple(numbers), _principled_f, _describe_principled, colours_mix=True)
 
 
-def _say_principled(v: Values) -> Plugin:
-    said = {"type": "principled", "base_color": texture(v["base_color"]), "roughness": float(np.sqrt(v["alpha"]))}
-    return said | {name: float(v[name]) for name in v if name not in ("base_color", "alpha")}
+def _describe_principled(v: Values) -> Plugin:
+    description = {
+        "type": "principled",
+        "base_color": texture(v["base_color"]),
+        "roughness": float(np.sqrt(v["alpha"])),
+    }
+    return description | {name: float(v[name]) for name in v if name not in ("base_color", "alpha")}
 
 
 def _principled_f(v: Values, pairs: Pairs) -> np.ndarray:
     """As the plugin computes it [Burley 2012, with exact Fresnel reflection]."""
     base, metallic = v["base_color"], v["metallic"]
     z_i, z_o, cos_d = column(pairs.wi.z), column(pairs.wo.z), pairs.cos_d
-    f_i, f_o, f_d = ((1.0 - c) ** 5 for c in (z_i, z_o, cos_d))
+    f_i, f_o = ((1.0 - c) ** 5 for c in (z_i, z_o))
     flat = np.sqrt(v["alpha"]) * cos_d**2
     retro = (1.0 + (2.0 * flat - 0.5) * f_i) * (1.0 + (2.0 * flat - 0.5) * f_o)
     smooth = (1.0 + (flat - 1.0) * f_i) * (1.0 + (flat - 1.0) * f_o)

@@ -7,14 +7,14 @@ from xml.sax.saxutils import quoteattr
 from gonio.exports.about import LIGHT, SAMPLES, SIDE, SKY, About, number
 
 
-def mitsuba_file(said: dict[str, Any], about: About, suffix: str) -> bytes:
+def mitsuba_file(description: dict[str, Any], about: About, suffix: str) -> bytes:
     """The text of the file, by its ending."""
     if suffix == ".json":
-        return (json.dumps(said, indent=2) + "\n").encode()
-    return scene(said, about).encode()
+        return (json.dumps(description, indent=2) + "\n").encode()
+    return scene(description, about).encode()
 
 
-def scene(said: dict[str, Any], about: About, side: int = SIDE, samples: int = SAMPLES) -> str:
+def scene(description: dict[str, Any], about: About, side: int = SIDE, samples: int = SAMPLES) -> str:
     """A sphere under a sun at the upper left and a dim sky; `mitsuba FILE` renders it."""
     comment = "\n".join(f"  {line}" for line in about.lines)
     x, y, z = LIGHT
@@ -41,7 +41,7 @@ def scene(said: dict[str, Any], about: About, side: int = SIDE, samples: int = S
     <rgb name="irradiance" value="3.1415927"/>
   </emitter>
   <emitter type="constant"><rgb name="radiance" value="{SKY}"/></emitter>
-{_bsdf(said, about.name, 1)}
+{_bsdf(description, about.name, 1)}
   <shape type="sphere"><ref id={quoteattr(about.name)}/></shape>
 </scene>
 """

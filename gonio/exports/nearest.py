@@ -6,6 +6,7 @@ reflects and half as the surface itself does, and cube roots of the albedo of ea
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any, cast
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -25,6 +26,9 @@ NEARER = 0.9
 STEP = 1e-7
 """Of a number's range, for slopes."""
 
+NEAR = 1e-5
+"""Of a bound, in units of the range."""
+
 Compare = Callable[[np.ndarray], np.ndarray]
 
 
@@ -41,18 +45,28 @@ def nearest(forms: tuple[Form, ...], sought: Appearance) -> Nearest:
     """The form, and its numbers, nearest to a surface; a later form must be clearly nearer than an earlier one."""
     pairs = sought.pairs(LIGHTS, TILTS, AZIMUTHS)
     compare = _comparison(pairs, sought.f(pairs.wi, pairs.wo))
-    tried = [(_Search(form, compare, pairs, sought.colours), start) for form in forms for start in starts(form, sought)]
-    steps = [search.solved(x, TRIED) for search, x in tried]
+    screened = [
+        (_Search(form, compare, pairs, sought.colours), start) for form in forms for start in starts(form, sought)
+    ]
+    steps = [search.solved(x, TRIED) for search, x in screened]
     order = np.argsort([cost for cost, _ in steps])
-    found = [(tried[k][0], *tried[k][0].solved(steps[k][1], MOST)) for k in sorted(order[:POLISHED])]
-    best = found[0]
-    for other in found[1:]:
+    polished = [(screened[k][0], *screened[k][0].solved(steps[k][1], MOST)) for k in sorted(order[:POLISHED])]
+    best = polished[0]
+    for other in polished[1:]:
         same, factor = best[0].form is other[0].form, NEARER
         simpler = other[0].size < best[0].size
         if other[1] < best[1] * (1.0 if same else 1 / factor**2 if simpler else factor**2):
             best = other
     search, cost, x = best
-    return Nearest(search.form, search.values(x), float(np.sqrt(2 * cost / sought.colours)))
+    values = {n.name: _rounded(n, search.values(x)[n.name]) for n in search.form.numbers}
+    return Nearest(search.form, values, float(np.sqrt(2 * cost / sought.colours)))
+
+
+def _rounded(n: Number, value: np.ndarray) -> np.ndarray:
+    """To the digits that a search and a renderer have, and onto a bound that is as near."""
+    near = NEAR * (n.high - n.low)
+    value = np.where(np.abs(value - n.low) < near, n.low, np.where(np.abs(value - n.high) < near, n.high, value))
+    return np.array([float(f"{v:.6g}") for v in value]) if n.coloured else np.asarray(float(f"{float(value):.6g}"))
 
 
 def _comparison(pairs: Pairs, wanted: np.ndarray) -> Compare:
@@ -86,12 +100,12 @@ class _Search:
 
     def values(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """The numbers by their names."""
-        values, at = {}, 0
+        values, position = {}, 0
         for n in self.form.numbers:
             size = self.colours if n.coloured else 1
-            v = np.exp(x[at : at + size]) if n.log else x[at : at + size]
+            v = np.exp(x[position : position + size]) if n.log else x[position : position + size]
             values[n.name] = v if n.coloured else v[0]
-            at += size
+            position += size
         return values
 
     def _residuals(self, x: np.ndarray) -> np.ndarray:
@@ -99,20 +113,24 @@ class _Search:
 
     def _slopes(self, x: np.ndarray) -> np.ndarray:
         """By forward differences; a colour moves its own channel alone, so all three move at once."""
-        base, at = self._residuals(x), 0
+        base, position = self._residuals(x), 0
         slopes = np.zeros((*base.shape, x.size))
         step = STEP * (self.high - self.low) * np.where(x > 0.5 * (self.low + self.high), -1.0, 1.0)
         for n in self.form.numbers:
             size = self.colours if n.coloured else 1
             together = n.coloured and not self.form.colours_mix
-            for moved in [slice(at, at + size)] if together else [slice(k, k + 1) for k in range(at, at + size)]:
+            for moved in (
+                [slice(position, position + size)]
+                if together
+                else [slice(k, k + 1) for k in range(position, position + size)]
+            ):
                 y = x.copy()
                 y[moved] += step[moved]
                 change = self._residuals(y) - base
                 for c, k in enumerate(range(moved.start, moved.stop)):
                     channel = slice(c, c + 1) if together else slice(None)
                     slopes[:, channel, k] = change[:, channel] / step[k]
-            at += size
+            position += size
         return slopes.reshape(-1, x.size)
 
     def solved(self, x: np.ndarray, most: int) -> tuple[float, np.ndarray]:
@@ -120,12 +138,12 @@ class _Search:
         if x.size == 0:
             return 0.5 * float(np.sum(self._residuals(x) ** 2)), x
         margin = 1e-6 * (self.high - self.low)
-        found = least_squares(
-            lambda y: self._residuals(y).ravel(), np.clip(x, self.low + margin, self.high - margin), self._slopes,
-            bounds=(self.low, self.high), x_scale=self.high - self.low, max_nfev=most, ftol=1e-10, xtol=1e-10,
-            gtol=1e-12,
+        inside, slopes = np.clip(x, self.low + margin, self.high - margin), cast(Any, self._slopes)
+        solution = least_squares(
+            lambda y: self._residuals(y).ravel(), inside, slopes, bounds=(self.low, self.high),
+            x_scale=self.high - self.low, max_nfev=most, ftol=1e-10, xtol=1e-10, gtol=1e-12,
         )  # fmt: skip
-        return float(found.cost), found.x
+        return float(solution.cost), solution.x
 
 
 def starts(form: Form, sought: Appearance) -> list[np.ndarray]:

@@ -40,10 +40,11 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
     metal = (COLOUR, TINT, *widths, Number("specular_weight", 0.0, 1.0, 1.0))
     mixed = (*plastic[:-1], TINT, Number("base_metalness", 0.0, 1.0, 0.5))
     bases = {"dielectric": plastic, "metal": metal, "dielectric and metal": mixed}
-    every = [Form(name, numbers, surface, said) for name, numbers in bases.items()]
+    every = [Form(name, numbers, surface, description) for name, numbers in bases.items()]
     if sought.isotropic and len(sought.widths) != 1:
         every += [
-            Form(f"{name} under a coat", (*bases[name], *COAT), surface, said) for name in ("dielectric", "metal")
+            Form(f"{name} under a coat", (*bases[name], *COAT), surface, description)
+            for name in ("dielectric", "metal")
         ]
     return tuple(every)
 
@@ -58,7 +59,7 @@ def surface(v: Values, pairs: Pairs) -> np.ndarray:
     ebase = v["base_color"] * (float(v["specular_weight"]) if _metalness(v) == 1 else 1.0)
     inside = 1.0 - (1.0 - f0_of(coat_ior)) / coat_ior**2
     darkening = 1.0 + coat * ((1.0 - inside) / (1.0 - ebase * inside) - 1.0)
-    reflected, passed = _dielectric(pairs, (v["coat_alpha"],) * 2, coat_ior)
+    reflected, passed = _dielectric(pairs, (v["coat_alpha"], v["coat_alpha"]), coat_ior)
     return coat * reflected + (1.0 - coat * (1.0 - passed)) * darkening * base
 
 
@@ -120,7 +121,7 @@ def anisotropy(alpha_x: float, alpha_y: float) -> tuple[float, float]:
     return float(np.sqrt(alpha_x * np.sqrt(0.5 * (1.0 + ratio**2)))), 1.0 - ratio
 
 
-def said(v: Values) -> dict[str, Any]:
+def description(v: Values) -> dict[str, Any]:
     """Inputs of `open_pbr_surface`; `turned` where the wide axis is y."""
     inputs: dict[str, Any] = {"base_metalness": _metalness(v)}
     for name in ("base_color", "specular_color"):

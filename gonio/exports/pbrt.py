@@ -12,6 +12,7 @@ from gonio.exports.forms import Appearance, Form, Number, Values, base_terms
 from gonio.exports.lobes import column, conductor, dielectric, ggx_facets, interface_shares
 from gonio.exports.pairs import Pairs
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.microfacet.widths import along_axes
 from gonio.models.transmission.rough_dielectric import RoughDielectric
 from gonio.models.transmission.thin_sheet import ThinSheet
 
@@ -21,11 +22,11 @@ Said = list[dict[str, Any]]
 
 def forms(sought: Appearance) -> tuple[Form, ...]:
     """The interface or sheet that the surface is; else what may be near to it."""
-    own = _own(sought)
-    if own is not None:
-        return (own,)
+    exact = _own(sought)
+    if exact is not None:
+        return (exact,)
     axes = ("alpha",) if sought.isotropic else ("alpha_x", "alpha_y")
-    kinds = [("diffuse",), ("coated",), ("metal",), ("diffuse", "metal"), ("coated", "metal")]
+    kinds: list[tuple[str, ...]] = [("diffuse",), ("coated",), ("metal",), ("diffuse", "metal"), ("coated", "metal")]
     if sought.isotropic and len(sought.widths) != 1:
         kinds += [("coated", "coated"), ("metal", "metal")]
     return tuple(_mix(kind, axes) for kind in kinds)
@@ -35,14 +36,14 @@ def _own(sought: Appearance) -> Form | None:
     (scale, model), *more = base_terms(sought.material.brdf)
     if more or np.any(scale != 1):
         return None
-    said = _through(model, sought)
-    if said is None:
+    description = _through(model, sought)
+    if description is None:
         return None
 
     def f(v: Values, pairs: Pairs) -> np.ndarray:
         return sought.f(pairs.wi, pairs.wo)
 
-    return Form(said[0]["type"], (), f, lambda v: said, transmits=True)
+    return Form(description[0]["type"], (), f, lambda v: description, transmits=True)
 
 
 def _through(model: AbstractBRDF, sought: Appearance) -> Said | None:
@@ -53,7 +54,7 @@ def _through(model: AbstractBRDF, sought: Appearance) -> Said | None:
         rgb = {k: np.broadcast_to(np.asarray(v), (count,)) @ sought.to_rgb.T for k, v in shares.items()}
         return [{"type": "diffusetransmission", **{f"rgb {k}": colour(v) for k, v in rgb.items()}}]
     if isinstance(model, RoughDielectric) and model.smith == "correlated" and model.distribution == "ggx":
-        alpha_x, alpha_y = (model.alpha if w is None else w for w in (model.alpha_x, model.alpha_y))
+        alpha_x, alpha_y = along_axes(model, "alpha")
         if all(np.ndim(a) == 0 for a in (alpha_x, alpha_y, model.eta)):
             return [{"type": "dielectric", **_roughness(alpha_x, alpha_y), "float eta": float(model.eta)}]
     return None
@@ -70,7 +71,7 @@ def _roughness(alpha_x: Any, alpha_y: Any) -> dict[str, Any]:
 
 
 def _widths(v: Values, axes: tuple[str, ...], suffix: str) -> tuple[Any, Any]:
-    return tuple(v[f"{axis}{suffix}"] for axis in (axes * 2)[:2])
+    return v[f"{axes[0]}{suffix}"], v[f"{axes[-1]}{suffix}"]
 
 
 class _Part:
@@ -100,7 +101,7 @@ class _Part:
         below = under_coat(pairs, v[f"reflectance{s}"], alpha, float(v[f"eta{s}"]))
         return facets * dielectric(pairs.cos_d, v[f"eta{s}"]) + below
 
-    def say(self, v: Values) -> dict[str, Any]:
+    def describe(self, v: Values) -> dict[str, Any]:
         s = self.suffix
         if self.kind == "diffuse":
             return {"type": "diffuse", "rgb reflectance": colour(v[f"reflectance{s}"])}
@@ -128,12 +129,17 @@ def _mix(kinds: tuple[str, ...], axes: tuple[str, ...]) -> Form:
     names = {"diffuse": "diffuse", "coated": "coateddiffuse", "metal": "conductor"}
     if len(parts) == 1:
         only = parts[0]
-        return Form(names[kinds[0]], tuple(numbers), only.f, lambda v: [only.say(v)])
+        return Form(names[parts[0].kind], tuple(numbers), only.f, lambda v: [only.describe(v)])
 
     def f(v: Values, pairs: Pairs) -> np.ndarray:
         return (1.0 - v["amount"]) * parts[0].f(v, pairs) + v["amount"] * parts[1].f(v, pairs)
 
-    def say(v: Values) -> Said:
-        return [*(part.say(v) for part in parts), {"type": "mix", "float amount": float(v["amount"])}]
+    def describe(v: Values) -> Said:
+        return [*(part.describe(v) for part in parts), {"type": "mix", "float amount": float(v["amount"])}]
 
-    return Form(f"mix of {names[kinds[0]]} and {names[kinds[1]]}", (*numbers, Number("amount", 0.0, 1.0, 0.5)), f, say)
+    return Form(
+        f"mix of {names[parts[0].kind]} and {names[parts[1].kind]}",
+        (*numbers, Number("amount", 0.0, 1.0, 0.5)),
+        f,
+        describe,
+    )

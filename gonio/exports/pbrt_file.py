@@ -5,11 +5,11 @@ from typing import Any
 from gonio.exports.about import LIGHT, SAMPLES, SIDE, SKY, About, number
 
 
-def pbrt_file(said: list[dict[str, Any]], about: About, suffix: str) -> bytes:
+def pbrt_file(description: list[dict[str, Any]], about: About, suffix: str) -> bytes:
     """The text of the file: the material's lines can be copied into any scene."""
     comment = "\n".join(f"# {line}" for line in about.lines)
-    names = [f"{about.name}_{k}" for k in range(len(said) - 1)] + [about.name]
-    materials = "\n".join(_material(name, m, names) for name, m in zip(names, said, strict=True))
+    names = [f"{about.name}_{k}" for k in range(len(description) - 1)] + [about.name]
+    materials = "\n".join(_material(name, m, names) for name, m in zip(names, description, strict=True))
     x, y, z = LIGHT
     text = f"""{comment}
 Scale -1 1 1
@@ -28,11 +28,11 @@ Shape "sphere"
     return text.encode()
 
 
-def _material(name: str, said: dict[str, Any], names: list[str]) -> str:
-    lines = [f'MakeNamedMaterial "{name}" "string type" "{said["type"]}"']
-    if said["type"] == "mix":
+def _material(name: str, description: dict[str, Any], names: list[str]) -> str:
+    lines = [f'MakeNamedMaterial "{name}" "string type" "{description["type"]}"']
+    if description["type"] == "mix":
         lines.append(f'"string materials" [ "{names[0]}" "{names[1]}" ]')
-    for key, value in said.items():
+    for key, value in description.items():
         if key != "type":
             lines.append(f'"{key}" {_value(value)}')
     return "\n    ".join(lines)

@@ -8,7 +8,6 @@ from gonio.exports.forms import Appearance
 from gonio.exports.nearest import Nearest
 from gonio.figures.spheres import sphere_pairs
 from gonio.fitting.residuals.colour_difference import LINEAR_SRGB, ciede2000, to_lab
-from gonio.models.display import percent
 
 LIGHTS, TILTS, AZIMUTHS = 16, 64, 16
 SIDE = 64
@@ -52,8 +51,8 @@ class ReExpression:
         if self.exact:
             return "exact, up to rounding"
         return (
-            f"rms {percent(self.relative_rms)} of f (cosine-weighted), albedo off by up to "
-            f"{percent(self.albedo_difference)}, a lit sphere by ΔE2000 {self.delta_e_mean:.2g} in the mean and "
+            f"rms {100 * self.relative_rms:.2g} % of f (cosine-weighted), albedo off by up to "
+            f"{100 * self.albedo_difference:.2g} %, a lit sphere by ΔE2000 {self.delta_e_mean:.2g} in the mean and "
             f"{self.delta_e_max:.2g} at most"
         )
 
@@ -61,18 +60,18 @@ class ReExpression:
         return "\n".join([f"{self.form}: {self.figures}", *(f"note: {remark}" for remark in self.remarks)])
 
 
-def reexpression(target: str, sought: Appearance, found: Nearest, remarks: tuple[str, ...] = ()) -> ReExpression:
+def reexpression(target: str, sought: Appearance, expression: Nearest, remarks: tuple[str, ...] = ()) -> ReExpression:
     """The errors of an expression, at other and more directions than it was fitted at."""
     pairs = sought.pairs(LIGHTS, TILTS, AZIMUTHS)
     f = sought.f(pairs.wi, pairs.wo)
-    difference = np.broadcast_to(found.form.f(found.values, pairs), f.shape) - f
+    difference = np.broadcast_to(expression.form.f(expression.values, pairs), f.shape) - f
     weight = pairs.weight[:, None]
     squares = float(np.sum(weight * f * f))
     largest = np.abs(difference) / np.maximum(np.abs(f), 1e-6 * max(float(np.abs(f).max(initial=0.0)), 1e-30))
-    colours = sphere_colours(sought, found)
+    colours = sphere_colours(sought, expression)
     return ReExpression(
         target=target,
-        form=found.form.name,
+        form=expression.form.name,
         relative_rms=float(np.sqrt(np.sum(weight * difference**2) / squares)) if squares > 0 else 0.0,
         albedo_difference=float(np.abs(pairs.albedo(difference)).max(initial=0.0)),
         delta_e_mean=float(colours.mean()),
@@ -82,7 +81,7 @@ def reexpression(target: str, sought: Appearance, found: Nearest, remarks: tuple
     )
 
 
-def sphere_colours(sought: Appearance, found: Nearest) -> np.ndarray:
+def sphere_colours(sought: Appearance, expression: Nearest) -> np.ndarray:
     """CIEDE2000 of each pixel of the lit spheres."""
     from gonio.exports.pairs import Pairs
 
@@ -94,7 +93,7 @@ def sphere_colours(sought: Appearance, found: Nearest) -> np.ndarray:
         empty = np.zeros(wi.z.size)
         pairs = Pairs(wi, wo, empty, empty.astype(int), np.zeros(1))
         f = sought.f(wi, wo)
-        both = (f, np.broadcast_to(found.form.f(found.values, pairs), f.shape))
+        both = (f, np.broadcast_to(expression.form.f(expression.values, pairs), f.shape))
         shown = [np.clip(np.pi * wi.z[:, None] * v, 0, 1) for v in both]
         lab = [to_lab(np.broadcast_to(v, (len(v), 3)) @ LINEAR_SRGB.T, LINEAR_SRGB.sum(axis=1)) for v in shown]
         differences.append(ciede2000(*lab))

@@ -27,7 +27,7 @@ def test_a_format_is_named_where_endings_leave_it_open(tmp_path):
     table = gonio.Table.from_arrays(30, 0, [0.0, 20.0], 180, [0.1, 0.2], degrees=True, name="two")
     gonio.convert(table, tmp_path / "two.csv", to="CSV")
     assert gonio.open(tmp_path / "two.csv").name == "two"
-    with pytest.raises(gonio.GonioError, match="no format 'vsc' is written"):
+    with pytest.raises(gonio.GonioError, match="nothing is written for 'vsc'"):
         gonio.convert(table, tmp_path / "two.vsc", to="vsc")
     with pytest.raises(gonio.GonioError, match=r"ends in '.txt'; CSV .* ends in \.csv"):
         gonio.convert(table, tmp_path / "two.txt", to="csv")

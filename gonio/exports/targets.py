@@ -1,0 +1,72 @@
+"""The renderers that a surface is written for: to add one, its forms, its file, and its entry in `TARGETS`."""
+
+import dataclasses
+import os
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from gonio.data.formats import registry
+from gonio.exports import blender, gltf, mitsuba, openpbr, pbrt
+from gonio.exports.about import About
+from gonio.exports.blender_file import blender_file
+from gonio.exports.forms import Appearance, Form
+from gonio.exports.gltf_file import gltf_file
+from gonio.exports.materialx_file import materialx_file
+from gonio.exports.mitsuba_file import mitsuba_file
+from gonio.exports.pbrt_file import pbrt_file
+from gonio.models.errors import GonioError, nearest
+
+
+@dataclasses.dataclass(frozen=True)
+class Target:
+    """A renderer."""
+
+    title: str
+    suffixes: tuple[str, ...]
+    forms: Callable[[Appearance], tuple[Form, ...]]
+    file: Callable[[Any, About, str], bytes]
+    """Of what a form says, with what is to be told of it, and the ending."""
+    measured: Callable[[str], Any] | None = None
+    """What refers to the surface as data, in an RGL file of this name."""
+
+
+def _measured_by_mitsuba(file: str) -> dict[str, Any]:
+    return {"type": "measured", "filename": file}
+
+
+def _measured_by_pbrt(file: str) -> list[dict[str, Any]]:
+    return [{"type": "measured", "string filename": file}]
+
+
+TARGETS = {
+    "mitsuba": Target("Mitsuba 3", (".xml", ".json"), mitsuba.forms, mitsuba_file, _measured_by_mitsuba),
+    "pbrt": Target("pbrt-v4", (".pbrt",), pbrt.forms, pbrt_file, _measured_by_pbrt),
+    "materialx": Target("MaterialX's OpenPBR surface", (".mtlx",), openpbr.forms, materialx_file),
+    "gltf": Target("glTF 2.0", (".gltf", ".glb"), gltf.forms, gltf_file),
+    "blender": Target("Blender's Principled BSDF", (".py",), blender.forms, blender_file),
+}
+OTHER_NAMES = {"openpbr": "materialx"}
+
+
+def target_of(path: str | os.PathLike[str], to: str | None = None) -> Target | None:
+    """The renderer that is named, or whose ending alone this is; None for a format of tables.
+
+    Raises GonioError for a name that is neither, and for an ending that is not the renderer's.
+    """
+    suffix = os.path.splitext(path)[1].lower()
+    if to is None:
+        of_tables = {s for known in registry.FORMATS for s in known.suffixes}
+        exact = [t for t in TARGETS.values() if suffix in t.suffixes]
+        return exact[0] if exact and suffix not in of_tables else None
+    name = to.casefold()
+    target = TARGETS.get(OTHER_NAMES.get(name, name))
+    if target is None:
+        _require_known(name, [*TARGETS, *registry.targets()])
+    elif suffix not in target.suffixes:
+        raise GonioError(f"{path} ends in '{suffix}'; a file for {target.title} ends in {' or '.join(target.suffixes)}")
+    return target
+
+
+def _require_known(name: str, known: Iterable[str]) -> None:
+    if name not in known:
+        raise GonioError(f"nothing is written for {name[:80]!r}; {nearest(name[:80], known)}")

@@ -1,0 +1,75 @@
+"""Mitsuba's own values of what is written for it, from the file itself, in its scalar RGB variant."""
+
+import json
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import gonio
+from gonio.exports.about import About
+from gonio.exports.forms import appearance_of
+from gonio.exports.mitsuba import forms
+from gonio.exports.mitsuba_file import scene
+from gonio.exports.pairs import Pairs, polar_pairs
+
+ROUNDING = 1e-5
+"""Relative: it computes in single precision."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def variant():
+    mi.set_variant("scalar_rgb")
+
+
+def client_f(bsdf: "mi.BSDF", pairs: Pairs, through: bool = False) -> np.ndarray:
+    """f (n, 3) of a BSDF of Mitsuba's; `through`: its values of light through the surface are over η² there."""
+    context, si, values = mi.BSDFContext(), mi.SurfaceInteraction3f(), []
+    for wi, wo in zip(np.stack(pairs.wi, axis=1), np.stack(pairs.wo, axis=1), strict=True):
+        si.wi = mi.ScalarVector3f(*map(float, wi))
+        values.append(np.array(bsdf.eval(context, si, mi.ScalarVector3f(*map(float, wo)))))
+    return np.array(values) / np.abs(pairs.wo.z[:, None])
+
+
+def bsdf_of(scene_of_sphere: "mi.Scene") -> "mi.BSDF":
+    return scene_of_sphere.shapes()[0].bsdf()
+
+
+def assert_same(f: np.ndarray, expected: np.ndarray) -> None:
+    expected = np.broadcast_to(expected, f.shape)
+    assert np.all(np.abs(f - expected) <= ROUNDING * np.maximum(expected, 1e-4 * expected.max()))
+
+
+def spread(turns: int = 1) -> Pairs:
+    return polar_pairs(4, 9, 5, turns)
+
+
+def test_what_mitsuba_has_is_written_as_it_is(tmp_path):
+    expression = (
+        "lambert(rho=[0.2, 0.9, 0.3]) + [0.5, 0.6, 0.8] * ggx(alpha_x=0.1, alpha_y=0.3, smith='separable', eta=1.5) "
+        "+ beckmann(alpha=0.2, smith='walter', eta=[1, 2, 0.5], k=[3, 2, 4])"
+    )
+    error = gonio.convert(expression, tmp_path / "sum.xml", to="mitsuba")
+    assert error.exact and error.relative_rms < ROUNDING and "exact" in str(error)
+    material, pairs = gonio.material(expression), spread(3)
+    angles = [a for w in (pairs.wi, pairs.wo) for a in (np.arccos(w.z), np.arctan2(w.y, w.x))]
+    expected = material.f(*angles)
+    assert_same(client_f(bsdf_of(mi.load_file(str(tmp_path / "sum.xml"))), pairs), expected)
+    gonio.convert(expression, tmp_path / "sum.json", to="mitsuba")
+    assert_same(client_f(mi.load_dict(json.loads((tmp_path / "sum.json").read_text())), pairs), expected)
+
+
+@pytest.mark.parametrize(
+    "sought", ["[0.1, 0.2, 0.3] * phong(n=60)", "[0.1, 0.2, 0.3] * ward(alpha_x=0.1, alpha_y=0.4)"]
+)
+def test_every_form_is_what_mitsuba_makes_of_its_numbers(sought):
+    rng = np.random.default_rng(3)
+    appearance = appearance_of(gonio.material(sought))
+    for form in forms(appearance):
+        pairs = spread(1 if appearance.isotropic else 3)
+        values = {
+            n.name: rng.uniform(max(n.low, 0.1), min(n.high, 2.0), (3,) if n.coloured else ()) for n in form.numbers
+        }
+        values = {k: np.minimum(v, 0.7) if "alpha" in k else v for k, v in values.items()}
+        text = scene(form.describe(values), About("x", {"numbers": "random"}))
+        assert_same(client_f(bsdf_of(mi.load_string(text)), pairs), form.f(values, pairs))
