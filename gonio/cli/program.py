@@ -40,7 +40,7 @@ VERBS = {
     "stress": "where each method fails, and that it says so",
     "reduce": "the coarsest table that a scene's tolerance allows",
     "report": "tables, fits, checks and pictures in one self-contained page",
-    "convert": "from one format to another, with the round-trip error",
+    "convert": "from one format to another, or for a renderer, with the error",
     "completion": "the script by which bash, zsh or fish complete verbs, options and names on TAB",
 }
 WITHOUT_JSON = ("demo", "completion")
