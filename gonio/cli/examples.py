@@ -42,7 +42,12 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "gonio report T.h5 --fit T.fit.toml -o T.html",
         "gonio report *.bsdf -o all.html --figures figures",
     ),
-    "convert": ("gonio convert T.h5 T.csv", "gonio convert plastic.fit.toml plastic.xml --to mitsuba", "gonio convert gold gold.bsdf"),
+    "convert": (
+        "gonio convert plastic.fit.toml plastic.xml --to mitsuba",
+        "gonio convert T.h5 plastic.gltf -m 'lambert + ggx(f0=?)' --tolerance 10%",
+        "gonio convert gold gold.bsdf",
+        "gonio convert T.h5 - | head",
+    ),
     "completion": (
         'eval "$(gonio completion bash)"          # a line for ~/.bashrc',
         'eval "$(gonio completion zsh)"           # a line for ~/.zshrc, after compinit',
