@@ -1,8 +1,11 @@
 """Where a table interpolates: the pairs of directions inside of the hull of what was read, without its holes."""
 
-from typing import NamedTuple
+import functools
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from gonio.data.flags import Flag
@@ -23,6 +26,7 @@ FAR = 2.0
 WIDEST = np.radians(15.0)
 """And never farther than that: a few readings all about do not tell what lies between them."""
 FACETS = 256
+BLOCK = 8192
 
 
 def covered(table: Table, wi: Direction, wo: Direction, beyond: float = 0.0) -> np.ndarray:
@@ -58,15 +62,42 @@ def _in_part(table: Table, wi: Direction, wo: Direction, beyond: float, reciproc
 
 
 def _on_grid(table: Table, wi: Direction, wo: Direction, beyond: float) -> np.ndarray:
-    layout = table.layout
-    coordinates = {k: np.asarray(v) for k, v in jax.vmap(layout.coordinates)(wi, wo).items()}
-    inside = np.broadcast_to(np.asarray(layout.covers(wi, wo)), wi.z.shape).copy()
+    return on_grid(table, *grid_coordinates(table.layout, wi, wo), beyond)
+
+
+def grid_coordinates(layout: Layout, wi: Direction, wo: Direction) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """(angle on each axis, whether the layout can hold it), (n,) each, of pairs of directions (n,).
+
+    In blocks of one size, so that one program serves any number of pairs.
+    """
+    parts = [np.asarray(c, float) for c in (*wi, *wo)]
+    n, made = parts[0].size, []
+    for start in range(0, max(n, 1), BLOCK):
+        block = [np.resize(c[start : start + BLOCK], BLOCK) if n else np.zeros(BLOCK) for c in parts]
+        made.append(_coordinates(type(layout), Direction(*block[:3]), Direction(*block[3:])))
+    angles = {name: np.concatenate([np.asarray(x[name]) for x, _ in made])[:n] for name in made[0][0]}
+    return angles, np.concatenate([np.asarray(c) for _, c in made])[:n]
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _coordinates(kind: type[Layout], wi: Direction, wo: Direction) -> tuple[dict[str, Any], Any]:
+    def one(i: Direction, o: Direction) -> tuple[dict[str, Any], Any]:
+        return kind.coordinates(i, o), jnp.asarray(kind.covers(i, o))
+
+    return jax.vmap(one)(wi, wo)
+
+
+def on_grid(
+    table: Table, coordinates: Mapping[str, np.ndarray], inside_layout: np.ndarray, beyond: float
+) -> np.ndarray:
+    """`covered` of a grid of one side, by what `grid_coordinates` gives."""
+    layout, inside = table.layout, inside_layout.copy()
     for name, x in coordinates.items():
         if name in layout.axes:
             inside &= _between_nodes(layout, name, x, beyond)
     valid = (np.asarray(table.flag[...]) == Flag.VALID).any(axis=-1)
     brackets = [interpolation_axis(layout, name).bracket(coordinates[name], np) for name in layout.axes]
-    known = np.zeros(wi.z.shape)
+    known = np.zeros(inside_layout.shape)
     for corner in np.ndindex(*[2] * len(brackets)):
         index = tuple(nodes[side] for (nodes, _), side in zip(brackets, corner, strict=True))
         known += np.prod([w[side] for (_, w), side in zip(brackets, corner, strict=True)], axis=0) * valid[index]

@@ -15,6 +15,15 @@ from gonio.cli.arguments import (
     stated_terms,
     write_json,
 )
+from gonio.cli.quantities_text import (
+    EVERYTHING,
+    other_groups,
+    plain_list,
+    shown_channels,
+    shown_groups,
+    shown_rows,
+    undecided_lines,
+)
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.text import columns, show
@@ -32,21 +41,31 @@ OPTIONS: Options = {
     "rectangular, theta_i=0.02 deg dof 12'; they go before those of --instrument and of the table",
     "--geometry G,...": "more reflectance factors, at theta_i:theta_o or theta_i:theta_o:delta_phi in degrees, such "
     "as 30:30:180 (the mirror direction); angles beyond 90 are behind the sample, such as 0:180 (straight through)",
+    "--only GROUP,...": "groups to print, with the geometry that is integrated: albedo, reflectance, transmission, "
+    "gloss, colour, multi-angle, scatter, retroreflection, 'remote sensing', 'scatter law', or all",
+    "--port ANGLE": {
+        "type": float,
+        "default": 5.0,
+        "help": "half-angle about the mirror direction, degrees, that 8°:de leaves out (default 5)",
+    },
+    "--illuminant NAME,...": "of colours: D65, A, or both (the default)",
+    "--observer DEGREES": {"type": int, "choices": (2, 10), "default": 10, "help": "of colours (default 10)"},
+    "--linear-srgb": "the channels R, G, B are linear sRGB, and have a colour by that",
+    "--against FILE|MATERIAL": "colour differences (CIEDE2000) from another subject",
     "--monte-carlo N": "check the linear budget by N draws of all errors at once (JCGM 101:2008), such as 1000",
     "--seed SEED": {"default": 0, "help": "of these draws (default 0)"},
 }
-MOST_CHANNELS = 3
-"""Of more channels the terminal shows the first, the middle and the last."""
-MOST_INCIDENCES, INCIDENCES = 8, (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
-"""Of more incidences it shows those near these angles, degrees, and the last."""
 NOTHING = 5e-5
 """Per cent."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Directional and hemispherical albedos and reflectance factors of a material or a table (of a model that "
-        "transmits also transmittance, absorptance and haze), and with --budget where their uncertainty comes from."
+        "What standards name, of a material or a table: albedos, reflectance factors (45°a:0°, 8°:di, 8°:de), "
+        "gloss at 20, 60 and 85°, reflection haze, colour, the multi-angle set, total integrated scatter, "
+        "retroreflection; of what transmits also transmittance, absorptance and haze. Each with the expanded "
+        "uncertainty (k = 2) by the stored noise, the covariance of a fit and the bound of the integral, and undecided "
+        "where the data do not reach; with --budget where it comes from."
     )
     parser.add_argument("subject", metavar="FILE|MATERIAL", help="a table, a material's name, or an expression")
     add_options(parser.add_argument, OPTIONS | DESCRIPTION | READING | MERL | FORCE)
@@ -70,50 +89,40 @@ def run(args: argparse.Namespace) -> int:
         "seed": args.seed,
         "instrument": None if args.instrument is None else read_instrument(args.instrument),
         "uncertainty": stated_terms(args.uncertainty) if args.uncertainty else {},
-        "geometries": [text.strip() for text in args.geometry.split(",")] if args.geometry else (),
+        "geometries": _listed(args.geometry),
+        "port": args.port,
+        "observer": args.observer,
+        "linear_srgb": args.linear_srgb,
+        "against": args.against,
     }
+    only = _listed(args.only)
+    if only and EVERYTHING not in only:
+        options["only"] = only
+    if args.illuminant:
+        options["illuminants"] = _listed(args.illuminant)
     result = quantities(as_stated(args.subject, args), **options)
-    show("\n".join(summary(result)))
+    show("\n".join(summary(result, only)))
     return write_json(args, result.to_dict())
 
 
-def summary(result: "Quantities") -> list[str]:
-    """The quantities; with a budget what each source contributes to them, and what the sources are."""
-    channels, rows = _channels(result), _shown(result)
-    shown = [result.quantities[k] for k in rows]
-    heading = ["quantity", "at", *(["channel"] if len(channels) > 1 else [])]
-    labels = [[q.name, q.place, q.channel][: len(heading)] for q in shown]
+def _listed(text: str | None) -> list[str]:
+    return [part.strip() for part in text.split(",")] if text else []
+
+
+def summary(result: "Quantities", only: list[str]) -> list[str]:
+    """The quantities of some groups; with a budget what each source contributes to them, and what the sources are."""
+    groups = shown_groups(result, only)
     lines = [f"{result.subject} ({result.kind})", ""]
     if result.budget is None:
-        cells = [[q.text(q.bound), _size(q.bound)] for q in shown]
-        lines.append(columns([a + b for a, b in zip(labels, cells, strict=True)], [*heading, "value", "bound"]))
+        lines += plain_list(result, groups, bool(only))
     else:
+        channels, rows = shown_channels(result), shown_rows(result, groups)
+        heading = ["quantity", "at", *(["channel"] if len(channels) > 1 else [])]
+        shown = [result.quantities[k] for k in rows]
+        labels = [[q.name, q.place, q.channel][: len(heading)] for q in shown]
         lines += _with_budget(result, result.budget, rows, labels, heading)
-    more = len(result.quantities) - len(rows)
-    lines += [f"{more} more are in the JSON (--json FILE)"] if more else []
-    return [*lines, *(f"note: {note}" for note in result.notes)]
-
-
-def _channels(result: "Quantities") -> list[str]:
-    return list(dict.fromkeys(q.channel for q in result.quantities if q.channel))
-
-
-def _shown(result: "Quantities") -> list[int]:
-    """Those of few channels and incidences."""
-    from gonio.metrology.measurands import DIRECTIONAL
-
-    channels = _channels(result)
-    if len(channels) > MOST_CHANNELS:
-        channels = [channels[0], channels[len(channels) // 2], channels[-1]]
-    places = [q.angles.get("theta_i", 0.0) for q in result.quantities if q.name in DIRECTIONAL]
-    every = sorted(set(places))
-    if len(every) > MOST_INCIDENCES:
-        every = sorted({min(every, key=lambda t: abs(t - wanted)) for wanted in (*INCIDENCES, every[-1])})
-    return [
-        k
-        for k, q in enumerate(result.quantities)
-        if q.channel in (*channels, "") and (q.name not in DIRECTIONAL or q.angles["theta_i"] in every)
-    ]
+    remarks = [*undecided_lines(result, groups), *(f"note: {note}" for note in result.notes)]
+    return [*lines, "", *remarks, *other_groups(result, groups)]
 
 
 def _with_budget(

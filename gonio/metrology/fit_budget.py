@@ -16,7 +16,7 @@ from gonio.fitting.residuals.summary import Evidence
 from gonio.fitting.result import FitResult
 from gonio.metrology.budget import Budget, Contribution
 from gonio.metrology.effects import Readings
-from gonio.metrology.measurands import Quantity
+from gonio.metrology.quantity import Quantity
 from gonio.metrology.sources import ESTIMATED, MEANINGS, STORED, Noise, Sources
 from gonio.metrology.table_budget import APERTURE, aperture_shift, of_apertures, shared
 from gonio.models.errors import GonioError
@@ -153,11 +153,11 @@ class FitBudget:
 def outputs_of(fitted: FitResult) -> tuple[list[Quantity], np.ndarray]:
     """A fit's free numbers and albedos as quantities, and their slopes (Q, P) by the numbers."""
     free, prior = [e for e in fitted.parameters if e.status != "fixed"], prior_of_fit(fitted)
-    rows = [Quantity(e.name, "fit", e.channel or "", e.value, 0.0, {}, e.unit or "1") for e in free]
+    rows = [Quantity(e.name, "fit", e.channel or "", e.value, 0.0, {}, e.unit or "1", group="fit") for e in free]
     made = albedos(prior, prior.p)
     places = [(t, c) for t in INCIDENCES for c in fitted.channels.names]
     rows += [
-        Quantity(FITTED_ALBEDO, f"θi {t:g}°", c, float(v), 0.0, {"theta_i": t})
+        Quantity(FITTED_ALBEDO, f"θi {t:g}°", c, float(v), 0.0, {"theta_i": t}, group="fit")
         for (t, c), v in zip(places, made.values, strict=True)
     ]
     return rows, np.concatenate([np.eye(len(free)), made.slopes])

@@ -6,48 +6,40 @@ All of them are linear in the readings, so that an error of the readings moves e
 import dataclasses
 import functools
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from gonio.checks.albedos import Albedos, hemispherical
-from gonio.checks.table.energy import STANDARD_UNCERTAINTIES, table_albedos
+from gonio.checks.table.energy import STANDARD_UNCERTAINTIES, albedos_by_side
 from gonio.data.flags import Flag
 from gonio.data.table import COPIED, Table
+from gonio.metrology.quantity import Quantity
+from gonio.metrology.standards.standard import StandardQuantity
+from gonio.metrology.standards.table_standards import TableStandards
 from gonio.models.errors import GonioError
 
+THROUGH = ("0:180",)
+"""Of what transmits: straight through."""
 NAMED = ("0:45", "45:0")
 """Geometries, theta_i:theta_o in degrees, that standards name: looked for in every table."""
 SAME = math.radians(0.1)
 """A direction was read where a reading is so near."""
+UNIFORM_THROUGH = "transmittance under uniform light"
 ALBEDO, UNIFORM, FACTOR = "albedo", "albedo under uniform light", "reflectance factor"
 TRANSMITTANCE, ABSORPTANCE, THROUGH_FACTOR = "transmittance", "absorptance", "transmittance factor"
+STANDARDS = {
+    ALBEDO: "CIE S 017, R(θi;2π)",
+    UNIFORM: "CIE S 017, R(2π;2π)",
+    TRANSMITTANCE: "CIE S 017, T(θi;2π)",
+    UNIFORM_THROUGH: "CIE S 017, T(2π;2π)",
+    FACTOR: "CIE 15:2018, single directions",
+    THROUGH_FACTOR: "CIE S 017, single directions",
+}
+"""Who names them so."""
 DIRECTIONAL = (ALBEDO, TRANSMITTANCE, ABSORPTANCE)
 """Quantities that are listed for each incidence."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Quantity:
-    """One number: what it is, where (in words and as angles in degrees), of which channel, and its value.
-
-    `bound`: how far it may be off by computing it (of a table: by what lies between and beyond the readings); infinite
-    where there is no such bound.
-    """
-
-    name: str
-    place: str
-    channel: str
-    value: float
-    bound: float
-    angles: dict[str, float] = dataclasses.field(default_factory=dict)
-    unit: str = "1"
-
-    def text(self, u: float) -> str:
-        """The value to two digits of an uncertainty u, or that this leaves nothing of it."""
-        if not u > 0:
-            return f"{self.value:.6g}"
-        return f"{round(self.value, 1 - math.floor(math.log10(u))):.6g}" if u < abs(self.value) else "not known"
 
 
 class Geometry(NamedTuple):
@@ -80,6 +72,11 @@ class Geometry(NamedTuple):
             return cls(text.strip(), theta_i, theta_o, math.radians(numbers[2] % 360))
         return cls(text.strip(), theta_i, theta_o, None if 0 in numbers[:2] else math.pi)
 
+    @property
+    def through(self) -> bool:
+        """Whether light and detector are on different sides."""
+        return (self.theta_i > math.pi / 2) != (self.theta_o > math.pi / 2)
+
     def cells(self, table: Table) -> np.ndarray:
         """Numbers of the cells with a valid reading there."""
         theta_i, phi_i, theta_o, phi_o = (np.asarray(a) for a in table.layout.angles())
@@ -100,6 +97,21 @@ class Readout(NamedTuple):
     noise: np.ndarray
 
 
+class Share(NamedTuple):
+    """Sides of light and detector, and which of the incidences (n,) have an albedo, or a transmittance, there."""
+
+    sides: tuple[int, int]
+    whole: np.ndarray
+
+    @property
+    def through(self) -> bool:
+        """Whether it is a transmittance."""
+        return self.sides[0] != self.sides[1]
+
+
+SidedAlbedos = Mapping[tuple[int, int], Albedos | str]
+
+
 @dataclasses.dataclass(frozen=True)
 class TableMeasurands:
     """The quantities of a table, which can be read out again of the same table with other values or uncertainties."""
@@ -107,48 +119,63 @@ class TableMeasurands:
     table: Table
     quantities: list[Quantity]
     factors: list[tuple[Geometry, np.ndarray]]
-    whole: np.ndarray
-    """Which incidences (n,) have an albedo."""
+    shares: list[Share]
     notes: list[str]
     base: Readout
     """Of the table as it is."""
+    albedos: SidedAlbedos
+    standards: TableStandards
 
     @classmethod
-    def of(cls, table: Table, geometries: Sequence[str] = ()) -> "TableMeasurands":
-        """The quantities of a table: those that can be computed, and reflectance factors at `NAMED` and `geometries`.
+    def of(
+        cls, table: Table, geometries: Sequence[str] = (), entries: Sequence[StandardQuantity] = ()
+    ) -> "TableMeasurands":
+        """The quantities of a table that can be computed: albedos, reflectance factors at `NAMED` and `geometries`, and
+        those of standards.
 
         Raises GonioError for a geometry of these that was not read.
         """
-        albedos, notes = table_albedos(table), []
-        whole = np.zeros(0, bool)
-        if isinstance(albedos, str):
-            notes.append(f"There is no albedo: {albedos}.")
-        else:
-            whole = ~albedos.partial & np.isfinite(albedos.value).all(axis=1)
-            if not whole.all():
-                unread = ", ".join(f"{t:.4g}°" for t in np.unique(np.degrees(albedos.theta_i[~whole]).round(6)))
-                notes.append(f"There is no albedo at θi {unread}: too little of the hemisphere was read.")
-        factors = _factors(table, geometries)
-        nothing = np.zeros(0)
-        made = cls(table, [], factors, whole, notes, Readout(nothing, nothing, nothing))
-        base, labels = made._parts(table, albedos), made._labels(albedos)
+        albedos = albedos_by_side(table)
+        shares, notes = _shares(albedos)
+        factors, nothing = _factors(table, geometries), np.zeros(0)
+        standards = TableStandards.of(table, entries, albedos)
+        made = cls(table, [], factors, shares, notes, Readout(nothing, nothing, nothing), albedos, standards)
+        base, labels = made._parts(table, albedos), made._labels()
         rows = [
-            Quantity(*label[:3], float(v), float(b), label[3])
-            for label, v, b in zip(labels, base.values, base.bounds, strict=True)
+            Quantity(
+                *label[:3], float(v), float(b), label[3], unit, STANDARDS.get(label[0], ""), group=group, u=float(u)
+            )
+            for (label, group, unit), v, b, u in zip(labels, *base, strict=True)
         ]
-        return dataclasses.replace(made, quantities=rows, base=base)
+        named = standards.rows
+        columns = zip(base, zip(*((q.value, q.bound, q.u) for q in named), strict=True), strict=True) if named else ()
+        base = Readout(*(np.concatenate(pair) for pair in columns)) if named else base
+        return dataclasses.replace(made, quantities=rows + named, base=base)
 
     def read_out(self, table: Table) -> Readout:
         """Values, bounds and noise of all quantities, of the same table with other f or u_f."""
-        return self._parts(table, table_albedos(table) if self.whole.any() else "")
+        albedos = albedos_by_side(table) if self.shares else self.albedos
+        parts = self._parts(table, albedos), self.standards.read_out(table, albedos)
+        return Readout(*(np.concatenate(pair) for pair in zip(*parts, strict=True)))
 
-    def _parts(self, table: Table, albedos: Albedos | str) -> Readout:
+    def scaled(self, table: Table, share: float | np.ndarray) -> np.ndarray:
+        """Change (Q,) of all quantities where the readings of each channel grow by a share, () or (C,)."""
+        f = np.asarray(table.f[...], float)
+        grown = dataclasses.replace(table, f=f * (1 + share))
+        if not np.any(share):
+            return np.zeros(self.base.values.size)
+        return self.read_out(grown).values - self.base.values
+
+    def _parts(self, table: Table, albedos: SidedAlbedos) -> Readout:
         parts = []
-        if not isinstance(albedos, str) and self.whole.any():
-            value, noise = albedos.value[self.whole], albedos.noise[self.whole]
-            bound = np.maximum(albedos.above, albedos.below)[self.whole] - STANDARD_UNCERTAINTIES * noise
+        for share in self.shares:
+            known = albedos[share.sides]
+            assert not isinstance(known, str)
+            value, bound, noise = _of_share(known, share)
             parts.append(Readout(value.ravel(), bound.ravel(), noise.ravel()))
-            parts.append(_uniform_light(albedos.theta_i[self.whole], value, bound, noise))
+            parts.append(_uniform_light(known.theta_i[share.whole], value, bound, noise))
+        for both in _both_ways(self.shares, albedos):
+            parts.append(_absorbed(*both))
         copied = COPIED in table.provenance
         for _, cells in self.factors:
             block = table.values_at(cells)
@@ -160,25 +187,92 @@ class TableMeasurands:
             return Readout(np.zeros(0), np.zeros(0), np.zeros(0))
         return Readout(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
-    def _labels(self, albedos: Albedos | str) -> list[tuple[str, str, str, dict[str, float]]]:
+    def _labels(self) -> "list[tuple[Label, str, str]]":
+        """What each quantity is called, its group and its unit, in the order of `_parts`."""
         names, labels = self.table.channels.names, []
-        if not isinstance(albedos, str) and self.whole.any():
-            theta, phi = (np.degrees(a[self.whole]).round(9).tolist() for a in (albedos.theta_i, albedos.phi_i))
-            turned = len(set(phi)) > 1
-            for t, p in zip(theta, phi, strict=True):
-                place = f"θi {t:.4g}°" + (f", φi {p:.4g}°" if turned else "")
-                labels += [(ALBEDO, place, c, {"theta_i": t} | ({"phi_i": p} if turned else {})) for c in names]
-            labels += [(UNIFORM, "", c, {}) for c in names]
+        for share in self.shares:
+            known = self.albedos[share.sides]
+            assert not isinstance(known, str)
+            group = "transmission" if share.through else "albedo"
+            name, uniform = (TRANSMITTANCE, UNIFORM_THROUGH) if share.through else (ALBEDO, UNIFORM)
+            labels += [(label, group, "1") for label in _incidences(name, known, share.whole, share.sides[0], names)]
+            behind = "" if share.sides[0] > 0 else "lit from behind"
+            labels += [((uniform, behind, c, {}), group, "1") for c in names]
+        for (known, whole), _ in _both_ways(self.shares, self.albedos):
+            rows = _incidences(ABSORPTANCE, known, whole, 1, names)
+            labels += [(label, "transmission", "1") for label in rows]
         for g, _ in self.factors:
             angles = {"theta_i": math.degrees(g.theta_i), "theta_o": math.degrees(g.theta_o)}
             angles |= {} if g.delta_phi is None else {"delta_phi": math.degrees(g.delta_phi)}
-            labels += [(FACTOR, g.text, c, {k: round(v, 9) for k, v in angles.items()}) for c in names]
+            name = THROUGH_FACTOR if g.through else FACTOR
+            group = "transmission" if g.through else "reflectance"
+            labels += [((name, g.text, c, {k: round(v, 9) for k, v in angles.items()}), group, "1") for c in names]
         return labels
+
+
+Label = tuple[str, str, str, dict[str, float]]
+"""Name, place, channel, angles in degrees."""
+
+
+def _shares(albedos: SidedAlbedos) -> tuple[list[Share], list[str]]:
+    """The sides of which there are albedos, and remarks on what there is none of."""
+    shares, notes = [], []
+    for sides, known in albedos.items():
+        what = TRANSMITTANCE if sides[0] != sides[1] else ALBEDO
+        if isinstance(known, str):
+            notes.append(f"There is no {what}: {known}.")
+            continue
+        whole = ~known.partial & np.isfinite(known.value).all(axis=1)
+        if whole.any():
+            shares.append(Share(sides, whole))
+        if not whole.all():
+            unread = ", ".join(f"{t:.4g}°" for t in np.unique(np.degrees(known.theta_i[~whole]).round(6)))
+            notes.append(f"There is no {what} at θi {unread}: too little of the hemisphere was read.")
+    return shares, notes
+
+
+def _of_share(known: Albedos, share: Share) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values, bounds and noise (n, C) of the incidences that have an albedo."""
+    value, noise = known.value[share.whole], known.noise[share.whole]
+    return value, np.maximum(known.above, known.below)[share.whole] - STANDARD_UNCERTAINTIES * noise, noise
+
+
+def _incidences(name: str, known: Albedos, whole: np.ndarray, light: int, channels: Sequence[str]) -> list[Label]:
+    theta, phi = (np.degrees(a[whole]).round(9).tolist() for a in (known.theta_i, known.phi_i))
+    turned, labels = len(set(phi)) > 1, []
+    for t, p in zip(theta, phi, strict=True):
+        t = t if light > 0 else 180.0 - t
+        place = f"θi {t:.4g}°" + (f", φi {p:.4g}°" if turned else "")
+        labels += [(name, place, c, {"theta_i": t} | ({"phi_i": p} if turned else {})) for c in channels]
+    return labels
+
+
+WithWhole = tuple[Albedos, np.ndarray]
+
+
+def _both_ways(shares: list[Share], albedos: SidedAlbedos) -> list[tuple[WithWhole, WithWhole]]:
+    """(reflectance, transmittance) of light in front where both have the same incidences, each with those that are
+    whole in both."""
+    whole = {s.sides: s.whole for s in shares}
+    r, t = (albedos.get(sides, "") for sides in ((1, 1), (1, -1)))
+    if isinstance(r, str) or isinstance(t, str) or not {(1, 1), (1, -1)} <= whole.keys():
+        return []
+    same = r.theta_i.shape == t.theta_i.shape and np.allclose(
+        [r.theta_i, r.phi_i], [t.theta_i, t.phi_i], rtol=0, atol=1e-6
+    )
+    both = whole[1, 1] & whole[1, -1] if same else np.zeros(0, bool)
+    return [((r, both), (t, both))] if both.any() else []
+
+
+def _absorbed(r: WithWhole, t: WithWhole) -> Readout:
+    """What is neither reflected nor transmitted."""
+    (a, b, n), (c, d, m) = (_of_share(known, Share((1, 1), whole)) for known, whole in (r, t))
+    return Readout((1 - a - c).ravel(), (b + d).ravel(), np.hypot(n, m).ravel())
 
 
 def _factors(table: Table, geometries: Sequence[str]) -> list[tuple[Geometry, np.ndarray]]:
     factors = []
-    for text in dict.fromkeys([*NAMED, *geometries]):
+    for text in dict.fromkeys([*NAMED, *THROUGH, *geometries]):
         geometry = Geometry.of(text)
         cells = geometry.cells(table)
         if cells.size:
@@ -215,10 +309,3 @@ def _uniform_light(theta: np.ndarray, value: np.ndarray, bound: np.ndarray, nois
         step[k] = noise[k]
         variance += (of_values(value + step)[0] - total) ** 2
     return Readout(total, missed, np.sqrt(variance))
-
-
-def to_row(quantity: Quantity) -> dict[str, Any]:
-    """A quantity as plain data."""
-    angles = {f"{name}_deg": angle for name, angle in quantity.angles.items()}
-    row = {"name": quantity.name, "place": quantity.place, "channel": quantity.channel, **angles}
-    return row | {"value": quantity.value, "bound": quantity.bound, "unit": quantity.unit}

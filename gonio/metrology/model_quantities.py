@@ -7,26 +7,27 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from gonio.data.material import Material
-from gonio.metrology.haze import haze_by_angle, haze_of_sphere
 from gonio.metrology.measurands import (
     ABSORPTANCE,
     ALBEDO,
     FACTOR,
     NAMED,
+    STANDARDS,
+    THROUGH,
     THROUGH_FACTOR,
     TRANSMITTANCE,
     UNIFORM,
+    UNIFORM_THROUGH,
     Geometry,
-    Quantity,
 )
+from gonio.metrology.quantity import Quantity
 from gonio.models.albedo import Estimate
 from gonio.models.geometry.sides import Hemispheres
 
 INCIDENCES = tuple(range(0, 90, 5))
 """Degrees."""
-THROUGH = ("0:180",)
-"""Geometries of a material that transmits: straight through."""
 NODES = 16
+GROUPS = {ALBEDO: "albedo", UNIFORM: "albedo", FACTOR: "reflectance"}
 AZIMUTHS = (0.0, 45.0, 90.0, 135.0)
 """Degrees, of the light over an anisotropic model."""
 
@@ -35,7 +36,7 @@ def model_quantities(material: Material, geometries: Sequence[str]) -> list[Quan
     """Directional albedos, the albedo under uniform light, and reflectance factors at named `NAMED` and others.
 
     Of an anisotropic model the light comes from the azimuth 0; under uniform light from all. Of one that transmits also
-    transmittances, what is absorbed, haze at normal incidence, and transmittance factors π f_t with f_t |cosθo|.
+    transmittances, what is absorbed, and transmittance factors π f_t with f_t |cosθo|.
     """
     transmits = Hemispheres.TRANSMISSION in material.brdf.hemispheres
     shares = {ALBEDO: material.albedo(INCIDENCES, degrees=True)}
@@ -49,9 +50,7 @@ def model_quantities(material: Material, geometries: Sequence[str]) -> list[Quan
     rows += _by_channel(material, UNIFORM, "", *_uniform_light(material, material.albedo))
     if transmits:
         through = _uniform_light(material, material.transmittance)
-        rows += _by_channel(material, "transmittance under uniform light", "", *through)
-        rows += _by_channel(material, "haze beyond 2.5°", "θi 0°", *haze_by_angle(material), {"theta_i": 0})
-        rows += _by_channel(material, "haze of a sphere", "θi 0°", *haze_of_sphere(material), {"theta_i": 0})
+        rows += _by_channel(material, UNIFORM_THROUGH, "", *through)
     for text in dict.fromkeys([*NAMED, *(THROUGH if transmits else ()), *geometries]):
         rows += _factor(material, Geometry.of(text))
     return rows
@@ -64,9 +63,8 @@ def _factor(material: Material, g: Geometry) -> list[Quantity]:
     angles |= {} if g.delta_phi is None else {"delta_phi": math.degrees(turn)}
     angles = {name: round(angle, 9) for name, angle in angles.items()}
     f = material.f(g.theta_i, 0.0, g.theta_o, turn)
-    through = (g.theta_i > math.pi / 2) != (g.theta_o > math.pi / 2)
-    rows = _by_channel(material, THROUGH_FACTOR if through else FACTOR, g.text, np.pi * f, 0 * f, angles)
-    if through:
+    rows = _by_channel(material, THROUGH_FACTOR if g.through else FACTOR, g.text, np.pi * f, 0 * f, angles)
+    if g.through:
         scattered = f * abs(math.cos(g.theta_o))
         rows += [
             dataclasses.replace(row, unit="1/sr")
@@ -84,7 +82,11 @@ def _by_channel(
     angles: dict[str, float] | None = None,
 ) -> list[Quantity]:
     columns = zip(material.channels.names, value, bound, strict=True)
-    return [Quantity(name, place, c, float(v), float(b), dict(angles or {})) for c, v, b in columns]
+    group, standard = GROUPS.get(name, "transmission"), STANDARDS.get(name, "")
+    return [
+        Quantity(name, place, c, float(v), float(b), dict(angles or {}), standard=standard, group=group)
+        for c, v, b in columns
+    ]
 
 
 def _uniform_light(material: Material, share: Callable[..., Estimate]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,11 +1,13 @@
 """What is stated of polished surfaces: the specular reflectance, the scattered share, the roughness of a band."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from gonio.data.material import Material
-from gonio.metrology.measurands import Quantity
+from gonio.metrology.quantity import Quantity
 from gonio.models.brdf import terms
 from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.surface_scatter.rayleigh_rice import RayleighRice, total_integrated_scatter
@@ -46,4 +48,4 @@ def polished_quantities(material: Material) -> list[Quantity]:
         Quantity("rms height, µm", "up to 1/λ", name, float(h), 0.0, unit="µm")
         for name, h in zip(names, heights, strict=True)
     ]
-    return rows
+    return [dataclasses.replace(row, group="scatter") for row in rows]

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
+import numpy as np
+
 from gonio.data.material import Material
-from gonio.data.reflection_only import require_reflection
 from gonio.data.serialise import finite
-from gonio.data.subject import SubjectLike, load_material, resolve_subject
+from gonio.data.subject import Subject, SubjectLike, load_material, resolve_subject
 from gonio.data.table import Table
 from gonio.fitting.fit_table import fit
 from gonio.fitting.result import FitResult
@@ -18,15 +19,22 @@ from gonio.instrument.instrument import Instrument
 from gonio.metrology.budget import Budget, joined
 from gonio.metrology.effects import Readings
 from gonio.metrology.fit_budget import fit_budget, fit_errors, outputs_of
-from gonio.metrology.measurands import Quantity, TableMeasurands, to_row
+from gonio.metrology.measurands import TableMeasurands
 from gonio.metrology.model_quantities import model_quantities
 from gonio.metrology.monte_carlo import Simulation, require_draws, simulated
 from gonio.metrology.polished_quantities import polished_quantities
+from gonio.metrology.quantity import Quantity, to_row
 from gonio.metrology.sources import sources_of
+from gonio.metrology.standards.catalog import Wanted, standard_quantities
+from gonio.metrology.standards.colour import ILLUMINANTS, LAB, Viewing
+from gonio.metrology.standards.evaluation import Undecided
+from gonio.metrology.standards.of_models import of_model
+from gonio.metrology.standards.reflectance import PORT
 from gonio.metrology.table_budget import table_budget
 from gonio.models.deprecation import settings_of
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
+from gonio.models.geometry.sides import FRONT, Hemispheres
 
 MOST_SHOWN = 8
 FitLike = FitResult | Material | str | os.PathLike[str]
@@ -40,6 +48,12 @@ class QuantitiesOptions(TypedDict, total=False):
     instrument: Instrument | None
     uncertainty: Mapping[str, object]
     geometries: Sequence[str]
+    only: Sequence[str]
+    port: float
+    illuminants: Sequence[str]
+    observer: int
+    linear_srgb: bool
+    against: SubjectLike | None
     monte_carlo: int
     seed: int
     name: str | None
@@ -54,6 +68,12 @@ class QuantitiesSettings:
     instrument: Instrument | None = None
     uncertainty: Mapping[str, object] = dataclasses.field(default_factory=dict)
     geometries: Sequence[str] = ()
+    only: Sequence[str] = ()
+    port: float = PORT
+    illuminants: Sequence[str] = ILLUMINANTS
+    observer: int = 10
+    linear_srgb: bool = False
+    against: SubjectLike | None = None
     monte_carlo: int = 0
     seed: int = 0
     name: str | None = None
@@ -66,10 +86,29 @@ class QuantitiesSettings:
             if not self.budget:
                 raise GonioError("Monte Carlo checks a budget; ask for the budget too")
 
+    def wanted(self) -> Wanted:
+        """Which quantities of standards, and how; raises GonioError for groups, ports and viewing that are none."""
+        viewing = Viewing(tuple(self.illuminants), self.observer, self.linear_srgb)
+        wanted = Wanted(tuple(self.only), self.port, viewing)
+        if self.against is None:
+            return wanted
+        colour = dataclasses.replace(wanted, groups=("colour",))
+        rows = _quantities(resolve_subject(self.against), QuantitiesSettings(name="the other"), colour).quantities
+        lab: dict[str, list[float]] = {}
+        for q in rows:
+            if q.name in LAB:
+                lab.setdefault(q.place, []).append(q.value)
+        if not lab:
+            raise GonioError("what differences are taken against has no colour: it needs a spectrum, 400 to 700 nm")
+        return dataclasses.replace(wanted, against={place: np.array(v) for place, v in lab.items()})
+
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Quantities(Displayed):
-    """The quantities of a subject (`kind`: table or model), their budget if it was asked for, and remarks."""
+    """The quantities of a subject (`kind`: table or model), their budget if it was asked for, and remarks.
+
+    `undecided`: what standards name and the data do not reach, with the reasons.
+    """
 
     subject: str
     kind: str
@@ -77,14 +116,14 @@ class Quantities(Displayed):
     budget: Budget | None = None
     notes: list[str] = dataclasses.field(default_factory=list)
     fitted: FitResult | None = dataclasses.field(default=None, repr=False)
+    undecided: list[Undecided] = dataclasses.field(default_factory=list)
 
     def facts(self) -> dict[str, str]:
         """The first quantities with their standard uncertainties."""
         rows = {}
         for k, q in enumerate(self.quantities[:MOST_SHOWN]):
-            u, known = "", q.text(q.bound)
-            if self.budget is not None:
-                u, known = f" ± {self.budget.standard[k]:.2g}", q.text(float(self.budget.standard[k]))
+            size = q.uncertainty if self.budget is None else float(self.budget.standard[k])
+            u, known = f" ± {size:.2g}" if size else "", q.text(size)
             rows[" ".join(filter(None, (q.name, q.place, q.channel)))] = f"{known}{u}"
         more = len(self.quantities) - MOST_SHOWN
         return {self.kind: self.subject, **rows} | ({"…": f"{more} more"} if more > 0 else {})
@@ -98,6 +137,7 @@ class Quantities(Displayed):
             for row, *values in zip(rows, *columns, strict=True):
                 row |= dict(zip(keys, map(float, values), strict=True))
         content = {"gonio_quantities": 1, "subject": self.subject, "kind": self.kind, "quantities": rows}
+        content["undecided"] = [u._asdict() for u in self.undecided]
         return finite(content | {"budget": self.budget and self.budget.to_dict(), "notes": self.notes})
 
     def to_json(self) -> str:
@@ -120,6 +160,12 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
             they go before the instrument's.
         geometries: more reflectance factors, as theta_i:theta_o:delta_phi in degrees ("30:30:180" is the mirror
             direction); of a table they have to be read there.
+        only: groups of standards' quantities, see `gonio.metrology.standards.catalog.GROUPS`; all by default.
+        port: half-angle, degrees, about the mirror direction, of what "8°:de" leaves out.
+        illuminants: of colours, "D65" and "A".
+        observer: its field, 10 or 2 degrees.
+        linear_srgb: R, G, B are linear sRGB, and have a colour by that.
+        against: another subject, from whose colours CIEDE2000 is taken; its own uncertainty is not in that.
         monte_carlo: draws of all errors at once, from their distributions and by the whole formula of a reading, which
             show whether the linear budget holds; 0 for none, at least 100.
         seed: of these draws.
@@ -133,24 +179,28 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
             unknown.
     """
     settings = settings_of(QuantitiesSettings, "quantities", options)
-    known = resolve_subject(subject)
+    return _quantities(resolve_subject(subject), settings, settings.wanted())
+
+
+def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) -> Quantities:
     name = settings.name or known.name
     if known.table is None:
         if settings.budget or settings.fit is not None:
             raise GonioError(f"{name} is a model: budgets and fits are of readings; give the table itself")
-        material = known.as_material()
-        rows = model_quantities(material, settings.geometries) + polished_quantities(material)
-        return Quantities(name, "model", rows, notes=list(material.brdf.validity_notes))
+        return _of_model(known.as_material(), name, settings, wanted)
     table = known.table
     if table.interpolant is None and not table.valid_cells().size:
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
-    require_reflection(table, name, "the list of quantities")
-    measurands = TableMeasurands.of(table, settings.geometries)
-    notes = [*table.provenance.get("warnings", []), *measurands.notes]
+    entries, remarks = standard_quantities(table.channels, wanted, table.sides != FRONT)
+    measurands = TableMeasurands.of(table, settings.geometries, entries)
+    notes, undecided = (
+        [*table.provenance.get("warnings", []), *measurands.notes, *remarks],
+        measurands.standards.undecided,
+    )
     fitted = None if settings.fit is None else _fitted(table, settings.fit)
     if not settings.budget:
         rows = [] if fitted is None else outputs_of(fitted)[0]
-        return Quantities(name, "table", measurands.quantities + rows, None, notes, fitted)
+        return Quantities(name, "table", measurands.quantities + rows, None, notes, fitted, undecided)
     _require_readings(table)
     sources = sources_of(table, settings.instrument, settings.uncertainty)
     model = None if fitted is None else fitted.brdf
@@ -164,7 +214,15 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
             Simulation(measurands, readings, sources, of_fit), budget, settings.monte_carlo, settings.seed
         )
         budget = dataclasses.replace(budget, simulated=draws)
-    return Quantities(name, "table", rows, budget, notes, fitted)
+    return Quantities(name, "table", rows, budget, notes, fitted, undecided)
+
+
+def _of_model(material: Material, name: str, settings: QuantitiesSettings, wanted: Wanted) -> Quantities:
+    transmits = Hemispheres.TRANSMISSION in material.brdf.hemispheres
+    entries, notes = standard_quantities(material.channels, wanted, transmits)
+    named, undecided, remarks = of_model(material, entries)
+    rows = model_quantities(material, settings.geometries) + polished_quantities(material) + named
+    return Quantities(name, "model", rows, notes=notes + remarks, undecided=undecided)
 
 
 def _fitted(table: Table, given: FitLike) -> FitResult:

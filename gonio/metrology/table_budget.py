@@ -33,11 +33,11 @@ def table_budget(measurands: TableMeasurands, readings: Readings, sources: Sourc
         missing[APERTURE] = aperture
     elif aperture.any():
         rows.append(of_apertures(measurands.read_out(readings.moved(aperture)).values - base.values))
-    if (edge := edge_loss(table, [q.channel for q in measurands.quantities])).any():
-        rows.append(of_edge_loss(edge / (1 - edge) * base.values))
+    if (edge := edge_loss(table, list(table.channels.names))).any():
+        rows.append(of_edge_loss(measurands.scaled(table, edge / (1 - edge))))
     for name, source in sources.acting.items():
         if TERMS[name].acts == "factor":
-            rows.append(shared(source, source.stated.standard * base.values))
+            rows.append(shared(source, measurands.scaled(table, source.stated.standard)))
         elif (shift := readings.shift(name, source.stated.standard)) is None:
             missing[name] = NO_SLOPES
         else:

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from gonio.metrology.budget import Budget, Contribution
-from gonio.metrology.measurands import ALBEDO, Quantity
+from gonio.metrology.measurands import ALBEDO
 from gonio.metrology.quantities import Quantities, quantities
+from gonio.metrology.quantity import Quantity
 from gonio.metrology.sources import sources_of
 from gonio.models.errors import GonioError
 from gonio.models.geometry.sides import FRONT

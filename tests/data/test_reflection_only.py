@@ -25,7 +25,6 @@ def table():
         lambda table, path: gonio.convert(SHEET, path / "t.bsdf"),
         lambda table, path: gonio.reduce(table, "matte_room"),
         lambda table, path: gonio.repair(table),
-        lambda table, path: gonio.quantities(table),
         lambda table, path: gonio.adapt(SHEET, target=0.05, output=path / "t.h5"),
         lambda table, path: gonio.plan(SHEET, budget=3600.0),
     ],

@@ -26,16 +26,31 @@ def two_sided_albedos(table: Table, of_part: Callable[[Table, float], Albedos | 
         The albedos with their `shares`, or why there are none of any part.
     """
     shares: dict[int, dict[str, Albedos]] = {1: {}, -1: {}}
-    front, behind = (float(np.mean(n)) for n in table.media)
-    reasons, index = [], {1: front, -1: behind}
-    for (light, detector), part in table.parts().items():
-        albedos = of_part(part, index[light] / index[detector]) if part.valid_cells().size else "it holds no reading"
+    reasons = []
+    for (light, detector), albedos in albedos_of_parts(table, of_part).items():
         if isinstance(albedos, str):
             reasons.append(albedos)
         else:
             shares[light][REFLECTED if light == detector else TRANSMITTED] = albedos
     lit = [_of_light(of_side, light) for light, of_side in shares.items() if of_side]
     return _concatenated(lit) if lit else reasons[0]
+
+
+def albedos_of_parts(
+    table: Table, of_part: Callable[[Table, float], Albedos | str]
+) -> dict[tuple[int, int], Albedos | str]:
+    """Those of each part, or why there are none, by the sides of light and detector; angles from the light's normal.
+
+    `of_part` as of `two_sided_albedos`.
+    """
+    front, behind = (float(np.mean(n)) for n in table.media)
+    index = {1: front, -1: behind}
+    return {
+        (light, detector): of_part(part, index[light] / index[detector])
+        if part.valid_cells().size
+        else "it holds no reading"
+        for (light, detector), part in table.parts().items()
+    }
 
 
 def _of_light(shares: dict[str, Albedos], light: int) -> Albedos:

@@ -1,5 +1,6 @@
 """Checks of a sheet's BSDF in patches, a file of windows: its hemispherical values, and its exchanged directions."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -31,6 +32,24 @@ def sheet_albedos(bsdf: SheetBSDF, channels: Sequence[str]) -> Albedos:
     return Albedos(
         theta, phi, total, nothing, nothing, method, (), nothing, never, np.full(len(total), np.nan), never, known
     )
+
+
+def sheet_albedos_by_side(bsdf: SheetBSDF, channels: Sequence[str]) -> dict[tuple[int, int], Albedos | str]:
+    """Reflectances and transmittances apart, by the sides of light and detector, of the blocks that the file has."""
+    total, made = sheet_albedos(bsdf, channels), {}
+    for light, lit in ((1, total.theta_i < np.pi / 2), (-1, total.theta_i > np.pi / 2)):
+        for name, detector in ((REFLECTED, light), (TRANSMITTED, -light)):
+            share = total.shares.get(name, np.full(total.value.shape, np.nan))[lit]
+            known = np.isfinite(share).all(axis=1)
+            if known.any():
+                theta = np.minimum(total.theta_i, np.pi - total.theta_i)[lit][known]
+                nothing, never = np.zeros(share[known].shape), np.zeros(theta.size, bool)
+                made[light, detector] = dataclasses.replace(
+                    total, theta_i=theta, phi_i=total.phi_i[lit][known], value=share[known], above=nothing,
+                    below=nothing, noise=nothing, unseen=never, partial=never, shares={},
+                    step_needed=np.full(theta.size, np.nan),
+                )  # fmt: skip
+    return made
 
 
 def _left_out(bsdf: SheetBSDF, channels: Sequence[str]) -> str:

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from gonio.data.subject import load_material
-from gonio.metrology.haze import haze_by_angle, haze_of_sphere
 from gonio.metrology.quantities import quantities
+from gonio.metrology.standards.haze import haze
+from gonio.metrology.standards.of_models import of_model
 from gonio.models.errors import GonioError
 
 
@@ -13,14 +14,17 @@ from gonio.models.errors import GonioError
 def test_haze_of_a_cosine_power(n):
     """By angle cos^(n+2) 2.5° [ORACLES]; of a sphere, rays from a disc of 2.7° against a port of 4°."""
     diffuser = load_material(f"cosine_power_transmission(tau=[0.8, 0.4], n={n})")
-    value, bound = haze_by_angle(diffuser)
-    np.testing.assert_allclose(value, np.cos(np.radians(2.5)) ** (n + 2), atol=1e-8)
-    assert np.all(bound < 1e-8)
+    by_angle, sphere = (
+        [q for q in of_model(diffuser, haze())[0] if q.name == name]
+        for name in ("haze beyond 2.5°", "haze of a sphere")
+    )
+    assert [q.value for q in by_angle] == pytest.approx(2 * [np.cos(np.radians(2.5)) ** (n + 2)], abs=1e-6)
+    assert all(q.bound < 5e-6 for q in by_angle)
     u, rays = np.random.default_rng(0).random((4, 400_000)), 400_000
     angle, start = np.arccos(u[0] ** (1 / (n + 2))), np.radians(2.7) * np.sqrt(u[1])
     meets = start**2 + angle**2 + 2 * start * angle * np.cos(2 * np.pi * u[2]) < np.radians(4.0) ** 2
     expected = 1 - meets.mean()
-    assert haze_of_sphere(diffuser)[0][0] == pytest.approx(expected, abs=5 * np.sqrt(expected / rays))
+    assert sphere[0].value == pytest.approx(expected, abs=5 * np.sqrt(expected / rays))
 
 
 def test_quantities_of_a_sheet():
@@ -33,6 +37,6 @@ def test_quantities_of_a_sheet():
     assert by_name["transmittance factor", "0:180"] == pytest.approx(0.4)
     assert by_name["transmittance factor", "30:150:90"] == pytest.approx(0.4)
     assert by_name["scattering function f cosθo", "30:150:90"] == pytest.approx(0.4 / np.pi * np.sqrt(0.75))
-    assert by_name["haze beyond 2.5°", "θi 0°"] == pytest.approx(np.cos(np.radians(2.5)) ** 2, abs=1e-9)
+    assert by_name["haze beyond 2.5°", "θi 0°"] == pytest.approx(np.cos(np.radians(2.5)) ** 2, abs=1e-6)
     with pytest.raises(GonioError, match="no geometry"):
         quantities("thin_sheet(rho=0.3, tau=0.4)", geometries=["30:90"])

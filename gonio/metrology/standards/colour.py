@@ -1,0 +1,158 @@
+"""Colour of spectra: tristimulus values, L*a*b* and CIEDE2000 [CIE 15:2018]; the CIE's data are colour-science's."""
+
+import dataclasses
+import functools
+import importlib.util
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from gonio.data.channels import Channels
+from gonio.fitting.residuals.colour_difference import LINEAR_SRGB, ciede2000, to_lab
+from gonio.metrology.standards.standard import StandardQuantity
+from gonio.models.errors import GonioError
+
+OBSERVERS = {10: "CIE 1964 10 Degree Standard Observer", 2: "CIE 1931 2 Degree Standard Observer"}
+ILLUMINANTS = ("D65", "A")
+ENDS, WIDEST = (400.0, 700.0), 20.0
+"""nm: the range that a spectrum has to cover, beyond which its ends are held [ASTM E308], and its widest step."""
+LAB = ("L*", "a*", "b*")
+NAMES = ("X", "Y", "Z", *LAB)
+PACKAGE = "colour needs the package colour-science: pip install 'gonio[colour]'"
+
+
+@dataclasses.dataclass(frozen=True)
+class Viewing:
+    """How colours are seen: illuminants, the observer's field in degrees, and whether R, G, B are linear sRGB."""
+
+    illuminants: tuple[str, ...] = ILLUMINANTS
+    observer: int = 10
+    linear_srgb: bool = False
+
+    def __post_init__(self) -> None:
+        for name in self.illuminants:
+            if name not in ILLUMINANTS:
+                raise GonioError(f"the illuminant is {name!r}; give {' or '.join(ILLUMINANTS)}")
+        if self.observer not in OBSERVERS:
+            raise GonioError(f"the observer is {self.observer}; give 10 or 2 (degrees)")
+
+
+@dataclasses.dataclass(frozen=True)
+class Weights:
+    """Matrices (3, C) from values of the channels to X, Y, Z with the perfect diffuser at Y = 100, by two ways."""
+
+    label: str
+    fine: np.ndarray
+    rough: np.ndarray
+
+    @property
+    def white(self) -> np.ndarray:
+        """X, Y, Z of the perfect diffuser."""
+        return self.fine.sum(axis=1)
+
+
+def no_colour(channels: Channels, viewing: Viewing) -> str | None:
+    """Why there is no colour of these channels; None where there is."""
+    if channels.wavelengths_nm is None:
+        if channels.names == ("R", "G", "B"):
+            return None if viewing.linear_srgb else "R, G, B are no spectrum; say --linear-srgb where they are that"
+        return "it has no spectrum"
+    nm = np.sort(channels.wavelengths_nm)
+    if nm[0] > ENDS[0] or nm[-1] < ENDS[1] or np.max(np.diff(nm), initial=0.0) > WIDEST:
+        wanted = f"{ENDS[0]:g} to {ENDS[1]:g} nm in steps of at most {WIDEST:g} nm"
+        return f"its {nm.size} wavelengths, {nm[0]:g} to {nm[-1]:g} nm, are not {wanted}"
+    return None if importlib.util.find_spec("colour") else PACKAGE
+
+
+def weights_of(channels: Channels, viewing: Viewing) -> list[Weights]:
+    """The matrices of channels that have a colour, for each illuminant; of linear sRGB for its own alone."""
+    if channels.wavelengths_nm is None:
+        return [Weights("D65/2°, from linear sRGB", 100 * LINEAR_SRGB, 100 * LINEAR_SRGB)]
+    nm = np.asarray(channels.wavelengths_nm)
+    order = np.argsort(nm)
+    made = []
+    for name in viewing.illuminants:
+        nodes, density = spectral_weights(name, viewing.observer)
+        inside = np.clip(nodes, nm[order][0], nm[order][-1])
+        spline = CubicSpline(nm[order], np.eye(nm.size), bc_type="natural")(inside)
+        straight = np.stack([np.interp(inside, nm[order], row) for row in np.eye(nm.size)], axis=1)
+        fine, rough = (np.zeros((3, nm.size)) for _ in range(2))
+        fine[:, order], rough[:, order] = density @ spline, density @ straight
+        made.append(Weights(f"{name}/{viewing.observer}°", fine, rough))
+    return made
+
+
+@functools.cache
+def spectral_weights(illuminant: str, observer: int) -> tuple[np.ndarray, np.ndarray]:
+    """(wavelengths (n,), nm, weights (3, n)) of X, Y, Z: illuminant times colour-matching functions, ΣY = 100."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what this package says of its other parts
+        import colour
+    functions = colour.MSDS_CMFS[OBSERVERS[observer]]
+    light = colour.SDS_ILLUMINANTS[illuminant]
+    nodes = np.arange(360.0, 781.0)
+    curves = np.stack([np.interp(nodes, functions.wavelengths, c) for c in np.asarray(functions.values).T])
+    density = curves * np.interp(nodes, light.wavelengths, light.values)
+    return nodes, 100 * density / density[1].sum()
+
+
+def colours(
+    places: list[StandardQuantity], weights: list[Weights], against: dict[str, np.ndarray] | None
+) -> list[StandardQuantity]:
+    """X, Y, Z, L*, a*, b* at the geometries of reflectance factors, and CIEDE2000 from others' L*a*b*.
+
+    Args:
+        places: reflectance factors, of the channels.
+        weights: of the channels, by illuminant.
+        against: L*a*b* (3,) of another subject, by the geometry's name and the label of the weights.
+    """
+    made = []
+    for factor in places:
+        for w in weights:
+            for k, name in enumerate(NAMES):
+                made.append(_value(factor, w, name, functools.partial(_component, factor, k)))
+            reference = (against or {}).get(f"{factor.name} {w.label}")
+            if reference is not None:
+                made.append(_value(factor, w, "ΔE00", functools.partial(_difference, factor, reference)))
+    return made
+
+
+def _value(
+    factor: StandardQuantity, w: Weights, name: str, of: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+) -> StandardQuantity:
+    standard = "CIE 15:2018" if name != "ΔE00" else "ISO/CIE 11664-6"
+    return StandardQuantity(
+        name, standard, f"{w.label}; {factor.name}: {factor.geometry}", "colour", factor.integrals,
+        functools.partial(of, w.fine, w.white), functools.partial(of, w.rough, w.white), True, 10.0,
+        place=f"{factor.name} {w.label}",
+    )  # fmt: skip
+
+
+def _component(
+    factor: StandardQuantity, k: int, matrix: np.ndarray, white: np.ndarray, values: np.ndarray
+) -> np.ndarray:
+    xyz = matrix @ factor.combine(values)
+    return xyz[k] if k < 3 else to_lab(xyz[None], white)[0, k - 3]
+
+
+def _difference(
+    factor: StandardQuantity, reference: np.ndarray, matrix: np.ndarray, white: np.ndarray, values: np.ndarray
+) -> np.ndarray:
+    lab = to_lab((matrix @ factor.combine(values))[None], white)
+    return ciede2000(lab, reference[None])[0]
+
+
+def flop(factors: list[StandardQuantity], w: Weights) -> StandardQuantity:
+    """Flop index 2.69 (L*15 − L*110)^1.11 / L*45^0.86 [Alman 1987] of the multi-angle set (15, 45, 110)."""
+
+    def index(matrix: np.ndarray, values: np.ndarray) -> np.ndarray:
+        near, middle, far = to_lab(values @ matrix.T, w.white)[:, 0]
+        return 2.69 * np.maximum(near - far, 0.0) ** 1.11 / middle**0.86
+
+    return StandardQuantity(
+        "flop index", "Alman 1987", f"{w.label}; L* at 45°:as15°, as45°, as110°", "multi-angle",
+        tuple(f.integrals[0] for f in factors), functools.partial(index, w.fine), functools.partial(index, w.rough),
+        True, 1.0, place=w.label,
+    )  # fmt: skip

@@ -1,0 +1,356 @@
+"""Integrals of a table's readings: of a grid by interpolation, with a bound on what lies between its nodes.
+
+Each integral is a sum of readings with fixed weights, so that other readings of the same cells, moved by an error or
+with other noise, give it again at no cost.
+"""
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gonio.checks.albedos import Albedos
+from gonio.checks.grid_resolution import LARGEST
+from gonio.checks.table.energy import STANDARD_UNCERTAINTIES, mirror_reach
+from gonio.data.flags import Flag
+from gonio.data.interpolation.coverage import grid_coordinates, on_grid
+from gonio.data.interpolation.multilinear import interpolation_axis
+from gonio.data.layouts import Layout
+from gonio.data.table import Table
+from gonio.metrology.standards.apertures import Rule, joined
+from gonio.metrology.standards.evaluation import Integrals
+from gonio.metrology.standards.standard import Aperture, Hemisphere, Integral
+
+SAME = math.radians(0.1)
+"""A direction was read where a reading is so near."""
+BEYOND = 0.5
+"""Steps of a grid within its innermost polar angle that interpolation reaches."""
+FLOOR = 1e-3
+"""Share of the mean f of an integral below which no structure is looked for."""
+NOISE = 2 * 1.22
+"""Standard uncertainties by which the mean of two neighbours may differ from a reading without a structure."""
+WITHIN = 2.0
+"""How much more f may be bent within a cell than at its nodes: of GGX lobes of two steps' width up to 1.7 times."""
+NO_GRID = "the readings are on no grid: a fit of them has it (gonio fit, then gonio quantities FIT.toml)"
+SidedAlbedos = Mapping[tuple[int, int], Albedos | str]
+
+
+class Row(NamedTuple):
+    """Numbers of cells of the table and the weights of their readings; `bound` (C,) on what lies between them."""
+
+    cells: np.ndarray
+    weight: np.ndarray
+    bound: np.ndarray
+
+
+class Incidences(NamedTuple):
+    """Sides, numbers of albedos and their weights; `bend` (C,): bound of what lies between the incidences."""
+
+    sides: tuple[int, int]
+    numbers: np.ndarray
+    weight: np.ndarray
+    bend: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class TableIntegrals:
+    """J integrals of a table, each a `Row` or `Incidences`, or why it is not known."""
+
+    rows: list[Row | Incidences | str]
+    channels: int
+
+    @classmethod
+    def of(cls, table: Table, integrals: Sequence[Integral], albedos: SidedAlbedos) -> "TableIntegrals":
+        """Those of a table, whose albedos are known."""
+        rows: dict[Integral, Row | Incidences | str] = {}
+        for detector in (1, -1):
+            there = [i for i in integrals if isinstance(i, Aperture) and detector * float(i.fine.wo.z[0]) > 0]
+            part = Part.of(table, detector) if there else ""
+            rows |= dict.fromkeys(there, part) if isinstance(part, str) else part.rows(there)
+        rows |= {i: _incidences(i, albedos) for i in integrals if isinstance(i, Hemisphere)}
+        return cls([rows[i] for i in integrals], len(table.channels))
+
+    def known(self, table: Table, albedos: SidedAlbedos) -> Integrals:
+        """Values and bounds of the same cells of a table with these or other readings."""
+        values, bounds = (np.zeros((len(self.rows), self.channels)) for _ in range(2))
+        unknown = {}
+        for j, row in enumerate(self.rows):
+            if isinstance(row, str):
+                unknown[j] = row
+            elif isinstance(row, Row):
+                f = np.nan_to_num(np.asarray(table.values_at(row.cells)["f"], float))
+                values[j], bounds[j] = row.weight @ f, row.bound
+            else:
+                known = albedos[row.sides]
+                assert not isinstance(known, str)
+                bound = np.maximum(known.above, known.below) - STANDARD_UNCERTAINTIES * known.noise
+                values[j] = row.weight @ known.value[row.numbers]
+                bounds[j] = row.weight @ bound[row.numbers] + row.bend
+        return Integrals(values, bounds, unknown)
+
+    def noise(self, table: Table, albedos: SidedAlbedos, numbers: Sequence[int], by: np.ndarray) -> np.ndarray:
+        """Standard uncertainty (C,) by `u_f` of a sum of some integrals with slopes (J, C); albedos as independent."""
+        variance = np.zeros(self.channels)
+        cells, weights = [], []
+        for slope, j in zip(by, numbers, strict=True):
+            row = self.rows[j]
+            if isinstance(row, Row):
+                cells.append(row.cells)
+                weights.append(row.weight[:, None] * slope)
+            elif isinstance(row, Incidences):
+                known = albedos[row.sides]
+                assert not isinstance(known, str)
+                variance += np.sum((row.weight[:, None] * slope * known.noise[row.numbers]) ** 2, axis=0)
+        if cells:
+            which, place = np.unique(np.concatenate(cells), return_inverse=True)
+            total = np.zeros((which.size, self.channels))
+            np.add.at(total, place, np.concatenate(weights))
+            u = np.nan_to_num(np.asarray(table.values_at(which)["u_f"], float))
+            variance += np.sum((total * u) ** 2, axis=0)
+        return np.sqrt(variance)
+
+
+def _incidences(integral: Hemisphere, albedos: SidedAlbedos) -> Incidences | str:
+    """The incidences whose albedos make that of one angle: itself, or both beside it."""
+    sides = (1, -1 if integral.behind else 1)
+    known = albedos.get(sides, "that side of the sample was not read")
+    if isinstance(known, str):
+        return f"there is no integral over the hemisphere: {known}"
+    nearest = known.phi_i[np.argmin(np.abs(np.mod(known.phi_i + 1e-9, 2 * np.pi)))]
+    usable = ~known.partial & np.isfinite(known.value).all(axis=1)
+    usable &= (np.abs(known.phi_i - nearest) < 1e-9) | (known.theta_i < 1e-9)
+    numbers = np.flatnonzero(usable)
+    numbers = numbers[np.argsort(known.theta_i[numbers])]
+    theta, nothing = known.theta_i[numbers], np.zeros(known.value.shape[1])
+    if theta.size and np.min(np.abs(theta - integral.theta_i)) < SAME:
+        k = int(np.argmin(np.abs(theta - integral.theta_i)))
+        return Incidences(sides, numbers[k : k + 1], np.ones(1), nothing)
+    high = int(np.searchsorted(theta, integral.theta_i))
+    if not 0 < high < theta.size:
+        return f"no albedo was read at θi {math.degrees(integral.theta_i):.4g}°, nor on both sides of it"
+    t = (integral.theta_i - theta[high - 1]) / (theta[high] - theta[high - 1])
+    value = known.value[numbers]
+    bends = [_bend(theta, value, k) for k in (high - 1, high) if 0 < k < theta.size - 1]
+    bend = np.max(bends, axis=0) if bends else np.abs(value[high] - value[high - 1])
+    return Incidences(sides, numbers[high - 1 : high + 1], np.array([1 - t, t]), t * (1 - t) * bend)
+
+
+def _bend(x: np.ndarray, values: np.ndarray, k: int) -> np.ndarray:
+    """|value of a node − that by the line through its neighbours|, (C,)."""
+    t = (x[k] - x[k - 1]) / (x[k + 1] - x[k - 1])
+    return np.abs(values[k] - (1 - t) * values[k - 1] - t * values[k + 1])
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """The readings of light in front and a detector on one side, directions mirrored into the front hemisphere."""
+
+    table: Table
+    numbers: np.ndarray
+    """Of its cells in the whole table."""
+    angles: tuple[np.ndarray, ...]
+    """theta_i, phi_i, theta_o, phi_o of its cells; nothing of half vectors, whose cells nobody names by them."""
+    reach: float
+
+    @functools.cached_property
+    def f(self) -> np.ndarray:
+        """f (cells, C), NaN where it is not valid."""
+        f, flag = (np.asarray(a[...]).reshape(self.table.layout.size, -1) for a in (self.table.f, self.table.flag))
+        return np.where(flag == Flag.VALID, f.astype(float), np.nan)
+
+    @functools.cached_property
+    def u(self) -> np.ndarray:
+        """Standard uncertainties (cells, C), 0 where they are not known."""
+        if self.table.u_f is None:
+            return np.zeros(self.f.shape)
+        return np.nan_to_num(np.asarray(self.table.u_f[...], float).reshape(self.f.shape))
+
+    @functools.cached_property
+    def valid(self) -> np.ndarray:
+        """Which cells have a reading in all channels."""
+        return np.asarray(np.isfinite(self.f).all(axis=1))
+
+    @classmethod
+    def of(cls, table: Table, detector: int) -> "Part | str":
+        """That of a table; or why there is none."""
+        if table.interpolant is not None:
+            return "its format reads it by a rule of its own, which bounds no integral over an aperture"
+        part, numbers = table.parts().get((1, detector)), np.arange(table.layout.size)
+        if part is None or not part.valid_cells().size:
+            return f"nothing was read {'in front of' if detector > 0 else 'behind'} the sample with light in front"
+        if part is not table:
+            numbers = numbers.reshape(table.layout.shape)[table.layout.folded(1, detector)[1]].ravel()
+        angles = () if part.layout.in_half_vectors else tuple(np.asarray(a) for a in part.layout.angles())
+        return cls(part, numbers, angles, mirror_reach(table, 0.0))
+
+    def rows(self, integrals: Sequence[Aperture]) -> dict[Integral, Row | Incidences | str]:
+        """The cells and weights of integrals; or why they are not known."""
+        made: dict[Integral, Row | Incidences | str] = {}
+        for integral in integrals:
+            if integral.angles is not None and (cells := self._read_at(*integral.angles)).size:
+                weight = np.full(cells.size, integral.fine.weight[0] / cells.size)
+                made[integral] = Row(self.numbers[cells], weight, np.zeros(len(self.table.channels)))
+        between = [i for i in integrals if i not in made]
+        if not self.table.layout.gridded:
+            return made | dict.fromkeys(between, NO_GRID)
+        rules = [r for i in between for r in (i.fine, i.coarse) if r is not None]
+        places = iter(self._places(rules))
+        for integral in between:
+            fine = self._gathered(next(places), integral.mirror)
+            coarse = fine if integral.coarse is None else self._gathered(next(places), False)
+            failed = next((r for r in (fine, coarse) if isinstance(r, str)), None)
+            if failed is None:
+                assert isinstance(fine, Row) and isinstance(coarse, Row)
+                sums = [r.weight @ np.nan_to_num(self.f[r.cells]) for r in (fine, coarse)]
+                bound = fine.bound + np.abs(sums[0] - sums[1])
+                made[integral] = Row(self.numbers[fine.cells], fine.weight, bound)
+            else:
+                made[integral] = failed
+        return made
+
+    def _places(self, rules: list[Rule]) -> "list[Places]":
+        if not rules:
+            return []
+        whole = joined(rules)
+        x, inside_layout = grid_coordinates(self.table.layout, whole.wi, whole.wo._replace(z=np.abs(whole.wo.z)))
+        inside = on_grid(self.table, x, inside_layout, BEYOND)
+        for name in ("theta_i", "theta_o", "theta_h", "theta_d"):
+            if name in x and self.table.layout.axes[name].size > 1:
+                inside &= np.abs(x[name]) <= np.max(np.abs(self.table.layout.axes[name])) + 1e-9
+        ends = np.cumsum([r.weight.size for r in rules])[:-1]
+        parts = [np.split(a, ends) for a in (whole.weight, inside, *x.values())]
+        return [
+            Places(weight, there, dict(zip(x, angles, strict=True)))
+            for weight, there, *angles in zip(*parts, strict=True)
+        ]
+
+    def _read_at(self, theta_i: float, theta_o: float, turn: float) -> np.ndarray:
+        """Cells that are valid in all channels and were read at one pair of directions."""
+        if not self.angles:
+            return np.zeros(0, int)
+        i, phi_i, o, phi_o = self.angles
+        off = np.abs(np.mod(phi_o - phi_i - turn + np.pi, 2 * np.pi) - np.pi)
+        here = (np.abs(i - theta_i) < SAME) & (np.abs(o - theta_o) < SAME)
+        cells = np.flatnonzero(here & (off * np.minimum(np.sin(i), np.sin(o)) < SAME))
+        return cells[np.isfinite(self.f[cells]).all(axis=1)]
+
+    def _gathered(self, rule: "Places", mirrors: bool) -> Row | str:
+        """The weights of the part's cells by multilinear interpolation, with the bound on what it may be off by."""
+        layout = self.table.layout
+        if not rule.inside[rule.weight != 0].all():
+            return self._unread(rule)
+        corners = Corners.of(layout, rule.angles, self.valid)
+        cells, place = np.unique(corners.cells, return_inverse=True)
+        weight = np.bincount(place.ravel(), (corners.weight * rule.weight).ravel(), cells.size)
+        if mirrors and not self._sees_mirror(cells):
+            return "the mirror direction was not read, where a lobe narrower than the grid may hide"
+        f = np.nan_to_num(self.f[cells])
+        floor = np.maximum(FLOOR * np.abs(weight @ f) / max(float(np.sum(np.abs(rule.weight))), 1e-300), 1e-300)
+        by_slope, by_share = (np.zeros((rule.weight.size, f.shape[1])) for _ in range(2))
+        where = place.reshape(corners.cells.shape)
+        for k, curved in enumerate(corners.curved):
+            for total, errors in zip((by_slope, by_share), self._prediction_errors(cells, k, floor), strict=True):
+                total += curved[:, None] * np.einsum("kn,knc->nc", corners.weight, errors[where])
+        shown = np.einsum("kn,knc->nc", corners.weight, np.maximum(f, floor)[where])
+        # What is bent between its nodes, and what may be a narrow peak there, as log f tells it.
+        missed = np.maximum(by_slope, shown * np.expm1(np.minimum(by_share, LARGEST)))
+        return Row(cells, weight, WITHIN * np.abs(rule.weight) @ missed)
+
+    def _unread(self, rule: "Places") -> str:
+        if self.table.layout.in_one_plane:
+            return "the readings are in one plane, and its apertures reach out of it"
+        share = float(np.sum(np.abs(rule.weight[~rule.inside])) / np.sum(np.abs(rule.weight)))
+        return f"{100 * share:.3g} % of its apertures were not read"
+
+    def _sees_mirror(self, cells: np.ndarray) -> bool:
+        wi, wo = self.table.layout.directions_at(cells)
+        cosine = wo.z * wi.z - wo.x * wi.x - wo.y * wi.y
+        return bool(np.max(cosine) >= math.cos(self.reach))
+
+    def _prediction_errors(self, cells: np.ndarray, axis: int, floor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """|f − its value by the neighbours along an axis| (n, C), and of log f, less what noise makes of them."""
+        layout = self.table.layout
+        name = list(layout.axes)[axis]
+        nodes, nothing = layout.axes[name], np.zeros((cells.size, floor.size))
+        if nodes.size < 2:
+            return nothing, nothing
+        index = np.array(np.unravel_index(cells, layout.shape))
+        *three, t = neighbours(nodes, index[axis], layout.periods[name], name in layout.mirrored_axes)
+        low, middle, high = (
+            self.f[np.ravel_multi_index((*index[:axis], k, *index[axis + 1 :]), layout.shape)] for k in three
+        )
+        u = NOISE * self.u[cells]
+        size, t = np.maximum(np.nan_to_num(self.f[cells]), floor), t[:, None]
+        straight = np.abs(middle - (1 - t) * low - t * high) - u
+        logs = [np.log(np.maximum(v, floor)) for v in (low, middle, high)]
+        share = np.abs(logs[1] - (1 - t) * logs[0] - t * logs[2]) - u / size
+        return _without_gaps(straight), _without_gaps(share)
+
+
+def _without_gaps(error: np.ndarray) -> np.ndarray:
+    """Errors (n, C), where none is known the usual one."""
+    usual = np.nanmedian(error, axis=0) if np.isfinite(error).any() else np.zeros(error.shape[1])
+    return np.maximum(np.where(np.isfinite(error), error, np.nan_to_num(usual)), 0.0)
+
+
+def neighbours(
+    nodes: np.ndarray, k: np.ndarray, period: float | None, mirrored: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(lower, middle, upper) nodes and the middle's share of the way between the others.
+
+    At the end of an axis the node beside it is the middle one; a periodic axis has no end, a mirrored one goes on as
+    its image; of two nodes the lower stands for the middle and the upper is the other.
+    """
+    n = nodes.size
+    if n == 2 and period is None:
+        return np.zeros_like(k), np.zeros_like(k), np.ones_like(k), np.ones(k.size)
+    if period is not None or mirrored:
+        before, after = (nodes[-1] - (period or 0), nodes[0] + (period or 0))
+        first, last = (n - 1, 0) if period is not None else (min(1, n - 1), max(n - 2, 0))
+        if mirrored:
+            before, after = -nodes[first], 2 * np.pi - nodes[last]
+        low, high = np.where(k > 0, k - 1, first), np.where(k < n - 1, k + 1, last)
+        below, above = np.where(k > 0, nodes[low], before), np.where(k < n - 1, nodes[high], after)
+        return low, k, high, (nodes[k] - below) / (above - below)
+    middle = np.clip(k, 1, n - 2)
+    t = (nodes[middle] - nodes[middle - 1]) / (nodes[middle + 1] - nodes[middle - 1])
+    return middle - 1, middle, middle + 1, t
+
+
+class Places(NamedTuple):
+    """Weights of pairs of directions (n,), whether the grid answers there, and their angles by its axes."""
+
+    weight: np.ndarray
+    inside: np.ndarray
+    angles: dict[str, np.ndarray]
+
+
+class Corners(NamedTuple):
+    """Cells (corners, n) about each pair of directions and their weights; t(1 − t) (n,) of each axis."""
+
+    cells: np.ndarray
+    weight: np.ndarray
+    curved: list[np.ndarray]
+
+    @classmethod
+    def of(cls, layout: Layout, x: Mapping[str, np.ndarray], valid: np.ndarray) -> "Corners":
+        """Those of coordinates by axis; cells that are not valid have no weight."""
+        brackets = [interpolation_axis(layout, name).bracket(x[name], np) for name in layout.axes]
+        curved = []
+        for name, (_, (a, b)) in zip(layout.axes, brackets, strict=True):
+            nodes = layout.axes[name]
+            step = nodes[1] - nodes[0] if nodes.size > 1 else 1.0
+            outside = np.maximum(nodes[0] - x[name], 0.0) / step if layout.periods[name] is None else 0.0
+            curved.append(a * b + outside * (1 + outside))
+        cells, weights = [], []
+        for corner in np.ndindex(*[2] * len(brackets)):
+            index = tuple(nodes[side] for (nodes, _), side in zip(brackets, corner, strict=True))
+            number = np.ravel_multi_index(index, layout.shape)
+            cells.append(number)
+            sides = [w[side] for (_, w), side in zip(brackets, corner, strict=True)]
+            weights.append(np.prod(sides, axis=0) * valid[number])
+        weight = np.array(weights)
+        return cls(np.array(cells), weight / np.maximum(weight.sum(axis=0), 1e-300), curved)

@@ -1,0 +1,69 @@
+"""What a standard names: integrals of f, and the number that is made of them."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from gonio.metrology.standards.apertures import Rule
+
+Combination = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Aperture:
+    """An integral of f over apertures of light and detector.
+
+    Attributes:
+        fine: the integral.
+        coarse: the same by fewer nodes, whose difference from it bounds its error; None of single directions.
+        images: polar angles of incidence, radians, and weights: what a mirrored image (`AbstractBRDF.specular`) adds.
+        mirror: whether the mirror direction, or what goes straight through, lies within, where narrow lobes are.
+        angles: of single directions their polar angles and azimuth difference, radians.
+    """
+
+    fine: Rule
+    coarse: Rule | None = None
+    images: tuple[tuple[float, float], ...] = ()
+    mirror: bool = False
+    angles: tuple[float, float, float] | None = None
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Hemisphere:
+    """∫ f |cosθo| dωo over the hemisphere in front of the sample, or behind it, of light at a polar angle, radians."""
+
+    theta_i: float
+    behind: bool = False
+
+
+Integral = Aperture | Hemisphere
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class StandardQuantity:
+    """A number that a standard names.
+
+    Attributes:
+        name, standard: what it is called, and by whom.
+        geometry: what is integrated here, in words.
+        group: see `gonio.metrology.standards.catalog.GROUPS`.
+        integrals: J of them.
+        combine: from their values (J, C) to that of each channel (C,), or to one number () of them all.
+        rough: the same made with less care, whose difference bounds its error; None where it is exact.
+        whole: whether `combine` gives one number.
+        least: the size of the number below which an uncertainty of that size leaves it known.
+        unit, place: of the number; the place tells it from others of its name.
+    """
+
+    name: str
+    standard: str
+    geometry: str
+    group: str
+    integrals: tuple[Integral, ...]
+    combine: Combination = lambda values: values[0]
+    rough: Combination | None = None
+    whole: bool = False
+    least: float = 0.0
+    unit: str = "1"
+    place: str = ""
