@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import importlib
 import os
 import re
 from collections.abc import Callable
@@ -113,6 +114,15 @@ def _reads_as(opening: str) -> Callable[[FileHead], bool]:
     return lambda head: re.search(opening, head.opening) is not None
 
 
+def _later(module: str, name: str) -> Callable[..., RoundTrip]:
+    """A writer whose module is loaded with its first call: JAX comes with it."""
+
+    def write(*args: Any, **options: Any) -> RoundTrip:
+        return getattr(importlib.import_module(f"gonio.data.formats.{module}"), name)(*args, **options)
+
+    return write
+
+
 def _write_hdf5(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
     from gonio.data.hdf5.writer import write_compared
 
@@ -167,18 +177,21 @@ FORMATS = (
         merl.read_merl, _write_merl, writes_models=True, options=("nodes",), suffixes=(".binary",),
     ),
     Format(
-        "window XML", "an XML BSDF of WINDOW or Radiance", "table",
+        "Klems", "an XML BSDF of WINDOW or Radiance", "table",
         lambda head: b"<WindowElement" in head.start or b"<\0W\0i\0n\0d\0o\0w\0E\0l" in head.start,
-        _read_window_xml, suffixes=(".xml",),
+        _read_window_xml, _later("window_xml_write", "write_window_xml"), writes_models=True,
+        write_options=("basis", "channel"), suffixes=(".xml",),
     ),
     Format(
         "Speos", "a Speos .brdf or .anisotropicbsdf (text)", "table", lambda head: head.start.startswith(b"OPTIS"),
-        speos.read_speos, suffixes=(".anisotropicbsdf", ".brdf"),
+        speos.read_speos, _later("speos_write", "write_speos"), writes_models=True, write_options=("step",),
+        suffixes=(".anisotropicbsdf", ".brdf"),
     ),
     Format(
         "Zemax", "a Zemax .bsdf (text)", "table",
         _reads_as(r"(?im)^\s*(?:SampleRotation|AngleOfIncidence)\s+\d|^\s*ScatterType\s+B[RT]DF\s*$"),
-        zemax.read_zemax, suffixes=(".bsdf",),
+        zemax.read_zemax, _later("zemax_write", "write_zemax"), writes_models=True,
+        write_options=("part", "channel", "step"), suffixes=(".bsdf",),
     ),
     Format(
         "FRED", "FRED's text of readings", "table", _reads_as(r"(?im)^\s*type\s+bsdf_data\b|^!!.*BSDF"),

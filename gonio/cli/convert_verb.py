@@ -15,17 +15,24 @@ OPTIONS: Options = {
     "as 5%%",
     "--channel-bytes N": "of one channel's samples in a .bsdf file (default 16384, as published), of an anisotropic "
     "surface those of each azimuth of the light",
+    "--part": {"choices": ("reflection", "transmission"), "help": "which of both a Zemax file is to hold"},
+    "--channel C": "write this channel alone: of a Zemax or Klems file",
+    "--step ANGLE": {"type": float, "help": "degrees between the angles of a Zemax (default 5) or Speos file (2)"},
+    "--basis": {"choices": ("full", "half", "quarter"), "help": "angles of a Klems file (default full: 145 patches)"},
 }
+NAMES = ("channel_bytes", "part", "channel", "step", "basis")
+"""Of the options that a format has."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    models = "for renderers, .bsdf, .binary, .anisotropicbsdf, .brdf and .xml any model too"
     parser.add_argument(
-        "input", metavar="IN", help="any file that can be read; for renderers, .bsdf and .binary any model too (a "
-        "reference material, an expression, a fit)"
+        "input", metavar="IN", help=f"any file that can be read; {models} (a reference material, an expression, a fit)"
     )  # fmt: skip
     parser.add_argument(
-        "output", metavar="OUT", help=".h5 (gonio's HDF5), .bsdf (RGL), .binary (MERL), .csv; .xml or .json (--to "
-        "mitsuba), .pbrt, .mtlx (OpenPBR), .gltf or .glb, .py (--to blender); '-' prints CSV, or what --to names"
+        "output", metavar="OUT", help=".h5 (gonio's HDF5), .bsdf (RGL; --to zemax: Zemax), .binary (MERL), "
+        ".anisotropicbsdf or .brdf (Speos), .xml (Klems), .csv; .xml or .json (--to mitsuba), .pbrt, .mtlx (OpenPBR), "
+        ".gltf or .glb, .py (--to blender); '-' prints CSV, or what --to names"
     )  # fmt: skip
     add_options(parser.add_argument, OPTIONS | MERL | READING | FORCE, SHARE=str)
 
@@ -56,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     warnings: list[str] = [] if subject.table is None else subject.table.provenance.get("warnings", [])
     for warning in warnings:
         log(f"gonio: {args.input}: {warning}")
-    options: dict[str, Any] = given(args, "channel_bytes", "model") | {
+    options: dict[str, Any] = given(args, "model", *NAMES) | {
         "force": args.force,
         "measured": args.measured,
         "log": log,

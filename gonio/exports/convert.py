@@ -30,6 +30,10 @@ class ConvertOptions(TypedDict, total=False):
 
     force: bool
     channel_bytes: int | None
+    part: str | None
+    channel: str | None
+    step: float | None
+    basis: str | None
     model: str | None
     measured: bool
     tolerance: float | None
@@ -42,6 +46,10 @@ class ConvertSettings:
 
     force: bool = False
     channel_bytes: int | None = None
+    part: str | None = None
+    channel: str | None = None
+    step: float | None = None
+    basis: str | None = None
     model: str | None = None
     measured: bool = False
     tolerance: float | None = None
@@ -50,7 +58,8 @@ class ConvertSettings:
     @property
     def of_samples(self) -> dict[str, Any]:
         """Those of a file of samples."""
-        return {} if self.channel_bytes is None else {"channel_bytes": self.channel_bytes}
+        names = ("channel_bytes", "part", "channel", "step", "basis")
+        return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     def refuse_for_tables(self, path: str | os.PathLike[str]) -> None:
         """Refuses what only renderers have."""
@@ -76,6 +85,10 @@ def convert(
         force: replaces an existing file.
         channel_bytes: of a .bsdf file: of the samples of one channel, of an anisotropic surface those of each azimuth
             of the light; by default 16384, as published.
+        part: of a Zemax file: "reflection" or "transmission".
+        channel: of a Zemax or Klems file: the only channel to write.
+        step: of a Zemax or Speos file that is sampled: degrees between its angles, by default 5 and 2.
+        basis: of a Klems file: "full" (default), "half" or "quarter".
         model: the expression that is fitted to a table; by default it is selected.
         measured: for Mitsuba and pbrt: the surface as data in an RGL file beside `path`, to which that refers.
         tolerance: of a renderer: refuses an expression whose relative rms or difference of albedo is larger.
@@ -103,8 +116,9 @@ def _for_renderer(subject: Subject, path: Path, target: Target, settings: Conver
     refuse_outputs([path, data], [subject.file], settings.force)
     with contextlib.ExitStack() as stack:
         if data is None:
-            if settings.channel_bytes is not None:
-                raise GonioError("channel_bytes is of samples, which measured=True writes; leave it out")
+            if settings.of_samples:
+                name = next(iter(settings.of_samples))
+                raise GonioError(f"{name} is of samples, and {target.title} is written as an expression; leave it out")
             material, remarks = _model_of(subject, settings)
             sought = appearance_of(material)
             expression = nearest(target.forms(sought), sought)
