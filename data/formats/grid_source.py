@@ -80,8 +80,8 @@ class GridSource:
         phi_i = None if self.brdf.isotropic else np.radians(np.arange(0, 360, max(step, 15.0)))
         if isinstance(self.source, Table) and self.source.layout.gridded:
             axes = self.source.layout.axes
-            if "theta_i" in axes and (own := axes["theta_i"][axes["theta_i"] < np.pi / 2 - 1e-6]).size:
-                theta_i = own
+            if "theta_i" in axes and (front := axes["theta_i"][axes["theta_i"] < np.pi / 2 - 1e-6]).size:
+                theta_i = front
             if phi_i is not None and "phi_i" in axes:
                 phi_i = axes["phi_i"]
         return theta_i, phi_i
@@ -92,19 +92,19 @@ class GridSource:
         A table that has this layout keeps its readings; its cells without one are interpolated. Raises GonioError for a
         table that has readings about less than half of the layout's directions.
         """
-        own = self.source if isinstance(self.source, Table) and self.source.layout == layout else None
+        kept = self.source if isinstance(self.source, Table) and self.source.layout == layout else None
         readable = layout.readable()
         wanted, note = readable, ""
         f = np.full((layout.size, len(self.channels)), np.nan)
-        if own is not None:
-            values = own.read_values()
+        if kept is not None:
+            values = kept.read_values()
             known = (values["flag"] == Flag.VALID).all(axis=1)
             f[known], wanted = values["f"][known] @ self.mix, readable & ~known
             note = f"{int(wanted.sum())} cells without a reading were interpolated" if wanted.any() else ""
         if wanted.any():
             wi, wo = layout.directions_at(np.flatnonzero(wanted))
             f[wanted] = self.f(wi, wo)
-            if own is None and isinstance(self.source, Table):
+            if kept is None and isinstance(self.source, Table):
                 note = self._coverage(wi, wo)
         flag = np.where(readable[:, None] & np.isfinite(f), np.uint8(Flag.VALID), np.uint8(Flag.BELOW_HORIZON))
         shape = (*layout.shape, len(self.channels))

@@ -79,11 +79,11 @@ def _wavelengths(channels: Channels, anisotropic: bool) -> tuple[np.ndarray, str
 
 
 def _layout(source: GridSource, step: float) -> Layout:
-    own = source.source.layout if isinstance(source.source, Table) else None
-    if own is not None and own.name in ("isotropic", "turned"):
-        kept = own.axes["theta_i"] < np.pi / 2 - 1e-9
-        if kept.all() and {sides for sides in source.sides if sides[0] > 0}:
-            return own
+    kept = source.source.layout if isinstance(source.source, Table) else None
+    if kept is not None and kept.name in ("isotropic", "turned"):
+        front = kept.axes["theta_i"] < np.pi / 2 - 1e-9
+        if front.all() and {sides for sides in source.sides if sides[0] > 0}:
+            return kept
     theta_i, phi_i = source.light(5.0)
     front = np.radians(np.minimum(np.arange(0, 90 + step, step), 90.0))
     theta_o = [a for (_, side) in PARTS if (1, side) in source.sides for a in (front if side > 0 else np.pi - front)]

@@ -21,9 +21,9 @@ from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 BASES = {basis.name.rpartition(" ")[2].lower(): basis for basis in KLEMS_BASES}
-SIDES = dict(zip(BLOCKS, ((1, 1), (1, -1), (-1, 1), (-1, -1)), strict=True))
+SIDES: dict[str, tuple[int, int]] = dict(zip(BLOCKS, ((1, 1), (1, -1), (-1, 1), (-1, -1)), strict=True))
 """Of light and detector, by the block."""
-EVEN, DRAWN = 64, 1024
+EVEN, SAMPLED = 64, 1024
 """Pairs of directions, even in both, of each pair of patches; by the model's sampler, of each patch of the light."""
 CHUNK = 1 << 17
 LARGEST = 1.01
@@ -115,7 +115,7 @@ def _estimated(source: GridSource, basis: AngleBasis) -> Blocks:
     blocks = {name: _estimate(source, basis, name) for name in BLOCKS if SIDES[name] in source.sides}
     theta, phi = basis.centres()
     turned = basis.patch(theta, (phi + np.pi) % (2 * np.pi))
-    back = dict(zip(BLOCKS, (BLOCKS[0], BLOCKS[2], BLOCKS[1], BLOCKS[3]), strict=True))
+    back: dict[str, str] = dict(zip(BLOCKS, (BLOCKS[0], BLOCKS[2], BLOCKS[1], BLOCKS[3]), strict=True))
     if not all(_reciprocal(source, basis, name) for name in blocks):
         return blocks
     return {n: (v + np.swapaxes(blocks[back[n]], 0, 1)[turned][:, turned]) / 2 for n, v in blocks.items()}
@@ -136,7 +136,7 @@ def _estimate(source: GridSource, basis: AngleBasis, name: str) -> np.ndarray:
     """
     n, size = basis.size, basis.projected_solid_angles()
     total = np.zeros((n * n, len(source.channels)))
-    drawn = _drawn(source, basis, name)
+    sampled = _drawn(source, basis, name)
     arriving, leaving = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(n)))
     # Each with its directions exchanged, so that what is reciprocal stays so
     u = np.concatenate([u := low_discrepancy(EVEN // 2, 4), u[:, [2, 3, 0, 1]]])
@@ -147,13 +147,13 @@ def _estimate(source: GridSource, basis: AngleBasis, name: str) -> np.ndarray:
         wi, wo = _pair(name, basis.within(a, v[:, 0], v[:, 1]), basis.within(b, v[:, 2], v[:, 3]))
         cosine = np.abs(wo.z)
         density = EVEN * cosine / size[b]
-        if drawn is not None:
-            density = density + DRAWN * np.asarray(sampling_density(source.brdf, wi, wo), float)
+        if sampled is not None:
+            density = density + SAMPLED * np.asarray(sampling_density(source.brdf, wi, wo), float)
         np.add.at(total, b * n + a, source.f(wi, wo) * (cosine / density)[:, None])
-    if drawn is not None:
-        patch, a, wi, wo = drawn
+    if sampled is not None:
+        patch, a, wi, wo = sampled
         cosine = np.abs(wo.z)
-        density = EVEN * cosine / size[patch] + DRAWN * np.asarray(sampling_density(source.brdf, wi, wo), float)
+        density = EVEN * cosine / size[patch] + SAMPLED * np.asarray(sampling_density(source.brdf, wi, wo), float)
         np.add.at(total, patch * n + a, source.f(wi, wo) * (cosine / density)[:, None])
     return total.reshape(n, n, -1) / size[:, None, None]
 
@@ -162,8 +162,8 @@ def _drawn(
     source: GridSource, basis: AngleBasis, name: str
 ) -> tuple[np.ndarray, np.ndarray, Direction, Direction] | None:
     """(patch of the leaving and of the arriving direction, wi, wo) by the model's sampler; None where it draws none."""
-    a = np.repeat(np.arange(basis.size), DRAWN)
-    u = np.tile(low_discrepancy(DRAWN, 4), (basis.size, 1))
+    a = np.repeat(np.arange(basis.size), SAMPLED)
+    u = np.tile(low_discrepancy(SAMPLED, 4), (basis.size, 1))
     wi, _ = _pair(name, basis.within(a, u[:, 0], u[:, 1]), np.zeros((len(a), 2)))
     try:
         wo = Direction(*(np.asarray(c, float) for c in sampled_directions(source.brdf, wi, u[:, 2], u[:, 3])))

@@ -117,5 +117,5 @@ def test_merl_keeps_what_is_not_negative(data):
 
 
 def test_every_format_that_is_written_is_tried_here():
-    # What the files of others keep: test_rgl_write.py, test_astm.py, test_bird.py
-    assert set(SUFFIXES) == {".h5", ".csv", ".binary", ".bsdf", ".astm", ".json"}
+    # What the files of others keep: test_rgl_write.py, test_astm.py, test_bird.py, test_optics_written.py
+    assert set(SUFFIXES) == {".h5", ".csv", ".binary", ".bsdf", ".astm", ".json", ".anisotropicbsdf", ".xml"}
