@@ -111,6 +111,11 @@ def is_verbose() -> bool:
     return _printing[-1].details
 
 
+def shows_results() -> bool:
+    """Whether `show` prints: not where a user asked for quiet, or standard output is for data."""
+    return _printing[-1].results
+
+
 def show(text: str = "") -> None:
     """Lines to standard output, `printable`, at once: a user of a long command sees them when they are true."""
     if _printing[-1].results:

@@ -79,6 +79,12 @@ def seconds_of(text: str) -> float:
     return sum(float(value) * UNITS[unit] for value, unit in parts)
 
 
+def hours(seconds: float) -> str:
+    """Seconds as text: 1.5 h, 12 min or 40 s."""
+    unit = next((u for u, size in UNITS.items() if seconds >= size), "s")
+    return f"{seconds / UNITS[unit]:.3g} {unit}"
+
+
 def share_of(text: str, option: str = "--target") -> float:
     """A share written as 1% or 0.01. Raises GonioError, naming the option, for what is none."""
     try:

@@ -3,9 +3,10 @@
 import argparse
 import dataclasses
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gonio.cli.arguments import DESCRIPTION, FORCE, Options, add_options, given
+from gonio.cli.arguments import DESCRIPTION, FORCE, Options, add_options, given, write_json
 from gonio.text import columns, log, number, show, sr_label
 
 if TYPE_CHECKING:
@@ -41,7 +42,17 @@ def run(args: argparse.Namespace) -> int:
     if args.output:
         files = ", ".join(f"{m.chart.name}.svg" for m in measured)
         show(f"\nwritten to {args.output}: {files}, each with PNG and CSV; charts.json")
-    return int(any(m.broken for m in measured))
+    charts = {m.chart.name: m.to_dict() | {"points": [dataclasses.asdict(p) for p in m.points]} for m in measured}
+    facts = {"charts": charts, "written": args.output}
+    return write_json(args, facts, int(any(m.broken for m in measured)))
+
+
+def kept(args: argparse.Namespace) -> str:
+    """What an interrupted call has kept."""
+    folder = None if args.output is None else Path(args.output)
+    if folder is None or not (folder / "charts.json").exists():
+        return "nothing was written"
+    return f"the charts that are finished are in {folder}: run it again to go on"
 
 
 def _print_chart(measured: "MeasuredChart", tolerance: float | None) -> None:

@@ -18,7 +18,7 @@ from gonio.cli.arguments import (
 )
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
-from gonio.text import columns, log, show
+from gonio.text import columns, is_verbose, log, show, shows_results
 
 if TYPE_CHECKING:
     from gonio.checks.certificate import Certificate
@@ -41,6 +41,8 @@ OPTIONS: Options = {
     "--step DEG": {"type": float, "help": "a file that is no grid (RGL's) is repaired on one of this step (5)"},
 }
 COLOURS = {"pass": "green", "fail": "red", "undecided": "yellow", "not testable": "yellow", "not applicable": "dim"}
+WORSE = (0, 3, 1, 2)
+"""Exit statuses, the worst last: pass, undecided, fail, refused."""
 HEADINGS = ("property", "verdict", "residual", "bound", "tolerance", "worst at")
 
 
@@ -50,7 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " the error of the judgement. Exit status: 0 pass, 1 fail, 3 undecided."
     )
     subject = "a table, a profile (light below the surface), a material's name, or an expression"
-    parser.add_argument("subject", metavar="FILE|MATERIAL", nargs="?", help=subject)
+    subject += "; of several each gets a line, and the exit status is the worst"
+    parser.add_argument("subjects", metavar="FILE|MATERIAL", nargs="*", help=subject)
     add_options(parser.add_argument, OPTIONS | READING | FORCE)
     parser.set_defaults(feature_width=0.0, level=0.01)
 
@@ -60,35 +63,63 @@ def run(args: argparse.Namespace) -> int:
     _refuse_contradictions(args)
     from gonio.data.files import refuse_outputs
 
-    refuse_outputs([args.json, args.repair], [args.subject, args.against], args.force)
+    refuse_outputs([args.json, args.repair], [*args.subjects, args.against], args.force)
     if args.self_test:
         return run_self_test(args)
     tolerances = {name: getattr(args, f"tol_{name}") for name in PROPERTIES}
     options: dict[str, Any] = {"tolerances": tolerances, "feature_width": args.feature_width, "level": args.level}
     if args.repair:
         return _run_repair(args, options)
+    options |= {"strict": args.strict, "against": args.against, "model": args.model}
+    if len(args.subjects) > 1:
+        return _run_several(args, options)
     from gonio.checks.certify import check
 
-    certificate = check(
-        as_stated(args.subject, args), strict=args.strict, against=args.against, model=args.model, **options
-    )
+    certificate = check(as_stated(args.subjects[0], args), **options)
     print_certificate(certificate)
     return write_json(args, certificate.to_dict(), certificate.exit_status)
 
 
+def _run_several(args: argparse.Namespace, options: dict[str, Any]) -> int:
+    """Checks one subject after another, a line each as soon as it is judged; the exit status is the worst."""
+    from gonio.checks.certify import check
+
+    width = max(map(len, args.subjects))
+    facts: list[dict[str, Any]] = []
+    for subject in args.subjects:
+        try:
+            certificate = check(as_stated(subject, args), **options)
+        except GonioError as error:
+            facts.append({"subject": subject, "refused": str(error), "exit_status": 2})
+            sys.stderr.write(f"gonio: {subject}: {error}\n")
+            continue
+        facts.append(certificate.to_dict())
+        others = [
+            f"{p.name} {p.verdict}" for p in certificate.properties if p.verdict not in ("pass", "not applicable")
+        ]
+        show(f"{subject.ljust(width)}  {certificate.overall.upper()}" + f"  ({', '.join(others)})" * bool(others))
+        if is_verbose():
+            print_certificate(certificate)
+    statuses = [f["exit_status"] for f in facts]
+    return write_json(args, {"certificates": facts}, max(statuses, key=WORSE.index))
+
+
 def _refuse_contradictions(args: argparse.Namespace) -> None:
-    if args.self_test == (args.subject is not None):
+    if args.self_test == bool(args.subjects):
         raise GonioError("give either a FILE or MATERIAL to check, or --self-test")
     require_degrees("--feature-width", args.feature_width, 0, 90)
-    if args.repair and (args.self_test or args.against or args.strict or args.model):
-        raise GonioError("--repair goes with tolerances and --json only; check what it wrote by a second command")
+    if args.repair and (args.self_test or args.against or args.strict or args.model or len(args.subjects) > 1):
+        raise GonioError("--repair goes with one file, tolerances and --json only; check what it wrote afterwards")
     if not args.repair and (args.nonnegative or args.step is not None):
         option = "--nonnegative" if args.nonnegative else "--step"
         raise GonioError(f"{option} is an option of the repair; give --repair OUT.h5 too")
 
 
 def print_certificate(certificate: "Certificate") -> None:
-    """Prints a certificate, a table and a sentence for each property; verdicts are coloured on a terminal."""
+    """Prints the verdict, a line a property, and a sentence for each that counts and does not pass; -v: for each.
+
+    Verdicts are coloured on a terminal.
+    """
     from gonio.checks.certificate import place_in_words
 
     title = f"{certificate.subject} ({certificate.kind}): {certificate.overall.upper()}"
@@ -96,15 +127,18 @@ def print_certificate(certificate: "Certificate") -> None:
         (p.name, p.verdict, *map(_number, (p.residual, p.bound, p.tolerance)), place_in_words(p.where) or "-")
         for p in certificate.properties
     ]
-    if sys.stdout.isatty():
+    if sys.stdout.isatty() and shows_results():
         _print_coloured(title, rows)
     else:
         show(f"{title}\n\n{columns(rows, HEADINGS)}\n")
-    for p in certificate.properties:
+    every = certificate.properties
+    explained = every if is_verbose() else [p for p in every if p.name in certificate.counted and p.verdict != "pass"]
+    for p in explained:
         show(f"{p.name}: {p.detail}")
     for note in certificate.notes:
         show(f"note: {note}")
-    show(f"The overall verdict is the worst of {certificate.basis}.")
+    more = "" if len(explained) == len(every) else " -v says how each property was judged."
+    show(f"The overall verdict is the worst of {certificate.basis}.{more}")
 
 
 def _print_coloured(title: str, rows: Sequence[tuple[str, ...]]) -> None:
@@ -129,7 +163,7 @@ def _run_repair(args: argparse.Namespace, options: dict[str, Any]) -> int:
     from gonio.checks.repairs.nearest_table import repair
     from gonio.data.hdf5.writer import write_table
 
-    result = repair(as_stated(args.subject, args), nonnegative=args.nonnegative, step=args.step, **options)
+    result = repair(as_stated(args.subjects[0], args), nonnegative=args.nonnegative, step=args.step, **options)
     change = {"file": args.repair, "moved": result.moved, "remark": result.remark, "after": result.after.to_dict()}
     with writing_json(args, result.before.to_dict() | {"repair": change}, result.after.exit_status):
         write_table(args.repair, result.table, args.force)

@@ -1,9 +1,10 @@
 """``gonio convert``: from one format to another, or a model into a file of samples or a renderer's, with the error."""
 
 import argparse
+import dataclasses
 from typing import Any
 
-from gonio.cli.arguments import FORCE, MERL, READING, Options, add_options, given, reading_options, share_of
+from gonio.cli.arguments import FORCE, MERL, READING, Options, add_options, given, reading_options, share_of, write_json
 from gonio.text import log, show
 
 OPTIONS: Options = {
@@ -72,4 +73,5 @@ def run(args: argparse.Namespace) -> int:
         options["tolerance"] = share_of(args.tolerance, "--tolerance")
     error = convert(subject, args.output, args.to, **options)
     show(f"{args.output}: {error}")
-    return 0
+    facts = dataclasses.asdict(error) if dataclasses.is_dataclass(error) else {}
+    return write_json(args, {"written": args.output, "error": facts, "sentence": str(error)})

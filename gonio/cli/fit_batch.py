@@ -4,11 +4,11 @@ import argparse
 import hashlib
 import time
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gonio.cli.arguments import read_table, write_text
+from gonio.cli.arguments import read_table, write_json, write_text
 from gonio.models.errors import GonioError
 from gonio.text import show
 
@@ -49,8 +49,6 @@ def run_batch(args: argparse.Namespace, options: dict[str, Any]) -> int:
     from gonio.fitting.batch import as_fitted
     from gonio.models.expression.parser import parse
 
-    if args.json:
-        raise GonioError("--json takes the fit of a single file; of many, each material file holds everything already.")
     for model in models:
         parse(model)  # a wrong word is refused once, not for every file
     folder = Path(args.output or ".")
@@ -68,15 +66,32 @@ def run_batch(args: argparse.Namespace, options: dict[str, Any]) -> int:
         show(f"{len(finished)} of them were fitted before and are kept")
     waiting = [job for job in jobs if job not in finished]
     status = 0 if all(tomllib.loads(j.target.read_text("utf-8"))["fit"]["converged"] for j in finished) else 1
+    facts = [_facts(j, tomllib.loads(j.target.read_text("utf-8"))["fit"]) for j in finished]
     if not waiting:
-        return status
+        return write_json(args, {"fits": facts}, status)
     began = time.perf_counter()
     tables = [lambda job=job: table_of(job.file, args) for job in waiting]
     for count, (index, outcome) in enumerate(as_fitted(tables, args.model, **options), len(finished) + 1):
         status = max(status, _write_outcome(waiting[index], outcome, f"[{count}/{len(jobs)}]", args.force))
+        facts.append(_facts(waiting[index], outcome if isinstance(outcome, GonioError) else outcome.to_dict()))
     seconds = time.perf_counter() - began
     show(f"{len(waiting)} fits in {seconds:.1f} s, {len(waiting) / seconds:.3g} a second; written to {folder}")
-    return status
+    return write_json(args, {"fits": facts}, status)
+
+
+def kept_results(args: argparse.Namespace) -> str:
+    """What an interrupted batch has kept."""
+    folder = Path(args.output or ".")
+    count = len(list(folder.glob(f"*{SUFFIX}"))) if folder.is_dir() else 0
+    return f"{count} results are in {folder}: run it again to go on" if count else "nothing was written"
+
+
+def _facts(job: Job, outcome: Mapping[str, Any] | GonioError) -> dict[str, Any]:
+    """What JSON says of a file: its fit as the material file holds it, or why it was refused."""
+    if isinstance(outcome, GonioError):
+        return {"file": str(job.file), "written": None, "refused": str(outcome)}
+    facts = {key: outcome.get(key) for key in ("converged", "requested", "metrics", "judgement", "samples")}
+    return {"file": str(job.file), "written": str(job.target), **facts}
 
 
 def _write_outcome(job: Job, outcome: Any, count: str, force: bool) -> int:

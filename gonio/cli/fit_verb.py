@@ -18,10 +18,10 @@ from gonio.cli.arguments import (
     stated_terms,
     writing_json,
 )
-from gonio.cli.fit_batch import SUFFIX, is_batch, run_batch, table_of
+from gonio.cli.fit_batch import SUFFIX, is_batch, kept_results, run_batch, table_of
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
-from gonio.text import columns, log, number, show
+from gonio.text import columns, is_verbose, log, number, show
 
 if TYPE_CHECKING:
     from gonio.data.table import Table
@@ -145,7 +145,12 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
     result = _with_nuisance(table, args, options) if args.nuisance else fit(table, args.model, **options)
     with writing_json(args, result.to_dict() | {"written": output}, result.exit_status):
         result.save(output, args.force)
-    show("\n".join([*summary(result), f"written: {output}"]))
+    if is_verbose():
+        show("\n".join([*summary(result), f"written: {output}"]))
+    else:
+        from gonio.cli.fit_screen import screen
+
+        show("\n".join(screen(result, file, output)))
     return result.exit_status
 
 
@@ -157,6 +162,11 @@ def _with_nuisance(table: "Table", args: argparse.Namespace, options: dict[str, 
     stated = stated_terms(args.uncertainty) if args.uncertainty else {}
     names = [name.strip() for name in args.nuisance.split(",")]
     return fit_with_nuisance(table, args.model[0] if args.model else None, names, instrument, stated, **options)
+
+
+def kept(args: argparse.Namespace) -> str:
+    """What an interrupted fit has kept: of many files the results so far."""
+    return kept_results(args) if is_batch(args.files) else "nothing was written"
 
 
 def summary(r: "FitResult") -> list[str]:

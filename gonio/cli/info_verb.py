@@ -2,9 +2,12 @@
 
 import argparse
 import json
+import sys
 from typing import TYPE_CHECKING, Any, cast
 
 from gonio.cli.arguments import FORCE, READING, add_options, reading_options, write_json
+from gonio.models.display import listed
+from gonio.models.errors import GonioError
 from gonio.text import columns, show
 
 if TYPE_CHECKING:
@@ -19,28 +22,52 @@ FIT_FACTS = ("converged", "reason", "loss", "samples", "starts_agreed", "starts"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     file = "a table (HDF5, MERL, RGL, XML of windows, NIST or plain CSV), a material file, or published fits"
-    parser.add_argument("file", metavar="FILE", help=file)
+    parser.add_argument("files", metavar="FILE", nargs="+", help=f"{file}; of several each gets a line")
     add_options(parser.add_argument, READING | FORCE)
 
 
 def run(args: argparse.Namespace) -> int:
+    if len(args.files) == 1:
+        facts = _facts(args.files[0], args)
+        show(columns([[k, line] for k, v in facts.items() for line in _lines(k, v)]))
+        return write_json(args, facts)
+    every: list[dict[str, Any]] = []
+    for file in args.files:
+        try:
+            every.append({"file": file, **_facts(file, args)})
+        except GonioError as error:
+            every.append({"file": file, "refused": str(error)})
+    show(columns([[f["file"], *_summary(f)] for f in every], ["file", "holds", "size", "channels"]))
+    for f in every:
+        if "refused" in f:
+            sys.stderr.write(f"gonio: {f['refused']}\n")
+    return write_json(args, {"files": every}, 2 if any("refused" in f for f in every) else 0)
+
+
+def _summary(facts: dict[str, Any]) -> list[str]:
+    """A file in a line: what it holds, how much, and of which channels."""
+    if "refused" in facts:
+        return ["refused", "", ""]
+    kind = " ".join([str(facts["kind"]).partition(",")[0], str(facts.get("layout", ""))]).strip()
+    size = f"{facts['cells']:,} cells" if "cells" in facts else facts.get("model") or facts.get("names")
+    channels = facts.get("channels", "")
+    return [kind, str(size or "")[:50], channels if isinstance(channels, str) else listed(channels)]
+
+
+def _facts(name: str, args: argparse.Namespace) -> dict[str, Any]:
     from gonio.data.formats.registry import load, sniff, split_entry
     from gonio.data.profile_files import holds_profile, open_profile
     from gonio.data.table import Table
 
-    file, entry = split_entry(args.file)
-    profile = holds_profile(file)
-    entries = None if profile else sniff(file).entries
+    file, entry = split_entry(name)
+    if holds_profile(file):
+        return _profile(open_profile(file))
+    entries = sniff(file).entries
     if entry is None and entries is not None:
         names = entries(file)
-        facts = {"kind": sniff(file).name, "file": file, "materials": len(names), "names": ", ".join(names)}
-    elif profile:
-        facts = _profile(open_profile(file))
-    else:
-        content = load(args.file, **reading_options(args))
-        facts = _table(content) if isinstance(content, Table) else _material(content)
-    show(columns([[k, line] for k, v in facts.items() for line in _lines(k, v)]))
-    return write_json(args, facts)
+        return {"kind": sniff(file).name, "file": file, "materials": len(names), "names": ", ".join(names)}
+    content = load(name, **reading_options(args))
+    return _table(content) if isinstance(content, Table) else _material(content)
 
 
 def _lines(name: str, value: Any) -> list[str]:

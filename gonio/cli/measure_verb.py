@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import os
 import shlex
 import sys
 from typing import TYPE_CHECKING, Any
@@ -16,25 +17,28 @@ from gonio.cli.arguments import (
     as_stated,
     degrees,
     given,
+    hours,
     seconds_of,
     share_of,
+    write_json,
 )
 from gonio.models.errors import GonioError
-from gonio.text import log, show
+from gonio.text import is_verbose, log, show
 
 if TYPE_CHECKING:
     from gonio.data.layouts import Layout
     from gonio.data.material import Material
     from gonio.instrument.instrument import Instrument, Systematic
+    from gonio.instrument.pace import Pace, ScanTime
     from gonio.models.brdf import AbstractBRDF
 
+UNFINISHED = ".part"
+"""The ending of a table that is being written."""
 SYSTEMATIC = ("tilt_x", "tilt_y", "theta_i", "theta_o", "phi")
 SCANS = "isotropic, spherical, half-difference, merl, in-plane, rgl, offsets, or a CSV file of directions"
 OUTPUT: Options = {
-    "-o/--output T.h5": {
-        "required": True,
-        "help": "the table; a killed run is continued; of the rgl scan also .bsdf, or .csv",
-    }
+    "-o/--output T.h5": "the table; a killed run is continued; of the rgl scan also .bsdf, or .csv",
+    "--dry-run": "say the cells, hours on a real instrument and bytes, and measure nothing",
 }
 SCAN: Options = {
     "--scan SCAN": f"{SCANS}, whose column seconds, if any, is counting times (default: "
@@ -113,12 +117,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from gonio.data.files import refuse_outputs
 
+    _require_one_way(args)
     refuse_outputs([args.output], [args.material, args.scan, args.instrument], args.force)
     from gonio.data.subject import load_material
-    from gonio.instrument.measurement import measure
-    from gonio.instrument.scans import listed_seconds
 
-    _require_one_way(args)
     instrument = _instrument(args)
     material = load_material(as_stated(args.material, args))
     command = shlex.join(["gonio", *sys.argv[1:]])
@@ -128,13 +130,51 @@ def run(args: argparse.Namespace) -> int:
         return _offsets(args, material, instrument, command)
     if args.scan == "rgl":
         return _rgl(args, material, instrument, command)
+    return _scanned(args, material, instrument, command)
+
+
+def kept(args: argparse.Namespace) -> str:
+    """What an interrupted measurement has kept."""
+    part = f"{args.output}{UNFINISHED}"
+    if not args.output or not os.path.exists(part):
+        return "nothing was written"
+    return f"what was read is kept in {part}: run it again to go on"
+
+
+def _scanned(args: argparse.Namespace, material: "Material", instrument: "Instrument", command: str) -> int:
+    from gonio.instrument.measurement import measure
+    from gonio.instrument.scans import listed_seconds
+
+    layout = _scan(args, material.brdf)
+    seconds = None if args.scan is None else listed_seconds(args.scan)
+    takes = instrument.pace.scan_time(layout, instrument.seconds if seconds is None else seconds)
+    each = (4 if args.float32 else 8) * (2 if instrument.has_noise else 1) + 1
+    facts: dict[str, Any] = {"material": material.name, "layout": layout.name, "cells": layout.size}
+    facts |= {"channels": len(material.channels), "bytes": layout.size * len(material.channels) * each}
+    facts |= time_facts(takes)
     options = {name: getattr(args, name) for name in ("output", "seed", "force")}
     options["progress"] = args.progress or sys.stderr.isatty()
     options["dtype"] = "float32" if args.float32 else None
-    options["seconds"] = None if args.scan is None else listed_seconds(args.scan)
-    measure(material, instrument, _scan(args, material.brdf), log=log, command=command, **options)
-    show(f"written: {args.output}")
-    return 0
+    if not args.dry_run:
+        measure(material, instrument, layout, log=log, command=command, seconds=seconds, **options)
+    else:
+        size = f"{facts['cells']:,} cells × {facts['channels']} channels, at most {facts['bytes'] / 1e6:.3g} MB"
+        show(f"{material.name}, {layout.name} scan: {size} before compression")
+    show(time_sentence(takes, instrument.pace))
+    if not args.dry_run:
+        show(f"written: {args.output}")
+    return write_json(args, facts | {"written": None if args.dry_run else args.output})
+
+
+def time_facts(takes: "ScanTime") -> dict[str, Any]:
+    """The time of a scan on a real instrument, for JSON."""
+    return {"readings": takes.readings, "hours": takes.seconds / 3600, "hours_counting": takes.counting / 3600}
+
+
+def time_sentence(takes: "ScanTime", pace: "Pace") -> str:
+    """The time of a scan on a real instrument; with -v also the model of that."""
+    how = f"{hours(takes.moving)} moving and settling, {hours(takes.counting)} counting"
+    return f"on a real instrument: {hours(takes.seconds)} ({how})" + f"\n{pace.sentence()}" * is_verbose()
 
 
 def _require_one_way(args: argparse.Namespace) -> None:
@@ -149,16 +189,21 @@ def _require_one_way(args: argparse.Namespace) -> None:
         raise GonioError("--offsets belongs to the scan of offsets; give --scan offsets too")
     if only_rgl and args.scan != "rgl":
         raise GonioError(f"--{only_rgl[0]} belongs to the rgl scan; give --scan rgl too")
-    if args.output.lower().endswith(".bsdf") and args.scan != "rgl":
+    if (args.output or "").lower().endswith(".bsdf") and args.scan != "rgl":
         raise GonioError(
             f"{args.output} is written by --scan rgl; give that, or measure into .h5 and convert the table"
         )
+    if args.output is None and not args.dry_run:
+        raise GonioError("name the table to write, as in -o T.h5, or give --dry-run to know what it takes")
+    if args.dry_run and (args.adaptive or args.scan == "rgl"):
+        which = "an adaptive measurement" if args.adaptive else "the rgl scan"
+        raise GonioError(f"{which} chooses its directions by what it reads; leave --dry-run out")
     if ends and not args.adaptive:
         raise GonioError(f"--{ends[0]} belongs to an adaptive measurement; give --adaptive too")
 
 
 def _adaptive(args: argparse.Namespace, material: "Material", instrument: "Instrument", command: str) -> int:
-    from gonio.planning.adaptive.adaptive_measurement import Outcome, adapt
+    from gonio.planning.adaptive.adaptive_measurement import KEY, Outcome, adapt
 
     target, budget = (None if t is None else of(t) for t, of in ((args.target, share_of), (args.budget, seconds_of)))
     options: dict[str, Any] = {"output": args.output, "seed": args.seed, "force": args.force, "command": command}
@@ -166,7 +211,9 @@ def _adaptive(args: argparse.Namespace, material: "Material", instrument: "Instr
     table = adapt(material, instrument, target=target, budget=budget, log=log, **options)
     outcome = Outcome.of(table)
     show(f"{outcome.sentence}\nwritten: {args.output}")
-    return 0 if outcome.shown or target is None else 1
+    facts = {"material": material.name, "readings": table.layout.size, "channels": len(table.channels)}
+    facts |= {key: table.provenance[KEY][key] for key in ("shown", "error", "bound", "hours", "verdict")}
+    return write_json(args, facts | {"written": args.output}, 0 if outcome.shown or target is None else 1)
 
 
 def _rgl(args: argparse.Namespace, material: "Material", instrument: "Instrument", command: str) -> int:
@@ -186,23 +233,31 @@ def _rgl(args: argparse.Namespace, material: "Material", instrument: "Instrument
         write_arrays(args.output, scan.fit, args.force)
     else:
         write(args.output, scan.table, args.force)
-    show(f"written: {args.output}")
-    return 0
+    show(f"on a real instrument: {hours(3600 * scan.hours)}\nwritten: {args.output}")
+    facts = {"material": material.name, "readings": scan.table.layout.size, "channels": len(scan.table.channels)}
+    return write_json(args, facts | {"hours": scan.hours, "written": args.output})
 
 
 def _offsets(args: argparse.Namespace, material: "Material", instrument: "Instrument", command: str) -> int:
     from gonio.data.profile_files import require_profile_ending
     from gonio.instrument.offsets_scan import measure_profile, parsed_offsets
+    from gonio.instrument.pace import ScanTime
 
     others = [n for n in ("step", "phi_step", "theta_max", "theta_i") if getattr(args, n) is not None]
     if others or args.float32:
         raise GonioError(f"the scan of offsets is read at the normal; leave --{(others or ['float32'])[0]} out")
-    require_profile_ending(args.output)
+    if not args.dry_run:
+        require_profile_ending(args.output)
     offsets = None if args.offsets is None else parsed_offsets(args.offsets)
-    options: dict[str, Any] = {"output": args.output, "seed": args.seed, "force": args.force, "command": command}
+    options: dict[str, Any] = {"seed": args.seed, "force": args.force, "command": command}
+    options["output"] = None if args.dry_run else args.output
     profile = measure_profile(material, instrument, offsets, **options)
-    show("\n".join([*(f"{k}: {v}" for k, v in profile.facts().items() if v), f"written: {args.output}"]))
-    return 0
+    count = profile.offsets.size
+    takes = ScanTime(count, count * instrument.pace.settling, count * instrument.seconds)
+    facts = {"material": material.name, "channels": len(profile.channels), **time_facts(takes)}
+    lines = [f"{k}: {v}" for k, v in profile.facts().items() if v] + [time_sentence(takes, instrument.pace)]
+    show("\n".join([*lines, *([] if args.dry_run else [f"written: {args.output}"])]))
+    return write_json(args, facts | {"written": None if args.dry_run else args.output})
 
 
 def _instrument(args: argparse.Namespace) -> "Instrument":

@@ -10,10 +10,10 @@ from gonio.cli.arguments import (
     FORCE,
     MATERIAL,
     READING,
-    UNITS,
     Options,
     add_options,
     as_stated,
+    hours,
     seconds_of,
     share_of,
     writing_json,
@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
     instrument = None if args.instrument is None else read_instrument(args.instrument)
     subject = None if args.material is None else as_stated(args.material, args)
     planned = plan(subject, instrument, **options)
-    with writing_json(args, planned.to_dict()):
+    with writing_json(args, planned.to_dict() | {"written": args.output}):
         if args.picture:
             title = f"{planned.name}: {planned.shots.seconds.size} shots in {planned.hours:.3g} h"
             write_path(planned.shots.angles, planned.shots.seconds, title, args.picture, args.force)
@@ -124,12 +124,6 @@ def _spreads(value: float, n: Any) -> list[str]:
         return number(u, 2) + (relative if math.isfinite(u) else "")
 
     return [text(n.standard_uncertainty), text(n.regular)]
-
-
-def hours(seconds: float) -> str:
-    """Seconds as text: 1.5 h, 12 min or 40 s."""
-    unit = next((u for u, size in UNITS.items() if seconds >= size), "s")
-    return f"{seconds / UNITS[unit]:.3g} {unit}"
 
 
 def _ranges(text: str) -> dict[str, tuple[float, float]]:

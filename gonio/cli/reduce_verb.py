@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from gonio.cli.arguments import FORCE, MERL, READING, Options, add_options, read_table
+from gonio.cli.arguments import FORCE, MERL, READING, Options, add_options, read_table, write_json
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.text import log, number, show
@@ -45,4 +45,6 @@ def run(args: argparse.Namespace) -> int:
     ratio = number(before / after, 3)
     show(f"{reduced.cells[0]} readings became {reduced.cells[1]}, {before} bytes {after}: {ratio} times less")
     show(f"written: {args.output}")
-    return reduced.exit_status
+    facts = {key: getattr(reduced, key) for key in ("error", "promised", "tolerance", "left_out", "keeps")}
+    facts |= {"scene": scene.name, "readings": list(reduced.cells), "bytes": [before, after], "written": args.output}
+    return write_json(args, facts, reduced.exit_status)

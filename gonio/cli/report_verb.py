@@ -4,7 +4,7 @@ import argparse
 import shlex
 from pathlib import Path
 
-from gonio.cli.arguments import FORCE, READING, Options, add_options, as_stated
+from gonio.cli.arguments import FORCE, READING, Options, add_options, as_stated, write_json
 from gonio.text import log, show
 
 TITLE = "BRDF report"
@@ -39,8 +39,9 @@ def run(args: argparse.Namespace) -> int:
     options |= {"command": _command(args), "log": log}
     subjects = [as_stated(s, args) for s in args.subjects]
     report(subjects, args.output, fits=args.fit, check=not args.no_check, **options)
-    show(f"written: {args.output} and {Path(args.output).with_suffix('.json').name}")
-    return 0
+    values = Path(args.output).with_suffix(".json")
+    show(f"written: {args.output} and {values.name}")
+    return write_json(args, {"written": args.output, "values": str(values)})
 
 
 def _command(args: argparse.Namespace) -> str:

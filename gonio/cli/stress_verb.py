@@ -1,8 +1,9 @@
 """``gonio stress``: where each method fails, and that it says so."""
 
 import argparse
+import dataclasses
 
-from gonio.cli.arguments import FORCE, Options, add_options
+from gonio.cli.arguments import FORCE, Options, add_options, write_json
 from gonio.models.errors import GonioError
 from gonio.text import columns, log, show
 
@@ -21,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from gonio.stability.outcome import SILENT
+    from gonio.stability.outcome import METHODS, SILENT
     from gonio.stability.survey import repeat_cell, stress
 
     if args.processes is not None and args.processes < 1:
@@ -32,7 +33,8 @@ def run(args: argparse.Namespace) -> int:
         cells = repeat_cell(args.models[0], args.cell, args.quick)
         for c in cells:
             show(f"{c.verdict}: {c.detail}\nerror {c.error:.3g}, allowed {c.allowed:.3g}")
-        return int(any(c.verdict == SILENT for c in cells))
+        facts = [dataclasses.asdict(c) for c in cells]
+        return write_json(args, {"cells": facts}, int(any(c.verdict == SILENT for c in cells)))
     options = {name: getattr(args, name) for name in ("quick", "output", "processes", "force")}
     atlas = stress(args.models, log=log, **options)
     show(columns(atlas.summary(), ["method", "cells", "right", "says so", "silently wrong"]))
@@ -44,4 +46,12 @@ def run(args: argparse.Namespace) -> int:
     if args.output:
         show(f"\nwritten: {args.output}/index.html and stress.csv")
     show(atlas.last_line())
-    return atlas.exit_status
+    counts = {method: atlas.counts(method) for method in METHODS if atlas.of_method(method)}
+    silent = [dataclasses.asdict(c) | {"recipe": c.recipe(atlas.quick), "reason": c.reason} for c in atlas.silent]
+    facts = {"quick": atlas.quick, "seconds": atlas.seconds, "counts": counts, "silently_wrong": silent}
+    return write_json(args, facts | {"written": args.output}, atlas.exit_status)
+
+
+def kept(args: argparse.Namespace) -> str:
+    """What an interrupted atlas has kept."""
+    return "nothing was written: an atlas is written as a whole"

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,22 @@ from gonio.models.errors import GonioError
 
 Angles = Sequence[np.ndarray] | np.ndarray
 """Arrays of theta_i, phi_i, theta_o and phi_o, radians."""
+MOST_CELLS = 1 << 22
+"""Cells of a scan whose way is followed; of a larger one the hours are those of its first cells, times their share."""
 AXES = ("theta_i", "phi_i", "theta_o", "phi_o")
+
+
+class ScanTime(NamedTuple):
+    """What a scan takes on a real instrument: readings, seconds of moving and settling, and of counting."""
+
+    readings: int
+    moving: float
+    counting: float
+
+    @property
+    def seconds(self) -> float:
+        """Of all."""
+        return self.moving + self.counting
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,6 +74,15 @@ class Pace:
         """
         angles = [np.asarray(a)[scan_order(layout)] for a in layout.angles()]
         return self.path_seconds(angles, photons / self.count_rate)
+
+    def scan_time(self, layout: Layout, counting: float | np.ndarray) -> ScanTime:
+        """What a whole scan takes, in the order of `seconds`; `counting`: seconds of each cell (n,), or of all."""
+        stop = min(layout.size, MOST_CELLS)
+        order = scan_order(layout) if stop == layout.size else np.arange(stop)
+        share = layout.size / stop
+        moving = self.path_seconds([np.asarray(a)[order] for a in layout.angles(0, stop)], 0.0)
+        count = np.broadcast_to(counting, (layout.size,))[order]
+        return ScanTime(round(order.size * share), moving * share, float(np.sum(count)) * share)
 
     def sentence(self) -> str:
         """The model, for a caption."""

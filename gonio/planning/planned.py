@@ -14,6 +14,7 @@ from gonio.data.files import new_file
 from gonio.data.formats.csv_columns import write_columns
 from gonio.data.layouts import Layout
 from gonio.data.reflection_only import require_reflection
+from gonio.data.serialise import finite
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
 from gonio.fitting.problem.readings import readings_of
@@ -104,13 +105,11 @@ class Plan(Displayed):
         return {"of": self.name, "shots": f"{self.shots.seconds.size} in {hours}", **known, "certificate": certificate}
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything, for JSON: angles in degrees."""
+        """Everything, for JSON: angles in degrees; what is not finite is None, and "null" says why."""
         columns = {n: np.degrees(a).round(3).tolist() for n, a in zip(AXES, self.shots.angles, strict=True)}
-        known = [{k: v if math.isfinite(v) else None for k, v in n._asdict().items() if k != "name"} | {"name": n.name}
-                 for n in self.numbers]  # fmt: skip
+        known = [n._asdict() for n in self.numbers]
         others = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in ("shots", "numbers")}
-        others["advantage"] = self.advantage if math.isfinite(self.advantage) else None
-        return {**others, "numbers": known, "shots": columns | {"seconds": self.shots.seconds.tolist()}}
+        return finite({**others, "numbers": known, "shots": columns | {"seconds": self.shots.seconds.tolist()}})
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> Path:
         """Writes the path as CSV, which `gonio measure --scan` takes. GonioError where it exists or cannot be."""

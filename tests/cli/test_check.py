@@ -43,7 +43,7 @@ def test_stored_uncertainties_are_tested_at_the_level_and_the_place_is_said(tmp_
     f = grid_values(build("lambert(rho=0.5)"), layout)
     wrong = f * (1 + 0.04 * np.cos(layout.angles()[0].reshape(layout.shape)))[..., None]
     write_table(tmp_path / "t.h5", whole_table_of_values(layout, wrong, u_f=0.01 * f))
-    assert main(["check", str(tmp_path / "t.h5"), "--level", "0.001", "--feature-width", "21"]) == 0
+    assert main(["check", str(tmp_path / "t.h5"), "--level", "0.001", "--feature-width", "21", "-v"]) == 0
     printed = capsys.readouterr().out
     assert "level 0.001" in printed and "That is significant, and within the tolerance" in printed
     assert "all angles together" in printed
@@ -60,7 +60,7 @@ def test_a_model_carries_the_verdict_that_the_grid_leaves_open(tmp_path, capsys)
     )
     assert main(["check", path]) == 3
     assert "--model auto" in capsys.readouterr().out
-    assert main(["check", path, "--model", "lambert + ggx"]) == 0
+    assert main(["check", path, "--model", "lambert + ggx", "-v"]) == 0
     assert "Model-assisted" in capsys.readouterr().out
     assert main(["check", path, "--model", "no_such"]) == 2
     assert "no_such" in capsys.readouterr().err

@@ -78,7 +78,6 @@ def faulty(here):
         ("fit t.h5 -m lambert --weight cos", "did you mean 'cosine'?"),
         ("fit few.csv -m 'lambert + ggx'", "1 more are needed"),
         ("fit . -m lambertt", "did you mean 'lambert'?"),
-        ("fit . -m lambert --json a.json", "a single file"),
         ("fit t.h5 folder/../t.h5 -m lambert", "would both be written"),
         ("fit . -m lambert -o t.h5", "names the folder"),
         ("fit folder -m lambert", "holds no table"),

@@ -288,7 +288,8 @@ class _Loop:
         )
         if "model" in session.rounds[-1]:
             verdict += f"; by {session.rounds[-1]['fitted']}"
-        return {"shown": reached, "error": error.value, "bound": error.bound, "verdict": verdict}
+        hours = session.seconds() / 3600
+        return {"shown": reached, "error": error.value, "bound": error.bound, "hours": hours, "verdict": verdict}
 
     def _report(self, text: str) -> None:
         session = self.session
