@@ -5,6 +5,7 @@ import dataclasses
 from typing import Any
 
 from gonio.cli.arguments import FORCE, MERL, READING, Options, add_options, given, reading_options, share_of, write_json
+from gonio.models.errors import GonioError
 from gonio.text import log, show
 
 OPTIONS: Options = {
@@ -43,6 +44,8 @@ def streamed(args: argparse.Namespace) -> str:
     from gonio.data.formats.registry import targets
     from gonio.exports.targets import TARGETS
 
+    if args.measured:
+        raise GonioError("--measured writes two files; name them by OUT in place of '-'")
     name = (args.to or "CSV").casefold()
     known = TARGETS.get(name) or targets().get(name)
     return known.suffixes[0] if known is not None and known.suffixes else ".csv"
