@@ -66,7 +66,7 @@ def test_json_is_valid_alone_and_of_one_convention(here, quick, capsys, verb):
     assert head["gonio_json"] == 1 and head["verb"] == verb and head["exit_status"] == status
     assert status in (0, 1, 3) or verb in REFUSED
     for pointer, reason in content.get("null", {}).items():
-        assert reason and at(content, pointer) is None or isinstance(at(content, pointer), list)
+        assert (reason and at(content, pointer) is None) or isinstance(at(content, pointer), list)
 
 
 def split(text):
