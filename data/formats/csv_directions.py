@@ -1,6 +1,7 @@
 """The directions of a CSV file: which columns they are in, their unit, and what had to be understood."""
 
 import math
+import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -17,6 +18,8 @@ from gonio.models.geometry.sides import side
 UNITS = ("degrees", "radians")
 UNIT_TOLERANCE = 1e-3
 """A vector whose length is off by more is no direction; a smaller error is divided out."""
+IN_PLANE = ("theta_i", "theta_o")
+"""Angles of a file of readings in the plane of incidence, which are signed."""
 POLAR = ("theta_i", "theta_o")
 """Angles that go on behind the sample."""
 MOST_DIGITS = 10
@@ -52,14 +55,22 @@ def direction_columns(text: CsvText) -> dict[str, Column]:
         if set(roles) <= there.keys():
             extra = {"phi_h": there["phi_h"]} if roles == HALF_DIFFERENCE and "phi_h" in there else {}
             return {role: there[role] for role in roles} | extra
+    if {"theta_i", "theta_o"} <= there.keys() and not any("phi" in role for role in there) and not _unknown(text):
+        return {role: there[role] for role in IN_PLANE}
     missing = [n for n in ANGLES if n not in there]
-    ambiguous = [n for n in text.names if n.lower().replace("_", "") in ("thetas", "phis", "phi", "theta", "azimuth")]
+    ambiguous = _unknown(text)
     hint = f"; {ambiguous[0][:40]} may be either side's:" if ambiguous else ""
     azimuths = " (or delta_phi, 180 at the mirror side, for the azimuths)" if "phi_o" in missing else ""
     raise GonioError(
         f"{text.path} has the columns {shown(text.names)}, but not {', '.join(missing)}{hint or ';'} "
         f"expected {', '.join(ANGLES)} in degrees{azimuths}, or {VECTORS[0]}, ..., {VECTORS[-1]}"
     )
+
+
+def _unknown(text: CsvText) -> list[str]:
+    """Names of columns that may be angles of either side."""
+    names = ("thetas", "phis", "phi", "theta", "azimuth")
+    return [n for n in text.names if re.sub(r"[\s_]+|[\[(].*", "", n.lower()) in names]
 
 
 def read_angles(
@@ -89,6 +100,10 @@ def read_angles(
     for role, angle in values.items():
         values[role] = _inside(text, columns[role].name, role, angle, units[role])
     radians = {role: np.radians(v) if units[role] == "degrees" else v for role, v in values.items()}
+    if set(columns) == set(IN_PLANE):
+        return _in_plane(
+            text, columns, radians, rounding, (f"{' and '.join(sorted(set(units.values())))} ({who})", who)
+        )
     negative = [role for role in ("theta_i", "theta_o") if role in radians and (radians[role] < 0).any()]
     for role in negative:
         count = int((radians[role] < 0).sum())
@@ -101,6 +116,31 @@ def read_angles(
         below = np.logical_or(*(side(np.cos(a)) < 0 for a in (four[0], four[2])))
         return Directions(four, rounding, source, understood, who != "not stated", below)
     return Directions(four, rounding, source, understood + _behind(four), who != "not stated")
+
+
+def _in_plane(
+    text: CsvText,
+    columns: Mapping[str, Column],
+    radians: Mapping[str, np.ndarray],
+    rounding: float,
+    source: tuple[str, str],
+) -> Directions:
+    """The directions of signed polar angles in the plane of incidence; refuses those whose signs say no sides."""
+    theta_i, theta_o = (radians[role] for role in IN_PLANE)
+    light, detector = (columns[role].name[:40] for role in IN_PLANE)
+    if not (theta_o < 0).any() and not (theta_i < 0).any() and (theta_o > 0).any() and (theta_i > 0).any():
+        text.refuse(
+            f"it has {light} and {detector} above 0 and no azimuth; give phi_i and phi_o, or delta_phi, or signs: "
+            f"{detector} above 0 on the mirror side, below it on the light's"
+        )
+    frame = bool((theta_i < 0).any())
+    one = "both have the sign of one side" if frame else f"{detector} is above 0 on the mirror side"
+    zero = np.zeros_like(theta_i)
+    pairs = _unsigned(theta_i, zero), _unsigned(theta_o, zero if frame else zero + math.pi)
+    four = (*pairs[0], *pairs[1])
+    understood = [f"{c.name[:40]} is {role}" for role, c in columns.items() if c.name != role]
+    understood.append(f"without azimuths they are in the plane of incidence: {one}")
+    return Directions(four, rounding, source[0], understood + _behind(four), source[1] != "not stated")
 
 
 def _behind(angles: Angles) -> list[str]:

@@ -83,10 +83,16 @@ class Column(NamedTuple):
     """Name of a channel that has no number: R, G, B, X, Y, Z."""
     quantity: str | None = None
     """What a column of role `f` holds, where its name says so."""
+    coverage: float | None = None
+    """k of a column of role `u_f`, where its name says it."""
+    relative: bool = False
+    """Whether its name says that it is a share of f."""
 
 
 def column_of(name: str, unit: str = "") -> Column:
     """What a name in a header says; `unit`: from a row of units below it."""
+    if (of_f := _uncertainty_column(name[:LONGEST_NAME], unit)) is not None:
+        return of_f._replace(name=name)
     stem, written = _split_unit(name[:LONGEST_NAME])
     unit = written or unit
     stem = stem.lower()
@@ -171,6 +177,34 @@ def _split_unit(name: str) -> tuple[str, str]:
     return text, ""
 
 
+def _uncertainty_column(name: str, unit: str) -> Column | None:
+    """A column whose name says k, per cent, or that it is relative: ``U_k2_percent``, ``rel. uncertainty``, ``U95``.
+
+    None for names that say none of it, or are no uncertainty's.
+    """
+    rest, said = name.strip().replace("²", "2"), []
+    if not re.match(r"(?i)(?:u|unc|sigma|std|sd|rel|expanded|standard|combined)(?![a-z])|.*uncertainty", rest):
+        return None
+    for pattern in (
+        r"(?i)[\s_(\[,;/]*(?<![a-z])k\s*[=_]?\s*(\d(?:\.\d+)?)\s*[)\]]?",
+        r"(?i)(?<=u)[\s_]?(95)(?!\d)\s*%?|[\s_(\[]*(95)\s*%[)\]]?",
+        r"(?i)[\s_(\[,;/]*(?:in\s+)?(percent|per cent|pct|%)\s*[)\]]?",
+        r"(?i)[\s_]*(?<![a-z])(rel(?:ative)?)(?![a-z])\.?[\s_]*",
+        r"(?i)[\s_]*(?<![a-z])(expanded|combined|standard)(?=[\s_]+(?:u|unc|uncertainty)\b)[\s_]*",
+    ):
+        match = re.search(pattern, rest)
+        said.append(next((g for g in match.groups() if g), None) if match else None)
+        rest = rest[: match.start()] + ("_" if rest[match.end() :] else "") + rest[match.end() :] if match else rest
+    k, level, percent, relative, _ = said
+    if not any(said):
+        return None
+    stem, written = _split_unit(rest.strip(" _"))
+    made = _value_column(name, stem.lower(), "%" if percent else written or unit)
+    if made is None or made.role != "u_f":
+        return None
+    return made._replace(coverage=float(k) if k else 2.0 if level else None, relative=bool(relative))
+
+
 def _value_column(name: str, stem: str, unit: str) -> Column | None:
     """The column of a value, a wavelength or an uncertainty; None for anything else."""
     if flag := re.fullmatch(rf"flag[_ ]?(?:({NUMBER})([a-zµμ]*)|([a-z]+))", stem):
@@ -178,7 +212,7 @@ def _value_column(name: str, stem: str, unit: str) -> Column | None:
         label = COLOURS.get(flag[3] or "", "")
         return Column(name, "flag", unit, number, flag[2] or "", label) if number is not None or label else None
     role, rest = "f", stem
-    words = r"(?:u|sigma|std|sd|unc|uncertainty)"
+    words = r"(?:uncertainty|unc|sigma|std|sd|u)"
     if before := re.fullmatch(rf"{words}[\s_(]*(.*?)\)?", stem):
         role, rest = "u_f", before[1]
     elif after := re.fullmatch(rf"(.*?)[\s_]+{words}", stem):

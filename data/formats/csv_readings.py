@@ -76,7 +76,14 @@ def _scaled(
         text.fail(np.argwhere(u_f < 0)[0, 0], "u_f is negative; expected a standard uncertainty, 0 or nan")
     k = _coverage(values, statements)
     text.understood += [f"uncertainties are expanded by k = {k:g}, and divided by it"] if k > 1 else []
-    text.understood += ["uncertainties are in per cent of f"] if relative is not None else []
+    if relative is not None:
+        text.understood.append(
+            "uncertainties are in per cent of f" if relative.max() < 1 else "uncertainties are shares"
+        )
+    elif any(c.unit == "%" for c in values.u_f or []):
+        text.understood.append(
+            "uncertainties are in per cent as the values are, not of them (a header may say relative)"
+        )
     scale = factors if relative is None else np.where(relative > 0, np.abs(f * factors) * relative, factors)
     return f * factors, u_f / k * scale
 
@@ -211,6 +218,8 @@ def _suspects(f: np.ndarray) -> np.ndarray:
 
 def _coverage(values: ValueColumns, statements: Statements) -> float:
     """k of the stored uncertainties, by a header such as ``U_f (k=2)`` or a comment."""
-    units = {c.unit for c in values.u_f or []}
+    units, named = {c.unit for c in values.u_f or []}, [c.coverage for c in values.u_f or [] if c.coverage]
+    if named:
+        return max(1.0, named[0])
     written = [float(u[2:]) for u in units if u.startswith("k=") and u[2:].replace(".", "", 1).isdigit()]
     return max(1.0, written[0] if written else statements.coverage_factor())

@@ -81,8 +81,11 @@ def scales(text: CsvText, values: ValueColumns) -> tuple[np.ndarray, np.ndarray 
                 f"the column {c.name[:40]!r} has the unit {c.unit[:20]!r}; expected 1/sr, or a name such as "
                 "'reflectance factor [%]' that says what it is"
             )
-    relative = [c.unit == "%" and f.unit != "%" for c, f in zip(values.u_f or [], values.f, strict=False)]
-    return np.array(factors), np.where(relative, 0.01, 0.0) if any(relative) else None
+    pairs = zip(values.u_f or [], values.f, strict=False)
+    relative = [
+        (0.01 if c.unit == "%" else 1.0) if c.relative or (c.unit == "%" and f.unit != "%") else 0.0 for c, f in pairs
+    ]
+    return np.array(factors), np.array(relative) if any(relative) else None
 
 
 def wavelength_unit(numbers: Sequence[float] | np.ndarray) -> str | None:
@@ -178,8 +181,9 @@ def _beside(text: CsvText, f: list[Column], role: str) -> list[Column] | None:
     for c in others:
         by_channel.setdefault((c.number, c.label), []).append(c)
     matched = [by_channel.get((c.number, c.label), []) for c in f]
-    if len(f) == 1 and not matched[0]:
-        matched = [by_channel.get((None, ""), [])]
+    if not any(matched):  # one column for all channels
+        matched = [by_channel.get((None, ""), [])] * len(f)
+        others = others * len(f)
     if not all(matched) or sum(map(len, matched)) != len(others):
         listed = shown([c.name for c in others], 60)
         text.refuse(f"it has {listed} beside {shown([c.name for c in f], 60)}; give one for each channel")

@@ -281,3 +281,41 @@ def test_columns_rows_units_and_forms_at_random(tmp_path_factory, data):
     assert_truth(table).all()
     assert table.channels.names == ("450 nm", "550 nm")
     np.testing.assert_allclose(table.f[..., 1], 3 * table.f[..., 0], rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("name", "u"),
+    [
+        ("u_f", 2.0), ("uncertainty", 2.0), ("U(f) (k=2)", 1.0), ("expanded uncertainty (k = 2)", 1.0), ("U95", 1.0),
+        ("U_k2_percent", 0.5), ("U95 (%)", 0.5), ("rel. uncertainty [%]", 1.0), ("u_rel", 100.0),
+        ("relative expanded uncertainty (k=2) [%]", 0.5), ("standard_uncertainty", 2.0), ("sigma_f_percent", 1.0),
+    ],
+)  # fmt: skip
+def test_uncertainties_say_k_and_per_cent_in_their_names(path, name, u):
+    write(path, [*NAMES, "f", name], [[0.0] * 3, [0.0] * 3, [0.0, 10.0, 25.0], [0.0] * 3, [50.0] * 3, [2.0] * 3])
+    np.testing.assert_allclose(read_csv(path).read_values()["u_f"], u)
+
+
+def test_one_column_of_per_cents_is_of_all_wavelengths(path):
+    columns = [[0.0] * 3, [0.0] * 3, [0.0, 10.0, 25.0], [0.0] * 3, [50.0] * 3, [10.0] * 3, [2.0] * 3]
+    write(path, [*NAMES, "f_450nm", "f_550nm", "U_k2_percent"], columns)
+    np.testing.assert_allclose(read_csv(path).read_values()["u_f"], [[0.5, 0.1]] * 3)
+
+
+@pytest.mark.parametrize(("light", "mirror"), [(1, 1), (-1, 1)])
+def test_signed_angles_without_azimuths_are_in_the_plane_of_incidence(path, light, mirror):
+    """With the light above 0 the mirror side is above 0; with the light below 0 both angles are in one frame."""
+    theta_i, theta_o = (a.ravel() for a in np.meshgrid([20.0, 45.0], np.arange(-60, 61, 15.0), indexing="ij"))
+    f = np.where(theta_o > 0, 1.0, 0.5)
+    write(path, ["theta_i", "theta_r", "f"], [light * theta_i, mirror * theta_o, f])
+    table = read_csv(path)
+    assert table.layout.in_one_plane
+    wo, wi = table.read().wo, table.read().wi
+    specular = -np.asarray(wo.x) * np.asarray(wi.x) > 1e-9
+    np.testing.assert_allclose(table.read_values()["f"][:, 0], np.where(specular, 1.0, 0.5))
+
+
+def test_unsigned_angles_without_azimuths_are_refused(path):
+    write(path, ["theta_i", "theta_r", "f"], [[20.0, 20.0], [10.0, 30.0], [0.5, 0.5]])
+    with pytest.raises(GonioError, match="above 0 on the mirror side"):
+        read_csv(path)
