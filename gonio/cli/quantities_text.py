@@ -97,9 +97,11 @@ def undecided_lines(result: "Quantities", groups: list[str]) -> list[str]:
     reasons: dict[str, list[str]] = {}
     for u in result.undecided:
         if u.group in groups:
-            reasons.setdefault(u.reason, []).append(f"{u.name} {u.place}".strip())
+            name = u.group if u.group == "colour" else u.name
+            reasons.setdefault(u.reason, []).append(f"{name} {u.place}".strip())
     lines: list[str] = []
-    for reason, names in reasons.items():
+    for reason, every in reasons.items():
+        names = list(dict.fromkeys(every))
         listed = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
         lines.append(f"undecided: {listed}: {reason}")
     return lines

@@ -43,6 +43,11 @@ OPTIONS: Options = {
     "as 30:30:180 (the mirror direction); angles beyond 90 are behind the sample, such as 0:180 (straight through)",
     "--only GROUP,...": "groups to print, with the geometry that is integrated: albedo, reflectance, transmission, "
     "gloss, colour, multi-angle, scatter, retroreflection, 'remote sensing', 'scatter law', or all",
+    "--feature-width ANGLE": {
+        "type": float,
+        "default": 0.0,
+        "help": "tables: nothing in f is narrower, degrees; where the mirror direction was not read",
+    },
     "--port ANGLE": {
         "type": float,
         "default": 5.0,
@@ -90,6 +95,7 @@ def run(args: argparse.Namespace) -> int:
         "instrument": None if args.instrument is None else read_instrument(args.instrument),
         "uncertainty": stated_terms(args.uncertainty) if args.uncertainty else {},
         "geometries": _listed(args.geometry),
+        "feature_width": args.feature_width,
         "port": args.port,
         "observer": args.observer,
         "linear_srgb": args.linear_srgb,

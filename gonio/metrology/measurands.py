@@ -125,21 +125,28 @@ class TableMeasurands:
     """Of the table as it is."""
     albedos: SidedAlbedos
     standards: TableStandards
+    feature_width: float = 0.0
+    """Radians: no lobe is narrower."""
 
     @classmethod
     def of(
-        cls, table: Table, geometries: Sequence[str] = (), entries: Sequence[StandardQuantity] = ()
+        cls,
+        table: Table,
+        geometries: Sequence[str] = (),
+        entries: Sequence[StandardQuantity] = (),
+        feature_width: float = 0.0,
     ) -> "TableMeasurands":
         """The quantities of a table that can be computed: albedos, reflectance factors at `NAMED` and `geometries`, and
         those of standards.
 
         Raises GonioError for a geometry of these that was not read.
         """
-        albedos = albedos_by_side(table)
+        albedos = albedos_by_side(table, feature_width)
         shares, notes = _shares(albedos)
         factors, nothing = _factors(table, geometries), np.zeros(0)
-        standards = TableStandards.of(table, entries, albedos)
-        made = cls(table, [], factors, shares, notes, Readout(nothing, nothing, nothing), albedos, standards)
+        standards = TableStandards.of(table, entries, albedos, feature_width)
+        empty = Readout(nothing, nothing, nothing)
+        made = cls(table, [], factors, shares, notes, empty, albedos, standards, feature_width)
         base, labels = made._parts(table, albedos), made._labels()
         rows = [
             Quantity(
@@ -154,7 +161,7 @@ class TableMeasurands:
 
     def read_out(self, table: Table) -> Readout:
         """Values, bounds and noise of all quantities, of the same table with other f or u_f."""
-        albedos = albedos_by_side(table) if self.shares else self.albedos
+        albedos = albedos_by_side(table, self.feature_width) if self.shares else self.albedos
         parts = self._parts(table, albedos), self.standards.read_out(table, albedos)
         return Readout(*(np.concatenate(pair) for pair in zip(*parts, strict=True)))
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -49,6 +50,7 @@ class QuantitiesOptions(TypedDict, total=False):
     uncertainty: Mapping[str, object]
     geometries: Sequence[str]
     only: Sequence[str]
+    feature_width: float
     port: float
     illuminants: Sequence[str]
     observer: int
@@ -69,6 +71,7 @@ class QuantitiesSettings:
     uncertainty: Mapping[str, object] = dataclasses.field(default_factory=dict)
     geometries: Sequence[str] = ()
     only: Sequence[str] = ()
+    feature_width: float = 0.0
     port: float = PORT
     illuminants: Sequence[str] = ILLUMINANTS
     observer: int = 10
@@ -81,6 +84,8 @@ class QuantitiesSettings:
     def __post_init__(self) -> None:
         if not self.budget and (self.uncertainty or self.instrument is not None):
             raise GonioError("stated uncertainties belong to a budget; ask for the budget too")
+        if not 0 <= self.feature_width <= 90:
+            raise GonioError(f"the feature width is {self.feature_width:g}; give degrees from 0 to 90")
         if self.monte_carlo:
             require_draws(self.monte_carlo)
             if not self.budget:
@@ -161,6 +166,7 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
         geometries: more reflectance factors, as theta_i:theta_o:delta_phi in degrees ("30:30:180" is the mirror
             direction); of a table they have to be read there.
         only: groups of standards' quantities, see `gonio.metrology.standards.catalog.GROUPS`; all by default.
+        feature_width: degrees: nothing in f is narrower; else a lobe may hide where the mirror direction was not read.
         port: half-angle, degrees, about the mirror direction, of what "8°:de" leaves out.
         illuminants: of colours, "D65" and "A".
         observer: its field, 10 or 2 degrees.
@@ -192,7 +198,7 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
     if table.interpolant is None and not table.valid_cells().size:
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
     entries, remarks = standard_quantities(table.channels, wanted, table.sides != FRONT)
-    measurands = TableMeasurands.of(table, settings.geometries, entries)
+    measurands = TableMeasurands.of(table, settings.geometries, entries, math.radians(settings.feature_width))
     notes, undecided = (
         [*table.provenance.get("warnings", []), *measurands.notes, *remarks],
         measurands.standards.undecided,

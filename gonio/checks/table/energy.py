@@ -44,16 +44,17 @@ def table_albedos(table: Table, feature_width: float = 0.0) -> Albedos | str:
     return two_sided_albedos(table, lambda part, bend: _albedos(part, reach, bend))
 
 
-def albedos_by_side(table: Table) -> dict[tuple[int, int], Albedos | str]:
+def albedos_by_side(table: Table, feature_width: float = 0.0) -> dict[tuple[int, int], Albedos | str]:
     """Directional albedos, or why there are none, by the sides of light and detector: 1 in front, −1 behind.
 
-    Those with the detector on the other side are transmittances. Angles of incidence are from the light's normal.
+    Those with the detector on the other side are transmittances. Angles of incidence are from the light's normal. No
+    lobe is narrower than `feature_width`, radians.
     """
     if (sheet := sheet_of(table)) is not None:
         from gonio.checks.table.sheet import sheet_albedos_by_side
 
         return sheet_albedos_by_side(sheet, table.channels.names)
-    reach = mirror_reach(table, 0.0)
+    reach = mirror_reach(table, feature_width)
     if table.sides == FRONT:
         return {(1, 1): _albedos(table, reach)}
     from gonio.checks.table.albedo_two_sided import albedos_of_parts

@@ -34,6 +34,10 @@ NOISE = 2 * 1.22
 """Standard uncertainties by which the mean of two neighbours may differ from a reading without a structure."""
 WITHIN = 2.0
 """How much more f may be bent within a cell than at its nodes: of GGX lobes of two steps' width up to 1.7 times."""
+UNSEEN = (
+    "the mirror direction was not read, where a lobe narrower than the grid may hide; read it, or state the narrowest "
+    "feature (--feature-width)"
+)
 NO_GRID = "the readings are on no grid: a fit of them has it (gonio fit, then gonio quantities FIT.toml)"
 SidedAlbedos = Mapping[tuple[int, int], Albedos | str]
 
@@ -63,12 +67,14 @@ class TableIntegrals:
     channels: int
 
     @classmethod
-    def of(cls, table: Table, integrals: Sequence[Integral], albedos: SidedAlbedos) -> "TableIntegrals":
-        """Those of a table, whose albedos are known."""
+    def of(
+        cls, table: Table, integrals: Sequence[Integral], albedos: SidedAlbedos, feature_width: float = 0.0
+    ) -> "TableIntegrals":
+        """Those of a table, whose albedos are known; no lobe is narrower than `feature_width`, radians."""
         rows: dict[Integral, Row | Incidences | str] = {}
         for detector in (1, -1):
             there = [i for i in integrals if isinstance(i, Aperture) and detector * float(i.fine.wo.z[0]) > 0]
-            part = Part.of(table, detector) if there else ""
+            part = Part.of(table, detector, feature_width) if there else ""
             rows |= dict.fromkeys(there, part) if isinstance(part, str) else part.rows(there)
         rows |= {i: _incidences(i, albedos) for i in integrals if isinstance(i, Hemisphere)}
         return cls([rows[i] for i in integrals], len(table.channels))
@@ -120,7 +126,7 @@ def _incidences(integral: Hemisphere, albedos: SidedAlbedos) -> Incidences | str
     if isinstance(known, str):
         return f"there is no integral over the hemisphere: {known}"
     nearest = known.phi_i[np.argmin(np.abs(np.mod(known.phi_i + 1e-9, 2 * np.pi)))]
-    usable = ~known.partial & np.isfinite(known.value).all(axis=1)
+    usable = ~known.partial & np.isfinite(known.value).all(axis=1) & np.isfinite(known.above).all(axis=1)
     usable &= (np.abs(known.phi_i - nearest) < 1e-9) | (known.theta_i < 1e-9)
     numbers = np.flatnonzero(usable)
     numbers = numbers[np.argsort(known.theta_i[numbers])]
@@ -130,7 +136,10 @@ def _incidences(integral: Hemisphere, albedos: SidedAlbedos) -> Incidences | str
         return Incidences(sides, numbers[k : k + 1], np.ones(1), nothing)
     high = int(np.searchsorted(theta, integral.theta_i))
     if not 0 < high < theta.size:
-        return f"no albedo was read at θi {math.degrees(integral.theta_i):.4g}°, nor on both sides of it"
+        angle = f"at θi {math.degrees(integral.theta_i):.4g}°, nor on both sides of it"
+        if known.unseen.any():
+            return f"{UNSEEN} {angle}"
+        return f"there is no albedo {angle}"
     t = (integral.theta_i - theta[high - 1]) / (theta[high] - theta[high - 1])
     value = known.value[numbers]
     bends = [_bend(theta, value, k) for k in (high - 1, high) if 0 < k < theta.size - 1]
@@ -174,7 +183,7 @@ class Part:
         return np.asarray(np.isfinite(self.f).all(axis=1))
 
     @classmethod
-    def of(cls, table: Table, detector: int) -> "Part | str":
+    def of(cls, table: Table, detector: int, feature_width: float) -> "Part | str":
         """That of a table; or why there is none."""
         if table.interpolant is not None:
             return "its format reads it by a rule of its own, which bounds no integral over an aperture"
@@ -184,7 +193,7 @@ class Part:
         if part is not table:
             numbers = numbers.reshape(table.layout.shape)[table.layout.folded(1, detector)[1]].ravel()
         angles = () if part.layout.in_half_vectors else tuple(np.asarray(a) for a in part.layout.angles())
-        return cls(part, numbers, angles, mirror_reach(table, 0.0))
+        return cls(part, numbers, angles, mirror_reach(table, feature_width))
 
     def rows(self, integrals: Sequence[Aperture]) -> dict[Integral, Row | Incidences | str]:
         """The cells and weights of integrals; or why they are not known."""
@@ -246,7 +255,7 @@ class Part:
         cells, place = np.unique(corners.cells, return_inverse=True)
         weight = np.bincount(place.ravel(), (corners.weight * rule.weight).ravel(), cells.size)
         if mirrors and not self._sees_mirror(cells):
-            return "the mirror direction was not read, where a lobe narrower than the grid may hide"
+            return UNSEEN
         f = np.nan_to_num(self.f[cells])
         floor = np.maximum(FLOOR * np.abs(weight @ f) / max(float(np.sum(np.abs(rule.weight))), 1e-300), 1e-300)
         by_slope, by_share = (np.zeros((rule.weight.size, f.shape[1])) for _ in range(2))

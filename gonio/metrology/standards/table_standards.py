@@ -23,10 +23,12 @@ class TableStandards:
     undecided: list[Undecided]
 
     @classmethod
-    def of(cls, table: Table, entries: Sequence[StandardQuantity], albedos: SidedAlbedos) -> "TableStandards":
-        """Those of a table whose directional albedos are known."""
+    def of(
+        cls, table: Table, entries: Sequence[StandardQuantity], albedos: SidedAlbedos, feature_width: float = 0.0
+    ) -> "TableStandards":
+        """Those of a table whose directional albedos are known; no lobe is narrower than `feature_width`, radians."""
         integrals = distinct(entries)
-        made = cls([], integrals, TableIntegrals.of(table, integrals, albedos), [], [])
+        made = cls([], integrals, TableIntegrals.of(table, integrals, albedos, feature_width), [], [])
         known = made.sums.known(table, albedos)
         rows, of, undecided = evaluated(entries, table.channels, known, made._spread(table, albedos))
         return dataclasses.replace(made, entries=list(dict.fromkeys(of)), rows=rows, undecided=undecided)
