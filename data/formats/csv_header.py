@@ -182,7 +182,7 @@ def _uncertainty_column(name: str, unit: str) -> Column | None:
 
     None for names that say none of it, or are no uncertainty's.
     """
-    rest, said = name.strip().replace("²", "2"), []
+    rest, words = name.strip().replace("²", "2"), []
     if not re.match(r"(?i)(?:u|unc|sigma|std|sd|rel|expanded|standard|combined)(?![a-z])|.*uncertainty", rest):
         return None
     for pattern in (
@@ -193,10 +193,10 @@ def _uncertainty_column(name: str, unit: str) -> Column | None:
         r"(?i)[\s_]*(?<![a-z])(expanded|combined|standard)(?=[\s_]+(?:u|unc|uncertainty)\b)[\s_]*",
     ):
         match = re.search(pattern, rest)
-        said.append(next((g for g in match.groups() if g), None) if match else None)
+        words.append(next((g for g in match.groups() if g), None) if match else None)
         rest = rest[: match.start()] + ("_" if rest[match.end() :] else "") + rest[match.end() :] if match else rest
-    k, level, percent, relative, _ = said
-    if not any(said):
+    k, level, percent, relative, _ = words
+    if not any(words):
         return None
     stem, written = _split_unit(rest.strip(" _"))
     made = _value_column(name, stem.lower(), "%" if percent else written or unit)
