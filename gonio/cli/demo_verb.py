@@ -88,15 +88,20 @@ def _run_chapter(args: argparse.Namespace) -> int:
     return 0
 
 
+def kept(args: argparse.Namespace) -> str:
+    """What an interrupted demonstration has kept."""
+    if args.part or not os.path.isdir(args.output or "demo"):
+        return "nothing was written"
+    return f"the files so far are in {args.output or 'demo'}; run it again from the beginning"
+
+
 def _run_command(command: str) -> None:
     """Runs a command line as a user would; a verdict (exit 1 or 3) is a result here, bad input is not."""
-    from gonio.cli.program import main
+    from gonio.cli.program import run_words
 
     show(f"$ gonio {command}")
     before, sys.argv = sys.argv, ["gonio", *shlex.split(command)]
     try:
-        status = main()
+        run_words(sys.argv[1:])
     finally:
         sys.argv = before
-    if status == 2:
-        raise GonioError("the demonstration stopped at the command above")

@@ -12,7 +12,7 @@ import sys
 import textwrap
 import threading
 from collections.abc import Callable, Sequence
-from types import FrameType
+from types import FrameType, ModuleType
 from typing import NoReturn
 
 from gonio.cli.arguments import JSON, OUTPUT, add_options, refuse_json
@@ -24,6 +24,8 @@ from gonio.text import printing, versions
 
 AHEAD = "gonio-ahead"
 """The name of the threads that `gonio.fitting.fit_model` begins; that module would bring JAX with it."""
+BATCH = "gonio-fit"
+"""How the names of those begin that `gonio.fitting.batch` begins."""
 
 VERBS = {
     "demo": "the whole job on bundled materials, ending in a report to look at",
@@ -126,21 +128,14 @@ def main(argv: list[str] | None = None) -> int:
     if args.version or args.verb is None:
         print(_versions() if args.version else parser().format_help())
         return 0
-    verb = importlib.import_module(f"gonio.cli.{args.verb}_verb")
     try:
-        _prepare_jax()
-        target = getattr(args, "json", None)
-        if target not in (None, "-"):
-            refuse_json(args)
-        ending = getattr(verb, "streamed", None if args.verb == "eval" else refuse_stream)
-        with printing(args.quiet, args.verbose, target == "-"), standard_streams(args, ending):
-            return verb.run(args)
+        return _run(args)
     except BrokenPipeError:
         # The reader of the output (head, less) has gone: no error, and nobody to tell.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt as interruption:
-        kept: Callable[[argparse.Namespace], str] = getattr(verb, "kept", lambda args: "nothing was written")
+        kept: Callable[[argparse.Namespace], str] = getattr(_module(args), "kept", lambda args: "nothing was written")
         return _interrupted(interruption, kept(args))
     except GonioError as error:
         message = str(error)
@@ -152,6 +147,26 @@ def main(argv: list[str] | None = None) -> int:
     message = one_line(message)
     sys.stderr.write(f"gonio: {message}{'' if message.endswith(('.', '?')) else '.'}\n")
     return 2
+
+
+def run_words(words: Sequence[str]) -> int:
+    """The exit status of a command that another one runs; what goes wrong is left to that one's `main`."""
+    return _run(parsed(words))
+
+
+def _module(args: argparse.Namespace) -> ModuleType:
+    return importlib.import_module(f"gonio.cli.{args.verb}_verb")
+
+
+def _run(args: argparse.Namespace) -> int:
+    verb = _module(args)
+    _prepare_jax()
+    target = getattr(args, "json", None)
+    if target not in (None, "-"):
+        refuse_json(args)
+    ending = getattr(verb, "streamed", None if args.verb == "eval" else refuse_stream)
+    with printing(args.quiet, args.verbose, target == "-"), standard_streams(args, ending):
+        return verb.run(args)
 
 
 def parsed(words: Sequence[str]) -> argparse.Namespace:
@@ -221,7 +236,7 @@ def command() -> None:
             " command and its files. GONIO_DEBUG=1 shows where it is.\n"
         )
         status = INTERNAL_ERROR
-    if status in (130, 143) or any(t.name == AHEAD for t in threading.enumerate()):
+    if any(t.name.startswith((AHEAD, BATCH)) for t in threading.enumerate()):
         with contextlib.suppress(OSError):
             sys.stdout.flush()
         os._exit(status)

@@ -110,3 +110,44 @@ def test_a_terminal_of_few_characters_gets_the_names_of_symbols(here):
     command = [sys.executable, "-m", "gonio", "eval", "--help"]
     done = subprocess.run(command, capture_output=True, env=environment, cwd=here, check=True)
     assert b"reflectance_factor (pi f)" in done.stdout and done.stderr == b""
+
+
+STOPPED = """
+import os, signal, sys
+import gonio.cli.materials_verb as verb
+from gonio.cli.program import command
+verb.kept = lambda args: "half of it is kept: run it again to go on"
+verb.run = lambda args: os.kill(os.getpid(), int(sys.argv.pop()))
+command()
+"""
+
+
+@pytest.mark.parametrize(("number", "word", "status"), [(2, "interrupted", 130), (15, "terminated", 143)])
+def test_a_signal_ends_a_verb_with_a_line_on_what_is_kept(number, word, status):
+    """Real signals to a real process, whose verb does nothing but wait for them."""
+    command = [sys.executable, "-c", STOPPED.replace("sys.argv.pop()", str(number)), "materials"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == status and done.stdout == ""
+    assert done.stderr == f"gonio: {word}; half of it is kept: run it again to go on.\n"
+
+
+def test_a_measurement_says_what_it_keeps(here, monkeypatch, capsys):
+    """Interrupted between two blocks its part is there, and the same command goes on to the same readings."""
+    from gonio.instrument import reader
+
+    whole = reader.Reader.read
+    blocks = iter([0])
+
+    def read(self, start, stop):
+        if next(blocks, None) is None:
+            raise KeyboardInterrupt
+        return whole(self, start, stop)
+
+    words = ["measure", "lambert(rho=0.5)", "--scan", "merl", "-o", "m.h5", "--json", "m.json"]
+    monkeypatch.setattr(reader.Reader, "read", read)
+    assert main(words) == 130
+    assert "kept in m.h5.part: run it again to go on" in capsys.readouterr().err
+    assert sorted(p.name for p in here.glob("m.*")) == ["m.h5.part"]
+    monkeypatch.setattr(reader.Reader, "read", whole)
+    assert main(words) == 0 and "going on with m.h5.part" in capsys.readouterr().err
+    assert sorted(p.name for p in here.glob("m.*")) == ["m.h5", "m.json"]
