@@ -18,14 +18,19 @@ os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(PROGRAMS))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.05")
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "0")
 
-FLAGS = ["--xla_cpu_use_fusion_emitters=false"] if version("jaxlib").startswith("0.10.") else []
-"""Older loops, which compile in half the time; an unknown flag would end the process."""
+FLAGS = (
+    ["--xla_cpu_use_fusion_emitters=false", "--xla_cpu_parallel_codegen_split_count=1"]
+    if version("jaxlib").startswith("0.10.")
+    else []
+)
+"""Older loops, which compile in half the time, and each program whole; an unknown flag would end the process."""
 if WORKER:
     # One thread a worker: there are as many workers as processors.
     FLAGS.append("--xla_cpu_multi_thread_eigen=false")
 os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *FLAGS])
 
 import jax  # noqa: E402 -- reads the environment
+import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 settings.register_profile("untimed", deadline=None)  # a first call compiles, and machines are shared
@@ -33,6 +38,12 @@ settings.load_profile("untimed")
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    """Tests that are nearly all compilation, and ask nothing that optimised code would answer differently, say so."""
+    jax.config.update("jax_disable_most_optimizations", item.get_closest_marker("quick_compilation") is not None)
 
 
 def pytest_sessionfinish():

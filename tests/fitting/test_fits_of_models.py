@@ -7,6 +7,8 @@ from gonio.stability.problems import COARSEST, RECOVERIES, tagged, true_numbers
 from support.fit_tables import table_of
 from support.scans import layout_of, table_of_problem
 
+pytestmark = pytest.mark.quick_compilation
+
 
 @pytest.mark.parametrize("problem", tagged(RECOVERIES, "exact"), ids=lambda problem: problem.name)
 def test_the_parameters_come_back(problem):

@@ -14,6 +14,8 @@ from gonio.instrument import scans
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import from_spherical
 
+pytestmark = pytest.mark.quick_compilation
+
 STEP = math.radians(20)
 
 
@@ -37,10 +39,11 @@ def test_discs_behind_are_averaged_as_their_mirror_images_in_front():
     """The rays of a disc behind are those in front mirrored, with the same weights, where the horizon cuts it too."""
     rules = jax.tree.map(jnp.asarray, disc_rules((0.1, 0.15)))
     wi, wo = (from_spherical(np.array(t), np.full(2, p), np) for t, p in (([0.3, 1.5], 0.0), ([0.5, 1.4], 1.0)))
+    pair = jax.jit(lambda pairs, k: pairs.pair(k))
     for rule in map(jnp.asarray, (4, 5)):  # whole discs, and discs that the horizon cuts
         of_side = [NodePairs.of(rules, rule, jnp.asarray(0), wi, wo._replace(z=s * wo.z)) for s in (1, -1)]
         for k in map(jnp.asarray, (0, 3, 7)):
-            (i, o, weight), (i_behind, o_behind, weight_behind) = (pairs.pair(k) for pairs in of_side)
+            (i, o, weight), (i_behind, o_behind, weight_behind) = (pair(pairs, k) for pairs in of_side)
             np.testing.assert_allclose(weight_behind, weight, rtol=1e-14)
             np.testing.assert_allclose(np.array(i_behind), np.array(i), atol=1e-15)
             np.testing.assert_allclose(np.array(o_behind), np.array(o._replace(z=-o.z)), atol=1e-15)

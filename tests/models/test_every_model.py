@@ -14,13 +14,7 @@ from gonio.models.geometry.horizon import Hemispheres
 from gonio.stability.run import QUICK
 from support.cases import cases_of
 
-
-@pytest.fixture(autouse=True, scope="module")
-def quick_compilation():
-    """These tests are nearly all compilation, and ask nothing that optimised code would answer differently."""
-    jax.config.update("jax_disable_most_optimizations", True)
-    yield
-    jax.config.update("jax_disable_most_optimizations", False)
+pytestmark = pytest.mark.quick_compilation
 
 
 MOST = 4

@@ -1,6 +1,5 @@
 """Surfaces that transmit: their laws, and liars of their own."""
 
-import jax
 import pytest
 
 from gonio.checks.model.energy import model_energy
@@ -10,13 +9,7 @@ from gonio.checks.model.reciprocity import model_reciprocity
 from gonio.models.expression.builder import build
 from support.liars import MISTAKES, transmitting
 
-
-@pytest.fixture(autouse=True, scope="module")
-def quick_compilation():
-    """These tests are nearly all compilation, and ask nothing that optimised code would answer differently."""
-    jax.config.update("jax_disable_most_optimizations", True)
-    yield
-    jax.config.update("jax_disable_most_optimizations", False)
+pytestmark = pytest.mark.quick_compilation
 
 
 GLASS, SHEET = "rough_dielectric(alpha=0.4, eta=1.5)", "thin_sheet(rho=0.3, tau=0.4, rho_behind=0.1)"

@@ -1,6 +1,5 @@
 """A rough interface: other people's shares and values, the energy of its formula, limits of its index, its samplers."""
 
-import jax
 import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
@@ -19,13 +18,7 @@ from gonio.stability.samplers import count_and_expect, p_value
 from gonio.stability.values_and_gradients import value_cells
 from support import helpers
 
-
-@pytest.fixture(autouse=True, scope="module")
-def quick_compilation():
-    """These tests are nearly all compilation, and ask nothing that optimised code would answer differently."""
-    jax.config.update("jax_disable_most_optimizations", True)
-    yield
-    jax.config.update("jax_disable_most_optimizations", False)
+pytestmark = pytest.mark.quick_compilation
 
 
 SHARES = [
