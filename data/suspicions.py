@@ -22,6 +22,8 @@ LEAST_RATIO = 0.1
 PAIR_CELL = math.radians(0.02)
 TURNED_RATIO = 3.0
 """Of the brightest readings back to the light and to the mirror side, from which their places may be exchanged."""
+QUANTITY_REMEDY = "if these are reflectance factors (π f), state --quantity reflectance_factor, else --quantity brdf"
+"""What a sentence on too bright readings ends in."""
 MIRROR_ANGLE = math.radians(10)
 """Least polar angle at which the mirror direction and the way back to the light are told apart."""
 
@@ -124,5 +126,5 @@ def _too_bright(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray, f: 
         return []
     return [
         f"three quarters of all directions send back more than {usual:.3g} 1/sr, and a surface that keeps no light "
-        "0.318: if these are reflectance factors (π f), state --quantity reflectance_factor, else --quantity brdf"
+        f"0.318: {QUANTITY_REMEDY}"
     ]

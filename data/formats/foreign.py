@@ -27,32 +27,38 @@ SIGNATURES = (
     (b"\x80\x04", "a Python pickle"),
     (b"\x80\x05", "a Python pickle"),
     (b"IESNA", "an IES luminaire file"),
+    (b"NVIDIA ARC MBSDF", "a measured BSDF of MDL (.mbsdf)"),
 )
 """What a file begins with, and what it then is."""
 TEXTS = (
     (r"^\s*<(?:!DOCTYPE html|html)", "an HTML page"),
     (r"^\s*<\?xml|^\s*<\w+[ >]", "an XML file"),
     (r'^\s*\{[\s\S]*"(?:\$schema|schema)"[^,]*OpenMATERIAL', "an OpenMATERIAL JSON file"),
-    (r'^\s*\{[\s\S]*(?:BRDF_JSON|"theta_[ivr]"|"wavelengths?")', "a JSON file of readings (BiRD)"),
     (r"^\s*[\[{]\s*(?:[\"\[{\]}\d-]|$)", "a JSON file"),
     (r"(?m)^\s*ScatterRadial\s+\d|^\s*(?:AOI|POI)\s+[\d.]+\s*$", "a LightTools BSDF file"),
     (r"(?m)^Source\s+Measured", "a damaged Zemax BSDF file"),
-    (r"(?m)^#PARAM_(?:IN|OUT)\s|^#DIM\s+\d", "an ALTA data file"),
-    (r"(?m)^VARS\s+theta|^ASTM\b", "an ASTM BSDF file (E1392/E2387)"),
-    (r"(?m)^#in(?:theta|phi)\b", "a pab goniophotometer file"),
-    (r"(?m)^;;\s*SSDD|^DATA_TYPE\s|^PARAM_TYPE\s", "an SSDD file"),
+    (r"(?m)^\s*(?:SIGMAT|SIGMAS)\b", "an Integra scattering file (.ddr, .ddt)"),
+    (r"(?m)^\s*VARS\s", "an ASTM file without theta_i and theta_s"),
 )
 """What stands in the beginning of a text, and what it then is."""
-UTIA_BYTES = 288 * 288 * 3 * 8
-"""Of a material of the UTIA data base."""
+ENDINGS = {
+    ".bsdf180": "a Speos .bsdf180 file",
+    ".mbsdf": "a measured BSDF of MDL",
+    ".axf": "an X-Rite AxF file",
+    ".abg": "a table of ABg scatter models",
+    ".sdr": "an Integra table of specular reflectance",
+    ".sdt": "an Integra table of specular transmittance",
+    ".rad": "a Radiance scene",
+}
+"""What a file is by its name alone, where nothing in it tells."""
 
 
-def foreign_kind(start: bytes, size: int) -> str | None:
+def foreign_kind(start: bytes, suffix: str = "") -> str | None:
     """What a file is by its beginning, if it is of a known format that gonio does not read; None for others.
 
     Args:
         start: the first bytes.
-        size: of the whole file, bytes.
+        suffix: the ending of its name, small letters.
     """
     if start.startswith(b"PK\3\4"):
         if b"[Content_Types].xml" in start or b"xl/" in start:
@@ -61,7 +67,9 @@ def foreign_kind(start: bytes, size: int) -> str | None:
     for signature, kind in SIGNATURES:
         if start.startswith(signature):
             return kind
+    if b"com.xrite" in start:
+        return ENDINGS[".axf"]
     if b"\0" in start:
-        return "a UTIA BRDF (288 × 288 × 3 numbers)" if size == UTIA_BYTES else None
+        return ENDINGS.get(suffix)
     text = start.decode("latin-1").removeprefix("\xef\xbb\xbf")
-    return next((kind for pattern, kind in TEXTS if re.search(pattern, text)), None)
+    return next((kind for pattern, kind in TEXTS if re.search(pattern, text)), ENDINGS.get(suffix))

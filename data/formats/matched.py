@@ -5,9 +5,13 @@ import dataclasses
 import numpy as np
 
 from gonio.data.flags import Flag
+from gonio.data.material import Material
 from gonio.data.round_trip import RoundTrip, compare
 from gonio.data.table import Table
 
+MOST_SAMPLES = 40_000
+"""Pairs at which a resampled file is compared."""
+WITHIN = np.radians(75.0)
 SAME_COMPONENT = 1e-8
 """Of unit vectors: directions whose components differ by less are one."""
 
@@ -22,6 +26,32 @@ def matched(written: Table, read: Table, note: str = "") -> RoundTrip:
     valid = np.ones(len(first), bool)
     result = compare(f[first], again[second], valid, valid, note)
     return dataclasses.replace(result, lost=one.size - first.size)
+
+
+def sampled_error(source: Table | Material, read: Table, note: str = "") -> RoundTrip:
+    """The round trip of a table or a model that was resampled: the file, interpolated, at readings of the source.
+
+    Of a model these are random pairs of directions within 75° of the normal that the file's grid covers.
+    """
+    from gonio.data.interpolation.multilinear import as_material
+    from gonio.models.evaluation import evaluate, evaluate_in_blocks
+    from gonio.models.geometry.directions import from_spherical
+
+    if isinstance(source, Table):
+        sample = source.samples(limit=MOST_SAMPLES)
+        wi, wo, f, valid = sample.wi, sample.wo, sample.f, sample.flag == Flag.VALID
+    else:
+        rng = np.random.default_rng(0)
+        (ti, to), (pi, po) = rng.uniform(0, WITHIN, (2, MOST_SAMPLES)), rng.uniform(0, 2 * np.pi, (2, MOST_SAMPLES))
+        near = np.arange(MOST_SAMPLES) % 2 == 0  # half of them about mirror reflection
+        spread = rng.normal(0, 0.1, (2, MOST_SAMPLES))
+        to, po = np.where(near, np.clip(ti + spread[0], 0, WITHIN), to), np.where(near, pi + np.pi + spread[1], po)
+        wi, wo = from_spherical(ti, pi, np), from_spherical(to, po, np)
+        f = np.asarray(evaluate_in_blocks(source.brdf, wi, wo))
+        valid = np.isfinite(f)
+    again = np.asarray(evaluate(as_material(read), wi, wo))
+    f, valid = (np.broadcast_to(a, again.shape) for a in (f, valid))
+    return compare(f, again, valid, valid & np.isfinite(again), note)
 
 
 def _by_direction(table: Table) -> tuple[np.ndarray, np.ndarray]:

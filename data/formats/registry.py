@@ -16,6 +16,7 @@ from gonio.data.formats import (
     astm,
     bbm_fits,
     bird,
+    csail,
     csv,
     csv_directions,
     fred,
@@ -26,6 +27,8 @@ from gonio.data.formats import (
     pab,
     rgl_file,
     speos,
+    ssdd,
+    utia,
     zemax,
 )
 from gonio.data.formats.csv_columns import CsvText
@@ -141,6 +144,22 @@ def _write_rgl(
     return write_rgl(path, source, force, **options)
 
 
+def _write_ssdd(
+    path: str | os.PathLike[str], source: "Table | Material", force: bool = False, **options: Any
+) -> RoundTrip:
+    from gonio.data.formats.ssdd_write import write_ssdd
+
+    return write_ssdd(path, source, force, **options)
+
+
+def _write_utia(
+    path: str | os.PathLike[str], source: "Table | Material", force: bool = False, **options: Any
+) -> RoundTrip:
+    from gonio.data.formats.utia_write import write_utia
+
+    return write_utia(path, source, force, **options)
+
+
 def _write_astm(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
     from gonio.data.formats.astm_write import write_astm
 
@@ -164,7 +183,8 @@ FORMATS = (
         bbm_fits.read_published, options=("entry",), suffixes=(".fit",), entries=bbm_fits.published_names,
     ),
     Format(
-        "HDF5", "a table of gonio (HDF5)", "table", lambda head: head.start.startswith(b"\x89HDF\r\n\x1a\n"),
+        "HDF5", "a table of gonio (HDF5)", "table",
+        lambda head: head.start.startswith(b"\x89HDF\r\n\x1a\n") and b"com.xrite" not in head.start,
         _read_hdf5, _write_hdf5, suffixes=(".h5", ".hdf5", ".nc"),
     ),
     Format(
@@ -196,6 +216,19 @@ FORMATS = (
     Format(
         "FRED", "FRED's text of readings", "table", _reads_as(r"(?im)^\s*type\s+bsdf_data\b|^!!.*BSDF"),
         fred.read_fred,
+    ),
+    Format(
+        "SSDD", "an SSDD file", "table", lambda head: ssdd.is_ssdd(head.start),
+        ssdd.read_ssdd, _write_ssdd, writes_models=True, write_options=("ascii",), suffixes=(".ssdd",),
+    ),
+    Format(
+        "UTIA", "a UTIA BRDF", "table", lambda head: head.binary and head.size == utia.BYTES,
+        utia.read_utia, _write_utia, writes_models=True, options=("scale",),
+        suffixes=(".bin",),
+    ),
+    Format(
+        "CSAIL", "an anisotropic BRDF of MIT CSAIL", "table", lambda head: csail.is_csail(head.start),
+        csail.read_csail, options=("nodes", "scale"),
     ),
     Format(
         "ASTM", "an ASTM file (E1392, E2387)", "table", lambda head: astm.VARIABLES.search(head.start) is not None,
@@ -242,7 +275,7 @@ def sniff(path: str | os.PathLike[str]) -> Format:
     for known in FORMATS[:-TABLES_OF_TEXT]:
         if known.recognises(head):
             return known
-    if (kind := foreign_kind(start, size)) is not None:
+    if (kind := foreign_kind(start, head.suffix)) is not None:
         raise GonioError(
             f"{path} is {kind}, which gonio does not read; export its readings as CSV with the columns "
             "theta_i,phi_i,theta_o,phi_o,f"

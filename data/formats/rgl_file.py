@@ -34,6 +34,8 @@ FLOAT32_HORIZON = 1e-6
 def read_rgl_data(path: str | os.PathLike[str]) -> RGLData:
     """The arrays of an RGL file. Raises GonioError where the file is damaged or is not of this kind."""
     fields = read_tensors(path)
+    if {"M", "phi_d", "theta_d", "theta_h"} <= fields.keys():
+        raise GonioError(f"{path} is a polarised BRDF (.pbsdf) of Mueller matrices, which gonio does not read")
 
     def fail(text: str) -> NoReturn:
         raise GonioError(f"{path} is no RGL material: {text}; copy it again")

@@ -24,7 +24,7 @@ Options = dict[str, str | dict[str, Any]]
 
 FORCE: Options = {"--force": "replace existing outputs"}
 MERL: Options = {
-    "--merl-nodes": {"choices": ("lower", "centre"), "help": "where a MERL file's nodes lie in their bins"}
+    "--merl-nodes": {"choices": ("lower", "centre"), "help": "where a MERL or CSAIL file's nodes lie in their bins"}
 }
 READING: Options = {
     "--angles": {
@@ -42,6 +42,7 @@ READING: Options = {
         "type": int,
         "help": "azimuth of the mirror side from the light in a laboratory's file: 180 (default) or 0",
     },
+    "--scale X": {"type": float, "help": "f over the numbers of a UTIA or CSAIL file (default 1)"},
     "--coverage K": {
         "type": float,
         "help": "standard uncertainties in the uncertainties of a BiRD or ALTA file (default 1)",
@@ -140,7 +141,7 @@ def given(args: argparse.Namespace, *names: str) -> dict[str, Any]:
 
 def reading_options(args: argparse.Namespace) -> dict[str, Any]:
     """The keywords by which `gonio.data.formats.registry.load` takes a file as the command line says."""
-    names = ("angles", "quantity", "missing", "mirror_azimuth", "coverage")
+    names = ("angles", "quantity", "missing", "mirror_azimuth", "coverage", "scale")
     options = {name: getattr(args, name, None) for name in names}
     options["nodes"] = getattr(args, "merl_nodes", None)
     return {name: value for name, value in options.items() if value is not None}

@@ -15,6 +15,7 @@ OPTIONS: Options = {
     "--measured": "for mitsuba and pbrt: the surface as data, in OUT.bsdf beside OUT",
     "--tolerance SHARE": "for a renderer: write nothing if rms (of f, cosine-weighted) or albedo differ by more, such "
     "as 5%%",
+    "--ascii": {"default": None, "help": "values of an .ssdd file as text, exact, in place of single precision"},
     "--channel-bytes N": "of one channel's samples in a .bsdf file (default 16384, as published), of an anisotropic "
     "surface those of each azimuth of the light",
     "--part": {"choices": ("reflection", "transmission"), "help": "which of both a Zemax file is to hold"},
@@ -22,18 +23,18 @@ OPTIONS: Options = {
     "--step ANGLE": {"type": float, "help": "degrees between the angles of a Zemax (default 5) or Speos file (2)"},
     "--basis": {"choices": ("full", "half", "quarter"), "help": "angles of a Klems file (default full: 145 patches)"},
 }
-NAMES = ("channel_bytes", "part", "channel", "step", "basis")
+NAMES = ("ascii", "channel_bytes", "part", "channel", "step", "basis")
 """Of the options that a format has."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    models = "for renderers, .bsdf, .binary, .anisotropicbsdf, .brdf and .xml any model too"
+    models = "for renderers, .bsdf, .binary, .anisotropicbsdf, .brdf, .xml, .ssdd and .bin any model too"
     parser.add_argument(
         "input", metavar="IN", help=f"any file that can be read; {models} (a reference material, an expression, a fit)"
     )  # fmt: skip
     parser.add_argument(
         "output", metavar="OUT", help=".h5 (gonio's HDF5), .bsdf (RGL; --to zemax: Zemax), .binary (MERL), "
-        ".anisotropicbsdf or .brdf (Speos), .xml (Klems), .csv; .xml or .json (--to mitsuba), .pbrt, .mtlx (OpenPBR), "
+        ".anisotropicbsdf or .brdf (Speos), .xml (Klems), .json (BiRD), .astm, .ssdd, .bin (UTIA), .csv; .xml or .json (--to mitsuba), .pbrt, .mtlx (OpenPBR), "
         ".gltf or .glb, .py (--to blender); '-' prints CSV, or what --to names"
     )  # fmt: skip
     add_options(parser.add_argument, OPTIONS | MERL | READING | FORCE, SHARE=str)

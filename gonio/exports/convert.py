@@ -29,6 +29,7 @@ class ConvertOptions(TypedDict, total=False):
     """Keywords of `gonio.convert`; `help(gonio.convert)` describes each."""
 
     force: bool
+    ascii: bool | None
     channel_bytes: int | None
     part: str | None
     channel: str | None
@@ -45,6 +46,7 @@ class ConvertSettings:
     """The options of a conversion, complete; see `gonio.convert`."""
 
     force: bool = False
+    ascii: bool | None = None
     channel_bytes: int | None = None
     part: str | None = None
     channel: str | None = None
@@ -58,7 +60,7 @@ class ConvertSettings:
     @property
     def of_samples(self) -> dict[str, Any]:
         """Those of a file of samples."""
-        names = ("channel_bytes", "part", "channel", "step", "basis")
+        names = ("ascii", "channel_bytes", "part", "channel", "step", "basis")
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     def refuse_for_tables(self, path: str | os.PathLike[str]) -> None:
@@ -83,6 +85,7 @@ def convert(
         to: "mitsuba", "pbrt", "materialx", "gltf" or "blender", or the name of a format; needed where its ending is
             that of others too.
         force: replaces an existing file.
+        ascii: values of an .ssdd file as text, at full precision; else in single precision.
         channel_bytes: of a .bsdf file: of the samples of one channel, of an anisotropic surface those of each azimuth
             of the light; by default 16384, as published.
         part: of a Zemax file: "reflection" or "transmission".

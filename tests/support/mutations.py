@@ -153,7 +153,23 @@ def _laboratory_files() -> dict[str, bytes | str]:
     rows = [[w, t, o, p, 0.2] for w in (5e-7, 9.05e-7) for t in (0.0, 0.5) for o in (0.0, 0.7) for p in (0.0, 3.14)]
     table = {"lookupTable": rows, "receiverSolidAngles": [{"wavelength": 5e-7, "solidAngle": 1e-3}]}
     asphalt = {"metadata": {"name": "asphalt", "license": "x"}, "brdf": table}
+    spherical = "PARAM_TYPE spherical_coordinate_system\nPARAM0_LIST 0 30\nPARAM2_LIST 0 40\nPARAM3_LIST 0 90 180\n"
+    half = "PARAM_TYPE half_difference_coordinate_system\nREDUCTION_TYPE bilateral_symmetry reciprocity\n"
+    half += "PARAM0_LIST 0 30\nPARAM2_LIST 0 40\nPARAM3_LIST 0 45 90\n"
+    offsets = "PARAM_TYPE specular_coordinate_system\nPARAM0_LIST 0 30\nPARAM2_LIST 0 40\nPARAM3_LIST 0 90 180\n"
+    head, twelve = "VERSION 0.3\n\nDATA_TYPE brdf\nCOLOR_MODEL {}\n", np.arange(12, dtype="<f4")
+    bins = np.array([2, 2, 2, 3, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 0, 0], "<i4").tobytes() + bytes(12 * 24)
     return {
+        "half.ssdd": head.format("monochrome") + half + "DATA ascii\n" + "0.25\n" * 12,
+        "text.ssdd": head.format("spectrum\nWAVELENGTH_LIST 450 550.5") + offsets + "PARAM4_LIST 0 -3\nNAME a\n"
+        "# gonio flags: 0*20 2*4\nDATA ascii\n" + "0.25 0.5\n" * 12,
+        "binary.ssdd": (head.format("monochrome") + spherical + "DATA binary\n").encode()
+        + twelve.tobytes()
+        + b"\nDATA_TYPE btdf\nCOLOR_MODEL monochrome\n"
+        + spherical.encode()
+        + b"DATA binary\n"
+        + twelve.tobytes(),
+        "bins.csail": bins,
         "a.astm": "DATE today\nNUM_POINTS 3\nVARS theta_i,phi_i,theta_s,phi_s,R,G,B\n"
         + "0.1,0,0.5,3.1,0.1,-0.2,0.3\n" * 3,
         "three.astm": "VARS theta_i,theta_s,phi_s,400nm,500nm\r\n" + "0.1,0.5,3.1,0.1,0.2\r\n" * 3,

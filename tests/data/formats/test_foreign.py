@@ -7,7 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from gonio.data.formats.foreign import UTIA_BYTES, foreign_kind
+from gonio.data.formats.foreign import foreign_kind
 from gonio.data.formats.registry import read
 from gonio.models.errors import GonioError
 
@@ -35,7 +35,9 @@ FILES = {
     "Zemax": b"# a comment, theta, phi\nSource  Measured\nSymmetry  PlaneSymmetrical\n",
     "LightTools": b"Source Measured\nScatterAzimuth 2\n0 90\nScatterRadial 1\n0\nDataBegin\nAOI 10\nPOI 0\n",
     "MATLAB": b"MATLAB 5.0 MAT-file, Platform: GLNXA64" + bytes(90),
-    "UTIA": bytes(UTIA_BYTES),
+    "MDL": b"NVIDIA ARC MBSDF V1\n" + bytes(40),
+    "AxF": b"\x89HDF\r\n\x1a\n" + bytes(40) + b"com.xrite.Materials",
+    "Integra": b";; measured\nSIGMAT\n0 10 20\n",
     "OpenEXR": b"v/1\x01" + bytes(40),
 }
 
@@ -50,4 +52,10 @@ def test_a_foreign_file_is_named(tmp_path, kind):
 
 def test_a_table_of_text_is_not_foreign():
     for text in (b"theta_i,phi_i,theta_o,phi_o,f\n1,2,3,4,5\n", b"# measured to ASTM E2387\ntheta_i\n", b"0.1,0.2\n"):
-        assert foreign_kind(text, len(text)) is None
+        assert foreign_kind(text) is None
+
+
+def test_what_nothing_in_a_file_tells_its_name_may(tmp_path):
+    (tmp_path / "a.bsdf180").write_bytes(bytes(range(256)))
+    with pytest.raises(GonioError, match=r"is a Speos \.bsdf180 file, which gonio does not read"):
+        read(tmp_path / "a.bsdf180")
