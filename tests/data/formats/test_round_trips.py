@@ -117,7 +117,6 @@ def test_merl_keeps_what_is_not_negative(data):
 
 
 def test_every_format_that_is_written_is_tried_here():
-    # What the files of others keep: test_rgl_write.py, test_optics_written.py, test_astm.py, test_bird.py, test_ssdd.py,
-    # test_utia.py
+    # What the files of others keep: test_rgl_write.py, test_optics_written.py, and test_{astm,bird,ssdd,utia}.py
     written = {".h5", ".csv", ".binary", ".bsdf", ".anisotropicbsdf", ".xml", ".astm", ".json", ".ssdd", ".bin"}
     assert set(SUFFIXES) == written
