@@ -35,7 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "output", metavar="OUT", help=".h5 (gonio's HDF5), .bsdf (RGL; --to zemax: Zemax), .binary (MERL), "
         ".anisotropicbsdf or .brdf (Speos), .xml (Klems), .json (BiRD), .astm, .ssdd, .bin (UTIA), .csv; "
-        ".xml or .json (--to mitsuba), .pbrt, .mtlx (OpenPBR), .gltf or .glb, .py (--to blender); '-' prints CSV, or what --to names"
+        ".xml or .json (--to mitsuba), .pbrt, .mtlx (OpenPBR), .gltf or .glb, .py (--to blender); '-' prints CSV, or "
+        "what --to names"
     )  # fmt: skip
     add_options(parser.add_argument, OPTIONS | MERL | READING | FORCE, SHARE=str)
 
