@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from gonio.exports.forms import Appearance, Form, Number, Values
+from gonio.exports.glass import glass
 from gonio.exports.lobes import (
     column,
     dielectric,
@@ -39,7 +40,9 @@ SOCKETS = {
 
 
 def forms(sought: Appearance) -> tuple[Form, ...]:
-    """A dielectric over a diffuser, a metal, and both under a coat."""
+    """A dielectric over a diffuser, a metal, and both under a coat; glass."""
+    if sought.interface:
+        return (glass(_glass, whole=True),)
     turns = (False,) if sought.isotropic else (False, True)
     several = sought.isotropic and len(sought.widths) != 1
     every = []
@@ -85,7 +88,8 @@ def surface(v: Values, pairs: Pairs, turned: bool = False) -> np.ndarray:
         throughput = throughput * (1.0 - metallic)
         reflected, albedo = _dielectric(pairs, alphas, float(v["ior"]), tint)
         below = throughput * (1.0 - albedo.max(axis=1, keepdims=True))
-        f = f + throughput * reflected + below * eon(pairs, v["base_color"], v["diffuse_roughness"])
+        # Cycles has the colour once more in what the diffuser scatters more than once
+        f = f + throughput * reflected + below * eon(pairs, v["base_color"], v["diffuse_roughness"], v["base_color"])
     return f
 
 
@@ -111,6 +115,11 @@ def _dielectric(pairs: Pairs, alphas: tuple[Any, Any], eta: float, tint: np.ndar
     darkening = gain * column(ggx_albedos(pairs.wo.z, alpha)[0])
     albedo = tinted(column(dielectric_share(pairs.wo.z, alpha, eta))) * darkening
     return tinted(dielectric(pairs.cos_d, np.asarray(eta))) * ggx_facets(pairs, *alphas) * gain, albedo
+
+
+def _glass(v: Values) -> dict[str, Any]:
+    rough = {"Roughness": float(np.sqrt(v["alpha"])), "IOR": float(v["eta"])}
+    return {"Metallic": 0.0, "Base Color": [1.0] * 4, "Transmission Weight": 1.0, **rough}
 
 
 def description(v: Values, turned: bool = False) -> dict[str, Any]:

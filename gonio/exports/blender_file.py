@@ -33,7 +33,7 @@ def build():
             node.inputs[name].default_value = value
     if "Anisotropic" in SOCKETS:
         tangent = nodes.new("ShaderNodeTangent")
-        tangent.location = (-550, -200)
+        tangent.location = (-550, -200)  # along the parallels about z; direction_type = "UV_MAP" follows u
         links.new(tangent.outputs["Tangent"], node.inputs["Tangent"])
     links.new(node.outputs["BSDF"], output.inputs["Surface"])
     for key, value in {facts}.items():

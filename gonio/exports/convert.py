@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
@@ -10,7 +11,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 
 from gonio.data.files import new_file, refuse_outputs
-from gonio.data.formats.registry import writable, write
+from gonio.data.formats.registry import sniff, targets, writable, write
 from gonio.data.material import Material
 from gonio.data.round_trip import RoundTrip
 from gonio.data.subject import Subject, SubjectLike, load_material, resolve_subject
@@ -22,7 +23,6 @@ from gonio.exports.reexpression import ReExpression, reexpression
 from gonio.exports.targets import Target, target_of
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError
-from gonio.models.geometry.horizon import Hemispheres
 
 
 class ConvertOptions(TypedDict, total=False):
@@ -128,11 +128,12 @@ def _for_renderer(subject: Subject, path: Path, target: Target, settings: Conver
         else:
             if target.measured is None:
                 raise GonioError(f"{target.title} takes no surface as data; leave 'measured' out")
+            description, remarks = target.measured(data.name, subject.channels)
             temporary = stack.enter_context(new_file(data, settings.force))
-            material, remarks = subject.as_material(), ()
+            material = subject.as_material()
             sought = appearance_of(material)
-            expression = _as_data(subject, sought, temporary, target.measured(data.name), settings)
-        error = reexpression(target.title, sought, expression, (*remarks, *_unsaid(sought, expression)))
+            expression = _as_data(subject, sought, temporary, description, settings)
+        error = reexpression(target.title, sought, expression, remarks)
         if settings.tolerance is not None and not error.within(settings.tolerance):
             raise GonioError(
                 f"{target.title} comes no nearer to {material.name} than {error.figures}, beyond the tolerance of "
@@ -161,8 +162,13 @@ def _model_of(subject: Subject, settings: ConvertSettings) -> tuple[Material, tu
 
 
 def _as_data(subject: Subject, sought: Appearance, path: Path, description: Any, settings: ConvertSettings) -> Nearest:
-    """Writes the samples, and reads them as a renderer does."""
-    write(path, subject.material or subject.require_table(), True, "rgl", **settings.of_samples)
+    """Writes the samples, or copies those of an RGL file, and reads them as a renderer does."""
+    samples = targets()["rgl"]
+    assert samples.write is not None
+    if subject.file is not None and subject.table is not None and sniff(subject.file) is samples:
+        shutil.copyfile(subject.file, path)
+    else:
+        samples.write(path, subject.material or subject.require_table(), force=True, **settings.of_samples)
     read = load_material(path)
     as_read = dataclasses.replace(sought, material=read)
 
@@ -170,9 +176,3 @@ def _as_data(subject: Subject, sought: Appearance, path: Path, description: Any,
         return as_read.f(pairs.wi, pairs.wo)
 
     return Nearest(Form("samples of f", (), f, lambda values: description), {}, 0.0)
-
-
-def _unsaid(sought: Appearance, expression: Nearest) -> tuple[str, ...]:
-    """What the expression leaves out."""
-    through = Hemispheres.TRANSMISSION in sought.material.brdf.hemispheres
-    return ("light through the surface is left out",) * (through and not expression.form.transmits)

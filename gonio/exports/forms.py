@@ -14,6 +14,8 @@ from gonio.models.brdf import AbstractBRDF, Scaled, terms
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.horizon import Hemispheres
+from gonio.models.transmission.rough_dielectric import RoughDielectric
 
 Values = Mapping[str, np.ndarray]
 """The numbers of a form by their names, of shape () or (C,)."""
@@ -67,6 +69,15 @@ class Appearance:
     @property
     def isotropic(self) -> bool:
         return self.material.brdf.isotropic
+
+    @property
+    def interface(self) -> bool:
+        """Whether it is a rough interface between two media, which refracts."""
+        return isinstance(self.material.brdf, RoughDielectric)
+
+    @property
+    def transmits(self) -> bool:
+        return Hemispheres.TRANSMISSION in self.material.brdf.hemispheres
 
     def f(self, wi: Direction, wo: Direction) -> np.ndarray:
         """f of pairs of directions (n,) in the colours of the renderer, (n, C)."""

@@ -1,10 +1,12 @@
-"""glTF 2.0's material, as its appendix B and the KHR extensions ior, specular, anisotropy and clearcoat say it."""
+"""glTF 2.0's material, as its appendix B and the KHR extensions ior, specular, anisotropy, clearcoat and
+transmission (with volume) say it."""
 
 from typing import Any
 
 import numpy as np
 
 from gonio.exports.forms import Appearance, Form, Number, Values
+from gonio.exports.glass import glass
 from gonio.exports.lobes import column, f0_of, ggx_facets, schlick
 from gonio.exports.pairs import Pairs
 
@@ -18,7 +20,9 @@ COAT_F0 = 0.04
 
 
 def forms(sought: Appearance) -> tuple[Form, ...]:
-    """A dielectric over a diffuser, a metal, both mixed, and under a clear coat."""
+    """A dielectric over a diffuser, a metal, both mixed, and under a clear coat; glass."""
+    if sought.interface:
+        return (glass(_glass, "separable", lambda cos_d, eta: schlick(cos_d, f0_of(eta))),)
     every = []
     for turned in (False,) if sought.isotropic else (False, True):
         shape = (WIDTH,) if sought.isotropic else (WIDTH, STRENGTH)
@@ -65,6 +69,16 @@ def _specular(v: Values, pairs: Pairs, turned: bool) -> np.ndarray:
         return ggx_facets(pairs, alpha, alpha, "separable")
     wide = alpha + (1.0 - alpha) * v["anisotropy"] ** 2
     return ggx_facets(pairs, *((alpha, wide) if turned else (wide, alpha)))
+
+
+def _glass(v: Values) -> dict[str, Any]:
+    extensions = {
+        "KHR_materials_ior": {"ior": float(v["eta"])},
+        "KHR_materials_transmission": {"transmissionFactor": 1.0},
+        "KHR_materials_volume": {"thicknessFactor": 2.0},
+    }
+    rough = {"baseColorFactor": [1.0] * 4, "metallicFactor": 0.0, "roughnessFactor": float(np.sqrt(v["alpha"]))}
+    return {"pbrMetallicRoughness": rough, "extensions": extensions}
 
 
 def description(v: Values, turned: bool = False) -> dict[str, Any]:

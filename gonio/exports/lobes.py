@@ -127,14 +127,17 @@ def _fujii_albedo(mu: Array, r: Value) -> Array:
     return (1.0 + r * g / np.pi) / (1.0 + C1 * r)
 
 
-def eon(pairs: Pairs, rho: Value, r: Value) -> Array:
-    """The energy-preserving Oren–Nayar diffuser [Portsmouth, Kutz & Hill 2024]; Lambert for r = 0."""
+def eon(pairs: Pairs, rho: Value, r: Value, repeated: Value = 1.0) -> Array:
+    """The energy-preserving Oren–Nayar diffuser [Portsmouth, Kutz & Hill 2024]; Lambert for r = 0.
+
+    `repeated` multiplies what is scattered more than once.
+    """
     z_i, z_o = column(pairs.wi.z), column(pairs.wo.z)
     s = column(pairs.wi.x * pairs.wo.x + pairs.wi.y * pairs.wo.y)
     single = rho * (1.0 + r * np.where(s > 0, s / np.maximum(z_i, z_o), s)) / (1.0 + C1 * r)
     average = (1.0 + C2 * r) / (1.0 + C1 * r)
     lost = np.maximum(1.0 - average, 1e-12)
-    several = rho * rho * average / (1.0 - rho * lost)
+    several = repeated * rho * rho * average / (1.0 - rho * lost)
     missing = (1.0 - _fujii_albedo(z_i, r)) * (1.0 - _fujii_albedo(z_o, r)) / lost
     return (single + several * np.where(r > 1e-9, missing, 0.0)) / np.pi
 
@@ -205,13 +208,31 @@ def dielectric_share(mu: Array, alpha: float, eta: float) -> Array:
 
 def interface_shares(mu: Array, alpha: float, eta: float) -> tuple[Array, Array]:
     """(R, T): shares of the light at the cosines `mu` (n,) that a rough interface reflects and lets through, once."""
-    nodes = np.linspace(0, 1, 16)
-    position, widths = np.maximum(nodes**2, 1e-4), np.full(nodes.shape, max(alpha, 1e-4))
-    cos_d, m = _visible(position, widths)
-    fresnel = dielectric(cos_d, np.asarray(eta))
+    mu, widths = np.maximum(mu, 1e-4), np.full(mu.shape, max(alpha, 1e-4))
+    cos_d, m = _visible(mu, widths)
+    fresnel = dielectric(cos_d, eta)
     cos_t = np.sqrt(np.maximum(1.0 - (1.0 - cos_d * cos_d) / eta**2, 0.0))
-    behind = position[:, None, None] / eta - (cos_d / eta - cos_t) * m[2]
-    through = (1.0 - fresnel) * _passing(position, widths, behind)
-    back = fresnel * _passing(position, widths, 2 * cos_d * m[2] - position[:, None, None])
-    r, t = (np.interp(np.sqrt(mu), nodes, np.mean(a, axis=(-2, -1))) for a in (back, through))
-    return r, t
+    behind = mu[:, None, None] / eta - (cos_d / eta - cos_t) * m[2]
+    back = fresnel * _passing(mu, widths, 2 * cos_d * m[2] - mu[:, None, None])
+    through = (1.0 - fresnel) * _passing(mu, widths, behind)
+    return np.mean(back, axis=(-2, -1)), np.mean(through, axis=(-2, -1))
+
+
+def refracted(pairs: Pairs, alpha_x: Value, alpha_y: Value, eta: float, smith: Smith = "correlated") -> tuple[Any, Any]:
+    """(f (n, 1) but for 1 − F, cosine between light and facet) through a rough interface [Walter 2007, eq. 21].
+
+    "correlated" masks by 1/(1 + Λi + Λo), as renderers do there too.
+    """
+    v = [a + eta * b for a, b in zip(pairs.wi, pairs.wo, strict=True)]
+    length2 = np.maximum(v[0] ** 2 + v[1] ** 2 + v[2] ** 2, 1e-12)
+    scale = np.where(v[2] < 0, -1.0, 1.0) / np.sqrt(length2)
+    h = Direction(*(c * scale for c in v))
+    cos_i, cos_o = (w.x * h.x + w.y * h.y + w.z * h.z for w in (pairs.wi, pairs.wo))
+    refracts = (cos_i > 0) & (cos_o < 0)
+    s = (column(h.x) / alpha_x) ** 2 + (column(h.y) / alpha_y) ** 2 + column(h.z) ** 2
+    density = 1.0 / (np.pi * alpha_x * alpha_y * s * s)
+    z_i, z_o = column(pairs.wi.z), column(-pairs.wo.z)
+    s_i, s_o = (np.sqrt(column(w.z) ** 2 + _stretched(w, alpha_x, alpha_y)) for w in (pairs.wi, pairs.wo))
+    masking = 2.0 / (z_o * s_i + z_i * s_o) if smith == "correlated" else 4.0 / ((z_i + s_i) * (z_o + s_o))
+    passed = column(np.where(refracts, cos_i * -cos_o * eta**2 / length2, 0.0)) * density * masking
+    return passed, column(np.where(refracts, cos_i, 1.0))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gonio.exports.forms import Appearance, Form, Number, Values, base_terms, plain
+from gonio.exports.glass import glass
 from gonio.exports.lobes import (
     beckmann_facets,
     column,
@@ -37,9 +38,11 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
     exact = _own(sought)
     if exact is not None:
         return (exact,)
+    if sought.interface:
+        return (glass(_glass, "separable"),)
     kinds = ["beckmann" if any(isinstance(m, Beckmann) for _, m in base_terms(sought.material.brdf)) else "ggx"]
     several = len(sought.widths) != 1 or not sought.isotropic
-    lobes: list[Sequence[str]] = [("dielectric",), ("metal",), ("white",)]
+    lobes: list[Sequence[str]] = [(), ("dielectric",), ("metal",), ("white",)]
     if several and sought.isotropic:
         lobes += [("dielectric", "dielectric"), ("white", "dielectric")]
     sums = tuple(_sum(lobe, kind, sought.isotropic) for kind in kinds for lobe in lobes)
@@ -98,6 +101,11 @@ def _interface(model: RoughDielectric) -> tuple[Plugin, Callable[[Pairs], np.nda
         "alpha_v": float(alpha_y), "int_ior": float(model.eta), "ext_ior": 1.0,
     }  # fmt: skip
     return description, lambda p: evaluate_in_blocks(model, p.wi, p.wo), True
+
+
+def _glass(v: Values) -> Plugin:
+    plugin = {"type": "roughdielectric", "distribution": "ggx", "alpha": float(v["alpha"])}
+    return plugin | {"int_ior": float(v["eta"]), "ext_ior": 1.0}
 
 
 def _front(pairs: Pairs, f: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gonio.exports.forms import Appearance, Form, Number, Values
+from gonio.exports.glass import glass
 from gonio.exports.lobes import (
     column,
     dielectric,
@@ -33,7 +34,9 @@ COAT = (
 
 
 def forms(sought: Appearance) -> tuple[Form, ...]:
-    """A dielectric over a diffuser, a metal, and both under a coat."""
+    """A dielectric over a diffuser, a metal, and both under a coat; glass."""
+    if sought.interface:
+        return (glass(_glass),)
     axes = ("alpha",) if sought.isotropic else ("alpha_x", "alpha_y")
     widths = tuple(Number(axis, 1e-4, 1.0, 0.2, log=True, width=True) for axis in axes)
     plastic = (COLOUR, DIFFUSE_ROUGHNESS, *widths, IOR, Number("specular_weight", 0.0, 4.0, 1.0))
@@ -113,6 +116,11 @@ def _dielectric(pairs: Pairs, alphas: tuple[Any, Any], eta: float) -> tuple[np.n
     gain = 1.0 + fresnel * (1.0 - white) / white
     albedo = (f0_of(eta) * (white - grazing) + grazing) * gain
     return ggx_facets(pairs, *alphas) * fresnel * gain, 1.0 - albedo
+
+
+def _glass(v: Values) -> dict[str, Any]:
+    rough = {"specular_ior": float(v["eta"]), "specular_roughness": float(np.sqrt(v["alpha"]))}
+    return {"base_metalness": 0.0, "transmission_weight": 1.0, **rough}
 
 
 def anisotropy(alpha_x: float, alpha_y: float) -> tuple[float, float]:

@@ -45,6 +45,10 @@ class Pairs:
         """Cosines between half vectors and the light, (n, 1)."""
         return np.clip(dot(self.wi, self.h), 0.0, 1.0)[:, None]
 
+    def through(self) -> "Pairs":
+        """The same pairs with the detector mirrored to behind the surface."""
+        return dataclasses.replace(self, wo=Direction(self.wo.x, self.wo.y, -self.wo.z))
+
     def albedo(self, f: np.ndarray) -> np.ndarray:
         """∫ f cosθo dωo for each light, (lights, C), by the rule that the pairs are."""
         sums = [np.bincount(self.incidence, self.flux * channel, minlength=self.share.size) for channel in f.T]

@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from gonio.exports.forms import Appearance, Form, Number, Values, base_terms
+from gonio.exports.forms import Appearance, Form, Number, Values
+from gonio.exports.glass import glass
 from gonio.exports.lobes import column, conductor, dielectric, ggx_facets, interface_shares
 from gonio.exports.pairs import Pairs
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.microfacet.widths import along_axes
-from gonio.models.transmission.rough_dielectric import RoughDielectric
 from gonio.models.transmission.thin_sheet import ThinSheet
 
 Said = list[dict[str, Any]]
@@ -21,10 +19,11 @@ Said = list[dict[str, Any]]
 
 
 def forms(sought: Appearance) -> tuple[Form, ...]:
-    """The interface or sheet that the surface is; else what may be near to it."""
-    exact = _own(sought)
-    if exact is not None:
-        return (exact,)
+    """An interface or a sheet, where the surface is one; else diffusers, coated or not, metals, and their mixes."""
+    if sought.interface:
+        return (glass(_interface),)
+    if (sheet := _sheet(sought)) is not None:
+        return (sheet,)
     axes = ("alpha",) if sought.isotropic else ("alpha_x", "alpha_y")
     kinds: list[tuple[str, ...]] = [("diffuse",), ("coated",), ("metal",), ("diffuse", "metal"), ("coated", "metal")]
     if sought.isotropic and len(sought.widths) != 1:
@@ -32,32 +31,28 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
     return tuple(_mix(kind, axes) for kind in kinds)
 
 
-def _own(sought: Appearance) -> Form | None:
-    (scale, model), *more = base_terms(sought.material.brdf)
-    if more or np.any(scale != 1):
+def _interface(v: Values) -> Said:
+    return [{"type": "dielectric", **_roughness(v["alpha"], v["alpha"]), "float eta": float(v["eta"])}]
+
+
+def _sheet(sought: Appearance) -> Form | None:
+    """A sheet that diffuses on both sides, where the surface is one."""
+    model = sought.material.brdf
+    if not isinstance(model, ThinSheet) or model.rho_behind is not None:
         return None
-    description = _through(model, sought)
-    if description is None:
-        return None
+    shares = {"reflectance": np.asarray(model.rho), "transmittance": np.asarray(model.tau)}
+    count = sought.to_rgb.shape[1]
+    rgb = {f"rgb {k}": colour(np.broadcast_to(v, (count,)) @ sought.to_rgb.T) for k, v in shares.items()}
 
     def f(v: Values, pairs: Pairs) -> np.ndarray:
-        return sought.f(pairs.wi, pairs.wo)
+        front = np.all(pairs.wo.z > 0)
+        return (
+            np.ones((pairs.wo.z.size, 1))
+            * np.asarray(rgb["rgb reflectance" if front else "rgb transmittance"])[: sought.colours]
+            / np.pi
+        )
 
-    return Form(description[0]["type"], (), f, lambda v: description, transmits=True)
-
-
-def _through(model: AbstractBRDF, sought: Appearance) -> Said | None:
-    """The material that transmits as a model does, where there is one."""
-    if isinstance(model, ThinSheet) and model.rho_behind is None:
-        shares = {"reflectance": model.rho, "transmittance": model.tau}
-        count = sought.to_rgb.shape[1]
-        rgb = {k: np.broadcast_to(np.asarray(v), (count,)) @ sought.to_rgb.T for k, v in shares.items()}
-        return [{"type": "diffusetransmission", **{f"rgb {k}": colour(v) for k, v in rgb.items()}}]
-    if isinstance(model, RoughDielectric) and model.smith == "correlated" and model.distribution == "ggx":
-        alpha_x, alpha_y = along_axes(model, "alpha")
-        if all(np.ndim(a) == 0 for a in (alpha_x, alpha_y, model.eta)):
-            return [{"type": "dielectric", **_roughness(alpha_x, alpha_y), "float eta": float(model.eta)}]
-    return None
+    return Form("diffusetransmission", (), f, lambda v: [{"type": "diffusetransmission", **rgb}], transmits=True)
 
 
 def colour(values: Any) -> list[float]:
@@ -116,10 +111,12 @@ class _Part:
 
 def under_coat(pairs: Pairs, rho: np.ndarray, alpha: float, eta: float) -> np.ndarray:
     """f of a Lambertian base under a rough interface: T(μi) T(μo) ρ/(π η² (1 − ρ R)), R what it sends back inside."""
-    passed = [column(interface_shares(w.z, alpha, eta)[1]) for w in (pairs.wi, pairs.wo)]
-    x, w = np.polynomial.legendre.leggauss(32)
+    nodes = np.linspace(0, 1, 32)
+    shares = interface_shares(nodes**2, alpha, eta)[1]
+    passed = [column(np.interp(np.sqrt(w.z), nodes, shares)) for w in (pairs.wi, pairs.wo)]
+    x, weight = np.polynomial.legendre.leggauss(64)
     mu = (x + 1) / 2
-    back = float(np.sum(w * mu * interface_shares(mu, alpha, 1.0 / eta)[0]))
+    back = float(np.sum(weight * mu * interface_shares(mu, alpha, 1.0 / eta)[0]))
     return passed[0] * passed[1] * rho / (np.pi * eta**2 * (1.0 - rho * back))
 
 

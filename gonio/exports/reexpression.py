@@ -6,6 +6,7 @@ import numpy as np
 
 from gonio.exports.forms import Appearance
 from gonio.exports.nearest import Nearest
+from gonio.exports.pairs import Pairs
 from gonio.figures.spheres import sphere_pairs
 from gonio.fitting.residuals.colour_difference import LINEAR_SRGB, ciede2000, to_lab
 
@@ -50,41 +51,55 @@ class ReExpression:
         """The errors in words."""
         if self.exact:
             return "exact, up to rounding"
+        rms, albedo, mean, most = map(
+            _short, (100 * self.relative_rms, 100 * self.albedo_difference, self.delta_e_mean, self.delta_e_max)
+        )
         return (
-            f"rms {100 * self.relative_rms:.2g} % of f (cosine-weighted), albedo off by up to "
-            f"{100 * self.albedo_difference:.2g} %, a lit sphere by ΔE2000 {self.delta_e_mean:.2g} in the mean and "
-            f"{self.delta_e_max:.2g} at most"
+            f"rms {rms} % of f (cosine-weighted), albedo off by up to {albedo} %, a lit sphere by ΔE2000 {mean} in the "
+            f"mean and {most} at most"
         )
 
     def __str__(self) -> str:
         return "\n".join([f"{self.form}: {self.figures}", *(f"note: {remark}" for remark in self.remarks)])
 
 
+def _short(value: float) -> str:
+    """Two digits, without a power of ten."""
+    if value < 1e-3:
+        return "less than 0.001"
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+
+
 def reexpression(target: str, sought: Appearance, expression: Nearest, remarks: tuple[str, ...] = ()) -> ReExpression:
-    """The errors of an expression, at other and more directions than it was fitted at."""
+    """The errors of an expression, at other and more directions than it was fitted at; light that goes through too."""
     pairs = sought.pairs(LIGHTS, TILTS, AZIMUTHS)
-    f = sought.f(pairs.wi, pairs.wo)
-    difference = np.broadcast_to(expression.form.f(expression.values, pairs), f.shape) - f
-    weight = pairs.weight[:, None]
-    squares = float(np.sum(weight * f * f))
-    largest = np.abs(difference) / np.maximum(np.abs(f), 1e-6 * max(float(np.abs(f).max(initial=0.0)), 1e-30))
+    sides = [pairs, pairs.through()] if sought.transmits else [pairs]
+    squares, off, albedo, exact = 0.0, 0.0, 0.0, True
+    for side in sides:
+        f = sought.f(side.wi, side.wo)
+        silent = side is not pairs and not expression.form.transmits
+        difference = -f if silent else np.broadcast_to(expression.form.f(expression.values, side), f.shape) - f
+        largest = float(np.abs(f).max(initial=0.0))
+        squares += float(np.sum(side.weight[:, None] * f * f))
+        off += float(np.sum(side.weight[:, None] * difference**2))
+        albedo = max(albedo, float(np.abs(side.albedo(difference)).max(initial=0.0)))
+        exact &= bool(np.all(np.abs(difference) <= ROUNDING * np.maximum(np.abs(f), 1e-6 * largest)))
     colours = sphere_colours(sought, expression)
+    left_out = ("light through the surface is left out",) * (sought.transmits and not expression.form.transmits)
     return ReExpression(
         target=target,
         form=expression.form.name,
-        relative_rms=float(np.sqrt(np.sum(weight * difference**2) / squares)) if squares > 0 else 0.0,
-        albedo_difference=float(np.abs(pairs.albedo(difference)).max(initial=0.0)),
+        relative_rms=float(np.sqrt(off / squares)) if squares > 0 else 0.0,
+        albedo_difference=albedo,
         delta_e_mean=float(colours.mean()),
         delta_e_max=float(colours.max(initial=0.0)),
-        exact=bool(largest.max(initial=0.0) <= ROUNDING),
-        remarks=(*sought.remarks, *remarks),
+        exact=exact,
+        remarks=(*sought.remarks, *remarks, *left_out),
     )
 
 
 def sphere_colours(sought: Appearance, expression: Nearest) -> np.ndarray:
     """CIEDE2000 of each pixel of the lit spheres."""
-    from gonio.exports.pairs import Pairs
-
     _, eye, lights = sphere_pairs(SIDE)
     differences = []
     for light in lights:

@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from gonio.data.channels import Channels
 from gonio.data.formats import registry
 from gonio.exports import blender, gltf, mitsuba, openpbr, pbrt
 from gonio.exports.about import About
@@ -26,16 +27,20 @@ class Target:
     forms: Callable[[Appearance], tuple[Form, ...]]
     file: Callable[[Any, About, str], bytes]
     """Of what a form says, with what is to be told of it, and the ending."""
-    measured: Callable[[str], Any] | None = None
-    """What refers to the surface as data, in an RGL file of this name."""
+    measured: Callable[[str, Channels], tuple[Any, tuple[str, ...]]] | None = None
+    """What refers to the surface as data, in an RGL file of this name and channels, and what is to be told of it."""
 
 
-def _measured_by_mitsuba(file: str) -> dict[str, Any]:
-    return {"type": "measured", "filename": file}
+def _measured_by_mitsuba(file: str, channels: Channels) -> tuple[dict[str, Any], tuple[str, ...]]:
+    spectral = channels.wavelengths_nm is not None
+    kind = "spectral variants alone" if spectral else "its RGB variants alone"
+    return {"type": "measured", "filename": file}, (f"Mitsuba reads these samples in {kind}",)
 
 
-def _measured_by_pbrt(file: str) -> list[dict[str, Any]]:
-    return [{"type": "measured", "string filename": file}]
+def _measured_by_pbrt(file: str, channels: Channels) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
+    if channels.wavelengths_nm is None:
+        raise GonioError("pbrt reads samples of wavelengths, and these channels have none; leave 'measured' out")
+    return [{"type": "measured", "string filename": file}], ()
 
 
 TARGETS = {

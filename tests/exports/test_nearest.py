@@ -1,0 +1,84 @@
+"""The search for a renderer's numbers: it finds those that a surface was made with, and says how far others are."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from gonio.data.subject import load_material
+from gonio.exports import blender, gltf, mitsuba, openpbr, pbrt
+from gonio.exports.forms import Appearance, Form, Values
+from gonio.exports.nearest import nearest
+from gonio.exports.pairs import Pairs
+from gonio.exports.reexpression import reexpression
+
+MODULES = {"blender": blender, "gltf": gltf, "mitsuba": mitsuba, "openpbr": openpbr, "pbrt": pbrt}
+
+
+@dataclasses.dataclass(frozen=True)
+class Made(Appearance):
+    """A surface that is a form with some numbers: nothing is compiled."""
+
+    form: Form | None = None
+    values: Values | None = None
+
+    def f(self, wi, wo):
+        empty = np.zeros(wi.z.size)
+        pairs = Pairs(wi, wo, empty, empty.astype(int), np.zeros(1))
+        return np.broadcast_to(self.form.f(self.values, pairs), (wi.z.size, self.colours))
+
+
+def made(form: Form, values: Values, colours: int = 3) -> Made:
+    return Made(load_material("0.3 * phong(n=40)"), np.eye(colours), (), form, values)
+
+
+def of_name(module, name: str, like: str = "ward(alpha=0.2)") -> Form:
+    return next(f for f in module.forms(made(None, None)) if f.name == name)
+
+
+CASES = {
+    ("mitsuba", "diffuse + a dielectric's lobe"): {"rho": [0.3, 0.1, 0.5], "alpha0": 0.12, "eta0": 1.4, "scale0": 2.0},
+    ("pbrt", "conductor"): {"alpha": 0.25, "eta": [0.4, 1.1, 1.6], "k": [3.0, 2.4, 1.9]},
+    ("openpbr", "metal"): {
+        "base_color": [0.9, 0.6, 0.3], "specular_color": [0.7, 0.8, 0.9], "alpha": 0.2, "specular_weight": 0.9,
+    },
+    ("gltf", "dielectric"): {"base_color": [0.5, 0.2, 0.1], "alpha": 0.3, "ior": 1.6, "specular": 0.8},
+    ("blender", "dielectric"): {"base_color": [0.5, 0.2, 0.1], "diffuse_roughness": 0.4, "alpha": 0.3, "ior": 1.6},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("target", "name"), CASES, ids=[target for target, _ in CASES])
+def test_the_numbers_of_a_surface_are_recovered(target, name):
+    values = {k: np.asarray(v) for k, v in CASES[target, name].items()}
+    form = of_name(MODULES[target], name)
+    sought = made(form, values)
+    expression = nearest((form,), sought)
+    for key, value in values.items():
+        np.testing.assert_allclose(expression.values[key], value, rtol=1e-3, err_msg=key)
+    error = reexpression(target, sought, expression)
+    assert error.relative_rms < 1e-4 and error.albedo_difference < 1e-4 and error.delta_e_max < 0.01
+    assert error.within(1e-4) and not error.within(-1)
+
+
+def test_what_is_exact_says_so_and_what_is_not_says_by_how_much():
+    lambert = of_name(pbrt, "diffuse")
+    sought = made(lambert, {"reflectance": np.array([0.4])}, colours=1)
+    expression = nearest(pbrt.forms(sought), sought)
+    assert expression.form.name == "diffuse"  # none of the richer forms is nearer
+    assert reexpression("pbrt", sought, expression).exact
+    darker = dataclasses.replace(expression, values={"reflectance": np.array([0.3])})
+    error = reexpression("pbrt", sought, darker)
+    assert not error.exact and "25 %" in error.figures
+    np.testing.assert_allclose([error.relative_rms, error.albedo_difference], [0.25, 0.1], rtol=1e-3)
+
+
+def test_an_index_of_one_leaves_the_diffuser_alone():
+    for module, values in (
+        (blender, {"ior": 1.0, "diffuse_roughness": 0.0}), (gltf, {"ior": 1.0, "specular": 0.0}),
+    ):  # fmt: skip
+        values = {k: np.asarray(v) for k, v in values.items()} | {
+            "base_color": np.full(3, 0.4),
+            "alpha": np.asarray(0.3),
+        }
+        f = of_name(module, "dielectric").f(values, made(None, None).pairs(4, 8, 4))
+        np.testing.assert_allclose(f, 0.4 / np.pi, rtol=1e-6)
