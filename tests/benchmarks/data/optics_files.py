@@ -1,0 +1,78 @@
+"""The same data in files of several optics programs beside each other, and each file's totals beside our integrals.
+
+    optics_files.py FOLDER
+
+FOLDER has zemax/NAME.bsdf, speos/NAME.anisotropicbsdf and fred/NAME.txt; files of one name are compared at the nodes of
+the second, where the first has readings at all four nodes about them. Speos' values are scaled to a total, so f differs
+by one factor for each incidence: it is printed beside the Zemax file's TIS over our integral, and so is what remains,
+in per cent and in units of the last digit of the Zemax file's values (four digits).
+"""
+
+import dataclasses
+import pathlib
+import sys
+
+import jax
+import numpy as np
+
+from gonio.data.flags import Flag
+from gonio.data.formats.registry import read
+from gonio.data.interpolation.multilinear import as_material
+from gonio.data.table import Table
+from gonio.models.evaluation import evaluate_in_blocks
+from gonio.models.geometry.directions import Direction
+
+jax.config.update("jax_enable_x64", True)
+DIGITS = 4
+
+
+def surrounded(table: Table, wi: Direction, wo: Direction) -> np.ndarray:
+    """Whether all nodes about pairs of directions have a reading, and none lies beyond the outermost node."""
+    there = dataclasses.replace(table, f=(table.flag == Flag.VALID).astype(float), flag=np.zeros_like(table.flag))
+    last = table.layout.axes["theta_m"][-1]
+    cosine = -wi.x * wo.x - wi.y * wo.y + wi.z * np.abs(wo.z)
+    return (evaluate_in_blocks(as_material(there), wi, wo)[:, 0] > 1 - 1e-9) & (cosine > np.cos(last) + 1e-9)
+
+
+def unit_of_last_digit(f: np.ndarray) -> np.ndarray:
+    """Of numbers printed with so many digits."""
+    return 10.0 ** (np.floor(np.log10(f)) - DIGITS + 1)
+
+
+def compare(first: Table, second: Table) -> None:
+    block = second.samples()
+    f = evaluate_in_blocks(as_material(first), block.wi, block.wo)[:, 0]
+    use = (block.flag[:, 0] == Flag.VALID) & surrounded(first, block.wi, block.wo) & (f > 0)
+    theta_i = np.degrees(np.arccos(block.wi.z))
+    print("  θi     pairs  factor    rest: median, largest  largest in last digits")
+    for angle in np.unique(np.round(theta_i, 6)):
+        here = use & (np.abs(theta_i - angle) < 1e-4)
+        if not here.any():
+            continue
+        a, b = f[here], block.f[here, 0]
+        factor = float(np.median(b / a))
+        rest = np.abs(b / factor - a)
+        share, digits = 100 * rest / a, np.max(rest / unit_of_last_digit(a))
+        print(
+            f"  {angle:5.1f}  {here.sum():5d}  {factor:.6f}  {np.median(share):.5f}, {share.max():.5f} %  {digits:.3f}"
+        )
+
+
+def main(folder: pathlib.Path) -> None:
+    tables: dict[str, dict[str, Table]] = {}
+    for program, suffix in (("zemax", ".bsdf"), ("speos", ".anisotropicbsdf"), ("fred", ".txt")):
+        for path in sorted((folder / program).glob(f"*{suffix}")):
+            table = read(path)
+            tables.setdefault(path.stem, {})[program] = table
+            print(f"{program} {path.name}: {table.layout.name}, {table.counts()['valid']} readings")
+            for line in table.provenance.get("totals", []):
+                print(f"  {line}")
+    for name, of_programs in tables.items():
+        first, *others = of_programs.values()
+        for program, second in zip(list(of_programs)[1:], others, strict=True):
+            print(f"{name}: {next(iter(of_programs))} beside {program}")
+            compare(first, second)
+
+
+if __name__ == "__main__":
+    main(pathlib.Path(sys.argv[1]))
