@@ -113,7 +113,7 @@ def _header(text: TextLines) -> tuple[dict[str, str], list[str]]:
         text.refuse(f"its angles are {one_line(words['angles'], 20)!r}, whose order nobody states; write angles=deg")
     if words["bsdf"] not in ("value", "log"):
         text.refuse(f"its bsdf is {one_line(words['bsdf'], 20)!r}; expected 'value' or 'log'")
-    if not re.fullmatch(r"[-+]?[\d.]{1,20}(?:[eE][-+]?\d{1,3})?", words["scale"]) or words["scale"].count(".") > 1:
+    if not re.fullmatch(r"[-+]?(?:\d{1,15}\.?\d{0,15}|\.\d{1,15})(?:[eE][-+]?\d{1,3})?", words["scale"], re.ASCII):
         text.refuse(f"its scale is {one_line(words['scale'], 20)!r}; expected a number, with a decimal point")
     return words, remarks
 

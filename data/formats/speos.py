@@ -51,7 +51,7 @@ def read_speos(path: str | os.PathLike[str]) -> Table:
     half = all((b.phi >= 0).all() and (b.phi <= 180).all() for b in text.blocks)
     parts = [_in_our_angles(b, text.intensity, half) for b in text.blocks]
     channels, scales, sentences = _scales(text, parts)
-    layout, f, filled = _on_grid(parts, scales, half)
+    layout, f, filled = _on_grid(path, parts, scales, half)
     flag = np.where(np.isfinite(f), np.uint8(Flag.VALID), np.uint8(Flag.NOT_MEASURED))
     flag[~layout.readable().reshape(layout.shape)] = Flag.BELOW_HORIZON
     f = np.where(flag == Flag.VALID, f, np.nan)
@@ -72,8 +72,6 @@ def read_speos(path: str | os.PathLike[str]) -> Table:
 
 def _in_our_angles(block: SpeosBlock, intensity: bool, half: bool) -> _Part:
     theta = block.theta
-    if block.part == "reflection" and theta.max() > 90 + 1e-6:
-        raise GonioError(f"a block of reflection has the polar angle {theta.max():g}, behind the sample")
     if block.part == "transmission" and theta.min() < 90 - 1e-6:
         theta = 180 - theta
     nodes = on_nodes(theta, block.phi, block.values)
@@ -135,7 +133,9 @@ def _scale_in_words(scales: np.ndarray) -> str:
     return f"the stated totals scale the values: by {spread} beyond f = value/π"
 
 
-def _on_grid(parts: list[_Part], scales: np.ndarray, half: bool) -> tuple[Layout, np.ndarray, int]:
+def _on_grid(
+    path: str | os.PathLike[str], parts: list[_Part], scales: np.ndarray, half: bool
+) -> tuple[Layout, np.ndarray, int]:
     """(layout, f (*shape, channels), values that were interpolated as their block has other angles)."""
     theta_i, rotations = (
         np.unique(np.round(a, DIGITS)) for a in zip(*((p.block.theta_i, _turn(p)) for p in parts), strict=True)
@@ -148,7 +148,7 @@ def _on_grid(parts: list[_Part], scales: np.ndarray, half: bool) -> tuple[Layout
     order = np.argsort(delta)
     size = theta_i.size * rotations.size * theta_o.size * azimuth.size * scales.shape[1]
     if size > 4 * MOST_VALUES or theta_i.size * rotations.size > MOST_BLOCKS:
-        raise GonioError(f"its blocks have angles of their own, which make a grid of {size:,} values; {LIMIT}")
+        raise GonioError(f"{path}: its blocks have angles of their own, which make a grid of {size:,} values; {LIMIT}")
     f = np.full((theta_i.size, rotations.size, theta_o.size, azimuth.size, scales.shape[1]), np.nan)
     filled = 0
     for part, scale in zip(parts, scales, strict=True):

@@ -14,6 +14,8 @@ HEADER = re.compile(r"OPTIS\s*-\s*(brdf|anisotropic bsdf) surface file v(\d{1,4}
 VERSION = 8.0
 PARTS = ("reflection", "transmission")
 MOST_BLOCKS = 1 << 16
+MOST_PERCENT = 1e9
+"""Of a total: what is above 100 is judged by gonio check."""
 
 
 class Spectrum(NamedTuple):
@@ -127,7 +129,7 @@ def _isotropic(text: TextLines, parts: tuple[str, ...]) -> tuple[np.ndarray, lis
         for theta_i in incidences:
             for number in range(wavelengths.size):
                 share = _share(text, text.numbers(1, "the total of a block in per cent")[0])
-                blocks.append(_block(text, SpeosBlock(part, 0.0, theta_i, number, share, *[np.zeros(0)] * 3), blocks))
+                blocks.append(_block(text, SpeosBlock(part, 0.0, theta_i, number, share, *[np.zeros(0)] * 3)))
     return wavelengths, blocks
 
 
@@ -144,7 +146,7 @@ def _anisotropic(text: TextLines, parts: tuple[str, ...]) -> tuple[dict[str, Spe
     spectra = {part: _spectrum(text) for part in parts}
     blocks: list[SpeosBlock] = []
     for part, rotation, theta_i in lit:
-        blocks.append(_block(text, SpeosBlock(part, rotation, theta_i, None, None, *[np.zeros(0)] * 3), blocks))
+        blocks.append(_block(text, SpeosBlock(part, rotation, theta_i, None, None, *[np.zeros(0)] * 3)))
     return spectra, blocks
 
 
@@ -166,20 +168,21 @@ def _wavelengths(text: TextLines, values: np.ndarray) -> np.ndarray:
 
 
 def _share(text: TextLines, percent: float) -> float:
-    if not 0 <= percent <= 1000:
+    if not 0 <= percent <= MOST_PERCENT:
         text.fail(f"a total is {percent:g} per cent; expected a share of the light")
     return float(percent) / 100
 
 
-def _block(text: TextLines, empty: SpeosBlock, before: list[SpeosBlock]) -> SpeosBlock:
+def _block(text: TextLines, empty: SpeosBlock) -> SpeosBlock:
     counts = text.next("the numbers of angles of a block").split()
     if len(counts) != 2:
         text.fail("expected the numbers of polar angles and azimuths of a block")
     rows, columns = (text.count(c, "the number of angles of a block") for c in counts)
-    if rows * columns + sum(b.values.size for b in before[-1:]) * len(before) > min(text.size, MOST_VALUES):
+    if rows * columns > min(text.size, MOST_VALUES):
         text.fail(f"a block has {rows:,} × {columns:,} values, more than the file holds; copy it again")
     phi = text.angles(columns, "the azimuths of a block", -360, 360)
     table = np.stack([text.numbers(columns + 1, "a polar angle and its values") for _ in range(rows)])
-    if not ((table[:, 0] >= 0) & (table[:, 0] <= 180)).all():
-        text.fail("a polar angle of the block is outside of 0 to 180 degrees; copy the file again")
+    most = 90 if empty.part == "reflection" else 180
+    if not ((table[:, 0] >= 0) & (table[:, 0] <= most + 1e-6)).all():
+        text.fail(f"a polar angle of this block of {empty.part} is outside of 0 to {most} degrees; copy the file again")
     return empty._replace(theta=table[:, 0], phi=phi, values=table[:, 1:])

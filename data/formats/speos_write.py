@@ -111,8 +111,9 @@ def _blocks(table: Table) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str,
         delta = np.concatenate([delta, 2 * np.pi - delta[other]])
     phi = degrees((delta + np.pi) % (2 * np.pi))
     columns, rows = np.argsort(phi), np.argsort(rotation)
-    columns = np.append(columns, columns[0])
-    phi = np.append(phi[columns[:-1]], phi[columns[0]] + 360)
+    phi = phi[columns]
+    if phi[0] == 0:  # a whole turn ends where it began
+        phi, columns = np.append(phi, 360.0), np.append(columns, columns[0])
     f = f[:, rows][:, :, :, columns]
     parts = {}
     for name, side in PARTS:
@@ -135,11 +136,13 @@ def _continued(f: np.ndarray, side: int) -> np.ndarray:
 
 
 def _total(theta_o: np.ndarray, phi: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """(n,): the integrals of f (n, theta_o, phi), as a reader takes them; the last azimuth repeats the first."""
+    """(n,): the integrals of f (n, theta_o, phi), as a reader takes them."""
     upright = np.radians(np.minimum(theta_o, 180 - theta_o))
     order = np.argsort(upright)
-    azimuth = np.radians(phi[:-1])
-    return grid_totals(upright[order], azimuth, f[:, order, :-1, None], np.zeros(len(f)), False)[:, 0]
+    once = phi < 360
+    return grid_totals(upright[order], np.radians(phi[once]), f[:, order][:, :, once, None], np.zeros(len(f)), False)[
+        :, 0
+    ]
 
 
 def _head(table: Table, kind: str, parts: dict, vector: list[str], values: int) -> list[str]:

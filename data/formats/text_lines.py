@@ -34,8 +34,8 @@ class TextLines:
         if self.size > LARGEST_TEXT:
             raise GonioError(f"{path} has {self.size >> 20} MiB; {kind} has at most {LARGEST_TEXT >> 20}")
         self.text = decoded(path, expected=kind)
-        self.place = self.row = 0
-        """Characters read so far, and lines: the number of the last one."""
+        self.place = self.row = self.read = 0
+        """Characters, lines and numbers read so far; the number of the last line."""
         self.comments: list[str] = []
 
     def fail(self, text: str) -> NoReturn:
@@ -88,7 +88,8 @@ class TextLines:
 
     def numbers(self, count: int, what: str) -> np.ndarray:
         """So many numbers, on one line or several, (count,). Raises GonioError for others, and for more or fewer."""
-        if 2 * count > self.size + 1 or count > MOST_VALUES:
+        self.read += count
+        if 2 * count > self.size + 1 or self.read > MOST_VALUES:
             self.fail(f"{what} has {count:,} numbers by the counts, which the file does not hold; copy it again")
         parts: list[np.ndarray] = []
         total = 0

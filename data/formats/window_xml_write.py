@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+from typing import NamedTuple
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -132,33 +133,51 @@ def _estimate(source: GridSource, basis: AngleBasis, name: str) -> np.ndarray:
     """The means of f cosθo over pairs of patches, over that of cosθo: (leaving, arriving, channels).
 
     Pairs even in the patches' projected solid angles and pairs by the model's sampler are weighted by the balance
-    heuristic [Veach 1997, eq. 9.8], so that neither wide nor narrow lobes are missed.
+    heuristic [Veach 1997, eq. 9.8], so that neither wide nor narrow lobes are missed. What f has everywhere in a pair
+    of patches, its least value there, is not estimated.
     """
     n, size = basis.size, basis.projected_solid_angles()
-    total = np.zeros((n * n, len(source.channels)))
-    sampled = _drawn(source, basis, name)
+    sums = _PatchSums.of(n * n, len(source.channels))
+    sampled = _sampled(source, basis, name)
     arriving, leaving = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(n)))
     # Each with its directions exchanged, so that what is reciprocal stays so
     u = np.concatenate([u := low_discrepancy(EVEN // 2, 4), u[:, [2, 3, 0, 1]]])
     step = CHUNK // EVEN
+    pairs = []
     for start in range(0, n * n, step):
         a, b = (np.repeat(k[start : start + step], EVEN) for k in (arriving, leaving))
         v = np.tile(u, (len(a) // EVEN, 1))
-        wi, wo = _pair(name, basis.within(a, v[:, 0], v[:, 1]), basis.within(b, v[:, 2], v[:, 3]))
-        cosine = np.abs(wo.z)
-        density = EVEN * cosine / size[b]
+        pairs.append((b, a, *_pair(name, basis.within(a, v[:, 0], v[:, 1]), basis.within(b, v[:, 2], v[:, 3]))))
+    for b, a, wi, wo in pairs if sampled is None else [*pairs, sampled]:
+        density = EVEN * np.abs(wo.z) / size[b]
         if sampled is not None:
             density = density + SAMPLED * np.asarray(sampling_density(source.brdf, wi, wo), float)
-        np.add.at(total, b * n + a, source.f(wi, wo) * (cosine / density)[:, None])
-    if sampled is not None:
-        patch, a, wi, wo = sampled
-        cosine = np.abs(wo.z)
-        density = EVEN * cosine / size[patch] + SAMPLED * np.asarray(sampling_density(source.brdf, wi, wo), float)
-        np.add.at(total, patch * n + a, source.f(wi, wo) * (cosine / density)[:, None])
-    return total.reshape(n, n, -1) / size[:, None, None]
+        sums.add(b * n + a, source.f(wi, wo), np.abs(wo.z) / density)
+    return sums.means(np.repeat(size, n)).reshape(n, n, -1)
 
 
-def _drawn(
+class _PatchSums(NamedTuple):
+    """Sums over the pairs of directions in each pair of patches."""
+
+    weighted: np.ndarray
+    weights: np.ndarray
+    least: np.ndarray
+
+    @classmethod
+    def of(cls, patches: int, channels: int) -> "_PatchSums":
+        return cls(np.zeros((patches, channels)), np.zeros((patches, 1)), np.full((patches, channels), np.inf))
+
+    def add(self, patch: np.ndarray, f: np.ndarray, weight: np.ndarray) -> None:
+        np.add.at(self.weighted, patch, f * weight[:, None])
+        np.add.at(self.weights, patch, weight[:, None])
+        np.minimum.at(self.least, patch, f)
+
+    def means(self, size: np.ndarray) -> np.ndarray:
+        """By the projected solid angles of the leaving patches."""
+        return self.least + (self.weighted - self.least * self.weights) / size[:, None]
+
+
+def _sampled(
     source: GridSource, basis: AngleBasis, name: str
 ) -> tuple[np.ndarray, np.ndarray, Direction, Direction] | None:
     """(patch of the leaving and of the arriving direction, wi, wo) by the model's sampler; None where it draws none."""

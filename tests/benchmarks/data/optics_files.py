@@ -4,8 +4,9 @@
 
 FOLDER has zemax/NAME.bsdf, speos/NAME.anisotropicbsdf and fred/NAME.txt; files of one name are compared at the nodes of
 the second, where the first has readings at all four nodes about them. Speos' values are scaled to a total, so f differs
-by one factor for each incidence: it is printed beside the Zemax file's TIS over our integral, and so is what remains,
-in per cent and in units of the last digit of the Zemax file's values (four digits).
+by one factor for each incidence: it is printed, and so is what remains, in per cent and in units of the last of the
+four digits of the first file's values. (That factor is the first file's TIS over the integral of its values, as the
+vendor's converter takes it, which counts nothing beyond the outermost nodes.)
 """
 
 import dataclasses
@@ -42,7 +43,7 @@ def unit_of_last_digit(f: np.ndarray) -> np.ndarray:
 def compare(first: Table, second: Table) -> None:
     block = second.samples()
     f = evaluate_in_blocks(as_material(first), block.wi, block.wo)[:, 0]
-    use = (block.flag[:, 0] == Flag.VALID) & surrounded(first, block.wi, block.wo) & (f > 0)
+    use = (block.flag[:, 0] == Flag.VALID) & surrounded(first, block.wi, block.wo) & (f > 1e-9)
     theta_i = np.degrees(np.arccos(block.wi.z))
     print("  θi     pairs  factor    rest: median, largest  largest in last digits")
     for angle in np.unique(np.round(theta_i, 6)):
