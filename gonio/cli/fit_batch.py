@@ -117,6 +117,8 @@ def _files(names: Sequence[str]) -> tuple[list[Path], int]:
     files: list[Path] = []
     ignored = 0
     for path in map(Path, names):
+        if not path.exists():
+            raise GonioError(_not_there(str(path)))
         if not path.is_dir():
             files.append(path)
             continue
@@ -127,6 +129,17 @@ def _files(names: Sequence[str]) -> tuple[list[Path], int]:
         files += tables
         ignored += len(inside) - len(tables)
     return files, ignored
+
+
+def _not_there(name: str) -> str:
+    """Why a name is no file: it may be the model, whose option was forgotten."""
+    from gonio.models.expression.parser import parse
+
+    try:
+        parse(name)
+    except GonioError:
+        return f"{name} does not exist; check the name and the folder."
+    return f"{name} is a model, not a file; give models by -m, as in: gonio fit TABLE -m '{name}'."
 
 
 def _is_table(path: Path) -> bool:

@@ -76,3 +76,12 @@ def test_a_killed_batch_leaves_whole_results(folder):
     assert main(COMMAND) == 0
     assert len(list(folder.glob("out/*.fit.toml"))) == 40
     assert all(p.stat().st_mtime_ns == then for p, then in there.items())
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [("lambert + ggx(f0=?)", "is a model, not a file; give models by -m"), ("t9.h5", "does not exist")],
+)
+def test_what_is_no_file_is_told_before_any_work(folder, name, told, capsys):
+    assert main(["fit", "in/t0.h5", name, "-o", "out"]) == 2
+    assert told in capsys.readouterr().err and not (folder / "out").exists()
