@@ -150,8 +150,12 @@ def reading_options(args: argparse.Namespace) -> dict[str, Any]:
 def read_table(path: str, args: argparse.Namespace) -> "Table":
     """The table of a file, named after the file where it has no name of its own; its warnings go to standard error."""
     from gonio.data.files import stem
-    from gonio.data.formats.registry import read
+    from gonio.data.formats.registry import is_there, read
 
+    if not is_there(path):
+        from gonio.data.subject import resolve_subject
+
+        resolve_subject(path).require_table()  # says what the name is instead, and what to do
     table = read(path, **reading_options(args))
     table.name = table.name or stem(path)
     for warning in table.provenance.get("warnings", []):
