@@ -10,6 +10,7 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
+from gonio.data.channels import Channels
 from gonio.data.material import Material
 from gonio.data.serialise import finite
 from gonio.data.subject import Subject, SubjectLike, load_material, resolve_subject
@@ -26,12 +27,14 @@ from gonio.metrology.monte_carlo import Simulation, require_draws, simulated
 from gonio.metrology.polished_quantities import polished_quantities
 from gonio.metrology.quantity import Quantity, to_row
 from gonio.metrology.sources import sources_of
+from gonio.metrology.standards import scatter_law
 from gonio.metrology.standards.catalog import Wanted, standard_quantities
 from gonio.metrology.standards.colour import ILLUMINANTS, LAB, Viewing
 from gonio.metrology.standards.evaluation import Undecided
 from gonio.metrology.standards.of_models import of_model
 from gonio.metrology.standards.reflectance import PORT
 from gonio.metrology.table_budget import table_budget
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import settings_of
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
@@ -205,7 +208,9 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
     )
     fitted = None if settings.fit is None else _fitted(table, settings.fit)
     if not settings.budget:
-        rows = [] if fitted is None else outputs_of(fitted)[0]
+        laws = _laws(table, table.channels, wanted)
+        rows, undecided = [] if fitted is None else outputs_of(fitted)[0], undecided + laws[1]
+        rows = rows + laws[0]
         return Quantities(name, "table", measurands.quantities + rows, None, notes, fitted, undecided)
     _require_readings(table)
     sources = sources_of(table, settings.instrument, settings.uncertainty)
@@ -227,8 +232,22 @@ def _of_model(material: Material, name: str, settings: QuantitiesSettings, wante
     transmits = Hemispheres.TRANSMISSION in material.brdf.hemispheres
     entries, notes = standard_quantities(material.channels, wanted, transmits)
     named, undecided, remarks = of_model(material, entries)
-    rows = model_quantities(material, settings.geometries) + polished_quantities(material) + named
-    return Quantities(name, "model", rows, notes=notes + remarks, undecided=undecided)
+    laws = _laws(material.brdf, material.channels, wanted)
+    rows = model_quantities(material, settings.geometries) + polished_quantities(material) + named + laws[0]
+    return Quantities(name, "model", rows, notes=notes + remarks, undecided=undecided + laws[1])
+
+
+def _laws(subject: Table | AbstractBRDF, channels: Channels, wanted: Wanted) -> tuple[list[Quantity], list[Undecided]]:
+    """Laws of scatter of a model, or of readings at directions that a table lists."""
+    if scatter_law.GROUP not in wanted:
+        return [], []
+    if not isinstance(subject, Table):
+        return scatter_law.scatter_laws(scatter_law.of_model(subject), channels)
+    if subject.layout.in_half_vectors or subject.interpolant is not None:
+        return [], [
+            Undecided("ABg, Harvey–Shack", "", scatter_law.GROUP, "no directions of its cells are in one plane")
+        ]
+    return scatter_law.scatter_laws(scatter_law.of_table(subject), channels)
 
 
 def _fitted(table: Table, given: FitLike) -> FitResult:

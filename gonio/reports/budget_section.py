@@ -11,7 +11,6 @@ from gonio.metrology.quantities import Quantities, quantities
 from gonio.metrology.quantity import Quantity
 from gonio.metrology.sources import sources_of
 from gonio.models.errors import GonioError
-from gonio.models.geometry.sides import FRONT
 from gonio.reports.subject import ReportSubject
 
 INCIDENCES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
@@ -19,6 +18,10 @@ INCIDENCES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 MOST_READINGS = 2_000_000
 MOST_COLUMNS, LEAST_SHARE = 7, 0.02
 """Sources that have a column, and the share of some u that they make at least; the others have one together."""
+LISTED = ("albedo", "reflectance", "transmission", "gloss", "fit")
+"""Groups of quantities."""
+COMPUTED = ("reflectance", "gloss", "transmission")
+"""Those of standards."""
 NOTHING = 1e-4
 """Per cent."""
 MOST_FITTED = 300_000
@@ -26,9 +29,9 @@ MOST_FITTED = 300_000
 
 
 def budget_of(s: ReportSubject) -> dict[str, Any] | None:
-    """The budget of a subject in its shown channel; None of models, of tables of transmission, and without a source."""
+    """The budget of a subject in its shown channel; None of models, and without a source."""
     table = s.table
-    if table is None or s.empty or table.interpolant is not None or not table.layout.size or table.sides != FRONT:
+    if table is None or s.empty or table.interpolant is not None or not table.layout.size:
         return None
     readings = table.layout.size * len(table.channels)
     if readings > MOST_READINGS:
@@ -37,12 +40,12 @@ def budget_of(s: ReportSubject) -> dict[str, Any] | None:
     if not (sources.noise or sources.acting):
         return None
     if table.layout.in_half_vectors:  # whose integrals take seconds each
-        return _section(s, quantities(table.only([s.channel]), budget=True))
+        return _section(s, quantities(table.only([s.channel]), budget=True, only=COMPUTED))
     fit = s.fits[0] if s.fits and readings <= MOST_FITTED else None
     try:
-        made = quantities(table, budget=True, fit=fit)
+        made = quantities(table, budget=True, fit=fit, only=COMPUTED)
     except GonioError:  # a fit of a kind that has no budget
-        made = quantities(table, budget=True)
+        made = quantities(table, budget=True, only=COMPUTED)
     return _section(s, made)
 
 
@@ -69,6 +72,8 @@ def _section(s: ReportSubject, made: Quantities) -> dict[str, Any] | None:
 
 
 def _listed(made: Quantities, q: Quantity) -> bool:
+    if q.group not in LISTED:
+        return False
     if q.name != ALBEDO:
         return True
     thetas = {other.angles["theta_i"] for other in made.quantities if other.name == ALBEDO}

@@ -15,7 +15,7 @@ from gonio.fitting.residuals.energy import bounded_largest_albedo
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import to_expression
-from gonio.reports import budget_section, check_figures, fit_figures, lobe_figures, reading_figures
+from gonio.reports import budget_section, check_figures, fit_figures, lobe_figures, quantities_section, reading_figures
 from gonio.reports.evaluation import Evaluation, ReportFigure, evaluate_subject
 from gonio.reports.subject import ReportSubject
 from gonio.text import versions
@@ -109,6 +109,7 @@ def _section(s: ReportSubject, e: Evaluation | None, fits: list[dict[str, Any]])
         "certificate": None if s.certificate is None else s.certificate.to_dict(),
         "overall_basis": None if s.certificate is None else s.certificate.basis,
         "hemispherical": _hemispherical(s),
+        "quantities": quantities_section.quantities_of(s),
         "budget": budget_section.budget_of(s),
         "fits": fits,
         "provenance": provenance(s),

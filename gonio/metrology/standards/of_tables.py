@@ -208,8 +208,8 @@ class Part:
         rules = [r for i in between for r in (i.fine, i.coarse) if r is not None]
         places = iter(self._places(rules))
         for integral in between:
-            fine = self._gathered(next(places), integral.mirror)
-            coarse = fine if integral.coarse is None else self._gathered(next(places), False)
+            fine = self._gathered(next(places), integral.mirror, integral.back)
+            coarse = fine if integral.coarse is None else self._gathered(next(places))
             failed = next((r for r in (fine, coarse) if isinstance(r, str)), None)
             if failed is None:
                 assert isinstance(fine, Row) and isinstance(coarse, Row)
@@ -246,7 +246,7 @@ class Part:
         cells = np.flatnonzero(here & (off * np.minimum(np.sin(i), np.sin(o)) < SAME))
         return cells[np.isfinite(self.f[cells]).all(axis=1)]
 
-    def _gathered(self, rule: "Places", mirrors: bool) -> Row | str:
+    def _gathered(self, rule: "Places", mirror: bool = False, back: bool = False) -> Row | str:
         """The weights of the part's cells by multilinear interpolation, with the bound on what it may be off by."""
         layout = self.table.layout
         if not rule.inside[rule.weight != 0].all():
@@ -254,8 +254,10 @@ class Part:
         corners = Corners.of(layout, rule.angles, self.valid)
         cells, place = np.unique(corners.cells, return_inverse=True)
         weight = np.bincount(place.ravel(), (corners.weight * rule.weight).ravel(), cells.size)
-        if mirrors and not self._sees_mirror(cells):
+        if mirror and not self._reads(cells, -1.0):
             return UNSEEN
+        if back and not self._reads(cells, 1.0):
+            return "the light's own direction was not read, where a lobe back to it may hide"
         f = np.nan_to_num(self.f[cells])
         floor = np.maximum(FLOOR * np.abs(weight @ f) / max(float(np.sum(np.abs(rule.weight))), 1e-300), 1e-300)
         by_slope, by_share = (np.zeros((rule.weight.size, f.shape[1])) for _ in range(2))
@@ -274,9 +276,10 @@ class Part:
         share = float(np.sum(np.abs(rule.weight[~rule.inside])) / np.sum(np.abs(rule.weight)))
         return f"{100 * share:.3g} % of its apertures were not read"
 
-    def _sees_mirror(self, cells: np.ndarray) -> bool:
+    def _reads(self, cells: np.ndarray, sign: float) -> bool:
+        """Whether one of the cells has the detector in the mirror direction (−1), or where the light is (1)."""
         wi, wo = self.table.layout.directions_at(cells)
-        cosine = wo.z * wi.z - wo.x * wi.x - wo.y * wi.y
+        cosine = wo.z * wi.z + sign * (wo.x * wi.x + wo.y * wi.y)
         return bool(np.max(cosine) >= math.cos(self.reach))
 
     def _prediction_errors(self, cells: np.ndarray, axis: int, floor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -17,6 +17,8 @@ ASPECULAR = (15, 25, 45, 75, 110)
 OBSERVATION = (0.2, 0.33, 0.5, 1.0)
 ENTRANCE = (-4, 30)
 """Degrees [ASTM E808, E810]."""
+NEAR_LIGHT = 3.0
+"""Degrees from the light within which surfaces may send much more light back."""
 SUN = 45.0
 FINE, COARSE = (4, 12), (3, 8)
 PORT_FINE, PORT_COARSE = (6, 24), (4, 16)
@@ -27,7 +29,8 @@ def single(theta_i: float, theta_o: float, turn: float, factor: float = 1.0) -> 
     """f at one pair of directions, degrees, times a factor."""
     i, o, d = (math.radians(a) for a in (theta_i, theta_o, turn))
     rule = Rule(ray(i).directions, ray(o, d).directions, np.array([factor]))
-    return Aperture(rule, angles=(i, o, d), mirror=abs(theta_i - theta_o) < 1e-9 and turn == 180.0)
+    back = turn == 0.0 and abs(theta_i - theta_o) < NEAR_LIGHT
+    return Aperture(rule, mirror=abs(theta_i - theta_o) < 1e-9 and turn == 180.0, back=back, angles=(i, o, d))
 
 
 def annular(exchanged: bool) -> Aperture:

@@ -1,0 +1,160 @@
+"""f in the plane of incidence against |sinθs − sinθi|, fitted in log f by ABg and Harvey–Shack's law [Harvey 1976]."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from gonio.data.channels import Channels
+from gonio.data.flags import Flag
+from gonio.data.table import Table
+from gonio.metrology.quantity import Quantity
+from gonio.metrology.standards.evaluation import Undecided
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.evaluation import evaluate_in_blocks
+from gonio.models.geometry.directions import from_spherical
+
+GROUP = "scatter law"
+INCIDENCES = np.radians([0.0, 30.0, 60.0])
+"""Of a model."""
+OFFSETS = np.geomspace(1e-3, 1.5, 32)
+LARGEST_SINE = math.sin(math.radians(85.0))
+IN_PLANE = math.radians(0.1)
+FEWEST = 8
+"""Readings of a fit."""
+HOLDS = 10.0
+"""Per cent by which incidences may differ where f depends on the offset alone."""
+STARTS = (1.0, 2.0, 3.0)
+Law = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+class Profile(NamedTuple):
+    """Readings in the plane of incidence: θi (n,), radians, offsets |sinθs − sinθi| (n,), f (n, C)."""
+
+    theta_i: np.ndarray
+    offset: np.ndarray
+    f: np.ndarray
+
+
+def abg(p: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """log of A/(B + x^g), of p = (log A, log B, g)."""
+    return p[0] - np.logaddexp(p[1], p[2] * np.log(np.maximum(x, 1e-12)))
+
+
+def harvey_shack(p: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """log of b0 (1 + (x/l)²)^(s/2), of p = (log b0, log l, s)."""
+    return p[0] + p[2] / 2 * np.logaddexp(0.0, 2 * (np.log(np.maximum(x, 1e-12)) - p[1]))
+
+
+LAWS: dict[str, tuple[Law, tuple[str, str, str], float]] = {
+    "ABg": (abg, ("A", "B", "g"), 1.0),
+    "Harvey–Shack": (harvey_shack, ("b0", "l", "s"), -1.0),
+}
+"""The law, its numbers, the first two as logarithms, and the sign of the third."""
+
+
+def of_model(brdf: AbstractBRDF) -> Profile:
+    """The profile of a model at a few incidences, on both sides of the mirror direction."""
+    theta, offset = (a.ravel() for a in np.meshgrid(INCIDENCES, np.concatenate([-OFFSETS, OFFSETS]), indexing="ij"))
+    sine = np.sin(theta) + offset
+    inside = np.abs(sine) <= LARGEST_SINE
+    theta, offset, theta_o = theta[inside], offset[inside], np.arcsin(sine[inside])
+    wi = from_spherical(theta, np.zeros_like(theta), np)
+    wo = from_spherical(np.abs(theta_o), np.where(theta_o >= 0, np.pi, 0.0), np)
+    return Profile(theta, np.abs(offset), evaluate_in_blocks(brdf, wi, wo))
+
+
+def of_table(table: Table) -> Profile:
+    """The readings of a table in the plane of incidence, valid in all channels, with light and detector in front."""
+    theta_i, phi_i, theta_o, phi_o = (np.asarray(a) for a in table.layout.angles())
+    turn = phi_o - phi_i
+    across = np.abs(np.sin(turn)) * np.minimum(np.sin(theta_i), np.sin(theta_o))
+    cells = np.flatnonzero((across < math.sin(IN_PLANE)) & (np.maximum(theta_i, theta_o) < np.pi / 2))
+    block = table.values_at(cells)
+    use = (block["flag"] == Flag.VALID).all(axis=1)
+    cells, f = cells[use], np.asarray(block["f"], float)[use]
+    sine = -np.sin(theta_o[cells]) * np.cos(turn[cells])
+    return Profile(theta_i[cells], np.abs(sine - np.sin(theta_i[cells])), f)
+
+
+def scatter_laws(profile: Profile, channels: Channels) -> tuple[list[Quantity], list[Undecided]]:
+    """Numbers of both laws with their uncertainties, and by how much incidences differ at one offset."""
+    rows: list[Quantity] = []
+    undecided: dict[str, Undecided] = {}
+    x, range_text = profile.offset, _range(profile)
+    for c, channel in enumerate(channels.names):
+        use = profile.f[:, c] > 0
+        if np.count_nonzero(use) < FEWEST or np.unique(np.round(x[use], 6)).size < FEWEST:
+            undecided["ABg"] = Undecided("ABg, Harvey–Shack", "", GROUP, f"fewer than {FEWEST} readings in the plane")
+            continue
+        logs = np.log(profile.f[use, c])
+        for name, law in LAWS.items():
+            made = _fitted(name, law, x[use], logs, f"{range_text}", channel)
+            if all(q.decided for q in made):
+                rows += made
+            else:
+                undecided[name] = Undecided(name, "", GROUP, "f follows no such law, or does not fall far enough")
+        spread = _between_incidences(profile.theta_i[use], x[use], logs)
+        if spread is not None:
+            verdict = "holds" if spread <= HOLDS else "does not hold"
+            rows.append(
+                Quantity(
+                    "difference of incidences", f"shift invariance {verdict}", channel, spread, 0.0, {}, "%",
+                    "Harvey 1976", "rms difference of f at one |sinθs − sinθi|; " + range_text, GROUP,
+                )
+            )  # fmt: skip
+    return rows, list(undecided.values())
+
+
+def _range(profile: Profile) -> str:
+    positive = profile.offset[profile.offset > 1e-9]
+    theta = np.unique(np.round(np.degrees(profile.theta_i), 3))
+    if not positive.size:
+        return ""
+    listed = ", ".join(f"{t:g}°" for t in theta[:6]) + (" …" if theta.size > 6 else "")
+    return f"|sinθs − sinθi| {positive.min():.2g} to {positive.max():.2g} in the plane of incidence, θi {listed}"
+
+
+def _fitted(
+    name: str, law: tuple[Law, tuple[str, str, str], float], x: np.ndarray, logs: np.ndarray, where: str, channel: str
+) -> list[Quantity]:
+    """The numbers of one law of one channel, with standard uncertainties by the scatter about it."""
+    curve, names, sign = law
+
+    def residual(p: np.ndarray) -> np.ndarray:
+        return curve(p, x) - logs
+
+    knee = math.log(max(float(np.median(x)), 1e-6))
+    fits = []
+    for start in STARTS:
+        first = logs.max() + (start * knee if sign > 0 else 0.0)
+        fits.append(least_squares(residual, [first, start * knee if sign > 0 else knee, sign * start], x_scale="jac"))
+    best = min(fits, key=lambda fit: fit.cost)
+    scatter = math.sqrt(2 * best.cost / max(x.size - 3, 1))
+    normal = best.jac.T @ best.jac
+    singular = not np.isfinite(normal).all() or np.linalg.cond(normal) > 1e12
+    covariance = np.full((3, 3), np.inf) if singular else np.linalg.inv(normal) * scatter**2
+    u, p = np.sqrt(np.abs(np.diagonal(covariance))), best.x
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = [math.exp(min(p[0], 700)), math.exp(min(p[1], 700)), float(p[2])]
+        sizes = [values[0] * u[0], values[1] * u[1], u[2]]
+    geometry = f"fitted in log f, rms {100 * scatter:.2g} % about it; {where}"
+    return [
+        Quantity(f"{name} {n}", "", channel, v, 0.0, {}, "1", "ASTM E2387", geometry, GROUP, float(s))
+        for n, v, s in zip(names, values, sizes, strict=True)
+    ]
+
+
+def _between_incidences(theta: np.ndarray, x: np.ndarray, logs: np.ndarray) -> float | None:
+    """Rms difference, per cent, of f between incidences at one offset; None of one incidence."""
+    nodes = np.unique(np.round(theta, 6))
+    differences = []
+    first = np.abs(theta - nodes[0]) < 1e-6
+    order = np.argsort(x[first])
+    for node in nodes[1:]:
+        here = (np.abs(theta - node) < 1e-6) & (x >= x[first].min()) & (x <= x[first].max())
+        differences.append(logs[here] - np.interp(x[here], x[first][order], logs[first][order]))
+    every = np.concatenate(differences) if differences else np.zeros(0)
+    return 100 * float(np.sqrt(np.mean(every**2))) if every.size else None
