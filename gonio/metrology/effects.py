@@ -9,6 +9,7 @@ import numpy as np
 
 from gonio.data.flags import Flag
 from gonio.data.interpolation.multilinear import as_material
+from gonio.data.interpolation.two_sided import TwoSided
 from gonio.data.table import Table
 from gonio.fitting.apertures import half_angles_of
 from gonio.instrument.aperture import irradiance
@@ -18,6 +19,7 @@ from gonio.instrument.stated import TERMS
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import Direction, normalize
+from gonio.models.geometry.sides import FRONT
 
 POLAR = ("theta_i", "theta_o", "theta_h", "theta_d")
 RING = 8
@@ -32,6 +34,9 @@ def interpolated(table: Table) -> AbstractBRDF:
     Its outermost polar angles are continued by the slope there: it would be constant beyond them, and a shift do half
     as much. At a pole all azimuths are one direction, and have the mean of their readings.
     """
+    if table.sides != FRONT:
+        parts = {sides: interpolated(part) for sides, part in table.parts().items() if part.valid_cells().size}
+        return TwoSided(tuple(parts.values()), tuple(parts))
     for polar, azimuth in table.layout.pole_axes:
         if azimuth in table.layout.axes and table.layout.axes[polar][0] == 0:
             table = _one_at_the_pole(table, polar, azimuth)
@@ -101,13 +106,13 @@ class Readings:
         half_angle = half_angles_of(self.table)[0]
         wi, wo = error.true_directions(tuple(self.angles))
         f = evaluate_in_blocks(self.model, wi, wo)
-        share = irradiance(np.asarray(wi.z), half_angle) / irradiance(np.cos(self.angles[0]), half_angle)
+        share = irradiance(np.abs(wi.z), half_angle) / irradiance(np.abs(np.cos(self.angles[0])), half_angle)
         return error.gain * f * share[:, None] + error.offset / (np.pi * self.lit[:, None])
 
     @property
     def lit(self) -> np.ndarray:
         """Irradiance (n,) relative to normal incidence."""
-        return irradiance(np.cos(self.angles[0]), half_angles_of(self.table)[0])
+        return irradiance(np.abs(np.cos(self.angles[0])), half_angles_of(self.table)[0])
 
     def shift(self, name: str, size: float) -> np.ndarray | None:
         """Change of all readings (n, C) by an error of a term; None where nothing tells how f depends on the angles."""
@@ -171,14 +176,14 @@ def from_angles(theta: np.ndarray, phi: np.ndarray) -> Direction:
 
 
 def _beside(w: Direction, radius: float, around: float) -> Direction:
-    """Directions at a distance of others, kept above the horizon."""
+    """Directions at a distance of others, kept on their side of the horizon."""
     theta, phi = np.arctan2(np.hypot(w.x, w.y), w.z), np.arctan2(w.y, w.x)
     along = Direction(np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), -np.sin(theta))
     across = Direction(-np.sin(phi), np.cos(phi), np.zeros_like(phi))
     c, s = math.tan(radius) * math.cos(around), math.tan(radius) * math.sin(around)
     moved = Direction(*(a + c * b + s * d for a, b, d in zip(w, along, across, strict=True)))
     x, y, z = (np.asarray(a) for a in normalize(moved))
-    return Direction(x, y, np.maximum(z, 1e-4))
+    return Direction(x, y, np.where(w.z > 0, np.maximum(z, 1e-4), np.minimum(z, -1e-4)))
 
 
 def _grid_step(table: Table) -> float:
@@ -196,7 +201,7 @@ def noise_parts(table: Table, instrument: Instrument | None) -> dict[str, np.nda
         return {"readings": u_f}
     valid = np.asarray(table.flag[...]) == Flag.VALID
     f = np.where(valid, np.nan_to_num(np.asarray(table.f[...], float)), 0.0).reshape(table.layout.size, -1)
-    lit = np.maximum(irradiance(table.layout.cosines()[0], instrument.source_half_angle), 1e-6)
+    lit = np.maximum(irradiance(np.abs(table.layout.cosines()[0]), instrument.source_half_angle), 1e-6)
     parts = variance_parts(instrument, f, lit)
     total = np.maximum(sum(parts.values()), 1e-300)
     shares = {name: np.sqrt(part / total).reshape(table.shape) for name, part in parts.items() if np.any(part)}

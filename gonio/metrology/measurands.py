@@ -167,11 +167,15 @@ class TableMeasurands:
 
     def scaled(self, table: Table, share: float | np.ndarray) -> np.ndarray:
         """Change (Q,) of all quantities where the readings of each channel grow by a share, () or (C,)."""
-        f = np.asarray(table.f[...], float)
-        grown = dataclasses.replace(table, f=f * (1 + share))
         if not np.any(share):
             return np.zeros(self.base.values.size)
-        return self.read_out(grown).values - self.base.values
+        grown = dataclasses.replace(table, f=np.asarray(table.f[...], float) * (1 + share))
+        albedos = {
+            sides: known if isinstance(known, str) else dataclasses.replace(known, value=known.value * (1 + share))
+            for sides, known in self.albedos.items()
+        }
+        parts = self._parts(grown, albedos).values, self.standards.read_out(grown, albedos)[0]
+        return np.concatenate(parts) - self.base.values
 
     def _parts(self, table: Table, albedos: SidedAlbedos) -> Readout:
         parts = []

@@ -36,7 +36,7 @@ def fitted(exact):
 @pytest.mark.parametrize("name", ["tilt_x", "tilt_y", "theta_i", "theta_o", "phi", "gain", "dark"])
 def test_a_real_error_of_the_instrument_moves_a_fit_by_its_contribution(exact, fitted, name):
     stated = f"{SMALL} rad" if name not in ("gain", "dark") else SMALL
-    b = quantities(exact, budget=True, fit=fitted, uncertainty={name: stated}).budget
+    b = quantities(exact, budget=True, only=["reflectance"], fit=fitted, uncertainty={name: stated}).budget
     contribution = next(c for c in b.contributions if c.name == name)
     error = {"gain": {"gain": 1 + SMALL}, "dark": {"offset": SMALL}}.get(name, {name: SMALL})
     moved = gonio.fit(measure(TRUTH, Instrument(systematic=Systematic(**error)), GRID), MODEL)
@@ -49,7 +49,7 @@ def test_numbers_and_their_albedos_are_quantities_with_the_noise_of_repeated_fit
     instrument = Instrument(photons=1e5, dark=100.0)
     tables = [measure(TRUTH, instrument, GRID, seed=s) for s in range(30)]
     fits = [gonio.fit(t, MODEL, starts=0) for t in tables]
-    result = quantities(tables[0], budget=True, fit=fits[0])
+    result = quantities(tables[0], budget=True, only=["reflectance"], fit=fits[0])
     rows = [k for k, q in enumerate(result.quantities) if q.name in NUMBERS]
     parts = [c.values[rows] for c in result.budget.contributions if c.name in ("counting", "background")]
     spread = np.std([numbers(f) for f in fits], axis=0, ddof=1)
@@ -62,7 +62,9 @@ def test_numbers_and_their_albedos_are_quantities_with_the_noise_of_repeated_fit
 def test_what_a_wrong_model_leaves_out_is_a_source_and_alignment_that_explains_it_is_not():
     instrument = Instrument(photons=1e7, misalignment=1e-3)
     table = measure(TRUTH, instrument, GRID, seed=3)
-    right, wrong = (quantities(table, budget=True, fit=m).budget for m in (MODEL, "lambert + beckmann"))
+    right, wrong = (
+        quantities(table, budget=True, only=["reflectance"], fit=m).budget for m in (MODEL, "lambert + beckmann")
+    )
     assert "model" not in [c.name for c in right.contributions]
     left_out = next(c for c in wrong.contributions if c.name == "model")
     assert left_out.values.max() > 0 and math.isfinite(left_out.dof)
@@ -75,7 +77,9 @@ def test_a_fits_file_is_fitted_again_and_slopes_of_lists_come_from_the_model(tmp
     table = gonio.Table.from_arrays(theta_i, 0, theta_o, phi, gonio.material(TRUTH).f(theta_i, 0, theta_o, phi))
     table.save(tmp_path / "t.h5")
     gonio.fit(table, MODEL).save(tmp_path / "f.toml")
-    result = quantities(tmp_path / "t.h5", budget=True, fit=tmp_path / "f.toml", uncertainty={"tilt": "0.1 deg"})
+    result = quantities(
+        tmp_path / "t.h5", budget=True, only=["reflectance"], fit=tmp_path / "f.toml", uncertainty={"tilt": "0.1 deg"}
+    )
     assert "tilt_x" not in result.budget.missing and "theta_i" in result.budget.missing
     assert [q.name for q in result.quantities if q.place == "fit"] == [*NUMBERS]
     with pytest.raises(GonioError, match="is not a fitted material"):
@@ -84,7 +88,7 @@ def test_a_fits_file_is_fitted_again_and_slopes_of_lists_come_from_the_model(tmp
         quantities(exact, fit="none.toml")
     with pytest.raises(GonioError, match="channel by channel"):
         both = measure("lambert(rho=[0.2, 0.4]) + ggx(alpha=0.3)", Instrument(), GRID)
-        quantities(both, budget=True, fit=gonio.fit(both, MODEL, per_channel=True, starts=0))
+        quantities(both, budget=True, only=["reflectance"], fit=gonio.fit(both, MODEL, per_channel=True, starts=0))
 
 
 def test_the_command_line_shows_fitted_numbers(tmp_path, exact, capsys):

@@ -28,7 +28,7 @@ def matt():
 
 @pytest.fixture(scope="module")
 def result(matt):
-    return quantities(matt, budget=True, uncertainty=STATED)
+    return quantities(matt, budget=True, only=["reflectance"], uncertainty=STATED)
 
 
 def parts(result, name, place=""):
@@ -58,13 +58,11 @@ def test_reflectance_factors_are_those_of_a_lambertian(result):
 
 def test_the_noise_is_what_repeated_measurements_scatter_by(matt, result):
     instrument = Instrument(photons=1e6, dark=500.0, noise=1e-3)
-    repeats = [
-        quantities(measure(f"lambert(rho={RHO})", instrument, GRID, seed=s), only=["reflectance"]) for s in range(60)
-    ]
+    repeats = [quantities(measure(f"lambert(rho={RHO})", instrument, GRID, seed=s), only=["albedo"]) for s in range(60)]
     values = np.array([[q.value for q in r.quantities] for r in repeats])
-    whole = [q.group in ("albedo", "reflectance") for q in result.quantities]
+    basic = [not q.geometry for q in result.quantities]
     noise = {c.name: c.values for c in result.budget.contributions if c.name in ("source", "counting", "background")}
-    ratio = values.std(axis=0, ddof=1) / np.sqrt(sum(v**2 for v in noise.values()))[whole]
+    ratio = values.std(axis=0, ddof=1) / np.sqrt(sum(v**2 for v in noise.values()))[basic]
     assert len(noise) == 3 and np.all((ratio > 0.65) & (ratio < 1.4)) and np.mean(ratio) == pytest.approx(1, abs=0.1)
 
 
@@ -72,9 +70,9 @@ def test_the_errors_that_a_simulation_had_are_not_used():
     off = Instrument(misalignment=1e-3, calibration=0.01, photons=1e6)
     table = measure(f"lambert(rho={RHO})", off, GRID, seed=5)
     assert table.provenance["systematic"]["gain"] != 1
-    told = quantities(table, budget=True)
+    told = quantities(table, budget=True, only=["reflectance"])
     without = {k: v for k, v in table.provenance.items() if k != "systematic"}
-    blind = quantities(dataclasses.replace(table, provenance=without), budget=True)
+    blind = quantities(dataclasses.replace(table, provenance=without), budget=True, only=["reflectance"])
     assert told.to_dict() == blind.to_dict() and not told.budget.missing
     _, u = parts(told, "albedo", "θi 30°")
     assert u["gain"] == pytest.approx(0.01 * RHO, rel=0.05)
@@ -83,7 +81,7 @@ def test_the_errors_that_a_simulation_had_are_not_used():
 def test_what_nobody_states_is_listed_and_never_zero():
     rng = np.random.default_rng(0)
     table = Table.from_arrays(0, 0, rng.uniform(0, 1.2, 50), rng.uniform(0, 6, 50), 0.2 + 0.001 * rng.random(50))
-    b = quantities(table, budget=True, uncertainty={"tilt": "0.1 deg", "gain": "1 %"}).budget
+    b = quantities(table, budget=True, only=["reflectance"], uncertainty={"tilt": "0.1 deg", "gain": "1 %"}).budget
     assert {"repeatability", "theta_i", "dark", "aperture", "tilt_x"} <= set(b.missing)
     assert "give a model" in b.missing["tilt_x"] and "gain" not in b.missing and not b.to_dict()["complete"]
 
@@ -92,7 +90,7 @@ def test_repeats_tell_the_noise_and_its_degrees_of_freedom():
     rng = np.random.default_rng(1)
     theta_o, phi_o = (np.repeat(a, 4) for a in (np.arcsin(np.sqrt(rng.random(300))), rng.uniform(0, 2 * np.pi, 300)))
     f = 0.2 * (1 + 0.01 * rng.standard_normal(theta_o.size))
-    b = quantities(Table.from_arrays(0, 0, theta_o, phi_o, f), budget=True).budget
+    b = quantities(Table.from_arrays(0, 0, theta_o, phi_o, f), budget=True, only=["reflectance"]).budget
     repeats = next(c for c in b.contributions if c.name == "repeatability")
     assert repeats.dof == 900 and repeats.origin == "estimated"
     # 300 directions of equal weight, 4 readings each.
@@ -104,11 +102,16 @@ def test_a_table_that_misses_the_lobe_has_no_bound():
     table = measure(
         "0.2 * ggx(alpha=0.3)", None, isotropic(theta, theta + math.radians(7), np.radians(range(0, 360, 15)))
     )
-    result = quantities(table, budget=True)
+    result = quantities(table, budget=True, only=["reflectance", "gloss"])
     b, near = result.budget, np.array([q.group == "albedo" for q in result.quantities])
     assert near.any() and np.isinf(b.standard[near]).all() and b.unbounded[near].all()
     assert {"gloss 20°", "8°:di"} <= {u.name for u in result.undecided}
-    assert json.loads(quantities(table, budget=True).to_json())["quantities"][0]["expanded_uncertainty"] is None
+    assert (
+        json.loads(quantities(table, budget=True, only=["reflectance"]).to_json())["quantities"][0][
+            "expanded_uncertainty"
+        ]
+        is None
+    )
 
 
 def test_a_model_has_quantities_and_no_budget():
@@ -119,14 +122,14 @@ def test_a_model_has_quantities_and_no_budget():
     uniform = [q for q in made.quantities if q.name == "albedo under uniform light"]
     assert [q.value for q in uniform] == pytest.approx([0.2, 0.5], abs=1e-9)
     with pytest.raises(GonioError, match="is a model"):
-        gonio.quantities("lambert(rho=0.2)", budget=True)
+        gonio.quantities("lambert(rho=0.2)", budget=True, only=["reflectance"])
 
 
 def test_the_description_of_an_instrument_states_them(matt, tmp_path):
     lab = tmp_path / "lab.toml"
     lab.write_text('gonio_instrument = 1\ncalibration = 0.02\n[uncertainty]\ntilt = "0.1 deg"\n')
-    described = quantities(matt, budget=True, instrument=read_instrument(lab))
-    stated = quantities(matt, budget=True, uncertainty={"gain": "2 %", "tilt": 0.1})
+    described = quantities(matt, budget=True, only=["reflectance"], instrument=read_instrument(lab))
+    stated = quantities(matt, budget=True, only=["reflectance"], uncertainty={"gain": "2 %", "tilt": 0.1})
     assert described.budget.standard == pytest.approx(stated.budget.standard)
     lab.write_text("gonio_instrument = 1\n[uncertainty]\ntitl = 1\n")
     with pytest.raises(GonioError, match="did you mean 'tilt'"):

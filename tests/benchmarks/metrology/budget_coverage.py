@@ -50,7 +50,7 @@ def beside_monte_carlo(draws: int = 400) -> None:
     for name, stated in INSTRUMENTS.items():
         instrument = gonio.Instrument(photons=1e5, dark=100.0, noise=1e-3, stated=terms_of(stated))
         table = gonio.measure(TRUTH, instrument, scan("isotropic", step=math.radians(7.5)), seed=1)
-        b = gonio.quantities(table, budget=True, fit=MODEL, monte_carlo=draws).budget
+        b = gonio.quantities(table, budget=True, fit=MODEL, monte_carlo=draws, only=["reflectance"]).budget
         ratio, shift = b.simulated["standard_uncertainty"] / b.standard, b.simulated["shift"] / b.standard
         agree = f"{np.count_nonzero(b.simulated['linear_agrees'])} of {b.size} intervals agree"
         largest = f"shift {np.abs(shift).max():.2f} u at most"
@@ -70,7 +70,7 @@ def main(draws: int = 500, seed: int = 0) -> None:
         for k in range(draws):
             table = gonio.measure(TRUTH, instrument, layout, seed=seed + k)
             fitted = gonio.fit(table, MODEL, starts=1)
-            made = gonio.quantities(table, budget=True, fit=fitted)
+            made = gonio.quantities(table, budget=True, fit=fitted, only=["albedo"])
             between = next(c.values for c in made.budget.contributions if c.name == "interpolation")
             noise = sum(c.values**2 for c in made.budget.contributions if not c.shared) - between**2
             b = made.budget

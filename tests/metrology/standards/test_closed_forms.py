@@ -1,0 +1,135 @@
+"""Quantities of standards of models against closed forms, and their uncertainty by the covariance of a fit."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import dblquad
+
+import gonio
+from gonio.metrology.standards.catalog import Wanted, standard_quantities
+from gonio.metrology.standards.gloss import GLASS, RECEPTORS, SOURCE, fresnel_of_glass, gloss
+from gonio.metrology.standards.of_models import of_model
+from gonio.metrology.standards.reflectance import multi_angle, reflectance
+from gonio.metrology.standards.scatter import scatter
+from gonio.metrology.standards.scatter_law import of_model as profile_of_model
+from gonio.metrology.standards.scatter_law import scatter_laws
+
+RHO = 0.4
+
+
+def values(model, entries):
+    rows, undecided, _ = of_model(gonio.material(model), entries)
+    assert not undecided
+    return {f"{q.name} {q.place}".strip(): q for q in rows}
+
+
+@pytest.fixture(scope="module")
+def matt():
+    material = gonio.material(f"lambert(rho={RHO})")
+    rows, undecided, _ = of_model(material, standard_quantities(material.channels, Wanted(), False)[0])
+    assert [u.name for u in undecided] in ([], ["distinctness of image"])
+    return {f"{q.name} {q.place}".strip(): q for q in rows}
+
+
+def test_of_a_lambertian_every_factor_is_its_albedo(matt):
+    for name in ("45°a:0°", "0°:45°a", "8°:di", "45°:as15°", "45°:as110°", "BRF", "DHR"):
+        assert matt[name].value == pytest.approx(RHO, abs=1e-9), name
+    # Without a disc of 5° about the direction of 8°: ∫ cosθ dω = π cos 8° sin² 5°.
+    outside = RHO * (1 - math.cos(math.radians(8)) * math.sin(math.radians(5)) ** 2)
+    assert matt["8°:de"].value == pytest.approx(outside, abs=1e-9)
+    assert matt["haze 2°"].value == pytest.approx(100) and matt["contrast gloss"].value == pytest.approx(1)
+
+
+def test_of_a_lambertian_scatter_is_by_the_squares_of_sines(matt):
+    for low, high in ((2.5, 5), (15, 45), (85, 90)):
+        share = math.sin(math.radians(high)) ** 2 - math.sin(math.radians(low)) ** 2
+        assert matt[f"scatter {low:g}° to {high:g}°"].value == pytest.approx(RHO * share, rel=1e-7)
+    assert matt["total integrated scatter"].value == pytest.approx(math.cos(math.radians(2.5)) ** 2, rel=1e-7)
+
+
+def test_retroreflection_is_f_times_both_cosines(matt):
+    angles = [(4, 4.2), (30, 29.67)]
+    for (theta_i, theta_o), place in zip(angles, ("-4°, 0.2°", "30°, 0.33°"), strict=True):
+        cosines = math.cos(math.radians(theta_i)) * math.cos(math.radians(theta_o))
+        assert matt[f"R_A {place}"].value == pytest.approx(RHO / math.pi * cosines, rel=1e-12)
+
+
+@pytest.mark.parametrize("angle", [20, 60, 85])
+def test_gloss_of_a_lambertian_is_the_receptor_over_black_glass(matt, angle):
+    """∫ cosθ dω over the receptor and the mean reflectance of glass over the source, by adaptive quadrature."""
+    t, (width, height) = math.radians(angle), np.radians(RECEPTORS[angle])
+
+    def projected(y, x):
+        return (math.cos(t) - x * math.sin(t)) / (1 + x * x + y * y) ** 2
+
+    a, b = math.tan(width / 2), math.tan(height / 2)
+    receptor = dblquad(projected, -a, a, -b, b)[0]
+    x = np.tan(np.radians(np.linspace(-SOURCE[0] / 2, SOURCE[0] / 2, 201)))
+    y = np.tan(np.radians(np.linspace(-SOURCE[1] / 2, SOURCE[1] / 2, 201)))[:, None]
+    length = np.sqrt(1 + x**2 + y**2)
+    glass = np.average(fresnel_of_glass((math.cos(t) - x * math.sin(t)) / length), weights=length**-3)
+    assert matt[f"gloss {angle}°"].value == pytest.approx(100 * RHO / math.pi * receptor / glass, rel=2e-4)
+
+
+def test_a_polished_black_glass_has_100_gloss_units():
+    """The image of the source alone: with 0.1 nm of roughness the rest scatters 1e-5."""
+    glass = values(f"rayleigh_rice(wavelength=0.55, eta={GLASS}, sigma=0.0001, tau=20, spectrum=gaussian)", gloss())
+    assert [q.value for q in glass.values()] == pytest.approx([100.0] * 3, abs=0.01)
+
+
+def test_narrow_lobes_of_black_glass_approach_100_gloss_units():
+    made = [values(f"beckmann(alpha={a}, eta={GLASS})", gloss()) for a in (0.005, 0.0005)]
+    for name in made[0]:
+        off = [abs(m[name].value - 100) for m in made]
+        assert off[1] < 0.1 and off[1] <= off[0] + 0.02 and made[1][name].uncertainty < 0.1
+
+
+def test_ggx_of_width_1():
+    """f = 1/(2π(μi + μo)), so that E(μ) = 1 − μ log((1 + μ)/μ), and a reflectance factor is 1/(2(μi + μo))."""
+    mu, rows = math.cos(math.radians(8)), values("ggx(alpha=1)", [*reflectance(5.0), *multi_angle()])
+    assert rows["8°:di"].value == pytest.approx(1 - mu * math.log((1 + mu) / mu), abs=1e-6)
+    for angle in (15, 45, 75, 110):
+        sum_of_cosines = math.cos(math.radians(45)) + math.cos(math.radians(45 - angle))
+        assert rows[f"45°:as{angle}°"].value == pytest.approx(1 / (2 * sum_of_cosines), rel=1e-9)
+    low, high, near = (math.cos(math.radians(a)) for a in (40, 50, 5))
+    total = dblquad(lambda a, b: a * b / (2 * (a + b)), near, 1, high, low)[0]
+    assert rows["45°a:0°"].value == pytest.approx(total * 4 / ((1 - near**2) * (low**2 - high**2)), rel=1e-8)
+
+
+def test_total_integrated_scatter_of_a_polished_surface():
+    """(4πσ/λ)² exp(−(πτ sin 2.5°/λ)²): a Gaussian spectrum of heights beyond the frequency of 2.5°."""
+    sigma, tau, wavelength = 0.002, 2.0, 0.5
+    model = f"rayleigh_rice(wavelength={wavelength}, eta=1.37, k=7.62, sigma={sigma}, tau={tau}, spectrum=gaussian)"
+    outside = math.exp(-((math.pi * tau * math.sin(math.radians(2.5)) / wavelength) ** 2))
+    expected = (4 * math.pi * sigma / wavelength) ** 2 * outside
+    assert values(model, scatter(False))["total integrated scatter"].value == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("model", "name", "numbers"),
+    [("abg(a=0.01, b=0.001, g=1.8)", "ABg", (0.01, 0.001, 1.8)),
+     ("harvey_shack(b0=2, l=0.02, s=-1.6)", "Harvey–Shack", (2, 0.02, -1.6))],
+)  # fmt: skip
+def test_laws_of_scatter_are_found_again(model, name, numbers):
+    material = gonio.material(model)
+    rows, undecided = scatter_laws(profile_of_model(material.brdf), material.channels)
+    assert [q.value for q in rows if q.name.startswith(name)] == pytest.approx(numbers, rel=1e-6)
+    assert not undecided and rows[-1].value < 1e-6 and "holds" in rows[-1].place
+
+
+def test_a_lambertian_follows_no_law_of_scatter():
+    material = gonio.material("lambert(rho=0.5)")
+    rows, undecided = scatter_laws(profile_of_model(material.brdf), material.channels)
+    assert [q.name for q in rows] == ["difference of incidences"] and len(undecided) == 2
+
+
+def test_the_covariance_of_a_fit_is_in_the_uncertainty():
+    """Of Lambert each factor is ρ, so that its uncertainty is that of ρ."""
+    rng = np.random.default_rng(3)
+    theta = np.radians(np.linspace(0, 70, 40))
+    f = RHO / math.pi * (1 + 0.02 * rng.standard_normal(40))
+    fitted = gonio.fit(gonio.Table.from_arrays(0.3, 0, theta, 1.0, f, u_f=np.full(40, 0.02 * RHO / math.pi)), "lambert")
+    rows, undecided, notes = of_model(fitted.material, reflectance(5.0)[:3])
+    assert not undecided and not notes
+    assert [q.u for q in rows] == pytest.approx([fitted.parameters[0].standard_uncertainty] * 3, rel=1e-3)
