@@ -144,34 +144,6 @@ def _write_rgl(
     return write_rgl(path, source, force, **options)
 
 
-def _write_ssdd(
-    path: str | os.PathLike[str], source: "Table | Material", force: bool = False, **options: Any
-) -> RoundTrip:
-    from gonio.data.formats.ssdd_write import write_ssdd
-
-    return write_ssdd(path, source, force, **options)
-
-
-def _write_utia(
-    path: str | os.PathLike[str], source: "Table | Material", force: bool = False, **options: Any
-) -> RoundTrip:
-    from gonio.data.formats.utia_write import write_utia
-
-    return write_utia(path, source, force, **options)
-
-
-def _write_astm(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
-    from gonio.data.formats.astm_write import write_astm
-
-    return write_astm(path, table, force)
-
-
-def _write_bird(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:
-    from gonio.data.formats.bird_write import write_bird
-
-    return write_bird(path, table, force)
-
-
 FORMATS = (
     Format(
         "material", "a material (.toml)", "model",
@@ -219,11 +191,12 @@ FORMATS = (
     ),
     Format(
         "SSDD", "an SSDD file", "table", lambda head: ssdd.is_ssdd(head.start),
-        ssdd.read_ssdd, _write_ssdd, writes_models=True, write_options=("ascii",), suffixes=(".ssdd",),
+        ssdd.read_ssdd, _later("ssdd_write", "write_ssdd"), writes_models=True, write_options=("ascii",),
+        suffixes=(".ssdd",),
     ),
     Format(
         "UTIA", "a UTIA BRDF", "table", lambda head: head.binary and head.size == utia.BYTES,
-        utia.read_utia, _write_utia, writes_models=True, options=("scale",),
+        utia.read_utia, _later("utia_write", "write_utia"), writes_models=True, options=("scale",),
         suffixes=(".bin",),
     ),
     Format(
@@ -231,15 +204,16 @@ FORMATS = (
         csail.read_csail, options=("nodes", "scale"),
     ),
     Format(
-        "ASTM", "an ASTM file (E1392, E2387)", "table", lambda head: astm.VARIABLES.search(head.start) is not None,
-        astm.read_astm, _write_astm, options=("angles", "quantity", "mirror_azimuth"), suffixes=(".astm",),
+        "ASTM", "an ASTM file (E1392, E2387)", "table", _reads_as(astm.VARIABLES),
+        astm.read_astm, _later("astm_write", "write_astm"), options=("angles", "quantity", "mirror_azimuth"),
+        suffixes=(".astm",),
     ),
     Format(
-        "ALTA", "an ALTA file", "table", lambda head: alta.SIGNATURE.search(head.start) is not None,
+        "ALTA", "an ALTA file", "table", _reads_as(alta.SIGNATURE),
         alta.read_alta, options=("quantity", "coverage"),
     ),
     Format(
-        "pab", "a pab goniophotometer's file", "table", lambda head: pab.SIGNATURE.search(head.start) is not None,
+        "pab", "a pab goniophotometer's file", "table", _reads_as(pab.SIGNATURE),
         pab.read_pab, options=("mirror_azimuth",),
     ),
     Format(
@@ -249,7 +223,8 @@ FORMATS = (
     ),
     Format(
         "BiRD", "a BiRD file (JSON)", "table", lambda head: bird.is_bird(head.start),
-        bird.read_bird, _write_bird, options=("quantity", "mirror_azimuth", "coverage"), suffixes=(".json",),
+        bird.read_bird, _later("bird_write", "write_bird"), options=("quantity", "mirror_azimuth", "coverage"),
+        suffixes=(".json",),
     ),
     Format(
         "NIST", "NIST's PTFE CSV", "table", lambda head: bool(nist_ptfe.columns_of(head.columns)),
@@ -293,8 +268,9 @@ def sniff(path: str | os.PathLike[str]) -> Format:
 def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
     """The table or the material of a file, or of one entry of it, ``FILE:NAME``.
 
-    `options`: `nodes` ("lower" or "centre") for MERL, `wavelength_nm` for NIST; `angles`, `quantity` and `missing` for
-    CSV (see `gonio.data.formats.csv.read_csv`). Raises GonioError for a file that is
+    `options`: `nodes` ("lower" or "centre") for MERL and CSAIL, `scale` for UTIA and CSAIL, `wavelength_nm` for NIST;
+    `angles`, `quantity` and `missing` for CSV (see `gonio.data.formats.csv.read_csv`), the first two for laboratories'
+    files too, with `mirror_azimuth` and `coverage` (see the reader of each). Raises GonioError for a file that is
     damaged or unknown, and for an option that its format does not have.
     """
     file, entry = split_entry(path)

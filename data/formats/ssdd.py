@@ -212,7 +212,7 @@ def _listed(tables: list[Table]) -> Table:
     shape = axes[0].size, len(every)
     f, flag, row = np.full(shape, np.nan), np.full(shape, np.uint8(Flag.NOT_MEASURED)), 0
     for table, names in zip(lists, keys, strict=True):
-        cells = np.ix_(np.arange(row, row + table.layout.size), [every.index(key) for key in names])
+        cells = np.ix_(np.arange(row, row + table.layout.size), np.array([every.index(key) for key in names]))
         f[cells], flag[cells] = table.f, table.flag
         row += table.layout.size
     return Table(layouts.scattered(axes[0], axes[1], axes[2], axes[3]), f, flag, channels)

@@ -83,6 +83,7 @@ def write_ssdd(
         again = read_ssdd(temporary)
     notes = ["text" if ascii else "single precision"]
     notes += ["without the uncertainties"] if table.u_f is not None else []
+    notes += ["without the channels' names"] if table.channels.names != again.channels.names else []
     if table is source:
         return matched(table, again, ", ".join(notes))
     notes.append(f"on a grid about the mirror direction, {table.layout.size} cells")

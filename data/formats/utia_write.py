@@ -38,19 +38,18 @@ def write_utia(path: str | os.PathLike[str], source: Table | Material, force: bo
         raise GonioError(f"a UTIA file holds R, G, B, but there are {channels} channels; choose one or three")
     grid = layouts.spherical(POLAR, AZIMUTHS, POLAR, AZIMUTHS)
     table = source if isinstance(source, Table) and source.layout == grid else None
-    valid = None if table is None else np.asarray(table.flag[...]) == Flag.VALID
-    if table is not None and valid is not None and valid.all():
-        f = np.asarray(table.f[...])
-    else:
-        f = grid_values(as_material(source) if isinstance(source, Table) else source.brdf, grid)
-        f = f if table is None else np.where(valid, np.asarray(table.f[...]), f)
+    valid = np.ones((*SHAPE, channels), bool) if table is None else np.asarray(table.flag[...]) == Flag.VALID
+    f = np.zeros(valid.shape) if table is None else np.asarray(table.f[...])
+    if table is None or not valid.all():
+        brdf = as_material(source) if isinstance(source, Table) else source.brdf
+        f = np.where(valid & (table is not None), f, grid_values(brdf, grid))
     planes = np.moveaxis(np.broadcast_to(f, (*SHAPE, 3)), -1, 0).astype("<f8")
     with new_file(path, force) as temporary:
         with temporary.open("wb") as file:
             file.write(np.ascontiguousarray(planes).data)
         again = read_utia(temporary, 1.0)
     if table is not None:
-        filled = int(np.size(valid) - np.count_nonzero(valid))
+        filled = int(valid.size - np.count_nonzero(valid))
         note = f"{filled} cells without a value interpolated" if filled else ""
         return compare_cells(table.read_values(), again.read_values(), note)
     return sampled_error(source, again, "on the format's grid of 15° and 7.5°, up to 75°")

@@ -21,7 +21,7 @@ FIT_FACTS = ("converged", "reason", "loss", "samples", "starts_agreed", "starts"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    file = "a table (HDF5, MERL, RGL, XML of windows, NIST or plain CSV), a material file, or published fits"
+    file = "a table (gonio's HDF5, CSV, and the formats of the README), a material file, or published fits"
     parser.add_argument("files", metavar="FILE", nargs="+", help=f"{file}; of several each gets a line")
     add_options(parser.add_argument, READING | FORCE)
 

@@ -55,7 +55,7 @@ def test_options_go_to_the_format_that_has_them(tmp_path):
         (b"tensor_file\0\1", "ends inside its header"),
         (b"hello world\n", "text of an unknown kind"),
         (b"0.1,0.2,0.3\n", "has no header"),
-        (b"theta_i,theta_o,f\n1,2,3\n", "not phi_i, phi_o"),
+        (b"theta_i,theta_o,f\n1,2,3\n", "no azimuth"),
         (b"caf\xe9\n", "text of an unknown kind"),
     ],
 )
