@@ -142,13 +142,13 @@ def eon(pairs: Pairs, rho: Value, r: Value, repeated: Value = 1.0) -> Array:
     return (single + several * np.where(r > 1e-9, missing, 0.0)) / np.pi
 
 
-MU_NODES, WIDTH_NODES, DRAWN = 32, 24, (32, 32)
-"""Of the tables of albedos: cosines, widths, and stratified normals drawn for each."""
+MU_NODES, WIDTH_NODES, FEW_NORMALS = 32, 24, 16
+"""Of the tables of albedos: cosines and widths; stratified normals along each side for what is computed in a search."""
 
 
-def _visible(mu: Array, alpha: Array) -> tuple[Array, tuple[Array, Array, Array]]:
-    """(cosθd, the normal) of visible normals, stratified, on new last axes [Dupuy & Benyoub 2023]."""
-    u, v = ((np.arange(n) + 0.5) / n for n in DRAWN)
+def _visible(mu: Array, alpha: Array, side: int = 32) -> tuple[Array, tuple[Array, Array, Array]]:
+    """(cosθd, the normal) of side² visible normals, stratified, on new last axes [Dupuy & Benyoub 2023]."""
+    u = v = (np.arange(side) + 0.5) / side
     phi, u2 = np.pi * u[:, None], v[None, :]
     mu, alpha = mu[..., None, None], alpha[..., None, None]
     sin = np.sqrt(1 - mu * mu)
@@ -209,7 +209,7 @@ def dielectric_share(mu: Array, alpha: float, eta: float) -> Array:
 def interface_shares(mu: Array, alpha: float, eta: float) -> tuple[Array, Array]:
     """(R, T): shares of the light at the cosines `mu` (n,) that a rough interface reflects and lets through, once."""
     mu, widths = np.maximum(mu, 1e-4), np.full(mu.shape, max(alpha, 1e-4))
-    cos_d, m = _visible(mu, widths)
+    cos_d, m = _visible(mu, widths, FEW_NORMALS)
     fresnel = dielectric(cos_d, eta)
     cos_t = np.sqrt(np.maximum(1.0 - (1.0 - cos_d * cos_d) / eta**2, 0.0))
     behind = mu[:, None, None] / eta - (cos_d / eta - cos_t) * m[2]

@@ -4,6 +4,7 @@ Of a coated diffuser what pbrt finds by a random walk between the layers is comp
 lit by what passes the rough interface, and by what the interface sends back.
 """
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -109,14 +110,23 @@ class _Part:
         }  # fmt: skip
 
 
-def under_coat(pairs: Pairs, rho: np.ndarray, alpha: float, eta: float) -> np.ndarray:
-    """f of a Lambertian base under a rough interface: T(μi) T(μo) ρ/(π η² (1 − ρ R)), R what it sends back inside."""
-    nodes = np.linspace(0, 1, 32)
-    shares = interface_shares(nodes**2, alpha, eta)[1]
-    passed = [column(np.interp(np.sqrt(w.z), nodes, shares)) for w in (pairs.wi, pairs.wo)]
-    x, weight = np.polynomial.legendre.leggauss(64)
+COSINES = np.linspace(0, 1, 40) ** 2
+"""At which the light that a coat lets through is computed."""
+
+
+@functools.lru_cache(maxsize=64)
+def _coat(alpha: float, eta: float) -> tuple[np.ndarray, float]:
+    """(what passes a rough interface from outside at `COSINES`, what it sends back of diffuse light inside)."""
+    x, weight = np.polynomial.legendre.leggauss(32)
     mu = (x + 1) / 2
     back = float(np.sum(weight * mu * interface_shares(mu, alpha, 1.0 / eta)[0]))
+    return interface_shares(COSINES, alpha, eta)[1], back
+
+
+def under_coat(pairs: Pairs, rho: np.ndarray, alpha: float, eta: float) -> np.ndarray:
+    """f of a Lambertian base under a rough interface: T(μi) T(μo) ρ/(π η² (1 − ρ R)), R what it sends back inside."""
+    shares, back = _coat(alpha, eta)
+    passed = [column(np.interp(np.sqrt(w.z), np.sqrt(COSINES), shares)) for w in (pairs.wi, pairs.wo)]
     return passed[0] * passed[1] * rho / (np.pi * eta**2 * (1.0 - rho * back))
 
 

@@ -121,4 +121,4 @@ def test_a_coated_diffuser_against_a_walk_between_its_layers(mu):
     f = lobes.ggx_facets(pairs, alpha, alpha) * lobes.dielectric(pairs.cos_d, eta)
     ours = pairs.albedo(f + under_coat(pairs, np.asarray([rho]), alpha, eta))[:, 0]
     lights = np.array([pairs.wi.z[pairs.incidence == k][0] for k in range(12)])
-    np.testing.assert_allclose(np.interp(mu, lights[::-1], ours[::-1]), albedo / n, rtol=0.01)
+    np.testing.assert_allclose(np.interp(mu, lights[::-1], ours[::-1]), albedo / n, rtol=0.015)
