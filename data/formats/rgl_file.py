@@ -86,9 +86,9 @@ def read_rgl(path: str | os.PathLike[str]) -> Table:
     """The table of an RGL file: its own samples, scattered; f in 1/sr, the files' cosine divided out.
 
     A sample at or below the horizon (to the files' single precision) is BELOW_HORIZON; one above it that the
-    file's field `valid` excludes is NOT_MEASURED; negative values are kept. The light of an isotropic file stands at
-    phi = 0. `Table.interpolant` is `gonio.data.interpolation.rgl_warp.RGLMaterial`. Raises GonioError for a damaged
-    file.
+    file's field `valid` excludes is NOT_MEASURED (a field that excludes all of them means the reverse); negative values
+    are kept. The light of an isotropic file stands at phi = 0. `Table.interpolant` is
+    `gonio.data.interpolation.rgl_warp.RGLMaterial`. Raises GonioError for a damaged file.
     """
     data = read_rgl_data(path)
     # Two azimuths mark an isotropic file of an older kind: both hold the same.
@@ -104,7 +104,9 @@ def read_rgl(path: str | os.PathLike[str]) -> Table:
     flag = np.zeros(f.shape, np.uint8)
     flag[np.minimum(*grid.cosines()) <= FLOAT32_HORIZON] = Flag.BELOW_HORIZON
     if data.valid is not None:
-        flag[(flag == Flag.VALID) & ~data.valid[:phi_count].reshape(-1, 1)] = Flag.NOT_MEASURED
+        above, valid = flag == Flag.VALID, data.valid[:phi_count].reshape(-1, 1)
+        # Some published files mark what is below the horizon, and nothing above it.
+        flag[above & ~(valid if (above & valid).any() else ~valid)] = Flag.NOT_MEASURED
     f[flag != Flag.VALID] = np.nan
 
     def interpolant(coarse: bool = False) -> "AbstractBRDF":

@@ -18,6 +18,7 @@ OPTIONS: Options = {
     "--against FILE|MATERIAL": "the truth, if known: agreement with it is judged too",
     "--chart FOLDER": "charts that back the settings: what 'gonio chart -o' wrote",
     "--figures FOLDER": "write every figure as SVG and PNG too",
+    "--render": "show a sphere of each that Mitsuba renders, where it is installed",
     "--no-check": "leave the checks out",
     "--title TITLE": {"default": TITLE, "help": "the page's heading"},
 }
@@ -35,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from gonio.reports.build import report
 
-    options = {name: getattr(args, name) for name in ("against", "chart", "figures", "title", "force")}
+    options = {name: getattr(args, name) for name in ("against", "chart", "figures", "render", "title", "force")}
     options |= {"command": _command(args), "log": log}
     subjects = [as_stated(s, args) for s in args.subjects]
     report(subjects, args.output, fits=args.fit, check=not args.no_check, **options)
@@ -48,5 +49,9 @@ def _command(args: argparse.Namespace) -> str:
     words = ["gonio", "report", *args.subjects, *(word for fit in args.fit for word in ("--fit", fit))]
     for name in ("against", "chart", "figures", "angles", "quantity", "missing"):
         words += [f"--{name}", getattr(args, name)] * bool(getattr(args, name))
-    words += ["--no-check"] * args.no_check + (["--title", args.title] if args.title != TITLE else [])
+    words += (
+        ["--render"] * args.render
+        + ["--no-check"] * args.no_check
+        + (["--title", args.title] if args.title != TITLE else [])
+    )
     return shlex.join([*words, "-o", args.output])

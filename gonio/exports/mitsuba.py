@@ -242,7 +242,7 @@ def _principled_f(v: Values, pairs: Pairs) -> np.ndarray:
     smooth = (1.0 + (flat - 1.0) * f_i) * (1.0 + (flat - 1.0) * f_o)
     flatter = 1.25 * (smooth * (1.0 / (z_i + z_o) - 0.5) + 0.5)
     diffuse = (retro + (flatter - retro) * v["flatness"]) * base / np.pi
-    f0 = 0.08 * max(float(v["specular"]), 1e-6)
+    f0 = 0.08 * float(v["specular"])
     luminance = float(np.sum(LUMINANCE * base)) if base.size == 3 else float(base[0])
     tint = base / luminance if luminance > 0 else np.ones(1)
     plain_f = dielectric(cos_d, np.asarray(2.0 / (1.0 - np.sqrt(f0)) - 1.0))

@@ -12,6 +12,7 @@ from typing import Any, TypedDict, Unpack
 
 from gonio.checks.certificate import Certificate
 from gonio.data.files import new_file, output_errors, refuse_outputs, require_writable_folder
+from gonio.exports.preview import require_mitsuba
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError, printable
 from gonio.reports.document import Document, assemble
@@ -32,6 +33,7 @@ class ReportOptions(TypedDict, total=False):
     against: Any
     chart: str | os.PathLike[str] | None
     figures: str | os.PathLike[str] | None
+    render: bool
     title: str
     command: str | None
     force: bool
@@ -48,6 +50,7 @@ class ReportSettings:
     against: Any = None
     chart: str | os.PathLike[str] | None = None
     figures: str | os.PathLike[str] | None = None
+    render: bool = False
     title: str = "BRDF report"
     command: str | None = None
     force: bool = False
@@ -109,6 +112,7 @@ def report(
         against: a stated truth; agreement with it is checked too.
         chart: a folder that `gonio chart` wrote, whose charts back the settings.
         figures: a folder for every figure as SVG and PNG.
+        render: shows a sphere of each subject that Mitsuba renders, with the errors of Mitsuba's expression.
         title: the heading of the page.
         command: shown as the way to make the page again.
         force: replaces existing outputs.
@@ -118,13 +122,16 @@ def report(
         The path of the page, or its text.
 
     Raises:
-        GonioError: for a subject that cannot be read, an output that exists or is an input, and a fit of another table.
+        GonioError: for a subject that cannot be read, an output that exists or is an input, a fit of another table, and
+            `render` without Mitsuba.
     """
     settings = settings_of(ReportSettings, "report", options)
     given = list(subjects) if isinstance(subjects, list | tuple) else [subjects]
     settings.require_subjects(given)
     values_file = None if output is None else settings.values_file(output, given)
     settings.refuse_figures()
+    if settings.render:
+        require_mitsuba()
     of_page, fits = split_fits(given)
     shown = [subject_of(g, number) for number, g in enumerate(of_page)]
     assign_fits(shown, [fit_of(f) for f in (*settings.fits, *fits)])
@@ -136,7 +143,7 @@ def report(
 
         charts = charts_of(settings.chart)
     _certify(shown, settings, progress.step)
-    document = assemble(shown, settings.title, settings.command, charts, progress.step)
+    document = assemble(shown, settings.title, settings.command, charts, progress.step, settings.render)
     text = page(document, None if values_file is None else values_file.name)
     files: dict[Path, bytes] = {}
     if output is not None and values_file is not None:

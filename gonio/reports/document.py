@@ -15,7 +15,15 @@ from gonio.fitting.residuals.energy import bounded_largest_albedo
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import to_expression
-from gonio.reports import budget_section, check_figures, fit_figures, lobe_figures, quantities_section, reading_figures
+from gonio.reports import (
+    budget_section,
+    check_figures,
+    fit_figures,
+    lobe_figures,
+    quantities_section,
+    reading_figures,
+    render_figures,
+)
 from gonio.reports.evaluation import Evaluation, ReportFigure, evaluate_subject
 from gonio.reports.subject import ReportSubject
 from gonio.text import versions
@@ -45,8 +53,12 @@ def assemble(
     command: str | None,
     charts: list[dict[str, Any]],
     step: Callable[[str, ReportSubject], None] = lambda what, s: None,
+    render: bool = False,
 ) -> Document:
-    """Evaluates the subjects, and draws and lists everything that the page holds; `step` is told what comes next."""
+    """Evaluates the subjects, and draws and lists everything that the page holds; `step` is told what comes next.
+
+    `render`: with a sphere of each by Mitsuba.
+    """
     evaluated = []
     for s in subjects:
         step("evaluating", s)
@@ -58,6 +70,9 @@ def assemble(
         step("drawing", s)
         fits = fit_facts(s)
         made = {} if e is None else _named(s.anchor, _figures(s, e, fits))
+        if render and e is not None:
+            step("rendering", s)
+            made |= _named(s.anchor, render_figures.figures(s))
         figures |= made
         sections.append(_section(s, e, fits) | {"figures": _listed(made)})
     values = {

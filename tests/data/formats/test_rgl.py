@@ -93,6 +93,19 @@ def test_the_tables_samples_are_the_materials_values_and_the_files_mask(name):
     assert (table.counts()["negative"] > 0) == (name == "cc_ibiza_sunset_rgb")
 
 
+def test_a_mask_that_leaves_nothing_means_the_reverse(tmp_path):
+    fields, tables = material(), []
+    plain = read_rgl(written(tmp_path / "plain.bsdf", fields))
+    above = (plain.read().flag[:, 0] == Flag.VALID).reshape(3, 5, 5)
+    excluded = above & (np.arange(75).reshape(3, 5, 5) % 7 == 0)
+    for valid in (above & ~excluded, above, ~above):
+        mask = np.packbits(valid.ravel())
+        tables.append(read_rgl(written(tmp_path / f"{len(tables)}.bsdf", fields | {"valid": mask})))
+    some, every, reverse = (table.read().flag for table in tables)
+    np.testing.assert_array_equal(some[:, 0] == Flag.NOT_MEASURED, excluded.ravel())
+    np.testing.assert_array_equal(reverse, every)
+
+
 def test_an_even_warp_gives_the_closed_form(tmp_path):
     fields = material(channels=7)
     fields["spectra"][:] = np.arange(1, 8, dtype=np.float32)[:, None, None]
