@@ -95,7 +95,9 @@ def deepest(text: str) -> int:
     To be asked before such a text is parsed: what walks through its values later calls itself for each.
     """
     depth = most = 0
-    for bracket in re.sub(r'"(?:\\.|[^"\\])*"|[^\[\]{}]', "", text, flags=re.DOTALL):
+    unescaped = text.replace("\\\\", "").replace('\\"', "")
+    # By quotes, as a pattern of whole strings tries an open one anew from each of its escaped quotes.
+    for bracket in re.sub(r"[^\[\]{}]+", "", "".join(unescaped.split('"')[::2])):
         depth += 1 if bracket in "[{" else -1
         most = max(most, depth)
     return most

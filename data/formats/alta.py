@@ -104,7 +104,7 @@ def _neumann(c: np.ndarray) -> Vectors:
 
 PARAMETRISATIONS: dict[str, tuple[int, Callable[[np.ndarray], Vectors]]] = {
     "SPHERICAL_TL_PL_TV_PV": (4, lambda c: (_polar(c[0], c[1]), _polar(c[2], c[3]))),
-    "ISOTROPIC_TV_TL_DPHI": (3, lambda c: (_polar(c[1], c[2]), _polar(c[0], 0 * c[0]))),
+    "ISOTROPIC_TV_TL_DPHI": (3, lambda c: (_polar(c[1], 0 * c[1]), _polar(c[0], -c[2]))),
     "ISOTROPIC_TL_TV_PROJ_DPHI": (3, lambda c: (_polar(c[0], 0 * c[0]), _projected(c[1], c[2]))),
     "RETRO_TL_TVL_PROJ_DPHI": (3, _about_back),
     "SCHLICK_TL_TK_PROJ_DPHI": (3, _about_back_vector),

@@ -67,6 +67,8 @@ def foreign_kind(start: bytes, suffix: str = "") -> str | None:
     for signature, kind in SIGNATURES:
         if start.startswith(signature):
             return kind
+    if re.search(rb"#FORMAT[ \t]+binary", start):
+        return "an ALTA file in its binary form"
     if b"com.xrite" in start:
         return ENDINGS[".axf"]
     if b"\0" in start:

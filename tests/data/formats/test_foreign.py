@@ -35,6 +35,7 @@ FILES = {
     "Zemax": b"# a comment, theta, phi\nSource  Measured\nSymmetry  PlaneSymmetrical\n",
     "LightTools": b"Source Measured\nScatterAzimuth 2\n0 90\nScatterRadial 1\n0\nDataBegin\nAOI 10\nPOI 0\n",
     "MATLAB": b"MATLAB 5.0 MAT-file, Platform: GLNXA64" + bytes(90),
+    "ALTA": b"#DIM 6 1\n#PARAM_IN CARTESIAN\n#FORMAT binary\n#BEGIN_STREAM\n" + bytes(56),
     "MDL": b"NVIDIA ARC MBSDF V1\n" + bytes(40),
     "AxF": b"\x89HDF\r\n\x1a\n" + bytes(40) + b"com.xrite.Materials",
     "Integra": b";; measured\nSIGMAT\n0 10 20\n",
