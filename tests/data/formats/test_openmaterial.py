@@ -66,6 +66,7 @@ def test_damaged_tables_are_refused_in_a_sentence(tmp_path, change, expected):
     [
         ("[" * 10**5 + "]" * 10**5, "more than 32 brackets"),
         ('"x": ' + "9" * 10**6, "lookupTable is not a list"),
+        ('"x": "' + '\\"' * 10**6, "is damaged JSON"),
         ('"x": [' + "[]," * (1 << 21) + "[]]", "lists and objects"),
     ],
 )
