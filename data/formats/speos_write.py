@@ -102,7 +102,7 @@ def _blocks(table: Table) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str,
     axes, turned = table.layout.axes, "phi_i" in table.layout.axes
     f = np.where(table.flag == Flag.VALID, table.f, np.nan)
     f = f if turned else f[:, None]
-    rotation = degrees(-axes["phi_i"] % (2 * np.pi)) if turned else np.zeros(1)
+    rotation = np.round(-degrees(axes["phi_i"]) % 360, 10) if turned else np.zeros(1)
     delta = axes["delta_phi"]
     if table.layout.mirrored_axes:
         # The whole circle is written, as readers may not take one half for both

@@ -92,18 +92,15 @@ def degrees(radians: np.ndarray) -> np.ndarray:
 def _text(table: Table, part: str) -> str:
     layout = table.layout
     theta_i, theta_m, phi_m, *turn = layout.axes.values()
-    f = np.where(table.flag == Flag.VALID, table.f, 0.0)
-    f = f.reshape(*layout.shape[:3], -1, len(table.channels))
-    rotation = degrees(-turn[0] % (2 * np.pi)) if turn else np.zeros(1)
-    order = np.argsort(rotation)
-    f, rotation = f[:, :, :, order], rotation[order]
     mirrored = bool(layout.mirrored_axes)
+    rotation, turns = _closed(np.round(-degrees(turn[0]) % 360, 10) if turn else np.zeros(1), bool(turn))
+    azimuth, around = _closed(degrees(phi_m), not mirrored)
     symmetry = "ASymmetrical4D" if turn else "PlaneSymmetrical" if mirrored else "Asymmetrical"
     wavelengths = table.channels.wavelengths_nm
     lists = {
         "SampleRotation": rotation,
         "AngleOfIncidence": degrees(theta_i),
-        "ScatterAzimuth": degrees(phi_m),
+        "ScatterAzimuth": azimuth,
         "ScatterRadial": degrees(theta_m),
     }
     lines = [
@@ -117,17 +114,23 @@ def _text(table: Table, part: str) -> str:
     for name, angles in lists.items():
         lines += [f"{name}\t{angles.size}", numbers(angles)]
     lines.append("")
-    valid = (table.flag == Flag.VALID).reshape(f.shape)
-    masked = np.where(valid[:, :, :, order], f, np.nan)
+    f = np.where(table.flag == Flag.VALID, table.f, np.nan).reshape(*layout.shape[:3], -1, len(table.channels))
     for c, channel in enumerate(_sections(table.channels)):
         lines += [channel, "DataBegin"]
-        for r in range(rotation.size):
-            tis = grid_totals(theta_m, phi_m, masked[:, :, :, r, c : c + 1], theta_i, mirrored)[:, 0]
-            for i in range(theta_i.size):
-                lines.append(f"TIS\t{tis[i]:.6g}")
-                lines += [numbers(row) for row in f[i, :, :, r, c].T]
+        for r in turns:
+            tis = grid_totals(theta_m, phi_m, f[:, :, :, r, c : c + 1], theta_i, mirrored)[:, 0]
+            for of_light, total in zip(np.nan_to_num(f[:, :, :, r, c]), tis, strict=True):
+                lines += [f"TIS\t{total:.6g}", *(numbers(of_light[:, a]) for a in around)]
         lines.append("DataEnd")
     return "\n".join(lines) + "\n"
+
+
+def _closed(angles: np.ndarray, whole: bool) -> tuple[np.ndarray, np.ndarray]:
+    """(angles in order, the node of each); a whole turn that begins at 0 ends there too, as OpticStudio wants it."""
+    order = np.argsort(angles)
+    if whole and angles[order[0]] == 0:
+        return np.append(angles[order], 360.0), np.append(order, order[0])
+    return angles[order], order
 
 
 def numbers(values: np.ndarray) -> str:

@@ -43,7 +43,7 @@ def changed(data: bytes, rng: random.Random) -> bytes:
         words[rng.randrange(len(words))] = rng.choice(ODD)
         lines[k] = "".join(words)
     elif kind == 2:
-        lines[k:k] = [lines[k]] * rng.choice([1, 1, 2, 1000])
+        lines[k:k] = [lines[k]] * rng.choice([1, 1, 2, 1000 if len(lines[k]) < 1000 else 3])
     elif kind == 3:
         del lines[k : k + rng.choice([1, 1, 5])]
     elif kind == 4:

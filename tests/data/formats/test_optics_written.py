@@ -3,7 +3,7 @@
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 
 from gonio.data import layouts
 from gonio.data.channels import Channels
@@ -53,6 +53,7 @@ def test_zemax_keeps_every_value_of_a_grid_about_the_mirror_direction(tmp_path, 
     layout = make(draw(degrees(0, 90, 2)), draw(degrees(0, 180, 3)), draw(degrees(0, 360, 3)), turn)
     channels = draw(st.sampled_from([Channels.grey(), Channels(("X", "Y", "Z")), Channels.of_wavelengths([632.8])]))
     table = table_of(draw, layout, channels)
+    assume((table.flag == Flag.VALID).any())
     trip = write(tmp_path / "t.bsdf", table, force=True, to="zemax")
     assert_same_cells(read(tmp_path / "t.bsdf"), table, 0)
     assert trip.max_absolute == 0 and trip.lost == 0 and trip.compared == table.counts()["valid"]
