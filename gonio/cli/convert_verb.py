@@ -9,8 +9,8 @@ from gonio.models.errors import GonioError
 from gonio.text import log, show
 
 OPTIONS: Options = {
-    "--to NAME": "the renderer (mitsuba, pbrt, materialx, gltf, blender), or the format where OUT's ending leaves it "
-    "open",
+    "--to NAME": "the renderer (mitsuba, pbrt, materialx, gltf, blender, radiance), or the format where OUT's ending "
+    "leaves it open",
     "-m/--model EXPRESSION": "for a renderer, of a table: what is fitted to it; without one a model is selected",
     "--measured": "for mitsuba and pbrt: the surface as data, in OUT.bsdf beside OUT",
     "--tolerance SHARE": "for a renderer: write nothing if rms (of f, cosine-weighted) or albedo differ by more, such "
@@ -44,22 +44,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def streamed(args: argparse.Namespace) -> str:
     """The ending of the format that is printed: CSV, or the one that is named. Raises GonioError where it is binary."""
     from gonio.data.formats.registry import targets
-    from gonio.exports.targets import TARGETS
+    from gonio.exports.targets import TARGETS, canonical
 
     if args.measured:
         raise GonioError("--measured writes two files; name them by OUT in place of '-'")
-    name = (args.to or "CSV").casefold()
+    name = canonical(args.to) or "csv"
     known = TARGETS.get(name) or targets().get(name)
     return known.suffixes[0] if known is not None and known.suffixes else ".csv"
 
 
 def run(args: argparse.Namespace) -> int:
-    from gonio.exports.targets import target_of
+    from gonio.exports.targets import canonical, target_of
 
     if target_of(args.output, args.to) is None:
         from gonio.data.formats.registry import writable
 
-        writable(args.output, args.to)  # refuses other endings, before any work
+        writable(args.output, canonical(args.to))  # refuses other endings, before any work
     from gonio.data.files import refuse_outputs
     from gonio.data.subject import resolve_subject
     from gonio.exports.convert import convert

@@ -20,7 +20,7 @@ from gonio.exports.forms import Appearance, Form, Values, appearance_of
 from gonio.exports.nearest import Nearest, nearest
 from gonio.exports.pairs import Pairs
 from gonio.exports.reexpression import ReExpression, reexpression
-from gonio.exports.targets import Target, target_of
+from gonio.exports.targets import Target, canonical, target_of
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError
 
@@ -82,8 +82,8 @@ def convert(
     Args:
         subject: any subject (see `gonio.data.subject.SubjectLike`).
         path: the file.
-        to: "mitsuba", "pbrt", "materialx", "gltf" or "blender", or the name of a format; needed where its ending is
-            that of others too.
+        to: "mitsuba", "pbrt", "materialx", "gltf", "blender" or "radiance" (a matrix over the Klems patches), or the
+            name of a format; needed where its ending is that of others too.
         force: replaces an existing file.
         ascii: values of an .ssdd file as text, at full precision; else in single precision.
         channel_bytes: of a .bsdf file: of the samples of one channel, of an anisotropic surface those of each azimuth
@@ -105,7 +105,7 @@ def convert(
             beyond the tolerance, a path that exists or cannot be written.
     """
     settings = settings_of(ConvertSettings, "convert", options)
-    target = target_of(path, to)
+    target, to = target_of(path, to), canonical(to)
     if target is None:
         settings.refuse_for_tables(path)
         writable(path, to)  # refuses other endings, before any work

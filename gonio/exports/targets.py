@@ -50,7 +50,13 @@ TARGETS = {
     "gltf": Target("glTF 2.0", (".gltf", ".glb"), gltf.forms, gltf_file),
     "blender": Target("Blender's Principled BSDF", (".py",), blender.forms, blender_file),
 }
-OTHER_NAMES = {"openpbr": "materialx"}
+OTHER_NAMES = {"openpbr": "materialx", "radiance": "klems"}
+"""Of renderers and formats, in small letters."""
+
+
+def canonical(to: str | None) -> str | None:
+    """The name of a renderer or a format by which it is listed."""
+    return None if to is None else OTHER_NAMES.get(to.casefold(), to.casefold())
 
 
 def target_of(path: str | os.PathLike[str], to: str | None = None) -> Target | None:
@@ -63,10 +69,10 @@ def target_of(path: str | os.PathLike[str], to: str | None = None) -> Target | N
         of_tables = {s for known in registry.FORMATS for s in known.suffixes}
         exact = [t for t in TARGETS.values() if suffix in t.suffixes]
         return exact[0] if exact and suffix not in of_tables else None
-    name = to.casefold()
-    target = TARGETS.get(OTHER_NAMES.get(name, name))
+    name = canonical(to) or ""
+    target = TARGETS.get(name)
     if target is None:
-        _require_known(name, [*TARGETS, *registry.targets()])
+        _require_known(name, [*TARGETS, "radiance", *registry.targets()])
     elif suffix not in target.suffixes:
         raise GonioError(f"{path} ends in '{suffix}'; a file for {target.title} ends in {' or '.join(target.suffixes)}")
     return target
