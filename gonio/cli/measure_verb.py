@@ -45,7 +45,7 @@ SCAN: Options = {
     "isotropic, or spherical for an anisotropic material); rgl: retro-reflection, from it the normals, then a grid "
     "warped to where they reflect [Dupuy 2018]",
     "--offsets MM,MM,...": "distances of the viewed from the lit spot, of either sign, for --scan offsets (R by the "
-    "distance, light below the surface); or FROM:TO:NUMBER; --offsets=-1,... where the first is negative",
+    "distance, light below the surface); or FROM:TO:NUMBER",
     "--step DEG": "step of the angles",
     "--phi-step DEG": "step of the azimuths, where it is another",
     "--theta-max DEG": "largest polar angle (default 85)",
