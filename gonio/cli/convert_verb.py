@@ -54,6 +54,10 @@ def streamed(args: argparse.Namespace) -> str:
 
 
 def run(args: argparse.Namespace) -> int:
+    from gonio.data.profile_files import holds_profile
+
+    if holds_profile(args.input):
+        return _run_profile(args)
     from gonio.exports.targets import canonical, target_of
 
     if target_of(args.output, args.to) is None:
@@ -80,3 +84,20 @@ def run(args: argparse.Namespace) -> int:
     show(f"{args.output}: {error}")
     facts = dataclasses.asdict(error) if dataclasses.is_dataclass(error) else {}
     return write_json(args, {"written": args.output, "error": facts, "sentence": str(error)})
+
+
+def _run_profile(args: argparse.Namespace) -> int:
+    """A profile of light below a surface from HDF5 to CSV or back; says what reading it again shows to be lost."""
+    from gonio.data.files import refuse_outputs
+    from gonio.data.profile_files import open_profile, require_profile_ending, write_profile
+    from gonio.data.round_trip import compare
+
+    require_profile_ending(args.output)
+    refuse_outputs([args.output], [args.input], args.force)
+    profile = open_profile(args.input)
+    again = open_profile(write_profile(args.output, profile, args.force))
+    note = "" if again.provenance == profile.provenance else "CSV holds no provenance, nor why a reading is missing"
+    error = compare(profile.value, again.value, profile.valid, again.valid, note)
+    text = str(error).replace("sr^-1", "1/mm²")
+    show(f"{args.output}: {text}")
+    return write_json(args, {"written": args.output, "error": dataclasses.asdict(error), "sentence": text})

@@ -110,3 +110,24 @@ def test_a_fault_of_the_program_is_no_verdict(monkeypatch, capsys):
     assert left.value.code == 70
     printed = capsys.readouterr().err
     assert "a fault of gonio (TypeError: two)" in printed and printed.count("\n") == 1
+
+
+def test_a_profile_goes_to_csv_and_back(here, capsys):
+    from gonio.data.channels import Channels
+    from gonio.data.profile import Profile
+    from gonio.data.profile_files import open_profile, write_profile
+
+    value = np.array([[0.3, 0.1], [1 / 3, np.nan]])
+    flag = np.where(np.isnan(value), np.uint8(3), np.uint8(0))
+    whole = Profile(np.array([-1.0, 2.5]), value, value / 7, flag, Channels.of_wavelengths((450.0, 633.0)), 0.5, 0.25, {}, "p")
+    write_profile("p.h5", whole)
+    assert main(["convert", "p.h5", "p.csv"]) == 0 and "round trip over 3 readings" in capsys.readouterr().out
+    assert main(["convert", "p.csv", "q.h5", "-q"]) == 0
+    again = open_profile("q.h5")
+    assert again.channels == whole.channels and (again.illuminated_radius, again.viewed_radius) == (0.5, 0.25)
+    for name in ("offsets", "value", "u"):
+        np.testing.assert_array_equal(
+            getattr(again, name)[again.valid if name != "offsets" else ...],
+            getattr(whole, name)[whole.valid if name != "offsets" else ...],
+        )
+    assert main(["convert", "p.h5", "p.bsdf"]) == 2 and "to hold a profile" in capsys.readouterr().err
