@@ -114,10 +114,9 @@ def _integrals(
         parts = _scattering(brdf, way, back)
         side = -1.0 if back == (way == Hemispheres.REFLECTION) else 1.0
         whole &= len(parts) == len(brdf.terms()) or not which.size
-        for start in range(0, which.size if parts else 0, INCIDENCES_A_CALL):
-            here = which[start : start + INCIDENCES_A_CALL]
-            value, bound, n = _block(parts, side, theta.ravel()[here], phi.ravel()[here], tolerance)
-            done.append((here, value, bound))
+        if which.size and parts:
+            value, bound, n = _terms_integrals(parts, side, theta.ravel()[which], phi.ravel()[which], tolerance)
+            done.append((which, value, bound))
             evaluations += n
     # Terms that are left out may be those with channels.
     channels = done[0][1].shape[1:] if whole and done else _channel_shape(brdf)
@@ -139,40 +138,49 @@ def _channel_shape(brdf: AbstractBRDF) -> tuple[int, ...]:
     return eqx.filter_eval_shape(lambda b, d: b.f(d, d), brdf, w).shape
 
 
-def _block(
+def _terms_integrals(
     parts: tuple[AbstractBRDF, ...], side: float, theta: np.ndarray, phi: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    t, p = (_padded(a, INCIDENCES_A_CALL, float(a[0])) for a in (theta, phi))
-    wi = Direction(*(jnp.asarray(c) for c in from_spherical(t, p, np)))
-    done: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-    open_terms = list(range(len(parts)))
-    previous: dict[int, np.ndarray] = {}
-    step: dict[int, np.ndarray] = {}
+    """(value, bound, evaluations) of the sum of terms; only what misses its tolerance goes on to the next order."""
+    terms = [_Term(theta.size) for _ in parts]
     evaluations = 0
     for order in ORDERS:
-        sums = _rule_sums(tuple(parts[i] for i in open_terms), side, wi, order)
-        evaluations += 8 * order**2 * theta.size * len(open_terms)
-        unmet = []
-        for i, (value, absolute) in zip(open_terms, sums, strict=True):
-            if i in previous:
-                change = np.abs(value - previous[i])
-                earlier = step.setdefault(i, change)
-                # Agreement of two orders by accident is caught by the square of the change before it.
-                bound = 2 * change + earlier * np.minimum(earlier, 1.0) + _floor(absolute)
-                done[i] = (value, bound)
-                step[i] = change
-                if np.any(bound[: theta.size] > tolerance / len(parts)):
-                    unmet.append(i)
-            else:
-                unmet.append(i)
-            previous[i] = value
-        open_terms = unmet
-        if not open_terms:
-            break
+        some = [i for i, term in enumerate(terms) if term.unmet.any()]
+        rows = np.flatnonzero(np.any([terms[i].unmet for i in some], axis=0)) if some else np.zeros(0, int)
+        for start in range(0, rows.size, INCIDENCES_A_CALL):
+            here = rows[start : start + INCIDENCES_A_CALL]
+            t, p = (_padded(a[here], INCIDENCES_A_CALL, float(a[here[0]])) for a in (theta, phi))
+            wi = Direction(*(jnp.asarray(c) for c in from_spherical(t, p, np)))
+            sums = _rule_sums(tuple(parts[i] for i in some), side, wi, order)
+            evaluations += 8 * order**2 * here.size * len(some)
+            for i, (value, absolute) in zip(some, sums, strict=True):
+                terms[i].refine(here, value[: here.size], absolute[: here.size], tolerance / len(parts))
     # Terms without channels broadcast against those that have some, so no array of them all can be made.
-    totals = [functools.reduce(np.add, [_channels_last(d[k], done.values()) for d in done.values()]) for k in (0, 1)]
-    value, bound = (total[: theta.size] for total in totals)
+    pairs = [(term.value, term.bound) for term in terms]
+    value, bound = (functools.reduce(np.add, [_channels_last(pair[k], pairs) for pair in pairs]) for k in (0, 1))
     return value, bound, evaluations
+
+
+class _Term:
+    """The integrals of a term at some incidences, with the last changes, by which their errors are bounded."""
+
+    def __init__(self, count: int) -> None:
+        self.unmet = np.ones(count, bool)
+        self.value, self.bound, self.step = (np.full(count, np.nan) for _ in range(3))
+
+    def refine(self, here: np.ndarray, value: np.ndarray, absolute: np.ndarray, tolerance: float) -> None:
+        """Takes the sums of the next order at the incidences `here`, of which those that are unmet need it."""
+        if value.ndim > self.value.ndim:
+            self.value = np.full((self.unmet.size, *value.shape[1:]), np.nan)
+            self.bound, self.step = self.value.copy(), self.value.copy()
+        needed = self.unmet[here]
+        here, value, absolute = here[needed], value[needed], absolute[needed]
+        change = np.abs(value - self.value[here])
+        earlier = np.where(np.isnan(self.step[here]), change, self.step[here])
+        # Agreement of two orders by accident is caught by the square of the change before it.
+        bound = 2 * change + earlier * np.minimum(earlier, 1.0) + _floor(absolute)
+        self.value[here], self.bound[here], self.step[here] = value, bound, change
+        self.unmet[here] = ~np.all(bound.reshape(here.size, -1) <= tolerance, axis=1)
 
 
 def _channels_last(a: np.ndarray, everything: Iterable[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
