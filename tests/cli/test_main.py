@@ -119,7 +119,9 @@ def test_a_profile_goes_to_csv_and_back(here, capsys):
 
     value = np.array([[0.3, 0.1], [1 / 3, np.nan]])
     flag = np.where(np.isnan(value), np.uint8(3), np.uint8(0))
-    whole = Profile(np.array([-1.0, 2.5]), value, value / 7, flag, Channels.of_wavelengths((450.0, 633.0)), 0.5, 0.25, {}, "p")
+    whole = Profile(
+        np.array([-1.0, 2.5]), value, value / 7, flag, Channels.of_wavelengths((450.0, 633.0)), 0.5, 0.25, {}, "p"
+    )
     write_profile("p.h5", whole)
     assert main(["convert", "p.h5", "p.csv"]) == 0 and "round trip over 3 readings" in capsys.readouterr().out
     assert main(["convert", "p.csv", "q.h5", "-q"]) == 0
