@@ -2,8 +2,10 @@
 
 import numpy as np
 
-POINTS = 4
-"""Gauss-Legendre points between two nodes."""
+POINTS, FINE_POINTS = 4, 2
+"""Gauss-Legendre points between two nodes; and those of a grid that is fine by itself."""
+FINE = 1 << 14
+"""Nodes from which on it is."""
 CHUNK = 1 << 20
 """Values that are held beside those of the grid."""
 
@@ -22,8 +24,9 @@ def grid_totals(
     """
     valid = np.isfinite(f)
     f = np.where(valid, f, 0.0)
-    theta, w_theta, rows = _between(polar, cap=True)
-    ring, w_phi, columns = _round(azimuth, mirrored)
+    count = FINE_POINTS if polar.size * azimuth.size > FINE else POINTS
+    theta, w_theta, rows = _between(polar, count)
+    ring, w_phi, columns = _round(azimuth, mirrored, count)
     total = np.zeros((f.shape[0], f.shape[3]))
     step = max(1, CHUNK // (ring.size * f.shape[3]))
     for n in range(f.shape[0]):
@@ -50,33 +53,34 @@ def _bilinear(values: np.ndarray, rows: Weights, columns: Weights) -> np.ndarray
     return along[:, low] * w_low[:, None] + along[:, high] * w_high[:, None]
 
 
-def _between(nodes: np.ndarray, cap: bool = False) -> tuple[np.ndarray, np.ndarray, Weights]:
-    """(points, their weights, the nodes that they lie between), from the first node, or 0, to the last."""
+def _between(nodes: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, Weights]:
+    """(points, so many between two nodes, their weights, the nodes that they lie between), from 0 to the last."""
     low = np.arange(nodes.size - 1)
     start, stop, high = nodes[:-1], nodes[1:], low + 1
-    if cap and nodes[0] > 0:
+    if nodes[0] > 0:
         start, stop = np.r_[0.0, start], np.r_[nodes[0], stop]
         low, high = np.r_[0, low], np.r_[0, high]
-    return _points(start, stop, low, high)
+    return _points((start, stop), (low, high), count)
 
 
-def _round(nodes: np.ndarray, mirrored: bool) -> tuple[np.ndarray, np.ndarray, Weights]:
+def _round(nodes: np.ndarray, mirrored: bool, count: int) -> tuple[np.ndarray, np.ndarray, Weights]:
     """The same once round, or half round and taken twice."""
     low, end = np.arange(nodes.size), np.pi if mirrored else nodes[0] + 2 * np.pi
     high = np.minimum(low + 1, nodes.size - 1) if mirrored else (low + 1) % nodes.size
     start, stop = nodes, np.r_[nodes[1:], end]
     if mirrored:
         start, stop, low, high = np.r_[0.0, start], np.r_[nodes[0], stop], np.r_[0, low], np.r_[0, high]
-    points, weights, between = _points(start, stop, low, high)
+    points, weights, between = _points((start, stop), (low, high), count)
     return points, weights * (2 if mirrored else 1), between
 
 
 def _points(
-    start: np.ndarray, stop: np.ndarray, low: np.ndarray, high: np.ndarray
+    ends: tuple[np.ndarray, np.ndarray], nodes: tuple[np.ndarray, np.ndarray], count: int
 ) -> tuple[np.ndarray, np.ndarray, Weights]:
-    x, w = np.polynomial.legendre.leggauss(POINTS)
-    share, width = (x + 1) / 2, (stop - start)[:, None]
+    x, w = np.polynomial.legendre.leggauss(count)
+    (start, stop), share = ends, (x + 1) / 2
+    width = (stop - start)[:, None]
     points, weights = (start[:, None] + width * share).ravel(), (width * w / 2).ravel()
     upper = np.tile(share, start.size)
-    lower, upper_node = np.repeat(low, POINTS), np.repeat(high, POINTS)
+    lower, upper_node = (np.repeat(k, count) for k in nodes)
     return points, weights, ((lower, 1 - upper), (upper_node, upper))

@@ -12,7 +12,7 @@ from gonio.models.errors import GonioError, one_line
 
 MOST_ANGLES = 20_000
 """Angles of one list."""
-MOST_VALUES = 1 << 24
+MOST_VALUES = 1 << 23
 """Values of one file."""
 
 

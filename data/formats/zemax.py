@@ -140,7 +140,7 @@ def _header(text: TextLines) -> Header:
 def _sections(text: TextLines, header: Header) -> list[Section]:
     names = ["X", "Y", "Z"] if header.words["spectralcontent"] == "XYZ" else ["grey"]
     count = math.prod(header.shape)
-    if max(2 * count, count * len(names)) > min(text.size, MOST_VALUES):
+    if 2 * count > text.size or count * len(names) > MOST_VALUES:
         text.refuse(f"its lists of angles make {count:,} values, more than it holds; copy it again")
     sections: dict[str, Section] = {}
     while text.peek():
