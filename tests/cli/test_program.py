@@ -133,8 +133,9 @@ def test_a_signal_ends_a_verb_with_a_line_on_what_is_kept(number, word, status):
 
 def test_a_measurement_says_what_it_keeps(here, monkeypatch, capsys):
     """Interrupted between two blocks its part is there, and the same command goes on to the same readings."""
-    from gonio.instrument import reader
+    from gonio.instrument import reader, sinks
 
+    monkeypatch.setattr(sinks, "block_rows", lambda layout: 1)
     whole = reader.Reader.read
     blocks = iter([0])
 
@@ -143,7 +144,7 @@ def test_a_measurement_says_what_it_keeps(here, monkeypatch, capsys):
             raise KeyboardInterrupt
         return whole(self, start, stop)
 
-    words = ["measure", "lambert(rho=0.5)", "--scan", "merl", "-o", "m.h5", "--json", "m.json"]
+    words = ["measure", "lambert(rho=0.5)", "--step", "30", "-o", "m.h5", "--json", "m.json"]
     monkeypatch.setattr(reader.Reader, "read", read)
     assert main(words) == 130
     assert "kept in m.h5.part: run it again to go on" in capsys.readouterr().err
