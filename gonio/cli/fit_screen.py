@@ -105,4 +105,5 @@ def _next(r: "FitResult", file: str, output: str) -> list[str]:
         tries = [*other, f"gonio report {file} --fit {output} -o page.html  (where it is off)"]
     else:
         tries = [f"gonio check {output}", f"gonio report {file} --fit {output} -o page.html"]
+        tries.append(f"gonio convert {output} scene.xml --to mitsuba  (or another renderer)")
     return [f"{'next: ' if k == 0 else '      '}{command}" for k, command in enumerate(tries)]

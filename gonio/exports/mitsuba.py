@@ -29,6 +29,8 @@ from gonio.models.transmission.rough_dielectric import RoughDielectric
 Plugin = dict[str, Any]
 LEAST_SHARE = 0.1
 """Of a part in a blend, from which it is drawn."""
+LEAST_SPECULAR = 1e-3
+"""Of the principled plugin, which drops the metal's lobe too where this is 0."""
 LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
 ZERO = np.zeros(())
 
@@ -213,11 +215,12 @@ def _sum(lobes: Sequence[str], kind: str, isotropic: bool) -> Form:
 
 def _principled(isotropic: bool) -> Form:
     """The principled plugin, without its sheen and its clearcoat (which its code does not divide by the cosines)."""
-    shares = ("metallic", "specular", "spec_tint", "flatness")
+    shares = {"metallic": 0.2, "spec_tint": 0.1, "flatness": 0.1}
     numbers = [
         Number("base_color", 0.0, 1.0, 0.5, coloured=True),
         Number("alpha", 1e-3, 1.0, 0.2, log=True, width=True),
-        *(Number(name, 0.0, 1.0, start) for name, start in zip(shares, (0.2, 0.5, 0.1, 0.1), strict=True)),
+        Number("specular", LEAST_SPECULAR, 1.0, 0.5),
+        *(Number(name, 0.0, 1.0, start) for name, start in shares.items()),
     ]
     numbers += [] if isotropic else [Number("anisotropic", 0.0, 1.0, 0.5)]
     return Form("principled", tuple(numbers), _principled_f, _describe_principled, colours_mix=True)

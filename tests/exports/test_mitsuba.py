@@ -71,5 +71,8 @@ def test_every_form_is_what_mitsuba_makes_of_its_numbers(sought):
             n.name: rng.uniform(max(n.low, 0.1), min(n.high, 2.0), (3,) if n.coloured else ()) for n in form.numbers
         }
         values = {k: np.minimum(v, 0.7) if "alpha" in k else v for k, v in values.items()}
-        text = scene(form.describe(values), About("x", {"numbers": "random"}))
-        assert_same(client_f(bsdf_of(mi.load_string(text)), pairs), form.f(values, pairs))
+        metal = {n.name: np.asarray(1.0) for n in form.numbers if n.name == "metallic"}
+        least = values | {n.name: np.full_like(values[n.name], n.low) for n in form.numbers if not n.width} | metal
+        for numbers in (values, least | {k: v for k, v in values.items() if k in ("rho", "base_color")}):
+            text = scene(form.describe(numbers), About("x", {"numbers": "random"}))
+            assert_same(client_f(bsdf_of(mi.load_string(text)), pairs), form.f(numbers, pairs))
