@@ -19,6 +19,8 @@ DARK = 1e-4
 LIGHTS, TILTS, AZIMUTHS = 10, 28, 8
 WIDTHS = (0.03, 0.12, 0.4)
 """At which lobes begin, where the surface does not say them."""
+NARROWER, NARROWEST = 0.25, 0.05
+"""Width of a lobe, at least: in units of the surface's narrowest, and where that is not known."""
 TRIED, MOST, POLISHED = 6, 100, 2
 """Steps of each start, and of the best ones; how many are best."""
 NEARER = 0.9
@@ -45,8 +47,12 @@ def nearest(forms: tuple[Form, ...], sought: Appearance) -> Nearest:
     """The form, and its numbers, nearest to a surface; a later form must be clearly nearer than an earlier one."""
     pairs = sought.pairs(LIGHTS, TILTS, AZIMUTHS)
     compare = _comparison(pairs, sought.f(pairs.wi, pairs.wo))
+    # A spike that lights nothing costs nothing here, but is seen
+    narrowest = NARROWER * sought.widths[0] if sought.widths else NARROWEST
     screened = [
-        (_Search(form, compare, pairs, sought.colours), start) for form in forms for start in starts(form, sought)
+        (_Search(form, compare, pairs, sought.colours, narrowest), start)
+        for form in forms
+        for start in starts(form, sought)
     ]
     steps = [search.solved(x, TRIED) for search, x in screened]
     order = np.argsort([cost for cost, _ in steps])
@@ -92,11 +98,13 @@ def _comparison(pairs: Pairs, wanted: np.ndarray) -> Compare:
 class _Search:
     """Least squares over the numbers of one form."""
 
-    def __init__(self, form: Form, compare: Compare, pairs: Pairs, colours: int) -> None:
+    def __init__(self, form: Form, compare: Compare, pairs: Pairs, colours: int, narrowest: float) -> None:
         self.form, self.compare, self.pairs, self.colours = form, compare, pairs, colours
         each = [n for n in form.numbers for _ in range(colours if n.coloured else 1)]
         self.size = len(each)
         self.low, self.high = (np.array([_inner(n, getattr(n, end)) for n in each]) for end in ("low", "high"))
+        widths = np.array([n.width for n in each], bool)
+        self.low = np.where(widths, np.maximum(self.low, np.log(narrowest)), self.low)
 
     def values(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """The numbers by their names."""
