@@ -13,7 +13,7 @@ import pytest
 from sybil import Example, Sybil
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
-from gonio.cli.program import main, parser
+from gonio.cli.program import main, parsed
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 NOTEBOOK = ROOT / "tests" / "support" / "first_day.ipynb"
@@ -34,7 +34,7 @@ def run_commands(example: Example) -> None:
 
 def parse_commands(example: Example) -> None:
     for words in commands(example.parsed):
-        parser(words[0]).parse_args(words)
+        parsed(words)
 
 
 def parse_toml(example: Example) -> None:

@@ -36,16 +36,18 @@ def screen(r: "FitResult", file: str, output: str) -> list[str]:
     words = {"relative_rms": "relative rms", "bias": "bias (1/sr)", "reduced_chi2": "reduced χ²"}
     words["largest_albedo"] = "largest albedo"
     metrics = "; ".join(f"{word} {number(r.metrics[k], 3)}" for k, word in words.items() if k in r.metrics)
+    nuisance = [f"nuisance: {row['sentence']}" for row in r.nuisance or []]
     passages = [
         Passage(0, wrapped(r.judgement.sentence, 3)),
         Passage(1, wrapped(of, 2)),
         Passage(1, wrapped(f"{verdict}: {r.reason}; {r.starts_agreed} of {r.starts} starts agree", 2)),
         Passage(0, _numbers(r)),
+        Passage(1, [line for s in nuisance for line in wrapped(s, 2)]),
         Passage(2, wrapped(metrics, 1)),
         Passage(4, _of_refits(r)),
         *(Passage(3, wrapped(f"undetermined: {s}", 2)) for s in r.undetermined[:1]),
         *(Passage(2, wrapped(f"residuals: {s}", 2)) for s in (r.residuals.sentences if r.residuals else [])[:1]),
-        *(Passage(5, wrapped(f"note: {s}", 2)) for s in r.notes[:2]),
+        *(Passage(5, wrapped(f"note: {s}", 2)) for s in [s for s in r.notes if s not in nuisance][:2]),
         Passage(6, _of_candidates(r)),
         Passage(1, _next(r, file, output)),
         Passage(0, [f"written: {output}"]),

@@ -170,7 +170,5 @@ def test_a_table_is_saved_in_the_format_of_the_name(tmp_path):
         assert trip.max_absolute == 0 and trip.lost == 0
         with pytest.raises(GonioError, match="exists already"):
             table.save(tmp_path / f"t.{suffix}")
-    with pytest.raises(
-        GonioError, match=r"ends in '\.xyz'; give \.h5 \(HDF5\), \.bsdf \(RGL\), \.binary \(MERL\) or \.csv \(CSV\)"
-    ):
+    with pytest.raises(GonioError, match=r"ends in '\.xyz'; give \.h5 \(HDF5\), .* or \.csv \(CSV\)"):
         table.save(tmp_path / "t.xyz")
