@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from gonio.data.formats import profile_csv
+from gonio.data.formats.csv import profile_file
 from gonio.data.hdf5 import reader
 from gonio.data.profile import Profile
 from gonio.models.errors import GonioError
@@ -13,12 +13,12 @@ CSV, HDF5 = (".csv",), (".h5", ".hdf5", ".nc")
 
 def holds_profile(path: str | os.PathLike[str]) -> bool:
     """Whether a file is one of a profile; False for any other, and for what is no file."""
-    return reader.holds_profile(path) or profile_csv.is_profile(path)
+    return reader.holds_profile(path) or profile_file.is_profile(path)
 
 
 def open_profile(path: str | os.PathLike[str]) -> Profile:
     """The profile of a file. Raises GonioError, naming the file and what is wrong, for anything else."""
-    return profile_csv.read_profile(path) if profile_csv.is_profile(path) else reader.open_profile(path)
+    return profile_file.read_profile(path) if profile_file.is_profile(path) else reader.open_profile(path)
 
 
 def profile_of(subject: object) -> Profile | None:
@@ -39,5 +39,5 @@ def write_profile(path: str | os.PathLike[str], profile: Profile, force: bool = 
     from gonio.data.hdf5 import profile_writer
 
     require_profile_ending(path)
-    write = profile_csv.write_profile if Path(path).suffix.lower() in CSV else profile_writer.write_profile
+    write = profile_file.write_profile if Path(path).suffix.lower() in CSV else profile_writer.write_profile
     return write(path, profile, force)

@@ -11,8 +11,8 @@ from gonio.data import layouts
 from gonio.data.channels import Channels
 from gonio.data.files import stem
 from gonio.data.flags import Flag
-from gonio.data.formats.csv_directions import printed_rounding
-from gonio.data.formats.csv_readings import Readings, on_grid
+from gonio.data.formats.csv.directions import printed_rounding
+from gonio.data.formats.csv.readings import Readings, on_grid
 from gonio.data.layouts.recognition import LARGEST_ROUNDING, Angles, Placement, recognised
 from gonio.data.quantities import QUANTITIES, brdf_of
 from gonio.data.suspicions import suspicions

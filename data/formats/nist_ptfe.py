@@ -7,7 +7,7 @@ import numpy as np
 from gonio.data import layouts
 from gonio.data.channels import Channels
 from gonio.data.files import stem
-from gonio.data.formats.csv_columns import CsvText
+from gonio.data.formats.csv.columns import CsvText
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 

@@ -11,28 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from gonio.data.consistency import check_readings
 from gonio.data.files import input_size
-from gonio.data.formats import (
-    alta,
-    astm,
-    bbm_fits,
-    bird,
-    csail,
-    csv,
-    csv_directions,
-    fred,
-    material_file,
-    merl,
-    nist_ptfe,
-    openmaterial,
-    pab,
-    rgl_file,
-    speos,
-    ssdd,
-    utia,
-    zemax,
-)
-from gonio.data.formats.csv_columns import CsvText
+from gonio.data.formats import bbm_fits, material_file, merl, nist_ptfe, rgl_file
+from gonio.data.formats.csv import directions, table_file
+from gonio.data.formats.csv.columns import CsvText
 from gonio.data.formats.foreign import foreign_kind
+from gonio.data.formats.laboratory import alta, astm, bird, csail, openmaterial, pab, ssdd, utia
+from gonio.data.formats.optics import fred, speos, zemax
 from gonio.data.round_trip import RoundTrip
 from gonio.data.table import Table
 from gonio.models.errors import GonioError, nearest
@@ -107,7 +91,7 @@ def _read_hdf5(path: str | os.PathLike[str]) -> Table:
 
 
 def _read_window_xml(path: str | os.PathLike[str]) -> Table:
-    from gonio.data.formats.window_xml import read_window_xml  # JAX is loaded with the first such file
+    from gonio.data.formats.optics.window_xml import read_window_xml  # JAX is loaded with the first such file
 
     return read_window_xml(path)
 
@@ -171,18 +155,18 @@ FORMATS = (
     Format(
         "Klems", "an XML BSDF of WINDOW or Radiance", "table",
         lambda head: b"<WindowElement" in head.start or b"<\0W\0i\0n\0d\0o\0w\0E\0l" in head.start,
-        _read_window_xml, _later("window_xml_write", "write_window_xml"), writes_models=True,
+        _read_window_xml, _later("optics.window_xml_write", "write_window_xml"), writes_models=True,
         write_options=("basis", "channel"), suffixes=(".xml",),
     ),
     Format(
         "Speos", "a Speos .brdf or .anisotropicbsdf (text)", "table", lambda head: head.start.startswith(b"OPTIS"),
-        speos.read_speos, _later("speos_write", "write_speos"), writes_models=True, write_options=("step",),
+        speos.read_speos, _later("optics.speos_write", "write_speos"), writes_models=True, write_options=("step",),
         suffixes=(".anisotropicbsdf", ".brdf"),
     ),
     Format(
         "Zemax", "a Zemax .bsdf (text)", "table",
         _reads_as(r"(?im)^\s*(?:SampleRotation|AngleOfIncidence)\s+\d|^\s*ScatterType\s+B[RT]DF\s*$"),
-        zemax.read_zemax, _later("zemax_write", "write_zemax"), writes_models=True,
+        zemax.read_zemax, _later("optics.zemax_write", "write_zemax"), writes_models=True,
         write_options=("part", "channel", "step"), suffixes=(".bsdf",),
     ),
     Format(
@@ -191,12 +175,12 @@ FORMATS = (
     ),
     Format(
         "SSDD", "an SSDD file", "table", lambda head: ssdd.is_ssdd(head.start),
-        ssdd.read_ssdd, _later("ssdd_write", "write_ssdd"), writes_models=True, write_options=("ascii",),
+        ssdd.read_ssdd, _later("laboratory.ssdd_write", "write_ssdd"), writes_models=True, write_options=("ascii",),
         suffixes=(".ssdd",),
     ),
     Format(
         "UTIA", "a UTIA BRDF", "table", lambda head: head.binary and head.size == utia.BYTES,
-        utia.read_utia, _later("utia_write", "write_utia"), writes_models=True, options=("scale",),
+        utia.read_utia, _later("laboratory.utia_write", "write_utia"), writes_models=True, options=("scale",),
         suffixes=(".bin",),
     ),
     Format(
@@ -205,7 +189,7 @@ FORMATS = (
     ),
     Format(
         "ASTM", "an ASTM file (E1392, E2387)", "table", _reads_as(astm.VARIABLES),
-        astm.read_astm, _later("astm_write", "write_astm"), options=("angles", "quantity", "mirror_azimuth"),
+        astm.read_astm, _later("laboratory.astm_write", "write_astm"), options=("angles", "quantity", "mirror_azimuth"),
         suffixes=(".astm",),
     ),
     Format(
@@ -223,8 +207,8 @@ FORMATS = (
     ),
     Format(
         "BiRD", "a BiRD file (JSON)", "table", lambda head: bird.is_bird(head.start),
-        bird.read_bird, _later("bird_write", "write_bird"), options=("quantity", "mirror_azimuth", "coverage"),
-        suffixes=(".json",),
+        bird.read_bird, _later("laboratory.bird_write", "write_bird"),
+        options=("quantity", "mirror_azimuth", "coverage"), suffixes=(".json",),
     ),
     Format(
         "NIST", "NIST's PTFE CSV", "table", lambda head: bool(nist_ptfe.columns_of(head.columns)),
@@ -232,7 +216,7 @@ FORMATS = (
     ),
     Format(
         "CSV", "CSV with a header (theta_i,phi_i,theta_o,phi_o,f)", "table",
-        lambda head: head.text is not None and head.text.has_directions, csv.read_csv, csv.write_csv,
+        lambda head: head.text is not None and head.text.has_directions, table_file.read_csv, table_file.write_csv,
         options=("angles", "quantity", "missing"), suffixes=(".csv",),
     ),
 )  # fmt: skip
@@ -259,7 +243,7 @@ def sniff(path: str | os.PathLike[str]) -> Format:
         if known.recognises(head):
             return known
     if head.text is not None and head.text.delimiter and len(head.columns) > 1 and not head.text.headless:
-        csv_directions.direction_columns(head.text)  # raises, naming the columns that are missing
+        directions.direction_columns(head.text)  # raises, naming the columns that are missing
     names = ", ".join(known.name for known in FORMATS if known.holds == "table")
     kind = "binary" if head.binary else "text"
     raise GonioError(f"{path} is {kind} of an unknown kind; expected one of {names}")
@@ -269,9 +253,9 @@ def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
     """The table or the material of a file, or of one entry of it, ``FILE:NAME``.
 
     `options`: `nodes` ("lower" or "centre") for MERL and CSAIL, `scale` for UTIA and CSAIL, `wavelength_nm` for NIST;
-    `angles`, `quantity` and `missing` for CSV (see `gonio.data.formats.csv.read_csv`), the first two for laboratories'
-    files too, with `mirror_azimuth` and `coverage` (see the reader of each). Raises GonioError for a file that is
-    damaged or unknown, and for an option that its format does not have.
+    `angles`, `quantity` and `missing` for CSV (see `read_csv` in `gonio.data.formats.csv.table_file`), the first two
+    for laboratories' files too, with `mirror_azimuth` and `coverage` (see the reader of each). Raises GonioError for a
+    file that is damaged or unknown, and for an option that its format does not have.
     """
     file, entry = split_entry(path)
     known = sniff(file)

@@ -86,8 +86,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _write(args: argparse.Namespace, listed: Listed, f: "np.ndarray", channels: "Channels") -> None:
-    from gonio.data.formats.csv_columns import write_columns
-    from gonio.data.formats.csv_header import channel_comments, value_names
+    from gonio.data.formats.csv.columns import write_columns
+    from gonio.data.formats.csv.header import channel_comments, value_names
 
     names = value_names(channels)
     if args.output is None and (args.json == "-" or sys.stdout.isatty()):
@@ -127,7 +127,7 @@ def _directions(args: argparse.Namespace) -> Listed:
     if args.directions is not None:
         if given:
             raise GonioError(f"--directions lists all angles; leave --{next(iter(given)).replace('_', '-')} out")
-        from gonio.data.formats.csv import read_directions
+        from gonio.data.formats.csv.table_file import read_directions
 
         return Listed(*read_directions(args.directions, args.angles))
     if not given:

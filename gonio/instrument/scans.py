@@ -92,7 +92,7 @@ def in_plane(
 
 def listed(path: str | os.PathLike[str]) -> Layout:
     """The directions of a CSV file, one sample a row: the columns that `gonio eval` reads."""
-    from gonio.data.formats.csv import read_directions
+    from gonio.data.formats.csv.table_file import read_directions
 
     wi, wo, _ = read_directions(path)
     return layouts.scattered(*layouts.spherical_angles(*wi), *layouts.spherical_angles(*wo))
@@ -100,7 +100,7 @@ def listed(path: str | os.PathLike[str]) -> Layout:
 
 def listed_seconds(scan: str | os.PathLike[str]) -> np.ndarray | None:
     """Counting times (n,), the column `seconds` of a CSV file of directions; None for a scan without them."""
-    from gonio.data.formats.csv import read_seconds
+    from gonio.data.formats.csv.table_file import read_seconds
 
     return read_seconds(scan) if is_file(scan) else None
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from gonio.data import layouts
 from gonio.data.files import new_file
-from gonio.data.formats.csv_columns import write_columns
+from gonio.data.formats.csv.columns import write_columns
 from gonio.data.layouts import Layout
 from gonio.data.reflection_only import require_reflection
 from gonio.data.serialise import finite

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gonio.data import layouts
-from gonio.data.formats.csv import read_csv, write_csv
+from gonio.data.formats.csv.table_file import read_csv, write_csv
 from gonio.data.suspicions import suspicions
 from gonio.data.table import whole_table_of_values
 

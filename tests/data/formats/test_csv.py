@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from gonio.data import layouts
 from gonio.data.flags import Flag
-from gonio.data.formats.csv import read_csv, read_directions, write_csv
-from gonio.data.formats.csv_columns import CsvText, write_columns
+from gonio.data.formats.csv.columns import CsvText, write_columns
+from gonio.data.formats.csv.table_file import read_csv, read_directions, write_csv
 from gonio.data.table import whole_table_of_values
 from gonio.models.errors import GonioError
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gonio.data import layouts
 from gonio.data.flags import Flag
-from gonio.data.formats.csv import read_csv, read_directions
+from gonio.data.formats.csv.table_file import read_csv, read_directions
 from gonio.models.errors import GonioError
 
 GRID = layouts.isotropic(np.radians([10, 30, 60]), np.radians([0, 20, 50, 80]), np.radians(np.r_[0:360:60]))

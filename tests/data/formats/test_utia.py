@@ -5,8 +5,8 @@ import pytest
 
 from gonio.data import layouts
 from gonio.data.flags import Flag
+from gonio.data.formats.laboratory.utia import BYTES
 from gonio.data.formats.registry import read, write
-from gonio.data.formats.utia import BYTES
 from gonio.data.table import whole_table_of_values
 from gonio.models.errors import GonioError
 from support.closed_form import anisotropic, largest_error, vector
