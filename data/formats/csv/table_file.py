@@ -19,10 +19,10 @@ from gonio.data.flags import Flag
 from gonio.data.formats.csv.columns import CsvText, write_columns
 from gonio.data.formats.csv.directions import Directions, direction_columns, read_angles
 from gonio.data.formats.csv.header import ANGLES, LENGTHS_NM, VECTORS, value_names
+from gonio.data.formats.csv.listed_rows import SAME_DIRECTION, table_of_rows
 from gonio.data.formats.csv.readings import Readings, by_wavelength, read_values
 from gonio.data.formats.csv.statements import Statements
 from gonio.data.formats.csv.values import value_columns
-from gonio.data.formats.listed_rows import SAME_DIRECTION, table_of_rows
 from gonio.data.layouts import Layout
 from gonio.data.layouts.recognition import Placement, recognised
 from gonio.data.quantities import QUANTITIES, brdf_of

@@ -13,8 +13,7 @@ import numpy as np
 
 from gonio.data.channels import Channels
 from gonio.data.formats.csv.directions import UNIT_TOLERANCE
-from gonio.data.formats.laboratory.number_rows import number_rows, text_lines
-from gonio.data.formats.listed_rows import (
+from gonio.data.formats.csv.listed_rows import (
     Convention,
     Listing,
     convention,
@@ -22,6 +21,7 @@ from gonio.data.formats.listed_rows import (
     rounding_of,
     table_of_listing,
 )
+from gonio.data.formats.laboratory.number_rows import number_rows, text_lines
 from gonio.data.layouts import spherical_angles
 from gonio.data.table import Table
 from gonio.models.errors import GonioError, nearest

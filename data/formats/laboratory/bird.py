@@ -13,10 +13,7 @@ import numpy as np
 
 from gonio.data.channels import Channels
 from gonio.data.flags import Flag
-from gonio.data.formats.csv.readings import Readings, by_channel
-from gonio.data.formats.laboratory.bird_section import stored_table
-from gonio.data.formats.laboratory.json_text import JsonPart, read_json
-from gonio.data.formats.listed_rows import (
+from gonio.data.formats.csv.listed_rows import (
     Convention,
     Listing,
     convention,
@@ -24,6 +21,9 @@ from gonio.data.formats.listed_rows import (
     rounding_of,
     table_of_listing,
 )
+from gonio.data.formats.csv.readings import Readings, by_channel
+from gonio.data.formats.laboratory.bird_section import stored_table
+from gonio.data.formats.laboratory.json_text import JsonPart, read_json
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 
