@@ -7,11 +7,10 @@ checkBSDF states reciprocity as |a − b| / max(a, b) over pairs above 1e-4 in p
 """
 
 import sys
-from typing import Any
+from pathlib import Path
 
 import jax
 import numpy as np
-import pyradiance.bsdf as radiance
 
 from gonio.checks.table.sheet import sheet_pairs
 from gonio.data.formats.optics.window_xml import read_window_xml
@@ -19,25 +18,26 @@ from gonio.data.interpolation.scattering_blocks import BLOCKS, SheetBSDF, sheet_
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 
+sys.path.insert(0, str(Path(__file__).parents[2]))
+from support import radiance
+
 jax.config.update("jax_enable_x64", True)
 PAIRS = 4000
 
 
-def hemispherical(bsdf: SheetBSDF, theirs: Any, name: str) -> tuple[float, float, float]:
+def hemispherical(bsdf: SheetBSDF, path: str, name: str) -> tuple[float, float, float]:
     """The share at the incidence nearest to the normal, the largest, and the largest difference from Radiance's."""
     block = bsdf.blocks[name][0]
     assert block is not None
     arriving = block.incidences()
     shares = block.share(arriving)
-    part = radiance.SAMPLE_ALL & ~(radiance.SAMPLE_T if name.startswith("reflection") else radiance.SAMPLE_R)
     polar = np.degrees(np.pi - arriving[:, 0] if name.endswith("front") else arriving[:, 0])
-    there = [
-        radiance.direct_hemi(theirs, t, p, part) for t, p in zip(polar, np.degrees(arriving[:, 1]) + 180, strict=True)
-    ]
+    azimuth = np.degrees(arriving[:, 1]) + 180
+    there = radiance.ask(path, [(t, p, name.split()[0]) for t, p in zip(polar, azimuth, strict=True)]).shares
     return float(shares[np.argmin(arriving[:, 0])]), float(shares.max()), float(np.abs(shares - there).max())
 
 
-def values(bsdf: SheetBSDF, theirs: Any) -> float:
+def values(bsdf: SheetBSDF, path: str) -> float:
     """The largest relative difference of f at random pairs."""
     rng = np.random.default_rng(0)
     theta, phi = np.arccos(rng.uniform(-1, 1, (2, PAIRS))), rng.uniform(0, 2 * np.pi, (2, PAIRS))
@@ -45,20 +45,20 @@ def values(bsdf: SheetBSDF, theirs: Any) -> float:
         Direction(np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)) for t, p in zip(theta, phi, strict=True)
     )
     degrees = np.degrees(np.stack([np.pi - theta[0], phi[0], np.pi - theta[1], phi[1]], axis=-1))
-    there = np.array([radiance.query(theirs, *pair)[1] for pair in degrees])
+    there = radiance.ask(path, pairs=degrees).values
     return float(np.max(np.abs(np.asarray(evaluate(bsdf, wi, wo))[:, 0] - there) / np.maximum(np.abs(there), 1e-3)))
 
 
 def main() -> None:
     for path in sys.argv[1:]:
-        bsdf, theirs = sheet_of(read_window_xml(path)), radiance.load_file(path)
+        bsdf = sheet_of(read_window_xml(path))
         assert bsdf is not None
-        print(f"{path}\n  f: largest relative difference {values(bsdf, theirs):.1e}")
+        print(f"{path}\n  f: largest relative difference {values(bsdf, path):.1e}")
         pairs = sheet_pairs(bsdf)
         side = np.sign(np.cos(pairs.angles[:, [0, 2]]))
         kinds = {"reflection front": (side == 1).all(axis=1), "reflection back": (side == -1).all(axis=1)}
         for name in BLOCKS:
-            normal, largest, difference = hemispherical(bsdf, theirs, name)
+            normal, largest, difference = hemispherical(bsdf, path, name)
             a, b = (v[kinds.get(name, side.prod(axis=1) < 0), 0] for v in (pairs.a, pairs.b))
             seen = (a > 1e-4) & (b > 1e-4)
             unequal = 100 * np.abs(a - b)[seen] / np.maximum(a, b)[seen]

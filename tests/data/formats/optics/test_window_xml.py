@@ -1,6 +1,7 @@
 """XML files of windows: matrices and trees, read as written, by their own rule, and refused where they are damaged."""
 
 import itertools
+import sys
 
 import numpy as np
 import pytest
@@ -14,7 +15,10 @@ from gonio.data.interpolation.tree_text import parse_tree
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
+from support import radiance
 from support.window_xml import QUARTER, document, numbers, scattering
+
+NEEDS_RADIANCE = pytest.mark.skipif(not radiance.installed(), reason="Radiance's own reader is not installed")
 
 
 def written(tmp_path, text, name="sheet.xml"):
@@ -221,29 +225,37 @@ def test_channels_of_wavelengths_and_chromaticities(tmp_path):
     assert any("chromaticity" in a for a in table.provenance["assumptions"])
 
 
+@NEEDS_RADIANCE
 def test_radiance_agrees(tmp_path):
     """Hemispherical values, and f to the ±0.03 % by which Radiance's program marks the place of a value."""
-    bsdf = pytest.importorskip("pyradiance.bsdf", reason="Radiance's own reader is not installed")
     rng = np.random.default_rng(3)
     grid = np.cumsum(rng.random((2, 8, 8)), axis=1)
     trees = {name: "{" + numbers(np.repeat(0.02 * grid * (k + 1), 4, axis=0)) + "}" for k, name in enumerate(BLOCKS)}
     matrices = {name: numbers(m) for name, m in four(5).items()}
     theta, phi = rng.uniform(0.02, np.pi - 0.02, (2, 300)), rng.uniform(0, 2 * np.pi, (2, 300))
+    wi, wo = (
+        Direction(np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)) for t, p in zip(theta, phi, strict=True)
+    )
+    degrees = np.degrees(np.stack([np.pi - theta[0], phi[0], np.pi - theta[1], phi[1]], axis=-1))
     for structure, blocks in (("Columns", matrices), ("TensorTree3", trees)):
         path = written(tmp_path, document({n.title(): t for n, t in blocks.items()}, structure), f"{structure}.xml")
-        ours, theirs = read(path).interpolant(), bsdf.load_file(str(path))
+        ours, questions, shares = read(path).interpolant(), [], []
         for name in BLOCKS:
             block = ours.blocks[name][0]
-            part = bsdf.SAMPLE_ALL & ~(bsdf.SAMPLE_T if name.startswith("reflection") else bsdf.SAMPLE_R)
             for arriving in block.incidences()[::7]:
                 # Its back is the front
                 polar = np.degrees(np.pi - arriving[0] if name.endswith("front") else arriving[0])
-                share = bsdf.direct_hemi(theirs, polar, np.degrees(arriving[1]) + 180, part)
-                assert block.share(arriving[None])[0] == pytest.approx(share, abs=1e-6)
-        wi, wo = (
-            Direction(np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)) for t, p in zip(theta, phi, strict=True)
-        )
-        f = np.ravel(evaluate(ours, wi, wo))
-        degrees = np.degrees(np.stack([np.pi - theta[0], phi[0], np.pi - theta[1], phi[1]], axis=-1))
-        there = [bsdf.query(theirs, *pair)[1] for pair in degrees]
-        np.testing.assert_allclose(f, there, rtol=4e-4, atol=1e-7)
+                questions.append((polar, np.degrees(arriving[1]) + 180, name.split()[0]))
+                shares.append(block.share(arriving[None])[0])
+        theirs = radiance.ask(path, questions, degrees)
+        np.testing.assert_allclose(shares, theirs.shares, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(np.ravel(evaluate(ours, wi, wo)), theirs.values, rtol=4e-4, atol=1e-7)
+
+
+@NEEDS_RADIANCE
+def test_a_client_that_refuses_or_crashes_fails_one_test(tmp_path, monkeypatch):
+    with pytest.raises(RuntimeError, match=r"(?s)status 1 on .*it cannot read the file"):
+        radiance.ask(tmp_path / "absent.xml")
+    monkeypatch.setattr(radiance, "COMMAND", [sys.executable, "-c", "import os; os.kill(os.getpid(), 11)"])
+    with pytest.raises(RuntimeError, match="ended with signal SIGSEGV on"):
+        radiance.ask(tmp_path / "absent.xml")
