@@ -174,6 +174,8 @@ class _Term:
             self.value = np.full((self.unmet.size, *value.shape[1:]), np.nan)
             self.bound, self.step = self.value.copy(), self.value.copy()
         needed = self.unmet[here]
+        if not needed.any():
+            return
         here, value, absolute = here[needed], value[needed], absolute[needed]
         change = np.abs(value - self.value[here])
         earlier = np.where(np.isnan(self.step[here]), change, self.step[here])

@@ -90,3 +90,10 @@ def test_kink_of_the_rational_masking_shows_in_the_bound():
 
 def test_lambert_is_its_albedo():
     np.testing.assert_allclose(directional_albedo(Lambert(rho=0.37), THETA).value, 0.37, rtol=1e-13)
+
+
+def test_many_incidences_of_terms_that_need_different_rules_are_those_of_each():
+    brdf, theta = build("lambert(rho=0.3) + 0.2 * ggx(alpha=0.3) + 0.1 * ggx(alpha=0.08)"), np.radians(range(0, 86, 5))
+    together = directional_albedo(brdf, theta, 0.0, 1e-7).value
+    apart = [directional_albedo(brdf, theta[k : k + 9], 0.0, 1e-7).value for k in (0, 9)]
+    np.testing.assert_allclose(together, np.concatenate(apart), atol=2e-7)
