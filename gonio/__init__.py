@@ -31,6 +31,7 @@ _PUBLIC = {  # public name: where it is defined; `__init__.pyi` has the same for
     "Scene": "gonio.data.scene:Scene",
     "Table": "gonio.data.table:Table",
     "adapt": "gonio.planning.adaptive.adaptive_measurement:adapt",
+    "campaign": "gonio.campaigns.campaign:campaign",
     "chapter": "gonio.reports.chapter:chapter",
     "chart": "gonio.charts:chart",
     "check": "gonio.checks.certify:check",

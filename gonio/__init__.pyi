@@ -1,3 +1,4 @@
+from gonio.campaigns.campaign import campaign as campaign
 from gonio.charts import chart as chart
 from gonio.checks.certificate import Certificate as Certificate
 from gonio.checks.certify import check as check
@@ -42,6 +43,7 @@ __all__ = [
     "Table",
     "__version__",
     "adapt",
+    "campaign",
     "chapter",
     "chart",
     "check",

@@ -19,10 +19,12 @@ ROOMS = (
     "stability",
     "charts",
     "reports",
+    "campaigns",
     "cli",
 )  # of the top floor, upwards
 VERBS = {
     "adapt",
+    "campaign",
     "material",
     "measure",
     "open",

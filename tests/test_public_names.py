@@ -17,6 +17,7 @@ import gonio.models
 
 VERBS = [
     "adapt",
+    "campaign",
     "chapter",
     "chart",
     "check",

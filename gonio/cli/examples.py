@@ -35,6 +35,12 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "gonio quantities gold",
         "gonio quantities T.h5 --budget --uncertainty 'gain=0.5 %, tilt=0.05 deg'",
     ),
+    "campaign": (
+        "gonio campaign recipe.toml -o runs/ --dry-run",
+        "gonio campaign recipe.toml -o runs/ --workers 8",
+        "gonio campaign recipe.toml -o runs/ --scheduler tcp://cluster:8786",
+        "gonio campaign runs/                         # the catalogue anew",
+    ),
     "chart": ("gonio chart hemisphere -o charts", "gonio chart -o charts --quick --tolerance 1e-3"),
     "stress": ("gonio stress ggx", "gonio stress --quick -o atlas"),
     "reduce": ("gonio reduce T.h5 --scene low_sun_car -o small.h5",),

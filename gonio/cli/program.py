@@ -19,6 +19,7 @@ from gonio.cli.arguments import JSON, OUTPUT, add_options, refuse_json
 from gonio.cli.encoding import print_what_can_be_encoded
 from gonio.cli.examples import EXAMPLES
 from gonio.cli.streams import refuse_stream, standard_streams
+from gonio.environment import jax_environment
 from gonio.models.errors import GonioError, nearest, one_line
 from gonio.text import printing, versions
 
@@ -38,6 +39,7 @@ VERBS = {
     "fit": "fit a model to a table; the result is a material file",
     "check": "reciprocity, energy conservation, positivity and symmetry",
     "quantities": "albedos and reflectance factors, and where their uncertainty comes from",
+    "campaign": "many subjects measured, fitted, checked and reported, on many processors",
     "chart": "speed against accuracy, measured here and now",
     "stress": "where each method fails, and that it says so",
     "reduce": "the coarsest table that a scene's tolerance allows",
@@ -248,15 +250,6 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 
 
 def _prepare_jax() -> None:
-    # Read by JAX when it is imported, which the verbs do only if they need it. Double precision is the default of the
-    # command line; the compilation cache saves a user's second run from compiling again.
-    os.environ.setdefault("JAX_ENABLE_X64", "true")
-    # XLA takes two of its own tuning hints for features that this processor lacks, and writes pages about each kept
-    # program that it loads (openxla/xla#44565). What really fails is raised as an exception.
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-    if os.environ.get("GONIO_NO_CACHE"):
-        return
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", os.path.join(home, "gonio", "jax"))
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.05")
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "0")
+    # Read by JAX when it is imported, which the verbs do only if they need it.
+    for name, value in jax_environment().items():
+        os.environ.setdefault(name, value)

@@ -25,7 +25,7 @@ import math
 import os
 from typing import Any
 
-from gonio.data.files import read_toml
+from gonio.data.files import check_keys, read_toml
 from gonio.instrument.instrument import ANGLES, EVERYWHERE, LIMITS, Instrument
 from gonio.instrument.pace import AXES, Pace
 from gonio.instrument.stated import stated_uncertainties
@@ -57,6 +57,12 @@ def read_instrument(path: str | os.PathLike[str]) -> Instrument:
         GonioError: in one sentence that names the file and the key, for anything else.
     """
     return read_toml(path, "instrument", LARGEST, KEYS, _instrument)
+
+
+def instrument_from(entries: dict[str, Any], where: str = "") -> Instrument:
+    """The instrument of the entries of such a file, without its first. `where`: the beginning of a sentence."""
+    check_keys(entries, KEYS, where)
+    return _instrument(entries)
 
 
 def _instrument(data: dict[str, Any]) -> Instrument:

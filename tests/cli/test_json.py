@@ -23,6 +23,7 @@ COMMANDS = {
     "fit": "t.h5 -m lambert -o t.fit.toml",
     "check": f"{GREY} nothing",
     "quantities": GREY,
+    "campaign": "campaign.toml -o runs --dry-run",
     "chart": "tables --quick",
     "stress": "lambert --quick --processes 1",
     "reduce": "t.h5 --scene matte_room -o r.h5",

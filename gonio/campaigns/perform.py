@@ -1,0 +1,65 @@
+"""One task from its inputs to its files: run in this process or in a worker, and safe to be run again."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+from gonio.campaigns.keys import digest_of
+from gonio.campaigns.store import DONE, REFUSED, Record, Store
+from gonio.campaigns.tasks import Task
+from gonio.models.errors import GonioError
+
+
+class Unfinished(GonioError):
+    """A task that could not be ended for a reason that is not its own: no room on the disk, a file that has changed."""
+
+
+def perform(task: Task, folder: str) -> Record:
+    """Does a task, writes its result and its record into the folder, and returns the record.
+
+    Raises:
+        Unfinished: nothing is recorded, and the task is to be done again.
+    """
+    import jax
+
+    store = Store(Path(folder))
+    if not store.folder.is_dir():
+        raise Unfinished(f"a worker does not see the folder {folder}; give one on a file system that all workers share")
+    began = time.perf_counter()
+    _require_unchanged(task)
+    with jax.enable_x64(True):
+        record, write = _computed(task, store)
+    record["seconds"] = round(time.perf_counter() - began, 6)
+    try:
+        file = None if write is None else store.write(task.kind, task.key, write)
+        done = Record(task.key, task.kind, labels=task.labels, file=file, **record)
+        store.write_record(done)
+    except GonioError as error:
+        raise Unfinished(str(error)) from None
+    return done
+
+
+def refused(task: Task, reason: str) -> Record:
+    """The record of a task that was not begun, as what it needs was refused."""
+    return Record(task.key, task.kind, REFUSED, False, task.labels, {}, reason)
+
+
+def _computed(task: Task, store: Store) -> tuple[dict[str, Any], Any]:
+    from gonio.campaigns.steps import STEPS
+
+    try:
+        product = STEPS[task.kind](task, store)
+    except GonioError as error:
+        return {"status": REFUSED, "good": False, "row": {}, "error": str(error)}, None
+    return {"status": DONE, "good": product.good, "row": product.row}, product.write
+
+
+def _require_unchanged(task: Task) -> None:
+    """Refuses files that are not those of the key any more."""
+    for path, digest in task.digests.items():
+        try:
+            same = digest_of(path) == digest
+        except GonioError as error:
+            raise Unfinished(str(error)) from None
+        if not same:
+            raise Unfinished(f"{path} has changed since the campaign began; run it again")

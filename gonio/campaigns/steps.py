@@ -1,0 +1,141 @@
+"""What each kind of task does: from its inputs to a result that can be written, and its row of the catalogue."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gonio.campaigns.choices import USUAL_SCAN
+from gonio.campaigns.store import Store
+from gonio.campaigns.tasks import CHECK, FIT, MEASURE, REDUCE, REPORT, Task
+from gonio.data.serialise import unboxed
+
+TIMES = ("created", "seconds")
+"""Entries that differ from run to run: a record keeps the seconds, and the file's own date says when it was made."""
+
+
+class Product(NamedTuple):
+    """A result: its row of the catalogue, whether it is good, and what writes it."""
+
+    row: dict[str, Any]
+    good: bool
+    write: Callable[[Path], object]
+
+
+def measured(task: Task, store: Store) -> Product:
+    """A table, as `gonio.measure` gives it."""
+    from gonio.data.hdf5.writer import write_table
+    from gonio.data.subject import load_material
+    from gonio.instrument.measurement import measure
+    from gonio.instrument.scans import default_hemisphere, default_name, listed_seconds, scan
+
+    inputs = task.inputs
+    material = load_material(_subject(inputs))
+    options: dict[str, Any] = dict(inputs["scan"])
+    name = options.pop("name")
+    name = default_name(material.brdf) if name == USUAL_SCAN else name
+    options.setdefault("hemisphere", default_hemisphere(name, material.brdf))
+    remarks: list[str] = []
+    table = measure(
+        material, inputs["instrument"], scan(name, **options), seed=inputs["seed"], seconds=listed_seconds(name),
+        log=remarks.append,
+    )  # fmt: skip
+    table.provenance.pop("created", None)
+    if "file" in table.provenance["material"]:  # by its name: in which folder it lies changes nothing
+        table.provenance["material"]["file"] = os.path.basename(table.provenance["material"]["file"])
+    row = {"readings": table.layout.size, "channels": len(table.channels), "remarks": "; ".join(remarks[:-1])}
+    return Product(row, True, lambda path: write_table(path, table, force=True))
+
+
+def fitted(task: Task, store: Store) -> Product:
+    """A fitted material, as `gonio fit -o` writes it."""
+    import tomli_w
+
+    from gonio.fitting.fit_table import fit
+
+    result = fit(_table(task, store), task.inputs["model"], **task.inputs["options"])
+    content = _without_times(result.to_material_dict(f"fit of {result.table}" if result.table else "fit"))
+    row: dict[str, Any] = {
+        "readings": result.samples,
+        "channels": len(result.channels),
+        "expression": result.expression,
+    }
+    row |= {"verdict": result.judgement.verdict, "sentence": result.judgement.sentence}
+    row |= {"converged": result.converged, "bic": result.bic, "undetermined": len(result.undetermined)}
+    row |= {name: result.metrics.get(name) for name in ("reduced_chi2", "relative_rms", "largest_albedo")}
+    numbers = [p for p in result.parameters if p.status != "fixed"]
+    row["parameters"] = [[p.label, p.value, p.standard_uncertainty, *p.interval95, p.status] for p in numbers]
+    text = tomli_w.dumps(content)
+    return Product(unboxed(row), result.exit_status == 0, lambda path: path.write_text(text, "utf-8"))
+
+
+def checked(task: Task, store: Store) -> Product:
+    """A certificate, as `gonio check --json` gives it."""
+    from gonio.checks.certify import check
+
+    inputs = task.inputs
+    kind = next((name for name in ("fit", "material") if name in inputs), "table")
+    of_kind = {
+        "fit": lambda: store.path(FIT, inputs["fit"]),
+        "material": lambda: _subject(inputs),
+        "table": lambda: _table(task, store),
+    }
+    subject = of_kind[kind]()
+    certificate = check(subject, name=str(task.labels["subject"]), **inputs["options"])
+    row: dict[str, Any] = {"verdict": certificate.overall, "of": kind}
+    row["verdicts"] = {p.name: p.verdict for p in certificate.properties}
+    worst = [p.detail for p in certificate.properties if p.name in certificate.counted and p.verdict != "pass"]
+    row["sentence"] = worst[0] if worst else ""
+    text = certificate.to_json()
+    good = certificate.overall != "fail"
+    return Product(row, good, lambda path: path.write_text(text, "utf-8"))
+
+
+def reduced(task: Task, store: Store) -> Product:
+    """The coarsest table that a scene's tolerance allows, as `gonio reduce` writes it."""
+    from gonio.data.hdf5.writer import write_table
+    from gonio.data.reduction.coarsest_table import reduce_table
+
+    result = reduce_table(_table(task, store), task.inputs["scene"])
+    result.table.provenance.pop("created", None)
+    row = {"verdict": "kept" if result.keeps else "not kept", "sentence": result.promise()}
+    row |= {"readings": result.cells[1], "readings_before": result.cells[0], "promised": result.promised}
+    return Product(unboxed(row), result.keeps, lambda path: write_table(path, result.table, force=True))
+
+
+def reported(task: Task, store: Store) -> Product:
+    """A page about the table and those of its fits that there are."""
+    from gonio.reports.build import report
+
+    paths = [store.path(FIT, key) for key in task.inputs["fits"]]
+    fits = [path for path in paths if path.exists()]
+    page = report([_table(task, store)], fits=fits, title=task.name.removeprefix("report, "))
+    text = str(page)
+    return Product({"fits": len(fits)}, True, lambda path: path.write_bytes(text.encode(errors="backslashreplace")))
+
+
+STEPS: dict[str, Callable[[Task, Store], Product]] = {
+    MEASURE: measured, FIT: fitted, CHECK: checked, REDUCE: reduced, REPORT: reported,
+}  # fmt: skip
+
+
+def _subject(inputs: dict[str, Any]) -> Any:
+    return Path(inputs["material"]) if inputs["file"] else inputs["material"]
+
+
+def _table(task: Task, store: Store) -> Any:
+    """The table of a task, named after its file where it has no name."""
+    from gonio.data.files import stem
+    from gonio.data.formats.registry import read
+
+    inputs = task.inputs
+    path = store.path(MEASURE, inputs["key"]) if "key" in inputs else Path(inputs["table"])
+    table = read(path)
+    table.name = table.name or stem(path)
+    return table
+
+
+def _without_times(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_times(inner) for key, inner in value.items() if key not in TIMES}
+    return [_without_times(inner) for inner in value] if isinstance(value, list) else value

@@ -1,0 +1,128 @@
+"""The folder of a campaign: one file for each result, one record beside it, written whole or not at all.
+
+    runs/tables/KEY.h5    runs/fits/KEY.fit.toml    runs/checks/KEY.json    runs/reduced/KEY.h5    runs/reports/KEY.html
+    runs/records/KEY.json                 what was done, when it is done: status, numbers for the catalogue, seconds
+    runs/plan.json                        the keys of the last recipe
+    runs/catalogue.parquet                made from the records
+
+A record is written after its result, so a result without one is not there yet.
+"""
+
+import contextlib
+import dataclasses
+import json
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from gonio.data.files import new_file, output_errors
+from gonio.data.serialise import plain
+from gonio.models.errors import GonioError
+
+RECORD_FORMAT = 1
+FILES = {"measure": "tables/{}.h5", "fit": "fits/{}.fit.toml", "check": "checks/{}.json", "reduce": "reduced/{}.h5",
+         "report": "reports/{}.html"}  # fmt: skip
+"""Where the result of each kind of task goes, by its key."""
+RECORDS, PLAN, CATALOGUE = "records", "plan.json", "catalogue.parquet"
+DONE, REFUSED = "done", "refused"
+STALE = 60
+"""Seconds after which an unfinished file is of a killed process: no result takes so long to write."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Record:
+    """What became of a task. `row`: numbers for the catalogue; `good`: nothing that a user must look after."""
+
+    key: str
+    kind: str
+    status: str
+    good: bool
+    labels: dict[str, Any]
+    row: dict[str, Any]
+    error: str = ""
+    seconds: float = 0.0
+    file: str | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Store:
+    """The folder of a campaign."""
+
+    folder: Path
+
+    def path(self, kind: str, key: str) -> Path:
+        """The file of a result."""
+        return self.folder / FILES[kind].format(key)
+
+    def prepare(self) -> None:
+        """Makes the folders and removes what killed processes were writing. Raises GonioError where it cannot."""
+        for name in (RECORDS, *(pattern.split("/")[0] for pattern in FILES.values())):
+            folder = self.folder / name
+            if self.folder.exists() and not self.folder.is_dir():
+                raise GonioError(f"{self.folder} is a file; name a folder for the results")
+            with output_errors(folder / "result"):
+                folder.mkdir(parents=True, exist_ok=True)
+            with contextlib.suppress(OSError):
+                for entry in os.scandir(folder):
+                    if entry.name.endswith(".tmp") and time.time() - entry.stat().st_mtime > STALE:
+                        os.unlink(entry.path)
+
+    def write(self, kind: str, key: str, write: Callable[[Path], object]) -> str:
+        """Writes the result of a task by `write`, which takes a temporary path; its name within the folder."""
+        path = self.path(kind, key)
+        with new_file(path, force=True) as temporary:
+            write(temporary)
+        return path.relative_to(self.folder).as_posix()
+
+    def write_record(self, record: Record) -> None:
+        """Marks a task as over."""
+        content = {"gonio_campaign_record": RECORD_FORMAT, **plain(dataclasses.asdict(record))}
+        self._write_json(self.folder / RECORDS / f"{record.key}.json", content)
+
+    def write_plan(self, recipe: str, keys: list[str]) -> None:
+        """Keeps the name of the last recipe with its keys: the catalogue tells what is of it."""
+        self._write_json(self.folder / PLAN, {"gonio_campaign_plan": RECORD_FORMAT, "recipe": recipe, "keys": keys})
+
+    def plan(self) -> tuple[str, list[str]]:
+        """(name of the last recipe, keys of its tasks); nothing where there is none."""
+        try:
+            content = json.loads((self.folder / PLAN).read_text("utf-8"))
+            return str(content["recipe"]), [str(k) for k in content["keys"]]
+        except (OSError, ValueError, KeyError, TypeError):
+            return "", []
+
+    def keys(self) -> set[str]:
+        """Keys of the tasks that have a record."""
+        try:
+            names = os.listdir(self.folder / RECORDS)
+        except OSError:
+            return set()
+        return {name.removesuffix(".json") for name in names if name.endswith(".json") and name[0] != "."}
+
+    def record(self, key: str) -> Record | None:
+        """The record of a task; None where there is none that can be read, or its result is gone."""
+        try:
+            content = json.loads((self.folder / RECORDS / f"{key}.json").read_text("utf-8"))
+            if content.pop("gonio_campaign_record") != RECORD_FORMAT:
+                return None
+            record = Record(**content)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return None
+        lost = record.file is not None and not (self.folder / record.file).exists()
+        return None if lost or record.key != key or record.kind not in FILES else record
+
+    def records(self) -> Iterator[Record]:
+        """Every record, in the order of the last recipe, what is of other recipes behind it."""
+        keys, planned = self.keys(), self.plan()[1]
+        first = [key for key in planned if key in keys]
+        for key in [*first, *sorted(keys.difference(first))]:
+            record = self.record(key)
+            if record is not None:
+                yield record
+
+    def _write_json(self, path: Path, content: Any) -> None:
+        text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+        with new_file(path, force=True) as temporary:
+            temporary.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
