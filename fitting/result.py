@@ -15,6 +15,7 @@ from gonio.data.material import Material
 from gonio.data.serialise import toml_values, unboxed
 from gonio.data.table import Channels
 from gonio.fitting.judgement import FAILED, FitJudgement, judge_fit
+from gonio.fitting.moved_numbers import with_number
 from gonio.fitting.residuals.colour_difference import sphere_difference
 from gonio.fitting.residuals.summary import Evidence, ResidualSummary, summarise
 from gonio.fitting.uncertainty.joint_covariance import JointCovariance
@@ -23,8 +24,6 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import renamed_attribute
 from gonio.models.display import Displayed
 from gonio.models.errors import printable
-from gonio.models.expression.builder import build, frame, number_label
-from gonio.models.expression.parser import Value, changed, numbers, parse
 
 CORRELATED = 0.95  # from which on a correlation is reported
 MOST_CORRELATED = 5
@@ -240,22 +239,9 @@ class FitResult(Displayed):
 
     def _with_numbers(self, moved: list[ParameterEstimate], values: dict[str, float]) -> Material:
         """The material with one of its numbers changed, in one or several channels: values by label."""
-        terms = parse(self.expression)
-        frames = tuple(frame(t) for t in terms)
         of_channel = {p.channel: values[p.label] for p in moved if p.label in values}
-
-        def value_at(v: Value) -> Value:
-            if None in of_channel or not isinstance(v.number, tuple):
-                return Value(next(iter(of_channel.values())))
-            return Value(tuple(map(of_channel.get, self.channels.names, v.number)))
-
-        terms = tuple(
-            changed(
-                t, {n.path: value_at(n.value) for n in numbers(t) if number_label(frames, k, n.path) == moved[0].name}
-            )
-            for k, t in enumerate(terms)
-        )
-        return dataclasses.replace(self.material, brdf=build(terms))
+        brdf = with_number(self.expression, self.channels.names, moved[0].name, of_channel)
+        return dataclasses.replace(self.material, brdf=brdf)
 
     @property
     def exit_status(self) -> int:

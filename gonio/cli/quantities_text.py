@@ -56,10 +56,12 @@ def shown_rows(result: "Quantities", groups: list[str]) -> list[int]:
 
 def plain_list(result: "Quantities", groups: list[str], geometry: bool) -> list[str]:
     """The quantities as lines; `geometry`: with what is integrated, else with the standard's name alone."""
+    from gonio.metrology.standards.colour import COORDINATES
+
     rows, channels = [result.quantities[k] for k in shown_rows(result, groups)], shown_channels(result)
     by_name: dict[tuple[str, str], list[Quantity]] = {}
     for q in rows:
-        if not (q.group == "colour" and not q.channel):
+        if not (q.name in COORDINATES and not q.channel):
             by_name.setdefault((q.name, q.place), []).append(q)
     cells: list[list[str]] = []
     for (name, place), of in by_name.items():
@@ -68,7 +70,7 @@ def plain_list(result: "Quantities", groups: list[str], geometry: bool) -> list[
         source = of[0].standard + (f"; {of[0].geometry}" if geometry and of[0].geometry else "")
         cells.append([name, place, *row, source])
     heading = ["quantity", "at", *(channels if len(channels) > 1 else ["value ± U (k = 2)"]), "standard"]
-    colours = _colours([q for q in rows if q.group == "colour"])
+    colours = _colours([q for q in rows if q.name in COORDINATES and not q.channel])
     tables = [*([columns(cells, heading)] if cells else []), *([colours] if colours else [])]
     return ["\n\n".join(tables)]
 

@@ -16,6 +16,7 @@ from gonio.fitting.residuals.summary import Evidence
 from gonio.fitting.result import FitResult
 from gonio.metrology.budget import Budget, Contribution
 from gonio.metrology.effects import Readings
+from gonio.metrology.fit_numbers import FitNumbers
 from gonio.metrology.quantity import Quantity
 from gonio.metrology.sources import ESTIMATED, MEANINGS, STORED, Noise, Sources
 from gonio.metrology.table_budget import APERTURE, aperture_shift, of_apertures, shared
@@ -160,7 +161,10 @@ def outputs_of(fitted: FitResult) -> tuple[list[Quantity], np.ndarray]:
         Quantity(FITTED_ALBEDO, f"θi {t:g}°", c, float(v), 0.0, {"theta_i": t}, group="fit")
         for (t, c), v in zip(places, made.values, strict=True)
     ]
-    return rows, np.concatenate([np.eye(len(free)), made.slopes])
+    slopes = np.concatenate([np.eye(len(free)), made.slopes])
+    numbers = FitNumbers.of(fitted.material)
+    spread = np.zeros(len(rows)) if numbers is None else numbers.spread(slopes)
+    return [dataclasses.replace(q, u=float(u)) for q, u in zip(rows, spread, strict=True)], slopes
 
 
 def fit_budget(fit: FitBudget, sources: Sources) -> Budget:

@@ -16,6 +16,7 @@ from gonio.checks.table.energy import STANDARD_UNCERTAINTIES, albedos_by_side
 from gonio.data.flags import Flag
 from gonio.data.table import COPIED, Table
 from gonio.metrology.quantity import Quantity
+from gonio.metrology.standards.reflectance import stated
 from gonio.metrology.standards.standard import StandardQuantity
 from gonio.metrology.standards.table_standards import TableStandards
 from gonio.models.errors import GonioError
@@ -24,10 +25,14 @@ THROUGH = ("0:180",)
 """Of what transmits: straight through."""
 NAMED = ("0:45", "45:0")
 """Geometries, theta_i:theta_o in degrees, that standards name: looked for in every table."""
+FRONT_TO_FRONT = (1, 1)
+"""Sides of light and detector."""
 SAME = math.radians(0.1)
 """A direction was read where a reading is so near."""
 UNIFORM_THROUGH = "transmittance under uniform light"
 ALBEDO, UNIFORM, FACTOR = "albedo", "albedo under uniform light", "reflectance factor"
+BHR, WHITE_SKY = "BHR", "white sky"
+"""The albedo under uniform light by its name in remote sensing."""
 TRANSMITTANCE, ABSORPTANCE, THROUGH_FACTOR = "transmittance", "absorptance", "transmittance factor"
 STANDARDS = {
     ALBEDO: "CIE S 017, R(θi;2π)",
@@ -35,6 +40,7 @@ STANDARDS = {
     TRANSMITTANCE: "CIE S 017, T(θi;2π)",
     UNIFORM_THROUGH: "CIE S 017, T(2π;2π)",
     FACTOR: "CIE 15:2018, single directions",
+    BHR: "Schaepman-Strub et al. 2006",
     THROUGH_FACTOR: "CIE S 017, single directions",
 }
 """Who names them so."""
@@ -76,6 +82,11 @@ class Geometry(NamedTuple):
     def through(self) -> bool:
         """Whether light and detector are on different sides."""
         return (self.theta_i > math.pi / 2) != (self.theta_o > math.pi / 2)
+
+    def between(self) -> StandardQuantity:
+        """The factor there, as the readings around it give it."""
+        turn = 0.0 if self.delta_phi is None else self.delta_phi
+        return stated(self.text, *(round(math.degrees(a), 9) for a in (self.theta_i, self.theta_o, turn)))
 
     def cells(self, table: Table) -> np.ndarray:
         """Numbers of the cells with a valid reading there."""
@@ -139,12 +150,15 @@ class TableMeasurands:
         """The quantities of a table that can be computed: albedos, reflectance factors at `NAMED` and `geometries`, and
         those of standards.
 
-        Raises GonioError for a geometry of these that was not read.
+        Of geometries that were not read a grid gives an interpolated value with a bound. Raises GonioError for such a
+        one with the light behind the sample.
         """
         albedos = albedos_by_side(table, feature_width)
         shares, notes = _shares(albedos)
-        factors, nothing = _factors(table, geometries), np.zeros(0)
+        (factors, between), nothing = _factors(table, geometries), np.zeros(0)
+        entries = [*[g.between() for g in between], *entries]
         standards = TableStandards.of(table, entries, albedos, feature_width)
+        standards = standards.with_reasons({g.text: _nearest(table, g) for g in between})
         empty = Readout(nothing, nothing, nothing)
         made = cls(table, [], factors, shares, notes, empty, albedos, standards, feature_width)
         base, labels = made._parts(table, albedos), made._labels()
@@ -184,7 +198,8 @@ class TableMeasurands:
             assert not isinstance(known, str)
             value, bound, noise = _of_share(known, share)
             parts.append(Readout(value.ravel(), bound.ravel(), noise.ravel()))
-            parts.append(_uniform_light(known.theta_i[share.whole], value, bound, noise))
+            uniform = _uniform_light(known.theta_i[share.whole], value, bound, noise)
+            parts += [uniform] * (2 if share.sides == FRONT_TO_FRONT else 1)
         for both in _both_ways(self.shares, albedos):
             parts.append(_absorbed(*both))
         copied = COPIED in table.provenance
@@ -209,6 +224,8 @@ class TableMeasurands:
             labels += [(label, group, "1") for label in _incidences(name, known, share.whole, share.sides[0], names)]
             behind = "" if share.sides[0] > 0 else "lit from behind"
             labels += [((uniform, behind, c, {}), group, "1") for c in names]
+            if share.sides == FRONT_TO_FRONT:
+                labels += [((BHR, WHITE_SKY, c, {}), "remote sensing", "1") for c in names]
         for (known, whole), _ in _both_ways(self.shares, self.albedos):
             rows = _incidences(ABSORPTANCE, known, whole, 1, names)
             labels += [(label, "transmission", "1") for label in rows]
@@ -281,18 +298,22 @@ def _absorbed(r: WithWhole, t: WithWhole) -> Readout:
     return Readout((1 - a - c).ravel(), (b + d).ravel(), np.hypot(n, m).ravel())
 
 
-def _factors(table: Table, geometries: Sequence[str]) -> list[tuple[Geometry, np.ndarray]]:
-    factors = []
+def _factors(table: Table, geometries: Sequence[str]) -> tuple[list[tuple[Geometry, np.ndarray]], list[Geometry]]:
+    """Geometries with the cells that were read there, and those that are wanted and were not read."""
+    factors: list[tuple[Geometry, np.ndarray]] = []
+    between: list[Geometry] = []
     for text in dict.fromkeys([*NAMED, *THROUGH, *geometries]):
         geometry = Geometry.of(text)
         cells = geometry.cells(table)
         if cells.size:
             factors.append((geometry, cells))
+        elif text in geometries and geometry.theta_i < math.pi / 2:
+            between.append(geometry)
         elif text in geometries:
             raise GonioError(
                 f"nothing was read at {text} (within {math.degrees(SAME):g}°); {_nearest(table, geometry)}"
             )
-    return factors
+    return factors, between
 
 
 def _nearest(table: Table, geometry: Geometry) -> str:

@@ -21,6 +21,7 @@ from gonio.instrument.instrument import Instrument
 from gonio.metrology.budget import Budget, joined
 from gonio.metrology.effects import Readings
 from gonio.metrology.fit_budget import fit_budget, fit_errors, outputs_of
+from gonio.metrology.fit_numbers import FitNumbers
 from gonio.metrology.measurands import TableMeasurands
 from gonio.metrology.model_quantities import model_quantities
 from gonio.metrology.monte_carlo import Simulation, require_draws, simulated
@@ -29,7 +30,7 @@ from gonio.metrology.quantity import Quantity, to_row
 from gonio.metrology.sources import sources_of
 from gonio.metrology.standards import scatter_law
 from gonio.metrology.standards.catalog import Wanted, standard_quantities
-from gonio.metrology.standards.colour import ILLUMINANTS, LAB, Viewing
+from gonio.metrology.standards.colour import ILLUMINANTS, LAB, Reference, Viewing
 from gonio.metrology.standards.evaluation import Undecided
 from gonio.metrology.standards.of_models import of_model
 from gonio.metrology.standards.reflectance import PORT
@@ -100,15 +101,16 @@ class QuantitiesSettings:
         wanted = Wanted(tuple(self.only), self.port, viewing)
         if self.against is None:
             return wanted
-        colour = dataclasses.replace(wanted, groups=("colour",))
+        colour = dataclasses.replace(wanted, groups=tuple(g for g in ("colour", "multi-angle") if g in wanted))
         rows = _quantities(resolve_subject(self.against), QuantitiesSettings(name="the other"), colour).quantities
-        lab: dict[str, list[float]] = {}
+        lab: dict[str, list[tuple[float, float]]] = {}
         for q in rows:
             if q.name in LAB:
-                lab.setdefault(q.place, []).append(q.value)
+                lab.setdefault(q.place, []).append((q.value, q.uncertainty))
         if not lab:
             raise GonioError("what differences are taken against has no colour: it needs a spectrum, 400 to 700 nm")
-        return dataclasses.replace(wanted, against={place: np.array(v) for place, v in lab.items()})
+        against = {place: Reference(*np.array(v).T) for place, v in lab.items() if len(v) == len(LAB)}
+        return dataclasses.replace(wanted, against=against)
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -202,10 +204,8 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
     entries, remarks = standard_quantities(table.channels, wanted, table.sides != FRONT)
     measurands = TableMeasurands.of(table, settings.geometries, entries, math.radians(settings.feature_width))
-    notes, undecided = (
-        [*table.provenance.get("warnings", []), *measurands.notes, *remarks],
-        measurands.standards.undecided,
-    )
+    notes = [*table.provenance.get("warnings", []), *measurands.notes, *remarks]
+    undecided = measurands.standards.undecided
     fitted = None if settings.fit is None else _fitted(table, settings.fit)
     if not settings.budget:
         laws = _laws(table, table.channels, wanted)
@@ -231,10 +231,22 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
 def _of_model(material: Material, name: str, settings: QuantitiesSettings, wanted: Wanted) -> Quantities:
     transmits = Hemispheres.TRANSMISSION in material.brdf.hemispheres
     entries, notes = standard_quantities(material.channels, wanted, transmits)
-    named, undecided, remarks = of_model(material, entries)
+    numbers, remarks = _numbers_of_fit(material)
+    named, undecided = of_model(material, entries, numbers)
     laws = _laws(material.brdf, material.channels, wanted)
-    rows = model_quantities(material, settings.geometries) + polished_quantities(material) + named + laws[0]
+    rows = model_quantities(material, settings.geometries, numbers) + polished_quantities(material) + named + laws[0]
     return Quantities(name, "model", rows, notes=notes + remarks, undecided=undecided + laws[1])
+
+
+def _numbers_of_fit(material: Material) -> tuple[FitNumbers | None, list[str]]:
+    """The numbers whose covariance spreads the quantities of a fit, and what it leaves out."""
+    try:
+        numbers = FitNumbers.of(material)
+    except GonioError as error:
+        return None, [f"The covariance of the fit is not in the uncertainties: {error}."]
+    open_ended = numbers.undetermined if numbers is not None else []
+    listed = ", ".join(open_ended[:3]) + (" …" if len(open_ended) > 3 else "")
+    return numbers, [f"The fit leaves {listed} open: what depends on that is not known."] if open_ended else []
 
 
 def _laws(subject: Table | AbstractBRDF, channels: Channels, wanted: Wanted) -> tuple[list[Quantity], list[Undecided]]:

@@ -45,7 +45,9 @@ class Quantity:
         """The value to two digits of an uncertainty u, or that this leaves nothing of it."""
         if not u > 0:
             return f"{self.value:.6g}"
-        return f"{round(self.value, 1 - math.floor(math.log10(u))):.6g}" if u < abs(self.value) else "not known"
+        if u >= max(abs(self.value), self.least):
+            return "not known"
+        return f"{round(self.value, 1 - math.floor(math.log10(u))):.6g}"
 
 
 def to_row(quantity: Quantity) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from typing import Any
 from gonio.metrology.quantities import Quantities, quantities
 from gonio.metrology.quantity import Quantity
 from gonio.metrology.standards.catalog import GROUPS
+from gonio.metrology.standards.colour import COORDINATES
 from gonio.reports.subject import ReportSubject
 
 MOST_READINGS = 2_000_000
@@ -22,7 +23,7 @@ def quantities_of(s: ReportSubject) -> dict[str, Any] | None:
     else:  # integrals over half vectors take seconds for each channel
         made = quantities(s.table.only([s.channel]) if s.table.layout.in_half_vectors else s.table)
     rows = [q for q in made.quantities if q.group in LISTED and q.channel in (s.channel, "")]
-    rows = [q for q in rows if not (q.group == "colour" and "D65" not in q.place)]
+    rows = [q for q in rows if not (q.name in COORDINATES and "D65" not in q.place)]
     groups = [{"name": g, "rows": [_row(q) for q in rows if q.group == g]} for g in LISTED]
     groups = [g for g in groups if g["rows"]]
     return {"channel": s.in_channel, "groups": groups, "undecided": _undecided(made)} if groups else None

@@ -154,7 +154,6 @@ def test_the_command_line_prints_and_writes_all_of_it(matt, tmp_path, capsys):
         ("--budget --uncertainty gian=1", "did you mean 'gain'"),
         ("--uncertainty gain=1", "give --budget too"),
         ("--geometry 30", "is no geometry"),
-        ("--geometry 33:12", "the nearest reading is at 30:15"),
         ("--geometry 45:90", "is no geometry"),
         ("--budget --instrument none.toml", "does not exist"),
     ],

@@ -2,10 +2,8 @@
 
 import dataclasses
 
-import numpy as np
-
 from gonio.data.channels import Channels
-from gonio.metrology.standards.colour import Viewing, colours, flop, no_colour, weights_of
+from gonio.metrology.standards.colour import Reference, Viewing, colours, flop, no_colour, weights_of
 from gonio.metrology.standards.gloss import gloss
 from gonio.metrology.standards.haze import haze
 from gonio.metrology.standards.images import images
@@ -22,6 +20,10 @@ GROUPS = (
 """`BASIC` and what else is no entry here (fits, scatter laws) are always there, or computed beside them."""
 
 
+COLOURED = ("45°a:0°", "8°:di", "8°:de")
+"""Reflectance factors whose colour is computed."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Wanted:
     """Which quantities: the groups (none: all), the sphere's port (half-angle, degrees), how colours are seen, and the
@@ -30,7 +32,7 @@ class Wanted:
     groups: tuple[str, ...] = ()
     port: float = PORT
     viewing: Viewing = dataclasses.field(default_factory=Viewing)
-    against: dict[str, np.ndarray] | None = None
+    against: dict[str, Reference] | None = None
 
     def __post_init__(self) -> None:
         for name in self.groups:
@@ -53,9 +55,11 @@ def standard_quantities(channels: Channels, wanted: Wanted, behind: bool) -> tup
         weights = [] if why else weights_of(channels, wanted.viewing)
         if why and "colour" in wanted and (len(channels) > 1 or wanted.groups):
             notes.append(f"There is no colour: {why}.")
-        made += colours([factors[0], *factors[2:]], weights, wanted.against) if "colour" in wanted else []
+        coloured = [f for f in factors if f.name in COLOURED]
+        made += colours(coloured, weights, wanted.against) if "colour" in wanted else []
         if "multi-angle" in wanted:
-            made += [*angles, *(flop([angles[0], angles[2], angles[4]], w) for w in weights[:1])]
+            made += angles + colours(angles, weights, wanted.against)
+            made += [flop([angles[0], angles[2], angles[4]], w) for w in weights[:1]]
     made += scatter(False) + (scatter(True) if behind else []) if "scatter" in wanted else []
     made += haze() if behind and "transmission" in wanted else []
     made += retroreflection() if "retroreflection" in wanted else []

@@ -19,7 +19,8 @@ ILLUMINANTS = ("D65", "A")
 ENDS, WIDEST = (400.0, 700.0), 20.0
 """nm: the range that a spectrum has to cover, beyond which its ends are held [ASTM E308], and its widest step."""
 LAB = ("L*", "a*", "b*")
-NAMES = ("X", "Y", "Z", *LAB)
+NAMES, DIFFERENCE = ("X", "Y", "Z", *LAB), "ΔE00"
+COORDINATES = (*NAMES, DIFFERENCE)
 PACKAGE = "colour needs the package colour-science: pip install 'gonio[colour]'"
 
 
@@ -98,33 +99,50 @@ def spectral_weights(illuminant: str, observer: int) -> tuple[np.ndarray, np.nda
     return nodes, 100 * density / density[1].sum()
 
 
+@dataclasses.dataclass(frozen=True)
+class Reference:
+    """L*a*b* (3,) of another subject and their standard uncertainties (3,)."""
+
+    lab: np.ndarray
+    u: np.ndarray
+
+
 def colours(
-    places: list[StandardQuantity], weights: list[Weights], against: dict[str, np.ndarray] | None
+    places: list[StandardQuantity], weights: list[Weights], against: dict[str, Reference] | None
 ) -> list[StandardQuantity]:
     """X, Y, Z, L*, a*, b* at the geometries of reflectance factors, and CIEDE2000 from others' L*a*b*.
 
     Args:
-        places: reflectance factors, of the channels.
+        places: reflectance factors, of the channels; of the multi-angle set without X, Y, Z.
         weights: of the channels, by illuminant.
-        against: L*a*b* (3,) of another subject, by the geometry's name and the label of the weights.
+        against: of another subject, by the geometry's name and the label of the weights.
     """
     made = []
     for factor in places:
+        group = factor.group if factor.group == "multi-angle" else "colour"
         for w in weights:
             for k, name in enumerate(NAMES):
-                made.append(_value(factor, w, name, functools.partial(_component, factor, k)))
+                if group == "colour" or name in LAB:
+                    made.append(_value(factor, group, w, name, functools.partial(_component, factor, k)))
             reference = (against or {}).get(f"{factor.name} {w.label}")
             if reference is not None:
-                made.append(_value(factor, w, "ΔE00", functools.partial(_difference, factor, reference)))
+                of = functools.partial(_difference, factor, reference.lab)
+                entry = _value(factor, group, w, DIFFERENCE, of)
+                other = functools.partial(_of_reference, factor, reference, w)
+                made.append(dataclasses.replace(entry, other=other))
     return made
 
 
 def _value(
-    factor: StandardQuantity, w: Weights, name: str, of: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+    factor: StandardQuantity,
+    group: str,
+    w: Weights,
+    name: str,
+    of: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
 ) -> StandardQuantity:
-    standard = "CIE 15:2018" if name != "ΔE00" else "ISO/CIE 11664-6"
+    standard = "CIE 15:2018" if name != DIFFERENCE else "ISO/CIE 11664-6"
     return StandardQuantity(
-        name, standard, f"{w.label}; {factor.name}: {factor.geometry}", "colour", factor.integrals,
+        name, standard, f"{w.label}; {factor.name}: {factor.geometry}", group, factor.integrals,
         functools.partial(of, w.fine, w.white), functools.partial(of, w.rough, w.white), True, 10.0,
         place=f"{factor.name} {w.label}",
     )  # fmt: skip
@@ -142,6 +160,13 @@ def _difference(
 ) -> np.ndarray:
     lab = to_lab((matrix @ factor.combine(values))[None], white)
     return ciede2000(lab, reference[None])[0]
+
+
+def _of_reference(factor: StandardQuantity, reference: Reference, w: Weights, values: np.ndarray) -> float:
+    """Standard uncertainty of the difference by that of the reference's L*a*b*, taken as independent."""
+    lab = to_lab((w.fine @ factor.combine(values))[None], w.white)
+    moved = [ciede2000(lab, (reference.lab + step)[None])[0] for step in (*np.diag(reference.u), np.zeros(3))]
+    return float(np.linalg.norm(np.array(moved[:3]) - moved[3]))
 
 
 def flop(factors: list[StandardQuantity], w: Weights) -> StandardQuantity:

@@ -46,7 +46,11 @@ def made_of(entry: StandardQuantity, integrals: Sequence[Integral], values: np.n
 
 
 def slopes(entry: StandardQuantity, values: np.ndarray) -> np.ndarray:
-    """Slopes (J, C) of a quantity by its own integrals (J, C): of each channel by its own, of one number by all."""
+    """Slopes (J, C) of a quantity by its own integrals (J, C): of each channel by its own, of one number by all.
+
+    The steeper one of both sides: a difference of colours has a kink where it is 0.
+    """
+    middle = np.asarray(entry.combine(values))
     made = np.zeros(values.shape)
     size = np.maximum(np.abs(values), 1e-3 * np.max(np.abs(values), initial=1e-12))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -55,7 +59,8 @@ def slopes(entry: StandardQuantity, values: np.ndarray) -> np.ndarray:
                 step = np.zeros(values.shape)
                 step[j, c] = STEP * size[j, c]
                 high, low = (np.asarray(entry.combine(values + sign * step)) for sign in (1, -1))
-                made[j, c] = (high - low) / (2 * step[j, c])
+                up, down = high - middle, middle - low
+                made[j, c] = np.where(np.abs(up) > np.abs(down), up, down) / step[j, c]
     return made
 
 
@@ -76,7 +81,8 @@ def evaluated(
             bound = np.sum(np.abs(by) * known.bounds[index], axis=(0, 1) if entry.whole else 0)
         if entry.rough is not None:
             bound = bound + np.abs(value - entry.rough(values))
-        made = _rows(entry, channels, value, bound, spread(entry, by))
+        u = np.hypot(spread(entry, by), 0.0 if entry.other is None else entry.other(values))
+        made = _rows(entry, channels, value, bound, u)
         if all(q.decided for q in made):
             rows, of = rows + made, of + [entry] * len(made)
         else:
@@ -89,9 +95,10 @@ def _rows(
 ) -> list[Quantity]:
     names = ("",) if entry.whole else channels.names
     parts = (np.broadcast_to(a, len(names)).tolist() for a in (value, bound, u))
+    angles = entry.angles
     return [
         Quantity(
-            entry.name, entry.place, c, v, b, {}, entry.unit, entry.standard, entry.geometry, entry.group, s,
+            entry.name, entry.place, c, v, b, dict(angles), entry.unit, entry.standard, entry.geometry, entry.group, s,
             entry.least,
         )
         for c, v, b, s in zip(names, *parts, strict=True)

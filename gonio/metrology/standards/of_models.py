@@ -1,49 +1,38 @@
 """Quantities of standards of a model, with the errors of the integrals and the covariance of a fit."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from gonio.data.material import Material
+from gonio.metrology.fit_numbers import FitNumbers
 from gonio.metrology.quantity import Quantity
 from gonio.metrology.standards.apertures import Rule, joined
 from gonio.metrology.standards.evaluation import Integrals, Spread, Undecided, distinct, evaluated
 from gonio.metrology.standards.standard import Aperture, Hemisphere, Integral, StandardQuantity
 from gonio.models.albedo import directional_albedo, directional_transmittance
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import Direction, from_spherical
-from gonio.planning.prior import prior_of
 
 TOLERANCE = 1e-6
-DIFFERENCE = 1e-4
-"""Relative, of slopes by the numbers of a fit."""
-
-
-class FitSlopes(NamedTuple):
-    """Slopes (J, C, P) of the integrals by the free numbers of a fit, and their covariance (P, P)."""
-
-    by_number: np.ndarray
-    covariance: np.ndarray
 
 
 def of_model(
-    material: Material, entries: Sequence[StandardQuantity]
-) -> tuple[list[Quantity], list[Undecided], list[str]]:
-    """The quantities of a model, those that are undecided, and remarks."""
+    material: Material, entries: Sequence[StandardQuantity], numbers: FitNumbers | None = None
+) -> tuple[list[Quantity], list[Undecided]]:
+    """The quantities of a model, and those that are undecided; `numbers`: of the fit whose covariance spreads them."""
     integrals, count = distinct(entries), len(material.channels)
     known = model_integrals(material.brdf, integrals, count)
-    of_fit, notes = None, []
-    if "fit" in material.meta and entries:
-        of_fit = _of_fit(material, integrals, count)
-        if isinstance(of_fit, str):
-            notes, of_fit = [of_fit], None
-    rows, _, undecided = evaluated(entries, material.channels, known, _spread(integrals, of_fit))
-    return rows, undecided, notes
+
+    def values(brdf: AbstractBRDF) -> np.ndarray:
+        return model_integrals(brdf, integrals, count, fine=False).values
+
+    by_number = numbers.slopes(values) if numbers is not None and entries else None
+    rows, _, undecided = evaluated(entries, material.channels, known, _spread(integrals, numbers, by_number))
+    return rows, undecided
 
 
 def model_integrals(brdf: AbstractBRDF, integrals: Sequence[Integral], channels: int, fine: bool = True) -> Integrals:
@@ -88,30 +77,15 @@ def _image(brdf: AbstractBRDF, theta: float, channels: int) -> np.ndarray:
     return np.broadcast_to(np.asarray(jax.vmap(brdf.specular)(wi)).reshape(-1), channels)
 
 
-def _of_fit(material: Material, integrals: Sequence[Integral], channels: int) -> FitSlopes | str:
-    """The slopes by the numbers of a fit; or why there are none."""
-    try:
-        prior = prior_of(material, None)
-    except GonioError as error:
-        return f"The covariance of the fit is not in the uncertainties: {error}"
-    covariance = np.nan_to_num(np.asarray(material.meta["fit"]["covariance"], float))
-    d, made = prior.parameterisation.domains, []
-    for k in range(prior.p.size):
-        low, high = prior.p.copy(), prior.p.copy()
-        step = DIFFERENCE * max(abs(prior.p[k]), 1e-3)
-        low[k], high[k] = max(prior.p[k] - step, d.low[k]), min(prior.p[k] + step, d.high[k])
-        ends = [model_integrals(prior.brdf(p), integrals, channels, fine=False).values for p in (high, low)]
-        made.append((ends[0] - ends[1]) / (high[k] - low[k]))
-    return FitSlopes(np.stack(made, axis=-1), covariance)
+def _spread(integrals: Sequence[Integral], numbers: FitNumbers | None, by_number: np.ndarray | None) -> Spread:
+    """Uncertainties by the covariance of a fit; `by_number` (J, C, P): slopes of the integrals by its numbers."""
 
-
-def _spread(integrals: Sequence[Integral], fit: FitSlopes | None) -> Spread:
     def spread(entry: StandardQuantity, by: np.ndarray) -> np.ndarray:
-        if fit is None:
+        if numbers is None or by_number is None:
             return np.zeros(() if entry.whole else by.shape[1])
         index = [integrals.index(i) for i in entry.integrals]
         with np.errstate(invalid="ignore"):
-            moves = np.einsum("jc,jcp->p" if entry.whole else "jc,jcp->cp", by, fit.by_number[index])
-        return np.sqrt(np.maximum(np.einsum("...p,pq,...q->...", moves, fit.covariance, moves), 0.0))
+            moves = np.einsum("jc,jcp->p" if entry.whole else "jc,jcp->cp", by, by_number[index])
+        return numbers.spread(moves)
 
     return spread

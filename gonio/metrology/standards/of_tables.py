@@ -271,6 +271,8 @@ class Part:
         return Row(cells, weight, WITHIN * np.abs(rule.weight) @ missed)
 
     def _unread(self, rule: "Places") -> str:
+        if rule.weight.size == 1:
+            return "that pair of directions was not read, nor does the grid reach it"
         if self.table.layout.in_one_plane:
             return "the readings are in one plane, and its apertures reach out of it"
         share = float(np.sum(np.abs(rule.weight[~rule.inside])) / np.sum(np.abs(rule.weight)))

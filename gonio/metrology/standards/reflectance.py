@@ -1,10 +1,11 @@
 """Reflectance factors of colour measurement and of the sphere, remote sensing's names, and retro-reflection."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
-from gonio.metrology.standards.apertures import Beam, Rule, band, mirror, pairs, ray, ring
+from gonio.metrology.standards.apertures import Beam, Rule, band, mirror, pairs, ray, ring, turned_about
 from gonio.metrology.standards.standard import Aperture, Hemisphere, StandardQuantity
 
 ANNULUS, NORMAL = (40.0, 50.0), 5.0
@@ -30,21 +31,42 @@ def single(theta_i: float, theta_o: float, turn: float, factor: float = 1.0) -> 
     i, o, d = (math.radians(a) for a in (theta_i, theta_o, turn))
     rule = Rule(ray(i).directions, ray(o, d).directions, np.array([factor]))
     back = turn == 0.0 and abs(theta_i - theta_o) < NEAR_LIGHT
-    return Aperture(rule, mirror=abs(theta_i - theta_o) < 1e-9 and turn == 180.0, back=back, angles=(i, o, d))
+    same = min(abs(theta_i - theta_o), abs(theta_i + theta_o - 180.0)) < 1e-9  # or straight through
+    return Aperture(rule, mirror=same and (turn == 180.0 or theta_i == 0), back=back, angles=(i, o, d))
 
 
 def annular(exchanged: bool) -> Aperture:
     """π ∫∫ f cosθi cosθo dωi dωo / ∫∫ cosθi cosθo dωi dωo of the annulus about 45° and a cone about the normal."""
+    low, high = (math.radians(a) for a in ANNULUS)
+    return _mean_factor(lambda order, turns: band(low, high, order, turns), exchanged)
+
+
+def one_sided(exchanged: bool) -> Aperture:
+    """The same of a cone about 45° at one azimuth and a cone about the normal."""
+    axis, edges = ray(math.radians(45.0)).directions, np.array([0.0, math.radians(NORMAL)])
+    return _mean_factor(lambda order, turns: turned_about(axis, edges, order, turns), exchanged)
+
+
+def _mean_factor(inclined: Callable[[int, int], Beam], exchanged: bool) -> Aperture:
+    """The mean reflectance factor of light by a rule of some order and turns, and of a cone about the normal."""
     rules = []
     for order, turns in (FINE, COARSE):
-        beams = [
-            band(math.radians(ANNULUS[0]), math.radians(ANNULUS[1]), order, turns),
-            band(0.0, math.radians(NORMAL), order, turns),
-        ]
+        beams = inclined(order, turns), band(0.0, math.radians(NORMAL), order, turns)
         light, detector = beams[::-1] if exchanged else beams
         rule = pairs(light, light.projected, detector, detector.projected)
         rules.append(rule._replace(weight=np.pi * rule.weight / rule.weight.sum()))
     return Aperture(*rules)
+
+
+def stated(place: str, theta_i: float, theta_o: float, turn: float) -> StandardQuantity:
+    """The reflectance factor, or behind the sample the transmittance factor, at one pair of directions, degrees."""
+    through = theta_o > 90
+    return StandardQuantity(
+        "transmittance factor" if through else "reflectance factor",
+        ("CIE S 017" if through else "CIE 15:2018") + ", between readings",
+        f"θi {theta_i:g}°, θo {theta_o:g}°, Δφ {turn:g}°; single directions",
+        "transmission" if through else "reflectance", (single(theta_i, theta_o, turn, math.pi),), place=place,
+    )  # fmt: skip
 
 
 def port(half_angle: float) -> Aperture:
@@ -67,13 +89,16 @@ def around(light: Beam, inner: float, outer: float, behind: bool = False) -> Ape
 
 
 def reflectance(port_angle: float) -> list[StandardQuantity]:
-    """R(8°;2π), 45a:0, 0:45a, and the sphere's factors with the mirrored image and without it."""
+    """45a:0, 0:45a, 45x:0, 0:45x, and the sphere's factors R(8°;2π) with the mirrored image and without it."""
     cone, ends = f"within {NORMAL:g}° of the normal", f"{ANNULUS[0]:g}° to {ANNULUS[1]:g}°, all around"
+    beam = f"within {NORMAL:g}° of 45° at one azimuth"
     whole, excluded = Hemisphere(math.radians(NEAR_NORMAL)), port(port_angle)
     group = "reflectance"
     return [
         StandardQuantity("45°a:0°", CIE, f"light {ends}; detector {cone}", group, (annular(False),)),
         StandardQuantity("0°:45°a", CIE, f"light {cone}; detector {ends}", group, (annular(True),)),
+        StandardQuantity("45°x:0°", CIE, f"light {beam}; detector {cone}", group, (one_sided(False),)),
+        StandardQuantity("0°:45°x", CIE, f"light {cone}; detector {beam}", group, (one_sided(True),)),
         StandardQuantity(
             "8°:di", SPHERE, "R(8°;2π): light collimated at 8°, whole hemisphere, mirrored image too", group, (whole,)
         ),

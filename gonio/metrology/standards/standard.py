@@ -1,6 +1,7 @@
 """What a standard names: integrals of f, and the number that is made of them."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -55,6 +56,7 @@ class StandardQuantity:
         rough: the same made with less care, whose difference bounds its error; None where it is exact.
         whole: whether `combine` gives one number.
         least: the size of the number below which an uncertainty of that size leaves it known.
+        other: standard uncertainty, by the integrals' values, of what is no integral of this subject.
         unit, place: of the number; the place tells it from others of its name.
     """
 
@@ -69,3 +71,13 @@ class StandardQuantity:
     least: float = 0.0
     unit: str = "1"
     place: str = ""
+    other: Callable[[np.ndarray], float] | None = None
+
+    @property
+    def angles(self) -> dict[str, float]:
+        """Of a single pair of directions its angles in degrees."""
+        only = self.integrals[0] if len(self.integrals) == 1 else None
+        if not isinstance(only, Aperture) or only.angles is None:
+            return {}
+        names = ("theta_i", "theta_o", "delta_phi")
+        return {n: round(math.degrees(a), 9) for n, a in zip(names, only.angles, strict=True)}

@@ -1,7 +1,7 @@
 """Quantities of standards of a table, which can be read out again of the same cells with other readings."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -32,6 +32,13 @@ class TableStandards:
         known = made.sums.known(table, albedos)
         rows, of, undecided = evaluated(entries, table.channels, known, made._spread(table, albedos))
         return dataclasses.replace(made, entries=list(dict.fromkeys(of)), rows=rows, undecided=undecided)
+
+    def with_reasons(self, more: Mapping[str, str]) -> "TableStandards":
+        """The same with more to say, by their place, of those that are undecided."""
+        undecided = [
+            u._replace(reason=f"{u.reason}; {more[u.place]}") if u.place in more else u for u in self.undecided
+        ]
+        return dataclasses.replace(self, undecided=undecided)
 
     def read_out(self, table: Table, albedos: SidedAlbedos) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(values, bounds, noise) of the rows, of the same table with other f or u_f; bounds are those of before."""

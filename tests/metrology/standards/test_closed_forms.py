@@ -1,5 +1,6 @@
 """Quantities of standards of models against closed forms, and their uncertainty by the covariance of a fit."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from scipy.integrate import dblquad
 
 import gonio
+from gonio.metrology.fit_numbers import FitNumbers
 from gonio.metrology.standards.catalog import Wanted, standard_quantities
 from gonio.metrology.standards.gloss import GLASS, RECEPTORS, SOURCE, fresnel_of_glass, gloss
 from gonio.metrology.standards.of_models import of_model
@@ -19,7 +21,7 @@ RHO = 0.4
 
 
 def values(model, entries):
-    rows, undecided, _ = of_model(gonio.material(model), entries)
+    rows, undecided = of_model(gonio.material(model), entries)
     assert not undecided
     return {f"{q.name} {q.place}".strip(): q for q in rows}
 
@@ -27,7 +29,7 @@ def values(model, entries):
 @pytest.fixture(scope="module")
 def matt():
     material = gonio.material(f"lambert(rho={RHO})")
-    rows, undecided, _ = of_model(material, standard_quantities(material.channels, Wanted(), False)[0])
+    rows, undecided = of_model(material, standard_quantities(material.channels, Wanted(), False)[0])
     assert [u.name for u in undecided] in ([], ["distinctness of image"])
     return {f"{q.name} {q.place}".strip(): q for q in rows}
 
@@ -130,6 +132,35 @@ def test_the_covariance_of_a_fit_is_in_the_uncertainty():
     theta = np.radians(np.linspace(0, 70, 40))
     f = RHO / math.pi * (1 + 0.02 * rng.standard_normal(40))
     fitted = gonio.fit(gonio.Table.from_arrays(0.3, 0, theta, 1.0, f, u_f=np.full(40, 0.02 * RHO / math.pi)), "lambert")
-    rows, undecided, notes = of_model(fitted.material, reflectance(5.0)[:3])
-    assert not undecided and not notes
-    assert [q.u for q in rows] == pytest.approx([fitted.parameters[0].standard_uncertainty] * 3, rel=1e-3)
+    result = gonio.quantities(fitted, only=["reflectance"], geometries=["33:12:20"])
+    u = [q.u for q in result.quantities if q.name != "8°:de"]
+    assert not result.undecided and not result.notes and len(u) > 25
+    assert u == pytest.approx([fitted.parameters[0].standard_uncertainty] * len(u), rel=1e-3)
+
+
+def test_each_channel_of_a_fit_has_its_own_covariance():
+    """Of a Lambertian in two channels with a lobe that they share, as `FitResult.propagated` has it."""
+    rng = np.random.default_rng(5)
+    theta, true = np.radians(np.linspace(0, 75, 60)), gonio.material("lambert(rho=[0.2, 0.6]) + 0.2 * ggx(alpha=0.3)")
+    f = true.f(0.5, 0.0, theta, math.pi) * (1 + 0.01 * rng.standard_normal((60, 2)))
+    fitted = gonio.fit(gonio.Table.from_arrays(0.5, 0, theta, math.pi, f, u_f=0.01 * f), "lambert + shared * ggx")
+    made = FitNumbers.of(fitted.material)
+    slopes = made.slopes(lambda brdf: dataclasses.replace(true, brdf=brdf).f(0.5, 0.0, theta, math.pi))
+    expected = fitted.propagated(lambda material: material.f(0.5, 0.0, theta, math.pi), by_channel=True)
+    assert made.spread(slopes) == pytest.approx(expected, rel=1e-3)
+    assert np.all(slopes[:, 0, [p.get("channel") == fitted.channels.names[1] for p in made.numbers]] == 0)
+
+
+def test_what_a_fit_leaves_open_is_not_known():
+    """The width of a lobe that no reading sees, and a number on its bound, which has no spread."""
+    material = gonio.material("lambert(rho=0.5)")
+    number = {"name": "lambert.rho", "value": 0.5, "low": 0.0, "high": 1.0, "status": "undetermined"}
+    stored = {"parameters": [number], "covariance": [[math.nan]]}
+    result = gonio.quantities(dataclasses.replace(material, meta={"fit": stored}), only=["reflectance"])
+    assert {u.name for u in result.undecided} >= {"8°:di", "45°a:0°"} and "lambert.rho" in result.notes[0]
+    assert not any(q.decided for q in result.quantities)
+    stored = {"parameters": [{**number, "status": "at upper bound"}], "covariance": [[math.nan]]}
+    result = gonio.quantities(dataclasses.replace(material, meta={"fit": stored}), only=["reflectance"])
+    assert all(q.u == 0 for q in result.quantities) and not result.undecided and not result.notes
+    broken = dataclasses.replace(material, meta={"fit": {"parameters": [{"status": "free"}]}})
+    assert "not in the uncertainties" in gonio.quantities(broken, only=["reflectance"]).notes[0]

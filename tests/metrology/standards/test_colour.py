@@ -9,7 +9,8 @@ import pytest
 
 import gonio
 from gonio.data.channels import Channels
-from gonio.metrology.standards.colour import Viewing, colours, flop, no_colour, weights_of
+from gonio.fitting.residuals.colour_difference import ciede2000, to_lab
+from gonio.metrology.standards.colour import Reference, Viewing, colours, flop, no_colour, weights_of
 from gonio.metrology.standards.evaluation import Integrals, evaluated
 from gonio.metrology.standards.reflectance import multi_angle, reflectance
 
@@ -18,11 +19,11 @@ CHANNELS = Channels.of_wavelengths(NM)
 RED, BLUE = (0.2 + 0.5 / (1 + np.exp(sign * (NM - 580) / 25)) for sign in (-1, 1))
 
 
-def lab_of(spectrum, entries):
-    """The quantities of a surface whose integrals are all this spectrum."""
+def lab_of(spectrum, entries, sigma=0.01):
+    """The quantities of a surface whose integrals are all this spectrum, with this noise."""
     size = len({i for e in entries for i in e.integrals})
     known = Integrals(np.tile(spectrum, (size, 1)), np.zeros((size, NM.size)), {})
-    rows, _, undecided = evaluated(entries, CHANNELS, known, lambda entry, by: np.sqrt(np.sum((0.01 * by) ** 2)))
+    rows, _, undecided = evaluated(entries, CHANNELS, known, lambda entry, by: np.sqrt(np.sum((sigma * by) ** 2)))
     assert not undecided
     return {q.place + " " + q.name: q for q in rows}
 
@@ -58,9 +59,28 @@ def test_differences_are_those_of_colour_science(science):
     factor, weights = reflectance(5.0)[:1], weights_of(CHANNELS, Viewing(("D65",)))
     lab = [[lab_of(s, colours(factor, weights, None))[f"45°a:0° D65/10° {n}"].value for n in ("L*", "a*", "b*")]
            for s in (RED, BLUE)]  # fmt: skip
-    rows = lab_of(RED, colours(factor, weights, {"45°a:0° D65/10°": np.array(lab[1])}))
+    rows = lab_of(RED, colours(factor, weights, {"45°a:0° D65/10°": Reference(np.array(lab[1]), np.zeros(3))}))
     expected = science.delta_E(np.array(lab[0]), np.array(lab[1]), method="CIE 2000")
     assert rows["45°a:0° D65/10° ΔE00"].value == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.9])
+def test_the_uncertainty_of_a_difference_is_that_of_both_subjects(share):
+    """Of 4,000 noisy spectra of a surface against the same surface, where a difference is all noise, and another."""
+    factor, (w,) = reflectance(5.0)[:1], weights_of(CHANNELS, Viewing(("D65",)))
+    place, rng, sigma = "45°a:0° D65/10°", np.random.default_rng(4), 0.002
+    rows = lab_of(share * RED, colours(factor, [w], None))
+    lab = np.array([rows[f"{place} {n}"].value for n in ("L*", "a*", "b*")])
+    noisy = [s * RED + sigma * rng.standard_normal((4000, NM.size)) for s in (1.0, share)]
+    first, second = (to_lab(s @ w.fine.T, w.white) for s in noisy)
+    of_one, of_both = (
+        lab_of(RED, colours(factor, [w], {place: Reference(lab, u)}), sigma)[f"{place} ΔE00"]
+        for u in (np.zeros(3), second.std(axis=0))
+    )
+    for q, other in ((of_one, np.broadcast_to(lab, first.shape)), (of_both, second)):
+        spread = np.sqrt(np.mean((ciede2000(first, other) - q.value) ** 2))
+        assert 0.8 < q.u / spread < 1.4
+    assert of_one.u < of_both.u
 
 
 def test_the_flop_index_of_a_surface_that_does_not_change_is_0():

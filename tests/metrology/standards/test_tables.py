@@ -87,6 +87,27 @@ def test_single_readings_have_their_own_noise(glossy):
     assert 0.005 < direct.u / direct.value < 0.01 * math.sqrt(2)  # of a mean of few readings over a single one
 
 
+def test_a_geometry_between_readings_is_interpolated_and_one_beyond_them_undecided(glossy):
+    places = ["33:12:140", "60:60:180", "89:10:0"]
+    result = gonio.quantities(glossy, only=["reflectance"], geometries=places)
+    rows = {q.place: q for q in result.quantities if q.name == "reflectance factor"}
+    for place in places[:2]:
+        i, o, d = map(float, place.split(":"))
+        expected = math.pi * gonio.material(GLOSSY).f(i, 0, o, d, degrees=True)[0]
+        assert abs(rows[place].value - expected) <= rows[place].bound + 1e-9
+    assert rows["33:12:140"].bound > 0 and rows["60:60:180"].bound == 0
+    assert rows["33:12:140"].angles == {"theta_i": 33, "theta_o": 12, "delta_phi": 140}
+    (beyond,) = [u for u in result.undecided if u.place == "89:10:0"]
+    assert "the nearest reading is at 88:10:0" in beyond.reason
+
+
+def test_the_bihemispherical_reflectance_is_the_albedo_under_uniform_light(glossy):
+    for subject in (glossy, GLOSSY):
+        rows = by_name(gonio.quantities(subject, only=["remote sensing"]))
+        bhr, uniform = rows["BHR", "white sky"], rows["albedo under uniform light", ""]
+        assert (bhr.value, bhr.bound, bhr.group) == (uniform.value, uniform.bound, "remote sensing")
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [({"only": ["glos"]}, "did you mean 'gloss'"), ({"port": 40.0}, "half-angle"), ({"observer": 5}, "10 or 2"),
