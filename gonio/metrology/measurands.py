@@ -248,7 +248,8 @@ def _shares(albedos: SidedAlbedos) -> tuple[list[Share], list[str]]:
     for sides, known in albedos.items():
         what = TRANSMITTANCE if sides[0] != sides[1] else ALBEDO
         if isinstance(known, str):
-            notes.append(f"There is no {what}: {known}.")
+            if sides != FRONT_TO_FRONT:  # whose albedos are listed as undecided
+                notes.append(f"There is no {what}: {known}.")
             continue
         whole = ~known.partial & np.isfinite(known.value).all(axis=1)
         if whole.any():

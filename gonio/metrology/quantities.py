@@ -22,7 +22,7 @@ from gonio.metrology.budget import Budget, joined
 from gonio.metrology.effects import Readings
 from gonio.metrology.fit_budget import fit_budget, fit_errors, outputs_of
 from gonio.metrology.fit_numbers import FitNumbers
-from gonio.metrology.measurands import TableMeasurands
+from gonio.metrology.measurands import ALBEDO, BHR, UNIFORM, WHITE_SKY, TableMeasurands
 from gonio.metrology.model_quantities import model_quantities
 from gonio.metrology.monte_carlo import Simulation, require_draws, simulated
 from gonio.metrology.polished_quantities import polished_quantities
@@ -205,7 +205,7 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
     entries, remarks = standard_quantities(table.channels, wanted, table.sides != FRONT)
     measurands = TableMeasurands.of(table, settings.geometries, entries, math.radians(settings.feature_width))
     notes = [*table.provenance.get("warnings", []), *measurands.notes, *remarks]
-    undecided = measurands.standards.undecided
+    undecided = _without_albedo(measurands, wanted) + measurands.standards.undecided
     fitted = None if settings.fit is None else _fitted(table, settings.fit)
     if not settings.budget:
         laws = _laws(table, table.channels, wanted)
@@ -226,6 +226,17 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
         )
         budget = dataclasses.replace(budget, simulated=draws)
     return Quantities(name, "table", rows, budget, notes, fitted, undecided)
+
+
+def _without_albedo(measurands: TableMeasurands, wanted: Wanted) -> list[Undecided]:
+    """Shares of all light that the readings in front do not reach."""
+    known = measurands.albedos.get((1, 1), "nothing was read in front of the sample with light in front")
+    if not isinstance(known, str):
+        if any(q.name == BHR for q in measurands.quantities):
+            return []
+        known = "too little of the hemisphere was read"
+    named = ((ALBEDO, "", "albedo"), (UNIFORM, "", "albedo"), (BHR, WHITE_SKY, "remote sensing"))
+    return [Undecided(name, place, group, known) for name, place, group in named if group in wanted]
 
 
 def _of_model(material: Material, name: str, settings: QuantitiesSettings, wanted: Wanted) -> Quantities:

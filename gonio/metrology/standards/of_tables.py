@@ -21,6 +21,7 @@ from gonio.data.interpolation.multilinear import interpolation_axis
 from gonio.data.layouts import Layout
 from gonio.data.table import Table
 from gonio.metrology.standards.apertures import Rule, joined
+from gonio.metrology.standards.bends import Bends
 from gonio.metrology.standards.evaluation import Integrals
 from gonio.metrology.standards.standard import Aperture, Hemisphere, Integral
 
@@ -30,8 +31,6 @@ BEYOND = 0.5
 """Steps of a grid within its innermost polar angle that interpolation reaches."""
 FLOOR = 1e-3
 """Share of the mean f of an integral below which no structure is looked for."""
-NOISE = 2 * 1.22
-"""Standard uncertainties by which the mean of two neighbours may differ from a reading without a structure."""
 WITHIN = 2.0
 """How much more f may be bent within a cell than at its nodes: of GGX lobes of two steps' width up to 1.7 times."""
 UNSEEN = (
@@ -261,14 +260,17 @@ class Part:
         f = np.nan_to_num(self.f[cells])
         floor = np.maximum(FLOOR * np.abs(weight @ f) / max(float(np.sum(np.abs(rule.weight))), 1e-300), 1e-300)
         by_slope, by_share = (np.zeros((rule.weight.size, f.shape[1])) for _ in range(2))
-        where = place.reshape(corners.cells.shape)
+        where, made = place.reshape(corners.cells.shape), Bends.of(layout, self.f, self.u)
         for k, curved in enumerate(corners.curved):
-            for total, errors in zip((by_slope, by_share), self._prediction_errors(cells, k, floor), strict=True):
+            bent = made.along(k, cells, floor)
+            for total, errors in zip((by_slope, by_share), bent.beyond_noise(), strict=True):
                 total += curved[:, None] * np.einsum("kn,knc->nc", corners.weight, errors[where])
+            share = np.bincount(place.ravel(), (corners.weight * rule.weight * curved).ravel(), cells.size)
+            made.add(bent, share)
         shown = np.einsum("kn,knc->nc", corners.weight, np.maximum(f, floor)[where])
         # What is bent between its nodes, and what may be a narrow peak there, as log f tells it.
         missed = np.maximum(by_slope, shown * np.expm1(np.minimum(by_share, LARGEST)))
-        return Row(cells, weight, WITHIN * np.abs(rule.weight) @ missed)
+        return Row(cells, weight, WITHIN * np.abs(rule.weight) @ missed + made.within_noise())
 
     def _unread(self, rule: "Places") -> str:
         if rule.weight.size == 1:
@@ -283,55 +285,6 @@ class Part:
         wi, wo = self.table.layout.directions_at(cells)
         cosine = wo.z * wi.z + sign * (wo.x * wi.x + wo.y * wi.y)
         return bool(np.max(cosine) >= math.cos(self.reach))
-
-    def _prediction_errors(self, cells: np.ndarray, axis: int, floor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """|f − its value by the neighbours along an axis| (n, C), and of log f, less what noise makes of them."""
-        layout = self.table.layout
-        name = list(layout.axes)[axis]
-        nodes, nothing = layout.axes[name], np.zeros((cells.size, floor.size))
-        if nodes.size < 2:
-            return nothing, nothing
-        index = np.array(np.unravel_index(cells, layout.shape))
-        *three, t = neighbours(nodes, index[axis], layout.periods[name], name in layout.mirrored_axes)
-        low, middle, high = (
-            self.f[np.ravel_multi_index((*index[:axis], k, *index[axis + 1 :]), layout.shape)] for k in three
-        )
-        u = NOISE * self.u[cells]
-        size, t = np.maximum(np.nan_to_num(self.f[cells]), floor), t[:, None]
-        straight = np.abs(middle - (1 - t) * low - t * high) - u
-        logs = [np.log(np.maximum(v, floor)) for v in (low, middle, high)]
-        share = np.abs(logs[1] - (1 - t) * logs[0] - t * logs[2]) - u / size
-        return _without_gaps(straight), _without_gaps(share)
-
-
-def _without_gaps(error: np.ndarray) -> np.ndarray:
-    """Errors (n, C), where none is known the usual one."""
-    usual = np.nanmedian(error, axis=0) if np.isfinite(error).any() else np.zeros(error.shape[1])
-    return np.maximum(np.where(np.isfinite(error), error, np.nan_to_num(usual)), 0.0)
-
-
-def neighbours(
-    nodes: np.ndarray, k: np.ndarray, period: float | None, mirrored: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(lower, middle, upper) nodes and the middle's share of the way between the others.
-
-    At the end of an axis the node beside it is the middle one; a periodic axis has no end, a mirrored one goes on as
-    its image; of two nodes the lower stands for the middle and the upper is the other.
-    """
-    n = nodes.size
-    if n == 2 and period is None:
-        return np.zeros_like(k), np.zeros_like(k), np.ones_like(k), np.ones(k.size)
-    if period is not None or mirrored:
-        before, after = (nodes[-1] - (period or 0), nodes[0] + (period or 0))
-        first, last = (n - 1, 0) if period is not None else (min(1, n - 1), max(n - 2, 0))
-        if mirrored:
-            before, after = -nodes[first], 2 * np.pi - nodes[last]
-        low, high = np.where(k > 0, k - 1, first), np.where(k < n - 1, k + 1, last)
-        below, above = np.where(k > 0, nodes[low], before), np.where(k < n - 1, nodes[high], after)
-        return low, k, high, (nodes[k] - below) / (above - below)
-    middle = np.clip(k, 1, n - 2)
-    t = (nodes[middle] - nodes[middle - 1]) / (nodes[middle + 1] - nodes[middle - 1])
-    return middle - 1, middle, middle + 1, t
 
 
 class Places(NamedTuple):

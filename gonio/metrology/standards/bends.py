@@ -1,0 +1,111 @@
+"""How far readings of a grid lie off the line through their neighbours: what interpolation may miss between them."""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from gonio.data.layouts import Layout
+
+NOISE = 2 * 1.22
+"""Standard uncertainties by which the mean of two neighbours may differ from a reading without a structure."""
+COVERAGE = 2.0
+"""Standard uncertainties of a sum of such differences that bound it."""
+
+
+class Bend(NamedTuple):
+    """Readings of n cells along one axis: (3, n) numbers of the cells before, at and after each, the share t (n,) of
+    the way between them, the readings there (3, n, C), their uncertainties, and the least f that counts (C,)."""
+
+    cells: np.ndarray
+    t: np.ndarray
+    f: np.ndarray
+    u: np.ndarray
+    floor: np.ndarray
+
+    def straight(self) -> np.ndarray:
+        """f less that of the line through its neighbours (n, C); NaN where one was not read."""
+        low, middle, high = self.f
+        return middle - (1 - self.t)[:, None] * low - self.t[:, None] * high
+
+    def beyond_noise(self) -> tuple[np.ndarray, np.ndarray]:
+        """|f − that of the line| (n, C), and of log f, less what noise makes of them."""
+        size = np.maximum(np.nan_to_num(self.f[1]), self.floor)
+        low, middle, high = np.log(np.maximum(self.f, self.floor))
+        share = np.abs(middle - (1 - self.t)[:, None] * low - self.t[:, None] * high)
+        noise = NOISE * self.u
+        return _without_gaps(np.abs(self.straight()) - noise), _without_gaps(share - noise / size)
+
+
+@dataclasses.dataclass
+class Bends:
+    """Sums over cells of what bends within the noise: it has a sign, so that noise averages out of it."""
+
+    layout: Layout
+    f: np.ndarray
+    u: np.ndarray
+    total: np.ndarray
+    cells: list[np.ndarray]
+    weights: list[np.ndarray]
+
+    @classmethod
+    def of(cls, layout: Layout, f: np.ndarray, u: np.ndarray) -> "Bends":
+        """Of readings f (cells, C), NaN where there is none, and their standard uncertainties."""
+        return cls(layout, f, u, np.zeros(f.shape[1]), [], [])
+
+    def along(self, axis: int, cells: np.ndarray, floor: np.ndarray) -> Bend:
+        """The readings of some cells along one axis, by its number."""
+        name = list(self.layout.axes)[axis]
+        nodes, index = self.layout.axes[name], np.array(np.unravel_index(cells, self.layout.shape))
+        if nodes.size < 2:  # nothing is known of what lies beside it
+            three, t = (index[axis],) * 3, np.zeros(cells.size)
+        else:
+            mirrored = name in self.layout.mirrored_axes
+            *three, t = neighbours(nodes, index[axis], self.layout.periods[name], mirrored)
+        places = np.stack(
+            [np.ravel_multi_index((*index[:axis], k, *index[axis + 1 :]), self.layout.shape) for k in three]
+        )
+        return Bend(places, t, self.f[places], self.u[cells], floor)
+
+    def add(self, bend: Bend, share: np.ndarray) -> None:
+        """Count shares (n,) of what the cells' readings bend by within their noise."""
+        inside = np.clip(np.nan_to_num(bend.straight()), -NOISE * bend.u, NOISE * bend.u)
+        self.total = self.total + share @ inside
+        self.cells.append(bend.cells.ravel())
+        self.weights.append((share * np.stack([bend.t - 1, np.ones(share.size), -bend.t])).ravel())
+
+    def within_noise(self) -> np.ndarray:
+        """Bound (C,) of that sum: its size and what noise may have taken from it."""
+        which, place = np.unique(np.concatenate(self.cells), return_inverse=True)
+        weight = np.bincount(place, np.concatenate(self.weights), which.size)
+        return np.abs(self.total) + COVERAGE * np.sqrt(weight**2 @ self.u[which] ** 2)
+
+
+def _without_gaps(error: np.ndarray) -> np.ndarray:
+    """Errors (n, C), where none is known the usual one."""
+    usual = np.nanmedian(error, axis=0) if np.isfinite(error).any() else np.zeros(error.shape[1])
+    return np.maximum(np.where(np.isfinite(error), error, np.nan_to_num(usual)), 0.0)
+
+
+def neighbours(
+    nodes: np.ndarray, k: np.ndarray, period: float | None, mirrored: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(lower, middle, upper) nodes and the middle's share of the way between the others.
+
+    At the end of an axis the node beside it is the middle one; a periodic axis has no end, a mirrored one goes on as
+    its image; of two nodes the lower stands for the middle and the upper is the other.
+    """
+    n = nodes.size
+    if n == 2 and period is None:
+        return np.zeros_like(k), np.zeros_like(k), np.ones_like(k), np.ones(k.size)
+    if period is not None or mirrored:
+        before, after = (nodes[-1] - (period or 0), nodes[0] + (period or 0))
+        first, last = (n - 1, 0) if period is not None else (min(1, n - 1), max(n - 2, 0))
+        if mirrored:
+            before, after = -nodes[first], 2 * np.pi - nodes[last]
+        low, high = np.where(k > 0, k - 1, first), np.where(k < n - 1, k + 1, last)
+        below, above = np.where(k > 0, nodes[low], before), np.where(k < n - 1, nodes[high], after)
+        return low, k, high, (nodes[k] - below) / (above - below)
+    middle = np.clip(k, 1, n - 2)
+    t = (nodes[middle] - nodes[middle - 1]) / (nodes[middle + 1] - nodes[middle - 1])
+    return middle - 1, middle, middle + 1, t
