@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc, stdtrit
 
 from gonio.data.material import Material
 from gonio.data.profile import Profile
@@ -188,7 +188,7 @@ def _result(profile: Profile, model: str, request: Request, solved: Solved) -> P
         spread = _spread(o, request.free, dof, known[c], "" if name is None else f"[{name}]")
         parameters += _estimates(o, request, spread, c, name)
         undetermined += spread.sentences
-        if known[c] and dof and stats.chi2.sf(o.cost, dof) < LEVEL:
+        if known[c] and dof and chdtrc(dof, o.cost) < LEVEL:
             notes.append(
                 f"the residuals{'' if name is None else f' of {name}'} are more than the stored noise: the model does "
                 f"not follow the profile, and its intervals are {np.sqrt(o.cost / dof):.2g} times as wide"
@@ -236,9 +236,9 @@ def _residuals(profile: Profile, solved: Solved, freedom: int) -> dict[str, Any]
 def _spread(o: ProfileOptimum, free: np.ndarray, dof: int, known: bool, suffix: str) -> _Spread:
     """How sure x is; by the stored noise, or by the residuals where nothing is stored or they are more than noise."""
     scale, factor = 1.0, NORMAL_95
-    if not known or (dof and stats.chi2.sf(o.cost, dof) < LEVEL):
+    if not known or (dof and chdtrc(dof, o.cost) < LEVEL):
         scale = max(o.cost, o.rounding**2) / dof if dof else np.nan
-        factor = float(stats.t.ppf(0.975, dof)) if dof else np.nan
+        factor = float(stdtrit(dof, 0.975)) if dof else np.nan
     matrix = o.jacobian.T @ o.jacobian
     # In σa over σs' and in σs' itself: what the rest of gonio calls open of such numbers is open here
     p = np.array([o.root**2 / o.reduced, o.reduced])

@@ -5,7 +5,6 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from gonio.checks.certificate import FAIL, PASS, UNDECIDED, Property, verdict_of
 
@@ -184,4 +183,6 @@ def hemispherical(theta: np.ndarray, value: np.ndarray, bound: np.ndarray) -> tu
 
 
 def _between(t: np.ndarray, e: np.ndarray) -> np.ndarray:
+    from scipy.interpolate import PchipInterpolator  # a fifth of a second, which few checks need
+
     return PchipInterpolator(t, e, axis=0).integrate(t[0], t[-1])

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import numpy as np
-from scipy import interpolate, stats
+from scipy.special import ndtri
 
 from gonio.checks.certificate import FAIL, NOT_TESTABLE, Certificate, Property, verdict_of, without_residual
 from gonio.checks.properties import PROPERTIES
@@ -124,7 +124,7 @@ def _exchanged_spots(profile: Profile, tolerance: float, level: float) -> Proper
     mean = np.where(use, np.abs(profile.value[i] + profile.value[j]) / 2, 0.0)
     u = np.where(use, np.hypot(np.nan_to_num(profile.u[i]), np.nan_to_num(profile.u[j])), 0.0)
     ring = profile.offsets[i][:, None] ** 2  # the light at a distance, of offsets that grow by a factor
-    limit = float(stats.norm.isf(level / max(int(use.sum()), 1) / 2))
+    limit = float(-ndtri(level / max(int(use.sum()), 1) / 2))
     ring = np.where(mean > limit * u, ring, 0.0)  # what noise drowns tells nothing of the light
     light = np.maximum(np.sum(ring * mean, axis=0), 1e-300)
     shares = np.abs(np.sum(ring * signed, axis=0)) / light
@@ -157,7 +157,7 @@ class _Light(NamedTuple):
 
 def _profile_energy(profile: Profile, tolerance: float, level: float) -> Property:
     side = _by_distance(profile)
-    factor = float(stats.norm.isf(level / 2 / len(profile.channels)))
+    factor = float(-ndtri(level / 2 / len(profile.channels)))
     channels = [_light(side, c, factor) for c in range(len(profile.channels))]
     if any(light is None for light in channels):
         why = "Not testable: of a channel there are fewer than three distances with positive readings."
@@ -185,6 +185,8 @@ def _light(side: _Side, c: int, factor: float) -> _Light | None:
     if r.size < 3:
         return None
 
+    from scipy import interpolate  # a fifth of a second, which checks of tables and models do not need
+
     def between(every: slice) -> float:
         x, y = r[every], np.log(value[every])
         fine = np.linspace(r[0], r[-1], STEPS)
@@ -209,7 +211,7 @@ def _light(side: _Side, c: int, factor: float) -> _Light | None:
 def _profile_positivity(profile: Profile, tolerance: float, level: float) -> Property:
     valid = profile.valid
     value, u = np.where(valid, profile.value, 0.0), np.where(valid, np.nan_to_num(profile.u), 0.0)
-    limit = float(stats.norm.isf(level / max(int(valid.sum()), 1)))
+    limit = float(-ndtri(level / max(int(valid.sum()), 1)))
     largest = np.maximum(np.max(value, axis=0), 1e-300)
     residual = float(np.max(np.maximum(-value - limit * u, 0.0) / largest))
     count = int(np.count_nonzero(value < 0))

@@ -5,7 +5,7 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit
 
 COVERAGE = 2.0
 """k of the expanded uncertainty: 95.45 % of a normal distribution."""
@@ -106,7 +106,7 @@ class Budget:
     def factor(self) -> np.ndarray:
         """The k (Q,) of 95.45 %: Student's, with the effective degrees of freedom truncated [G.6.4]."""
         dof = np.maximum(np.floor(self.dof), 1.0)
-        return np.where(np.isfinite(dof), stats.t.ppf((1 + LEVEL) / 2, np.minimum(dof, 1e9)), COVERAGE)
+        return np.where(np.isfinite(dof), stdtrit(np.minimum(dof, 1e9), (1 + LEVEL) / 2), COVERAGE)
 
     def covariance(self) -> np.ndarray:
         """Covariance (Q, Q) by the errors that readings share; the others are on its diagonal alone."""

@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtri
 
 from gonio.data.table import Table
 from gonio.metrology.budget import LEVEL, Budget
@@ -22,6 +22,8 @@ from gonio.models.errors import GonioError
 
 FEWEST, MOST = 100, 1_000_000
 TAIL = (1 - LEVEL) / 2
+DENSITY = math.exp(-0.5 * float(ndtri(TAIL)) ** 2) / math.sqrt(2 * math.pi)
+"""Of the standard normal distribution where the tail begins."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,7 +79,7 @@ def simulated(simulation: Simulation, budget: Budget, draws: int, seed: int) -> 
     with np.errstate(divide="ignore", invalid="ignore"):
         digit = 0.5 * 10.0 ** np.floor(np.log10(np.where(u > 0, u, 1.0)))
         off = np.max(np.abs(ends - budget.factor * u * np.array([[-1.0], [1.0]])), axis=0)
-    scatter = changes.std(axis=0, ddof=1) * math.sqrt(TAIL * (1 - TAIL) / draws) / stats.norm.pdf(stats.norm.ppf(TAIL))
+    scatter = changes.std(axis=0, ddof=1) * math.sqrt(TAIL * (1 - TAIL) / draws) / DENSITY
     return {
         "draws": draws, "seed": seed, "standard_uncertainty": changes.std(axis=0, ddof=1),
         "shift": changes.mean(axis=0), "interval_95.45_percent": ends.T,

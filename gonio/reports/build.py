@@ -12,7 +12,6 @@ from typing import Any, TypedDict, Unpack
 
 from gonio.checks.certificate import Certificate
 from gonio.data.files import new_file, output_errors, refuse_outputs, require_writable_folder
-from gonio.exports.preview import require_mitsuba
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError, printable
 from gonio.reports.document import Document, assemble
@@ -131,6 +130,8 @@ def report(
     values_file = None if output is None else settings.values_file(output, given)
     settings.refuse_figures()
     if settings.render:
+        from gonio.exports.preview import require_mitsuba  # the renderers' models are loaded with it
+
         require_mitsuba()
     of_page, fits = split_fits(given)
     shown = [subject_of(g, number) for number, g in enumerate(of_page)]

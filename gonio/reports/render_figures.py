@@ -4,7 +4,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gonio.data.material import Material
-from gonio.exports.preview import rendered
 from gonio.figures.spheres import encoded
 from gonio.figures.style import picture
 from gonio.reports.evaluation import ReportFigure
@@ -26,6 +25,8 @@ def _of_subject(s: ReportSubject) -> Material:
 
 
 def _figure(s: ReportSubject, number: int, name: str, material: Material) -> ReportFigure:
+    from gonio.exports.preview import rendered  # Mitsuba and its models are loaded with it
+
     linear, error = rendered(material)
     what = f", {name}" if name else ""
     caption = (

@@ -7,7 +7,6 @@ correction of Daniels 1987].
 """
 
 import numpy as np
-from scipy.optimize.elementwise import find_root
 from scipy.special import exprel, log_ndtr, ndtr, ndtri
 
 LIKELY = 2.5
@@ -117,6 +116,8 @@ def _tail(
     q = (q_up, -q_up, q_down, -q_down)
     # Where counts can only fall no tilt reaches x, and the last one stands for it.
     last = 600 / np.maximum(np.maximum(q_up, q_down), 1e-3)
+    from scipy.optimize.elementwise import find_root  # loaded where counts are compared
+
     root = find_root(_tilted, (np.zeros(x.shape), last), args=(x, *v, *q))
     t = np.where(root.success, root.x, last)
     k = t**2 * sum(w * _second(y * t) for w, y in zip(v, q, strict=True))

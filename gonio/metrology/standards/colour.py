@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Callable
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from gonio.data.channels import Channels
 from gonio.fitting.residuals.colour_difference import LINEAR_SRGB, ciede2000, to_lab
@@ -71,6 +70,8 @@ def weights_of(channels: Channels, viewing: Viewing) -> list[Weights]:
     """The matrices of channels that have a colour, for each illuminant; of linear sRGB for its own alone."""
     if channels.wavelengths_nm is None:
         return [Weights("D65/2°, from linear sRGB", 100 * LINEAR_SRGB, 100 * LINEAR_SRGB)]
+    from scipy.interpolate import CubicSpline  # loaded where there is a spectrum
+
     nm = np.asarray(channels.wavelengths_nm)
     order = np.argsort(nm)
     made = []

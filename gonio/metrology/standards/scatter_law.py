@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from gonio.data.channels import Channels
 from gonio.data.flags import Flag
@@ -121,6 +120,8 @@ def _fitted(
     name: str, law: tuple[Law, tuple[str, str, str], float], x: np.ndarray, logs: np.ndarray, where: str, channel: str
 ) -> list[Quantity]:
     """The numbers of one law of one channel, with standard uncertainties by the scatter about it."""
+    from scipy.optimize import least_squares  # loaded where a law is fitted
+
     curve, names, sign = law
 
     def residual(p: np.ndarray) -> np.ndarray:
