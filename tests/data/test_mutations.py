@@ -6,7 +6,8 @@ import warnings
 import pytest
 
 from gonio.models.errors import GonioError
-from support.mutations import mutate, read_anything, valid_files
+from support.mutations import mutate, read_anything
+from support.seed_files import valid_files
 
 
 @pytest.fixture(scope="module")

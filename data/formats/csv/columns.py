@@ -15,7 +15,7 @@ import numpy as np
 
 from gonio.data.files import input_size
 from gonio.data.formats.csv.header import ANGLE_UNITS, PER_STERADIAN, Column, columns_of, repeated_name, sole
-from gonio.models.errors import GonioError
+from gonio.models.errors import GonioError, one_line
 
 DELIMITERS = (";", "\t", ",", "|", "")
 """Between columns; the last one stands for runs of blanks."""
@@ -25,6 +25,8 @@ FEWEST_NAMES = 2
 """Columns of directions by which a header is known: what is missing beside them is the reader's to say."""
 PREAMBLE = 200
 """Lines of free text that may stand before the header."""
+MOST_COLUMNS = 20_000
+"""Names in a header; a line of more is no header."""
 NUMBER_START = re.compile(r'"?\s*[-+]?[.,]?\d')
 
 
@@ -42,7 +44,12 @@ class CsvText:
         self.lines = decoded(path, limit).split("\n")
         self.comments: list[str] = []
         self.header_line = self._find_header()
-        self.delimiter, self.columns = _best_split(_uncommented(self.lines[self.header_line]))
+        header = _uncommented(self.lines[self.header_line])
+        if (width := _widest_split(header)) > MOST_COLUMNS:
+            raise GonioError(
+                f"{self.path} has {width:,} columns in its first line; a table has at most {MOST_COLUMNS:,}"
+            )
+        self.delimiter, self.columns = _best_split(header)
         self.names = [c.name for c in self.columns]
         if self.headless:
             raise GonioError(
@@ -185,7 +192,12 @@ class CsvText:
 
     def _cells(self, line: str) -> list[str]:
         if '"' in line:
-            return next(csv.reader([line], delimiter=self.delimiter or " ", skipinitialspace=True))
+            try:
+                return next(csv.reader([line], delimiter=self.delimiter or " ", skipinitialspace=True))
+            except csv.Error as error:
+                self.refuse(
+                    f"the quotes of {one_line(line, 40)!r} hold no cells ({error}); close them or leave them out"
+                )
         return line.split(self.delimiter) if self.delimiter else line.split()
 
     def _refuse_long_rows(self) -> None:
@@ -226,7 +238,12 @@ def names_directions(line: str) -> bool:
     """Whether a line is a header with the columns of a direction's pair, or most of them."""
     if not re.search(r"(?i)theta|θ|zenith|polar|w[io]|angle|aoi|sza|vza", line[:100_000]):
         return False
-    return _directions_in(_best_split(line)[1]) >= FEWEST_NAMES
+    return _widest_split(line) <= MOST_COLUMNS and _directions_in(_best_split(line)[1]) >= FEWEST_NAMES
+
+
+def _widest_split(line: str) -> int:
+    """The most columns that a delimiter makes of a line."""
+    return max(line.count(delimiter) + 1 if delimiter else len(line.split()) for delimiter in DELIMITERS)
 
 
 def _directions_in(columns: Sequence[Column]) -> int:

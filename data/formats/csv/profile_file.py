@@ -42,7 +42,10 @@ def read_profile(path: str | os.PathLike[str]) -> Profile:
     lines = Path(path).read_text("utf-8", "replace").splitlines()
     comments = [line.lstrip("# ") for line in lines if line.startswith("#")]
     first = next(k for k, line in enumerate(lines) if line.lstrip().startswith(f"{OFFSET},"))
-    names, *rows = csv.reader(lines[first:])
+    try:
+        names, *rows = csv.reader(lines[first:])
+    except csv.Error as error:
+        raise GonioError(f"{path}: its cells cannot be told apart ({error}); write numbers without quotes") from None
     names = [name.strip() for name in names]
     kinds = [re.fullmatch(r"(u_)?R(?:_(.+))?", name) for name in names[1:]]
     if not all(kinds) or len(set(names)) < len(names):

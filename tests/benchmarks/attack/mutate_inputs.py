@@ -30,7 +30,8 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 import gonio
 from gonio.__main__ import main
 from gonio.models.errors import GonioError
-from support.mutations import mutate, read_anything, valid_files
+from support.mutations import mutate, read_anything
+from support.seed_files import valid_files
 
 # Nothing is computed before the forks: there are no threads to lose. Overflows are judged by what comes of them.
 warnings.filterwarnings("ignore", category=RuntimeWarning)

@@ -265,6 +265,22 @@ def test_ten_thousand_columns_are_refused_in_a_short_sentence(path):
     assert len(str(error.value)) < 300 + len(str(path))
 
 
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        (HEAD + f'10,0,20,0,"{"7" * 200_000}"\n', "hold no cells"),
+        ("theta_i," * 100_000 + "\n" + ROW, "has 100,001 columns in its first line"),
+        (" é" * 300_000, "has 300,000 columns in its first line"),
+    ],
+    ids=["cell", "columns", "blanks"],
+)
+def test_what_is_no_table_at_all_is_refused_at_once(path, text, remedy):
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(GonioError, match=remedy) as error:
+        read_csv(path)
+    assert "\n" not in str(error.value) and len(str(error.value)) < 400
+
+
 @settings(max_examples=40, deadline=None)
 @given(st.data())
 def test_columns_rows_units_and_forms_at_random(tmp_path_factory, data):
