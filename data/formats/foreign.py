@@ -33,12 +33,12 @@ SIGNATURES = (
 TEXTS = (
     (r"^\s*<(?:!DOCTYPE html|html)", "an HTML page"),
     (r"^\s*<\?xml|^\s*<\w+[ >]", "an XML file"),
-    (r'^\s*\{[\s\S]*"(?:\$schema|schema)"[^,]*OpenMATERIAL', "an OpenMATERIAL JSON file"),
+    (r'^\s*\{[\s\S]*"(?:\$schema|schema)"[^,]{0,300}OpenMATERIAL', "an OpenMATERIAL JSON file"),
     (r"^\s*[\[{]\s*(?:[\"\[{\]}\d-]|$)", "a JSON file"),
-    (r"(?m)^\s*ScatterRadial\s+\d|^\s*(?:AOI|POI)\s+[\d.]+\s*$", "a LightTools BSDF file"),
-    (r"(?m)^Source\s+Measured", "a damaged Zemax BSDF file"),
-    (r"(?m)^\s*(?:SIGMAT|SIGMAS)\b", "an Integra scattering file (.ddr, .ddt)"),
-    (r"(?m)^\s*VARS\s", "an ASTM file without theta_i and theta_s"),
+    (r"(?m)^[ \t\r]*+(?:ScatterRadial\s++\d|(?:AOI|POI)[ \t]++[\d.]++[ \t\r]*$)", "a LightTools BSDF file"),
+    (r"(?m)^Source\s++Measured", "a damaged Zemax BSDF file"),
+    (r"(?m)^[ \t\r]*+(?:SIGMAT|SIGMAS)\b", "an Integra scattering file (.ddr, .ddt)"),
+    (r"(?m)^[ \t\r]*+VARS\s", "an ASTM file without theta_i and theta_s"),
 )
 """What stands in the beginning of a text, and what it then is."""
 ENDINGS = {

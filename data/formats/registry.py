@@ -97,7 +97,7 @@ def _read_window_xml(path: str | os.PathLike[str]) -> Table:
 
 
 def _reads_as(opening: str) -> Callable[[FileHead], bool]:
-    """Whether a text has this pattern in its beginning."""
+    """Whether a text has this pattern in its beginning; patterns take blanks once, as a stranger's may be many."""
     return lambda head: re.search(opening, head.opening) is not None
 
 
@@ -165,12 +165,12 @@ FORMATS = (
     ),
     Format(
         "Zemax", "a Zemax .bsdf (text)", "table",
-        _reads_as(r"(?im)^\s*(?:SampleRotation|AngleOfIncidence)\s+\d|^\s*ScatterType\s+B[RT]DF\s*$"),
+        _reads_as(r"(?im)^[ \t\r]*+(?:(?:SampleRotation|AngleOfIncidence)\s++\d|ScatterType[ \t]++B[RT]DF[ \t\r]*$)"),
         zemax.read_zemax, _later("optics.zemax_write", "write_zemax"), writes_models=True,
-        write_options=("part", "channel", "step"), suffixes=(".bsdf",),
+        write_options=("part", "channel", "step"), options=("scale",), suffixes=(".bsdf",),
     ),
     Format(
-        "FRED", "FRED's text of readings", "table", _reads_as(r"(?im)^\s*type\s+bsdf_data\b|^!!.*BSDF"),
+        "FRED", "FRED's text of readings", "table", _reads_as(r"(?im)^[ \t\r]*+type[ \t]++bsdf_data\b|^!!.*BSDF"),
         fred.read_fred,
     ),
     Format(
@@ -252,10 +252,10 @@ def sniff(path: str | os.PathLike[str]) -> Format:
 def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
     """The table or the material of a file, or of one entry of it, ``FILE:NAME``.
 
-    `options`: `nodes` ("lower" or "centre") for MERL and CSAIL, `scale` for UTIA and CSAIL, `wavelength_nm` for NIST;
-    `angles`, `quantity` and `missing` for CSV (see `read_csv` in `gonio.data.formats.csv.table_file`), the first two
-    for laboratories' files too, with `mirror_azimuth` and `coverage` (see the reader of each). Raises GonioError for a
-    file that is damaged or unknown, and for an option that its format does not have.
+    `options`: `nodes` ("lower" or "centre") for MERL and CSAIL, `scale` for UTIA, CSAIL and Zemax, `wavelength_nm` for
+    NIST; `angles`, `quantity` and `missing` for CSV (see `read_csv` in `gonio.data.formats.csv.table_file`), the first
+    two for laboratories' files too, with `mirror_azimuth` and `coverage` (see the reader of each). Raises GonioError
+    for a file that is damaged or unknown, and for an option that its format does not have.
     """
     file, entry = split_entry(path)
     known = sniff(file)

@@ -42,7 +42,7 @@ READING: Options = {
         "type": int,
         "help": "azimuth of the mirror side from the light in a laboratory's file: 180 (default) or 0",
     },
-    "--scale X": {"type": float, "help": "f over the numbers of a UTIA or CSAIL file (default 1)"},
+    "--scale X": "f over the numbers of a UTIA or CSAIL file (default 1); tis: each incidence of Zemax to its TIS",
     "--coverage K": {
         "type": float,
         "help": "standard uncertainties in the uncertainties of a BiRD or ALTA file (default 1)",
@@ -103,8 +103,17 @@ def json_name(text: str) -> str:
     return text
 
 
+def number_or_tis(text: str) -> float | str:
+    """What scales a file's numbers. Raises ArgumentTypeError for what is neither."""
+    try:
+        return text.lower() if text.lower() == "tis" else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"--scale is {text!r}; give a number, or tis") from None
+
+
 KINDS: dict[str, Callable[[str], Any]] = {
     "DEG": degrees, "DEG/S": degrees, "N": int, "SEED": int, "FILE.json": json_name,
+    "X": number_or_tis,
     **dict.fromkeys(("SHARE", "REL", "ERROR", "T", "P", "1/S"), float),
 }  # fmt: skip
 

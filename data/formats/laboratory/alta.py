@@ -26,7 +26,7 @@ from gonio.data.layouts import spherical_angles
 from gonio.data.table import Table
 from gonio.models.errors import GonioError, nearest
 
-SIGNATURE = r"(?m)^\s*#(?:PARAM_IN|PARAM_OUT|DIM)[ \t]"
+SIGNATURE = r"(?m)^[ \t\r]*+#(?:PARAM_IN|PARAM_OUT|DIM)[ \t]"
 """How such a file is known."""
 OUTPUTS = {
     "INV_STERADIAN": "brdf",

@@ -18,7 +18,7 @@ from gonio.data.formats.laboratory.number_rows import number_rows, text_lines
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 
-VARIABLES = r"(?m)^\s*VARS[ \t]+[^\r\n]*theta_[is]\b"
+VARIABLES = r"(?m)^[ \t\r]*+VARS[ \t][^\r\n]*theta_[is]\b"
 """How such a file is known."""
 ANGLES = ("theta_i", "phi_i", "theta_s", "phi_s")
 RADIANS_LIMIT = 3.15

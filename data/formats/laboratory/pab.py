@@ -15,7 +15,7 @@ from gonio.data.formats.laboratory.number_rows import number_rows, text_lines
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 
-SIGNATURE = r"(?m)^\s*#[ \t]*(?:intheta|inphi|incident_angle|format:[ \t]*theta[ \t]+phi)\b"
+SIGNATURE = r"(?m)^[ \t\r]*+#[ \t]*+(?:intheta|inphi|incident_angle|format:[ \t]*+theta[ \t]++phi)\b"
 """How such a file is known."""
 QUANTITIES = {"bsdf": "brdf", "brdf": "brdf", "btdf": "brdf", "dsf": "brdf_cos"}
 """What the last word of ``#format: theta phi ...`` means."""

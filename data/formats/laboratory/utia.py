@@ -54,6 +54,6 @@ def read_utia(path: str | os.PathLike[str], scale: float | None = None) -> Table
 def scale_factor(scale: float | None) -> float:
     """What a file's numbers are multiplied by, as a caller states it. Raises GonioError for what is no factor."""
     factor = 1.0 if scale is None else scale
-    if not 0 < factor < math.inf:
-        raise GonioError(f"the scale is {factor}; give a number above 0")
+    if isinstance(factor, str) or not 0 < factor < math.inf:
+        raise GonioError(f"the scale is {factor!r}; give a number above 0")
     return float(factor)

@@ -105,7 +105,8 @@ def _header(text: TextLines) -> tuple[dict[str, str], list[str]]:
         if line.startswith(REMARKS):
             remarks.append(line.strip("!#/ "))
         elif line.lower().split()[0] == "format":
-            given = dict(w.split("=", 1) for w in re.sub(r"\s*=\s*", "=", line).split()[1:] if "=" in w)
+            words_of_line = "=".join(part.strip() for part in line.split("=")).split()[1:]
+            given = dict(w.split("=", 1) for w in words_of_line if "=" in w)
             words |= {k.lower(): v.strip("[]").lower() for k, v in given.items() if k.lower() in words}
         elif line.lower().split() != ["type", "bsdf_data"]:
             text.fail(f"{one_line(line, 40)!r} is no line of {KIND}; expected 'type bsdf_data' and 'format ...'")

@@ -17,12 +17,12 @@ from gonio.data.channels import Channels
 from gonio.data.files import stem
 from gonio.data.flags import Flag
 from gonio.data.formats.optics.angle_nodes import on_nodes
-from gonio.data.formats.optics.grid_words import all_zero_in_words, copied_pole, repeats_in_words, totals_in_words
+from gonio.data.formats.optics.grid_words import all_zero_in_words, copied_pole, repeats_in_words
+from gonio.data.formats.optics.stated_totals import BY_TOTALS, StatedTotals
 from gonio.data.formats.optics.text_lines import MOST_VALUES, TextLines
-from gonio.data.hemispherical_totals import grid_totals
 from gonio.data.layouts import Layout
 from gonio.data.table import COPIED, Table
-from gonio.models.errors import nearest, one_line
+from gonio.models.errors import GonioError, nearest, one_line
 
 KIND = "a Zemax BSDF file"
 LISTS = {
@@ -65,12 +65,21 @@ class Section(NamedTuple):
     """(rotation, incidence, azimuth, radial), 1/sr."""
 
 
-def read_zemax(path: str | os.PathLike[str]) -> Table:
+def read_zemax(path: str | os.PathLike[str], scale: str | float | None = None) -> Table:
     """The table of a Zemax BSDF file, on the file's own grid about the mirror direction or straight through.
 
-    What the grid has beyond the horizon is BELOW_HORIZON; one direction's repeated values are averaged. Raises
-    GonioError, with the line, for a damaged file.
+    What the grid has beyond the horizon is BELOW_HORIZON; one direction's repeated values are averaged.
+
+    Args:
+        path: the file.
+        scale: "tis" multiplies each incidence so that the integral of its values is the file's TIS, as the vendor's
+            converter to Speos does; otherwise values are f as they stand.
+
+    Raises:
+        GonioError: a damaged file, with the line; another scale, and one to a TIS that the file does not have.
     """
+    if scale not in (None, BY_TOTALS):
+        raise GonioError(f"the scale of {path} is {scale!r}; Zemax values are f as they stand, or --scale {BY_TOTALS}")
     text = TextLines(path, KIND)
     header = _header(text)
     sections = _sections(text, header)
@@ -97,14 +106,16 @@ def read_zemax(path: str | os.PathLike[str]) -> Table:
     tis = np.moveaxis(np.stack([s.tis for s in sections]), 1, 2)
     tis = on_nodes(header.lists["angleofincidence"], -header.lists["samplerotation"], tis, pole=False).values
     table = Table(layout, f, flag, _channels(text, sections), name=stem(path))
+    totals = StatedTotals.of(table, tis.transpose(1, 2, 0))
     table.provenance = {
         "format": "Zemax BSDF",
         "source": os.path.basename(path),
         "comments": [one_line(c) for c in text.comments[:MOST_COMMENTS] if c.strip("= ")],
         "symmetry": header.words["symmetry"],
         "understood": [*_understood(header, layout, turned), *repeats_in_words(out), *repeats_in_words(lit)],
-        "totals": _totals(table, tis.transpose(1, 2, 0)),
+        "totals": [t.replace("of the values", "before scaling") if scale else t for t in totals.in_words()],
     }
+    table.provenance["understood"].insert(1, totals.scaled(table, path) if scale else totals.unscaled())
     if copied_pole(layout, f):
         table.provenance[COPIED] = True
     if dark := all_zero_in_words(layout, f):
@@ -192,7 +203,6 @@ def _understood(header: Header, layout: Layout, turned: bool) -> list[str]:
     sentences = [
         f"angles are degrees about the {centre}: radial 0 is that direction, azimuth 0 points to the normal, "
         "counter-clockwise",
-        "values are f, 1/sr, as they stand; TIS is an integral of the file's own and does not scale them",
     ]
     if transmits:
         sentences.append(
@@ -201,7 +211,8 @@ def _understood(header: Header, layout: Layout, turned: bool) -> list[str]:
         )
     if turned:
         sentences.append(
-            "+x is where the light comes from at rotation 0; the sample's rotation turns it back: phi_i = −rotation"
+            "+x is where the light comes from at rotation 0; the sense of the sample's rotation is not said: taken as "
+            "counter-clockwise, phi_i = −rotation"
         )
     else:
         sentences.append("one rotation of the sample: the surface is taken as isotropic")
@@ -213,14 +224,3 @@ def _understood(header: Header, layout: Layout, turned: bool) -> list[str]:
     if below:
         sentences.append(f"{below} nodes of the grid lie beyond the horizon; their values are left out")
     return sentences
-
-
-def _totals(table: Table, stated: np.ndarray) -> list[str]:
-    """The file's TIS beside the integral of its values; `stated` (incidence, rotation, channel)."""
-    theta_i, theta_m, phi_m, *turn = table.layout.axes.values()
-    rotations = turn[0].size if turn else 1
-    f = np.reshape(table.f, (theta_i.size, theta_m.size, phi_m.size, rotations, -1))
-    f = np.moveaxis(f, 3, 1).reshape(-1, *f.shape[1:3], f.shape[4])
-    light = np.repeat(theta_i, rotations)
-    ours = grid_totals(theta_m, phi_m, f, light, bool(table.layout.mirrored_axes))
-    return totals_in_words("TIS", np.degrees(light), stated.reshape(ours.shape), ours)

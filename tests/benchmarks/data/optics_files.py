@@ -5,8 +5,9 @@
 FOLDER has zemax/NAME.bsdf, speos/NAME.anisotropicbsdf and fred/NAME.txt; files of one name are compared at the nodes of
 the second, where the first has readings at all four nodes about them. Speos' values are scaled to a total, so f differs
 by one factor for each incidence: it is printed, and so is what remains, in per cent and in units of the last of the
-four digits of the first file's values. (That factor is the first file's TIS over the integral of its values, as the
-vendor's converter takes it, which counts nothing beyond the outermost nodes.)
+four digits of the first file's values. That factor is the vendor's: its converter scales each incidence to the first
+file's TIS. So the second file's total by that converter's own quadrature (SciPy's nquad of a bilinear integrand, to
+0.1 absolute) is printed over the TIS.
 """
 
 import dataclasses
@@ -15,8 +16,12 @@ import sys
 
 import jax
 import numpy as np
+from scipy.integrate import nquad
+from scipy.interpolate import RectBivariateSpline
 
 from gonio.data.flags import Flag
+from gonio.data.formats.optics.speos_text import SpeosBlock, read_speos_text
+from gonio.data.formats.optics.text_lines import TextLines
 from gonio.data.formats.registry import read
 from gonio.data.interpolation.multilinear import as_material
 from gonio.data.table import Table
@@ -59,6 +64,27 @@ def compare(first: Table, second: Table) -> None:
         )
 
 
+def converters_total(block: SpeosBlock, intensity: bool) -> float:
+    """∫ value / π · cosθ dω of a block, as the vendor's converter takes it."""
+    theta, phi = np.radians(np.minimum(block.theta, 180 - block.theta)), np.radians(block.phi)
+    f = block.values / np.pi
+    weight = np.sin(theta) if intensity else np.sin(theta) * np.cos(theta)
+    order = np.argsort(theta)
+    spline = RectBivariateSpline(theta[order], phi, (f * weight[:, None])[order], kx=1, ky=1)
+    limits, options = [[0, np.pi / 2], [0, 2 * np.pi]], [{"epsabs": 0.1}] * 2
+    return float(nquad(lambda t, p: float(spline(t, p)[0, 0]), limits, opts=options)[0])
+
+
+def totals(first: pathlib.Path, second: pathlib.Path) -> None:
+    """The totals of the second file's values over the TIS of the first's."""
+    lines = TextLines(first, "a Zemax file").text.split("\n")
+    tis = [float(line.split()[1]) for line in lines if line.startswith("TIS")]
+    text = read_speos_text(second)
+    for block, share in zip(text.blocks, tis, strict=True):
+        ratio = converters_total(block, text.intensity) / share
+        print(f"  θi {block.theta_i:4.1f}°: TIS {share:.7f}, the converter's total of the values over it {ratio:.15f}")
+
+
 def main(folder: pathlib.Path) -> None:
     tables: dict[str, dict[str, Table]] = {}
     for program, suffix in (("zemax", ".bsdf"), ("speos", ".anisotropicbsdf"), ("fred", ".txt")):
@@ -73,6 +99,8 @@ def main(folder: pathlib.Path) -> None:
         for program, second in zip(list(of_programs)[1:], others, strict=True):
             print(f"{name}: {next(iter(of_programs))} beside {program}")
             compare(first, second)
+            if program == "speos":
+                totals(folder / "zemax" / f"{name}.bsdf", folder / "speos" / f"{name}.anisotropicbsdf")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import os
 import struct
+import time
 
 import numpy as np
 import pytest
@@ -77,3 +78,29 @@ def test_paths_that_are_no_files(tmp_path):
         sniff(tmp_path)
     with pytest.raises(GonioError, match="does not exist"):
         sniff(tmp_path / "none")
+
+
+@pytest.mark.parametrize(
+    "word",
+    [
+        "VARS",
+        "#",
+        "# format:",
+        "ScatterType",
+        "SampleRotation",
+        "type",
+        "AOI",
+        "Source",
+        '{"schema"',
+        "format scale",
+        "VERSION",
+    ],
+)
+def test_a_file_of_blanks_is_refused_at_once(tmp_path, word):
+    """What a beginning is searched for must not go over the blanks of a stranger's file again from each of them."""
+    for text in (word + " " * 60_000 + "x", word + "\n" * 60_000 + "x", f"{word}  " * 8_000, word + " =" * 30_000):
+        (tmp_path / "t.txt").write_text(text)
+        began = time.process_time()
+        with pytest.raises(GonioError):
+            sniff(tmp_path / "t.txt")
+        assert time.process_time() - began < 2

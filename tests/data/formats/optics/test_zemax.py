@@ -10,6 +10,7 @@ from gonio.models.errors import GonioError
 from support.optics_files import zemax
 
 ROTATION, INCIDENCE, RADIAL = [0.0, 90.0], [0.0, 20.0, 70.0], [0.0, 5.0, 40.0]
+RADIAL_BY_AZIMUTH = 9
 HALF, WHOLE = [0.0, 60.0, 180.0], [0.0, 60.0, 200.0]
 
 
@@ -52,6 +53,28 @@ def test_every_value_stands_in_its_direction(tmp_path, kind, rotation, azimuth):
             np.testing.assert_array_equal(block.f[here, 0], values[0, r, i, a, m])
     assert table.sides == {(1, 1 if kind == "BRDF" else -1)}
     assert table.layout.mirrored_axes == (("phi_m",) if azimuth == HALF else ())
+
+
+@pytest.mark.parametrize("rotation", [[0.0], ROTATION])
+def test_each_incidence_may_be_scaled_to_its_total(tmp_path, rotation):
+    """A white surface of 0.2 / π whose file says a total of 0.25, and one whose values are all three times as large."""
+    radial, azimuth = np.arange(0, 91, 2.0), np.arange(0, 360, 15.0)
+    values = np.full((1, len(rotation), 1, azimuth.size, radial.size), 0.2 / np.pi)
+    white = written(tmp_path, zemax(rotation, [0.0], azimuth, radial, values))
+    np.testing.assert_allclose(np.nanmax(read(white).f), 0.2 / np.pi)
+    np.testing.assert_allclose(np.nanmax(read(white, scale="tis").f) * np.pi, 0.25, rtol=2e-3)
+    values = numbers(3, len(rotation), 3, 3, 3)
+    texts = [zemax(rotation, INCIDENCE, WHOLE, RADIAL, k * values) for k in (1, 3)]
+    once, thrice = (read(written(tmp_path, text), scale="tis") for text in texts)
+    np.testing.assert_allclose(once.f, thrice.f, rtol=1e-12)
+    ratio = once.f / read(written(tmp_path, texts[0])).f
+    for of_incidence in ratio:  # one factor for each incidence, rotation and channel
+        factors = of_incidence.reshape(RADIAL_BY_AZIMUTH, -1)
+        np.testing.assert_allclose(np.nanmin(factors, axis=0), np.nanmax(factors, axis=0), rtol=1e-12)
+    with pytest.raises(GonioError, match="does not state a TIS"):
+        read(written(tmp_path, zemax(rotation, INCIDENCE, WHOLE, RADIAL, values, TIS="nan")), scale="tis")
+    with pytest.raises(GonioError, match="or --scale tis"):
+        read(white, scale=2.0)
 
 
 def test_the_order_and_the_sign_of_angles_do_not_matter(tmp_path):
