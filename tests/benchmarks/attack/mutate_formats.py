@@ -34,6 +34,8 @@ OPENINGS = [("[", "]"), ("{", "}"), ('{"a":', "}"), ("<a>", "</a>"), ("(", ")")]
 DEPTHS = [3, 100, 1100, 100_000]
 HEAD = 60
 """Lines in which counts stand."""
+LARGEST = 1 << 20
+"""Bytes that a text may grow to."""
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?(?![\w.])")
 WORDS = [struct.pack("<d", x) for x in (float("nan"), float("inf"), -1.0, 1e308, 5e-324, -1e30)]
 WORDS += [struct.pack("<f", x) for x in (float("nan"), float("-inf"), -1.0, 1e38)]
@@ -192,7 +194,7 @@ def mutate(valid: pathlib.Path, target: pathlib.Path, rng: random.Random) -> Non
         target.write_bytes(changed_json(data, rng))
         return
     for _ in range(rng.choice([1, 1, 2])):
-        data = changed_words(data, rng) if binary else changed_text(data, rng)
+        data = (changed_words(data, rng) if binary else changed_text(data, rng))[: max(len(data), LARGEST)]
     target.write_bytes(data)
 
 

@@ -40,6 +40,8 @@ for module in pkgutil.walk_packages(gonio.__path__, "gonio."):  # once, not in e
         importlib.import_module(module.name)
 
 BATCH, HANG, VERB_HANG = 1000, 10, 60  # files; seconds
+PATIENCE = 12
+"""So many times as long on the clock of a machine that others use, before a process without work is given up."""
 MOST_MEMORY = 2 << 20  # KiB
 VERBS = (["info"], ["check"], ["fit", "-m", "lambert + ggx", "-o", "out.toml", "--force"])
 MEMORY = pathlib.Path("/dev/shm")
@@ -104,6 +106,12 @@ def batch(files: list[pathlib.Path], numbers: range, seed: int, verbs: bool, rep
             return
 
 
+def processor_seconds(process: int) -> float:
+    """What a process has used."""
+    fields = pathlib.Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def run_batch(files: list[pathlib.Path], numbers: range, seed: int, verbs: bool, count: collections.Counter) -> int:
     """Runs a batch as a process; the number at which to go on."""
     folder = pathlib.Path(tempfile.mkdtemp(dir=MEMORY if MEMORY.is_dir() else None))
@@ -120,8 +128,13 @@ def run_batch(files: list[pathlib.Path], numbers: range, seed: int, verbs: bool,
             os._exit(0)
     os.close(theirs)
     last, name, rest, hung, begun = numbers.start - 1, "", b"", False, False
+    longest, waits, used = VERB_HANG if verbs else HANG, 0, 0.0
     while True:
-        ready, _, _ = select.select([ours], [], [], VERB_HANG if verbs else HANG)
+        ready, _, _ = select.select([ours], [], [], longest)
+        waits = 0 if ready else waits + 1
+        if not ready and waits < PATIENCE and processor_seconds(child) - used < longest:
+            continue
+        used = processor_seconds(child)
         data = os.read(ours, 1 << 16) if ready else b""
         if not data:
             hung = not ready
@@ -139,7 +152,7 @@ def run_batch(files: list[pathlib.Path], numbers: range, seed: int, verbs: bool,
     os.close(ours)
     shutil.rmtree(folder)
     if begun:
-        outcome = f"hang above {VERB_HANG if verbs else HANG} s" if hung else "the process died"
+        outcome = f"hang above {longest} s" if hung else "the process died"
         count[name, outcome] += 1
         keep(files, last, seed, outcome)
     return last + 1

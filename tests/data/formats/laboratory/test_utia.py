@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from gonio.data import layouts
 from gonio.data.flags import Flag
@@ -42,6 +44,24 @@ def test_a_table_on_its_grid_is_written_number_by_number(tmp_path):
     table = read(made(tmp_path / "m.bin"))
     report = write(tmp_path / "again.bin", table)
     assert (tmp_path / "again.bin").read_bytes() == (tmp_path / "m.bin").read_bytes()
+    assert (report.max_absolute, report.lost) == (0, 0)
+
+
+@settings(max_examples=5, deadline=None, suppress_health_check=list(HealthCheck))
+@given(st.integers(0, 2**32), st.floats(-3, 3).map(lambda x: 10**x))
+def test_random_tables_are_the_same_after_writing_and_reading(tmp_path, seed, scale):
+    """Values of both signs and many sizes, and readings that are none, whatever the numbers' unit."""
+    rng = np.random.default_rng(seed)
+    table = read(made(tmp_path / "m.bin"))
+    lost = rng.random(table.f.shape) < 0.01
+    table.f = np.where(lost, np.nan, rng.lognormal(0, 8, table.f.shape) * rng.choice([-1, 1], table.f.shape))
+    table.flag = np.where(lost, np.uint8(Flag.INVALID), np.uint8(Flag.VALID))
+    report = write(tmp_path / "t.bin", table, force=True)
+    again = read(tmp_path / "t.bin")
+    np.testing.assert_array_equal(again.flag, table.flag)
+    np.testing.assert_array_equal(again.f, table.f)
+    np.testing.assert_allclose(read(tmp_path / "t.bin", scale=scale).f, scale * table.f, rtol=1e-15)
+    assert again.layout == table.layout and again.channels == table.channels
     assert (report.max_absolute, report.lost) == (0, 0)
 
 

@@ -93,6 +93,25 @@ def test_klems_keeps_the_matrices_of_a_file_and_says_what_is_lacking(tmp_path):
     assert trip.max_absolute == 0 and "not known, left out: reflection back" in trip.note
 
 
+@QUICK
+@given(st.sets(st.sampled_from(BLOCKS), min_size=1), st.sampled_from(["Columns", "Rows"]), st.integers(0, 2**32))
+def test_klems_keeps_whichever_blocks_there_are(tmp_path, names, structure, seed):
+    blocks = {name: scattering(seed + k, 0.1 + 0.2 * k) for k, name in enumerate(sorted(names))}
+    order = {"Columns": lambda m: m, "Rows": np.transpose}[structure]
+    (tmp_path / "a.xml").write_text(document({n.title(): numbers(order(m)) for n, m in blocks.items()}, structure))
+    first = read(tmp_path / "a.xml")
+    trip = write(tmp_path / "b.xml", first, force=True, basis="quarter")
+    second = read(tmp_path / "b.xml")
+    for name in BLOCKS:
+        expected = blocks.get(name)
+        for table in (first, second):
+            block = sheet_of(table).blocks[name][0]
+            assert (block is None) == (expected is None)
+            if expected is not None:
+                np.testing.assert_array_equal(block.values, expected)
+    assert second.sides == first.sides and trip.max_absolute == 0 and trip.lost == 0
+
+
 GREY = material_of(build("0.25 * lambert(rho=0.8) + 0.5 * lambert_transmission(tau=0.6)"))
 """f is 0.2/π on the side of the light and 0.3/π on the other, everywhere."""
 
