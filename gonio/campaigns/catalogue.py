@@ -28,7 +28,7 @@ def rows_of(records: Iterable[Record], planned: Sequence[str]) -> list[dict[str,
         row |= {f"check.{name}": verdict for name, verdict in r.row.get("verdicts", {}).items()}
         for label, value, uncertainty, *_ in r.row.get("parameters", []):
             row |= {label: value, f"u({label})": uncertainty}
-        rows.append(row | {"seconds": r.seconds, "error": r.error, "file": r.file})
+        rows.append(row | {"seconds": r.seconds, "cpu_seconds": r.cpu_seconds, "error": r.error, "file": r.file})
     return rows
 
 
@@ -49,7 +49,7 @@ def write_catalogue(store: Store) -> list[dict[str, Any]]:
     fixed = _types(arrow)
     numbers = [n for n in names if n not in fixed and not n.startswith("check.")]
     dropped = set(numbers[2 * MOST_NUMBERS :])
-    tail = ("seconds", "error", "file")
+    tail = ("seconds", "cpu_seconds", "error", "file")
     order = [n for n in names if n not in dropped and n not in tail] + list(tail)
     kinds = {n: fixed.get(n, arrow.string() if n.startswith("check.") else arrow.float64()) for n in order}
     table = arrow.table(
@@ -67,6 +67,11 @@ def _types(arrow: Any) -> dict[str, Any]:
     types |= dict.fromkeys(("undetermined", "readings", "channels"), arrow.int64())
     return (
         types
-        | {"photons": arrow.float64(), "seed": arrow.int64(), "seconds": arrow.float64()}
+        | {
+            "photons": arrow.float64(),
+            "seed": arrow.int64(),
+            "seconds": arrow.float64(),
+            "cpu_seconds": arrow.float64(),
+        }
         | dict.fromkeys(("reduced_chi2", "relative_rms", "bic", "largest_albedo", "promised"), arrow.float64())
     )

@@ -41,7 +41,7 @@ def estimate(recipe: Recipe, tasks: Sequence[Task], store: Store) -> Estimate:
     for key in sorted(there)[:: max(1, len(there) // 500)]:
         record = store.record(key)
         if record is not None and record.status == DONE:
-            known[record.kind].append(record.seconds)
+            known[record.kind].append(record.cpu_seconds)
     waiting = Counter(task.kind for task in tasks if task.key not in there)
     each = {kind: statistics.median(known[kind]) if known[kind] else USUAL_SECONDS[kind] for kind in KINDS}
     seconds = sum(each[kind] * count for kind, count in waiting.items())

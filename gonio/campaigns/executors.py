@@ -161,7 +161,7 @@ def dask_cluster(workers: int, scheduler: str | None) -> Iterator[DaskCluster]:
         else:
             address = scheduler
         try:
-            client = stack.enter_context(Client(address, timeout=10, set_as_default=False))
+            client = stack.enter_context(Client(address, timeout=30, set_as_default=False))
         except (OSError, ValueError, TypeError) as error:
             raise GonioError(
                 f"no scheduler answers at {address} ({_first_line(error)}); start one: dask scheduler"

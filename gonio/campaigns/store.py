@@ -43,6 +43,7 @@ class Record:
     row: dict[str, Any]
     error: str = ""
     seconds: float = 0.0
+    cpu_seconds: float = 0.0
     file: str | None = None
 
 

@@ -14,8 +14,8 @@ from distributed.diagnostics.plugin import WorkerPlugin
 
 from gonio.environment import jax_environment
 
-RESTARTS_IN = 0.1
-"""Seconds until a worker that died is begun again."""
+ENDING = 6.0
+"""Seconds in which workers have to end."""
 
 
 class Prepare(WorkerPlugin):
@@ -30,25 +30,25 @@ class Prepare(WorkerPlugin):
 
 
 async def serve(address: str, count: int) -> None:
-    """Runs worker processes of one thread each for a scheduler, until they are told to end."""
+    """Runs worker processes of one thread each for a scheduler, until this process' standard input ends."""
     from distributed import Nanny
 
     options: dict[str, Any] = {"nthreads": 1, "memory_limit": 0, "dashboard": False, "death_timeout": 30}
     nannies = [Nanny(address, **options) for _ in range(count)]
+    ended = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    threading.Thread(target=_wait_for_parent, args=(loop, ended), daemon=True).start()
     await asyncio.gather(*nannies)
-    await asyncio.gather(*(nanny.finished() for nanny in nannies))
+    finished = asyncio.gather(*(nanny.finished() for nanny in nannies))
+    await asyncio.wait([finished, asyncio.ensure_future(ended.wait())], return_when=asyncio.FIRST_COMPLETED)
+    await asyncio.gather(*(nanny.close(timeout=ENDING / 2) for nanny in nannies))
 
 
-def _end_with_parent() -> None:
+def _wait_for_parent(loop: asyncio.AbstractEventLoop, ended: asyncio.Event) -> None:
     sys.stdin.buffer.read()
-    os._exit(0)
-
-
-def main() -> None:
-    """Begins workers by the command line."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    asyncio.run(serve(sys.argv[1], int(sys.argv[2])))
+    loop.call_soon_threadsafe(ended.set)
+    threading.Timer(ENDING, os._exit, (0,)).start()
 
 
 if __name__ == "__main__":
-    main()
+    asyncio.run(serve(sys.argv[1], int(sys.argv[2])))

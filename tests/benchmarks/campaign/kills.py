@@ -1,0 +1,169 @@
+"""Campaigns whose workers and schedulers are killed at random moments, and run again: beside an undisturbed one.
+
+    python kills.py [TABLES [KILLS_OF_WORKERS [KILLS_OF_SCHEDULERS [SEED]]]]
+
+A scheduler is killed with the command that it is part of; and one of its own, to which the command was told to go.
+"""
+
+import pathlib
+import random
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+
+import psutil
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+
+from support.process import gonio, python
+
+RECIPE = """gonio_campaign = 1
+fit = ["lambert"]
+fit_options = {{starts = 0}}
+[[measure]]
+materials = ["lambert(rho=0.3) + ggx(alpha=0.2, f0=0.04)"]
+scans = [{{step = 30}}]
+photons = 1e6
+seeds = "0:{tables}"
+"""
+RESULTS = ("tables", "fits")
+
+
+def results(folder: pathlib.Path) -> dict[str, bytes]:
+    """Every result by its name, without what killed processes were writing."""
+    paths = (p for f in RESULTS for p in (folder / f).iterdir() if not p.name.endswith(".tmp"))
+    return {f"{p.parent.name}/{p.name}": p.read_bytes() for p in paths}
+
+
+def begin(folder: pathlib.Path, *words: str) -> subprocess.Popen[str]:
+    """The command, with two workers unless the words say otherwise."""
+    command = [*gonio(), "campaign", "r.toml", "-o", "runs", *(words or ("--workers", "2"))]
+    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def workers_of(process: subprocess.Popen[str]) -> list[psutil.Process]:
+    """Worker processes that a command began."""
+    try:
+        every = psutil.Process(process.pid).children(recursive=True)
+        return [p for p in every if "spawn_main" in " ".join(p.cmdline())]
+    except psutil.Error:
+        return []
+
+
+def forget(folder: pathlib.Path, rng: random.Random) -> None:
+    """Removes half of the results, so that there is work again."""
+    for path in (folder / "runs" / "records").iterdir():
+        if rng.random() < 0.5:
+            path.unlink()
+
+
+def kill_workers(folder: pathlib.Path, kills: int, rng: random.Random) -> tuple[int, int]:
+    """(kills, commands that ended well meanwhile)."""
+    done = ended = 0
+    child = begin(folder)
+    while done < kills:
+        time.sleep(rng.uniform(0.2, 4.0))
+        if child.poll() is not None:
+            out = child.stdout.read()
+            assert child.returncode == 1 and "not done" not in out, out  # a diffuser alone is a failed fit of a lobe
+            ended += 1
+            forget(folder, rng)
+            child = begin(folder)
+        victims = workers_of(child)
+        if victims:
+            rng.choice(victims).send_signal(signal.SIGKILL)
+            done += 1
+    out = child.communicate()[0]
+    assert child.returncode == 1 and "not done" not in out, out
+    return done, ended + 1
+
+
+def kill_commands(folder: pathlib.Path, kills: int, rng: random.Random) -> list[int]:
+    """Results that were there after each kill of the command and its scheduler."""
+    there = []
+    for _ in range(kills):
+        forget(folder, rng)
+        child = begin(folder)
+        time.sleep(rng.uniform(3.0, 15.0))
+        child.send_signal(signal.SIGKILL)
+        child.wait()
+        there.append(len(list((folder / "runs" / "records").iterdir())))
+    return there
+
+
+def wait_for(port: int) -> None:
+    """Waits until something listens at a port of this machine."""
+    while True:
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.2)
+
+
+def kill_schedulers(folder: pathlib.Path, kills: int, rng: random.Random) -> list[str]:
+    """What the command says when the scheduler of a cluster of its own dies."""
+    said = []
+    for k in range(kills):
+        forget(folder, rng)
+        address = f"tcp://127.0.0.1:{18786 + k}"
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        options = ["--host", "127.0.0.1", "--port", str(18786 + k), "--no-dashboard"]
+        scheduler = subprocess.Popen([*python(), "-m", "distributed.cli.dask_scheduler", *options], **quiet)
+        options = [
+            "--nthreads",
+            "1",
+            "--nworkers",
+            "2",
+            "--no-dashboard",
+            "--memory-limit",
+            "0",
+            "--death-timeout",
+            "20",
+        ]
+        workers = subprocess.Popen([*python(), "-m", "distributed.cli.dask_worker", address, *options], **quiet)
+        wait_for(18786 + k)
+        child = begin(folder, "--scheduler", address)
+        time.sleep(rng.uniform(8.0, 25.0))
+        scheduler.send_signal(signal.SIGKILL)
+        out = child.communicate()[0]
+        said.append(f"status {child.returncode}: {out.strip().splitlines()[-1] if out.strip() else ''}")
+        workers.terminate()
+        workers.wait()
+        scheduler.wait()
+    return said
+
+
+def main() -> None:
+    given = [int(a) for a in sys.argv[1:]]
+    tables, of_workers, of_schedulers, seed = [*given, *(200, 100, 10, 1)[len(given) :]]
+    rng = random.Random(seed)
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        (folder / "r.toml").write_text(RECIPE.format(tables=tables))
+        assert begin(folder).wait() == 1
+        whole = results(folder / "runs")
+        assert len(whole) == 2 * tables
+        print(f"undisturbed: {len(whole)} results", flush=True)
+        shutil.rmtree(folder / "runs" / "fits")
+        done, ended = kill_workers(folder, of_workers, rng)
+        same = results(folder / "runs") == whole
+        print(f"{done} kills of workers over {ended} commands: bit for bit the same: {same}", flush=True)
+        there = kill_commands(folder, of_schedulers, rng)
+        begin(folder).wait()
+        same = results(folder / "runs") == whole
+        print(f"{of_schedulers} kills of the command, {there} results there: bit for bit the same: {same}", flush=True)
+        for line in kill_schedulers(folder, max(1, of_schedulers // 3), rng):
+            print(f"scheduler of its own killed: {line}", flush=True)
+        begin(folder).wait()
+        print(f"and run again: bit for bit the same: {results(folder / 'runs') == whole}")
+        time.sleep(15)
+        orphans = [p.pid for p in psutil.process_iter(["cmdline"]) if str(folder) in " ".join(p.info["cmdline"] or [])]
+        print(f"processes that are left: {len(orphans)}")
+
+
+if __name__ == "__main__":
+    main()
