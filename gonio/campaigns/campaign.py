@@ -92,7 +92,7 @@ class Campaign(Displayed):
 
 
 def campaign(recipe: RecipeLike, output: str | os.PathLike[str], **options: Unpack[CampaignOptions]) -> Campaign:
-    """Does the tasks of a recipe that are not done yet, and writes the catalogue of all.
+    """Does the tasks of a recipe that are not done yet, and writes the catalogue and the page of all.
 
     Each task is named by the digest of what determines its result: a killed campaign goes on, a changed recipe adds,
     and no number of workers, order or interruption changes a bit of a table, fit, check or reduction.
@@ -133,13 +133,17 @@ def campaign(recipe: RecipeLike, output: str | os.PathLike[str], **options: Unpa
 
 
 def catalogue(folder: str | os.PathLike[str]) -> int:
-    """Makes the catalogue of a campaign's folder anew from its records; returns how many there are."""
+    """Makes the catalogue and the page of a campaign's folder anew from its records; returns how many there are."""
     store = Store(Path(folder))
     if not (store.folder / RECORDS).is_dir():
         raise GonioError(
             f"{folder} is no folder of a campaign; give one that gonio campaign wrote, or a recipe (.toml)"
         )
-    return len(write_catalogue(store))
+    from gonio.campaigns.page import write_page
+
+    rows = write_catalogue(store)
+    write_page(store, rows)
+    return len(rows)
 
 
 def dry_run(recipe: RecipeLike, output: str | os.PathLike[str]) -> tuple[str, Estimate]:

@@ -3,7 +3,7 @@
     runs/tables/KEY.h5    runs/fits/KEY.fit.toml    runs/checks/KEY.json    runs/reduced/KEY.h5    runs/reports/KEY.html
     runs/records/KEY.json                 what was done, when it is done: status, numbers for the catalogue, seconds
     runs/plan.json                        the keys of the last recipe
-    runs/catalogue.parquet                made from the records
+    runs/catalogue.parquet, index.html    made from the records
 
 A record is written after its result, so a result without one is not there yet.
 """
@@ -25,7 +25,7 @@ RECORD_FORMAT = 1
 FILES = {"measure": "tables/{}.h5", "fit": "fits/{}.fit.toml", "check": "checks/{}.json", "reduce": "reduced/{}.h5",
          "report": "reports/{}.html"}  # fmt: skip
 """Where the result of each kind of task goes, by its key."""
-RECORDS, PLAN, CATALOGUE = "records", "plan.json", "catalogue.parquet"
+RECORDS, PLAN, CATALOGUE, PAGE = "records", "plan.json", "catalogue.parquet", "index.html"
 DONE, REFUSED = "done", "refused"
 STALE = 60
 """Seconds after which an unfinished file is of a killed process: no result takes so long to write."""

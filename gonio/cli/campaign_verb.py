@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gonio.campaigns.tasks import Task
 
 OPTIONS: Options = {
-    "-o/--output FOLDER": "where the results and their catalogue go; what is there already is kept",
+    "-o/--output FOLDER": "where results, catalogue and page go; what is there already is kept",
     "--workers N": "processes on this machine (default: one for each processor); 0: this process alone, without Dask",
     "--scheduler ADDRESS": "the Dask scheduler whose workers do it, such as tcp://host:8786",
     "--part K/N": "the K-th of N parts alone, for an array of jobs; 'gonio campaign FOLDER' then makes the catalogue",
@@ -31,7 +31,7 @@ KINDS = {"measure": "tables", "fit": "fits", "check": "checks", "reduce": "reduc
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "recipe", metavar="RECIPE.toml", help="what to do; or a campaign's folder, to make its catalogue anew"
+        "recipe", metavar="RECIPE.toml", help="what to do; or a campaign's folder, to make its catalogue and page anew"
     )
     add_options(parser.add_argument, OPTIONS)
 
@@ -113,7 +113,7 @@ def _show(outcome: "Campaign", whole: bool) -> None:
     for sentence in outcome.worst:
         show(f"  {sentence}")
     if whole:
-        show(f"written: {outcome.folder}, catalogue.parquet among it")
+        show(f"written: {outcome.folder}, with catalogue.parquet and index.html")
     else:
         log(f"gonio campaign {outcome.folder} makes the catalogue, when all parts are done")
 
@@ -130,7 +130,7 @@ def _catalogue(args: argparse.Namespace) -> int:
     from gonio.campaigns.campaign import catalogue
 
     count = catalogue(args.recipe)
-    show(f"written: {Path(args.recipe) / 'catalogue.parquet'}, {count:,} rows")
+    show(f"written: {Path(args.recipe) / 'catalogue.parquet'}, {count:,} rows, and index.html")
     return write_json(args, {"rows": count, "written": args.recipe})
 
 

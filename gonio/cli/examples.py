@@ -39,7 +39,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "gonio campaign recipe.toml -o runs/ --dry-run",
         "gonio campaign recipe.toml -o runs/ --workers 8",
         "gonio campaign recipe.toml -o runs/ --scheduler tcp://cluster:8786",
-        "gonio campaign runs/                         # the catalogue anew",
+        "gonio campaign runs/                         # catalogue, page anew",
     ),
     "chart": ("gonio chart hemisphere -o charts", "gonio chart -o charts --quick --tolerance 1e-3"),
     "stress": ("gonio stress ggx", "gonio stress --quick -o atlas"),

@@ -54,6 +54,14 @@ def workers_of(process: subprocess.Popen[str]) -> list[psutil.Process]:
         return []
 
 
+def is_working(worker: psutil.Process) -> bool:
+    """Whether a worker is beyond its imports: it has loaded what computes."""
+    try:
+        return any("jaxlib" in m.path for m in worker.memory_maps())
+    except psutil.Error:
+        return False
+
+
 def forget(folder: pathlib.Path, rng: random.Random) -> None:
     """Removes half of the results, so that there is work again."""
     for path in (folder / "runs" / "records").iterdir():
@@ -62,18 +70,18 @@ def forget(folder: pathlib.Path, rng: random.Random) -> None:
 
 
 def kill_workers(folder: pathlib.Path, kills: int, rng: random.Random) -> tuple[int, int]:
-    """(kills, commands that ended well meanwhile)."""
+    """(kills of workers that had done a task, commands that ended well meanwhile)."""
     done = ended = 0
     child = begin(folder)
     while done < kills:
-        time.sleep(rng.uniform(0.2, 4.0))
+        time.sleep(rng.uniform(0.2, 2.0))
         if child.poll() is not None:
             out = child.stdout.read()
             assert child.returncode == 1 and "not done" not in out, out  # a diffuser alone is a failed fit of a lobe
             ended += 1
             forget(folder, rng)
             child = begin(folder)
-        victims = workers_of(child)
+        victims = [w for w in workers_of(child) if is_working(w)]
         if victims:
             rng.choice(victims).send_signal(signal.SIGKILL)
             done += 1
@@ -85,10 +93,10 @@ def kill_workers(folder: pathlib.Path, kills: int, rng: random.Random) -> tuple[
 def kill_commands(folder: pathlib.Path, kills: int, rng: random.Random) -> list[int]:
     """Results that were there after each kill of the command and its scheduler."""
     there = []
+    forget(folder, rng)
     for _ in range(kills):
-        forget(folder, rng)
         child = begin(folder)
-        time.sleep(rng.uniform(3.0, 15.0))
+        time.sleep(rng.uniform(5.0, 25.0))
         child.send_signal(signal.SIGKILL)
         child.wait()
         there.append(len(list((folder / "runs" / "records").iterdir())))
