@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from gonio.exports.forms import Appearance, Form, Number, Values
+from gonio.exports.forms import Appearance, Form, Number, Values, fixed
 from gonio.exports.glass import glass
 from gonio.exports.lobes import (
     column,
@@ -44,8 +44,8 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
     if sought.interface:
         return (glass(_glass, whole=True),)
     turns = (False,) if sought.isotropic else (False, True)
-    several = sought.isotropic and len(sought.widths) != 1
-    every = []
+    smooth = {"alpha": 1.0, "ior": 1.0, "diffuse_roughness": 0.0}
+    every = [fixed(_form("diffuse", (COLOUR, WIDTH, IOR, DIFFUSE_ROUGHNESS), False), "diffuse", smooth)]
     for turned in turns:
         shape = (WIDTH,) if sought.isotropic else (WIDTH, ASPECT)
         bases = {
@@ -57,8 +57,8 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
         }  # fmt: skip
         for name, numbers in bases.items():
             every.append(_form(name, numbers, turned))
-        if several:
-            every += [_form(f"{name} under a coat", (*bases[name], *COAT), False) for name in ("dielectric", "metal")]
+        if sought.isotropic:
+            every += [_form(f"{name} under a coat", (*bases[name], *COAT), False) for name in bases]
     return tuple(every)
 
 

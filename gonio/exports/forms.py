@@ -52,6 +52,18 @@ class Form:
     """Whether `f` is that of pairs through the surface too; else nothing goes through."""
 
 
+def fixed(form: Form, name: str, values: dict[str, float]) -> Form:
+    """A form of which some numbers are given."""
+    given = {key: np.asarray(value) for key, value in values.items()}
+    return dataclasses.replace(
+        form,
+        name=name,
+        numbers=tuple(n for n in form.numbers if n.name not in given),
+        f=lambda v, pairs: form.f({**given, **v}, pairs),
+        describe=lambda v: form.describe({**given, **v}),
+    )
+
+
 @dataclasses.dataclass(frozen=True)
 class Appearance:
     """What a renderer is to show: the surface in linear sRGB, or grey (one channel)."""

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gonio.exports.forms import Appearance, Form, Number, Values
+from gonio.exports.forms import Appearance, Form, Number, Values, fixed
 from gonio.exports.glass import glass
 from gonio.exports.lobes import column, f0_of, ggx_facets, schlick
 from gonio.exports.pairs import Pairs
@@ -23,7 +23,8 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
     """A dielectric over a diffuser, a metal, both mixed, and under a clear coat; glass."""
     if sought.interface:
         return (glass(_glass, "separable", lambda cos_d, eta: schlick(cos_d, f0_of(eta))),)
-    every = []
+    lambert = {"alpha": 1.0, "ior": 1.5, "specular": 0.0}
+    every = [fixed(_form("diffuse", (COLOUR, WIDTH, *SPECULAR), False), "diffuse", lambert)]
     for turned in (False,) if sought.isotropic else (False, True):
         shape = (WIDTH,) if sought.isotropic else (WIDTH, STRENGTH)
         bases = {
@@ -32,8 +33,8 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
             "dielectric and metal": (COLOUR, *shape, *SPECULAR, TINT, Number("metallic", 0.0, 1.0, 0.5)),
         }
         every += [_form(name, numbers, turned) for name, numbers in bases.items()]
-        if sought.isotropic and len(sought.widths) != 1:
-            every += [_form(f"{name} under a clear coat", (*bases[name], *COAT), False) for name in list(bases)[:2]]
+        if sought.isotropic:
+            every += [_form(f"{name} under a clear coat", (*bases[name], *COAT), False) for name in bases]
     return tuple(every)
 
 

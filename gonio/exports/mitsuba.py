@@ -10,14 +10,13 @@ import numpy as np
 from gonio.exports.forms import Appearance, Form, Number, Values, base_terms, plain
 from gonio.exports.glass import glass
 from gonio.exports.lobes import (
-    beckmann_facets,
     column,
-    conductor,
     dielectric,
     eon,
     ggx_facets,
     schlick,
 )
+from gonio.exports.mitsuba_plugins import Plugin, body_f, describe_body, lobe_f, rough_conductor, summed, texture
 from gonio.exports.pairs import Pairs
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.diffuse.lambert import Lambert
@@ -26,9 +25,6 @@ from gonio.models.microfacet.ggx import GGX
 from gonio.models.microfacet.widths import along_axes
 from gonio.models.transmission.rough_dielectric import RoughDielectric
 
-Plugin = dict[str, Any]
-LEAST_SHARE = 0.1
-"""Of a part in a blend, from which it is drawn."""
 LEAST_SPECULAR = 1e-3
 """Of the principled plugin, which drops the metal's lobe too where this is 0."""
 LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
@@ -42,13 +38,15 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
         return (exact,)
     if sought.interface:
         return (glass(_glass, "separable"),)
-    kinds = ["beckmann" if any(isinstance(m, Beckmann) for _, m in base_terms(sought.material.brdf)) else "ggx"]
-    several = len(sought.widths) != 1 or not sought.isotropic
-    lobes: list[Sequence[str]] = [(), ("dielectric",), ("metal",), ("white",)]
-    if several and sought.isotropic:
+    others = any(model.lobe and not isinstance(model, GGX) for _, model in base_terms(sought.material.brdf))
+    kinds = ["ggx", "beckmann"] if others or not sought.widths else ["ggx"]
+    lobes: list[Sequence[str]] = [("dielectric",), ("metal",), ("white",)]
+    if sought.isotropic:
         lobes += [("dielectric", "dielectric"), ("white", "dielectric")]
-    sums = tuple(_sum(lobe, kind, sought.isotropic) for kind in kinds for lobe in lobes)
-    return (*sums, _principled(sought.isotropic)) if sought.colours in (1, 3) else sums
+    sums = [_sum("diffuse", (), "ggx", sought.isotropic), _sum("plastic", (), "ggx", sought.isotropic)]
+    sums += [_sum("diffuse", lobe, kind, sought.isotropic) for kind in kinds for lobe in lobes]
+    sums += [_sum("plastic", lobe, "ggx", sought.isotropic) for lobe in (lobes[0], *lobes[3:4])]
+    return (*sums, _principled(sought.isotropic))
 
 
 def _own(sought: Appearance) -> Form | None:
@@ -85,8 +83,8 @@ def _plugin(
             return None
         tint = _colour(scale, sought)
         kind = "ggx" if isinstance(model, GGX) else "beckmann"
-        description = _conductor(kind, (float(widths[0]), float(widths[1])), index[0], index[1], tint)
-        return description, lambda p: _front(p, tint * _lobe(p, kind, widths, index[0], index[1])), False
+        description = rough_conductor(kind, (float(widths[0]), float(widths[1])), index[0], index[1], tint)
+        return description, lambda p: _front(p, tint * lobe_f(p, kind, widths, index[0], index[1])), False
     if isinstance(model, RoughDielectric) and scale.ndim == 0 and scale == 1 and np.ndim(model.eta) == 0:
         return _interface(model)
     return None
@@ -118,67 +116,13 @@ def _colour(values: np.ndarray, sought: Appearance) -> np.ndarray:
     return np.broadcast_to(values, (sought.to_rgb.shape[1],)) @ sought.to_rgb.T
 
 
-def _lobe(
-    pairs: Pairs, kind: str, widths: Sequence[np.ndarray], eta: np.ndarray | None, k: np.ndarray | None
-) -> np.ndarray:
-    x, y = widths
-    facets = beckmann_facets(pairs, x, y) if kind == "beckmann" else ggx_facets(pairs, x, y, "separable")
-    if eta is None:
-        return facets
-    return facets * (dielectric(pairs.cos_d, eta) if k is None else conductor(pairs.cos_d, eta, k))
+LOBES = {"dielectric": "a dielectric's lobe", "metal": "a metal's lobe", "white": "a tinted lobe"}
 
 
-def _conductor(
-    kind: str, widths: tuple[float, float], eta: np.ndarray | None, k: np.ndarray | None, tint: np.ndarray
-) -> Plugin:
-    alpha = {"alpha": widths[0]} if widths[0] == widths[1] else {"alpha_u": widths[0], "alpha_v": widths[1]}
-    index = {"material": "none"} if eta is None else {"eta": texture(eta), "k": texture(0.0 if k is None else k)}
-    plugin = {"type": "roughconductor", "distribution": kind, **alpha, **index}
-    return plugin if np.all(tint == 1) else plugin | {"specular_reflectance": texture(tint)}
-
-
-def texture(values: Any) -> Plugin:
-    """A colour, or a grey; beyond 1 a raw one, as reflectances are refused there."""
-    v = np.atleast_1d(np.asarray(values, float))
-    if v.size == 1 or np.all(v == v[0]):
-        return {"type": "uniform", "value": float(v[0])}
-    return {"type": "rgb", "value": [float(x) for x in v]}
-
-
-def summed(parts: Sequence[Plugin]) -> Plugin:
-    """The sum of BSDFs: a blend, in which each stands as many times as bright as its share is smaller."""
-    if len(parts) == 1:
-        return parts[0]
-    needs = np.array([max(LEAST_SHARE, *_brightness(p)) for p in parts])
-    share = float(needs[0] / needs.sum())
-    first, rest = scaled(parts[0], 1 / (1 - (1 - share))), [scaled(p, 1 / (1 - share)) for p in parts[1:]]
-    return {"type": "blendbsdf", "weight": 1 - share, "first": first, "second": summed(rest)}
-
-
-def _reflectance(plugin: Plugin) -> str:
-    return "reflectance" if plugin["type"] == "diffuse" else "specular_reflectance"
-
-
-def _brightness(plugin: Plugin) -> list[float]:
-    value = plugin.get(_reflectance(plugin), {}).get("value", 0.0)
-    return value if isinstance(value, list) else [0.0, value if plugin["type"] == "diffuse" else 0.0]
-
-
-def scaled(plugin: Plugin, factor: float) -> Plugin:
-    """A plugin that reflects so many times as much."""
-    if plugin["type"] == "blendbsdf":
-        return plugin | {name: scaled(plugin[name], factor) for name in ("first", "second")}
-    name = _reflectance(plugin)
-    value = np.asarray(plugin.get(name, {"value": 1.0})["value"]) * factor
-    description = texture(value)
-    if value.ndim and value.max() > 1:
-        description = {"type": "rawconstant", "value": description["value"]}
-    return plugin | {name: description}
-
-
-def _sum(lobes: Sequence[str], kind: str, isotropic: bool) -> Form:
-    """A diffuser under lobes: of a dielectric, of a metal, or with a Fresnel factor of 1."""
+def _sum(below: str, lobes: Sequence[str], kind: str, isotropic: bool) -> Form:
+    """A diffuser, free or under a smooth coat, and lobes: of a dielectric, a metal, or with a Fresnel factor of 1."""
     numbers = [Number("rho", 0.0, 1.0, 0.3, coloured=True)]
+    numbers += [Number("body_eta", 1.01, 3.0, 1.5, log=True)] if below == "plastic" else []
     for j, lobe in enumerate(lobes):
         axes = ("alpha",) if isotropic else ("alpha_u", "alpha_v")
         numbers += [Number(f"{axis}{j}", 1e-4, 1.0, 0.2, log=True, width=True) for axis in axes]
@@ -199,18 +143,18 @@ def _sum(lobes: Sequence[str], kind: str, isotropic: bool) -> Form:
         return each
 
     def f(v: Values, pairs: Pairs) -> np.ndarray:
-        lit = (scale * _lobe(pairs, kind, widths, eta, k) for widths, eta, k, scale in parts(v))
-        return functools.reduce(np.add, lit, v["rho"] / np.pi * np.ones((pairs.wi.z.size, 1)))
+        lit = (scale * lobe_f(pairs, kind, widths, eta, k) for widths, eta, k, scale in parts(v))
+        return functools.reduce(np.add, lit, body_f(v, pairs))
 
     def describe(v: Values) -> Plugin:
         plugins = [
-            _conductor(kind, (float(w[0]), float(w[1])), eta, k, np.atleast_1d(scale)) for w, eta, k, scale in parts(v)
+            rough_conductor(kind, (float(w[0]), float(w[1])), eta, k, np.atleast_1d(tint))
+            for w, eta, k, tint in parts(v)
         ]
-        diffuse = {"type": "diffuse", "reflectance": texture(v["rho"])}
-        return summed([diffuse, *plugins] if np.max(v["rho"]) > 1e-6 else plugins)
+        return summed([describe_body(v), *plugins] if np.max(v["rho"]) > 1e-6 or not lobes else plugins)
 
-    names = {"dielectric": "a dielectric's lobe", "metal": "a metal's lobe", "white": "a tinted lobe"}
-    return Form(" + ".join(["diffuse", *(names[lobe] for lobe in lobes)]), tuple(numbers), f, describe)
+    names = ["diffuse under a smooth coat" if below == "plastic" else "diffuse", *(LOBES[lobe] for lobe in lobes)]
+    return Form(" + ".join(names) + " (Beckmann)" * (kind == "beckmann"), tuple(numbers), f, describe)
 
 
 def _principled(isotropic: bool) -> Form:

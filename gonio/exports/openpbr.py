@@ -44,11 +44,8 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
     mixed = (*plastic[:-1], TINT, Number("base_metalness", 0.0, 1.0, 0.5))
     bases = {"dielectric": plastic, "metal": metal, "dielectric and metal": mixed}
     every = [Form(name, numbers, surface, description) for name, numbers in bases.items()]
-    if sought.isotropic and len(sought.widths) != 1:
-        every += [
-            Form(f"{name} under a coat", (*bases[name], *COAT), surface, description)
-            for name in ("dielectric", "metal")
-        ]
+    if sought.isotropic:
+        every += [Form(f"{name} under a coat", (*bases[name], *COAT), surface, description) for name in bases]
     return tuple(every)
 
 

@@ -1,7 +1,8 @@
 """Pairs of directions at which a surface and its expression in a renderer are compared, and how much each counts.
 
 Half vectors lie on a polar grid about the normal whose tilts are even in their logarithm up to a degree and nearly even
-beyond, so that lobes of any width are resolved; incidences are Gauss nodes of sin²θ, so that all count alike.
+beyond, so that lobes of any width are resolved; incidences are Gauss nodes of √cosθ, since f² of a lobe that is masked
+at grazing incidence only counts there most.
 """
 
 import dataclasses
@@ -11,6 +12,8 @@ import numpy as np
 
 from gonio.models.geometry.directions import Direction, dot
 
+LOWEST = float(np.cos(np.deg2rad(86)))
+"""Cosine of the most grazing light of which albedos are compared."""
 LEAST_TILT, EVEN_SHARE = 1e-4, 8.0
 """Radians from which on tilts are even in their logarithm; steps of even ones among all."""
 
@@ -34,6 +37,13 @@ class Pairs:
         return self.share[self.incidence] * self.flux / np.pi
 
     @functools.cached_property
+    def cosines(self) -> np.ndarray:
+        """Of the lights, with the normal."""
+        cosines = np.zeros(self.share.size)
+        cosines[self.incidence] = self.wi.z
+        return cosines
+
+    @functools.cached_property
     def h(self) -> Direction:
         """The half vectors."""
         x, y, z = (a + b for a, b in zip(self.wi, self.wo, strict=True))
@@ -48,6 +58,11 @@ class Pairs:
     def through(self) -> "Pairs":
         """The same pairs with the detector mirrored to behind the surface."""
         return dataclasses.replace(self, wo=Direction(self.wo.x, self.wo.y, -self.wo.z))
+
+    def where(self, mask: np.ndarray) -> "Pairs":
+        """Those of the pairs that a mask (n,) takes."""
+        wi, wo = (Direction(*(c[mask] for c in w)) for w in (self.wi, self.wo))
+        return Pairs(wi, wo, self.flux[mask], self.incidence[mask], self.share)
 
     def albedo(self, f: np.ndarray) -> np.ndarray:
         """∫ f cosθo dωo for each light, (lights, C), by the rule that the pairs are."""
@@ -64,8 +79,9 @@ def polar_pairs(lights: int, tilts: int, azimuths: int, turns: int = 1) -> Pairs
         azimuths: of the half vector, over the half circle; over the whole one where the light turns.
         turns: azimuths of the light over the half circle; 1 for an isotropic surface.
     """
-    u, share = np.polynomial.legendre.leggauss(lights)
-    theta_i = np.arcsin(np.sqrt((u + 1) / 2))
+    u, weight = np.polynomial.legendre.leggauss(lights)
+    root = (1 - u) / 2
+    theta_i, share = np.arccos(root**2), 4 * weight * root**3
     phi_i = (np.arange(turns) + 0.5) * np.pi / turns if turns > 1 else np.zeros(1)
     theta_h, d_theta = _tilts(tilts)
     circle = np.pi if turns == 1 else 2 * np.pi
@@ -79,8 +95,7 @@ def polar_pairs(lights: int, tilts: int, azimuths: int, turns: int = 1) -> Pairs
     above = (cos_d > 1e-6) & (wo.z > 1e-6)
     flux = 4 * cos_d * np.sin(theta_h[tilt]) * d_theta[tilt] * (2 * np.pi / azimuths) * wo.z
     incidence = np.repeat(np.arange(lights * turns), tilts * azimuths)
-    wi, wo = (Direction(*(c[above] for c in w)) for w in (wi, wo))
-    return Pairs(wi, wo, flux[above], incidence[above], np.repeat(share / 2 / turns, turns))
+    return Pairs(wi, wo, flux, incidence, np.repeat(share / 2 / turns, turns)).where(above)
 
 
 def _tilts(count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,8 @@ from gonio.exports.pairs import Pairs
 from gonio.models.transmission.thin_sheet import ThinSheet
 
 Said = list[dict[str, Any]]
-"""Materials in the order in which they are made, the last one the surface: "type", and parameters by their types."""
+"""Materials in the order in which they are made, the last one the surface: "type", parameters by their types, and of a
+mix the places of its materials in this order."""
 
 
 def forms(sought: Appearance) -> tuple[Form, ...]:
@@ -27,8 +28,10 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
         return (sheet,)
     axes = ("alpha",) if sought.isotropic else ("alpha_x", "alpha_y")
     kinds: list[tuple[str, ...]] = [("diffuse",), ("coated",), ("metal",), ("diffuse", "metal"), ("coated", "metal")]
-    if sought.isotropic and len(sought.widths) != 1:
-        kinds += [("coated", "coated"), ("metal", "metal")]
+    kinds += [("diffuse", "coated")]
+    if sought.isotropic:
+        kinds += [("coated", "coated"), ("metal", "metal"), ("diffuse", "coated", "metal")]
+        kinds += [(base, "metal", "metal") for base in ("diffuse", "coated")]
     return tuple(_mix(kind, axes) for kind in kinds)
 
 
@@ -68,6 +71,9 @@ def _roughness(alpha_x: Any, alpha_y: Any) -> dict[str, Any]:
 
 def _widths(v: Values, axes: tuple[str, ...], suffix: str) -> tuple[Any, Any]:
     return v[f"{axes[0]}{suffix}"], v[f"{axes[-1]}{suffix}"]
+
+
+NAMES = {"diffuse": "diffuse", "coated": "coateddiffuse", "metal": "conductor"}
 
 
 class _Part:
@@ -131,22 +137,27 @@ def under_coat(pairs: Pairs, rho: np.ndarray, alpha: float, eta: float) -> np.nd
 
 
 def _mix(kinds: tuple[str, ...], axes: tuple[str, ...]) -> Form:
+    """A material, or a mix of two or three: the first one, and what is mixed of the others."""
     parts = [_Part(kind, axes, str(k) if len(kinds) > 1 else "") for k, kind in enumerate(kinds)]
     numbers = [n for part in parts for n in part.numbers]
-    names = {"diffuse": "diffuse", "coated": "coateddiffuse", "metal": "conductor"}
     if len(parts) == 1:
         only = parts[0]
-        return Form(names[parts[0].kind], tuple(numbers), only.f, lambda v: [only.describe(v)])
+        return Form(NAMES[only.kind], tuple(numbers), only.f, lambda v: [only.describe(v)])
+    amounts = ["amount", "amount2"][: len(parts) - 1]
 
     def f(v: Values, pairs: Pairs) -> np.ndarray:
-        return (1.0 - v["amount"]) * parts[0].f(v, pairs) + v["amount"] * parts[1].f(v, pairs)
+        mixed = parts[-1].f(v, pairs)
+        for part, amount in zip(reversed(parts[:-1]), reversed(amounts), strict=True):
+            mixed = (1.0 - v[amount]) * part.f(v, pairs) + v[amount] * mixed
+        return mixed
 
     def describe(v: Values) -> Said:
-        return [*(part.describe(v) for part in parts), {"type": "mix", "float amount": float(v["amount"])}]
+        described, last = [part.describe(v) for part in parts], len(parts) - 1
+        for k in reversed(range(len(amounts))):
+            described.append({"type": "mix", "materials": [k, last], "float amount": float(v[amounts[k]])})
+            last = len(described) - 1
+        return described
 
-    return Form(
-        f"mix of {names[parts[0].kind]} and {names[parts[1].kind]}",
-        (*numbers, Number("amount", 0.0, 1.0, 0.5)),
-        f,
-        describe,
-    )
+    *first, last = (NAMES[kind] for kind in kinds)
+    starts = [Number(name, 0.0, 1.0, 0.5) for name in amounts]
+    return Form(f"mix of {', '.join(first)} and {last}", (*numbers, *starts), f, describe)

@@ -30,10 +30,11 @@ Shape "sphere"
 
 def _material(name: str, description: dict[str, Any], names: list[str]) -> str:
     lines = [f'MakeNamedMaterial "{name}" "string type" "{description["type"]}"']
-    if description["type"] == "mix":
-        lines.append(f'"string materials" [ "{names[0]}" "{names[1]}" ]')
     for key, value in description.items():
-        if key != "type":
+        if key == "materials":
+            mixed = " ".join(f'"{names[k]}"' for k in value)
+            lines.append(f'"string materials" [ {mixed} ]')
+        elif key != "type":
             lines.append(f'"{key}" {_value(value)}')
     return "\n    ".join(lines)
 

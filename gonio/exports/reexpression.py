@@ -6,7 +6,7 @@ import numpy as np
 
 from gonio.exports.forms import Appearance
 from gonio.exports.nearest import Nearest
-from gonio.exports.pairs import Pairs
+from gonio.exports.pairs import LOWEST, Pairs
 from gonio.figures.spheres import sphere_pairs
 from gonio.fitting.residuals.colour_difference import LINEAR_SRGB, ciede2000, to_lab
 
@@ -82,7 +82,7 @@ def reexpression(target: str, sought: Appearance, expression: Nearest, remarks: 
         largest = float(np.abs(f).max(initial=0.0))
         squares += float(np.sum(side.weight[:, None] * f * f))
         off += float(np.sum(side.weight[:, None] * difference**2))
-        albedo = max(albedo, float(np.abs(side.albedo(difference)).max(initial=0.0)))
+        albedo = max(albedo, float(np.abs(side.albedo(difference)[side.cosines >= LOWEST]).max(initial=0.0)))
         exact &= bool(np.all(np.abs(difference) <= ROUNDING * np.maximum(np.abs(f), 1e-6 * largest)))
     colours = sphere_colours(sought, expression)
     left_out = ("light through the surface is left out",) * (sought.transmits and not expression.form.transmits)

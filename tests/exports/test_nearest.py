@@ -7,7 +7,8 @@ import pytest
 
 from gonio.data.subject import load_material
 from gonio.exports import blender, gltf, mitsuba, openpbr, pbrt
-from gonio.exports.forms import Appearance, Form, Values
+from gonio.exports.forms import Appearance, Form, Values, appearance_of
+from gonio.exports.lobes import ggx_facets, schlick
 from gonio.exports.nearest import nearest
 from gonio.exports.pairs import Pairs
 from gonio.exports.reexpression import reexpression
@@ -82,3 +83,32 @@ def test_an_index_of_one_leaves_the_diffuser_alone():
         }
         f = of_name(module, "dielectric").f(values, made(None, None).pairs(4, 8, 4))
         np.testing.assert_allclose(f, 0.4 / np.pi, rtol=1e-6)
+
+
+SURFACES = (
+    "dipole(sigma_a=[0.002, 0.004, 0.007], sigma_s=[2.2, 2.6, 3], eta=1.5)",
+    "eon(rho=0.5, r=1) + 0.3 * beckmann(alpha=0.3)",
+    "lambert(rho=0.4) + 0.1 * ggx(alpha=0.03, f0=0.05) + 0.1 * ggx(alpha=0.2)",
+)
+
+
+@pytest.mark.parametrize("sought", SURFACES)
+def test_no_export_is_further_than_a_diffuser_or_one_lobe_from_a_coarse_search(sought):
+    """The best of all Lambertians is that of the surface's bihemispherical albedo."""
+    appearance = appearance_of(load_material(sought))
+    pairs = appearance.pairs(12, 48, 12)
+    f, w = appearance.f(pairs.wi, pairs.wo), pairs.weight[:, None]
+    best = np.sum(w * f, axis=0) / np.sum(w)
+    lobes = [
+        schlick(pairs.cos_d, f0) * ggx_facets(pairs, alpha, alpha, "separable") * scale
+        for alpha in (0.03, 0.1, 0.3, 0.6)
+        for f0 in (0.04, 0.5)
+        for scale in (0.1, 0.3, 1.0)
+    ]
+    tried = [best, *(lobe + np.maximum(best - np.sum(w * lobe) / np.sum(w), 0.0) for lobe in lobes)]
+    diffuse, *others = (np.sqrt(np.sum(w * (t - f) ** 2) / np.sum(w * f * f)) for t in tried)
+    for name in ("mitsuba", "gltf"):
+        error = reexpression(name, appearance, nearest(MODULES[name].forms(appearance), appearance))
+        assert error.relative_rms <= diffuse + 0.01, name
+        assert error.relative_rms <= min(others) + 0.01, name
+        assert error.albedo_difference < 0.5

@@ -1,0 +1,86 @@
+"""What a search for a renderer's numbers makes small: differences of f, and of what a lit surface shows of them.
+
+Differences of f itself, weighted as the error that every export prints, are those of highlights alone where there are
+any. Beside them stand differences of cube roots of π f cosθi, as a fit of a table has, over directions of which half
+are spread as a diffuser reflects and half as the surface itself does; and of cube roots of each incidence's albedo.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from gonio.exports.pairs import LOWEST, Pairs
+
+DARK = 1e-4
+"""Of π f cosθi: what is darker counts by its difference."""
+ROOT = 3.0
+"""By how much smaller a relative difference is in a cube root."""
+SHOWN = 0.3
+"""Weight of the relative differences of roots, where those of f have 1."""
+GAIN = 10.0
+"""Weight of what is reflected beyond all light, and beyond what the surface reflects."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """A surface at pairs of directions, to which others are compared."""
+
+    pairs: Pairs
+    wanted: np.ndarray
+    """f (n, C)."""
+    weight: np.ndarray
+    """Of the differences of f, (n, 1): their squares sum to the square of the relative rms."""
+    root_weight: np.ndarray
+    albedo_weight: np.ndarray
+
+    def residuals(self, f: np.ndarray) -> np.ndarray:
+        """(2n + 2 lights, C): the squares sum to those of `relative_rms`, weighted `shown` and light made."""
+        f = np.broadcast_to(f, self.wanted.shape)
+        made = GAIN * np.sqrt(self.pairs.share)[:, None] * self._made(f)
+        return np.concatenate([self.weight * (f - self.wanted), SHOWN * self._roots(f), made])
+
+    def light_made(self, f: np.ndarray) -> float:
+        """By how much more than all light, and than the surface reflects, a light up to 86° is reflected at most."""
+        made = self._made(np.broadcast_to(f, self.wanted.shape))
+        return float(made[self.pairs.cosines >= LOWEST].max(initial=0.0))
+
+    def relative_rms(self, f: np.ndarray) -> float:
+        """√(∫∫ (f − wanted)² cosθi cosθo dωi dωo / ∫∫ wanted² cosθi cosθo dωi dωo)."""
+        return float(np.sqrt(np.sum((self.weight * (np.broadcast_to(f, self.wanted.shape) - self.wanted)) ** 2)))
+
+    def shown(self, f: np.ndarray) -> float:
+        """The relative distance of the roots."""
+        return float(np.sqrt(np.sum(self._roots(np.broadcast_to(f, self.wanted.shape)) ** 2)))
+
+    @property
+    def reflected(self) -> float:
+        """Share of diffuse light that the surface reflects, by these pairs, of the channels' mean."""
+        return float(np.pi * np.sum(self.pairs.weight * self.wanted.mean(axis=1)))
+
+    def _made(self, f: np.ndarray) -> np.ndarray:
+        return np.maximum(self.pairs.albedo(f) - np.maximum(self.pairs.albedo(self.wanted), 1.0), 0.0)
+
+    def _roots(self, f: np.ndarray) -> np.ndarray:
+        exposure = np.pi * self.pairs.wi.z[:, None]
+        points = _root(f * exposure) - _root(self.wanted * exposure)
+        albedos = _root(self.pairs.albedo(f)) - _root(self.pairs.albedo(self.wanted))
+        return np.concatenate([self.root_weight * points, self.albedo_weight * albedos])
+
+
+def comparison(pairs: Pairs, wanted: np.ndarray) -> Comparison:
+    """The weights for a surface of values (n, C)."""
+    mean = np.maximum(wanted.mean(axis=1), 0.0)
+    reflected = pairs.albedo(mean[:, None])[:, 0]
+    share = pairs.flux / np.pi + pairs.flux * mean / np.maximum(reflected, 1e-30)[pairs.incidence]
+    weight = np.sqrt(pairs.weight)[:, None]
+    root_weight, albedo_weight = np.sqrt(0.5 * pairs.share[pairs.incidence] * share)[:, None], np.sqrt(pairs.share)
+    size = np.sqrt(np.sum((weight * wanted) ** 2))
+    points = np.sqrt(np.sum((root_weight * _root(wanted * np.pi * pairs.wi.z[:, None])) ** 2))
+    albedos = np.sqrt(np.sum((albedo_weight[:, None] * _root(pairs.albedo(wanted))) ** 2))
+    return Comparison(
+        pairs, wanted, weight / max(size, 1e-30), ROOT * root_weight / points, ROOT * albedo_weight[:, None] / albedos
+    )
+
+
+def _root(v: np.ndarray) -> np.ndarray:
+    return np.cbrt(np.maximum(v, 0.0) + DARK)
