@@ -105,7 +105,11 @@ def table_of_listing(
     assert f is not None
     flag = np.zeros(f.shape, np.uint8) if listing.flag is None else listing.flag.copy()
     flag[~np.isfinite(f) & (flag == Flag.VALID)] = Flag.INVALID
-    if how.quantity != "brdf":
+    if how.quantity == "brdf":
+        understood.append(
+            "the values are f, 1/sr" + ("" if how.quantity_known else "; if they are not, state --quantity")
+        )
+    else:
         understood.append(f"the values are {QUANTITIES[how.quantity].meaning}, and divided by what f lacks of that")
     placed = recognised(angles, listing.rounding)
     table = table_of_rows(angles, Readings(f, u_f, flag), listing.channels, placed, understood)

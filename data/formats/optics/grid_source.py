@@ -74,10 +74,26 @@ class GridSource:
         values = evaluate_in_blocks(self.brdf, wi, wo)
         return np.broadcast_to(values, (len(values), len(self.mix))) @ self.mix
 
-    def light(self, step: float) -> tuple[np.ndarray, np.ndarray | None]:
-        """(polar angles of the light in front, its azimuths or None where the surface is isotropic), radians."""
-        theta_i = np.radians(np.append(np.arange(0, 85, max(step, 5.0)), 85.0))
-        phi_i = None if self.brdf.isotropic else np.radians(np.arange(0, 360, max(step, 15.0)))
+    def lobe_width(self) -> float:
+        """Degrees from the mirror direction, or straight through, in which f of light at 45° falls to half; else 90."""
+        offsets = np.linspace(0, 30, 121)
+        theta_o, phi_o = np.radians(45.0 - offsets), np.full(offsets.size, np.pi)
+        wi, wo = from_spherical(np.full(offsets.size, np.pi / 4), 0 * phi_o, np), from_spherical(theta_o, phi_o, np)
+        widths = [90.0]
+        for _, detector in self.sides & {(1, 1), (1, -1)}:
+            f = np.mean(self.f(wi, wo._replace(z=wo.z * detector)), axis=-1)
+            widths += [float(w) for w in offsets[f < np.max(f, initial=0.0) / 2][:1]]
+        return min(widths)
+
+    def light(self, step: float, step_of_azimuth: float = 15.0) -> tuple[np.ndarray, np.ndarray | None]:
+        """(polar angles of the light in front, its azimuths or None where the surface is isotropic), radians.
+
+        Args:
+            step: degrees, of polar angles where the source has none of its own.
+            step_of_azimuth: degrees, of its azimuths.
+        """
+        theta_i = np.radians(np.append(np.arange(0, 85, step), 85.0))
+        phi_i = None if self.brdf.isotropic else np.radians(np.arange(0, 360, step_of_azimuth))
         if isinstance(self.source, Table) and self.source.layout.gridded:
             axes = self.source.layout.axes
             if "theta_i" in axes and (front := axes["theta_i"][axes["theta_i"] < np.pi / 2 - 1e-6]).size:
@@ -190,7 +206,7 @@ def mirror_layout(source: GridSource, step: float, transmits: bool) -> Layout:
     """The grid about the mirror direction, or straight through, of a source: its own where it has one."""
     if isinstance(source.source, Table) and source.source.layout.name == ("straight" if transmits else "mirror"):
         return source.source.layout
-    theta_i, phi_i = source.light(step)
+    theta_i, phi_i = source.light(max(step, 5.0), max(step, 15.0))
     theta_m = about_the_middle(step, min(90 + float(np.degrees(theta_i[-1])), 180 - step))
     half = phi_i is None and (not isinstance(source.source, Table) or bool(source.source.layout.mirrored_axes))
     phi_m = np.radians(np.arange(0, 180 + step / 2 if half else 360, step))

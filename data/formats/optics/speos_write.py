@@ -20,10 +20,14 @@ from gonio.models.errors import GonioError
 
 STEP = 2.0
 WIDEST_AZIMUTH_STEP = 5.0
+INCIDENCES = (5.0, 2.5, 1.25)
+"""Degrees between the incidences of a model."""
 GREY_NM = (350.0, 850.0)
 """Wavelengths, nm, between which a channel without one is the same."""
 RGB_NM = {"R": 611.4, "G": 549.1, "B": 464.3}
 """Dominant wavelengths, nm, of the primaries of sRGB."""
+LEAST_COST = 1e-3
+"""Relative rms that is worth a word."""
 PARTS = (("reflection", 1), ("transmission", -1))
 
 
@@ -33,8 +37,9 @@ def write_speos(
     """Writes what light in front of the sample does as a Speos file, by the path's ending; returns what is lost by it.
 
     A table on a grid of polar angles and azimuths is written node by node; all else is sampled, fine in azimuth about
-    the plane of incidence. An .anisotropicbsdf file has one angular distribution, the channels' mean, times a spectrum
-    of totals; a .brdf file one for each wavelength, of isotropic surfaces. R, G and B become wavelengths.
+    the plane of incidence, a model with incidences the nearer the narrower its lobe is. An .anisotropicbsdf file has
+    one angular distribution, the channels' mean, times a spectrum of totals; a .brdf file one for each wavelength, of
+    isotropic surfaces. R, G and B become wavelengths.
 
     Args:
         path: ends in .anisotropicbsdf or .brdf.
@@ -56,11 +61,26 @@ def write_speos(
         )
     table, note = whole.on(layout)
     behind = any(light < 0 for light, _ in whole.sides)
-    notes = [note, named, "what light from behind does is left out" if behind else "", whole.media_note]
+    shape = _cost_of_one_shape(table) if anisotropic and len(whole.channels) > 1 else ""
+    notes = [note, named, shape, "what light from behind does is left out" if behind else "", whole.media_note]
     with new_file(path, force) as temporary:
         temporary.write_text((_anisotropic if anisotropic else _isotropic)(table, wavelengths), encoding="utf-8")
         written = read_speos(temporary)
     return whole.compared(written, "; ".join(filter(None, notes)))
+
+
+def _cost_of_one_shape(table: Table) -> str:
+    """What the channels' mean, times one factor for each of them, is off from them; nothing where it is not."""
+    f = np.where(table.flag == Flag.VALID, table.f, 0.0).reshape(-1, len(table.channels)).astype(float)
+    mean = f.mean(axis=1, keepdims=True)
+    largest = float(np.max(np.abs(f), initial=0.0)) or 1.0
+    f, mean = f / largest, mean / largest
+    factors = (f * mean).sum(axis=0) / max(float((mean**2).sum()), 1e-300)
+    cost = float(np.sqrt(((f - factors * mean) ** 2).sum() / max(float((f**2).sum()), 1e-300)))
+    if cost < LEAST_COST:
+        return ""
+    better = "" if "phi_i" in table.layout.axes else ", and a .brdf file has one for each"
+    return f"one angular distribution for all channels is off by rms {cost:.2g}{better}"
 
 
 def _wavelengths(channels: Channels, anisotropic: bool) -> tuple[np.ndarray, str]:
@@ -84,7 +104,12 @@ def _layout(source: GridSource, step: float) -> Layout:
         front = kept.axes["theta_i"] < np.pi / 2 - 1e-9
         if front.all() and {sides for sides in source.sides if sides[0] > 0}:
             return kept
-    theta_i, phi_i = source.light(5.0)
+    incidence = 5.0
+    if isinstance(
+        source.source, Material
+    ):  # lobes between two incidences are mixed, so these are as near as lobes are narrow
+        incidence = next((s for s in INCIDENCES if s <= source.lobe_width() / 2), INCIDENCES[-1])
+    theta_i, phi_i = source.light(incidence)
     front = np.radians(np.minimum(np.arange(0, 90 + step, step), 90.0))
     theta_o = [a for (_, side) in PARTS if (1, side) in source.sides for a in (front if side > 0 else np.pi - front)]
     if not theta_o:

@@ -140,6 +140,28 @@ def test_radiance_reads_the_klems_file_of_a_model_as_it_was_meant(tmp_path):
     np.testing.assert_allclose(theirs.shares, [0.2, 0.3], rtol=4e-4)  # the mark that it leaves on values
 
 
+def test_the_narrower_a_lobe_the_nearer_the_incidences_of_a_speos_file(tmp_path):
+    steps = []
+    for alpha in (0.4, 0.1, 0.05):
+        write(tmp_path / "t.brdf", material_of(build(f"1 * ggx(alpha={alpha}, f0=1)")), force=True, step=30)
+        steps.append(np.degrees(np.diff(read(tmp_path / "t.brdf").layout.axes["theta_i"])[0]))
+    np.testing.assert_allclose(steps, [5, 2.5, 1.25])
+
+
+def test_channels_of_their_own_shapes_are_no_one_distribution(tmp_path):
+    """A grid whose channels differ by shape is off by what is said; of one shape it is not, and nothing is said."""
+    layout = layouts.isotropic(np.radians([0.0, 40]), np.radians([0.0, 30, 60, 90]), np.radians([0.0, 90, 180, 270]))
+    rng, names = np.random.default_rng(0), Channels.of_wavelengths([450.0, 650.0])
+    for f, said in (
+        (rng.uniform(0.1, 1, (*layout.shape, 2)), True),
+        (rng.uniform(0.1, 1, (*layout.shape, 1)) * [1, 2], False),
+    ):
+        trip = write(tmp_path / "t.anisotropicbsdf", whole_table_of_values(layout, f, names), force=True)
+        assert ("one angular distribution" in trip.note and "a .brdf file has one for each" in trip.note) == said
+        assert (trip.rms_relative > 0.1) == said
+        assert write(tmp_path / "t.brdf", whole_table_of_values(layout, f, names), force=True).rms_relative < 1e-12
+
+
 def test_the_matrix_of_a_lobe_holds_its_light_and_is_reciprocal(tmp_path):
     write(tmp_path / "k.xml", material_of(build("1 * ggx(alpha=0.3, f0=1)")), basis="quarter")
     block = sheet_of(read(tmp_path / "k.xml")).blocks["reflection front"][0]
