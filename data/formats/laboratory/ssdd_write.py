@@ -67,7 +67,8 @@ def write_ssdd(
         GonioError: light from behind the sample, a table without valid readings, channels that are neither one nor
             R, G, B, X, Y, Z nor wavelengths, and where `path` cannot be written.
     """
-    table = source if isinstance(source, Table) and source.layout.name in PARAMETERS else _on_mirror_grid(source)
+    table = _of_own_grid(source)
+    table = _on_mirror_grid(source) if table is None else table
     if any(light < 0 for light, _ in table.sides):
         raise GonioError("an SSDD file has light from the front alone; convert those readings to .h5 or .csv")
     colour = _colour(table.channels)
@@ -82,12 +83,30 @@ def write_ssdd(
         temporary.write_bytes(data)
         again = read_ssdd(temporary)
     notes = ["text" if ascii else "single precision"]
-    notes += ["without the uncertainties"] if table.u_f is not None else []
+    notes += ["without the uncertainties"] if isinstance(source, Table) and source.u_f is not None else []
     notes += ["without the channels' names"] if table.channels.names != again.channels.names else []
-    if table is source:
+    if table.layout.name != "mirror" or table is source:
         return matched(table, again, ", ".join(notes))
     notes.append(f"on a grid about the mirror direction, {table.layout.size} cells")
     return sampled_error(source, again, ", ".join(notes))
+
+
+def _of_own_grid(source: Table | Material) -> Table | None:
+    """A table on a grid that the format has; None for others, and for models."""
+    if not isinstance(source, Table) or source.layout.name != "turned" or source.layout.mirrored_axes:
+        return source if isinstance(source, Table) and source.layout.name in PARAMETERS else None
+    axes = source.layout.axes
+    azimuths = [np.round(np.degrees(phi_i + axes["delta_phi"]), 9) % 360 for phi_i in axes["phi_i"]]
+    orders = [np.argsort(a) for a in azimuths]
+    nodes = np.sort(azimuths[0])
+    if not all(np.array_equal(a[o], nodes) for a, o in zip(azimuths, orders, strict=True)):
+        return None  # turned by an angle that its nodes do not have
+    f, flag = (
+        np.stack([np.asarray(values[...])[:, k][:, :, o] for k, o in enumerate(orders)], axis=1)
+        for values in (source.f, source.flag)
+    )
+    layout = layouts.spherical(axes["theta_i"], axes["phi_i"], axes["theta_o"], np.radians(nodes))
+    return Table(layout, f, flag, source.channels, provenance=source.provenance, name=source.name)
 
 
 def _colour(channels: Channels) -> list[str]:

@@ -174,6 +174,25 @@ def test_written_and_read_again_it_is_the_same(tmp_path_factory, name, seed, asc
         assert np.array_equal(again.flag, table.flag)
 
 
+@pytest.mark.parametrize(("phi_i", "exact"), [([0, 90, 270], True), ([10, 100], True), ([0, 30], False)])
+def test_azimuths_from_the_lights_become_those_of_the_sample(tmp_path, phi_i, exact):
+    """Number by number where turning the light moves the grid onto itself; else resampled, as is said."""
+    layout = layouts.turned([0.1, 0.7], np.radians(phi_i), [0.3, 0.6, 1.2], np.radians([0, 90, 180, 270]))
+    values = np.random.default_rng(0).random((*layout.shape, 3)) + 0.1
+    table = whole_table_of_values(layout, values, name="brushed")
+    report, again = write(tmp_path / "t.ssdd", table, ascii=True), read(tmp_path / "t.ssdd")
+    assert ("mirror direction" in report.note) != exact
+    if exact:
+        rows = []
+        for t in (table, again):
+            angles = np.round(np.degrees(t.layout.angles()), 6) % 360
+            order = np.lexsort(angles)
+            rows.append((angles[:, order], t.read_values()["f"][order]))
+        np.testing.assert_allclose(rows[0][0], rows[1][0], atol=1e-6)
+        np.testing.assert_array_equal(rows[0][1], rows[1][1])
+        assert (report.max_absolute, report.lost) == (0, 0)
+
+
 def test_a_model_is_written_about_the_mirror_direction_with_its_error(tmp_path):
     models = "lambert(rho=0.3) + 0.2 * phong(n=20)", "thin_sheet(rho=0.5, tau=0.5)"
     plastic, sheet = (resolve_subject(model).material for model in models)
