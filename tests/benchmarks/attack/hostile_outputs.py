@@ -1,8 +1,9 @@
 """Outputs that cannot or must not be written, over all verbs that write; then kills of each at random moments.
 
-    hostile_outputs.py [KILLS [SEED [0]]]
+    hostile_outputs.py [KILLS [SEED [0]]] [VERB ...]
 
-Every command is a process of its own; a last 0 leaves the hostile outputs out. Counts what came of them: written, or
+Every command is a process of its own; a third 0 leaves the hostile outputs out; VERBs are keys of `VERBS`, all of them
+and the folders where none is named. Counts what came of them: written, or
 refused in a sentence; and what must not be: tracebacks, statuses that are none, inputs that changed, files left behind
 or half written, hangs above 60 s.
 """
@@ -23,6 +24,7 @@ import time
 import tomllib
 import warnings
 from collections.abc import Callable
+from xml.etree import ElementTree
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 
@@ -51,6 +53,20 @@ VERBS = {
     "reduce": "reduce in/t.h5 --scene in/s.toml -o OUT.h5",
     "report": "report in/t.h5 -o OUT.html --no-check",
     "models": "models lambert --picture OUT.svg",
+    "convert to zemax": "convert in/t.h5 OUT.bsdf --to zemax --step 30",
+    "convert to speos": "convert in/t.h5 OUT.brdf",
+    "convert to klems": "convert lambert(rho=0.5) OUT.xml --basis quarter",
+    "convert to ssdd": "convert in/t.h5 OUT.ssdd",
+    "convert to bird": "convert in/t.h5 OUT.json",
+    "convert to astm": "convert in/t.h5 OUT.astm",
+    "convert to utia": "convert in/t.h5 OUT.bin",
+    "to mitsuba": "convert lambert(rho=0.5) OUT.xml --to mitsuba",
+    "to pbrt": "convert lambert(rho=0.5) OUT.pbrt --to pbrt",
+    "to gltf": "convert lambert(rho=0.5) OUT.gltf --to gltf",
+    "to blender": "convert lambert(rho=0.5) OUT.py --to blender",
+    "quantities json": "quantities in/t.h5 --json OUT.json",
+    "measure adaptive": "measure lambert(rho=0.5) --adaptive --budget 10min -o OUT.h5",
+    "measure rgl": "measure lambert(rho=0.5) --scan rgl -o OUT.h5",
 }
 """By what they write; the inputs lie in the folder in/, OUT stands for the output without its ending."""
 FOLDERS = (
@@ -111,6 +127,10 @@ GOOD = {
     ".toml": lambda p: tomllib.loads(p.read_text()), ".json": lambda p: json.loads(p.read_text()),
     ".h5": gonio.open, ".binary": gonio.open, ".csv": lambda p: p.read_text().index("theta_i"),
     ".html": lambda p: p.read_text().index("</html>"), ".svg": lambda p: p.read_text().index("</svg>"),
+    **dict.fromkeys((".bsdf", ".brdf", ".ssdd", ".astm", ".bin"), gonio.open),
+    **dict.fromkeys((".xml", ".mtlx"), lambda p: ElementTree.fromstring(p.read_bytes())),
+    ".gltf": lambda p: json.loads(p.read_text()), ".py": lambda p: compile(p.read_text(), str(p), "exec"),
+    ".pbrt": lambda p: p.read_text().index("WorldBegin"),
 }  # fmt: skip
 
 
@@ -193,9 +213,9 @@ def outcome(words: list[str], folder: pathlib.Path, output: str, **limits: int |
     return "written"
 
 
-def hostile(count: collections.Counter) -> None:
+def hostile(verbs: dict[str, str], count: collections.Counter) -> None:
     """Every kind of output for every verb, with --force and without."""
-    for verb, line in VERBS.items():
+    for verb, line in verbs.items():
         suffix = next(pathlib.Path(w).suffix for w in line.split() if w.startswith("OUT"))
         given = next((w for w in line.split() if w.startswith("in/")), None)
         own = {} if given is None else {"an input": lambda d, s, given=given: given}
@@ -216,7 +236,7 @@ def hostile(count: collections.Counter) -> None:
                         kind,
                         outcome(words, folder, output, limit=limit, user=user),
                     )
-    for line in FOLDERS:
+    for line in FOLDERS if len(verbs) == len(VERBS) else ():
         for kind in ("it exists", "a link to an input", "a pipe", "a file for a folder", "a name too long", "a device"):
             with tempfile.TemporaryDirectory() as name:
                 folder = pathlib.Path(name, "w")
@@ -234,10 +254,10 @@ def tell(count: collections.Counter, verb: str, kind: str, result: str) -> None:
         print(f"{verb}, {kind}: {result}", flush=True)
 
 
-def kills(number: int, seed: int, count: collections.Counter) -> None:
+def kills(verbs: dict[str, str], number: int, seed: int, count: collections.Counter) -> None:
     """Kills each verb `number` times: inputs and what was kept stay, the output is whole or not there."""
     rng = random.Random(seed)
-    for verb, line in VERBS.items():
+    for verb, line in verbs.items():
         suffix = next(pathlib.Path(w).suffix for w in line.split() if w.startswith("OUT"))
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name, "w")
@@ -281,13 +301,16 @@ def _after_kill(folder: pathlib.Path, output: pathlib.Path, first: dict, old: bo
 
 
 if __name__ == "__main__":
-    number, seed, outputs = ([int(word) for word in sys.argv[1:]] + [50, 1, 1][len(sys.argv) - 1 :])[:3]
+    numbers = [int(word) for word in sys.argv[1:] if word.isdigit()]
+    number, seed, outputs = (numbers + [50, 1, 1][len(numbers) :])[:3]
+    names = [word for word in sys.argv[1:] if not word.isdigit()]
+    verbs = {name: VERBS[name] for name in names} or VERBS
     outcomes: collections.Counter = collections.Counter()
     began = time.perf_counter()
     if outputs:
-        hostile(outcomes)
+        hostile(verbs, outcomes)
     print(f"{sum(outcomes.values())} hostile outputs in {time.perf_counter() - began:.0f} s", flush=True)
-    kills(number, seed, outcomes)
+    kills(verbs, number, seed, outcomes)
     for verb in sorted({v for v, _ in outcomes}):
         print(f"{verb:28} " + ", ".join(f"{o} {c}" for (v, o), c in sorted(outcomes.items()) if v == verb))
     wrong = sum(c for (_, o), c in outcomes.items() if o == "WRONG")
