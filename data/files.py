@@ -154,13 +154,14 @@ def temporary_beside(path: Path) -> Path:
     return Path(name)
 
 
-def publish(temporary: str | os.PathLike[str], path: str | os.PathLike[str]) -> None:
-    """Puts a finished file in its place: what it holds is on disk before its name is."""
+def publish(temporary: str | os.PathLike[str], path: str | os.PathLike[str], durable: bool = True) -> None:
+    """Puts a finished file in its place: what it holds is on disk before its name is, unless it may be lost."""
     mask = os.umask(0)
     os.umask(mask)
     os.chmod(temporary, 0o666 & ~mask)
-    with open(temporary, "rb") as file:
-        os.fsync(file.fileno())
+    if durable:
+        with open(temporary, "rb") as file:
+            os.fsync(file.fileno())
     os.replace(temporary, path)
 
 

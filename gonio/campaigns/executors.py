@@ -153,7 +153,12 @@ def dask_cluster(workers: int, scheduler: str | None) -> Iterator[DaskCluster]:
     settings = {"distributed.comm.timeouts.connect": "10s", "distributed.worker.daemon": False}
     with configured(settings), contextlib.ExitStack() as stack:
         if scheduler is None:
-            options: dict[str, Any] = {"n_workers": 0, "processes": True, "dashboard_address": None, "protocol": "tcp"}
+            options: dict[str, Any] = {
+                "n_workers": 0,
+                "processes": True,
+                "dashboard_address": "127.0.0.1:0",
+                "protocol": "tcp",
+            }
             cluster: Any = stack.enter_context(
                 LocalCluster(host="127.0.0.1", scheduler_port=0, silence_logs=100, **options)
             )

@@ -29,10 +29,10 @@ def perform(task: Task, folder: str) -> Record:
     _require_unchanged(task)
     with jax.enable_x64(True):
         record, write = _computed(task, store)
-    record["seconds"] = round(time.perf_counter() - began, 6)
-    record["cpu_seconds"] = round(time.process_time() - worked, 6)
     try:
         file = None if write is None else store.write(task.kind, task.key, write)
+        record["seconds"] = round(time.perf_counter() - began, 6)
+        record["cpu_seconds"] = round(time.process_time() - worked, 6)
         done = Record(task.key, task.kind, labels=task.labels, file=file, **record)
         store.write_record(done)
     except GonioError as error:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from gonio.data.files import new_file, output_errors
+from gonio.data.files import new_file, output_errors, publish, temporary_beside
 from gonio.data.serialise import plain
 from gonio.models.errors import GonioError
 
@@ -125,5 +125,12 @@ class Store:
 
     def _write_json(self, path: Path, content: Any) -> None:
         text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-        with new_file(path, force=True) as temporary:
-            temporary.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
+        # Without waiting for the disk: a record that a power cut breaks is none, and its task is done again.
+        with output_errors(path):
+            temporary = temporary_beside(path)
+            try:
+                temporary.write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
+                publish(temporary, path, durable=False)
+            except BaseException:
+                temporary.unlink(missing_ok=True)
+                raise

@@ -1,5 +1,8 @@
 """Many tables at once: each result is what a fit alone gives, and a table that cannot be fitted costs no other."""
 
+from concurrent.futures import Executor, Future
+
+import cloudpickle
 import numpy as np
 import pytest
 
@@ -44,3 +47,23 @@ def test_a_refused_table_costs_no_other(tmp_path):
     for bad in ([], [table]):
         with pytest.raises(GonioError, match=r"at least one|1 or more"):
             gonio.fit_many(bad, MODEL, workers=0)
+
+
+class AnotherProcess(Executor):
+    """What goes to another process and back, as Dask sends it."""
+
+    def submit(self, function, *arguments):
+        sent = cloudpickle.loads(cloudpickle.dumps((function, arguments)))
+        future = Future()
+        future.set_result(cloudpickle.loads(cloudpickle.dumps(sent[0](*sent[1]))))
+        return future
+
+
+def test_an_executor_gives_what_a_fit_alone_gives(tmp_path):
+    table = table_of(0.1, 0.3, 17.0)
+    write_table(tmp_path / "t.h5", table)
+    fits = gonio.fit_many([table, tmp_path / "t.h5", lambda: table], "lambert", executor=AnotherProcess(), starts=0)
+    alone = gonio.fit(table, "lambert", starts=0)
+    assert all(fit.expression == alone.expression and fit.cost == alone.cost for fit in fits)
+    with pytest.raises(GonioError, match="workers are those of the executor"):
+        gonio.fit_many([table], "lambert", executor=AnotherProcess(), workers=2)

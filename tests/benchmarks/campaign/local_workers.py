@@ -86,8 +86,12 @@ def main() -> None:
         folder = pathlib.Path(name)
         (folder / "r.toml").write_text(RECIPE.format(tables=4))
         campaign(folder, "warm", "--workers", "1")  # programs are compiled
+        starts = campaign(folder, "start", "--workers", "1")[1] - sum(
+            r["cpu_seconds"] for r, _ in records(folder / "start")
+        )
         (folder / "r.toml").write_text(RECIPE.format(tables=tables))
         print(f"{tables} tables, each measured and fitted; load of the machine {os.getloadavg()[0]:.1f}")
+        print(f"a start with one worker beside its tasks: {starts:.1f} s of processor time, which is in overhead/task")
         print("workers     wall s  tables/s  CPU/task ms  overhead/task ms  busy  efficiency   same bytes")
         alone, first = None, None
         for label in [*map(str, counts), "clusters"]:
