@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 SENTENCES = ("comments", "understood", "warnings", "assumptions", "totals")
 """Lists of the provenance that hold sentences."""
+MOST_CHANNELS = 12
+"""Names of channels that are printed; of more, the first ones and the last."""
 FIT_FACTS = ("converged", "reason", "loss", "samples", "starts_agreed", "starts")
 
 
@@ -75,6 +77,8 @@ def _lines(name: str, value: Any) -> list[str]:
     if isinstance(value, list) and name.startswith("provenance"):
         words = [str(v) for v in cast("list[object]", value)]
         return words if name.endswith(SENTENCES) else [", ".join(words)] if words else []
+    if name == "channels" and isinstance(value, list) and len(names := cast("list[object]", value)) > MOST_CHANNELS:
+        return [f"{len(names)}: {listed(names)}"]
     return [value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)]
 
 

@@ -44,6 +44,15 @@ def test_eval_output_is_a_table(here, capsys):
     assert facts["layout"] == "scattered" and facts["cells"] == 2 and len(facts["channels"]) == 7
 
 
+def test_info_names_the_first_and_the_last_of_many_channels(here, capsys):
+    names = [f"f_{nm}nm" for nm in range(400, 801, 10)]
+    (here / "s.csv").write_text(f"theta_i,phi_i,theta_o,phi_o,{','.join(names)}\n10,0,20,180{',0.1' * len(names)}\n")
+    assert main(["info", "s.csv"]) == 0
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("channels"))
+    assert line.split(None, 1)[1] == "41: 400 nm, 410 nm, 420 nm, 430 nm, …, 800 nm"
+    assert main(["info", "s.csv", "--json"]) == 0 and len(json.loads(capsys.readouterr().out)["channels"]) == 41
+
+
 def test_single_precision_vectors_are_taken_as_they_came(here, capsys):
     """A narrow lobe sees the difference between a float32 vector and the same made a unit vector in float64."""
     from gonio.models.evaluation import evaluate
