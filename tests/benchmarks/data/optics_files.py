@@ -100,6 +100,8 @@ def main(folder: pathlib.Path) -> None:
             print(f"{name}: {next(iter(of_programs))} beside {program}")
             compare(first, second)
             if program == "speos":
+                print(f"{name}: zemax with --scale tis beside speos")
+                compare(read(folder / "zemax" / f"{name}.bsdf", scale="tis"), second)
                 totals(folder / "zemax" / f"{name}.bsdf", folder / "speos" / f"{name}.anisotropicbsdf")
 
 
