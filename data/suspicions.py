@@ -105,7 +105,8 @@ def _turned_azimuth(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray,
         return []
     return [
         "the brightest readings go back to the light, and few to the mirror side: unless this surface returns light to "
-        "its source, an azimuth is off by 180° (or a polar angle has the wrong sign)"
+        "its source, an azimuth is off by 180° (state --mirror-azimuth 0 where azimuths differ by 0 at the mirror "
+        "side), or a polar angle has the wrong sign"
     ]
 
 

@@ -217,7 +217,7 @@ FORMATS = (
     Format(
         "CSV", "CSV with a header (theta_i,phi_i,theta_o,phi_o,f)", "table",
         lambda head: head.text is not None and head.text.has_directions, table_file.read_csv, table_file.write_csv,
-        options=("angles", "quantity", "missing"), suffixes=(".csv",),
+        options=("angles", "quantity", "missing", "mirror_azimuth", "coverage"), suffixes=(".csv",),
     ),
 )  # fmt: skip
 """In the order in which files are tried."""
@@ -253,9 +253,9 @@ def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
     """The table or the material of a file, or of one entry of it, ``FILE:NAME``.
 
     `options`: `nodes` ("lower" or "centre") for MERL and CSAIL, `scale` for UTIA, CSAIL and Zemax, `wavelength_nm` for
-    NIST; `angles`, `quantity` and `missing` for CSV (see `read_csv` in `gonio.data.formats.csv.table_file`), the first
-    two for laboratories' files too, with `mirror_azimuth` and `coverage` (see the reader of each). Raises GonioError
-    for a file that is damaged or unknown, and for an option that its format does not have.
+    NIST; `angles`, `quantity`, `missing`, `mirror_azimuth` and `coverage` for CSV (see `read_csv` in
+    `gonio.data.formats.csv.table_file`), most of them for laboratories' files too (see the reader of each). Raises
+    GonioError for a file that is damaged or unknown, and for an option that its format does not have.
     """
     file, entry = split_entry(path)
     known = sniff(file)

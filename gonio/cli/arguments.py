@@ -40,12 +40,12 @@ READING: Options = {
     "--mirror-azimuth DEG": {
         "choices": (0, 180),
         "type": int,
-        "help": "azimuth of the mirror side from the light in a laboratory's file: 180 (default) or 0",
+        "help": "azimuth of the mirror side from the light in a CSV or a laboratory's file: 180 (default) or 0",
     },
     "--scale X": "f over the numbers of a UTIA or CSAIL file (default 1); tis: each incidence of Zemax to its TIS",
     "--coverage K": {
         "type": float,
-        "help": "standard uncertainties in the uncertainties of a BiRD or ALTA file (default 1)",
+        "help": "standard uncertainties in those of a CSV, BiRD or ALTA file (default: as it says, else 1)",
     },
 }
 """How a file of readings is to be taken; of verbs that take any file."""

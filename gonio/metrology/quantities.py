@@ -204,7 +204,7 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
     entries, remarks = standard_quantities(table.channels, wanted, table.sides != FRONT)
     measurands = TableMeasurands.of(table, settings.geometries, entries, math.radians(settings.feature_width))
-    notes = [*table.provenance.get("warnings", []), *measurands.notes, *remarks]
+    notes = [*table.provenance.get("warnings", []), *measurands.notes, *remarks, *_of_uncertainties(table, settings)]
     undecided = _without_albedo(measurands, wanted) + measurands.standards.undecided
     fitted = None if settings.fit is None else _fitted(table, settings.fit)
     if not settings.budget:
@@ -226,6 +226,18 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
         )
         budget = dataclasses.replace(budget, simulated=draws)
     return Quantities(name, "table", rows, budget, notes, fitted, undecided)
+
+
+def _of_uncertainties(table: Table, settings: QuantitiesSettings) -> list[str]:
+    """What the uncertainties do not hold, of readings that no simulated instrument made."""
+    if settings.budget or "instrument" in table.provenance:
+        return []
+    if table.u_f is None or not np.isfinite(np.asarray(table.values_at(table.valid_cells()[:1000])["u_f"])).any():
+        return ["No uncertainties are stored: U is of the integral alone, and a single reading has none."]
+    return [
+        "The stored uncertainties are taken as independent from reading to reading; what all readings share, such as a "
+        "calibration, is in U with --budget --uncertainty 'gain=0.5 %'."
+    ]
 
 
 def _without_albedo(measurands: TableMeasurands, wanted: Wanted) -> list[Undecided]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.data.formats.csv.columns import CsvText
+from gonio.data.formats.csv.conventions import convention
 from gonio.data.formats.csv.header import ANGLE_UNITS, ANGLES, HALF_DIFFERENCE, NO_UNIT, VECTORS, Column, shown
 from gonio.data.formats.csv.statements import Statements
 from gonio.data.layouts import spherical_angles
@@ -49,8 +50,13 @@ def direction_columns(text: CsvText) -> dict[str, Column]:
     """
     every = {role: text.sole(role) for role in (*VECTORS, *ANGLES, *HALF_DIFFERENCE, "delta_phi", "phi_h")}
     there = {role: column for role, column in every.items() if column is not None}
-    one_azimuth = ("theta_i", "theta_o", "delta_phi")
-    sets = (VECTORS, ANGLES, ("phi_i", *one_azimuth), ("phi_o", *one_azimuth), one_azimuth, HALF_DIFFERENCE)
+    one_azimuth, lone = ("theta_i", "theta_o", "delta_phi"), _lone_azimuth(text)
+    if lone is not None and not any("phi" in role for role in there):
+        there["delta_phi"] = lone._replace(role="delta_phi")
+    sets = (
+        VECTORS, ANGLES, ("phi_i", *one_azimuth), ("phi_o", *one_azimuth), one_azimuth, ("phi_o", *IN_PLANE),
+        HALF_DIFFERENCE,
+    )  # fmt: skip
     for roles in sets:
         if set(roles) <= there.keys():
             extra = {"phi_h": there["phi_h"]} if roles == HALF_DIFFERENCE and "phi_h" in there else {}
@@ -67,6 +73,12 @@ def direction_columns(text: CsvText) -> dict[str, Column]:
     )
 
 
+def _lone_azimuth(text: CsvText) -> Column | None:
+    """The one column that is an azimuth of neither side: that of the detector from the light's."""
+    azimuths = [c for c in text.columns if c.name in _unknown(text) and c.name.lower().startswith(("phi", "azimuth"))]
+    return azimuths[0] if len(azimuths) == len(_unknown(text)) == 1 else None
+
+
 def _unknown(text: CsvText) -> list[str]:
     """Names of columns that may be angles of either side."""
     names = ("thetas", "phis", "phi", "theta", "azimuth")
@@ -74,7 +86,11 @@ def _unknown(text: CsvText) -> list[str]:
 
 
 def read_angles(
-    text: CsvText, statements: Statements, numbers: Mapping[str, np.ndarray], unit: str | None
+    text: CsvText,
+    statements: Statements,
+    numbers: Mapping[str, np.ndarray],
+    unit: str | None,
+    mirror_azimuth: float | None = None,
 ) -> Directions:
     """The directions of all rows.
 
@@ -83,12 +99,16 @@ def read_angles(
         statements: its comments.
         numbers: its columns of directions, by their names.
         unit: "degrees" or "radians", where the caller states it.
+        mirror_azimuth: by how much azimuths differ at the mirror side, degrees, where the caller states it.
 
     Raises:
         GonioError: an unknown or contradictory unit; with the line, what is no direction.
     """
     columns = direction_columns(text)
     values = {role: numbers[column.name] for role, column in columns.items()}
+    turned = convention(None, mirror_azimuth).mirror_azimuth == 0
+    if mirror_azimuth is not None and not {"phi_o", "delta_phi"} & values.keys():
+        text.refuse("it has no azimuths of light and detector, which --mirror-azimuth is of; leave it out")
     understood = [f"{c.name[:40]} is {role}" for role, c in columns.items() if c.name != role]
     if set(VECTORS) <= columns.keys():
         # Near the normal and the horizon an angle moves by more than the components do.
@@ -108,9 +128,13 @@ def read_angles(
     for role in negative:
         count = int((radians[role] < 0).sum())
         understood.append(f"{columns[role].name[:40]} below 0 ({count} rows) is read as its size with phi + 180°")
-    if "delta_phi" in columns:
-        understood.append("delta_phi is phi_o - phi_i: 180° is the mirror side")
+    if "phi_i" not in columns and {"phi_o", "delta_phi"} & columns.keys():
+        understood.append("azimuths are counted from the light's" + ("" if turned else ", 180° at the mirror side"))
     names = " and ".join(sorted(set(units.values())))
+    if turned:
+        side_of = "delta_phi" if "delta_phi" in radians else "phi_o"
+        radians[side_of] = radians[side_of] + math.pi
+        understood.append(f"azimuths differ by 0 at the mirror side: 180° is added to {columns[side_of].name[:40]}")
     four, source = _four_angles(radians), f"{names} ({who})"
     if "theta_h" in columns:
         below = np.logical_or(*(side(np.cos(a)) < 0 for a in (four[0], four[2])))
@@ -225,7 +249,9 @@ def _four_angles(a: Mapping[str, np.ndarray]) -> Angles:
     if "theta_h" in a:
         return _of_half_difference(a)
     zero = np.zeros_like(a["theta_i"])
-    phi_i = a["phi_i"] if "phi_i" in a else a["phi_o"] - a["delta_phi"] if "phi_o" in a else zero
+    phi_i = a.get("phi_i", zero)
+    if "phi_i" not in a and {"phi_o", "delta_phi"} <= a.keys():
+        phi_i = a["phi_o"] - a["delta_phi"]
     phi_o = a["phi_o"] if "phi_o" in a else phi_i + a["delta_phi"]
     theta_i, phi_i, theta_o, phi_o = *_unsigned(a["theta_i"], phi_i), *_unsigned(a["theta_o"], phi_o)
     return theta_i, phi_i, theta_o, phi_o

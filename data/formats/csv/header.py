@@ -13,7 +13,7 @@ from gonio.models.errors import GonioError
 ANGLES = ("theta_i", "phi_i", "theta_o", "phi_o")
 VECTORS = ("wi_x", "wi_y", "wi_z", "wo_x", "wo_y", "wo_z")
 HALF_DIFFERENCE = ("theta_h", "theta_d", "phi_d")
-POLAR = ("theta", "zenith", "polar", "polarangle", "zenithangle")
+POLAR = ("theta", "zenith", "polar", "polarangle", "zenithangle", "angle")
 AZIMUTH = ("phi", "azimuth", "azimuthangle", "azimuthal")
 LIGHT = ("i", "in", "inc", "incident", "incidence", "incoming", "light", "source", "illumination", "sun", "solar")
 DETECTOR = (
@@ -44,7 +44,9 @@ ROLES = (
 QUANTITY_NAMES = {
     "f": None, "fr": None, "bsdf": None, "brdf": "brdf", "brdfvalue": "brdf",
     "brf": "reflectance_factor", "reff": "reflectance_factor", "reflectancefactor": "reflectance_factor",
-    "bidirectionalreflectancefactor": "reflectance_factor", "i/f": "i_over_f", "iof": "i_over_f", "radf": "i_over_f",
+    "bidirectionalreflectancefactor": "reflectance_factor", "beta": "reflectance_factor",
+    **{f"{kind}factor": "reflectance_factor" for kind in ("radiance", "luminance", "spectralradiance")},
+     "i/f": "i_over_f", "iof": "i_over_f", "radf": "i_over_f",
     "ccbrdf": "brdf_cos", "cosinecorrectedbrdf": "brdf_cos",
     **{f"{f}cos{t}": "brdf_cos" for f in ("f", "fr", "brdf") for t in ("", "ine", "theta", "thetao", "thetar", "o")},
     **{f"{f}cos{t}": "brdf_cos_i" for f in ("f", "fr", "brdf") for t in ("thetai", "i")},
@@ -60,7 +62,8 @@ PER_STERADIAN = frozenset(
     ("1/sr", "sr-1", "sr^-1", "sr^(-1)", "sr⁻¹", "/sr", "1/steradian", "persteradian", "persr", "sr**-1")
 )
 NO_UNIT = frozenset(("", "-", "1", "none", "unitless", "dimensionless", "n/a"))
-GREEK = str.maketrans({"θ": "theta", "ϑ": "theta", "φ": "phi", "ϕ": "phi", "Δ": "delta", "δ": "delta", "λ": "lambda"})
+LETTERS = {"θ": "theta", "ϑ": "theta", "φ": "phi", "ϕ": "phi", "Δ": "delta", "δ": "delta", "λ": "lambda", "β": "beta"}
+GREEK = str.maketrans(LETTERS)
 NUMBER = r"\d+(?:\.\d+)?(?:e[+-]?\d{1,3})?"
 LONGEST_NAME = 200
 """Characters of a name that are looked at: no name of a column is longer."""
@@ -84,7 +87,7 @@ class Column(NamedTuple):
     quantity: str | None = None
     """What a column of role `f` holds, where its name says so."""
     coverage: float | None = None
-    """k of a column of role `u_f`, where its name says it."""
+    """k of a column of role `u_f`, where its name says it; 2 of one that it calls expanded without a number."""
     relative: bool = False
     """Whether its name says that it is a share of f."""
 
@@ -195,14 +198,15 @@ def _uncertainty_column(name: str, unit: str) -> Column | None:
         match = re.search(pattern, rest)
         words.append(next((g for g in match.groups() if g), None) if match else None)
         rest = rest[: match.start()] + ("_" if rest[match.end() :] else "") + rest[match.end() :] if match else rest
-    k, level, percent, relative, _ = words
+    k, level, percent, relative, kind = words
     if not any(words):
         return None
     stem, written = _split_unit(rest.strip(" _"))
     made = _value_column(name, stem.lower(), "%" if percent else written or unit)
     if made is None or made.role != "u_f":
         return None
-    return made._replace(coverage=float(k) if k else 2.0 if level else None, relative=bool(relative))
+    usual = 2.0 if level or (kind or "").lower() == "expanded" else None
+    return made._replace(coverage=float(k) if k else usual, relative=bool(relative))
 
 
 def _value_column(name: str, stem: str, unit: str) -> Column | None:

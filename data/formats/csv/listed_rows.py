@@ -11,19 +11,19 @@ from gonio.data import layouts
 from gonio.data.channels import Channels
 from gonio.data.files import stem
 from gonio.data.flags import Flag
+from gonio.data.formats.csv.conventions import Convention
 from gonio.data.formats.csv.directions import printed_rounding
 from gonio.data.formats.csv.readings import Readings, on_grid
 from gonio.data.layouts.recognition import LARGEST_ROUNDING, Angles, Placement, recognised
 from gonio.data.quantities import QUANTITIES, brdf_of
 from gonio.data.suspicions import suspicions
 from gonio.data.table import COPIED, Table
-from gonio.models.errors import GonioError, nearest
+from gonio.models.errors import GonioError
 
 SAME_DIRECTION = 1e-9
 """Radians by which the rows of gonio's own file may be off the cells that it names."""
 SLACK = 1e-5
 """Radians by which what was printed or rounded may lie beyond a right angle or half a turn."""
-MIRROR_AZIMUTHS = (0.0, 180.0)
 
 
 class Listing(NamedTuple):
@@ -42,17 +42,6 @@ class Listing(NamedTuple):
     """Radians by which printing may have moved an angle."""
 
 
-class Convention(NamedTuple):
-    """What a file leaves open, as it is taken."""
-
-    quantity: str = "brdf"
-    """A key of `gonio.data.quantities.QUANTITIES`."""
-    quantity_known: bool = True
-    """Whether the format or the caller says the quantity."""
-    mirror_azimuth: float = 180.0
-    """phi_o − phi_i of the mirror side, degrees: 180, or 0 where azimuths are of the light's way."""
-
-
 def rounding_of(columns: Iterable[np.ndarray], radians: float = 1.0) -> float:
     """Radians by which printing may have moved the angles of any column; 0 where they are taken as exact.
 
@@ -61,24 +50,6 @@ def rounding_of(columns: Iterable[np.ndarray], radians: float = 1.0) -> float:
     with np.errstate(all="ignore"):  # numbers that are no angles are refused later
         largest = max((printed_rounding([c]) * radians for c in columns if c.any()), default=0.0)
     return largest if largest <= LARGEST_ROUNDING else 0.0
-
-
-def convention(quantity: str | None, mirror_azimuth: float | None) -> Convention:
-    """The convention that a caller states, or the usual one. Raises GonioError for an unknown one."""
-    if quantity is not None and quantity not in QUANTITIES:
-        raise GonioError(f"quantity {str(quantity)[:40]!r} is unknown; {nearest(str(quantity), QUANTITIES)}")
-    if mirror_azimuth is not None and mirror_azimuth not in MIRROR_AZIMUTHS:
-        raise GonioError(f"the azimuth of the mirror side is {mirror_azimuth}; give 0 or 180 degrees")
-    mirror = 180.0 if mirror_azimuth is None else float(mirror_azimuth)
-    return Convention(quantity or "brdf", quantity is not None, mirror)
-
-
-def coverage_factor(stated: float | None, otherwise: float = 1.0) -> float:
-    """k of a file's uncertainties, by what a caller states. Raises GonioError for what is none."""
-    k = otherwise if stated is None else stated
-    if not 0 < k < math.inf:
-        raise GonioError(f"the coverage factor is {k}; give a number above 0, such as 2")
-    return float(k)
 
 
 def table_of_listing(

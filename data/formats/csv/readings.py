@@ -6,6 +6,7 @@ import numpy as np
 
 from gonio.data.flags import FLAG_MEANINGS, Flag
 from gonio.data.formats.csv.columns import CsvText
+from gonio.data.formats.csv.conventions import coverage_factor
 from gonio.data.formats.csv.statements import Statements
 from gonio.data.formats.csv.values import ValueColumns, nanometres, scales, wavelength_unit
 from gonio.data.layouts.recognition import Placement
@@ -75,7 +76,10 @@ def _scaled(
     if (u_f < 0).any():
         text.fail(np.argwhere(u_f < 0)[0, 0], "u_f is negative; expected a standard uncertainty, 0 or nan")
     k = _coverage(values, statements)
-    text.understood += [f"uncertainties are expanded by k = {k:g}, and divided by it"] if k > 1 else []
+    if k != 1:
+        text.understood.append(f"uncertainties are expanded by k = {k:g}, and divided by it")
+    elif not statements.by_gonio and values.coverage is None:
+        text.understood.append("uncertainties are taken as standard ones (k = 1): else state --coverage")
     if relative is not None:
         text.understood.append(
             "uncertainties are in per cent of f" if relative.max() < 1 else "uncertainties are shares"
@@ -217,7 +221,9 @@ def _suspects(f: np.ndarray) -> np.ndarray:
 
 
 def _coverage(values: ValueColumns, statements: Statements) -> float:
-    """k of the stored uncertainties, by a header such as ``U_f (k=2)`` or a comment."""
+    """k of the stored uncertainties: as stated, by a header such as ``U_f (k=2)``, or by a comment."""
+    if values.coverage is not None:
+        return coverage_factor(values.coverage)
     units, named = {c.unit for c in values.u_f or []}, [c.coverage for c in values.u_f or [] if c.coverage]
     if named:
         return max(1.0, named[0])

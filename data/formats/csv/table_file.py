@@ -41,6 +41,8 @@ def read_csv(
     angles: str | None = None,
     quantity: str | None = None,
     missing: str | float | None = None,
+    mirror_azimuth: float | None = None,
+    coverage: float | None = None,
 ) -> Table:
     """The table of a CSV file: on the grid that its rows are, else scattered.
 
@@ -49,6 +51,8 @@ def read_csv(
         angles: "degrees" or "radians", where neither header nor comments say it; degrees otherwise.
         quantity: what the values are (a key of `gonio.data.quantities.QUANTITIES`); the BRDF otherwise.
         missing: the number that stands for no reading, or "none".
+        mirror_azimuth: phi_o − phi_i of the mirror side, degrees: 180 (the usual one) or 0.
+        coverage: standard uncertainties in the file's; otherwise what header or comments say, 2 of expanded ones, 1.
 
     Returns:
         The table. Its provenance has `understood` and `warnings`, lists of sentences.
@@ -65,7 +69,8 @@ def read_csv(
     used = [c.name for c in direction_columns(text).values()] + [n for names in values.names.values() for n in names]
     used += [wavelength.name] if wavelength else []
     numbers = text.numbers(used, values.names["f"] + values.names.get("u_f", []))
-    directions = read_angles(text, statements, numbers, angles)
+    directions = read_angles(text, statements, numbers, angles, mirror_azimuth)
+    values = values._replace(coverage=coverage)
     readings = read_values(text, statements, values, numbers, None if missing is None else str(missing))
     readings, channels = _of_quantity(readings, directions, values.quantity), values.channels
     understood = [*directions.understood, *values.understood]

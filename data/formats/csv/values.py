@@ -25,6 +25,8 @@ class ValueColumns(NamedTuple):
     quantity_known: bool
     """Whether the file or the caller says what f is."""
     understood: list[str]
+    coverage: float | None = None
+    """k of the uncertainties, where the caller states it."""
 
     @property
     def names(self) -> dict[str, list[str]]:

@@ -12,15 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.data.channels import Channels
+from gonio.data.formats.csv.conventions import Convention, convention, coverage_factor
 from gonio.data.formats.csv.directions import UNIT_TOLERANCE
-from gonio.data.formats.csv.listed_rows import (
-    Convention,
-    Listing,
-    convention,
-    coverage_factor,
-    rounding_of,
-    table_of_listing,
-)
+from gonio.data.formats.csv.listed_rows import Listing, rounding_of, table_of_listing
 from gonio.data.formats.laboratory.number_rows import number_rows, text_lines
 from gonio.data.layouts import spherical_angles
 from gonio.data.table import Table

@@ -13,14 +13,8 @@ import numpy as np
 
 from gonio.data.channels import Channels
 from gonio.data.flags import Flag
-from gonio.data.formats.csv.listed_rows import (
-    Convention,
-    Listing,
-    convention,
-    coverage_factor,
-    rounding_of,
-    table_of_listing,
-)
+from gonio.data.formats.csv.conventions import Convention, convention, coverage_factor
+from gonio.data.formats.csv.listed_rows import Listing, rounding_of, table_of_listing
 from gonio.data.formats.csv.readings import Readings, by_channel
 from gonio.data.formats.laboratory.bird_section import stored_table
 from gonio.data.formats.laboratory.json_text import JsonPart, read_json

@@ -7,7 +7,8 @@ import numpy as np
 
 from gonio.data.channels import Channels
 from gonio.data.flags import Flag
-from gonio.data.formats.csv.listed_rows import Listing, convention, rounding_of, table_of_listing
+from gonio.data.formats.csv.conventions import convention
+from gonio.data.formats.csv.listed_rows import Listing, rounding_of, table_of_listing
 from gonio.data.formats.csv.readings import Readings, by_channel
 from gonio.data.formats.laboratory.json_text import JsonPart, read_json
 from gonio.data.table import Table

@@ -10,7 +10,8 @@ import re
 import numpy as np
 
 from gonio.data.channels import Channels
-from gonio.data.formats.csv.listed_rows import Listing, convention, rounding_of, table_of_listing
+from gonio.data.formats.csv.conventions import convention
+from gonio.data.formats.csv.listed_rows import Listing, rounding_of, table_of_listing
 from gonio.data.formats.laboratory.number_rows import number_rows, text_lines
 from gonio.data.table import Table
 from gonio.models.errors import GonioError

@@ -24,6 +24,7 @@ from gonio.metrology.standards.apertures import Rule, joined
 from gonio.metrology.standards.bends import Bends
 from gonio.metrology.standards.evaluation import Integrals
 from gonio.metrology.standards.standard import Aperture, Hemisphere, Integral
+from gonio.models.geometry.directions import Direction
 
 SAME = math.radians(0.1)
 """A direction was read where a reading is so near."""
@@ -146,6 +147,34 @@ def _incidences(integral: Hemisphere, albedos: SidedAlbedos) -> Incidences | str
     return Incidences(sides, numbers[high - 1 : high + 1], np.array([1 - t, t]), t * (1 - t) * bend)
 
 
+def following(rule: Rule, nodes: np.ndarray) -> Rule:
+    """The same integral with the light at polar angles of a grid on both sides of its own, radians, which share it.
+
+    The detector goes along with the mirror direction, so that a lobe about it is not smeared by the light's step.
+    """
+    wi, wo = rule.wi, rule.wo._replace(z=np.abs(rule.wo.z))
+    theta, sine = np.arccos(np.clip(wi.z, -1.0, 1.0)), np.hypot(wi.x, wi.y)
+    cos_phi, sin_phi = (np.where(sine > 0, c / np.maximum(sine, 1e-300), one) for c, one in ((wi.x, 1.0), (wi.y, 0.0)))
+    k = np.clip(np.searchsorted(nodes, theta) - 1, 0, nodes.size - 2)
+    t = np.clip((theta - nodes[k]) / (nodes[k + 1] - nodes[k]), 0.0, 1.0)
+    parts = []
+    for node, share in ((nodes[k], 1 - t), (nodes[k + 1], t)):
+        light = Direction(np.sin(node) * cos_phi, np.sin(node) * sin_phi, np.cos(node))
+        cosine, turn = np.cos(node - theta), np.sin(node - theta)
+        ahead, across = -(wo.x * cos_phi + wo.y * sin_phi), wo.y * cos_phi - wo.x * sin_phi
+        ahead, up = ahead * cosine + wo.z * turn, wo.z * cosine - ahead * turn
+        there = Direction(-ahead * cos_phi - across * sin_phi, across * cos_phi - ahead * sin_phi, up)
+        above = up > 1e-3
+        parts.append(
+            Rule(
+                Direction(*(np.where(above, a, b) for a, b in zip(light, wi, strict=True))),
+                Direction(*(np.where(above, a, b) for a, b in zip(there, wo, strict=True))),
+                rule.weight * share,
+            )
+        )
+    return joined(parts)
+
+
 def _bend(x: np.ndarray, values: np.ndarray, k: int) -> np.ndarray:
     """|value of a node − that by the line through its neighbours|, (C,)."""
     t = (x[k] - x[k - 1]) / (x[k + 1] - x[k - 1])
@@ -204,20 +233,28 @@ class Part:
         between = [i for i in integrals if i not in made]
         if not self.table.layout.gridded:
             return made | dict.fromkeys(between, NO_GRID)
-        rules = [r for i in between for r in (i.fine, i.coarse) if r is not None]
+        rules = [r for i in between for r in self._rules(i)]
         places = iter(self._places(rules))
         for integral in between:
-            fine = self._gathered(next(places), integral.mirror, integral.back)
-            coarse = fine if integral.coarse is None else self._gathered(next(places))
-            failed = next((r for r in (fine, coarse) if isinstance(r, str)), None)
-            if failed is None:
-                assert isinstance(fine, Row) and isinstance(coarse, Row)
-                sums = [r.weight @ np.nan_to_num(self.f[r.cells]) for r in (fine, coarse)]
-                bound = fine.bound + np.abs(sums[0] - sums[1])
-                made[integral] = Row(self.numbers[fine.cells], fine.weight, bound)
-            else:
-                made[integral] = failed
+            first, *others = [next(places) for _ in self._rules(integral)]
+            gathered = [self._gathered(first, integral.mirror, integral.back), *map(self._gathered, others)]
+            failed = next((r for r in gathered[: 1 if integral.coarse is None else 2] if isinstance(r, str)), None)
+            made[integral] = self._joined([r for r in gathered if isinstance(r, Row)]) if failed is None else failed
         return made
+
+    def _rules(self, integral: Aperture) -> list[Rule]:
+        """The integral, the same by fewer nodes, and with the light at the nodes of the grid where a lobe moves."""
+        layout, fine = self.table.layout, integral.fine
+        moves = integral.mirror and {"theta_i", "theta_o"} <= layout.axes.keys() and layout.axes["theta_i"].size > 1
+        nodes = [following(fine, np.sort(np.abs(layout.axes["theta_i"])))] if moves else []
+        return [fine, *([] if integral.coarse is None else [integral.coarse]), *nodes]
+
+    def _joined(self, ways: list[Row]) -> Row:
+        """The last of several ways to compute an integral; their differences are in the bound of the first."""
+        sums = [r.weight @ np.nan_to_num(self.f[r.cells]) for r in ways]
+        bound = ways[0].bound + sum((np.abs(sums[0] - s) for s in sums[1:]), np.zeros(sums[0].size))
+        best = ways[-1]
+        return Row(self.numbers[best.cells], best.weight, bound)
 
     def _places(self, rules: list[Rule]) -> "list[Places]":
         if not rules:

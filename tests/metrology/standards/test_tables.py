@@ -45,6 +45,16 @@ def test_a_grid_is_within_its_bounds_of_the_model(glossy, true, noise):
         assert abs(a.value - b.value) <= a.bound + b.bound + 1e-9 * abs(b.value), key
 
 
+def test_gloss_between_incidences_follows_the_mirror_direction(true):
+    """A lobe that moves with the light is smeared where it is interpolated at fixed directions of the detector."""
+    table = measure(GLOSSY, None, isotropic(np.radians(range(0, 76, 15)), THETA, np.radians(range(0, 181, 10))))
+    for name, q in by_name(gonio.quantities(table, only=["gloss"])).items():
+        if q.group == "gloss":
+            assert abs(q.value - true[name].value) <= q.bound + true[name].bound, name
+        if name[0] == "gloss 20°":
+            assert q.value == pytest.approx(true[name].value, rel=0.03)
+
+
 def test_a_lobe_narrower_than_the_grid_is_undecided():
     result = gonio.quantities(measure("lambert(rho=0.2) + ggx(alpha=0.01, eta=1.5)", None, GRID), only=["gloss"])
     assert {"gloss 20°", "gloss 60°", "distinctness of image"} <= {u.name for u in result.undecided}

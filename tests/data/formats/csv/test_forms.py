@@ -230,6 +230,53 @@ def test_readings_taken_again_and_again_stay_a_list(path):
     assert table.layout.name == "scattered" and table.layout.size == 2 * F.size
 
 
+PLAIN = (np.degrees(ANGLES[0]), np.degrees(ANGLES[2]), DEGREES[3], np.pi * F)
+LABORATORIES = {
+    "the detector's azimuth alone": ("Theta_i [°]", "Theta_r [°]", "Phi_r [°]", "Beta [-]", "U(Beta) (k=2) [%]"),
+    "an azimuth of neither side": (
+        "incidence angle (deg)", "viewing angle", "azimuth (deg)", "reflectance factor", "expanded uncertainty %"),
+    "relative": ("theta_i", "theta_v", "phi_v", "BRF", "U95_rel_percent"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("header", LABORATORIES.values(), ids=LABORATORIES)
+@pytest.mark.parametrize("mirror", [180, 0])
+def test_columns_of_laboratories_with_one_azimuth_and_expanded_uncertainties(path, header, mirror):
+    """Reflectance factors with k = 2 uncertainties of 3 %, in a file whose azimuth is counted from the light's."""
+    theta_i, theta_o, phi, beta = PLAIN
+    columns = (theta_i, theta_o, (phi + 180 - mirror) % 360, beta, np.full(beta.size, 3.0))
+    write(path, header, columns, ";", ",", encoding="latin-1", before="Probe;17\n")
+    table = read_csv(path, mirror_azimuth=None if mirror == 180 else 0)
+    assert_truth(table)
+    values = table.read_values()
+    np.testing.assert_allclose(values["u_f"], 0.015 * values["f"], rtol=1e-6)
+    understood = "; ".join(table.provenance["understood"])
+    assert "azimuth" in understood and "expanded by k = 2" in understood and "per cent of f" in understood
+
+
+def test_signed_angles_of_half_planes_with_the_mirror_side_at_0(path):
+    theta_i, theta_o, phi, beta = PLAIN
+    turned = (phi >= 180) & (theta_o > 0)
+    signed, plane = np.where(turned, -theta_o, theta_o), np.where(turned, phi - 180, phi)
+    write(path, ("theta_i", "theta_r", "phi_r", "BRF"), (theta_i, signed, (plane + 180) % 360, beta))
+    assert_truth(read_csv(path, mirror_azimuth=0))
+
+
+def test_the_coverage_of_uncertainties_is_told_or_stated(path):
+    write(path, (*NAMES, "f", "U [%]"), (*DEGREES, F, np.full(F.size, 2.0)))
+    table = read_csv(path)
+    assert any("k = 1" in s and "--coverage" in s for s in table.provenance["understood"])
+    np.testing.assert_allclose(read_csv(path, coverage=2).u_f, 0.5 * table.u_f)
+    with pytest.raises(GonioError, match="coverage factor"):
+        read_csv(path, coverage=0)
+    write(path, ("wi_x", "wi_y", "wi_z", "wo_x", "wo_y", "wo_z", "f"), [[v] for v in (0.6, 0, 0.8, -0.6, 0, 0.8, 1)])
+    with pytest.raises(GonioError, match="no azimuths"):
+        read_csv(path, mirror_azimuth=0)
+    write(path, (*NAMES, "f"), (*DEGREES, F))
+    with pytest.raises(GonioError, match="give 0 or 180"):
+        read_csv(path, mirror_azimuth=90)
+
+
 @pytest.mark.parametrize(("text", "options", "remedy"), [
     ("theta_i,phi_i,theta_s,phi_s,f\n" + ROW, {}, "theta_s may be either side's"),
     ("theta_i,theta_o,f\n10,20,0.3\n", {}, "delta_phi"),
