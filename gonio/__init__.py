@@ -36,7 +36,7 @@ _PUBLIC = {  # public name: where it is defined; `__init__.pyi` has the same for
     "chart": "gonio.charts:chart",
     "check": "gonio.checks.certify:check",
     "convert": "gonio.exports.convert:convert",
-    "fit": "gonio.fitting.fit_table:fit",
+    "fit": "gonio.metrology.fit_with_errors:fit",
     "fit_many": "gonio.fitting.batch:fit_many",
     "fit_profile": "gonio.fitting.subsurface.profile_fit:fit_profile",
     "material": "gonio.data.subject:load_material",

@@ -13,13 +13,13 @@ from gonio.data.subject import load_material as material
 from gonio.data.table import Table as Table
 from gonio.exports.convert import convert as convert
 from gonio.fitting.batch import fit_many as fit_many
-from gonio.fitting.fit_table import fit as fit
 from gonio.fitting.result import FitResult as FitResult
 from gonio.fitting.subsurface.profile_fit import fit_profile as fit_profile
 from gonio.fitting.subsurface.result import ProfileFit as ProfileFit
 from gonio.instrument.instrument import Instrument as Instrument
 from gonio.instrument.measurement import measure as measure
 from gonio.instrument.offsets_scan import measure_profile as measure_profile
+from gonio.metrology.fit_with_errors import fit as fit
 from gonio.metrology.quantities import quantities as quantities
 from gonio.models.errors import GonioError as GonioError
 from gonio.planning.adaptive.adaptive_measurement import adapt as adapt

@@ -10,6 +10,7 @@ import pytest
 import gonio
 from gonio.data.hdf5.writer import write_table
 from gonio.fitting.fit_model import FitOptions, FitSettings
+from gonio.metrology.fit_with_errors import AllFitOptions
 from gonio.models.errors import GonioError
 from support.fit_tables import coarse_table_of
 
@@ -21,7 +22,7 @@ def table():
 
 def test_keywords_and_settings_are_the_same():
     assert list(FitOptions.__annotations__) == list(FitSettings.__dataclass_fields__)
-    assert all(f"        {name}:" in gonio.fit.__doc__ for name in FitOptions.__annotations__)
+    assert all(f"    {name}:" in gonio.fit.__doc__ for name in AllFitOptions.__annotations__)
 
 
 @pytest.mark.parametrize(

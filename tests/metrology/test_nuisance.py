@@ -25,7 +25,7 @@ def table():
 
 @pytest.fixture(scope="module")
 def fitted(table):
-    return fit_with_nuisance(table, MODEL, [*ANGLES, "gain"])
+    return gonio.fit(table, MODEL, nuisance=[*ANGLES, "gain"])
 
 
 def test_the_errors_of_the_instrument_come_out_with_their_uncertainties(table, fitted):
@@ -55,6 +55,12 @@ def test_what_cannot_be_held_or_weighed_is_refused(table):
         fit_with_nuisance(table, MODEL, ["titl"])
     with pytest.raises(GonioError, match="table with uncertainties"):
         fit_with_nuisance(measure(TRUTH, Instrument(), GRID), MODEL, ["gain"], uncertainty={"gain": "1 %"})
+    with pytest.raises(GonioError, match="give nuisance too"):
+        gonio.fit(table, MODEL, uncertainty={"gain": "1 %"})
+    with pytest.raises(GonioError, match="at most one model"):
+        gonio.fit(table, MODEL, nuisance="tilt, gain", per_channel=True)
+    with pytest.raises(TypeError, match="did you mean 'loss'"):
+        gonio.fit(table, MODEL, los="log")
 
 
 def test_the_command_line_writes_them_into_the_material(table, tmp_path, capsys):
