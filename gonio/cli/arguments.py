@@ -188,6 +188,17 @@ def as_stated(subject: str, args: argparse.Namespace) -> "Subject | str":
     return resolve_subject(subject, **options)
 
 
+def beside_stated(subject: str, args: argparse.Namespace) -> "Subject | str":
+    """Another subject, read as the command line says as far as its format knows of it; itself where that is nothing."""
+    from gonio.data.formats.registry import is_there, sniff
+    from gonio.data.subject import resolve_subject
+
+    if not is_there(subject):
+        return subject
+    options = {name: value for name, value in reading_options(args).items() if name in sniff(subject).options}
+    return resolve_subject(subject, **options) if options else subject
+
+
 def stated_terms(text: str) -> dict[str, str]:
     """The texts of stated uncertainties, by the names of their terms."""
     stated: dict[str, str] = {}

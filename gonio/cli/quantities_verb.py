@@ -12,6 +12,7 @@ from gonio.cli.arguments import (
     Options,
     add_options,
     as_stated,
+    beside_stated,
     stated_terms,
     write_json,
 )
@@ -99,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
         "port": args.port,
         "observer": args.observer,
         "linear_srgb": args.linear_srgb,
-        "against": args.against,
+        "against": None if args.against is None else beside_stated(args.against, args),
     }
     only = _listed(args.only)
     if only and EVERYTHING not in only:

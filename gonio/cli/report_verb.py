@@ -4,7 +4,7 @@ import argparse
 import shlex
 from pathlib import Path
 
-from gonio.cli.arguments import FORCE, READING, Options, add_options, as_stated, write_json
+from gonio.cli.arguments import FORCE, READING, Options, add_options, as_stated, beside_stated, write_json
 from gonio.text import log, show
 
 TITLE = "BRDF report"
@@ -38,7 +38,9 @@ def run(args: argparse.Namespace) -> int:
 
     options = {name: getattr(args, name) for name in ("against", "chart", "figures", "render", "title", "force")}
     options |= {"command": _command(args), "log": log}
-    subjects = [as_stated(s, args) for s in args.subjects]
+    subjects = [beside_stated(s, args) for s in args.subjects]
+    if all(isinstance(s, str) for s in subjects):  # no file takes what is stated, if anything is
+        subjects = [as_stated(s, args) for s in args.subjects]
     report(subjects, args.output, fits=args.fit, check=not args.no_check, **options)
     values = Path(args.output).with_suffix(".json")
     show(f"written: {args.output} and {values.name}")
@@ -47,8 +49,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _command(args: argparse.Namespace) -> str:
     words = ["gonio", "report", *args.subjects, *(word for fit in args.fit for word in ("--fit", fit))]
-    for name in ("against", "chart", "figures", "angles", "quantity", "missing"):
-        words += [f"--{name}", getattr(args, name)] * bool(getattr(args, name))
+    for name in ("against", "chart", "figures", "angles", "quantity", "missing", "mirror_azimuth", "coverage", "scale"):
+        value = getattr(args, name)
+        words += [] if value is None else [f"--{name.replace('_', '-')}", str(value)]
     words += (
         ["--render"] * args.render
         + ["--no-check"] * args.no_check

@@ -23,6 +23,7 @@ from gonio.reports import (
     quantities_section,
     reading_figures,
     render_figures,
+    scatter_figures,
 )
 from gonio.reports.evaluation import Evaluation, ReportFigure, evaluate_subject
 from gonio.reports.subject import ReportSubject
@@ -101,7 +102,7 @@ def _notes(s: ReportSubject, e: Evaluation | None) -> list[str]:
 
 def _figures(s: ReportSubject, e: Evaluation, fits: list[dict[str, Any]]) -> list[ReportFigure]:
     made = reading_figures.figures(s) + lobe_figures.figures(s, e)
-    return made + check_figures.figures(s) + fit_figures.figures(s, fits)
+    return made + scatter_figures.figures(s) + check_figures.figures(s) + fit_figures.figures(s, fits)
 
 
 def _section(s: ReportSubject, e: Evaluation | None, fits: list[dict[str, Any]]) -> dict[str, Any]:
