@@ -9,31 +9,45 @@ from gonio.data.layouts import Layout
 
 NOISE = 2 * 1.22
 """Standard uncertainties by which the mean of two neighbours may differ from a reading without a structure."""
+MOST_UNEVEN = 16.0
+"""Of two steps beside a node of which one is far smaller than the other the larger counts as so many times it."""
 COVERAGE = 2.0
 """Standard uncertainties of a sum of such differences that bound it."""
 
 
 class Bend(NamedTuple):
     """Readings of n cells along one axis: (3, n) numbers of the cells before, at and after each, the share t (n,) of
-    the way between them, the readings there (3, n, C), their uncertainties, and the least f that counts (C,)."""
+    the way between them, one over the product of the steps (n,), by which differences become curvatures, the readings
+    there (3, n, C), their uncertainties, and the least f that counts (C,)."""
 
     cells: np.ndarray
     t: np.ndarray
+    scale: np.ndarray
     f: np.ndarray
     u: np.ndarray
     floor: np.ndarray
 
     def straight(self) -> np.ndarray:
-        """f less that of the line through its neighbours (n, C); NaN where one was not read."""
+        """f less that of the line through its neighbours (n, C), over the product of the steps: minus a half of f''.
+
+        NaN where one was not read.
+        """
         low, middle, high = self.f
-        return middle - (1 - self.t)[:, None] * low - self.t[:, None] * high
+        return self._scaled(middle - (1 - self.t)[:, None] * low - self.t[:, None] * high)
+
+    def noise(self) -> np.ndarray:
+        """What noise may make of that (n, C)."""
+        return self._scaled(NOISE * self.u)
+
+    def _scaled(self, difference: np.ndarray) -> np.ndarray:
+        return self.scale[:, None] * difference
 
     def beyond_noise(self) -> tuple[np.ndarray, np.ndarray]:
-        """|f − that of the line| (n, C), and of log f, less what noise makes of them."""
+        """|f − that of the line| (n, C), and of log f, over the product of the steps, less what noise makes of them."""
         size = np.maximum(np.nan_to_num(self.f[1]), self.floor)
         low, middle, high = np.log(np.maximum(self.f, self.floor))
-        share = np.abs(middle - (1 - self.t)[:, None] * low - self.t[:, None] * high)
-        noise = NOISE * self.u
+        share = self._scaled(np.abs(middle - (1 - self.t)[:, None] * low - self.t[:, None] * high))
+        noise = self.noise()
         return _without_gaps(np.abs(self.straight()) - noise), _without_gaps(share - noise / size)
 
 
@@ -58,21 +72,24 @@ class Bends:
         name = list(self.layout.axes)[axis]
         nodes, index = self.layout.axes[name], np.array(np.unravel_index(cells, self.layout.shape))
         if nodes.size < 2:  # nothing is known of what lies beside it
-            three, t = (index[axis],) * 3, np.zeros(cells.size)
+            three, t, span = (index[axis],) * 3, np.zeros(cells.size), np.ones(cells.size)
         else:
             mirrored = name in self.layout.mirrored_axes
-            *three, t = neighbours(nodes, index[axis], self.layout.periods[name], mirrored)
+            *three, t, span = neighbours(nodes, index[axis], self.layout.periods[name], mirrored)
         places = np.stack(
             [np.ravel_multi_index((*index[:axis], k, *index[axis + 1 :]), self.layout.shape) for k in three]
         )
-        return Bend(places, t, self.f[places], self.u[cells], floor)
+        inner = (t > 0) & (t < 1)
+        scale = 1 / (span**2 * np.where(inner, np.maximum(t * (1 - t), 1 / MOST_UNEVEN), 1.0))
+        return Bend(places, t, scale, self.f[places], self.u[cells], floor)
 
     def add(self, bend: Bend, share: np.ndarray) -> None:
-        """Count shares (n,) of what the cells' readings bend by within their noise."""
-        inside = np.clip(np.nan_to_num(bend.straight()), -NOISE * bend.u, NOISE * bend.u)
+        """Count shares (n,), squares of steps, of what the cells' readings bend by within their noise."""
+        noise = bend.noise()
+        inside = np.clip(np.nan_to_num(bend.straight()), -noise, noise)
         self.total = self.total + share @ inside
         self.cells.append(bend.cells.ravel())
-        self.weights.append((share * np.stack([bend.t - 1, np.ones(share.size), -bend.t])).ravel())
+        self.weights.append((share * bend.scale * np.stack([bend.t - 1, np.ones(share.size), -bend.t])).ravel())
 
     def within_noise(self) -> np.ndarray:
         """Bound (C,) of that sum: its size and what noise may have taken from it."""
@@ -89,15 +106,15 @@ def _without_gaps(error: np.ndarray) -> np.ndarray:
 
 def neighbours(
     nodes: np.ndarray, k: np.ndarray, period: float | None, mirrored: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(lower, middle, upper) nodes and the middle's share of the way between the others.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(lower, middle, upper) nodes, the middle's share of the way between the others, and the way.
 
     At the end of an axis the node beside it is the middle one; a periodic axis has no end, a mirrored one goes on as
     its image; of two nodes the lower stands for the middle and the upper is the other.
     """
     n = nodes.size
     if n == 2 and period is None:
-        return np.zeros_like(k), np.zeros_like(k), np.ones_like(k), np.ones(k.size)
+        return np.zeros_like(k), np.zeros_like(k), np.ones_like(k), np.ones(k.size), np.full(k.size, np.ptp(nodes))
     if period is not None or mirrored:
         before, after = (nodes[-1] - (period or 0), nodes[0] + (period or 0))
         first, last = (n - 1, 0) if period is not None else (min(1, n - 1), max(n - 2, 0))
@@ -105,7 +122,7 @@ def neighbours(
             before, after = -nodes[first], 2 * np.pi - nodes[last]
         low, high = np.where(k > 0, k - 1, first), np.where(k < n - 1, k + 1, last)
         below, above = np.where(k > 0, nodes[low], before), np.where(k < n - 1, nodes[high], after)
-        return low, k, high, (nodes[k] - below) / (above - below)
+        return low, k, high, (nodes[k] - below) / (above - below), above - below
     middle = np.clip(k, 1, n - 2)
-    t = (nodes[middle] - nodes[middle - 1]) / (nodes[middle + 1] - nodes[middle - 1])
-    return middle - 1, middle, middle + 1, t
+    span = nodes[middle + 1] - nodes[middle - 1]
+    return middle - 1, middle, middle + 1, (nodes[middle] - nodes[middle - 1]) / span, span
