@@ -42,7 +42,8 @@ def test_readings_in_a_plane_are_points_with_bars_and_a_list(grid):
         layout = layouts.in_plane(np.radians([30.0]), np.radians(SIGNED))
         t = whole_table_of_values(layout, F[None], u_f=0.05 * F[None, :, None], name="few")
     values, figures = section(t)
-    assert set(figures) <= {"polar-linear", "polar-log", "plane-linear", "plane-log", "readings-30", "map-scale"}
+    usual = {"polar-linear", "polar-log", "plane-linear", "plane-log", "readings-30", "map-scale"}
+    assert set(figures) <= usual | {"scatter"}
     drawn = figures["plane-linear"]["data"]["readings"][0]
     np.testing.assert_allclose(drawn["theta_o_deg"], SIGNED)
     np.testing.assert_allclose(drawn["f_per_sr"], F, rtol=1e-5)
@@ -51,6 +52,16 @@ def test_readings_in_a_plane_are_points_with_bars_and_a_list(grid):
     rows = values["readings"]["rows"]
     assert len(rows) == 10 and sorted(r["f_per_sr"][0] for r in rows) == pytest.approx(sorted(F), rel=1e-5)
     assert "drawn" in values["notes"][0]
+
+
+def test_scatter_is_drawn_with_its_law_where_f_falls():
+    """Of an ABg surface A/(B + x^g), whose numbers come out; of a Lambertian there is nothing to see."""
+    layout = layouts.in_plane(np.radians([10.0, 40.0]), np.radians(np.arange(-80, 81, 4.0)))
+    _, figures = section(table_of("abg(a=0.01, b=0.001, g=1.8)", layout))
+    data = figures["scatter"]["data"]
+    assert [data["laws"][f"ABg {n}"] for n in "ABg"] == pytest.approx([0.01, 0.001, 1.8], rel=1e-3)
+    assert [s["theta_i_deg"] for s in data["sets"]] == [10, 40] and "ABg" in figures["scatter"]["caption"]
+    assert "scatter" not in section(table_of("lambert(rho=0.5)", layout))[1]
 
 
 def test_readings_out_of_a_plane_stand_over_the_angle_that_varies():

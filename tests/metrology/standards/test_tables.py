@@ -55,6 +55,19 @@ def test_gloss_between_incidences_follows_the_mirror_direction(true):
             assert q.value == pytest.approx(true[name].value, rel=0.03)
 
 
+def test_uneven_nodes_have_their_own_steps():
+    """Light at 0° and 7.5°, beside which 8° was read too: what bends in between is more than 7.5° and 8° show."""
+    model, places = "lambert(rho=0.1) + ggx(alpha=0.285, eta=1.5)", ("0°:45°a", "0°:45°x", "45°a:0°")
+    theta = np.radians([*np.arange(0, 76, 7.5), 8])
+    table = measure(
+        model, None, isotropic(np.sort(theta), np.radians(np.arange(0, 86, 2.5)), np.radians(range(0, 181, 10)))
+    )
+    of_table, of_model = (by_name(gonio.quantities(s, only=["reflectance"])) for s in (table, model))
+    for place in places:
+        q = of_table[place, ""]
+        assert abs(q.value - of_model[place, ""].value) <= q.bound + 1e-9
+
+
 def test_a_lobe_narrower_than_the_grid_is_undecided():
     result = gonio.quantities(measure("lambert(rho=0.2) + ggx(alpha=0.01, eta=1.5)", None, GRID), only=["gloss"])
     assert {"gloss 20°", "gloss 60°", "distinctness of image"} <= {u.name for u in result.undecided}
