@@ -4,6 +4,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from gonio import __version__
 from gonio.campaigns.keys import digest_of
 from gonio.campaigns.store import DONE, REFUSED, Record, Store
 from gonio.campaigns.tasks import Task
@@ -25,6 +26,8 @@ def perform(task: Task, folder: str) -> Record:
     store = Store(Path(folder))
     if not store.folder.is_dir():
         raise Unfinished(f"a worker does not see the folder {folder}; give one on a file system that all workers share")
+    if task.version != __version__:
+        raise Unfinished(f"a worker has gonio {__version__}, and the campaign {task.version}; install one version")
     began, worked = time.perf_counter(), time.process_time()
     _require_unchanged(task)
     with jax.enable_x64(True):

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
+from gonio import __version__
 from gonio.campaigns.choices import USUAL_SCAN, Choice, instrument_spec
 from gonio.campaigns.keys import key_of
 from gonio.campaigns.recipe import MeasureBlock, Recipe, Work
@@ -25,6 +26,7 @@ class Task:
         digests: SHA-256 of the files among the inputs, by their paths: they must not change meanwhile.
         needs: keys of tasks without whose results there is none.
         after: keys of tasks that must be over, well or not.
+        version: of the gonio that made the key, which no other may follow.
     """
 
     kind: str
@@ -34,6 +36,7 @@ class Task:
     digests: dict[str, str] = dataclasses.field(default_factory=dict)
     needs: tuple[str, ...] = ()
     after: tuple[str, ...] = ()
+    version: str = __version__
 
     @property
     def name(self) -> str:

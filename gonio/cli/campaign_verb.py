@@ -119,7 +119,8 @@ def _show(outcome: "Campaign", whole: bool) -> None:
 
 
 def _counts(counts: dict[str, int]) -> str:
-    return ", ".join(f"{counts[kind]:,} {name}" for kind, name in KINDS.items() if counts.get(kind))
+    there = ((counts[kind], name) for kind, name in KINDS.items() if counts.get(kind))
+    return ", ".join(f"{count:,} {name.removesuffix('s') if count == 1 else name}" for count, name in there)
 
 
 def _catalogue(args: argparse.Namespace) -> int:

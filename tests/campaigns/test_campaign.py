@@ -1,5 +1,6 @@
 """A campaign in this process: what is done is kept, what is changed is added, what fails is a result."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import gonio
 from gonio.__main__ import main
+from gonio.campaigns.perform import Unfinished, perform
 from gonio.campaigns.recipe import read_recipe
 from gonio.campaigns.tasks import tasks_of
 
@@ -142,3 +144,15 @@ def test_a_dry_run_counts_and_writes_nothing(tmp_path, capsys):
     facts = json.loads(capsys.readouterr().out)
     assert facts["tasks"] == {"measure": 100, "fit": 200} and facts["cells"] == 17 * 100
     assert facts["hours"] > 0 and facts["bytes"] >= 17 * 100 * 17 and not (tmp_path / "runs").exists()
+
+
+def test_workers_that_would_give_something_else_do_nothing(tmp_path):
+    (tmp_path / "m.toml").write_text('gonio_material = 1\nname = "m"\nmodel = "lambert(rho=0.3)"\n')
+    (task,) = tasks_of(read_recipe({"measure": [{"materials": [str(tmp_path / "m.toml")]}]}))
+    with pytest.raises(Unfinished, match="install one version"):
+        perform(dataclasses.replace(task, version="0.0"), str(tmp_path))
+    with pytest.raises(Unfinished, match="does not see the folder"):
+        perform(task, str(tmp_path / "elsewhere"))
+    (tmp_path / "m.toml").write_text("changed")
+    with pytest.raises(Unfinished, match=r"m\.toml has changed since the campaign began"):
+        perform(task, str(tmp_path))
