@@ -303,6 +303,11 @@ def targets() -> dict[str, Format]:
     return {known.name.casefold(): known for known in FORMATS if known.write is not None}
 
 
+def _ending(path: str | os.PathLike[str]) -> str:
+    """What is said of a path whose ending names no format."""
+    return f"ends in '{_suffix(path)}'" if _suffix(path) else "has no ending"
+
+
 def writable(path: str | os.PathLike[str], to: str | None = None) -> Format:
     """The format in which an output of this name is written, or the one that is named.
 
@@ -313,13 +318,13 @@ def writable(path: str | os.PathLike[str], to: str | None = None) -> Format:
         if (known := writers.get(to.casefold())) is None:
             raise GonioError(f"no format {to[:80]!r} is written; {nearest(to[:80], writers)}")
         if known.suffixes and _suffix(path) not in known.suffixes:
-            raise GonioError(f"{path} ends in '{_suffix(path)}'; {known.title} ends in {' or '.join(known.suffixes)}")
+            raise GonioError(f"{path} {_ending(path)}; {known.title} ends in {' or '.join(known.suffixes)}")
         return known
     for known in writers.values():
         if _suffix(path) in known.suffixes:
             return known
     *first, last = (f"{known.suffixes[0]} ({known.name})" for known in writers.values() if known.suffixes)
-    raise GonioError(f"{path} ends in '{_suffix(path)}'; give {', '.join(first)} or {last} to say the format")
+    raise GonioError(f"{path} {_ending(path)}; give {', '.join(first)} or {last} to say the format")
 
 
 def write(

@@ -6,7 +6,7 @@ from typing import Any
 
 from gonio.cli.arguments import FORCE, MERL, READING, Options, add_options, given, reading_options, share_of, write_json
 from gonio.models.errors import GonioError
-from gonio.text import log, show
+from gonio.text import is_verbose, log, show
 
 OPTIONS: Options = {
     "--to NAME": "the renderer (mitsuba, pbrt, materialx, gltf, blender, radiance), or the format where OUT's ending "
@@ -82,6 +82,8 @@ def run(args: argparse.Namespace) -> int:
         options["tolerance"] = share_of(args.tolerance, "--tolerance")
     error = convert(subject, args.output, args.to, **options)
     show(f"{args.output}: {error}")
+    if is_verbose() and (others := getattr(error, "others", ())):
+        show("other forms: " + ", ".join(f"{name} (rms {100 * rms:.3g} %)" for name, rms in others[:3]))
     facts = dataclasses.asdict(error) if dataclasses.is_dataclass(error) else {}
     return write_json(args, {"written": args.output, "error": facts, "sentence": str(error)})
 

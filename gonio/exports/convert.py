@@ -17,12 +17,15 @@ from gonio.data.round_trip import RoundTrip
 from gonio.data.subject import Subject, SubjectLike, load_material, resolve_subject
 from gonio.exports.about import about
 from gonio.exports.forms import Appearance, Form, Values, appearance_of
+from gonio.exports.losses import FAR
 from gonio.exports.nearest import Nearest, nearest
 from gonio.exports.pairs import Pairs
 from gonio.exports.reexpression import ReExpression, reexpression
 from gonio.exports.targets import Target, canonical, target_of
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError
+
+AS_DATA = "as data (--measured, measured=True) the surface would be nearer: in an RGL file beside the scene"
 
 
 class ConvertOptions(TypedDict, total=False):
@@ -134,14 +137,23 @@ def _for_renderer(subject: Subject, path: Path, target: Target, settings: Conver
             sought = appearance_of(material)
             expression = _as_data(subject, sought, temporary, description, settings)
         error = reexpression(target.title, sought, expression, remarks)
+        if data is None and _nearer_as_data(error, sought, target):
+            error = dataclasses.replace(error, remarks=(*error.remarks, AS_DATA))
         if settings.tolerance is not None and not error.within(settings.tolerance):
             raise GonioError(
                 f"{target.title} comes no nearer to {material.name} than {error.figures}, beyond the tolerance of "
-                f"{settings.tolerance:g}; nothing was written"
+                f"{settings.tolerance:g}; nothing was written" + "".join(f"; {remark}" for remark in error.remarks)
             )
         content = target.file(expression.form.describe(expression.values), about(material, error), path.suffix.lower())
         stack.enter_context(new_file(path, settings.force)).write_bytes(content)
     return dataclasses.replace(error, written=tuple(str(p) for p in (path, data) if p is not None))
+
+
+def _nearer_as_data(error: ReExpression, sought: Appearance, target: Target) -> bool:
+    """Whether samples of the surface are nearer than an expression that is this far, and can be read."""
+    known = target.title == "Mitsuba 3" or sought.material.channels.wavelengths_nm is not None
+    smooth = sought.isotropic and not sought.transmits
+    return target.measured is not None and known and smooth and error.relative_rms > FAR
 
 
 def _model_of(subject: Subject, settings: ConvertSettings) -> tuple[Material, tuple[str, ...]]:

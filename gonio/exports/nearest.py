@@ -25,6 +25,8 @@ NEARER = 0.9
 """Share of an error of a simpler form at which another one is worth its numbers."""
 GAIN = 0.02
 """Light made, of all of it, up to which a form counts."""
+UNRESOLVED = 0.05
+"""Relative difference of the albedo by two grids of directions at which they are too coarse for the surface."""
 SAME = 1e-7
 """Relative rms at which nothing is nearer."""
 NEAR = 1e-5
@@ -36,7 +38,7 @@ class Nearest:
     """A form with its numbers.
 
     `relative_rms`: of f, cosine-weighted; `shown`: of cube roots of what is seen; `light_made`: share that is reflected
-    beyond all; `others`: the other forms, the nearest first.
+    beyond all; `others`: the other forms, the nearest first; `resolved`: whether the directions resolve the surface.
     """
 
     form: Form
@@ -45,6 +47,7 @@ class Nearest:
     shown: float = 0.0
     light_made: float = 0.0
     others: tuple["Nearest", ...] = ()
+    resolved: bool = True
 
 
 def nearest(forms: tuple[Form, ...], sought: Appearance) -> Nearest:
@@ -67,7 +70,8 @@ def nearest(forms: tuple[Form, ...], sought: Appearance) -> Nearest:
             break
     chosen = _chosen(fitted, sought)
     others = sorted((n for n in fitted if n is not chosen), key=lambda n: n.relative_rms)
-    return dataclasses.replace(chosen, others=tuple(others))
+    resolved = abs(fine.reflected - judged.reflected) <= UNRESOLVED * judged.reflected
+    return dataclasses.replace(chosen, others=tuple(others), resolved=resolved)
 
 
 def _compared(sought: Appearance, grid: tuple[int, int, int]) -> Comparison:

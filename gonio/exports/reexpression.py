@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from gonio.exports.forms import Appearance
+from gonio.exports.losses import FAR, losses
 from gonio.exports.nearest import Nearest
 from gonio.exports.pairs import LOWEST, Pairs
 from gonio.figures.spheres import sphere_pairs
@@ -13,6 +14,7 @@ from gonio.fitting.residuals.colour_difference import LINEAR_SRGB, ciede2000, to
 LIGHTS, TILTS, AZIMUTHS = 16, 64, 16
 SIDE = 64
 """Pixels across the lit sphere."""
+ROUGHLY = "the surface has lobes narrower than the steps between the directions compared: the figures are rough"
 ROUNDING = 1e-5
 """Relative difference, largest over all pairs, up to which an expression is exact: renderers compute in single."""
 
@@ -30,6 +32,7 @@ class ReExpression:
         exact: whether f differs nowhere by more than rounding in single precision.
         remarks: what the renderer cannot say, and what became of the channels.
         written: the files.
+        others: the renderer's other forms with their relative rms, the nearest first.
     """
 
     target: str
@@ -41,6 +44,7 @@ class ReExpression:
     exact: bool
     remarks: tuple[str, ...] = ()
     written: tuple[str, ...] = ()
+    others: tuple[tuple[str, float], ...] = ()
 
     def within(self, tolerance: float) -> bool:
         """Whether neither the relative rms nor the difference of albedo is larger."""
@@ -74,7 +78,7 @@ def reexpression(target: str, sought: Appearance, expression: Nearest, remarks: 
     """The errors of an expression, at other and more directions than it was fitted at; light that goes through too."""
     pairs = sought.pairs(LIGHTS, TILTS, AZIMUTHS)
     sides = [pairs, pairs.through()] if sought.transmits else [pairs]
-    squares, off, albedo, exact = 0.0, 0.0, 0.0, True
+    squares, off, albedo, exact, lost = 0.0, 0.0, 0.0, True, ()
     for side in sides:
         f = sought.f(side.wi, side.wo)
         silent = side is not pairs and not expression.form.transmits
@@ -83,9 +87,13 @@ def reexpression(target: str, sought: Appearance, expression: Nearest, remarks: 
         squares += float(np.sum(side.weight[:, None] * f * f))
         off += float(np.sum(side.weight[:, None] * difference**2))
         albedo = max(albedo, float(np.abs(side.albedo(difference)[side.cosines >= LOWEST]).max(initial=0.0)))
+        if side is pairs and off > FAR**2 * squares:
+            lost = losses(sought, expression.values, side, f, difference)
         exact &= bool(np.all(np.abs(difference) <= ROUNDING * np.maximum(np.abs(f), 1e-6 * largest)))
     colours = sphere_colours(sought, expression)
-    left_out = ("light through the surface is left out",) * (sought.transmits and not expression.form.transmits)
+    if sought.transmits and not expression.form.transmits:
+        lost = ("light through the surface is lost: the expression reflects alone", *lost)
+    rough = (ROUGHLY,) * (not expression.resolved)
     return ReExpression(
         target=target,
         form=expression.form.name,
@@ -94,7 +102,8 @@ def reexpression(target: str, sought: Appearance, expression: Nearest, remarks: 
         delta_e_mean=float(colours.mean()),
         delta_e_max=float(colours.max(initial=0.0)),
         exact=exact,
-        remarks=(*sought.remarks, *remarks, *left_out),
+        remarks=(*sought.remarks, *remarks, *lost, *rough),
+        others=tuple((other.form.name, other.relative_rms) for other in expression.others),
     )
 
 

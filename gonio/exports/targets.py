@@ -74,7 +74,8 @@ def target_of(path: str | os.PathLike[str], to: str | None = None) -> Target | N
     if target is None:
         _require_known(name, [*TARGETS, "radiance", *registry.targets()])
     elif suffix not in target.suffixes:
-        raise GonioError(f"{path} ends in '{suffix}'; a file for {target.title} ends in {' or '.join(target.suffixes)}")
+        ending = f"ends in '{suffix}'" if suffix else "has no ending"
+        raise GonioError(f"{path} {ending}; a file for {target.title} ends in {' or '.join(target.suffixes)}")
     return target
 
 

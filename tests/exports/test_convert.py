@@ -31,3 +31,9 @@ def test_a_format_is_named_where_endings_leave_it_open(tmp_path):
         gonio.convert(table, tmp_path / "two.vsc", to="vsc")
     with pytest.raises(gonio.GonioError, match=r"ends in '.txt'; CSV .* ends in \.csv"):
         gonio.convert(table, tmp_path / "two.txt", to="csv")
+    with pytest.raises(gonio.GonioError, match=r"two has no ending; CSV .* ends in \.csv"):
+        gonio.convert(table, tmp_path / "two", to="csv")
+    with pytest.raises(gonio.GonioError, match=r"two has no ending; a file for Mitsuba 3 ends in \.xml or \.json"):
+        gonio.convert("lambert(rho=0.2)", tmp_path / "two", to="mitsuba")
+    with pytest.raises(gonio.GonioError, match=r"two has no ending; give \.h5"):
+        gonio.convert(table, tmp_path / "two")
