@@ -56,7 +56,7 @@ def surface(v: Values, pairs: Pairs) -> np.ndarray:
     base = _base(v, pairs, alphas, _index_below(v, coat, coat_ior))
     if not coat:
         return base
-    ebase = v["base_color"] * (float(v["specular_weight"]) if _metalness(v) == 1 else 1.0)
+    ebase = v["base_color"] * (float(v.get("specular_weight", 1.0)) if _metalness(v) == 1 else 1.0)
     inside = 1.0 - (1.0 - f0_of(coat_ior)) / coat_ior**2
     darkening = 1.0 + coat * ((1.0 - inside) / (1.0 - ebase * inside) - 1.0)
     reflected, passed = _dielectric(pairs, (v["coat_alpha"], v["coat_alpha"]), coat_ior)

@@ -112,3 +112,19 @@ def test_no_export_is_further_than_a_diffuser_or_one_lobe_from_a_coarse_search(s
         assert error.relative_rms <= diffuse + 0.01, name
         assert error.relative_rms <= min(others) + 0.01, name
         assert error.albedo_difference < 0.5
+
+
+@pytest.mark.parametrize("module", MODULES.values(), ids=list(MODULES))
+def test_every_form_is_finite_at_the_ends_of_its_numbers_domains(module):
+    for like in ("ward(alpha=0.2)", "ward(alpha_x=0.1, alpha_y=0.3)"):
+        sought = appearance_of(load_material(f"[0.1, 0.2, 0.3] * {like}"))
+        pairs = sought.pairs(4, 6, 4)
+        for form in module.forms(sought):
+            for ends in (("low",), ("high",), ("low", "high"), ("high", "low")):
+                values = {
+                    n.name: np.full((3,) if n.coloured else (), getattr(n, ends[k % len(ends)]))
+                    for k, n in enumerate(form.numbers)
+                }
+                f = form.f(values, pairs)
+                assert np.all(np.isfinite(f)), (form.name, ends)
+                form.describe(values)
