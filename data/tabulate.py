@@ -1,5 +1,7 @@
 """A model on the cells of a layout: a compiled kernel that gets the trigonometry of each axis as an input."""
 
+import functools
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -9,6 +11,9 @@ import numpy as np
 
 from gonio.data.layouts.base import Layout, Pair, Trig
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.compiled.directed import NARROWEST
+from gonio.models.compiled.dispatch import Formula
+from gonio.models.compiled.dispatch import values as program_values
 from gonio.models.compiling import wide_jit
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
@@ -33,6 +38,8 @@ def grid_values(
     that one compilation serves a layout, whatever the range.
     """
     start, stop, _ = slice(start_row, stop_row).indices(layout.shape[0])
+    if layout.gridded and (values := _compiled(brdf, layout, start, stop)) is not None:
+        return values
     step = block_rows(layout, block_cells)
     block = _grid_block if layout.gridded else _scattered_block
     first = np.asarray(block(brdf, layout, start, step))
@@ -43,6 +50,45 @@ def grid_values(
     for row in range(start + step, stop, step):
         out[row - start : row - start + step] = block(brdf, layout, row, step)[: stop - row]
     return out
+
+
+def _compiled(brdf: AbstractBRDF, layout: Layout, start: int, stop: int) -> np.ndarray | None:
+    """The cells of the rows from loops over the axes, or None where XLA has to compute them."""
+    dtype = jax.dtypes.canonicalize_dtype(float)
+    angles = [a[start:stop] if k == 0 else a for k, a in enumerate(layout.axes.values())]
+    sizes = tuple(a.size for a in angles)
+    if 0 in sizes:
+        return None
+    trig = [f(a).astype(dtype) for a in angles for f in (np.cos, np.sin)]
+    in_loops = sizes[-1] >= NARROWEST
+    if not in_loops:
+        trig = [
+            c.reshape(-1)
+            for pair in zip(np.ix_(*trig[::2]), np.ix_(*trig[1::2]), strict=True)
+            for c in _whole(pair, sizes)
+        ]
+    values = program_values(
+        _formula(layout.pair, len(sizes), in_loops), brdf, trig, sizes if in_loops else (math.prod(sizes),), dtype
+    )
+    return None if values is None else values.reshape(*sizes, -1)
+
+
+def _whole(pair: tuple[np.ndarray, np.ndarray], shape: tuple[int, ...]) -> list[np.ndarray]:
+    return [np.broadcast_to(c, shape) for c in pair]
+
+
+@functools.cache
+def _formula(pair: Callable[[Trig], Pair], axes: int, in_loops: bool) -> Formula:
+    """f of a cell from the trigonometry of its angles, in one loop or in one for each axis."""
+
+    def value(model: Any, *trig: Any) -> Any:
+        wi, wo = (
+            Direction(*(jnp.asarray(c, trig[0].dtype) for c in w))
+            for w in pair(list(zip(trig[::2], trig[1::2], strict=True)))
+        )
+        return model.f(wi, wo)
+
+    return Formula(value, tuple((k if in_loops else 0,) for k in range(axes) for _ in range(2)))
 
 
 def _grid_block(brdf: AbstractBRDF, layout: Layout, start: int, rows: int) -> np.ndarray:

@@ -1,12 +1,16 @@
 """Models over arrays of directions: the one place where `vmap` adds axes to their scalar formulas."""
 
+import math
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.compiled.directed import directed_values
 from gonio.models.compiling import wide_jit
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
@@ -41,45 +45,69 @@ def _values(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> Channels:
     return jax.lax.fori_loop(0, -(-pairs // BLOCK), put, jnp.zeros((pairs, *kind.shape[1:]), kind.dtype))
 
 
-def flat_pair(wi: Direction, wo: Direction) -> tuple[Direction, Direction, tuple[int, ...]]:
-    """Both directions broadcast to one shape and flattened to one axis, with that shape."""
+def component_arrays(wi: Direction, wo: Direction) -> tuple[list[np.ndarray], tuple[int, ...]]:
+    """The six components as arrays, and the shape that they broadcast to."""
     for w in (wi, wo):
         if not isinstance(w, tuple) or len(w) != 3:
             raise GonioError(f"A direction is Direction(x, y, z), three arrays; a {type(w).__name__} came.")
-    dtype = jnp.result_type(float)
     arrays = [np.asarray(c) for c in (*wi, *wo)]
+    first = arrays[0].shape
+    if all(a.shape == first for a in arrays):
+        return arrays, first
     try:
-        parts = np.broadcast_arrays(*arrays)
+        return arrays, np.broadcast_shapes(*(a.shape for a in arrays))
     except ValueError:
         shapes = ", ".join(str(a.shape) for a in arrays)
         raise GonioError(f"The components of wi and wo have the shapes {shapes}, which do not broadcast.") from None
-    flat = [jnp.asarray(c.reshape(-1), dtype) for c in parts]
-    return Direction(*flat[:3]), Direction(*flat[3:]), parts[0].shape
 
 
-def evaluate(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> jax.Array:
+def flat_pair(wi: Direction, wo: Direction) -> tuple[Direction, Direction, tuple[int, ...]]:
+    """Both directions broadcast to one shape and flattened to one axis, with that shape."""
+    arrays, shape = component_arrays(wi, wo)
+    dtype = jnp.result_type(float)
+    flat = [jnp.asarray(np.broadcast_to(c, shape).reshape(-1), dtype) for c in arrays]
+    return Direction(*flat[:3]), Direction(*flat[3:]), shape
+
+
+def evaluate(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> np.ndarray | jax.Array:
     """f(wi, wo), 1/sr, for directions of any broadcastable shape S: shape ``S``, or ``S + (channels,)``.
 
-    Compiled once for each kind of model and each number of pairs.
+    Compiled once for each kind of model, whatever the number of pairs (`gonio.models.compiled`); what cannot be so is
+    compiled by XLA, once for each number of pairs. Numbers are those of JAX's precision.
+
+    Returns:
+        An array of NumPy; of JAX where a direction is.
 
     Raises:
         GonioError: a direction is not three components, or their shapes do not broadcast.
     """
-    wi, wo, shape = flat_pair(wi, wo)
-    values = _values(brdf, wi, wo)
-    return values.reshape(shape + values.shape[1:])
+    arrays, shape = component_arrays(wi, wo)
+    values = directed_values(brdf, arrays, shape)
+    if values is None:
+        wi, wo, shape = flat_pair(wi, wo)
+        if any(isinstance(v, Tracer) for v in jax.tree.leaves(brdf)):  # part of a larger program
+            values = jax.vmap(brdf.f)(wi, wo)
+        else:
+            values = np.asarray(_values(brdf, wi, wo))
+        values = values.reshape(shape + values.shape[1:])
+    of_jax = any(a is not c and isinstance(c, jax.Array) for a, c in zip(arrays, (*wi, *wo), strict=True))
+    return jnp.asarray(values) if of_jax else values
 
 
 def evaluate_in_blocks(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> np.ndarray:
     """f, 1/sr, of n pairs: shape (n, channels), one channel where the model has none.
 
-    Blocks of one size, so that one compilation serves any number of pairs.
+    XLA's blocks have one size, so that one compilation serves any number of pairs.
     """
-    parts = np.broadcast_arrays(*(np.asarray(c, float) for c in (*wi, *wo)))
+    arrays, shape = component_arrays(wi, wo)
+    whole = directed_values(brdf, arrays, shape)
+    if whole is not None:
+        return np.asarray(whole, float).reshape(math.prod(shape), math.prod(whole.shape[len(shape) :]))
+    parts = np.broadcast_arrays(*arrays)
     n, values = parts[0].size, []
     for start in range(0, n, SMALL_BLOCK):
-        block = [np.resize(c[start : start + SMALL_BLOCK], SMALL_BLOCK) for c in parts]
-        f = np.asarray(evaluate(brdf, Direction(*block[:3]), Direction(*block[3:])), float)
+        block = [np.resize(c.reshape(-1)[start : start + SMALL_BLOCK], SMALL_BLOCK) for c in parts]
+        f = np.asarray(_values(brdf, *flat_pair(Direction(*block[:3]), Direction(*block[3:]))[:2]), float)
         values.append(f.reshape(SMALL_BLOCK, -1)[: n - start])
     return np.concatenate(values)
 

@@ -15,6 +15,7 @@ PROGRAMS = Path(tempfile.gettempdir()) / f"gonio-tests-{os.getppid() if WORKER e
 
 # Programs of other processes that tests start come from here too, from the same length of compilation as theirs.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(PROGRAMS))
+os.environ.setdefault("GONIO_PROGRAMS_DIR", str(PROGRAMS / "loops"))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.05")
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "0")
 

@@ -141,8 +141,8 @@ def test_rooms_form_no_circle():
     assert {r for r, to in reach.items() if r in to} == set()
 
 
-def test_models_need_nothing_but_jax_equinox_and_numbers():
-    allowed = {"jax", "jaxlib", "equinox", "jaxtyping", "numpy", "gonio", "lazy_loader"}
+def test_models_need_nothing_but_jax_equinox_llvm_and_numbers():
+    allowed = {"jax", "jaxlib", "equinox", "jaxtyping", "numpy", "gonio", "lazy_loader", "llvmlite"}
     for module, path in MODULES.items():
         if module.startswith("gonio.models"):
             names = imported(without_type_checking(ast.parse(path.read_text(encoding="utf-8"))), package_of(module))

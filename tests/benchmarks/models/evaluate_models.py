@@ -1,15 +1,16 @@
-"""Evaluations a second of every model on the 1,458,000 pairs of MERL, beside the limit of the machine and Mitsuba.
+"""Million evaluations a second of every model on the pairs of MERL, beside XLA, NumPy, the limit and Mitsuba.
 
     python evaluate_models.py [../shared/bench/eval_limit.cpp [MODEL ...]]
 
-Two forms of ours: on the grid (the trigonometry of each axis as input, as `gonio measure` does it) and on pairs (six
-arrays of components, as any client would hand over, and as Mitsuba gets them). Each is the median CPU time of repeated
-calls, of all cores together, so that others on the machine disturb it little; ours and Mitsuba's calls alternate, and
-the limit runs on one core; beside it stands our least time too, since the loops tell theirs. Freed memory is kept by
-the process, as Mitsuba keeps its own: pages that are new at every call cost up to 9 ms. Mitsuba's LLVM variant needs an
-LLVM library (Debian: libllvm19, DRJIT_LIBLLVM_PATH).
+Ours is the public path: `grid_values` on the grid's axes, as `gonio measure` takes it, and `evaluate` of six NumPy
+arrays of components, in double precision and, with JAX's 64 bits off, in single. XLA's is the same formula by `vmap`.
+Each is the median CPU time of repeated calls, of all cores together, so that others on the machine disturb it little;
+the calls alternate, and the limit runs on one core. Freed memory is kept by the process, as Mitsuba keeps its own. The
+first call traces and compiles; kept is that of a process which finds the program on disk. Mitsuba's LLVM variant needs
+an LLVM library (Debian: libllvm19, DRJIT_LIBLLVM_PATH).
 """
 
+import contextlib
 import ctypes
 import glob
 import os
@@ -27,13 +28,15 @@ import numpy as np
 jax.config.update("jax_enable_x64", True)
 
 from gonio.data import layouts  # noqa: E402
-from gonio.data.tabulate import _kernel  # noqa: E402
+from gonio.data.tabulate import grid_values  # noqa: E402
 from gonio.models.catalog import MODELS  # noqa: E402
-from gonio.models.evaluation import _values  # noqa: E402
+from gonio.models.compiled import dispatch  # noqa: E402
+from gonio.models.evaluation import _values, evaluate  # noqa: E402
 from gonio.models.expression.builder import build, example  # noqa: E402
 from gonio.models.geometry.directions import Direction  # noqa: E402
 from gonio.stability.precision import cast  # noqa: E402
 
+PRECISIONS = (np.float32, np.float64)
 LIMIT = "lambert(rho=0.5) + 1 * ggx(alpha=0.2, f0=0.04)"
 REPEATS = 9
 REST = 0.01
@@ -87,14 +90,15 @@ def median_seconds(*calls):
     return [(first, statistics.median(seen), min(seen)) for first, seen in zip(firsts, times, strict=True)]
 
 
-def trigonometry(dtype):
-    axes = layouts.merl().axes.values()
-    return [(jnp.asarray(np.cos(a), dtype), jnp.asarray(np.sin(a), dtype)) for a in axes]
-
-
-def pairs(dtype):
+def pairs(dtype, count=None):
     wi, wo = layouts.merl().directions()
-    return [Direction(*(jnp.asarray(c, dtype) for c in w)) for w in (wi, wo)]
+    every = slice(None) if count is None else slice(None, None, layouts.merl().size // count)
+    return [Direction(*(np.ascontiguousarray(np.asarray(c, dtype)[every][:count]) for c in w)) for w in (wi, wo)]
+
+
+def precision(dtype):
+    """JAX's 64 bits, or not."""
+    return jax.enable_x64(dtype == np.float64)
 
 
 def limit(source):
@@ -128,50 +132,123 @@ def mitsuba_call(scene, wi, wo):
     return call
 
 
-def our_call(expression, dtype, inputs, on_grid):
-    brdf = cast(build(expression), dtype)
-    if on_grid:
-        return lambda: jax.block_until_ready(_kernel(brdf, layouts.merl().pair, inputs))
-    return lambda: jax.block_until_ready(_values(brdf, *inputs))
+def in_precision(dtype, function):
+    def call():
+        with precision(dtype):
+            return jax.block_until_ready(function())
+
+    return call
+
+
+def xla_call(brdf, dtype, directions):
+    arrays = [Direction(*(jnp.asarray(c) for c in w)) for w in directions]
+    return in_precision(dtype, lambda: _values(brdf, *arrays))
+
+
+def numpy_by_hand(wi, wo, alpha=0.2, f0=0.04, rho=0.5):
+    """Lambert + height-correlated GGX with Schlick's Fresnel, as one would write it."""
+    h = [a + b for a, b in zip(wi, wo, strict=True)]
+    norm = np.sqrt(h[0] ** 2 + h[1] ** 2 + h[2] ** 2)
+    cos_h, cos_d = h[2] / norm, (wi[0] * h[0] + wi[1] * h[1] + wi[2] * h[2]) / norm
+    a2 = alpha**2
+    d = a2 / (np.pi * (cos_h**2 * (a2 - 1) + 1) ** 2)
+    l_i, l_o = (np.sqrt(a2 + (1 - a2) * w[2] ** 2) for w in (wi, wo))
+    f = rho / np.pi + d * (f0 + (1 - f0) * (1 - cos_d) ** 5) / (2 * (wi[2] * l_o + wo[2] * l_i))
+    return np.where((wi[2] > 0) & (wo[2] > 0), f, 0)
+
+
+def first_and_kept(brdf, one):
+    """CPU seconds of one pair in a process that has nothing, and in one that finds the program on disk."""
+    seconds = []
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["GONIO_PROGRAMS_DIR"] = folder
+        for _ in range(2):
+            dispatch._programs.clear()
+            dispatch._models.clear()
+            began = time.process_time()
+            evaluate(brdf, *one)
+            seconds.append(time.process_time() - began)
+        del os.environ["GONIO_PROGRAMS_DIR"]
+    return seconds
+
+
+def difference(ours, theirs):
+    """Largest of |ours - theirs| over |theirs|, of values above a millionth of the largest."""
+    ours, theirs = np.asarray(ours, float), np.asarray(theirs, float)
+    counted = np.abs(theirs) > 1e-6 * np.nanmax(np.abs(theirs))
+    return float(np.max(np.abs(ours - theirs)[counted] / np.abs(theirs)[counted], initial=0.0))
+
+
+def microseconds(brdf, dtype, directions, calls=300):
+    with precision(dtype):
+        evaluate(brdf, *directions)
+        began = time.process_time()
+        for _ in range(calls):
+            evaluate(brdf, *directions)
+        return (time.process_time() - began) / calls * 1e6
+
+
+def model_line(expression, known):
+    count, one = layouts.merl().size, pairs(np.float64, 1)
+    first, kept = first_and_kept(build(expression), one)
+    rates, latencies, differences, least = {}, [], [], []
+    for dtype in PRECISIONS:
+        brdf, flat, some, single = cast(build(expression), dtype), pairs(dtype), pairs(dtype, 10_000), pairs(dtype, 1)
+        by_xla = xla_call(brdf, dtype, flat)
+        calls = [
+            in_precision(dtype, lambda b=brdf: grid_values(b, layouts.merl())),
+            in_precision(dtype, lambda b=brdf, w=flat: evaluate(b, *w)),
+            by_xla,
+        ]
+        if expression == LIMIT:
+            calls.append(lambda w=flat: numpy_by_hand(*w))
+        done = median_seconds(*calls)
+        for name, (_, median, _) in zip(("grid", "pairs", "XLA", "NumPy"), done, strict=False):
+            rates.setdefault(name, []).append(count / median / 1e6)
+        least.append(min(done[0][2], done[1][2]))
+        differences.append(difference(calls[1](), by_xla()))
+        for directions in (single, some):
+            latencies.append(microseconds(brdf, dtype, directions))
+    text = "  ".join(f"{name} {' / '.join(f'{r:6.1f}' for r in values)}" for name, values in rates.items())
+    times = f"one pair {latencies[0]:.0f} / {latencies[2]:.0f}, 10⁴ {latencies[1]:.0f} / {latencies[3]:.0f} µs"
+    differs = f"differs by {differences[0]:.0e} / {differences[1]:.0e}"
+    print(f"{expression[:48]:48}  {text}  {times}  {differs}  first {first:.2f} s, kept {kept:.2f} s", flush=True)
+    if expression == LIMIT and known:
+        ratio = [s * 1e3 / known[np.dtype(d).name] for s, d in zip(least, PRECISIONS, strict=True)]
+        print(
+            f"  limit: {known['float32']:.2f} / {known['float64']:.2f} ms, ours {ratio[0]:.1f} / {ratio[1]:.1f} times"
+        )
+
+
+def beside_mitsuba():
+    library = os.environ.get("DRJIT_LIBLLVM_PATH") or next(iter(sorted(glob.glob("/usr/lib/*/libLLVM.so.19*"))), None)
+    if not library:
+        return
+    os.environ["DRJIT_LIBLLVM_PATH"] = library
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_rgb")
+    count, flat = layouts.merl().size, pairs(np.float32)
+    print("\nbeside Mitsuba's LLVM variant, float32, pairs: million evaluations a core second, ours / theirs")
+    for expression, scene in PEERS.items():
+        brdf = cast(build(expression), np.float32)
+        ours = in_precision(np.float32, lambda b=brdf: evaluate(b, *flat))
+        mine, theirs = median_seconds(ours, mitsuba_call(scene, *flat))
+        rates = [count / s[1] / 1e6 for s in (mine, theirs)]
+        print(
+            f"{expression[:72]:72}  {rates[0]:7.1f} / {rates[1]:7.1f}  ratio {rates[0] / rates[1]:.2f}"
+            f"  first call {mine[0]:.2f} / {theirs[0]:.2f} s", flush=True,
+        )  # fmt: skip
 
 
 def main() -> None:
     keep_memory()
-    count = layouts.merl().size
     known = limit(sys.argv[1] if len(sys.argv) > 1 else None)
-    grids = {d: trigonometry(d) for d in (jnp.float32, jnp.float64)}
-    flat = {d: pairs(d) for d in (jnp.float32, jnp.float64)}
-    print(f"{count:,} pairs; million evaluations a core second, float32 / float64; first call (tracing, compiling), s")
-    for spelled in [LIMIT, *(example(n).strip("'") for n in sys.argv[2:] or MODELS)]:
-        said, first, best = [], [], []
-        for inputs, on_grid in ((grids, True), (flat, False)):
-            done = median_seconds(*(our_call(spelled, d, inputs[d], on_grid) for d in (jnp.float32, jnp.float64)))
-            said.append(" / ".join(f"{count / s[1] / 1e6:7.1f}" for s in done))
-            best = done if on_grid else best
-            first.append(done[1][0])
-        note = ""
-        if spelled == LIMIT and known:
-            rate = {d: count / (ms * 1e-3) / 1e6 for d, ms in known.items()}
-            ours = dict(zip(("float32", "float64"), (count / s[2] / 1e6 for s in best), strict=True))
-            ratio = {d: rate[d] / ours[d] for d in rate}
-            note = f"   limit (C++): {rate['float32']:.0f} / {rate['float64']:.0f}, least against least "
-            note += f"{ratio['float32']:.1f} / {ratio['float64']:.1f} times"
-        print(f"{spelled[:72]:72}  grid {said[0]}  pairs {said[1]}  first {first[0]:.1f}{note}", flush=True)
-    library = os.environ.get("DRJIT_LIBLLVM_PATH") or next(iter(sorted(glob.glob("/usr/lib/*/libLLVM.so.19*"))), None)
-    if library:
-        os.environ["DRJIT_LIBLLVM_PATH"] = library
-        import mitsuba as mi
-
-        mi.set_variant("llvm_ad_rgb")
-        print("\nbeside Mitsuba's LLVM variant, float32, pairs: million evaluations a core second, ours / theirs")
-        for spelled, scene in PEERS.items():
-            singles = flat[jnp.float32]
-            mine, theirs = median_seconds(our_call(spelled, jnp.float32, singles, False), mitsuba_call(scene, *singles))
-            rates = [count / s[1] / 1e6 for s in (mine, theirs)]
-            print(
-                f"{spelled[:72]:72}  {rates[0]:7.1f} / {rates[1]:7.1f}  ratio {rates[0] / rates[1]:.2f}"
-                f"  first call {mine[0]:.2f} / {theirs[0]:.2f} s", flush=True,
-            )  # fmt: skip
+    print(f"{layouts.merl().size:,} pairs; million evaluations a core second, float32 / float64")
+    for expression in [LIMIT, *(example(n).strip("'") for n in sys.argv[2:] or MODELS)]:
+        model_line(expression, known)
+    with contextlib.suppress(ImportError):
+        beside_mitsuba()
 
 
 if __name__ == "__main__":

@@ -1,0 +1,55 @@
+"""Compiled programs on disk, in gonio's folder of the user's cache: each has a checksum, and is written whole."""
+
+import contextlib
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+MARK = b"gonio program 1\n"
+"""What a file begins with; the number changes when what is kept does."""
+
+
+def folder() -> Path | None:
+    """Where programs are kept: beside those of XLA, or GONIO_PROGRAMS_DIR; None where GONIO_NO_CACHE forbids it."""
+    if os.environ.get("GONIO_NO_CACHE"):
+        return None
+    if chosen := os.environ.get("GONIO_PROGRAMS_DIR"):
+        return Path(chosen)
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return Path(home) / "gonio" / "programs"
+
+
+def key(*parts: str) -> str:
+    """The name of a program: a digest of all that it depends on."""
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+
+def read(name: str) -> bytes | None:
+    """A kept program, or None where there is none, or not what was written."""
+    place = folder()
+    try:
+        data = (place / name).read_bytes() if place else b""
+    except OSError:
+        return None
+    mark, digest, program = data[: len(MARK)], data[len(MARK) : len(MARK) + 32], data[len(MARK) + 32 :]
+    return program if mark == MARK and _digest(name, program) == digest else None
+
+
+def write(name: str, program: bytes) -> None:
+    """Keep a program, where the folder can be written to."""
+    if (place := folder()) is None:
+        return
+    with contextlib.suppress(OSError):
+        place.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with tempfile.NamedTemporaryFile(dir=place, delete=False) as file:
+            try:
+                file.write(MARK + _digest(name, program) + program)
+                file.close()
+                os.replace(file.name, place / name)
+            except OSError:
+                os.unlink(file.name)
+
+
+def _digest(name: str, program: bytes) -> bytes:
+    return hashlib.sha256(name.encode() + program).digest()

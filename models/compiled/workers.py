@@ -1,0 +1,49 @@
+"""Threads that share one range of work, as many as the processors that this process may use."""
+
+import collections
+import functools
+import itertools
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+
+@functools.cache
+def count() -> int:
+    """How many processors this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on this system
+        return os.cpu_count() or 1
+
+
+@functools.cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(count() - 1, thread_name_prefix="gonio")
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not survive a fork
+
+
+def share(work: Callable[[int, int], int], total: int, step: int) -> int:
+    """`work(start, stop)` over 0..total, in pieces of a step or more, by all threads; the results' bits together."""
+    pieces = max(1, total // step)
+    edges = [total * k // pieces for k in range(pieces + 1)]
+    spans = collections.deque(itertools.pairwise(edges))
+
+    def take() -> int:
+        status = 0
+        while True:
+            try:
+                span = spans.popleft()
+            except IndexError:
+                return status
+            status |= work(*span)
+
+    helpers = [_pool().submit(take) for _ in range(min(count(), pieces) - 1)]
+    status = take()
+    for helper in helpers:
+        if not helper.cancel():  # all threads may be busy with other calls; this one is done then
+            status |= helper.result()
+    return status
