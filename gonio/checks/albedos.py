@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gonio.checks.certificate import FAIL, PASS, UNDECIDED, Property, verdict_of
+from gonio.checks.hidden_lobes import ALPHAS, Features, at_width
 
 SENTENCE = {
     PASS: "The surface {does} no more than it receives",
@@ -37,6 +38,8 @@ class Albedos:
     """(n,): about the step, radians, at which a lobe such as the readings suggest would be resolved; NaN: unknown."""
     partial: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0, bool))
     """(n,): whether the readings cover too little of the hemisphere: the albedo is that of what was read, at least."""
+    hidden: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0, 0)))
+    """(n, K, channels): the most energy that a lobe hides which is at least as wide as each of `ALPHAS`."""
     shares: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
     """(n, channels) each: the reflectance and the transmittance that an albedo of both hemispheres is the sum of; NaN
     where one was not read. Nothing for albedos of reflection alone."""
@@ -70,22 +73,36 @@ class Incidence(NamedTuple):
     value: np.ndarray
     bound: np.ndarray
     noise: np.ndarray
-    unseen: bool = False
+    hidden: np.ndarray | None = None
+    """Where the mirror direction was not read: as of `gonio.checks.hidden_lobes.hidden_energy`; None where it was."""
     step_needed: float = np.nan
     partial: bool = False
 
 
-def albedos_of(rows: Iterable[Incidence], method: str) -> Albedos | str:
+NO_BOUND = np.full((ALPHAS.size, 1), np.inf)
+"""Energy of hidden lobes of which the readings tell nothing."""
+
+
+def albedos_of(rows: Iterable[Incidence], method: str, features: Features) -> Albedos | str:
     """The albedos of the incidences; or why there are none.
 
-    Where the mirror direction or much of the hemisphere was not read an albedo may be larger without a bound.
+    Where the mirror direction was not read an albedo may be larger by what a lobe of the stated width hides, without
+    one by any amount; likewise where much of the hemisphere was not read.
     """
     known = list(rows)
     if not known:
         return "no incidence was read"
-    theta, phi, value, bound, noise, unseen, step, partial = (np.array(c) for c in zip(*known, strict=True))
-    above = np.where((unseen | partial)[:, None], np.inf, bound)
-    return Albedos(theta, phi, value, above, bound, method, (), noise, unseen & ~partial, step, partial)
+    every: dict[str, Any] = {
+        n: np.array([getattr(row, n) for row in known]) for n in Incidence._fields if n != "hidden"
+    }
+    unseen = np.array([row.hidden is not None for row in known]) & ~every["partial"]
+    shape = len(known), ALPHAS.size, every["value"].shape[1]
+    hidden = np.broadcast_to(0.0, shape)
+    if unseen.any():
+        hidden = np.stack([np.broadcast_to(0.0 if row.hidden is None else row.hidden, shape[1:]) for row in known])
+    bound, more = every.pop("bound"), at_width(hidden, features.width)
+    above = np.where(every["partial"][:, None], np.inf, bound + np.where(unseen[:, None], more, 0.0))
+    return Albedos(above=above, below=bound, method=method, unseen=unseen, hidden=hidden, **every)
 
 
 def energy_property(albedos: Albedos, tolerance: float) -> Property:

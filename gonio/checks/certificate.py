@@ -80,6 +80,8 @@ class Property:
     detail: str = ""
     facts: dict[str, Any] = dataclasses.field(default_factory=dict, repr=False)
     series: dict[str, Any] = dataclasses.field(default_factory=dict, repr=False)
+    assumes: str = ""
+    """What the verdict takes for granted and no reading shows; empty where it stands by itself."""
 
 
 def without_residual(name: str, verdict: str, tolerance: float, detail: str, **facts: Any) -> Property:
@@ -105,7 +107,18 @@ class Certificate(Displayed):
             numbers = zip(("residual", "bound", "tolerance"), (p.residual, p.bound, p.tolerance), strict=True)
             known = ", ".join(f"{name} {value:.3g}" for name, value in numbers if value is not None)
             rows[p.name] = f"{p.verdict}: {known}" if known else p.verdict
-        return {self.kind: f"{self.subject}: {self.overall.upper()}", **rows}
+        return {self.kind: f"{self.subject}: {self.verdict_in_words}", **rows}
+
+    @property
+    def assumptions(self) -> list[str]:
+        """What the verdicts that make the overall one take for granted, without repeats."""
+        return list(dict.fromkeys(a for name in self.counted if (a := self[name].assumes)))
+
+    @property
+    def verdict_in_words(self) -> str:
+        """The overall verdict in capitals, and what it assumes."""
+        assumed = self.assumptions if self.overall != UNDECIDED else []
+        return self.overall.upper() + f", assuming that {'; and that '.join(assumed)}" * bool(assumed)
 
     @property
     def counted(self) -> list[str]:
@@ -147,6 +160,7 @@ class Certificate(Displayed):
                 "subject": self.subject,
                 "kind": self.kind,
                 "overall": self.overall,
+                "assumptions": self.assumptions,
                 "strict": self.strict,
                 "exit_status": self.exit_status,
                 "notes": self.notes,

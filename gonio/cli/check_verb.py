@@ -29,11 +29,11 @@ OPTIONS: Options = {
     "right",
     "--strict": "all properties but isotropy count",
     **{f"--tol-{name} T": f"tolerance of {name}: {spec.unit}" for name, spec in PROPERTIES.items()},
-    "--feature-width DEG": "tables: no lobe is narrower than this, so a grid that leaves out the mirror direction may "
-    "be judged",
+    "--feature-width DEG": "tables: no lobe is narrower than this (full width at half maximum at normal incidence: "
+    "about 190 alpha), so that readings which leave out the mirror direction bound what hides there",
     "--level P": "tables with stored uncertainties: chance of calling an honest one significantly wrong (0.01)",
     "--against FILE|MATERIAL": "the truth, if known: agreement with it counts too",
-    "--model MODEL": "tables on a grid of angles: where the grid alone leaves energy undecided, fit this model (or "
+    "--model MODEL": "tables: where the grid alone leaves energy undecided, fit this model (or "
     "'auto') and assume that between the readings the surface follows it, as far as they do",
     "--repair OUT.h5": "write the nearest table that is reciprocal and conserves energy; the exit status is then that "
     "table's",
@@ -97,7 +97,7 @@ def _run_several(args: argparse.Namespace, options: dict[str, Any]) -> int:
         others = [
             f"{p.name} {p.verdict}" for p in certificate.properties if p.verdict not in ("pass", "not applicable")
         ]
-        show(f"{subject.ljust(width)}  {certificate.overall.upper()}" + f"  ({', '.join(others)})" * bool(others))
+        show(f"{subject.ljust(width)}  {certificate.verdict_in_words}" + f"  ({', '.join(others)})" * bool(others))
         if is_verbose():
             print_certificate(certificate)
     statuses = [f["exit_status"] for f in facts]
@@ -122,7 +122,7 @@ def print_certificate(certificate: "Certificate") -> None:
     """
     from gonio.checks.certificate import place_in_words
 
-    title = f"{certificate.subject} ({certificate.kind}): {certificate.overall.upper()}"
+    title = f"{certificate.subject} ({certificate.kind}): {certificate.verdict_in_words}"
     rows = [
         (p.name, p.verdict, *map(_number, (p.residual, p.bound, p.tolerance)), place_in_words(p.where) or "-")
         for p in certificate.properties

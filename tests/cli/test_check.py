@@ -35,6 +35,7 @@ def test_a_file_is_checked_as_the_table_it_holds(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "(table)" in printed and "mirror direction" in printed and "no bound" in printed
     assert main(["check", str(tmp_path / "t.h5"), "--feature-width", "6"]) == 0
+    assert "PASS, assuming that no lobe is narrower than 6°" in capsys.readouterr().out
 
 
 def test_stored_uncertainties_are_tested_at_the_level_and_the_place_is_said(tmp_path, capsys):

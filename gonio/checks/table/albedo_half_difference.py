@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from gonio.checks.albedos import Albedos, Incidence, albedos_of
-from gonio.checks.grid_resolution import LARGEST, excess, log_values, prediction_error
+from gonio.checks.grid_resolution import LARGEST, excess, hat_weights, log_values, prediction_error
+from gonio.checks.hidden_lobes import Features, NearMirror, credible, hidden_energy
 from gonio.checks.table.albedo_on_grid import MOST_MISSING, floor_of
 from gonio.data.flags import Flag
 from gonio.data.interpolation.multilinear import InterpolationAxis
@@ -90,6 +91,19 @@ class HalfVectorGrid:
         axis = InterpolationAxis(nodes, self.periods[name], None, False, False)
         return axis.bracket(np.minimum(x, nodes[-1]) if axis.period is None else x, np)
 
+    def hidden(self, theta_i: float, limit: np.ndarray) -> np.ndarray:
+        """What a lobe about the normal may hide of an incidence, as of `hidden_energy`.
+
+        `limit`, of the shape of the cells and channels: what it may be at each, 1/sr, at the most.
+        """
+        theta_h = self.axes["theta_h"]
+        row = int(np.argmin(np.abs(self.axes["theta_d"] - theta_i)))
+        least = limit[:, row].reshape(theta_h.size, -1, limit.shape[-1]).min(axis=1)
+        cosines = np.cos(theta_i) * np.cos(np.maximum(theta_i - 2 * theta_h, 0.0))
+        weight = 4 * cosines * hat_weights(theta_h, 0.0, np.pi / 2, lambda t: 2 * np.pi * np.sin(t) * np.cos(t))
+        nodes = NearMirror(theta_h, np.zeros_like(theta_h), cosines, weight, np.arange(theta_h.size))
+        return hidden_energy(nodes, least, isotropic=True)
+
     def incidences(self) -> list[tuple[float, float]]:
         """(theta_i, phi_i), radians: 0, 5, ... 85° (and azimuths 0, 45, 90, 135° where there is a phi_h)."""
         last = min(self.axes["theta_d"][-1], np.radians(85.0))
@@ -165,7 +179,7 @@ class _Readings:
         return np.max([np.broadcast_to(change, exact.value.shape) for change in changes], axis=0)
 
 
-def half_difference_albedos(table: Table, reach: float) -> Albedos | str:
+def half_difference_albedos(table: Table, features: Features) -> Albedos | str:
     """Albedos at the incidences of `HalfVectorGrid.incidences`."""
     grid = half_vector_grid(table)
     if isinstance(grid, str):
@@ -192,9 +206,11 @@ def half_difference_albedos(table: Table, reach: float) -> Albedos | str:
     slopes = {name: _last_slopes(logs, nodes, k) for k, (name, nodes) in enumerate(grid.axes.items()) if k < 2}
     readings = dataclasses.replace(readings, off=off, slopes=slopes)
     rows = [readings.albedo(t, p) for t, p in grid.incidences()]
-    unseen = bool(2 * grid.axes["theta_h"][0] > reach)
-    rows = [row._replace(bound=row.bound + COARSER * readings.change_by_coarser(row), unseen=unseen) for row in rows]
-    return albedos_of(rows, "Integrated over half vectors, interpolated between the table's own nodes.")
+    rows = [row._replace(bound=row.bound + COARSER * readings.change_by_coarser(row)) for row in rows]
+    if 2 * grid.axes["theta_h"][0] > features.reach:
+        limit = np.where(valid, np.maximum(f, 0.0) + (0.0 if u is None else 2 * u), np.inf)
+        rows = [row._replace(hidden=grid.hidden(row.theta_i, credible(limit, row.value))) for row in rows]
+    return albedos_of(rows, "Integrated over half vectors, interpolated between the table's own nodes.", features)
 
 
 def _last_slopes(logs: np.ndarray, nodes: np.ndarray, axis: int) -> np.ndarray:

@@ -11,7 +11,7 @@ import itertools
 
 import numpy as np
 
-from gonio.checks.albedos import Albedos, Incidence, albedos_of
+from gonio.checks.albedos import NO_BOUND, Albedos, Incidence, albedos_of
 from gonio.checks.grid_resolution import (
     LARGEST,
     RESOLVED,
@@ -22,6 +22,7 @@ from gonio.checks.grid_resolution import (
     prediction_error,
     prediction_error_across_pole,
 )
+from gonio.checks.hidden_lobes import Features, NearMirror, credible, hidden_energy
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout
 from gonio.data.table import Table
@@ -53,6 +54,7 @@ class HemisphereGrid:
     incidences: list[tuple[int, float, float]]
     """(number, theta_i, phi_i) of those above the horizon, radians."""
     mirrored: bool
+    isotropic: bool
 
     @functools.cached_property
     def weights(self) -> np.ndarray:
@@ -68,6 +70,23 @@ class HemisphereGrid:
         sin = min(bend * np.sin(theta_i), 1.0)
         cos = np.cos(theta_o) * (np.cos(theta_i) if bend == 1.0 else np.sqrt(1 - sin**2)) + np.sin(theta_o) * sin * turn
         return float(np.arccos(np.clip(cos.max(), -1, 1)))
+
+    def hidden(
+        self, incidence: tuple[float, float], limit: np.ndarray, features: Features, bend: float = 1.0
+    ) -> np.ndarray | None:
+        """What a lobe may hide of an incidence (theta_i, phi_i), as `hidden_energy` says; None where it would be seen.
+
+        `limit` (theta_o, azimuth, channels), 1/sr: what the lobe may be at each node at the most.
+        """
+        distance = self.distance_to_mirror(*incidence, bend)
+        if distance <= features.reach:
+            return None
+        if bend != 1.0:
+            return None if distance <= features.stated_reach else NO_BOUND
+        shape = limit.shape[:2]
+        theta_o, phi_o = (np.broadcast_to(a, shape).ravel() for a in (self.theta_o[:, None], self.azimuth))
+        nodes = NearMirror.of(incidence, theta_o, phi_o, self.weights.ravel())
+        return hidden_energy(nodes, limit.reshape(-1, limit.shape[2])[nodes.number], self.isotropic)
 
     def missing(self, valid: np.ndarray) -> bool:
         """Whether too much of the hemisphere has no reading; `valid` (theta_o, azimuth, channels)."""
@@ -90,13 +109,13 @@ def hemisphere_grid(layout: Layout) -> HemisphereGrid | str:
     every = enumerate(itertools.product(grid.theta_i, grid.phi_i))
     incidences = [(k, t, p) for k, (t, p) in every if t < np.pi / 2 - 1e-9]
     cells, stored = rows[:, None] * grid.azimuth.size + source, grid.theta_o.size * grid.azimuth.size
-    return HemisphereGrid(theta_o, azimuth, cells, stored, incidences, mirrored)
+    return HemisphereGrid(theta_o, azimuth, cells, stored, incidences, mirrored, not layout.has_azimuth_of_light)
 
 
-def grid_albedos(table: Table, reach: float, bend: float = 1.0) -> Albedos | str:
+def grid_albedos(table: Table, features: Features, bend: float = 1.0) -> Albedos | str:
     """Albedos at every incidence of a spherical or isotropic table.
 
-    `reach`, radians: how near to the mirror direction a node has to be for no lobe to hide there; `bend` as of
+    `features`: what a lobe that hides at the mirror direction is like; `bend` as of
     `HemisphereGrid.distance_to_mirror`.
     """
     grid = hemisphere_grid(table.layout)
@@ -113,11 +132,12 @@ def grid_albedos(table: Table, reach: float, bend: float = 1.0) -> Albedos | str
             read = np.sum(grid.weights * np.where(valid, f.astype(float), 0.0), axis=(0, 1))
             rows.append(estimate._replace(value=read, partial=True))
         else:
-            rows.append(estimate._replace(unseen=grid.distance_to_mirror(theta_i, phi_i, bend) > reach))
+            limit = np.where(valid, credible(np.maximum(f, 0.0) + 2 * np.nan_to_num(u), estimate.value), np.inf)
+            rows.append(estimate._replace(hidden=grid.hidden((theta_i, phi_i), limit, features, bend)))
     method = "Integrated on the table's own grid"
     if grid.mirrored:
         method += ", taking the surface as mirror symmetric, as azimuth differences stop at 180°"
-    return albedos_of(rows, method + ".")
+    return albedos_of(rows, method + ".", features)
 
 
 def _estimate(grid: HemisphereGrid, f: np.ndarray, u: np.ndarray, valid: np.ndarray) -> Incidence:

@@ -1,37 +1,21 @@
 """Directional albedos of scattered tables: by the format's own warp where there is one, else by nearest readings."""
 
-from typing import Any
-
 import numpy as np
 
 from gonio.checks.albedos import Albedos, Incidence, albedos_of
 from gonio.checks.direction_search import directions, values
 from gonio.checks.grid_resolution import LARGEST
+from gonio.checks.hidden_lobes import Features, credible
 from gonio.checks.table.albedo_on_grid import floor_of
-from gonio.checks.table.pairs import angles_of, readings_of
-from gonio.checks.table.scattered_pairs import LEAF, isotropic_light, merged, one_sided, warp_of
+from gonio.checks.table.nearest_readings import AnglesAndReadings, Light, lights
+from gonio.checks.table.scattered_pairs import warp_of
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
-from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 INCIDENCES = np.radians(np.arange(0.0, 80.1, 10.0))
 RULE = (64, 128)
 """Nodes in theta_h and phi_h; half of each is the coarser rule that the error comes from."""
-
-POINTS, MOST_POINTS = 4000, 200_000
-"""Directions of the hemisphere, even in projected solid angle, that take the values of the readings near them."""
-
-POINTS_EACH = 8
-"""So many of them for each reading, within these limits."""
-
-FARTHEST = np.radians(12.0)
-SURROUNDING = 8
-"""Nearest readings that have to lie on all sides of a direction for it to count as read."""
-
-MOST_UNCOVERED = 0.1
-SAME_LIGHT = np.radians(0.05)
-FEWEST = 20
 
 
 def _half_vector_rule(brdf: AbstractBRDF, n_theta: int, n_phi: int) -> np.ndarray:
@@ -67,7 +51,7 @@ def warped_albedos(table: Table) -> Albedos | str:
     if rough is not None:
         bound = bound + np.abs(fine - _half_vector_rule(rough, *RULE)) / 3
     rows = (Incidence(t, 0.0, v, b, np.zeros_like(v)) for t, v, b in zip(INCIDENCES, fine, bound, strict=True))
-    return albedos_of(rows, "Integrated over half vectors, the values read by the format's own warp.")
+    return albedos_of(rows, "Integrated over half vectors, the values read by the format's own warp.", Features(np.inf))
 
 
 def _error_between(spectra: np.ndarray) -> np.ndarray:
@@ -81,79 +65,33 @@ def _error_between(spectra: np.ndarray) -> np.ndarray:
     return total / mean
 
 
-def scattered_albedos(table: Table, reach: float, bend: float = 1.0) -> Albedos | str:
+def scattered_albedos(table: Table, features: Features, bend: float = 1.0) -> Albedos | str:
     """Albedos at the incidences of a scattered table whose readings cover the hemisphere, by nearest readings.
 
-    `reach` and `bend` as of `gonio.checks.table.albedo_on_grid.grid_albedos`.
+    `features` and `bend` as of `gonio.checks.table.albedo_on_grid.grid_albedos`.
     """
-    cells = np.arange(table.layout.size)
-    angles = angles_of(table.layout, cells)
-    f, u = readings_of(table, cells)
-    use = np.isfinite(f).all(axis=1) & (angles[:, 0] < np.pi / 2)
-    angles, f, u = angles[use], f[use], np.nan_to_num(u[use])
-    isotropic = isotropic_light(table)
-    key = angles[:, :1] if isotropic else np.where(angles[:, :1] < 1e-9, 0.0, angles[:, :2])
-    groups = np.unique(np.round(key / SAME_LIGHT).astype(int), axis=0, return_inverse=True)[1].ravel()
-    alike = (groups == g for g in range(groups.max(initial=-1) + 1))
-    mirrored = isotropic and one_sided(angles)
-    rows = [_nearest((angles[one], f[one], u[one]), mirrored, reach, bend) for one in alike]
-    how = ", taking the surface as isotropic and mirror symmetric" if mirrored else ""
-    albedos = albedos_of(rows, f"Integrated with the value of the nearest reading in each direction{how}.")
+    light, groups = lights(table, features, bend)
+    rows = [_nearest(light, readings) for readings in groups]
+    how = ", taking the surface as isotropic and mirror symmetric" if light.mirrored else ""
+    albedos = albedos_of(rows, f"Integrated with the value of the nearest reading in each direction{how}.", features)
     none = isinstance(albedos, str) or not albedos.value.any()
     return "at no incidence do its readings cover the hemisphere" if none else albedos
 
 
-def _nearest(
-    readings: tuple[np.ndarray, np.ndarray, np.ndarray], mirrored: bool, reach: float, bend: float
-) -> Incidence:
-    """The albedo of one incidence, of readings (angles, f, u)."""
-    from scipy.spatial import KDTree
-
-    angles, f, u = readings
-    theta_i, phi_i = float(np.median(angles[:, 0])), float(angles[0, 1])
-    # Several readings of one direction, as of the normal, are one: its neighbours are those of other directions.
-    angles, f, u, *_ = merged(angles, f, u, _outgoing(angles, mirrored))
-    nothing = np.zeros(f.shape[1])
-    if len(f) < FEWEST:
-        return Incidence(theta_i, phi_i, nothing, nothing, nothing, partial=True)
-    points = int(np.clip(POINTS_EACH * len(f), POINTS, MOST_POINTS))
-    point = low_discrepancy(points, 2)
-    theta, phi = np.arcsin(np.sqrt(point[:, 0])), 2 * np.pi * point[:, 1]
-    wanted = np.stack([np.full(points, theta_i), np.full(points, phi_i), theta, phi], -1)
-    tree = KDTree(_outgoing(angles, mirrored), LEAF)
-    distance, near = (np.asarray(a) for a in tree.query(_outgoing(wanted, mirrored), k=4))
-    uncovered = distance[:, 0] > FARTHEST
-    partial = bool(uncovered.mean() > MOST_UNCOVERED)
-    here, around = f[near[:, 0]], f[near]
-    if partial:  # what was read alone
-        here = np.where((uncovered | ~_surrounded(_outgoing(wanted, mirrored), tree))[:, None], 0.0, here)
+def _nearest(light: Light, readings: AnglesAndReadings) -> Incidence:
+    """The albedo of one incidence, with the value of the nearest reading in each direction."""
+    cells = light.cells(readings)
+    if isinstance(cells, Incidence):
+        return cells
+    here, around = cells.f[cells.near[:, 0]], cells.f[cells.near]
+    if cells.partial:  # what was read alone
+        here = np.where((cells.uncovered | ~cells.surrounded())[:, None], 0.0, here)
     value = np.pi * here.mean(axis=0)
     floor = floor_of(value)
     spread = np.minimum(np.ptp(np.log(np.maximum(around, floor)), axis=1), LARGEST)
     error = np.maximum(np.abs(here), floor) * np.expm1(spread) / 2
-    error = np.where(uncovered[:, None], np.maximum(error, np.abs(here)), error)
-    counts = np.bincount(near[:, 0], minlength=len(f))[:, None] * np.pi / points
-    noise = np.sqrt(np.sum((counts * u) ** 2, axis=0))
-    lobe = theta_i if bend == 1.0 else np.arcsin(min(bend * np.sin(theta_i), 1.0))
-    mirror = np.array([[theta_i, phi_i, lobe, phi_i + np.pi]])
-    unseen = bool(tree.query(_outgoing(mirror, mirrored))[0][0] > reach)
-    return Incidence(theta_i, phi_i, value, np.pi * error.mean(axis=0) + 2 * noise, noise, unseen, partial=partial)
-
-
-def _outgoing(angles: np.ndarray, mirrored: bool) -> np.ndarray:
-    theta, phi = angles[:, 2], angles[:, 3] - angles[:, 1]
-    if mirrored:
-        phi = np.abs(np.mod(phi + np.pi, 2 * np.pi) - np.pi)
-    return np.stack(directions(theta, phi), -1)
-
-
-def _surrounded(points: np.ndarray, tree: Any) -> np.ndarray:
-    """Whether directions, (n, 3), have near readings on all sides: no half plane about them is without one."""
-    _, near = tree.query(points, k=min(SURROUNDING, tree.n))
-    offset = tree.data[near] - points[:, None]
-    across = np.cross(points, np.where(np.abs(points[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
-    along = np.cross(points, across)
-    x, y = (np.einsum("nkc,nc->nk", offset, axis) for axis in (across, along))
-    angle = np.sort(np.arctan2(y, x), axis=1)
-    gaps = np.diff(angle, axis=1, append=angle[:, :1] + 2 * np.pi)
-    return gaps.max(axis=1) < np.pi
+    error = np.where(cells.uncovered[:, None], np.maximum(error, np.abs(here)), error)
+    noise = np.sqrt(np.sum((cells.weight[:, None] * cells.u) ** 2, axis=0))
+    bound = np.pi * error.mean(axis=0) + 2 * noise
+    hidden = light.hidden(cells, credible(np.maximum(cells.f, 0.0) + 2 * cells.u, value))
+    return Incidence(*cells.incidence, value, bound, noise, hidden, partial=cells.partial)

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from gonio.checks.albedos import Albedos
+from gonio.checks.hidden_lobes import ALPHAS
 from gonio.data.table import Table
 
 SAME_LIGHT = np.radians(0.05)
 """Incidences nearer than that are one."""
-ROWS = ("theta_i", "phi_i", "value", "above", "below", "noise", "unseen", "step_needed", "partial")
+ROWS = ("theta_i", "phi_i", "value", "above", "below", "noise", "unseen", "step_needed", "partial", "hidden")
 REFLECTED, TRANSMITTED = "reflectance", "transmittance"
 
 
@@ -62,8 +63,9 @@ def _of_light(shares: dict[str, Albedos], light: int) -> Albedos:
     total: dict[str, Any] = {name: np.zeros(shape) for name in ("value", "above", "below", "noise")}
     total |= {name: np.zeros(first.size, bool) for name in ("unseen", "partial")}
     total |= {"step_needed": np.full(first.size, np.nan), "shares": {}}
+    total["hidden"] = np.zeros((first.size, ALPHAS.size, shape[1]))
     for (name, albedos), k in zip(shares.items(), rows, strict=True):
-        for field in ("value", "above", "below"):
+        for field in ("value", "above", "below", "hidden"):
             total[field][k] += getattr(albedos, field)
         for field in ("unseen", "partial"):
             total[field][k] |= getattr(albedos, field)

@@ -9,28 +9,23 @@ model sends there: where the model is of the wrong family that is as much as wit
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from gonio.checks.albedos import Albedos, Incidence, albedos_of
 from gonio.checks.grid_resolution import LARGEST, RESOLVED, prediction_error, prediction_error_across_pole
+from gonio.checks.hidden_lobes import Features, credible
 from gonio.checks.table.albedo_on_grid import HemisphereGrid, filled, floor_of, hemisphere_grid
+from gonio.checks.table.model_light import FAST, NOISE, ORDER, albedo_of, light_of
 from gonio.data.flags import Flag
 from gonio.data.material import Material
 from gonio.data.table import Table
 from gonio.fitting.result import FitResult
-from gonio.models.albedo import panel_rule
-from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction, from_spherical
 
-ORDER, FAST = 32, 16  # of the rules by which a model's light is shared out among the nodes, and summed
-PART = 8 * FAST**2
 BETWEEN = 0.5  # of a node's prediction error, where resolved, that the ratio may be off by between: twice the theory's
-NOISE = 2.0 * 1.22  # standard uncertainties of a reading that a difference of two may be without being structure
 
 
 class _Shares(NamedTuple):
@@ -40,34 +35,10 @@ class _Shares(NamedTuple):
     beyond: np.ndarray
 
 
-@eqx.filter_jit
-def _samples(term: AbstractBRDF, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Channels]:
-    def one(a: Scalar, b: Scalar) -> tuple[Direction, Channels]:
-        wo, jacobian = term.lobe_map(wi, a, b)
-        return wo, term.f(wi, wo) * (jnp.maximum(wo.z, 0.0) * jacobian)
-
-    return jax.vmap(one)(u1, u2)
-
-
-def _light(brdf: AbstractBRDF, wi: Direction, order: int) -> Iterator[tuple[Direction, np.ndarray]]:
-    """Directions (n,) in which each term sends light from wi, and how much of it (n, C or 1)."""
-    u1, u2, weight = panel_rule(order)
-    for term in brdf.terms():
-        # In parts of one size: one program for all rules.
-        parts = [_samples(term, wi, u1[k : k + PART], u2[k : k + PART]) for k in range(0, u1.size, PART)]
-        wo = Direction(*(np.concatenate([np.asarray(w[k]) for w, _ in parts]) for k in range(3)))
-        yield wo, np.concatenate([np.asarray(a).reshape(PART, -1) for _, a in parts]) * weight[:, None]
-
-
-def _albedo(brdf: AbstractBRDF, wi: Direction, order: int, channels: int) -> np.ndarray:
-    whole = sum((light.sum(axis=0) for _, light in _light(brdf, wi, order)), np.zeros(1))
-    return np.broadcast_to(whole, (channels,))
-
-
 def _shares(brdf: AbstractBRDF, grid: HemisphereGrid, wi: Direction, channels: int) -> _Shares:
     size = grid.theta_o.size, grid.azimuth.size
     near, beyond = (np.zeros((size[0] * size[1], channels)) for _ in range(2))
-    for wo, light in _light(brdf, wi, ORDER):
+    for wo, light in light_of(brdf, wi, ORDER):
         x, y, z = (np.asarray(c) for c in wo)
         up = z > 0
         theta, phi = np.arccos(np.clip(z[up], 0, 1)), np.arctan2(y[up], x[up])
@@ -107,18 +78,18 @@ def _at_nodes(brdf: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.nda
 def _difference(material: Material, grid: HemisphereGrid, channels: int) -> np.ndarray:
     """What the grid misses of a material's albedos at all incidences, (n, C)."""
     wi = [Direction(*map(jnp.asarray, from_spherical(t, p, np))) for _, t, p in grid.incidences]
-    return np.stack([_albedo(material.brdf, w, FAST, channels) for w in wi]) - np.sum(
+    return np.stack([albedo_of(material.brdf, w, FAST, channels) for w in wi]) - np.sum(
         grid.weights * _at_nodes(material.brdf, grid, channels), axis=(1, 2)
     )
 
 
-def assisted_albedos(table: Table, fitted: FitResult, reach: float) -> Albedos | str:
+def assisted_albedos(table: Table, fitted: FitResult, features: Features) -> Albedos | str:
     """Albedos at every incidence of a spherical or isotropic table, with the help of a model fitted to it.
 
     Args:
         table: the table.
         fitted: the fit of a model to it.
-        reach: radians, how near to the mirror direction a node has to be for no lobe to hide there.
+        features: what a lobe that hides at the mirror direction is like.
 
     Returns:
         The albedos with their bounds, or why there are none.
@@ -134,11 +105,11 @@ def assisted_albedos(table: Table, fitted: FitResult, reach: float) -> Albedos |
         f"Model-assisted: the albedo of {fitted.requested}, fitted to the table, and the grid's integral of readings − "
         "model; between the nodes the surface is taken to follow the model as it does at the nodes around."
     )
-    return albedos_of(_incidences(table, grid, fitted.brdf, spread, reach), method)
+    return albedos_of(_incidences(table, grid, fitted.brdf, spread, features), method, features)
 
 
 def _incidences(
-    table: Table, grid: HemisphereGrid, brdf: AbstractBRDF, spread: np.ndarray, reach: float
+    table: Table, grid: HemisphereGrid, brdf: AbstractBRDF, spread: np.ndarray, features: Features
 ) -> Iterator[Incidence]:
     channels = len(table.channels)
     at_nodes = _at_nodes(brdf, grid, channels)
@@ -149,11 +120,20 @@ def _incidences(
         wi = Direction(*(jnp.asarray(c) for c in from_spherical(theta_i, phi_i, np)))
         shares = _shares(brdf, grid, wi, channels)
         row = _estimate(grid, (f.astype(float), u.astype(float), valid), at_nodes[k], shares)
-        error = np.abs(np.sum(shares.near, axis=(0, 1)) - _albedo(brdf, wi, FAST, channels))
+        error = np.abs(np.sum(shares.near, axis=(0, 1)) - albedo_of(brdf, wi, FAST, channels))
         bound = row.bound + 2.0 * error + 2.0 * np.nan_to_num(spread[k], nan=np.inf)
         partial = grid.missing(valid)
-        unseen = grid.distance_to_mirror(theta_i, phi_i) > reach
-        yield row._replace(theta_i=theta_i, phi_i=phi_i, bound=bound, partial=partial, unseen=unseen and not partial)
+        limit = np.where(valid, credible(_left_to_lobes(f, u, at_nodes[k]), row.value), np.inf)
+        hidden = None if partial else grid.hidden((theta_i, phi_i), limit, features)
+        yield row._replace(theta_i=theta_i, phi_i=phi_i, bound=bound, partial=partial, hidden=hidden)
+
+
+def _left_to_lobes(f: np.ndarray, u: np.ndarray, model: np.ndarray) -> np.ndarray:
+    """What a lobe may be at the nodes that the model has not, 1/sr: the residual, and twice the scatter about it."""
+    scale = np.maximum(model, floor_of(np.max(model, axis=(0, 1))))
+    scatter = np.sqrt(np.mean(((f - model) / scale) ** 2, axis=(0, 1)))
+    u = np.nan_to_num(u)
+    return np.minimum(np.abs(f - model) + 2 * np.maximum(u, scatter * scale), np.maximum(f, 0.0) + 2 * u)
 
 
 class _Nodes(NamedTuple):
@@ -195,6 +175,8 @@ def _estimate(
     f, u, valid = readings
     weight, whole = grid.weights, filled(np.where(valid, f, 0.0), valid)
     floor = floor_of(np.sum(shares.near + weight * (whole - m), axis=(0, 1)))
+    # Where the model is dark the ratio to it tells nothing: there it sends back the floor.
+    shares, m = shares._replace(near=shares.near + weight * np.maximum(floor - m, 0.0)), np.maximum(m, floor)
     nodes = _Nodes(whole, np.where(valid & np.isfinite(u), u, 0.0), m, floor)
     sums = _of_the_difference(grid, nodes, shares), _of_the_ratio(grid, nodes, shares)
     bounds = [s.missed + 2 * s.noise for s in sums]

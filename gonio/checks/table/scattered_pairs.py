@@ -66,7 +66,7 @@ def one_sided(angles: np.ndarray) -> bool:
     return bool((lateral > -1e-6).all() or (lateral < 1e-6).all())
 
 
-def _features(angles: np.ndarray, isotropic: bool, mirrored: bool) -> np.ndarray:
+def pair_points(angles: np.ndarray, isotropic: bool, mirrored: bool) -> np.ndarray:
     """Points whose distances are about the angles, radians, between pairs of directions, (n, 4) or (n, 6)."""
     theta_i, phi_i, theta_o, phi_o = angles.T
     if isotropic:
@@ -124,7 +124,7 @@ def scattered_pairs(table: Table) -> Pairs:
     f, u = readings_of(table, cells)
     use = table.layout.readable() & np.isfinite(f).all(axis=1)
     mirrored = isotropic and one_sided(angles[use])
-    readings = merged(angles[use], f[use], u[use], _features(angles[use], isotropic, False))
+    readings = merged(angles[use], f[use], u[use], pair_points(angles[use], isotropic, False))
     angles, f, u, repeated, scatter = readings
     how = "readings whose exchanged directions were read" + (", taking the surface as isotropic" if isotropic else "")
     how += " and mirror symmetric, as azimuth differences are on one side" if mirrored else ""
@@ -133,8 +133,8 @@ def scattered_pairs(table: Table) -> Pairs:
         how += f" (they scatter by {percent(scatter)})" if np.isfinite(scatter) else ""
     if len(f) < 2:
         return Pairs(f[:0], f[:0], u[:0], u[:0], angles[:0], len(f), how, merged=angles)
-    here = _features(angles, isotropic, mirrored)
-    there = _features(angles[:, [2, 3, 0, 1]], isotropic, mirrored)
+    here = pair_points(angles, isotropic, mirrored)
+    there = pair_points(angles[:, [2, 3, 0, 1]], isotropic, mirrored)
     distance, near = (np.asarray(a) for a in KDTree(here, LEAF).query(there, min(NEIGHBOURS, len(f))))
     number = np.arange(len(near))
     # On an isotropic surface a reading of θo = θi is exchanged by mirroring it: it says nothing of reciprocity.

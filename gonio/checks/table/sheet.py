@@ -29,9 +29,8 @@ def sheet_albedos(bsdf: SheetBSDF, channels: Sequence[str]) -> Albedos:
     both = {name: shares[:, :, k] for k, name in enumerate((REFLECTED, TRANSMITTED))}
     known = {name: share for name, share in both.items() if np.isfinite(share).any()}
     method = METHOD + _left_out(bsdf, channels)
-    return Albedos(
-        theta, phi, total, nothing, nothing, method, (), nothing, never, np.full(len(total), np.nan), never, known
-    )
+    unknown = np.full(len(total), np.nan)
+    return Albedos(theta, phi, total, nothing, nothing, method, (), nothing, never, unknown, never, shares=known)
 
 
 def sheet_albedos_by_side(bsdf: SheetBSDF, channels: Sequence[str]) -> dict[tuple[int, int], Albedos | str]:

@@ -20,6 +20,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "fits"))
 from automatic import INSIDE, OUTSIDE
 
 import gonio
+from gonio.checks.hidden_lobes import Features
 from gonio.checks.table.energy import table_energy
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.model_assisted import assisted_albedos
@@ -72,7 +73,7 @@ def main(number: int, seed: int) -> None:
         if plain.verdict == "undecided":
             evidence = TableEvidence(table, model="auto")
             helped, fitted = table_energy(evidence, 0.01), evidence.fitted
-            assisted = assisted_albedos(table, fitted, 1e-3)
+            assisted = assisted_albedos(table, fitted, Features(1e-3))
             if not isinstance(assisted, str):
                 within = np.abs(assisted.value - albedo) <= np.minimum(assisted.above, assisted.below)
                 counts["incidences held"] += int(within.sum())

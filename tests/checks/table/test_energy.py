@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from gonio.checks.hidden_lobes import width_of
 from gonio.checks.table.energy import table_albedos, table_energy
 from gonio.checks.table.evidence import TableEvidence
 from gonio.data import layouts
@@ -33,8 +34,12 @@ def test_a_mirror_between_the_nodes_of_a_flat_table_is_not_overlooked():
     np.testing.assert_allclose(table.f[table.flag == 0], 0.3 / np.pi)
     energy = table_energy(TableEvidence(table), 0.01)
     assert energy.verdict == "undecided" and "mirror" in energy.detail
-    # Who knows that there is no such lobe may say so.
-    assert table_energy(TableEvidence(table, feature_width=np.radians(6)), 0.01).verdict == "pass"
+    # Whoever knows that there is no such lobe may say so, and the certificate says how wide it has to be.
+    least = energy.facts["passes_with_feature_width_deg"]
+    assert np.degrees(width_of(0.001)) < least < 3 and f"--feature-width {least:g}" in energy.detail
+    stated = table_energy(TableEvidence(table, feature_width=np.radians(least)), 0.01)
+    assert stated.verdict == "pass" and stated.assumes == f"no lobe is narrower than {least:g}°"
+    assert table_energy(TableEvidence(table, feature_width=np.radians(0.8 * least)), 0.01).verdict == "undecided"
 
 
 @pytest.mark.parametrize("layout", [outgoing_grid(5.0), outgoing_grid(10.0), MERL], ids=["5", "10", "merl"])
@@ -62,7 +67,7 @@ def test_what_is_undecided_says_how_fine_a_grid_decides(alpha):
     needed = coarse.facts["step_needed_deg"]
     assert 1 < needed < 10
     layout = layouts.isotropic(degrees(0, 81, 20), degrees(0, 89.9, needed), degrees(0, 360 - needed / 2, needed))
-    assert energy_of(expression, layout, np.radians(2 * needed)).verdict == "pass"
+    assert energy_of(expression, layout, width_of(alpha)).verdict == "pass"
 
 
 def test_the_albedo_carries_the_noise_of_the_cells_at_the_stated_level():

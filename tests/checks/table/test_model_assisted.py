@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import gonio
+from gonio.checks.hidden_lobes import Features
 from gonio.checks.table.energy import table_albedos
 from gonio.checks.table.model_assisted import assisted_albedos
 from gonio.data import layouts
@@ -12,6 +13,7 @@ from gonio.models.albedo import directional_albedo
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
+from support.check_tables import model_table
 
 PAINT = "lambert(rho=0.3) + 0.2 * ggx(alpha=0.3) + 0.1 * ggx(alpha=0.08)"
 POLAR = np.radians(np.arange(0, 81, 8.0))
@@ -33,7 +35,7 @@ def energy(table, model):
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_the_bound_holds_with_models_right_and_wrong(model, noise):
     table = table_of(noise=noise)
-    assisted, alone = assisted_albedos(table, gonio.fit(table, model), 1e-3), table_albedos(table)
+    assisted, alone = assisted_albedos(table, gonio.fit(table, model), Features(1e-3)), table_albedos(table)
     truth = directional_albedo(build(PAINT), POLAR, 0.0, 1e-8).value[:, None]
     assert (np.abs(assisted.value - truth) <= np.minimum(assisted.above, assisted.below)).all()
     if model == "lambert + ggx + ggx":
@@ -48,10 +50,11 @@ def test_it_decides_what_the_grid_leaves_open(gain, verdict):
     assert (alone.verdict, helped.verdict) == ("undecided", verdict)
     assert "Model-assisted" in helped.detail and "Without the model it is undecided" in helped.detail
     assert helped.facts["bound_without_model"] == alone.bound
+    assert helped.assumes == "between the readings the surface follows lambert + ggx + ggx as it does at them"
 
 
-def test_what_it_cannot_help_is_said(tmp_path):
+def test_what_it_cannot_help_is_said():
     with pytest.raises(GonioError, match="is a model; another one helps tables only"):
         gonio.check(PAINT, model="lambert")
-    listed = table_of().as_list()
-    assert "A model does not help: its directions" in energy(listed, "lambert").detail
+    plane = model_table(PAINT, layouts.in_plane(POLAR, np.radians(np.arange(-80, 81, 10.0))))
+    assert "A model does not help: readings in one plane" in energy(plane, "lambert").detail

@@ -1,0 +1,56 @@
+"""Energy of lobes between the readings: what the readings allow is never less than what a lobe has."""
+
+import numpy as np
+import pytest
+
+from gonio.checks.hidden_lobes import ALPHAS, NearMirror, alpha_of, at_width, credible, hidden_energy, width_of
+from gonio.models.evaluation import evaluate
+from gonio.models.expression.builder import build
+from gonio.models.geometry.directions import from_spherical
+
+STEP = np.radians(5.0)
+
+
+def nodes_of(theta_i, shift, turn, step=STEP):
+    """Nodes that miss the mirror direction by a polar angle and an azimuth, with their weights."""
+    polar, azimuth = np.arange(shift, np.pi / 2 - 1e-6, step), np.arange(turn, 2 * np.pi, step)
+    theta, phi = (a.ravel() for a in np.meshgrid(polar, azimuth, indexing="ij"))
+    return NearMirror.of((theta_i, 0.0), theta, phi, np.sin(theta) * np.cos(theta) * step**2), theta, phi
+
+
+def lobe_at(alpha, theta_i, theta, phi):
+    wi = from_spherical(np.full_like(theta, theta_i), np.zeros_like(theta), np)
+    return np.asarray(evaluate(build(f"beckmann(alpha={alpha})"), wi, from_spherical(theta, phi, np))).reshape(-1, 1)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_readings_of_a_lobe_allow_at_least_the_energy_that_it_has(seed):
+    rng = np.random.default_rng(seed)
+    alpha, theta_i = 10 ** rng.uniform(-2.5, -1.3), np.radians(rng.uniform(0, 60))
+    near, theta, phi = nodes_of(theta_i, *np.radians(rng.uniform(0.5, 4.5, 2)))
+    limit = credible(lobe_at(alpha, theta_i, theta[near.number], phi[near.number]), np.ones(1))
+    hidden = at_width(hidden_energy(near, limit, isotropic=True), width_of(alpha))
+    seen = np.sum(near.weight[:, None] * limit, axis=0)
+    # Nearly all of the light: facets as narrow as this shadow little below 60°.
+    nearest = near.theta_h.min() < alpha * np.sqrt(np.log(2))
+    assert nearest or seen + hidden >= 0.99
+    elongated = at_width(hidden_energy(near, limit, isotropic=False), width_of(alpha))
+    assert elongated >= hidden - 1e-12
+
+
+def test_narrower_lobes_hide_more_and_a_reading_at_the_mirror_direction_bounds_them_all():
+    near, *_ = nodes_of(np.radians(40), np.radians(2.5), 0.0)
+    limit = np.full((near.number.size, 1), 0.1)
+    hidden = hidden_energy(near, limit, isotropic=True)[:, 0]
+    assert np.all(hidden[1:] <= hidden[:-1]) and hidden[0] > 1e6 and hidden[-1] == 0
+    mirror = (1e-6, 0.0, np.cos(np.radians(40)) ** 2, 0.0, 999)
+    seen = NearMirror(*(np.append(a, b) for a, b in zip(near, mirror, strict=True)))
+    assert hidden_energy(seen, np.append(limit, [[0.1]], axis=0), isotropic=True).max() < 1e-3
+
+
+def test_widths_are_full_widths_at_half_maximum():
+    for alpha in (ALPHAS[0], 0.01, 0.2):
+        assert alpha_of(width_of(alpha)) == pytest.approx(alpha)
+    half = np.array([0.0, width_of(0.05) / 2])  # at normal incidence, a quarter of the width in the half vector
+    peak, there = lobe_at(0.05, 1e-9, half, np.zeros(2))[:, 0]
+    assert there / peak == pytest.approx(0.5, rel=0.02)
