@@ -23,6 +23,7 @@ from gonio.metrology.fit_with_errors import fit as fit
 from gonio.metrology.quantities import quantities as quantities
 from gonio.models.errors import GonioError as GonioError
 from gonio.planning.adaptive.adaptive_measurement import adapt as adapt
+from gonio.planning.energy_plan import plan_energy as plan_energy
 from gonio.planning.planned import plan as plan
 from gonio.reports.build import report as report
 from gonio.reports.chapter import chapter as chapter
@@ -56,6 +57,7 @@ __all__ = [
     "measure_profile",
     "open_profile",
     "plan",
+    "plan_energy",
     "quantities",
     "reduce",
     "repair",

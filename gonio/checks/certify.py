@@ -10,6 +10,7 @@ from gonio.checks.model.evidence import ModelEvidence
 from gonio.checks.properties import PROPERTIES
 from gonio.checks.subsurface import check_bssrdf, check_profile
 from gonio.checks.table.evidence import LEVEL, TableEvidence
+from gonio.checks.table.further_readings import joined, require_alike
 from gonio.data.profile_files import profile_of
 from gonio.data.subject import Subject, SubjectLike, resolve_subject
 from gonio.models.brdf import AbstractBRDF
@@ -28,6 +29,7 @@ class CheckOptions(TypedDict, total=False):
     level: float
     against: SubjectLike | None
     model: str | None
+    further: SubjectLike | None
     name: str | None
 
 
@@ -41,6 +43,7 @@ class CheckSettings:
     level: float = LEVEL
     against: SubjectLike | None = None
     model: str | None = None
+    further: SubjectLike | None = None
     name: str | None = None
 
     def __post_init__(self) -> None:
@@ -61,9 +64,11 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
         level: for tables that store uncertainties, the chance of calling an honest one significantly wrong, in
             (0, 0.5].
         against: the truth, where one is known: agreement with it is then judged too.
-        model: tables on a grid of angles: an expression with free numbers as in `gonio.fit`, or "auto"; where the grid
-            alone leaves energy undecided, the model is fitted and its exact albedo carries the verdict, with a bound by
-            how far the readings follow it.
+        model: tables: an expression with free numbers as in `gonio.fit`, or "auto"; where the readings alone leave
+            energy undecided, the model is fitted and its exact albedo carries the verdict, with a bound by how far the
+            readings follow it.
+        further: tables only: more readings of the same surface, such as `gonio.plan_energy` names. A list is judged
+            with them; of a grid energy takes them into account.
         name: what the certificate calls the subject.
 
     Returns:
@@ -98,17 +103,27 @@ def _evidence(
     judged: Subject, settings: CheckSettings, reference: AbstractBRDF | None
 ) -> ModelEvidence | TableEvidence:
     if judged.table is None:
+        if settings.further is not None:
+            raise GonioError(f"{judged.name} is a model; further readings join tables only: leave the option out")
         if settings.model is not None:
             raise GonioError(f"{judged.name} is a model; another one helps tables only: leave the option out")
         return ModelEvidence(judged.brdf, judged.channels.names, reference)
     if settings.model not in (None, "auto"):
         with_defaults(parse(settings.model))  # refused whether it is needed or not
-    return TableEvidence(judged.table, settings.level, settings.feature_width, reference, settings.model).gathered()
+    table, further = judged.table, None
+    if settings.further is not None:
+        further = resolve_subject(settings.further).require_table()
+        require_alike(table, further)
+        if not table.layout.gridded:
+            table, further = joined(table, further), None
+    return TableEvidence(table, settings.level, settings.feature_width, reference, settings.model, further).gathered()
 
 
 def _refuse_options_of_tables(settings: CheckSettings, what: str) -> None:
-    if settings.model is not None or settings.against is not None:
-        raise GonioError(f"{what} is checked for reciprocity, energy and positivity; leave model and against out")
+    if settings.model is not None or settings.against is not None or settings.further is not None:
+        raise GonioError(
+            f"{what} is checked for reciprocity, energy and positivity; leave model, against and further readings out"
+        )
 
 
 def _checked(tolerances: Mapping[str, float | None]) -> dict[str, float]:

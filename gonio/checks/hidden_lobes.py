@@ -17,12 +17,21 @@ import numpy as np
 ALPHAS = np.geomspace(2e-4, 0.3, 128)
 """Widths of the facets' distribution."""
 
+NARROWEST = 1e-3
+"""Radians: a lobe in the mirror direction is at least this wide, so that a reading so near cannot miss it."""
+
+MOST = 100.0
+"""Times the light that falls in: more tells no more than that there is no bound."""
+
 NEAREST = 48
 """Nodes about the mirror direction that are looked at."""
 
 ASPECTS, TURNS = (1.0, 2.0, 4.0, 8.0), 8
 """Of the distributions on surfaces that are not isotropic: ratios of their two widths, and orientations over 180°."""
 
+
+SAME_LIGHT = math.radians(0.05)
+"""Incidences so near to one another are one."""
 
 FAINTEST = 1e-6
 """Of the mean radiance: fainter tails, of rounding and stray light, are not evidence that there is no lobe."""
@@ -33,6 +42,8 @@ class Features(NamedTuple):
 
     reach: float
     width: float = 0.0
+    further: "Further | None" = None
+    """Readings beside those of the table, which lobes do not exceed either."""
 
     @property
     def stated_reach(self) -> float:
@@ -65,6 +76,33 @@ class NearMirror(NamedTuple):
         near = near[cos_o[near] > 1e-6]
         phi_h = np.arctan2(y, x) + phi_i
         return cls(theta_h[near], phi_h[near], math.cos(theta_i) * cos_o[near], weight[near], near)
+
+    def joined(self, other: "NearMirror") -> "NearMirror":
+        """Both; what is further is numbered after these."""
+        columns = [np.concatenate(pair) for pair in zip(self[:-1], other[:-1], strict=True)]
+        return NearMirror(*columns, np.append(self.number, other.number))
+
+
+class Further(NamedTuple):
+    """Readings of the same surface beside those of a table: angles (m, 4), radians, f and its uncertainty (m, C).
+
+    `limit` (m, C), 1/sr: what a lobe may be there at the most.
+    """
+
+    angles: np.ndarray
+    f: np.ndarray
+    u: np.ndarray
+    limit: np.ndarray
+
+    def near(self, incidence: tuple[float, float], isotropic: bool) -> tuple[NearMirror, np.ndarray]:
+        """Those of one incidence (theta_i, phi_i), which stand for nothing of its albedo, and their limits."""
+        theta_i, phi_i, theta_o, phi_o = self.angles.T
+        alike = np.abs(theta_i - incidence[0]) < SAME_LIGHT
+        if not isotropic and incidence[0] > SAME_LIGHT:
+            alike &= np.abs(np.mod(phi_i - incidence[1] + np.pi, 2 * np.pi) - np.pi) < SAME_LIGHT
+        turned = phi_o - phi_i + incidence[1] if isotropic else phi_o
+        nodes = NearMirror.of(incidence, theta_o[alike], turned[alike], np.zeros(alike.sum()))
+        return nodes, self.limit[alike][nodes.number]
 
 
 def alpha_of(width: float) -> float:
@@ -106,11 +144,16 @@ def _missed(nodes: NearMirror, limit: np.ndarray, aspect: float, turn: float) ->
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         energy = np.min(np.nan_to_num(limit / unit[..., None], nan=np.inf, posinf=np.inf), axis=1)
         missed = np.where((counted := unit @ nodes.weight)[:, None] < 1, energy * (1 - counted)[:, None], 0.0)
-    # Where the nearest node is within half of the lobe's width it shows the lobe, and the grid's own bound holds.
-    return np.where(ALPHAS[:, None] * math.sqrt(math.log(2)) < slope.min(initial=np.inf), missed, 0.0)
+    # Where the nearest node is within half of the lobe's width it shows the lobe, and the grid's own bound holds: a
+    # node that counts, for a reading beside the table shows no more than its limit.
+    nearest = slope[nodes.weight > 0].min(initial=np.inf)
+    return np.where(ALPHAS[:, None] * math.sqrt(math.log(2)) < nearest, missed, 0.0)
 
 
 def at_width(hidden: np.ndarray, width: float) -> np.ndarray:
-    """Of energies (..., K, C) by `ALPHAS` those of lobes that are no narrower than a width, radians; (..., C)."""
-    number = int(np.searchsorted(ALPHAS, alpha_of(width) * (1 + 1e-9))) - 1
-    return hidden[..., number, :] if number >= 0 else np.full((*hidden.shape[:-2], hidden.shape[-1]), np.inf)
+    """Of energies (..., K, C) by `ALPHAS` those of lobes that are no narrower than a width, radians; (..., C).
+
+    None is narrower than `NARROWEST`. Energies beyond `MOST` have no bound.
+    """
+    number = int(np.searchsorted(ALPHAS, alpha_of(max(width, NARROWEST)) * (1 + 1e-9))) - 1
+    return np.where(hidden[..., number, :] > MOST, np.inf, hidden[..., number, :])

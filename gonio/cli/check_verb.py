@@ -35,6 +35,10 @@ OPTIONS: Options = {
     "--against FILE|MATERIAL": "the truth, if known: agreement with it counts too",
     "--model MODEL": "tables: where the grid alone leaves energy undecided, fit this model (or "
     "'auto') and assume that between the readings the surface follows it, as far as they do",
+    "--with FILE": {
+        "dest": "further",
+        "help": "tables: more readings of the same surface, such as gonio plan --for energy names",
+    },
     "--repair OUT.h5": "write the nearest table that is reciprocal and conserves energy; the exit status is then that "
     "table's",
     "--nonnegative": "no reading of the repaired table is negative",
@@ -63,14 +67,14 @@ def run(args: argparse.Namespace) -> int:
     _refuse_contradictions(args)
     from gonio.data.files import refuse_outputs
 
-    refuse_outputs([args.json, args.repair], [*args.subjects, args.against], args.force)
+    refuse_outputs([args.json, args.repair], [*args.subjects, args.against, args.further], args.force)
     if args.self_test:
         return run_self_test(args)
     tolerances = {name: getattr(args, f"tol_{name}") for name in PROPERTIES}
     options: dict[str, Any] = {"tolerances": tolerances, "feature_width": args.feature_width, "level": args.level}
     if args.repair:
         return _run_repair(args, options)
-    options |= {"strict": args.strict, "against": args.against, "model": args.model}
+    options |= {"strict": args.strict, "against": args.against, "model": args.model, "further": args.further}
     if len(args.subjects) > 1:
         return _run_several(args, options)
     from gonio.checks.certify import check
@@ -108,7 +112,8 @@ def _refuse_contradictions(args: argparse.Namespace) -> None:
     if args.self_test == bool(args.subjects):
         raise GonioError("give either a FILE or MATERIAL to check, or --self-test")
     require_degrees("--feature-width", args.feature_width, 0, 90)
-    if args.repair and (args.self_test or args.against or args.strict or args.model or len(args.subjects) > 1):
+    other = args.self_test or args.against or args.strict or args.model or args.further
+    if args.repair and (other or len(args.subjects) > 1):
         raise GonioError("--repair goes with one file, tolerances and --json only; check what it wrote afterwards")
     if not args.repair and (args.nonnegative or args.step is not None):
         option = "--nonnegative" if args.nonnegative else "--step"

@@ -33,7 +33,8 @@ OPTIONS: Options = {
     "material's with its levels and widths free",
     "--for NAME,...": {
         "dest": "wanted",
-        "help": "what is to be known: free numbers such as ggx.alpha, albedo, scene:NAME (default: all free numbers)",
+        "help": "what is to be known: free numbers such as ggx.alpha, albedo, scene:NAME (default: all free numbers); "
+        "or energy: the few readings that would decide on the energy of a table",
     },
     "--range NAME=LOW:HIGH,...": {
         "dest": "ranges",
@@ -73,6 +74,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.picture:
         require_picture(args.picture, args.force)
+    if args.wanted == "energy":
+        return _run_energy(args)
     options: dict[str, Any] = {name: getattr(args, name) for name in ("model", "against", "space_filling", "continued")}
     options["budget"] = None if args.budget is None else seconds_of(args.budget)
     options["target"] = None if args.target is None else share_of(args.target)
@@ -88,6 +91,37 @@ def run(args: argparse.Namespace) -> int:
         planned.save(args.output, args.force)
     files = ", ".join(name for name in outputs if name)
     show("\n".join([*summary(planned), f"written: {files}"]))
+    return 0
+
+
+def _run_energy(args: argparse.Namespace) -> int:
+    """Plans the readings that would decide on the energy of a table, prints what they promise, and writes them."""
+    from gonio.figures.paths import write_path
+    from gonio.instrument.description import read_instrument
+    from gonio.planning.energy_plan import plan_energy
+
+    others = {"budget": args.budget, "target": args.target, "range": args.ranges, "against": args.against}
+    if named := [f"--{name}" for name, value in (others | {"continue": args.continued}).items() if value]:
+        raise GonioError(f"a plan for energy has no {named[0]}: it names the fewest readings; leave it out")
+    if args.material is None:
+        raise GonioError("a plan for energy needs the table whose energy is open; name its file")
+    instrument = None if args.instrument is None else read_instrument(args.instrument)
+    planned = plan_energy(as_stated(args.material, args), instrument, model=args.model or "auto")
+    title = f"{planned.name}: {planned.shots.seconds.size} readings for energy in {planned.hours:.3g} h"
+    with writing_json(args, planned.to_dict() | {"written": args.output}):
+        if args.picture:
+            write_path(planned.shots.angles, planned.shots.seconds, title, args.picture, args.force)
+        planned.save(args.output, args.force)
+    before, after = planned.before, planned.after
+    incidences = ", ".join(f"{t:g}" for t in planned.undecided_theta_i)
+    albedo = f"albedo {1 + (after.residual or 0):.4g} ± {after.bound:.2g}"
+    show(title)
+    show(f"now: {before.verdict} at θi {incidences}°")
+    show(f"after that: {after.verdict}, {albedo}, if the surface is {planned.model}")
+    files = ", ".join(name for name in (args.output, args.json, args.picture) if name)
+    show(f"next: gonio measure MATERIAL --scan {args.output} -o more.h5")
+    show(f"      gonio check {args.material} --with more.h5 --model {args.model or 'auto'}")
+    show(f"written: {files}")
     return 0
 
 

@@ -10,8 +10,6 @@ from typing import Any, NamedTuple, TypedDict, Unpack
 import numpy as np
 
 from gonio.data import layouts
-from gonio.data.files import new_file
-from gonio.data.formats.csv.columns import write_columns
 from gonio.data.layouts import Layout
 from gonio.data.reflection_only import require_reflection
 from gonio.data.serialise import finite
@@ -24,7 +22,7 @@ from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 from gonio.planning.planner import Planner, Schedule
 from gonio.planning.prior import Prior, prior_of
-from gonio.planning.shots import Shots, Sites, counting
+from gonio.planning.shots import Shots, Sites, counting, write_shots
 from gonio.planning.wanted import Quantities, albedos, numbers, quantities
 
 LONGEST = 1e7
@@ -113,11 +111,7 @@ class Plan(Displayed):
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> Path:
         """Writes the path as CSV, which `gonio measure --scan` takes. GonioError where it exists or cannot be."""
-        columns = {n: np.degrees(a).round(3) for n, a in zip(AXES, self.shots.angles, strict=True)}
-        with new_file(path, force) as part, part.open("w", encoding="utf-8") as file:
-            comments = [f"gonio plan of {self.name}: angles in degrees, counting times in seconds, {self.hours:.4g} h"]
-            write_columns(file, columns | {"seconds": self.shots.seconds}, comments)
-        return Path(path)
+        return write_shots(path, self.shots, f"gonio plan of {self.name}", self.hours, force)
 
 
 def plan(

@@ -1,14 +1,18 @@
 """Shots: directions with counting times; what they tell of a model's numbers, and their best order."""
 
 import dataclasses
+import os
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from gonio.data.files import new_file
+from gonio.data.formats.csv.columns import write_columns
 from gonio.instrument.aperture import irradiance
 from gonio.instrument.instrument import Instrument, Systematic
 from gonio.instrument.noise import standard_uncertainty
-from gonio.instrument.pace import Pace
+from gonio.instrument.pace import AXES, Pace
 from gonio.instrument.stated import TERMS
 from gonio.planning.prior import Prior
 
@@ -88,6 +92,15 @@ class Sites:
         """Slopes and shifts over standard uncertainties (S, n, C, P + Q), as `gonio.planning.design` takes them."""
         both = np.concatenate([self.slopes, self.shifts], axis=-1)
         return both / np.sqrt(np.maximum(self.variance(seconds), 1e-300))[..., None]
+
+
+def write_shots(path: str | os.PathLike[str], shots: Shots, what: str, hours: float, force: bool = False) -> Path:
+    """Writes shots as CSV, which `gonio measure --scan` takes. GonioError where it exists or cannot be."""
+    columns = {n: np.degrees(a).round(3) for n, a in zip(AXES, shots.angles, strict=True)}
+    with new_file(path, force) as part, part.open("w", encoding="utf-8") as file:
+        comments = [f"{what}: angles in degrees, counting times in seconds, {hours:.4g} h"]
+        write_columns(file, columns | {"seconds": shots.seconds}, comments)
+    return Path(path)
 
 
 def ordered(shots: Shots, pace: Pace, patience: float = SOLVER_SECONDS) -> Shots:

@@ -86,7 +86,11 @@ class HemisphereGrid:
         shape = limit.shape[:2]
         theta_o, phi_o = (np.broadcast_to(a, shape).ravel() for a in (self.theta_o[:, None], self.azimuth))
         nodes = NearMirror.of(incidence, theta_o, phi_o, self.weights.ravel())
-        return hidden_energy(nodes, limit.reshape(-1, limit.shape[2])[nodes.number], self.isotropic)
+        limit = limit.reshape(-1, limit.shape[2])[nodes.number]
+        if features.further is not None:
+            beside, theirs = features.further.near(incidence, self.isotropic)
+            nodes, limit = nodes.joined(beside), np.concatenate([limit, theirs])
+        return hidden_energy(nodes, limit, self.isotropic)
 
     def missing(self, valid: np.ndarray) -> bool:
         """Whether too much of the hemisphere has no reading; `valid` (theta_o, azimuth, channels)."""

@@ -31,6 +31,9 @@ POINTS = 4096
 WINDOW, PARTS = 12, 50
 """Readings of like half vectors that show a misfit: so many at the least, and a part of all."""
 
+LITTLE = 1e-12
+"""Weight, sr, of readings that count in an albedo, of which no more is taken for granted."""
+
 SAME_TILT = np.radians(10.0)
 """Readings whose angle of difference is so near to an incidence limit the lobes that may hide there."""
 
@@ -187,5 +190,5 @@ def _hidden(
     if near.size and 2 * theta_h[near[0]] <= features.reach:
         return None
     cosines = np.maximum(cosines[near], np.cos(incidence[0]) ** 2)
-    nodes = NearMirror(theta_h[near], phi_h[near], cosines, np.zeros(near.size), near)
+    nodes = NearMirror(theta_h[near], phi_h[near], cosines, np.full(near.size, LITTLE), near)
     return hidden_energy(nodes, limit[near], field.isotropic)

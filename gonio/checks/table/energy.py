@@ -6,17 +6,15 @@ import numpy as np
 
 from gonio.checks.albedos import Albedos, energy_property, with_hemispherical
 from gonio.checks.certificate import PASS, UNDECIDED, Property, without_residual
-from gonio.checks.hidden_lobes import Features, at_width
+from gonio.checks.hidden_lobes import NARROWEST, Features, at_width
 from gonio.checks.table.count_statistics import critical, sidak
 from gonio.checks.table.energy_words import degrees_up, incidences_judged, least_width, remedy, series_of, what_may_hide
 from gonio.checks.table.evidence import TableEvidence
+from gonio.checks.table.further_readings import with_further
 from gonio.data.interpolation.scattering_blocks import sheet_of
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 from gonio.models.geometry.sides import FRONT
-
-MIRROR_REACH = 1e-3
-"""Radians: a lobe in the mirror direction is at least this wide, so that a node so near cannot miss it."""
 
 STANDARD_UNCERTAINTIES = 2.0
 """How many of the readings' noise the bounds of albedos hold."""
@@ -26,16 +24,19 @@ def mirror_reach(table: Table, feature_width: float) -> float:
     """How near to the mirror direction a reading has to be, radians: the apertures', or the stated features' radius."""
     solid = [s or 0.0 for s in (table.source_solid_angle, table.receiver_solid_angle)]
     apertures = sum(np.arccos(np.clip(1 - s / (2 * np.pi), -1, 1)) for s in solid)
-    return max(MIRROR_REACH, float(apertures), feature_width / 2 + 1e-9)
+    return max(NARROWEST, float(apertures), feature_width / 2 + 1e-9)
 
 
-def table_albedos(table: Table, feature_width: float = 0.0) -> Albedos | str:
-    """Directional albedos of a table of any layout, or why there are none; of both hemispheres their sum."""
+def table_albedos(table: Table, feature_width: float = 0.0, further: Table | None = None) -> Albedos | str:
+    """Directional albedos of a table of any layout, or why there are none; of both hemispheres their sum.
+
+    No lobe is narrower than `feature_width`, radians; `further` readings limit what hides at the mirror direction.
+    """
     if (sheet := sheet_of(table)) is not None:
         from gonio.checks.table.sheet import sheet_albedos
 
         return sheet_albedos(sheet, table.channels.names)
-    features = features_of(table, feature_width)
+    features = with_further(features_of(table, feature_width), further)
     if table.sides == FRONT:
         return _albedos(table, features)
     from gonio.checks.table.albedo_two_sided import two_sided_albedos
@@ -93,7 +94,7 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
     The level of the evidence: chance that the readings' stored noise alone exceeds its share of the bounds at any
     incidence.
     """
-    albedos = table_albedos(evidence.table, evidence.feature_width)
+    albedos = table_albedos(evidence.table, evidence.feature_width, evidence.further)
     if isinstance(albedos, str):
         detail = f"The albedo of this table cannot be integrated: {albedos}."
         judged = without_residual("energy", UNDECIDED, tolerance, detail, incidences=0)
@@ -119,10 +120,17 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
     return helped
 
 
+def deciding_albedos(evidence: TableEvidence) -> Albedos | str:
+    """The albedos that leave energy undecided: with the help of a model, if one helps."""
+    assisted = "no model" if evidence.model is None else _assisted(evidence)
+    return table_albedos(evidence.table, evidence.feature_width) if isinstance(assisted, str) else assisted
+
+
 def _assisted(evidence: TableEvidence) -> Albedos | str:
     if evidence.table.sides != FRONT:
         return "it helps tables of reflection from the front alone"
     table, features = evidence.table, features_of(evidence.table, evidence.feature_width)
+    features = with_further(features, evidence.further)
     if table.interpolant is not None:
         return "the table brings its own interpolation between the readings"
     if table.layout.in_one_plane:
@@ -181,6 +189,6 @@ def _say_what_may_hide(judged: Property, albedos: Albedos, width: float) -> None
         "passes_with_feature_width_deg": None if least is None else degrees_up(least),
         "most_hidden_albedo": float(np.max(at_width(albedos.hidden, width))),
     }
-    if judged.verdict == PASS:
+    if judged.verdict == PASS and width:
         judged.assumes = f"no lobe is narrower than {np.degrees(width):.3g}°"
     judged.detail += what_may_hide(albedos, judged.verdict, width, least)

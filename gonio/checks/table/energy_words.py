@@ -31,8 +31,10 @@ def degrees_up(width: float) -> float:
 def what_may_hide(albedos: Albedos, verdict: str, width: float, least: float | None) -> str:
     """What lobes may hide where the mirror direction was not read, and of which width on energy would pass."""
     text = f" The readings leave out the mirror direction{OR_THROUGH * bool(albedos.shares)}"
+    most = float(np.max(at_width(albedos.hidden, width)))
+    if verdict == PASS and not width:
+        return f"{text}; further readings limit what a lobe may hide there to {most:.2g}."
     if verdict == PASS:
-        most = float(np.max(at_width(albedos.hidden, width)))
         return (
             f"{text}: this assumes that no lobe is narrower than {math.degrees(width):.3g}° (full width at half maximum"
             f" at normal incidence); a wider one hides at most {most:.2g} between them."

@@ -78,14 +78,22 @@ class TableEvidence:
     feature_width: float = 0.0
     reference: AbstractBRDF | None = None
     model: str | None = None
+    further: Table | None = None
+    """Readings of the same surface beside those of the table, which energy takes into account."""
+    made: "FitResult | None" = None
+    """The fit of the model to the table, where it was made before."""
     _pairs: dict[str, Pairs | str] = dataclasses.field(default_factory=dict, repr=False)
 
     @functools.cached_property
     def fitted(self) -> "FitResult | None":
         """The fit of the stated model to the table, made where a check asks for it; None without a model."""
+        from gonio.checks.table.further_readings import joined
         from gonio.fitting.fit_table import fit
 
-        return None if self.model is None else fit(self.table, None if self.model == "auto" else self.model)
+        if self.model is None or self.made is not None:
+            return self.made
+        table = self.table if self.further is None else joined(self.table, self.further)
+        return fit(table, None if self.model == "auto" else self.model)
 
     def pairs(self, kind: str) -> Pairs | str:
         """Pairs of one of the kinds of `PAIRS`, read once."""

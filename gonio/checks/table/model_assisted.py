@@ -14,7 +14,7 @@ import numpy as np
 
 from gonio.checks.albedos import Albedos, Incidence, albedos_of
 from gonio.checks.grid_resolution import LARGEST, RESOLVED, prediction_error, prediction_error_across_pole
-from gonio.checks.hidden_lobes import Features, credible
+from gonio.checks.hidden_lobes import Features, Further, credible
 from gonio.checks.table.albedo_on_grid import HemisphereGrid, filled, floor_of, hemisphere_grid
 from gonio.checks.table.model_light import FAST, NOISE, ORDER, albedo_of, light_of
 from gonio.data.flags import Flag
@@ -100,6 +100,8 @@ def assisted_albedos(table: Table, fitted: FitResult, features: Features) -> Alb
     if not fitted.converged:
         return "the fit of the model did not converge"
     channels = len(table.channels)
+    if features.further is not None:
+        features = features._replace(further=_left_of(features.further, fitted.brdf))
     spread = fitted.propagated(lambda material: _difference(material, grid, channels), by_channel=True)
     method = (
         f"Model-assisted: the albedo of {fitted.requested}, fitted to the table, and the grid's integral of readings − "
@@ -126,6 +128,14 @@ def _incidences(
         limit = np.where(valid, credible(_left_to_lobes(f, u, at_nodes[k]), row.value), np.inf)
         hidden = None if partial else grid.hidden((theta_i, phi_i), limit, features)
         yield row._replace(theta_i=theta_i, phi_i=phi_i, bound=bound, partial=partial, hidden=hidden)
+
+
+def _left_of(further: Further, brdf: AbstractBRDF) -> Further:
+    """Further readings with the limits of what the model has not."""
+    wi, wo = (from_spherical(further.angles[:, k], further.angles[:, k + 1], np) for k in (0, 2))
+    model = np.broadcast_to(np.asarray(evaluate(brdf, wi, wo)).reshape(len(further.f), -1), further.f.shape)
+    limit = _left_to_lobes(further.f[:, None], further.u[:, None], np.array(model)[:, None])[:, 0]
+    return further._replace(limit=np.minimum(limit, further.limit))
 
 
 def _left_to_lobes(f: np.ndarray, u: np.ndarray, model: np.ndarray) -> np.ndarray:

@@ -1,0 +1,167 @@
+"""The few readings that would decide on the energy of a table: at mirror directions left out, or between nodes."""
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gonio.checks.albedos import Albedos
+from gonio.checks.certificate import UNDECIDED, Property
+from gonio.checks.properties import PROPERTIES
+from gonio.checks.table.energy import deciding_albedos, table_energy
+from gonio.checks.table.evidence import TableEvidence
+from gonio.checks.table.further_readings import joined
+from gonio.data import layouts
+from gonio.data.layouts import Layout
+from gonio.data.reflection_only import require_reflection
+from gonio.data.serialise import finite
+from gonio.data.subject import SubjectLike, resolve_subject
+from gonio.data.table import Table
+from gonio.instrument.instrument import Instrument
+from gonio.instrument.pace import AXES
+from gonio.models.display import Displayed
+from gonio.models.errors import GonioError
+from gonio.models.evaluation import evaluate
+from gonio.models.geometry.directions import from_spherical
+from gonio.planning.candidates import readable
+from gonio.planning.shots import Shots, ordered, write_shots
+
+BETWEEN = (1 / 2, 1 / 8, 1 / 32)
+"""Of the step, from the mirror direction: where a lobe that the nodes do not resolve is read."""
+STEP = np.radians(1.0)
+"""Of lists, which have none."""
+AROUND = np.radians(0.5) * np.arange(1, 41)
+"""How far a reading may be from the mirror direction where the detector's shadow is on it."""
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class EnergyPlan(Displayed):
+    """The readings that would decide on the energy of a table.
+
+    Attributes:
+        name: of the table.
+        shots: directions (4, n), radians, in their order, and counting seconds (n,).
+        hours: of the whole, travel included.
+        undecided_theta_i: incidences, degrees, that leave energy open.
+        model: what was fitted to the table; it says what will be read.
+        before, after: energy as it is, and as it will be if the surface is what the model says.
+    """
+
+    name: str
+    shots: Shots
+    hours: float
+    undecided_theta_i: list[float]
+    model: str
+    before: Property
+    after: Property
+
+    @property
+    def layout(self) -> Layout:
+        """The directions as `gonio.measure` takes them; `shots.seconds` are its `seconds`."""
+        return layouts.scattered(*self.shots.angles)
+
+    def facts(self) -> dict[str, str]:
+        """Readings, hours, and the verdict before and after."""
+        return {
+            "of": self.name,
+            "readings": f"{self.shots.seconds.size} in {self.hours:.3g} h",
+            "energy now": f"{self.before.verdict}, ± {self.before.bound:.2g}",
+            "energy then": f"{self.after.verdict}, ± {self.after.bound:.2g}, if the surface is {self.model}",
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything, for JSON: angles in degrees."""
+        columns = {n: np.degrees(a).round(3).tolist() for n, a in zip(AXES, self.shots.angles, strict=True)}
+        judged = {k: dataclasses.asdict(getattr(self, k)) for k in ("before", "after")}
+        others = {k: getattr(self, k) for k in ("name", "hours", "undecided_theta_i", "model")}
+        return finite({**others, **judged, "shots": columns | {"seconds": self.shots.seconds.tolist()}})
+
+    def save(self, path: str | os.PathLike[str], force: bool = False) -> Path:
+        """Writes the path as CSV, which `gonio measure --scan` takes. GonioError where it exists or cannot be."""
+        return write_shots(path, self.shots, f"gonio plan of {self.name} for energy", self.hours, force)
+
+
+def plan_energy(
+    subject: SubjectLike,
+    instrument: Instrument | None = None,
+    *,
+    model: str = "auto",
+    tolerance: float | None = None,
+    feature_width: float = 0.0,
+) -> EnergyPlan:
+    """The readings that would decide on the energy of a table which leaves it open.
+
+    The mirror directions of incidences that left them out; where the nodes do not resolve a lobe, readings beside it.
+    `gonio.check(table, further=...)` takes what was read there.
+
+    Args:
+        subject: a table, or what gives one.
+        instrument: its speed, ranges and shadow.
+        model: as of `gonio.check`: what carries the verdict, and says what will be read.
+        tolerance: of energy, as of `gonio.check`.
+        feature_width: radians, as of `gonio.check`.
+
+    Raises:
+        GonioError: a table whose energy is decided, or that no reading decides; directions that cannot be read.
+    """
+    table = resolve_subject(subject).require_table()
+    require_reflection(table, "what is to be planned", "a plan")
+    limit = PROPERTIES["energy"].table_tolerance if tolerance is None else tolerance
+    assert limit is not None
+    evidence = TableEvidence(table, feature_width=feature_width, model=model)
+    before = table_energy(evidence, limit)
+    name = table.name or "the table"
+    if before.verdict != UNDECIDED:
+        raise GonioError(f"the energy of {name} is decided ({before.verdict}): no reading is needed")
+    albedos = deciding_albedos(evidence)
+    if isinstance(albedos, str):
+        raise GonioError(f"no few readings decide on the energy of {name}: {albedos}")
+    instrument = instrument or Instrument()
+    open_ = np.flatnonzero(~np.all(albedos.value + albedos.above <= 1 + limit, axis=1) & ~albedos.partial)
+    angles = _directions(table, albedos, open_, instrument)
+    if not angles.size:
+        raise GonioError(f"no few readings decide on the energy of {name}: {before.detail}")
+    fitted = evidence.fitted
+    assert fitted is not None
+    shots = ordered(Shots(angles, np.full(angles.shape[1], instrument.seconds)), instrument.pace)
+    further = _as_the_model_says(table, fitted.brdf, shots.angles)
+    more = {"further": further} if table.layout.gridded else {"table": joined(table, further)}
+    after = table_energy(dataclasses.replace(evidence, made=fitted, **more), limit)
+    hours = instrument.pace.path_seconds(shots.angles, shots.seconds) / 3600
+    theta = np.unique(np.round(np.degrees(albedos.theta_i[open_]), 3)).tolist()
+    return EnergyPlan(name, shots, hours, theta, fitted.expression, before, after)
+
+
+def _directions(table: Table, albedos: Albedos, which: np.ndarray, instrument: Instrument) -> np.ndarray:
+    """Readable directions (4, n) at or beside the mirror directions of some incidences."""
+    axis = table.layout.axes.get("theta_o", np.zeros(0)) if table.layout.gridded else np.zeros(0)
+    step = float(np.median(np.diff(axis))) if axis.size > 1 else STEP
+    isotropic, found = not table.layout.has_azimuth_of_light, []
+    for k in which:
+        theta, phi = float(albedos.theta_i[k]), float(albedos.phi_i[k])
+        offsets = np.zeros(1) if albedos.unseen[k] else np.array(BETWEEN) * step
+        for offset in offsets:
+            # The nearest to it that the detector's shadow and the axes leave free.
+            tried = theta + offset + np.concatenate([[0.0], AROUND, -AROUND])
+            tried = tried[np.argsort(np.abs(tried - theta - offset), kind="stable")]
+            theta_o, turned = np.abs(tried), np.where(tried < 0, 0.0, np.pi)
+            light = np.full_like(tried, theta), np.full_like(tried, phi)
+            every = np.stack([*light, theta_o, (phi + turned) % (2 * np.pi)])
+            found.append(readable(every, instrument, isotropic)[:, :1])
+    return np.unique(np.concatenate(found, axis=1), axis=1) if found else np.zeros((4, 0))
+
+
+def _as_the_model_says(table: Table, brdf: Any, angles: np.ndarray) -> Table:
+    """Readings in some directions as a model says, as uncertain as those of the table are."""
+    wi, wo = from_spherical(angles[0], angles[1], np), from_spherical(angles[2], angles[3], np)
+    f = np.asarray(evaluate(brdf, wi, wo)).reshape(angles.shape[1], -1)
+    f = np.broadcast_to(f, (angles.shape[1], len(table.channels)))
+    relative = 0.0
+    if table.u_f is not None:
+        values = table.read_values(0, table.layout.size)
+        known = (values["f"] > 0) & np.isfinite(values["u_f"]) & (values["flag"] == 0)
+        relative = float(np.median(values["u_f"][known] / values["f"][known])) if known.any() else 0.0
+    u = relative * f if relative else None
+    return Table.from_arrays(*angles, f, u, channels=table.channels.names)
