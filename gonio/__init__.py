@@ -45,7 +45,7 @@ _PUBLIC = {  # public name: where it is defined; `__init__.pyi` has the same for
     "open": "gonio.data.formats.registry:read",
     "open_profile": "gonio.data.profile_files:open_profile",
     "plan": "gonio.planning.planned:plan",
-    "plan_energy": "gonio.planning.energy_plan:plan_energy",
+    "plan_energy": "gonio.checks.energy_plan:plan_energy",
     "quantities": "gonio.metrology.quantities:quantities",
     "reduce": "gonio.data.reduction.coarsest_table:reduce_table",
     "repair": "gonio.checks.repairs.nearest_table:repair",

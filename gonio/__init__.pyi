@@ -2,6 +2,7 @@ from gonio.campaigns.campaign import campaign as campaign
 from gonio.charts import chart as chart
 from gonio.checks.certificate import Certificate as Certificate
 from gonio.checks.certify import check as check
+from gonio.checks.energy_plan import plan_energy as plan_energy
 from gonio.checks.repairs.nearest_table import repair as repair
 from gonio.data.formats.registry import read as _read
 from gonio.data.material import Material as Material
@@ -23,7 +24,6 @@ from gonio.metrology.fit_with_errors import fit as fit
 from gonio.metrology.quantities import quantities as quantities
 from gonio.models.errors import GonioError as GonioError
 from gonio.planning.adaptive.adaptive_measurement import adapt as adapt
-from gonio.planning.energy_plan import plan_energy as plan_energy
 from gonio.planning.planned import plan as plan
 from gonio.reports.build import report as report
 from gonio.reports.chapter import chapter as chapter

@@ -31,6 +31,7 @@ VERBS = [
     "open",
     "open_profile",
     "plan",
+    "plan_energy",
     "quantities",
     "reduce",
     "repair",

@@ -96,9 +96,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _run_energy(args: argparse.Namespace) -> int:
     """Plans the readings that would decide on the energy of a table, prints what they promise, and writes them."""
+    from gonio.checks.energy_plan import plan_energy
     from gonio.figures.paths import write_path
     from gonio.instrument.description import read_instrument
-    from gonio.planning.energy_plan import plan_energy
 
     others = {"budget": args.budget, "target": args.target, "range": args.ranges, "against": args.against}
     if named := [f"--{name}" for name, value in (others | {"continue": args.continued}).items() if value]:

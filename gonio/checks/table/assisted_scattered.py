@@ -104,13 +104,13 @@ def assisted_by_nearest(table: Table, fitted: FitResult, features: Features) -> 
     lights = list(_lights(fitted.brdf, readings, incidences))
     used = np.unique(np.concatenate([light.numbers for light in lights]))
 
-    def left(material: Material) -> np.ndarray:
+    def missed(material: Material) -> np.ndarray:
         """What the readings would miss of a material's albedos, (incidences, C)."""
         m = _model(material.brdf, field.angles[used], channels)
         known = [np.sum(light.weight * m[np.searchsorted(used, light.numbers)], axis=0) for light in lights]
         return np.stack([albedo_of(material.brdf, _light_from(i), FAST, channels) for i in incidences]) - known
 
-    spread = 2.0 * np.nan_to_num(fitted.propagated(left, by_channel=True), nan=np.inf)
+    spread = 2.0 * np.nan_to_num(fitted.propagated(missed, by_channel=True), nan=np.inf)
     limit = credible(_left_to_lobes(readings), most)
     rows = [
         light.row._replace(bound=light.row.bound + s, hidden=_hidden(field, i, limit, features))

@@ -138,19 +138,19 @@ def _directions(table: Table, albedos: Albedos, which: np.ndarray, instrument: I
     """Readable directions (4, n) at or beside the mirror directions of some incidences."""
     axis = table.layout.axes.get("theta_o", np.zeros(0)) if table.layout.gridded else np.zeros(0)
     step = float(np.median(np.diff(axis))) if axis.size > 1 else STEP
-    isotropic, found = not table.layout.has_azimuth_of_light, []
+    isotropic, chosen = not table.layout.has_azimuth_of_light, []
     for k in which:
         theta, phi = float(albedos.theta_i[k]), float(albedos.phi_i[k])
         offsets = np.zeros(1) if albedos.unseen[k] else np.array(BETWEEN) * step
         for offset in offsets:
             # The nearest to it that the detector's shadow and the axes leave free.
-            tried = theta + offset + np.concatenate([[0.0], AROUND, -AROUND])
-            tried = tried[np.argsort(np.abs(tried - theta - offset), kind="stable")]
-            theta_o, turned = np.abs(tried), np.where(tried < 0, 0.0, np.pi)
-            light = np.full_like(tried, theta), np.full_like(tried, phi)
+            polar = theta + offset + np.concatenate([[0.0], AROUND, -AROUND])
+            polar = polar[np.argsort(np.abs(polar - theta - offset), kind="stable")]
+            theta_o, turned = np.abs(polar), np.where(polar < 0, 0.0, np.pi)
+            light = np.full_like(polar, theta), np.full_like(polar, phi)
             every = np.stack([*light, theta_o, (phi + turned) % (2 * np.pi)])
-            found.append(readable(every, instrument, isotropic)[:, :1])
-    return np.unique(np.concatenate(found, axis=1), axis=1) if found else np.zeros((4, 0))
+            chosen.append(readable(every, instrument, isotropic)[:, :1])
+    return np.unique(np.concatenate(chosen, axis=1), axis=1) if chosen else np.zeros((4, 0))
 
 
 def _as_the_model_says(table: Table, brdf: Any, angles: np.ndarray) -> Table:
