@@ -164,4 +164,5 @@ def _as_the_model_says(table: Table, brdf: Any, angles: np.ndarray) -> Table:
         known = (values["f"] > 0) & np.isfinite(values["u_f"]) & (values["flag"] == 0)
         relative = float(np.median(values["u_f"][known] / values["f"][known])) if known.any() else 0.0
     u = relative * f if relative else None
-    return Table.from_arrays(*angles, f, u, channels=table.channels.names)
+    theta_i, phi_i, theta_o, phi_o = angles
+    return Table.from_arrays(theta_i, phi_i, theta_o, phi_o, f, u, channels=table.channels.names)

@@ -79,8 +79,8 @@ class NearMirror(NamedTuple):
 
     def joined(self, other: "NearMirror") -> "NearMirror":
         """Both; what is further is numbered after these."""
-        columns = [np.concatenate(pair) for pair in zip(self[:-1], other[:-1], strict=True)]
-        return NearMirror(*columns, np.append(self.number, other.number))
+        theta_h, phi_h, cosines, weight, number = (np.concatenate(pair) for pair in zip(self, other, strict=True))
+        return NearMirror(theta_h, phi_h, cosines, weight, number)
 
 
 class Further(NamedTuple):
