@@ -3,6 +3,7 @@
 import argparse
 import math
 import re
+import shlex
 from typing import TYPE_CHECKING, Any
 
 from gonio.cli.arguments import (
@@ -120,7 +121,7 @@ def _run_energy(args: argparse.Namespace) -> int:
     show(f"after that: {after.verdict}, {albedo}, if the surface is {planned.model}")
     files = ", ".join(name for name in (args.output, args.json, args.picture) if name)
     show(f"next: gonio measure MATERIAL --scan {args.output} -o more.h5")
-    show(f"      gonio check {args.material} --with more.h5 --model {args.model or 'auto'}")
+    show(f"      gonio check {args.material} --with more.h5 --model {shlex.quote(args.model or 'auto')}")
     show(f"written: {files}")
     return 0
 
