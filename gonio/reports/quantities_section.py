@@ -26,8 +26,8 @@ def quantities_of(s: ReportSubject) -> dict[str, Any] | None:
     rows = [q for q in rows if not (q.name in COORDINATES and "D65" not in q.place)]
     groups = [{"name": g, "rows": [_row(q) for q in rows if q.group == g]} for g in LISTED]
     groups = [g for g in groups if g["rows"]]
-    told = [] if s.table is None else s.table.provenance.get("warnings", [])  # elsewhere on the page
-    notes = [note for note in made.notes if note not in told]
+    elsewhere = [] if s.table is None else s.table.provenance.get("warnings", [])  # on the page
+    notes = [note for note in made.notes if note not in elsewhere]
     return (
         {"channel": s.in_channel, "groups": groups, "undecided": _undecided(made), "notes": notes} if groups else None
     )

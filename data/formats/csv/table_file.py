@@ -66,8 +66,8 @@ def read_csv(
     statements = Statements(text.path, text.comments)
     values = value_columns(text, statements, quantity)
     wavelength = text.sole("wavelength")
-    used = [c.name for c in direction_columns(text).values()] + [n for names in values.names.values() for n in names]
-    used += [wavelength.name] if wavelength else []
+    used = [c.name for c in (*direction_columns(text).values(), *([wavelength] if wavelength else []))]
+    used += [n for names in values.names.values() for n in names]
     numbers = text.numbers(used, values.names["f"] + values.names.get("u_f", []))
     directions = read_angles(text, statements, numbers, angles, mirror_azimuth)
     values = values._replace(coverage=coverage)
@@ -80,9 +80,7 @@ def read_csv(
         nm, rows, readings = by_wavelength(text, wavelength.name, unit, numbers[wavelength.name], every, readings)
         directions = directions._replace(angles=tuple(every[:, rows]))
         channels = Channels.of_wavelengths(nm)
-        understood.append(
-            f"{wavelength.name[:40]} has {nm.size} wavelengths, {nm[0]:g} to {nm[-1]:g} nm: one channel each"
-        )
+        understood.append(_of_wavelengths(wavelength.name, nm))
     provenance = {
         "format": "CSV",
         "source": os.path.basename(path),
@@ -99,6 +97,10 @@ def read_csv(
     ):
         table.provenance["warnings"] = warnings
     return table
+
+
+def _of_wavelengths(column: str, nm: np.ndarray) -> str:
+    return f"{column[:40]} has {nm.size} wavelengths, {nm[0]:g} to {nm[-1]:g} nm: one channel each"
 
 
 def _of_quantity(readings: Readings, directions: Directions, quantity: str) -> Readings:
