@@ -10,11 +10,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 @functools.cache
 def count() -> int:
-    """How many processors this process may use."""
+    """How many threads to use: one for each processor that is allowed, no more than NPROC says, as in XLA."""
     try:
-        return len(os.sched_getaffinity(0))
+        available = len(os.sched_getaffinity(0))
     except AttributeError:  # not on this system
-        return os.cpu_count() or 1
+        available = os.cpu_count() or 1
+    stated = os.environ.get("NPROC", "")
+    return min(available, int(stated)) if stated.isdecimal() and int(stated) > 0 else available
 
 
 @functools.cache

@@ -1,0 +1,28 @@
+"""Threads of the compiled loops."""
+
+import subprocess
+import sys
+
+import pytest
+
+from gonio.models.compiled import workers
+
+
+def test_every_piece_is_done_once():
+    done = []
+
+    def work(start, stop):
+        done.extend(range(start, stop))
+        return 1 << (start % 3)
+
+    assert workers.share(work, 1000, 7) & 1 and sorted(done) == list(range(1000))
+
+
+@pytest.mark.parametrize(("stated", "expected"), [("1", 1), ("100000", None), ("0", None), ("two", None)])
+def test_processes_that_are_as_many_as_processors_have_one_thread_each(stated, expected):
+    script = "from gonio.models.compiled import workers; print(workers.count())"
+    of_all = int(subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout)
+    made = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, env={"NPROC": stated}
+    )
+    assert int(made.stdout) == (expected or of_all)
