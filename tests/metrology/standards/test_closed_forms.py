@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import dblquad
 
 import gonio
+from gonio.data.channels import Channels
 from gonio.metrology.fit_numbers import FitNumbers
 from gonio.metrology.standards.catalog import Wanted, standard_quantities
 from gonio.metrology.standards.gloss import GLASS, RECEPTORS, SOURCE, fresnel_of_glass, gloss
@@ -118,6 +119,16 @@ def test_laws_of_scatter_are_found_again(model, name, numbers):
     rows, undecided = scatter_laws(profile_of_model(material.brdf), material.channels)
     assert [q.value for q in rows if q.name.startswith(name)] == pytest.approx(numbers, rel=1e-6)
     assert not undecided and rows[-1].value < 1e-6 and "holds" in rows[-1].place
+
+
+def test_of_a_long_spectrum_laws_are_fitted_to_some_channels_and_that_is_stated():
+    material = gonio.material("abg(a=0.01, b=0.001, g=1.8)")
+    profile = profile_of_model(material.brdf)
+    channels = Channels.of_wavelengths(np.linspace(400, 800, 401))
+    rows, undecided = scatter_laws(profile._replace(f=np.repeat(profile.f, 401, axis=1)), channels)
+    fitted = [q.channel for q in rows if q.name == "ABg A"]
+    assert len(fitted) == 12 and fitted[0] == channels.names[0] and fitted[-1] == channels.names[-1]
+    assert "12 of 401 channels" in undecided[-1].reason
 
 
 def test_a_lambertian_follows_no_law_of_scatter():
