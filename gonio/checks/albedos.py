@@ -79,10 +79,6 @@ class Incidence(NamedTuple):
     partial: bool = False
 
 
-NO_BOUND = np.full((ALPHAS.size, 1), np.inf)
-"""Energy of hidden lobes of which the readings tell nothing."""
-
-
 def albedos_of(rows: Iterable[Incidence], method: str, features: Features) -> Albedos | str:
     """The albedos of the incidences; or why there are none.
 

@@ -5,7 +5,9 @@ the grid resolves, that prediction errs by four times as much as the interpolati
 it does not resolve the error is a whole number of e-folds, and so is the bound that comes of it.
 """
 
+import itertools
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,6 +54,49 @@ def prediction_error_across_pole(logs: np.ndarray, theta: np.ndarray, azimuth: n
     first = 1 if theta[0] < 1e-9 else 0
     longer = np.concatenate([logs[first : first + 1][:, opposite], logs])
     return prediction_error(longer, np.append(-theta[first], theta), 0)[1:]
+
+
+class Rim(NamedTuple):
+    """Where f ends between a node and a dark neighbour along an axis: the errors there, and which nodes those are."""
+
+    error: np.ndarray
+    """As of `prediction_error`, but of nodes at the rim by the two nodes on their lit side alone."""
+    inside: np.ndarray
+
+
+def with_rim(
+    error: np.ndarray, logs: np.ndarray, nodes: np.ndarray, dark: np.ndarray, axis: int, period: float | None = None
+) -> Rim:
+    """Prediction errors of log f along an axis where f may end between two nodes, as refracted light does.
+
+    To such an end centred prediction gives the whole of a logarithm to the floor, as to a peak. A lobe between the two
+    nodes that is smooth in log f shows on its lit side as well; else the end itself leaves half a step open.
+
+    Args:
+        error: of `prediction_error`, of the shape of `logs`.
+        logs: log f.
+        nodes: as of `prediction_error`; with a `period` the axis closes on itself.
+        dark: which nodes are not above the floor.
+        axis: along which the nodes increase.
+        period: of the axis.
+    """
+    error, logs, dark = (np.moveaxis(a, axis, 0) for a in (error, logs, dark))
+    n, error, inside = len(nodes), error.copy(), np.zeros(error.shape, bool)
+    if period is not None:
+        nodes = np.concatenate([nodes - period, nodes, nodes + period])
+        logs, dark = (np.concatenate([a, a, a]) for a in (logs, dark))
+    first = 0 if period is None else n
+    for k, s in itertools.product(range(first, first + n), (1, -1)):
+        if min(k + s, k - 2 * s) < 0 or max(k + s, k - 2 * s) >= len(nodes):
+            continue
+        t = (nodes[k] - nodes[k - s]) / (nodes[k - s] - nodes[k - 2 * s])
+        off = np.abs(logs[k] - logs[k - s] - t * (logs[k - s] - logs[k - 2 * s]))
+        ends = dark[k + s] & ~dark[k] & ~dark[k - s] & ~dark[k - 2 * s]
+        here, there = k - first, (k + s - first) % n
+        error[here] = np.where(ends, off, error[here])
+        error[there] = np.where(ends, 0.0, error[there])
+        inside[here] |= ends
+    return Rim(np.moveaxis(np.minimum(error, LARGEST), 0, axis), np.moveaxis(inside, 0, axis))
 
 
 def excess(

@@ -4,8 +4,11 @@ A table that leaves out the mirror direction excludes no lobe that is narrow eno
 width: their tails are at most what was read. The lobes are those of Gaussian distributions of facets (Beckmann); all
 other distributions in use, GGX and the power laws of polished surfaces, have heavier tails, and hide less.
 
+Light that an interface refracts has such a lobe too, about the direction that Snell's law gives it.
+
 References:
-    Walter et al. 2007, eqs. 20 and 25, for f = D / (4 cosθi cosθo) of energy 1 about the mirror direction.
+    Walter et al. 2007, eqs. 20 and 25, for f = D / (4 cosθi cosθo) of energy 1 about the mirror direction; eq. 21 for
+    the lobe of what is refracted.
 """
 
 import functools
@@ -45,11 +48,6 @@ class Features(NamedTuple):
     further: "Further | None" = None
     """Readings beside those of the table, which lobes do not exceed either."""
 
-    @property
-    def stated_reach(self) -> float:
-        """The reach, or half of the stated width: a lobe of any shape is seen there."""
-        return max(self.reach, self.width / 2 + 1e-9)
-
 
 class NearMirror(NamedTuple):
     """Nodes of one incidence (n,): their half vectors' angles, their geometry, and their weight in the albedo, sr."""
@@ -57,30 +55,58 @@ class NearMirror(NamedTuple):
     theta_h: np.ndarray
     phi_h: np.ndarray
     cosines: np.ndarray
-    """cosθi · cosθo."""
+    """cosθi · cosθo; of refracted light such that D / (4 cosines) is what facets pass on of a lobe of energy 1."""
     weight: np.ndarray
     number: np.ndarray
     """Of the node among all of the incidence."""
 
     @classmethod
     def of(
-        cls, incidence: tuple[float, float], theta_o: np.ndarray, phi_o: np.ndarray, weight: np.ndarray
+        cls,
+        incidence: tuple[float, float],
+        theta_o: np.ndarray,
+        phi_o: np.ndarray,
+        weight: np.ndarray,
+        bend: float = 1.0,
     ) -> "NearMirror":
-        """The nodes, radians (N,), nearest to the mirror direction of an incidence (theta_i, phi_i)."""
+        """The nodes, radians (N,), nearest to the mirror direction of an incidence (theta_i, phi_i).
+
+        `bend`: ratio of the indices on the sides of light and detector; where it is not 1 the nodes are of refracted
+        light, mirrored into the front, and nearest to where Snell's law sends it. Nodes that no facet refracts to are
+        none.
+        """
         theta_i, phi_i = incidence
-        turn = phi_o - phi_i
-        x = math.sin(theta_i) + np.sin(theta_o) * np.cos(turn)
-        y, z = np.sin(theta_o) * np.sin(turn), math.cos(theta_i) + np.cos(theta_o)
-        theta_h, cos_o = np.arctan2(np.hypot(x, y), z), np.cos(theta_o)
-        near = np.argsort(theta_h, kind="stable")[:NEAREST]
-        near = near[cos_o[near] > 1e-6]
-        phi_h = np.arctan2(y, x) + phi_i
-        return cls(theta_h[near], phi_h[near], math.cos(theta_i) * cos_o[near], weight[near], near)
+        turn, cos_o, cos_i = phi_o - phi_i, np.cos(theta_o), math.cos(theta_i)
+        x = bend * math.sin(theta_i) + np.sin(theta_o) * np.cos(turn)
+        y, z = np.sin(theta_o) * np.sin(turn), cos_i + cos_o
+        cosines, reached = cos_i * cos_o, cos_o > 1e-6
+        if bend != 1.0:
+            side = 1.0 if bend > 1 else -1.0  # h = ∓(n_i wi + n_o wo), on the front's side
+            x, y, z = side * x, side * y, side * (bend * cos_i - cos_o)
+            square = np.maximum(x**2 + y**2 + z**2, 1e-300)
+            facing_i = x * math.sin(theta_i) + z * cos_i
+            facing_o = x * np.sin(theta_o) * np.cos(turn) + y * np.sin(theta_o) * np.sin(turn) - z * cos_o
+            reached &= (facing_i > 0) & (facing_o < 0) & (z > 0)
+            passed = _passed(facing_i / np.sqrt(square), bend)
+            cosines = cosines * square**2 / (4 * np.maximum(np.abs(facing_i * facing_o) * passed, 1e-300))
+            reached &= passed > 1e-6
+        theta_h, phi_h = np.arctan2(np.hypot(x, y), z), np.arctan2(y, x) + phi_i
+        near = np.argsort(np.where(reached, theta_h, np.inf), kind="stable")[:NEAREST]
+        near = near[reached[near]]
+        return cls(theta_h[near], phi_h[near], cosines[near], weight[near], near)
 
     def joined(self, other: "NearMirror") -> "NearMirror":
         """Both; what is further is numbered after these."""
         theta_h, phi_h, cosines, weight, number = (np.concatenate(pair) for pair in zip(self, other, strict=True))
         return NearMirror(theta_h, phi_h, cosines, weight, number)
+
+
+def _passed(cos_i: np.ndarray, bend: float) -> np.ndarray:
+    """Share of unpolarised light that a facet refracts at an angle to its normal [Fresnel]; 0 in total reflection."""
+    cos_t = np.sqrt(np.maximum(1 - bend**2 * (1 - cos_i**2), 0.0))
+    cos_i = np.maximum(cos_i, 1e-300)
+    s, p = (bend * cos_i - cos_t) / (bend * cos_i + cos_t), (cos_i - bend * cos_t) / (cos_i + bend * cos_t)
+    return np.where(cos_t > 0, 1 - (s**2 + p**2) / 2, 0.0)
 
 
 class Further(NamedTuple):
@@ -120,34 +146,65 @@ def credible(limit: np.ndarray, albedo: np.ndarray) -> np.ndarray:
     return np.maximum(limit, FAINTEST * np.abs(albedo) / np.pi)
 
 
-def hidden_energy(nodes: NearMirror, limit: np.ndarray, isotropic: bool) -> np.ndarray:
+class Lobes(NamedTuple):
+    """Those that are looked for: the widths α of their facets (K,), and the share of light that each sends on (K,).
+
+    `largest`: factor of a lobe of energy 1 beyond which nothing is asked.
+    """
+
+    alpha: np.ndarray
+    share: np.ndarray
+    largest: float = 1e12
+
+
+REFLECTED = Lobes(ALPHAS, np.ones(ALPHAS.size))
+MOST_FACETS = 2.0
+"""Of total reflection: what facets send on where more than that is lawless below that angle too, and judged there."""
+
+
+def refracted(theta_i: float, bend: float) -> Lobes:
+    """Refracted lobes as wide as those that facets of `ALPHAS` reflect; `bend` as of `NearMirror.of`.
+
+    A facet's tilt turns refracted light by |1 − bend| times as much, not twice. Beyond the angle of total reflection
+    only facets that lean towards the light let any through: of a Gaussian distribution those are few.
+    """
+    alpha = ALPHAS * (2 / abs(1 - bend))
+    lean = theta_i - math.asin(1 / bend) if bend > 1 else 0.0
+    slope = math.tan(min(max(lean, 0.0), math.pi / 2 - 1e-6))
+    share = np.minimum(np.exp(-((slope / alpha) ** 2)) / max(math.cos(theta_i), 1e-6), 1.0)
+    return Lobes(alpha, share, MOST_FACETS if lean > 0 else REFLECTED.largest)
+
+
+def hidden_energy(nodes: NearMirror, limit: np.ndarray, isotropic: bool, lobes: Lobes = REFLECTED) -> np.ndarray:
     """The most that an integral over the nodes misses of lobes that are at least as wide as each of `ALPHAS`, (K, C).
 
     Args:
         nodes: those about the mirror direction of an incidence.
         limit: (n, C), 1/sr: what a lobe may be at each node at the most; infinite where nothing was read.
         isotropic: whether the surface is; else distributions of facets are elongated too.
+        lobes: what lobes those are, where not reflected.
     """
     shapes = (
         [(1.0, 0.0)] if isotropic else [(a, k * np.pi / TURNS) for a in ASPECTS for k in range(TURNS if a > 1 else 1)]
     )
-    missed = functools.reduce(np.maximum, (_missed(nodes, limit, *shape) for shape in shapes))
+    missed = functools.reduce(np.maximum, (_missed(nodes, limit, lobes, *shape) for shape in shapes))
     return np.maximum.accumulate(missed[::-1], axis=0)[::-1]
 
 
-def _missed(nodes: NearMirror, limit: np.ndarray, aspect: float, turn: float) -> np.ndarray:
+def _missed(nodes: NearMirror, limit: np.ndarray, lobes: Lobes, aspect: float, turn: float) -> np.ndarray:
     slope = np.tan(nodes.theta_h)
     along, across = slope * np.cos(nodes.phi_h - turn), slope * np.sin(nodes.phi_h - turn) / aspect
-    alpha2 = ALPHAS[:, None] ** 2
+    alpha2 = lobes.alpha[:, None] ** 2
     density = np.exp(-(along**2 + across**2) / alpha2) / (np.pi * aspect * alpha2 * np.cos(nodes.theta_h) ** 4)
     unit = density / (4 * nodes.cosines)  # (K, n): the lobe of energy 1
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        energy = np.min(np.nan_to_num(limit / unit[..., None], nan=np.inf, posinf=np.inf), axis=1)
-        missed = np.where((counted := unit @ nodes.weight)[:, None] < 1, energy * (1 - counted)[:, None], 0.0)
+        ratio = np.nan_to_num(limit / unit[..., None], nan=np.inf, posinf=np.inf)
+    energy = np.min(ratio, axis=1, initial=lobes.largest)
+    left = np.maximum(lobes.share - unit @ nodes.weight, 0.0)[:, None]
     # Where the nearest node is within half of the lobe's width it shows the lobe, and the grid's own bound holds: a
     # node that counts, for a reading beside the table shows no more than its limit.
     nearest = slope[nodes.weight > 0].min(initial=np.inf)
-    return np.where(ALPHAS[:, None] * math.sqrt(math.log(2)) < nearest, missed, 0.0)
+    return np.where(lobes.alpha[:, None] * math.sqrt(math.log(2)) < nearest, energy * left, 0.0)
 
 
 def at_width(hidden: np.ndarray, width: float) -> np.ndarray:

@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from gonio.checks.hidden_lobes import ALPHAS, NearMirror, alpha_of, at_width, credible, hidden_energy, width_of
+from gonio.checks.hidden_lobes import (
+    ALPHAS,
+    NearMirror,
+    alpha_of,
+    at_width,
+    credible,
+    hidden_energy,
+    refracted,
+    width_of,
+)
+from gonio.models.albedo import directional_transmittance
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import from_spherical
@@ -36,6 +46,29 @@ def test_the_readings_of_a_lobe_allow_at_least_the_energy_that_it_has(seed):
     assert nearest or seen + hidden >= 0.99
     elongated = at_width(hidden_energy(near, limit, isotropic=False), width_of(alpha))
     assert elongated >= hidden - 1e-12
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_the_readings_of_refracted_light_allow_at_least_the_energy_that_it_has(seed):
+    """From either side of an interface, and beyond the angle of total reflection."""
+    rng = np.random.default_rng(seed)
+    alpha, theta_i, eta = 10 ** rng.uniform(-2.3, -0.7), np.radians(rng.uniform(0, 65)), rng.choice([1.33, 1.5, 2.0])
+    light = 1 if seed % 2 else -1
+    bend = 1 / eta if light > 0 else eta
+    polar, azimuth = np.radians(np.arange(rng.uniform(0.5, 4.5), 90, 5)), np.radians(np.arange(2.5, 360, 5))
+    theta, phi = (a.ravel() for a in np.meshgrid(polar, azimuth, indexing="ij"))
+    weight = np.sin(theta) * np.cos(theta) * STEP**2
+    near = NearMirror.of((theta_i, 0.0), theta, phi, weight, bend)
+    glass = build(f"rough_dielectric(alpha={alpha}, eta={eta}, distribution=beckmann)")
+    wi, wo = (from_spherical(t, p, np) for t, p in ((np.full_like(theta, theta_i), np.zeros_like(theta)), (theta, phi)))
+    wi, wo = wi._replace(z=light * wi.z), wo._replace(z=-light * wo.z)
+    limit = np.asarray(evaluate(glass, wi, wo)).reshape(-1, 1)
+    lobes = refracted(theta_i, bend)
+    k = int(np.searchsorted(lobes.alpha, alpha * (1 + 1e-9))) - 1
+    hidden = hidden_energy(near, credible(limit[near.number], np.ones(1)), isotropic=True, lobes=lobes)[k, 0]
+    through = directional_transmittance(glass, theta_i if light > 0 else np.pi - theta_i, tolerance=1e-4).value
+    shown = near.number.size and near.theta_h.min() < np.arctan(alpha * np.sqrt(np.log(2)))
+    assert shown or weight @ limit[:, 0] + hidden >= 0.99 * through
 
 
 def test_narrower_lobes_hide_more_and_a_reading_at_the_mirror_direction_bounds_them_all():

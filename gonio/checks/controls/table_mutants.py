@@ -20,11 +20,14 @@ Mistake = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 class TableMutant(NamedTuple):
-    """A mistake, the table that has it, and the property that fails."""
+    """A mistake, the table that has it, the property that fails, and the material that was meant."""
 
     mistake: str
     table: Table
     gives_away: str
+    meant: AbstractBRDF
+    undecided: tuple[str, ...] = ()
+    """Properties that an honest table of this kind leaves open."""
 
 
 def grid() -> Layout:
@@ -34,13 +37,15 @@ def grid() -> Layout:
 
 
 def material() -> AbstractBRDF:
-    """The material of the tables: it reflects three quarters."""
+    """The material of the tables of reflection: it reflects three quarters."""
     return build("0.5 * ggx(alpha=0.4) + lambert(rho=0.3)")
 
 
-def honest_table() -> Table:
-    """The table without a mistake."""
-    return _table(lambda f, *_: f)
+def honest_tables() -> list[TableMutant]:
+    """The tables without a mistake: of reflection, and those that transmit."""
+    from gonio.checks.controls.transmitting_tables import honest_sides
+
+    return [TableMutant("the table that was meant", _table(lambda f, *_: f), "", material()), *honest_sides()]
 
 
 def _table(mistake: Mistake) -> Table:
@@ -70,5 +75,9 @@ MISTAKES: dict[str, tuple[str, Mistake]] = {
 
 
 def table_mutants() -> list[TableMutant]:
-    """A table of each mistake."""
-    return [TableMutant(mistake, _table(change), law) for mistake, (law, change) in MISTAKES.items()]
+    """A table of each mistake: of reflection, and of those that transmit."""
+    from gonio.checks.controls.transmitting_tables import transmitting_mutants
+
+    meant = material()
+    of_reflection = [TableMutant(m, _table(change), law, meant) for m, (law, change) in MISTAKES.items()]
+    return of_reflection + transmitting_mutants()

@@ -11,7 +11,7 @@ import itertools
 
 import numpy as np
 
-from gonio.checks.albedos import NO_BOUND, Albedos, Incidence, albedos_of
+from gonio.checks.albedos import Albedos, Incidence, albedos_of
 from gonio.checks.grid_resolution import (
     LARGEST,
     RESOLVED,
@@ -21,8 +21,9 @@ from gonio.checks.grid_resolution import (
     periodic_weights,
     prediction_error,
     prediction_error_across_pole,
+    with_rim,
 )
-from gonio.checks.hidden_lobes import Features, NearMirror, credible, hidden_energy
+from gonio.checks.hidden_lobes import REFLECTED, Features, NearMirror, credible, hidden_energy, refracted
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout
 from gonio.data.table import Table
@@ -81,16 +82,15 @@ class HemisphereGrid:
         distance = self.distance_to_mirror(*incidence, bend)
         if distance <= features.reach:
             return None
-        if bend != 1.0:
-            return None if distance <= features.stated_reach else NO_BOUND
         shape = limit.shape[:2]
         theta_o, phi_o = (np.broadcast_to(a, shape).ravel() for a in (self.theta_o[:, None], self.azimuth))
-        nodes = NearMirror.of(incidence, theta_o, phi_o, self.weights.ravel())
+        nodes = NearMirror.of(incidence, theta_o, phi_o, self.weights.ravel(), bend)
         limit = limit.reshape(-1, limit.shape[2])[nodes.number]
         if features.further is not None:
             beside, theirs = features.further.near(incidence, self.isotropic)
             nodes, limit = nodes.joined(beside), np.concatenate([limit, theirs])
-        return hidden_energy(nodes, limit, self.isotropic)
+        lobes = REFLECTED if bend == 1.0 else refracted(incidence[0], bend)
+        return hidden_energy(nodes, limit, self.isotropic, lobes)
 
     def missing(self, valid: np.ndarray) -> bool:
         """Whether too much of the hemisphere has no reading; `valid` (theta_o, azimuth, channels)."""
@@ -130,7 +130,7 @@ def grid_albedos(table: Table, features: Features, bend: float = 1.0) -> Albedos
         block = table.read_values(number * grid.stored, (number + 1) * grid.stored)
         f, u, valid = (block[name][grid.cells] for name in ("f", "u_f", "flag"))
         valid = valid == Flag.VALID
-        estimate = _estimate(grid, f.astype(float), u.astype(float), valid)
+        estimate = _estimate(grid, f.astype(float), u.astype(float), valid, bend != 1.0)
         estimate = estimate._replace(theta_i=theta_i, phi_i=phi_i)
         if grid.missing(valid):
             read = np.sum(grid.weights * np.where(valid, f.astype(float), 0.0), axis=(0, 1))
@@ -144,8 +144,11 @@ def grid_albedos(table: Table, features: Features, bend: float = 1.0) -> Albedos
     return albedos_of(rows, method + ".", features)
 
 
-def _estimate(grid: HemisphereGrid, f: np.ndarray, u: np.ndarray, valid: np.ndarray) -> Incidence:
-    """The albedo of one incidence, of readings of shape (theta_o, azimuth, channels); its angles are still unset."""
+def _estimate(grid: HemisphereGrid, f: np.ndarray, u: np.ndarray, valid: np.ndarray, refracted: bool) -> Incidence:
+    """The albedo of one incidence, of readings of shape (theta_o, azimuth, channels); its angles are still unset.
+
+    Where light is refracted it may end between two nodes, at the rim of the directions that it can have.
+    """
     theta, azimuth, weight = grid.theta_o, grid.azimuth, grid.weights
     f = np.where(valid, f, 0.0)
     whole = filled(f, valid)
@@ -157,7 +160,13 @@ def _estimate(grid: HemisphereGrid, f: np.ndarray, u: np.ndarray, valid: np.ndar
     shown = filled(np.where(whole < 0, 0.0, whole), valid & (f >= 0))
     logs = log_values(shown, floor)
     errors = [prediction_error_across_pole(logs, theta, azimuth), prediction_error(logs, azimuth, 1, 2 * np.pi)]
-    missed = np.sum(weight * excess(shown, floor, errors, u / np.maximum(shown, floor)), axis=(0, 1))
+    beyond_rim = np.zeros(f.shape[-1])
+    if refracted:
+        along = (with_rim(errors[0], logs, theta, shown <= floor, 0),
+                 with_rim(errors[1], logs, azimuth, shown <= floor, 1, 2 * np.pi))  # fmt: skip
+        errors = [rim.error for rim in along]
+        beyond_rim = sum((np.sum(weight * shown * rim.inside, axis=(0, 1)) / 2 for rim in along), beyond_rim)
+    missed = beyond_rim + np.sum(weight * excess(shown, floor, errors, u / np.maximum(shown, floor)), axis=(0, 1))
     missed += np.max([np.abs(_every_second(whole, theta, azimuth, *k) - value) for k in np.ndindex(2, 2)], axis=0)
     guessed = np.sum(weight * (np.where(valid, 0.0, np.abs(whole)) + np.abs(shown - whole)), axis=(0, 1))
     bound = missed + guessed + _beyond(whole, logs, theta, azimuth) + 2 * noise

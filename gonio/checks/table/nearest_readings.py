@@ -4,9 +4,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gonio.checks.albedos import NO_BOUND, Incidence
+from gonio.checks.albedos import Incidence
 from gonio.checks.direction_search import directions
-from gonio.checks.hidden_lobes import Features, NearMirror, hidden_energy
+from gonio.checks.hidden_lobes import REFLECTED, Features, NearMirror, hidden_energy, refracted
 from gonio.checks.table.pairs import angles_of, readings_of
 from gonio.checks.table.scattered_pairs import LEAF, isotropic_light, merged, one_sided
 from gonio.data.table import Table
@@ -85,11 +85,10 @@ class Light(NamedTuple):
         distance = cells.tree.query(mirror)[0][0]
         if distance <= self.features.reach or cells.partial:
             return None
-        if self.bend != 1.0:
-            return None if distance <= self.features.stated_reach else NO_BOUND
         theta_o, phi_o = cells.angles[:, 2], cells.angles[:, 3] - cells.angles[:, 1] + phi_i
-        nodes = NearMirror.of(cells.incidence, theta_o, phi_o, cells.weight)
-        return hidden_energy(nodes, limit[nodes.number], self.isotropic)
+        nodes = NearMirror.of(cells.incidence, theta_o, phi_o, cells.weight, self.bend)
+        lobes = REFLECTED if self.bend == 1.0 else refracted(theta_i, self.bend)
+        return hidden_energy(nodes, limit[nodes.number], self.isotropic, lobes)
 
 
 class Cells(NamedTuple):

@@ -1,5 +1,6 @@
 """Pairs of readings where no grid has them: near partners, the format's own warp, or interpolation with its error."""
 
+import itertools
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -202,6 +203,17 @@ def warped_pairs(table: Table) -> Pairs:
     return Pairs(a, b, unknown, unknown, angles, len(a), "random pairs, read by the format's own warp", error)
 
 
+def _reached(nodes: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Whether angles lie among the nodes of an axis; of polar angles among those on their side of the horizon."""
+    reached = np.zeros(angle.shape, bool)
+    # Signed angles in a plane count from −180°: the horizon is at ±90°.
+    edges = np.array([-np.pi, -np.pi / 2, np.pi / 2, np.pi])
+    for low, high in itertools.pairwise(edges):
+        if (there := nodes[(nodes >= low) & (nodes <= high)]).size:
+            reached |= (angle >= there[0] - SAME_POLAR) & (angle <= there[-1] + SAME_POLAR)
+    return reached
+
+
 def interpolated_pairs(table: Table, cells: np.ndarray) -> Pairs:
     """Readings of some cells with interpolated values of the exchanged directions, where the grid reaches these.
 
@@ -219,7 +231,7 @@ def interpolated_pairs(table: Table, cells: np.ndarray) -> Pairs:
     for name, nodes in layout.axes.items():
         if layout.periods[name] is None and name not in layout.mirrored_axes:
             angle = np.asarray(exchanged[name])
-            within &= (angle >= nodes[0] - SAME_POLAR) & (angle <= nodes[-1] + SAME_POLAR)
+            within &= _reached(nodes, angle)
     wi, wo = (Direction(*(c[within] for c in w)) for w in (wi, wo))
     how = "readings whose partners were interpolated"
     if not within.any():

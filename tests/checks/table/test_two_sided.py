@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from gonio.checks.certificate import FAIL, NOT_TESTABLE, PASS
+from gonio.checks.certificate import FAIL, NOT_TESTABLE, PASS, UNDECIDED
 from gonio.checks.certify import check
 from gonio.data import layouts
 from gonio.data.table import MEDIA, Table, whole_table_of_values
+from gonio.data.tabulate import grid_values
+from gonio.models.albedo import directional_albedo, directional_transmittance
+from gonio.models.expression.builder import build
 
 POLAR = np.radians(np.arange(0, 86, 5.0))
 BEHIND = (np.pi - POLAR)[::-1]
@@ -111,3 +114,31 @@ def test_light_from_one_side_alone_tells_nothing_of_transmissions_reciprocity():
     through = check(sheet(POLAR, BEHIND))["reciprocity"]
     assert through.verdict == NOT_TESTABLE and "light from behind (gonio measure --lit both)" in through.detail
     assert check(sheet(POLAR, POLAR))["reciprocity"].verdict == PASS
+
+
+def interface(light, detector, alpha=0.5, eta=1.5):
+    """An absorbing interface of air and glass, without noise."""
+    grid = layouts.isotropic(light, detector, np.radians(np.arange(0, 360, 10.0)))
+    f = grid_values(build(f"0.6 * rough_dielectric(alpha={alpha}, eta={eta})"), grid)
+    table = whole_table_of_values(grid, f, u_f=NOISE * np.abs(f))
+    table.provenance[MEDIA] = [1.0, eta]
+    return table
+
+
+def test_readings_on_one_side_of_the_horizon_have_no_partners_between_both_sides():
+    """Lit up to 70°, the exchanged directions of what is read at 75° to 85° lie in the gap about the horizon."""
+    judged = check(interface(np.concatenate([POLAR[:15], BEHIND[-15:]]), np.concatenate([POLAR, BEHIND])))
+    assert judged["reciprocity"].verdict == UNDECIDED and "14 %" in judged["reciprocity"].detail
+
+
+def test_light_that_is_refracted_may_end_between_two_nodes():
+    """R + T of an interface lit from the front: within its bound, and without a stated width where it was read."""
+    table = interface(POLAR[:14], np.concatenate([POLAR, BEHIND]))
+    exact = 0.6 * sum(
+        rule(build("rough_dielectric(alpha=0.5, eta=1.5)"), POLAR[:14], tolerance=1e-5).value
+        for rule in (directional_albedo, directional_transmittance)
+    )
+    energy = check(table, feature_width=np.radians(3.0))["energy"]
+    assert energy.verdict == PASS and energy.bound < 0.2 and "no lobe is narrower than 3°" in energy.assumes
+    assert np.all(np.abs(np.array(energy.series["albedo"][0]) - exact) <= energy.series["bound"][0])
+    assert check(table)["energy"].facts["passes_with_feature_width_deg"] < 3
