@@ -1,10 +1,11 @@
-"""Blender's Principled BSDF (from 4.0 on) as Cycles computes it, and the script that builds its node."""
+"""Blender's Principled BSDF (from 4.0 on) as Cycles computes it, and a Translucent BSDF for what goes through."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from gonio.exports.forms import Appearance, Form, Number, Values, fixed
+from gonio.exports.forms import Appearance, Form, Number, Values, diffusing, fixed
 from gonio.exports.glass import glass
 from gonio.exports.lobes import (
     column,
@@ -32,6 +33,8 @@ COAT = (
     Number("coat_alpha", 1e-4, 1.0, 0.1, log=True, width=True),
     Number("coat_ior", 1.0, 3.0, 1.5),
 )
+TRANSLUCENT = "Translucent"
+"""Among the sockets of a description: the colour of a Translucent BSDF that is added."""
 SOCKETS = {
     "base_color": "Base Color", "diffuse_roughness": "Diffuse Roughness", "specular_tint": "Specular Tint",
     "anisotropic": "Anisotropic", "ior": "IOR", "metallic": "Metallic", "coat_weight": "Coat Weight",
@@ -59,7 +62,13 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
             every.append(_form(name, numbers, turned))
         if sought.isotropic:
             every += [_form(f"{name} under a coat", (*bases[name], *COAT), False) for name in bases]
+    if sought.transmits:
+        return tuple(diffusing(form, _diffusing(form)) for form in every)
     return tuple(every)
+
+
+def _diffusing(form: Form) -> Callable[[Values], dict[str, Any]]:
+    return lambda v: form.describe(v) | {TRANSLUCENT: [*np.broadcast_to(v["through"], (3,)).tolist(), 1.0]}
 
 
 def _form(name: str, numbers: tuple[Number, ...], turned: bool) -> Form:

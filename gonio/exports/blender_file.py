@@ -16,6 +16,7 @@ import bpy
 
 NAME = {name!r}
 SOCKETS = {sockets}
+TRANSLUCENT = {translucent}  # light through the surface, spread evenly; the sum of both nodes is the surface
 
 
 def build():
@@ -35,7 +36,15 @@ def build():
         tangent = nodes.new("ShaderNodeTangent")
         tangent.location = (-550, -200)  # along the parallels about z; direction_type = "UV_MAP" follows u
         links.new(tangent.outputs["Tangent"], node.inputs["Tangent"])
-    links.new(node.outputs["BSDF"], output.inputs["Surface"])
+    surface = node.outputs["BSDF"]
+    if TRANSLUCENT:
+        behind, both = nodes.new("ShaderNodeBsdfTranslucent"), nodes.new("ShaderNodeAddShader")
+        behind.inputs["Color"].default_value = TRANSLUCENT
+        behind.location, both.location = (-300, 200), (-50, 100)
+        links.new(surface, both.inputs[0])
+        links.new(behind.outputs["BSDF"], both.inputs[1])
+        surface = both.outputs["Shader"]
+    links.new(surface, output.inputs["Surface"])
     for key, value in {facts}.items():
         material["gonio " + key] = value
     return material
@@ -62,5 +71,7 @@ def blender_file(description: dict[str, Any], about: About, suffix: str) -> byte
     comment = "\n".join(about.lines).replace("\\", "/").replace('"""', "'''").rstrip('"')
     facts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in about.facts.items()}
     rounded = {k: [round(x, 8) for x in v] if isinstance(v, list) else round(v, 8) for k, v in description.items()}
+    translucent = rounded.pop("Translucent", None)
     sockets = pprint.pformat(rounded, width=100, sort_dicts=False)
-    return SCRIPT.format(comment=comment, name=about.name, sockets=sockets, facts=repr(facts)).encode()
+    texts = {"comment": comment, "name": about.name, "sockets": sockets, "translucent": translucent}
+    return SCRIPT.format(**texts, facts=repr(facts)).encode()

@@ -9,7 +9,8 @@ import dataclasses
 
 import numpy as np
 
-from gonio.exports.pairs import LOWEST, Pairs
+from gonio.exports.forms import Appearance, Form, Values
+from gonio.exports.pairs import LOWEST, Pairs, joined
 
 DARK = 1e-4
 """Of π f cosθi: what is darker counts by its difference."""
@@ -23,8 +24,12 @@ GAIN = 10.0
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """A surface at pairs of directions, to which others are compared."""
+    """A surface at pairs of directions, to which others are compared.
 
+    `sides`: pairs in front of the surface and, where light goes through it, behind; `pairs`: those of all sides.
+    """
+
+    sides: tuple[Pairs, ...]
     pairs: Pairs
     wanted: np.ndarray
     """f (n, C)."""
@@ -33,32 +38,42 @@ class Comparison:
     root_weight: np.ndarray
     albedo_weight: np.ndarray
 
+    def values(self, form: Form, numbers: Values) -> np.ndarray:
+        """f (n, C) of a form; nothing behind where it only reflects."""
+        shape, values = (self.sides[0].flux.size, self.wanted.shape[1]), []
+        for side in self.sides:
+            silent = side is not self.sides[0] and not form.transmits
+            values.append(np.zeros(shape) if silent else np.broadcast_to(form.f(numbers, side), shape))
+        return np.concatenate(values)
+
     def residuals(self, f: np.ndarray) -> np.ndarray:
-        """(2n + 2 lights, C): the squares sum to those of `relative_rms`, weighted `shown` and light made."""
-        f = np.broadcast_to(f, self.wanted.shape)
-        made = GAIN * np.sqrt(self.pairs.share)[:, None] * self._made(f)
+        """(residuals, C): the squares sum to those of `relative_rms`, of weighted `shown` and of light made."""
+        made = GAIN * np.sqrt(self.sides[0].share)[:, None] * self._made(f)
         return np.concatenate([self.weight * (f - self.wanted), SHOWN * self._roots(f), made])
 
     def light_made(self, f: np.ndarray) -> float:
-        """By how much more than all light, and than the surface reflects, a light up to 86° is reflected at most."""
-        made = self._made(np.broadcast_to(f, self.wanted.shape))
-        return float(made[self.pairs.cosines >= LOWEST].max(initial=0.0))
+        """By how much more than all light, and than the surface scatters, a light up to 86° is scattered at most."""
+        return float(self._made(f)[self.sides[0].cosines >= LOWEST].max(initial=0.0))
 
     def relative_rms(self, f: np.ndarray) -> float:
         """√(∫∫ (f − wanted)² cosθi cosθo dωi dωo / ∫∫ wanted² cosθi cosθo dωi dωo)."""
-        return float(np.sqrt(np.sum((self.weight * (np.broadcast_to(f, self.wanted.shape) - self.wanted)) ** 2)))
+        return float(np.sqrt(np.sum((self.weight * (f - self.wanted)) ** 2)))
 
     def shown(self, f: np.ndarray) -> float:
         """The relative distance of the roots."""
-        return float(np.sqrt(np.sum(self._roots(np.broadcast_to(f, self.wanted.shape)) ** 2)))
+        return float(np.sqrt(np.sum(self._roots(f) ** 2)))
 
     @property
-    def reflected(self) -> float:
-        """Share of diffuse light that the surface reflects, by these pairs, of the channels' mean."""
+    def scattered(self) -> float:
+        """Share of diffuse light that the surface reflects or transmits, by these pairs, of the channels' mean."""
         return float(np.pi * np.sum(self.pairs.weight * self.wanted.mean(axis=1)))
 
     def _made(self, f: np.ndarray) -> np.ndarray:
-        return np.maximum(self.pairs.albedo(f) - np.maximum(self.pairs.albedo(self.wanted), 1.0), 0.0)
+        ours, wanted = (
+            self.pairs.albedo(v).reshape(len(self.sides), -1, self.wanted.shape[1]).sum(axis=0)
+            for v in (f, self.wanted)
+        )
+        return np.maximum(ours - np.maximum(wanted, 1.0), 0.0)
 
     def _roots(self, f: np.ndarray) -> np.ndarray:
         exposure = np.pi * self.pairs.wi.z[:, None]
@@ -67,8 +82,12 @@ class Comparison:
         return np.concatenate([self.root_weight * points, self.albedo_weight * albedos])
 
 
-def comparison(pairs: Pairs, wanted: np.ndarray) -> Comparison:
-    """The weights for a surface of values (n, C)."""
+def comparison(sought: Appearance, grid: tuple[int, int, int]) -> Comparison:
+    """A surface at (lights, tilts, azimuths), in front and, where it transmits, behind."""
+    front = sought.pairs(*grid)
+    sides = (front, front.through()) if sought.transmits else (front,)
+    pairs = joined(*sides) if sought.transmits else front
+    wanted = sought.f(pairs.wi, pairs.wo)
     mean = np.maximum(wanted.mean(axis=1), 0.0)
     reflected = pairs.albedo(mean[:, None])[:, 0]
     share = pairs.flux / np.pi + pairs.flux * mean / np.maximum(reflected, 1e-30)[pairs.incidence]
@@ -77,9 +96,8 @@ def comparison(pairs: Pairs, wanted: np.ndarray) -> Comparison:
     size = np.sqrt(np.sum((weight * wanted) ** 2))
     points = np.sqrt(np.sum((root_weight * _root(wanted * np.pi * pairs.wi.z[:, None])) ** 2))
     albedos = np.sqrt(np.sum((albedo_weight[:, None] * _root(pairs.albedo(wanted))) ** 2))
-    return Comparison(
-        pairs, wanted, weight / max(size, 1e-30), ROOT * root_weight / points, ROOT * albedo_weight[:, None] / albedos
-    )
+    root_weight, albedo_weight = ROOT * root_weight / points, ROOT * albedo_weight[:, None] / albedos
+    return Comparison(sides, pairs, wanted, weight / max(size, 1e-30), root_weight, albedo_weight)
 
 
 def _root(v: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """The forms that a renderer has for a surface: numbers with domains, and f of them; and the appearance sought."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -10,13 +11,15 @@ from gonio.data.channels import Channels
 from gonio.data.material import Material
 from gonio.exports.pairs import Pairs, polar_pairs
 from gonio.figures.spectral_colour import channel_colour
-from gonio.models.brdf import AbstractBRDF, Scaled, terms
+from gonio.models.brdf import AbstractBRDF, Scaled
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.horizon import Hemispheres
+from gonio.models.transmission.either_side import AbstractEitherSide
 from gonio.models.transmission.rough_dielectric import RoughDielectric
 
+NORMAL = Direction(*np.eye(3)[2])
 Values = Mapping[str, np.ndarray]
 """The numbers of a form by their names, of shape () or (C,)."""
 
@@ -64,6 +67,27 @@ def fixed(form: Form, name: str, values: dict[str, float]) -> Form:
     )
 
 
+THROUGH = Number("through", 0.0, 1.0, 0.4, coloured=True)
+
+
+def diffusing(form: Form, describe: Callable[[Values], Any]) -> Form:
+    """A form that spreads light through the surface evenly too: `through`/π behind it."""
+
+    def f(v: Values, pairs: Pairs) -> np.ndarray:
+        if np.all(pairs.wo.z > 0):
+            return form.f(v, pairs)
+        return np.ones((pairs.wo.z.size, 1)) * v["through"] / np.pi
+
+    name, numbers = f"{form.name} + a diffuser in transmission", (*form.numbers, THROUGH)
+    return dataclasses.replace(form, name=name, numbers=numbers, f=f, describe=describe, transmits=True)
+
+
+def weighed(through: np.ndarray) -> tuple[float, np.ndarray]:
+    """(weight, colour) whose product is a transmitted colour: the least weight, which leaves most to reflect."""
+    weight = float(np.max(through))
+    return weight, through / weight if weight > 0 else np.ones_like(through)
+
+
 @dataclasses.dataclass(frozen=True)
 class Appearance:
     """What a renderer is to show: the surface in linear sRGB, or grey (one channel)."""
@@ -91,6 +115,15 @@ class Appearance:
     def transmits(self) -> bool:
         return Hemispheres.TRANSMISSION in self.material.brdf.hemispheres
 
+    @functools.cached_property
+    def two_faced(self) -> bool:
+        """Whether the back of a sheet reflects otherwise than its front."""
+        if Hemispheres.BACK not in self.material.brdf.hemispheres or self.interface:
+            return False
+        pairs = self.pairs(4, 8, 4)
+        wi, wo = (Direction(w.x, w.y, -w.z) for w in (pairs.wi, pairs.wo))
+        return not np.allclose(self.f(pairs.wi, pairs.wo), self.f(wi, wo), rtol=1e-3)
+
     def f(self, wi: Direction, wo: Direction) -> np.ndarray:
         """f of pairs of directions (n,) in the colours of the renderer, (n, C)."""
         values = evaluate_in_blocks(self.material.brdf, wi, wo)
@@ -106,9 +139,20 @@ class Appearance:
 
     @property
     def widths(self) -> list[float]:
-        """The widths of the lobes, the narrowest first."""
-        known = [t.facet_widths for t in self.material.brdf.terms()]
+        """The widths of the lobes that are known, the narrowest first."""
+        known = [t.facet_widths for t in self._lobes]
         return sorted({float(np.mean(w)) for widths in known for w in widths or ()})
+
+    @property
+    def widths_known(self) -> bool:
+        """Whether the width of every lobe is."""
+        return all(t.facet_widths is not None for t in self._lobes if t.lobe)
+
+    @property
+    def _lobes(self) -> list[AbstractBRDF]:
+        """The models of the terms, those of a sheet as they stand for light from in front."""
+        each = [model for _, model in base_terms(self.material.brdf)]
+        return [m.facing(NORMAL) if isinstance(m, AbstractEitherSide) else m for m in each]
 
 
 def appearance_of(material: Material) -> Appearance:
@@ -126,7 +170,7 @@ def appearance_of(material: Material) -> Appearance:
 
 def base_terms(brdf: AbstractBRDF) -> list[tuple[np.ndarray, AbstractBRDF]]:
     """(scale, model) of each term of a sum."""
-    return [(np.asarray(t.scale), t.base) if isinstance(t, Scaled) else (np.ones(()), t) for t in terms(brdf)]
+    return [(np.asarray(t.scale), t.base) if isinstance(t, Scaled) else (np.ones(()), t) for t in brdf.terms()]
 
 
 def plain(channels: Channels) -> bool:

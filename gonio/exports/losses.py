@@ -6,7 +6,7 @@ import numpy as np
 
 from gonio.exports.forms import Appearance, Values, base_terms
 from gonio.exports.pairs import Pairs
-from gonio.models.surface_scatter.grating import Grating
+from gonio.models.surface_scatter.grating import GratingOrders
 
 FAR = 0.05
 """Relative rms from which on it is told what is lost."""
@@ -24,7 +24,7 @@ PEAK = 4.0
 def losses(sought: Appearance, values: Values, pairs: Pairs, f: np.ndarray, difference: np.ndarray) -> tuple[str, ...]:
     """Sentences on a difference (n, C) of an expression, with these numbers, from f (n, C) in front of a surface."""
     lost = []
-    if any(isinstance(model, Grating) for _, model in base_terms(sought.material.brdf)):
+    if any(isinstance(model, GratingOrders) for _, model in base_terms(sought.material.brdf)):
         lost.append("the orders of diffraction are lost: a renderer's lobe is about the mirror direction")
     if not sought.isotropic and not _grained(values):
         lost.append("the grain is lost: the expression is the same for all azimuths")

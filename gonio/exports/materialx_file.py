@@ -4,7 +4,7 @@ from typing import Any
 
 from gonio.exports.about import About, number
 
-TYPES = {"base_color": "color3", "specular_color": "color3"}
+COLOURS = ("base_color", "specular_color", "subsurface_color")
 
 
 def materialx_file(description: dict[str, Any], about: About, suffix: str) -> bytes:
@@ -14,8 +14,8 @@ def materialx_file(description: dict[str, Any], about: About, suffix: str) -> by
     inputs = []
     for name, value in description.items():
         if name != "turned":
-            text = ", ".join(number(x) for x in value) if isinstance(value, list) else number(value)
-            inputs.append(f'    <input name="{name}" type="{TYPES.get(name, "float")}" value="{text}"/>')
+            kind = "color3" if name in COLOURS else "boolean" if isinstance(value, bool) else "float"
+            inputs.append(f'    <input name="{name}" type="{kind}" value="{_text(value)}"/>')
     turning = ""
     if turned:
         inputs.append(f'    <input name="geometry_tangent" type="vector3" nodename="{about.name}_tangent"/>')
@@ -38,3 +38,9 @@ def materialx_file(description: dict[str, Any], about: About, suffix: str) -> by
 </materialx>
 """
     return text.encode()
+
+
+def _text(value: bool | float | list[float]) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return ", ".join(number(x) for x in value) if isinstance(value, list) else number(value)

@@ -1,5 +1,5 @@
 """Mitsuba 3: sums of its diffuse, roughconductor and roughdielectric plugins, exact where the terms are its own; or its
-principled plugin."""
+principled plugins. What goes through a sheet evenly is one that only transmits."""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -7,28 +7,37 @@ from typing import Any
 
 import numpy as np
 
-from gonio.exports.forms import Appearance, Form, Number, Values, base_terms, plain
+from gonio.exports.forms import Appearance, Form, Number, Values, base_terms, diffusing, plain
 from gonio.exports.glass import glass
-from gonio.exports.lobes import (
-    column,
-    dielectric,
-    eon,
-    ggx_facets,
-    schlick,
+from gonio.exports.lobes import column, eon
+from gonio.exports.mitsuba_plugins import (
+    WIDEST_THROUGH,
+    Plugin,
+    body_f,
+    describe_body,
+    lobe_f,
+    lobe_through,
+    rough_conductor,
+    straight_facets,
+    summed,
+    texture,
+    translucent,
+    two_sided,
 )
-from gonio.exports.mitsuba_plugins import Plugin, body_f, describe_body, lobe_f, rough_conductor, summed, texture
+from gonio.exports.mitsuba_principled import principled, principled_thin
 from gonio.exports.pairs import Pairs
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.diffuse.lambert import Lambert
 from gonio.models.microfacet.beckmann import Beckmann
 from gonio.models.microfacet.ggx import GGX
 from gonio.models.microfacet.widths import along_axes
+from gonio.models.transmission.lambert_transmission import LambertTransmission
 from gonio.models.transmission.rough_dielectric import RoughDielectric
+from gonio.models.transmission.thin_sheet import TwoSidedLambert
 
-LEAST_SPECULAR = 1e-3
-"""Of the principled plugin, which drops the metal's lobe too where this is 0."""
-LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
 ZERO = np.zeros(())
+INVISIBLE = 1e-6
+"""Reflectance of what is left out of a sum."""
 
 
 def forms(sought: Appearance) -> tuple[Form, ...]:
@@ -46,7 +55,44 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
     sums = [_sum("diffuse", (), "ggx", sought.isotropic), _sum("plastic", (), "ggx", sought.isotropic)]
     sums += [_sum("diffuse", lobe, kind, sought.isotropic) for kind in kinds for lobe in lobes]
     sums += [_sum("plastic", lobe, "ggx", sought.isotropic) for lobe in (lobes[0], *lobes[3:4])]
-    return (*sums, _principled(sought.isotropic))
+    if not sought.transmits:
+        return (*sums, principled(sought.isotropic))
+    lobed = [_sum("diffuse", lobe, kind, True) for kind in kinds for lobe in lobes[:2] if sought.isotropic]
+    lit = [diffusing(form, _through(form)) for form in sums]
+    return (*lit, *(passing(form) for form in [sums[0], *lobed]), principled_thin(sought.isotropic))
+
+
+def _through(form: Form) -> Callable[[Values], Plugin]:
+    """The plugin of a form on both sides, with what goes through."""
+
+    def describe(v: Values) -> Plugin:
+        parts = [two_sided(form.describe(v))]
+        if np.max(v["through"]) > INVISIBLE:
+            parts.append(translucent(v["through"]))
+        if "lobe_through" in v:
+            parts.append(lobe_through(v["lobe_through"], float(v["alpha_through"])))
+        return summed(parts)
+
+    return describe
+
+
+PASSING = (
+    Number("lobe_through", 0.0, 1.0, 0.4, coloured=True),
+    Number("alpha_through", 1e-3, WIDEST_THROUGH, 0.05, log=True, width=True),
+)
+
+
+def passing(form: Form) -> Form:
+    """A form of which some light goes through evenly, and some by facets about the straight direction."""
+    even = diffusing(form, form.describe)
+
+    def f(v: Values, pairs: Pairs) -> np.ndarray:
+        if np.all(pairs.wo.z > 0):
+            return form.f(v, pairs)
+        alpha = v["alpha_through"]
+        return even.f(v, pairs) + v["lobe_through"] * straight_facets(pairs, alpha, alpha)
+
+    return Form(f"{even.name} + a lobe in transmission", (*even.numbers, *PASSING), f, _through(form), transmits=True)
 
 
 def _own(sought: Appearance) -> Form | None:
@@ -73,6 +119,13 @@ def _plugin(
     if isinstance(model, Lambert):
         rho = _colour(scale * np.asarray(model.rho), sought)
         return {"type": "diffuse", "reflectance": texture(rho)}, lambda p: _front(p, eon(p, rho, ZERO)), False
+    if isinstance(model, TwoSidedLambert):
+        rho, behind = (_colour(scale * np.asarray(r), sought) for r in (model.rho, model.rho_behind))
+        sides = [{"type": "diffuse", "reflectance": texture(r)} for r in (rho, behind)]
+        return two_sided(*sides), lambda p: _front(p, eon(p, rho, ZERO)), False
+    if isinstance(model, LambertTransmission):
+        tau = _colour(scale * np.asarray(model.tau), sought)
+        return translucent(tau), lambda p: np.where(column(p.wo.z) < 0, tau / np.pi, 0.0), True
     separable = {GGX: ("separable",), Beckmann: ("walter",)}
     if isinstance(model, GGX | Beckmann) and model.smith in separable[type(model)] and model.energy == "single":
         index = [None if v is None else np.asarray(v) for v in (model.eta, model.k)]
@@ -151,50 +204,7 @@ def _sum(below: str, lobes: Sequence[str], kind: str, isotropic: bool) -> Form:
             rough_conductor(kind, (float(w[0]), float(w[1])), eta, k, np.atleast_1d(tint))
             for w, eta, k, tint in parts(v)
         ]
-        return summed([describe_body(v), *plugins] if np.max(v["rho"]) > 1e-6 or not lobes else plugins)
+        return summed([describe_body(v), *plugins] if np.max(v["rho"]) > INVISIBLE or not lobes else plugins)
 
     names = ["diffuse under a smooth coat" if below == "plastic" else "diffuse", *(LOBES[lobe] for lobe in lobes)]
     return Form(" + ".join(names) + " (Beckmann)" * (kind == "beckmann"), tuple(numbers), f, describe)
-
-
-def _principled(isotropic: bool) -> Form:
-    """The principled plugin, without its sheen and its clearcoat (which its code does not divide by the cosines)."""
-    shares = {"metallic": 0.2, "spec_tint": 0.1, "flatness": 0.1}
-    numbers = [
-        Number("base_color", 0.0, 1.0, 0.5, coloured=True),
-        Number("alpha", 1e-3, 1.0, 0.2, log=True, width=True),
-        Number("specular", LEAST_SPECULAR, 1.0, 0.5),
-        *(Number(name, 0.0, 1.0, start) for name, start in shares.items()),
-    ]
-    numbers += [] if isotropic else [Number("anisotropic", 0.0, 1.0, 0.5)]
-    return Form("principled", tuple(numbers), _principled_f, _describe_principled, colours_mix=True)
-
-
-def _describe_principled(v: Values) -> Plugin:
-    description = {
-        "type": "principled",
-        "base_color": texture(v["base_color"]),
-        "roughness": float(np.sqrt(v["alpha"])),
-    }
-    return description | {name: float(v[name]) for name in v if name not in ("base_color", "alpha")}
-
-
-def _principled_f(v: Values, pairs: Pairs) -> np.ndarray:
-    """As the plugin computes it [Burley 2012, with exact Fresnel reflection]."""
-    base, metallic = v["base_color"], v["metallic"]
-    z_i, z_o, cos_d = column(pairs.wi.z), column(pairs.wo.z), pairs.cos_d
-    f_i, f_o = ((1.0 - c) ** 5 for c in (z_i, z_o))
-    flat = np.sqrt(v["alpha"]) * cos_d**2
-    retro = (1.0 + (2.0 * flat - 0.5) * f_i) * (1.0 + (2.0 * flat - 0.5) * f_o)
-    smooth = (1.0 + (flat - 1.0) * f_i) * (1.0 + (flat - 1.0) * f_o)
-    flatter = 1.25 * (smooth * (1.0 / (z_i + z_o) - 0.5) + 0.5)
-    diffuse = (retro + (flatter - retro) * v["flatness"]) * base / np.pi
-    f0 = 0.08 * float(v["specular"])
-    luminance = float(np.sum(LUMINANCE * base)) if base.size == 3 else float(base[0])
-    tint = base / luminance if luminance > 0 else np.ones(1)
-    plain_f = dielectric(cos_d, np.asarray(2.0 / (1.0 - np.sqrt(f0)) - 1.0))
-    tinted = plain_f + (schlick(cos_d, f0 * tint) - plain_f) * v["spec_tint"]
-    fresnel = tinted + (schlick(cos_d, base) - tinted) * metallic
-    aspect = np.sqrt(1.0 - 0.9 * v.get("anisotropic", ZERO))
-    widths = (np.maximum(v["alpha"] / aspect, 1e-3), np.maximum(v["alpha"] * aspect, 1e-3))
-    return (1.0 - metallic) * diffuse + fresnel * ggx_facets(pairs, *widths, "separable")

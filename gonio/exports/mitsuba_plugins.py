@@ -10,6 +10,8 @@ from gonio.exports.lobes import beckmann_facets, column, conductor, dielectric, 
 from gonio.exports.pairs import Pairs
 
 Plugin = dict[str, Any]
+WIDEST_THROUGH = 0.3**2
+"""Width of the facets of `lobe_through` at most."""
 LEAST_SHARE = 0.1
 """Of a part in a blend, from which it is drawn."""
 
@@ -35,6 +37,32 @@ def rough_conductor(
     return plugin if np.all(tint == 1) else plugin | {"specular_reflectance": texture(tint)}
 
 
+def two_sided(front: Plugin, behind: Plugin | None = None) -> Plugin:
+    """What reflects on its front alone, on both sides, or with another plugin behind."""
+    return {"type": "twosided", "front": front} | ({} if behind is None else {"behind": behind})
+
+
+def translucent(tau: Any) -> Plugin:
+    """A diffuser in transmission: `principledthin`, all of whose light goes through without a lobe."""
+    return {"type": "principledthin", "base_color": texture(tau), "diff_trans": 2.0, "roughness": 1.0}
+
+
+def lobe_through(tint: Any, alpha: float) -> Plugin:
+    """GGX facets of index 1 about the straight direction; `principledthin` makes them 0.3 times as rough as stated."""
+    rough = {"roughness": float(np.sqrt(alpha / WIDEST_THROUGH)), "eta": 1.0}
+    return {"type": "principledthin", "base_color": texture(tint), "spec_trans": 1.0, **rough}
+
+
+def straight_facets(pairs: Pairs, alpha_x: Any, alpha_y: Any) -> np.ndarray:
+    """f of the facets of `principledthin` that pass all light, of pairs behind the surface, but for the Fresnel factor.
+
+    It drops facets whose front the light leaves by.
+    """
+    mirrored = pairs.through()
+    leaves = mirrored.cos_d < 2.0 * column(mirrored.wo.z * mirrored.h.z)
+    return np.where(leaves, ggx_facets(mirrored, alpha_x, alpha_y, "separable"), 0.0)
+
+
 def texture(values: Any) -> Plugin:
     """A colour, or a grey; beyond 1 a raw one, as reflectances are refused there."""
     v = np.atleast_1d(np.asarray(values, float))
@@ -53,19 +81,29 @@ def summed(parts: Sequence[Plugin]) -> Plugin:
     return {"type": "blendbsdf", "weight": 1 - share, "first": first, "second": summed(rest)}
 
 
+REFLECTANCES = {"diffuse": "reflectance", "plastic": "diffuse_reflectance", "principledthin": "base_color"}
+NESTED = {"blendbsdf": ("first", "second"), "twosided": ("front", "behind")}
+
+
 def _reflectance(plugin: Plugin) -> str:
-    return {"diffuse": "reflectance", "plastic": "diffuse_reflectance"}.get(plugin["type"], "specular_reflectance")
+    return REFLECTANCES.get(plugin["type"], "specular_reflectance")
 
 
 def _brightness(plugin: Plugin) -> list[float]:
+    if plugin["type"] in NESTED:
+        parts = [_brightness(plugin[name]) for name in NESTED[plugin["type"]] if name in plugin]
+        if plugin["type"] == "blendbsdf":
+            shares = (1 - plugin["weight"], plugin["weight"])
+            return [sum(share * max(part) for share, part in zip(shares, parts, strict=True))]
+        return [max(map(max, parts))]
     value = plugin.get(_reflectance(plugin), {}).get("value", 0.0)
-    return value if isinstance(value, list) else [0.0, value if plugin["type"] in ("diffuse", "plastic") else 0.0]
+    return value if isinstance(value, list) else [0.0, value if plugin["type"] in REFLECTANCES else 0.0]
 
 
 def scaled(plugin: Plugin, factor: float) -> Plugin:
     """A plugin that reflects so many times as much."""
-    if plugin["type"] == "blendbsdf":
-        return plugin | {name: scaled(plugin[name], factor) for name in ("first", "second")}
+    if plugin["type"] in NESTED:
+        return plugin | {name: scaled(plugin[name], factor) for name in NESTED[plugin["type"]] if name in plugin}
     name = _reflectance(plugin)
     value = np.asarray(plugin.get(name, {"value": 1.0})["value"]) * factor
     description = texture(value)

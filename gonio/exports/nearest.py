@@ -10,21 +10,20 @@ import numpy as np
 
 from gonio.exports.comparison import SHOWN, Comparison, comparison
 from gonio.exports.forms import Appearance, Form, Number, Values
-from gonio.exports.search import Search, start_widths
+from gonio.exports.search import Search, least_width, start_widths
 
 ROUGH, FINE, JUDGED = (6, 20, 8), (10, 32, 8), (16, 64, 16)
 """Lights, tilts and azimuths of the half vectors: for starts, to converge, and to compare forms."""
 TRIED, MOST = 8, 60
 """Steps of each start, and of the best one."""
 PRECISION, LOOSE = 1e-9, 1e-4
-NARROWER, NARROWEST = 0.25, 0.01
-"""Width of a lobe, at least: in units of the surface's narrowest, and where that is not known."""
 ALIKE, LITTLE = 4 / 3, 0.01
 """Of the least relative rms, and more than it: up to which forms are judged by what they show elsewhere too."""
 NEARER = 0.9
 """Share of an error of a simpler form at which another one is worth its numbers."""
-GAIN = 0.02
-"""Light made, of all of it, up to which a form counts."""
+GAIN, FURTHER = 0.02, 2.0
+"""Light made, of all of it, up to which a form is as good as another; a form that makes more is taken where the others
+are so many times as far."""
 UNRESOLVED = 0.05
 """Relative difference of the albedo by two grids of directions at which they are too coarse for the surface."""
 SAME = 1e-7
@@ -56,9 +55,9 @@ def nearest(forms: tuple[Form, ...], sought: Appearance) -> Nearest:
     Of forms that come about as near, the one is taken that is nearest elsewhere than in highlights too, or that has
     fewer numbers; none that is further than the simplest one.
     """
-    rough, fine, judged = (_compared(sought, grid) for grid in (ROUGH, FINE, JUDGED))
+    rough, fine, judged = (comparison(sought, grid) for grid in (ROUGH, FINE, JUDGED))
     widths = start_widths(sought, rough)
-    narrowest = NARROWER * sought.widths[0] if sought.widths else NARROWEST
+    narrowest = least_width(sought, rough)
     fitted: list[Nearest] = []
     for form in forms:
         search = Search(form, sought.colours, narrowest)
@@ -70,23 +69,20 @@ def nearest(forms: tuple[Form, ...], sought: Appearance) -> Nearest:
             break
     chosen = _chosen(fitted, sought)
     others = sorted((n for n in fitted if n is not chosen), key=lambda n: n.relative_rms)
-    resolved = abs(fine.reflected - judged.reflected) <= UNRESOLVED * judged.reflected
+    resolved = abs(fine.scattered - judged.scattered) <= UNRESOLVED * judged.scattered
     return dataclasses.replace(chosen, others=tuple(others), resolved=resolved)
-
-
-def _compared(sought: Appearance, grid: tuple[int, int, int]) -> Comparison:
-    pairs = sought.pairs(*grid)
-    return comparison(pairs, sought.f(pairs.wi, pairs.wo))
 
 
 def _judged(form: Form, values: Values, judged: Comparison) -> Nearest:
     rounded = {n.name: _rounded(n, values[n.name]) for n in form.numbers}
-    f = form.f(rounded, judged.pairs)
+    f = judged.values(form, rounded)
     return Nearest(form, rounded, judged.relative_rms(f), judged.shown(f), judged.light_made(f))
 
 
 def _chosen(fitted: list[Nearest], sought: Appearance) -> Nearest:
-    fitted = [n for n in fitted if n.light_made <= GAIN] or fitted
+    keeping = [n for n in fitted if n.light_made <= GAIN]
+    if keeping and min(map(_distance, keeping)) <= FURTHER * min(map(_distance, fitted)):
+        fitted = keeping
     by_size = sorted(fitted, key=lambda n: sum(sought.colours if k.coloured else 1 for k in n.form.numbers))
     least = min(n.relative_rms for n in fitted)
     bound = min(max(ALIKE * least, least + LITTLE), by_size[0].relative_rms)

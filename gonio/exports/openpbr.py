@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gonio.exports.forms import Appearance, Form, Number, Values
+from gonio.exports.forms import THROUGH, Appearance, Form, Number, Values, weighed
 from gonio.exports.glass import glass
 from gonio.exports.lobes import (
     column,
@@ -43,6 +43,12 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
     metal = (COLOUR, TINT, *widths, Number("specular_weight", 0.0, 1.0, 1.0))
     mixed = (*plastic[:-1], TINT, Number("base_metalness", 0.0, 1.0, 0.5))
     bases = {"dielectric": plastic, "metal": metal, "dielectric and metal": mixed}
+    if sought.transmits:
+        sheets = {name: (*bases[name], THROUGH) for name in ("dielectric", "dielectric and metal")}
+        return tuple(
+            Form(f"{name}, thin-walled, with subsurface transmission", numbers, surface, description, True, True)
+            for name, numbers in sheets.items()
+        )
     every = [Form(name, numbers, surface, description) for name, numbers in bases.items()]
     if sought.isotropic:
         every += [Form(f"{name} under a coat", (*bases[name], *COAT), surface, description) for name in bases]
@@ -88,15 +94,18 @@ def _index_below(v: Values, coat: float, coat_ior: float) -> float:
 
 def _base(v: Values, pairs: Pairs, alphas: tuple[Any, Any], eta: float) -> np.ndarray:
     metalness, f = _metalness(v), np.zeros((pairs.wi.z.size, 1))
+    through = v.get("through", np.zeros(()))
+    if np.any(pairs.wo.z < 0):
+        passed = _dielectric(pairs.through(), alphas, eta)[1]
+        return (1.0 - metalness) * passed * through / np.pi
     if metalness > 0:
         reflected = _compensated(pairs, alphas, f82(pairs.cos_d, v["base_color"], v["specular_color"]))
         f = f + metalness * float(v.get("specular_weight", 1.0)) * reflected
     if metalness < 1:
         reflected, passed = _dielectric(pairs, alphas, eta)
         tint = v.get("specular_color", np.ones(1))
-        f = f + (1.0 - metalness) * (
-            tint * reflected + passed * eon(pairs, v["base_color"], v["base_diffuse_roughness"])
-        )
+        below = (1.0 - weighed(through)[0]) * eon(pairs, v["base_color"], v["base_diffuse_roughness"])
+        f = f + (1.0 - metalness) * (tint * reflected + passed * below)
     return f
 
 
@@ -135,6 +144,8 @@ def description(v: Values) -> dict[str, Any]:
     for name in ("base_diffuse_roughness", "specular_ior", "specular_weight", "coat_weight", "coat_ior"):
         if name in v:
             inputs[name] = float(v[name])
+    if "through" in v:
+        inputs |= _subsurface(v["through"])
     if "coat_alpha" in v:
         inputs["coat_roughness"] = float(np.sqrt(v["coat_alpha"]))
     if "alpha" in v:
@@ -143,3 +154,13 @@ def description(v: Values) -> dict[str, Any]:
     roughness, aspect = anisotropy(wide, narrow)
     turned = float(v["alpha_y"]) > float(v["alpha_x"])
     return inputs | {"specular_roughness": roughness, "specular_roughness_anisotropy": aspect, "turned": turned}
+
+
+def _subsurface(through: np.ndarray) -> dict[str, Any]:
+    """Of a thin-walled surface: all of it scattered forwards.
+
+    MaterialX's graph multiplies by the colour twice, where the specification does so once; of a grey it is white.
+    """
+    weight, colour = weighed(through)
+    inputs = {"geometry_thin_walled": True, "subsurface_scatter_anisotropy": 1.0, "subsurface_weight": weight}
+    return inputs | {"subsurface_color": np.broadcast_to(np.sqrt(colour), (3,)).tolist()}

@@ -70,6 +70,17 @@ class Pairs:
         return np.stack(sums, axis=1)
 
 
+def joined(front: Pairs, behind: Pairs) -> Pairs:
+    """Pairs of both sides as one; each light counts as two, one a side."""
+    wi, wo = (Direction(*map(_appended, a, b)) for a, b in ((front.wi, behind.wi), (front.wo, behind.wo)))
+    incidence = _appended(front.incidence, behind.incidence + front.share.size)
+    return Pairs(wi, wo, _appended(front.flux, behind.flux), incidence, _appended(front.share, behind.share))
+
+
+def _appended(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.concatenate([a, b])
+
+
 def polar_pairs(lights: int, tilts: int, azimuths: int, turns: int = 1) -> Pairs:
     """The grid of pairs.
 

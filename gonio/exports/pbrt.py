@@ -13,7 +13,6 @@ from gonio.exports.forms import Appearance, Form, Number, Values
 from gonio.exports.glass import glass
 from gonio.exports.lobes import column, conductor, dielectric, ggx_facets, interface_shares
 from gonio.exports.pairs import Pairs
-from gonio.models.transmission.thin_sheet import ThinSheet
 
 Said = list[dict[str, Any]]
 """Materials in the order in which they are made, the last one the surface: "type", parameters by their types, and of a
@@ -21,15 +20,19 @@ mix the places of its materials in this order."""
 
 
 def forms(sought: Appearance) -> tuple[Form, ...]:
-    """An interface or a sheet, where the surface is one; else diffusers, coated or not, metals, and their mixes."""
+    """An interface, where the surface is one; else diffusers, coated or not, metals, and their mixes.
+
+    Of what transmits one of a mix is a sheet that diffuses on both sides.
+    """
     if sought.interface:
         return (glass(_interface),)
-    if (sheet := _sheet(sought)) is not None:
-        return (sheet,)
     axes = ("alpha",) if sought.isotropic else ("alpha_x", "alpha_y")
     kinds: list[tuple[str, ...]] = [("diffuse",), ("coated",), ("metal",), ("diffuse", "metal"), ("coated", "metal")]
     kinds += [("diffuse", "coated")]
-    if sought.isotropic:
+    if sought.transmits:
+        kinds = [("sheet",), ("sheet", "metal"), ("sheet", "coated")]
+        kinds += [("sheet", "metal", "metal"), ("sheet", "coated", "metal")] if sought.isotropic else []
+    elif sought.isotropic:
         kinds += [("coated", "coated"), ("metal", "metal"), ("diffuse", "coated", "metal")]
         kinds += [(base, "metal", "metal") for base in ("diffuse", "coated")]
     return tuple(_mix(kind, axes) for kind in kinds)
@@ -37,26 +40,6 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
 
 def _interface(v: Values) -> Said:
     return [{"type": "dielectric", **_roughness(v["alpha"], v["alpha"]), "float eta": float(v["eta"])}]
-
-
-def _sheet(sought: Appearance) -> Form | None:
-    """A sheet that diffuses on both sides, where the surface is one."""
-    model = sought.material.brdf
-    if not isinstance(model, ThinSheet) or model.rho_behind is not None:
-        return None
-    shares = {"reflectance": np.asarray(model.rho), "transmittance": np.asarray(model.tau)}
-    count = sought.to_rgb.shape[1]
-    rgb = {f"rgb {k}": colour(np.broadcast_to(v, (count,)) @ sought.to_rgb.T) for k, v in shares.items()}
-
-    def f(v: Values, pairs: Pairs) -> np.ndarray:
-        front = np.all(pairs.wo.z > 0)
-        return (
-            np.ones((pairs.wo.z.size, 1))
-            * np.asarray(rgb["rgb reflectance" if front else "rgb transmittance"])[: sought.colours]
-            / np.pi
-        )
-
-    return Form("diffusetransmission", (), f, lambda v: [{"type": "diffusetransmission", **rgb}], transmits=True)
 
 
 def colour(values: Any) -> list[float]:
@@ -73,7 +56,7 @@ def _widths(v: Values, axes: tuple[str, ...], suffix: str) -> tuple[Any, Any]:
     return v[f"{axes[0]}{suffix}"], v[f"{axes[-1]}{suffix}"]
 
 
-NAMES = {"diffuse": "diffuse", "coated": "coateddiffuse", "metal": "conductor"}
+NAMES = {"diffuse": "diffuse", "coated": "coateddiffuse", "metal": "conductor", "sheet": "diffusetransmission"}
 
 
 class _Part:
@@ -85,6 +68,7 @@ class _Part:
         rho = Number(f"reflectance{suffix}", 0.0, 1.0, 0.4, coloured=True)
         self.numbers = {
             "diffuse": [rho],
+            "sheet": [rho, Number(f"transmittance{suffix}", 0.0, 1.0, 0.4, coloured=True)],
             "coated": [rho, *widths, Number(f"eta{suffix}", 1.01, 3.0, 1.5, log=True)],
             "metal": [
                 *widths, Number(f"eta{suffix}", 0.02, 10.0, 1.0, coloured=True, log=True),
@@ -93,9 +77,11 @@ class _Part:
         }[kind]  # fmt: skip
 
     def f(self, v: Values, pairs: Pairs) -> np.ndarray:
-        s = self.suffix
-        if self.kind == "diffuse":
-            return v[f"reflectance{s}"] / np.pi * np.ones((pairs.wi.z.size, 1))
+        s, one = self.suffix, np.ones((pairs.wi.z.size, 1))
+        if np.any(pairs.wo.z < 0):
+            return one * v[f"transmittance{s}"] / np.pi if self.kind == "sheet" else 0.0 * one
+        if self.kind in ("diffuse", "sheet"):
+            return v[f"reflectance{s}"] / np.pi * one
         facets = ggx_facets(pairs, *_widths(v, self.axes, s))
         if self.kind == "metal":
             return facets * conductor(pairs.cos_d, v[f"eta{s}"], v[f"k{s}"])
@@ -107,6 +93,9 @@ class _Part:
         s = self.suffix
         if self.kind == "diffuse":
             return {"type": "diffuse", "rgb reflectance": colour(v[f"reflectance{s}"])}
+        if self.kind == "sheet":
+            shares = ("reflectance", "transmittance")
+            return {"type": "diffusetransmission"} | {f"rgb {name}": colour(v[f"{name}{s}"]) for name in shares}
         rough = _roughness(*_widths(v, self.axes, s))
         if self.kind == "metal":
             return {"type": "conductor", **rough, "rgb eta": colour(v[f"eta{s}"]), "rgb k": colour(v[f"k{s}"])}
@@ -142,7 +131,7 @@ def _mix(kinds: tuple[str, ...], axes: tuple[str, ...]) -> Form:
     numbers = [n for part in parts for n in part.numbers]
     if len(parts) == 1:
         only = parts[0]
-        return Form(NAMES[only.kind], tuple(numbers), only.f, lambda v: [only.describe(v)])
+        return Form(NAMES[only.kind], tuple(numbers), only.f, lambda v: [only.describe(v)], transmits="sheet" in kinds)
     amounts = ["amount", "amount2"][: len(parts) - 1]
 
     def f(v: Values, pairs: Pairs) -> np.ndarray:
@@ -160,4 +149,5 @@ def _mix(kinds: tuple[str, ...], axes: tuple[str, ...]) -> Form:
 
     *first, last = (NAMES[kind] for kind in kinds)
     starts = [Number(name, 0.0, 1.0, 0.5) for name in amounts]
-    return Form(f"mix of {', '.join(first)} and {last}", (*numbers, *starts), f, describe)
+    name = f"mix of {', '.join(first)} and {last}"
+    return Form(name, (*numbers, *starts), f, describe, transmits="sheet" in kinds)

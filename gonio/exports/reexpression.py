@@ -6,7 +6,7 @@ import numpy as np
 
 from gonio.exports.forms import Appearance
 from gonio.exports.losses import FAR, losses
-from gonio.exports.nearest import Nearest
+from gonio.exports.nearest import GAIN, Nearest
 from gonio.exports.pairs import LOWEST, Pairs
 from gonio.figures.spheres import sphere_pairs
 from gonio.fitting.residuals.colour_difference import LINEAR_SRGB, ciede2000, to_lab
@@ -93,7 +93,7 @@ def reexpression(target: str, sought: Appearance, expression: Nearest, remarks: 
     colours = sphere_colours(sought, expression)
     if sought.transmits and not expression.form.transmits:
         lost = ("light through the surface is lost: the expression reflects alone", *lost)
-    rough = (ROUGHLY,) * (not expression.resolved)
+    lost = (*lost, *_cautions(sought, expression, pairs))
     return ReExpression(
         target=target,
         form=expression.form.name,
@@ -102,9 +102,19 @@ def reexpression(target: str, sought: Appearance, expression: Nearest, remarks: 
         delta_e_mean=float(colours.mean()),
         delta_e_max=float(colours.max(initial=0.0)),
         exact=exact,
-        remarks=(*sought.remarks, *remarks, *lost, *rough),
+        remarks=(*sought.remarks, *remarks, *lost),
         others=tuple((other.form.name, other.relative_rms) for other in expression.others),
     )
+
+
+def _cautions(sought: Appearance, expression: Nearest, pairs: Pairs) -> list[str]:
+    """What else is to be known: light made, a back that is another, directions that are too coarse."""
+    cautions = []
+    if expression.light_made > GAIN:
+        cautions.append(f"at grazing light up to {100 * expression.light_made:.0f} % more leaves than arrives")
+    if sought.two_faced and expression.form.numbers:
+        cautions.append("the back reflects otherwise than the front, and the expression does not")
+    return cautions + [ROUGHLY] * (not expression.resolved)
 
 
 def sphere_colours(sought: Appearance, expression: Nearest) -> np.ndarray:

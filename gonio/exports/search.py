@@ -14,6 +14,8 @@ WIDTHS = (0.03, 0.12, 0.4)
 """At which lobes begin, where the surface does not say them."""
 MOST_WIDTHS, MOST_STARTS, RANDOM = 3, 6, 1
 """Widths of the surface from which starts are built, starts by widths, and starts of random numbers."""
+NARROWER = 0.25
+"""Width of a lobe, at least: in units of the surface's narrowest."""
 STEP = 1e-7
 """Of a number's range, for slopes."""
 
@@ -40,7 +42,7 @@ class Search:
         return values
 
     def residuals(self, x: np.ndarray, compared: Comparison) -> np.ndarray:
-        return compared.residuals(self.form.f(self.values(x), compared.pairs))
+        return compared.residuals(compared.values(self.form, self.values(x)))
 
     def _slopes(self, x: np.ndarray, compared: Comparison) -> np.ndarray:
         """By forward differences; a colour moves its own channel alone, so all three move at once."""
@@ -105,16 +107,24 @@ def inner(n: Number, value: float) -> float:
 
 
 def start_widths(sought: Appearance, compared: Comparison) -> list[float]:
-    """Widths at which lobes begin: the surface's own, else that of its highlight, and some."""
-    if known := sought.widths:
+    """Widths at which lobes begin: the surface's own, that of its highlight where not all are known, and some."""
+    known = sought.widths
+    if known and (sought.widths_known or len(known) >= MOST_WIDTHS):
         return [known[k] for k in sorted({round(j) for j in np.linspace(0, len(known) - 1, MOST_WIDTHS)})]
-    return [highlight_width(compared), *WIDTHS][:MOST_WIDTHS]
+    return [*known, highlight_width(compared), *WIDTHS][:MOST_WIDTHS]
+
+
+def least_width(sought: Appearance, compared: Comparison) -> float:
+    """Down to which lobes are sought: below the surface's own, a spike between the directions would cost nothing."""
+    known = sought.widths[:1] or [WIDTHS[0]]
+    return NARROWER * min(known[0], highlight_width(compared))
 
 
 def highlight_width(compared: Comparison) -> float:
     """Tangent of the tilt of half vectors at which f, of the steepest light, has fallen to a quarter, as GGX's does."""
-    pairs, steep = compared.pairs, compared.pairs.incidence == int(np.argmax(np.bincount(compared.pairs.incidence)))
-    z, f = pairs.h.z[steep], compared.wanted[steep].mean(axis=1)
+    pairs = compared.sides[0]
+    steep = pairs.incidence == int(np.argmax(np.bincount(pairs.incidence)))
+    z, f = pairs.h.z[steep], compared.wanted[: steep.size][steep].mean(axis=1)
     order = np.argsort(-z)
     bright = z[order][f[order] >= 0.25 * f.max()]
     tilt = float(np.arccos(bright.min())) if bright.size else 0.2

@@ -17,11 +17,18 @@ from gonio.exports.blender_file import blender_file
 from gonio.exports.forms import Form, appearance_of
 from gonio.exports.gltf_file import gltf_file
 from gonio.exports.materialx_file import materialx_file
+from gonio.exports.nearest import nearest
 from gonio.exports.pbrt_file import pbrt_file
-from gonio.exports.reexpression import ReExpression
+from gonio.exports.reexpression import ReExpression, reexpression
+from gonio.exports.targets import TARGETS
 
 HOSTILE = 'a -- b """ \' \\ --> ]]> & < {0} %s \x1b[31m\nnew line'
-SOUGHT = ("0.3 * phong(n=40)", "ward(alpha_x=0.1, alpha_y=0.4)", "rough_dielectric(alpha=0.2, eta=1.5)")
+SOUGHT = (
+    "0.3 * phong(n=40)",
+    "ward(alpha_x=0.1, alpha_y=0.4)",
+    "rough_dielectric(alpha=0.2, eta=1.5)",
+    "thin_sheet(rho=0.3, tau=0.2)",
+)
 
 
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -99,7 +106,10 @@ def run_in_blender(script: str) -> dict:
     made, properties = Node(inputs=inputs, outputs={"BSDF": 0}, location=None, distribution=None), {}
     tangent = Node(outputs={"Tangent": 0}, location=None)
     output = Node(inputs={"Surface": 0})
+    behind = Node(inputs={"Color": Node(default_value=None)}, outputs={"BSDF": 0}, location=None)
+    both = Node(inputs=[0, 1], outputs={"Shader": 0}, location=None)
     kinds = {"ShaderNodeBsdfPrincipled": made, "ShaderNodeTangent": tangent, "ShaderNodeOutputMaterial": output}
+    kinds |= {"ShaderNodeBsdfTranslucent": behind, "ShaderNodeAddShader": both}
 
     class Material(dict):
         node_tree = Node(nodes=Node(clear=lambda: None, new=kinds.get), links=Node(new=lambda a, b: None))
@@ -111,6 +121,7 @@ def run_in_blender(script: str) -> dict:
     scope = space | {"bpy": bpy} | properties
     material = types.FunctionType(properties["build"].__code__, scope)()
     assert material["gonio error of this expression"].startswith("rms 10 %")
+    inputs = inputs | {blender.TRANSLUCENT: behind.inputs["Color"]}
     return {name: i.default_value for name, i in inputs.items() if i.default_value is not None}
 
 
@@ -137,7 +148,7 @@ def test_pbrt_scenes_have_pbrts_syntax():
         assert len(made) == len(described) and lines[-2].split('"')[1] == made[-1]
         inside = "\n".join(line for line in lines if line.startswith(" "))
         assert PARAMETER.sub("", inside).split() == []
-        assert '"bool remaproughness" false' in inside or described[0]["type"] == "diffuse"
+        assert '"bool remaproughness" false' in inside or described[0]["type"].startswith("diffuse")
 
 
 def test_nothing_is_written_beyond_the_tolerance_or_of_what_has_no_colour(tmp_path):
@@ -154,3 +165,35 @@ def test_nothing_is_written_beyond_the_tolerance_or_of_what_has_no_colour(tmp_pa
     with pytest.raises(gonio.GonioError, match=r"ends in \.xml or \.json"):
         gonio.convert("lambert(rho=0.2)", tmp_path / "x.txt", to="Mitsuba")
     assert list(Path(tmp_path).iterdir()) == []
+
+
+RHO, TAU = np.array([0.1, 0.3, 0.05]), np.array([0.2, 0.4, 0.02])
+
+
+def shares_written(target: str, description) -> tuple[np.ndarray, np.ndarray]:
+    """(reflected, transmitted) colours of a diffusing sheet, by what each format defines."""
+    if target == "pbrt":
+        (material,) = description
+        return material["rgb reflectance"], material["rgb transmittance"]
+    if target == "blender":
+        return description["Base Color"][:3], description["Translucent"][:3]
+    if target == "materialx":
+        weight, colour = description["subsurface_weight"], np.array(description["subsurface_color"])
+        assert description["geometry_thin_walled"] and description["subsurface_scatter_anisotropy"] == 1
+        return (1 - weight) * np.array(description["base_color"]), weight * colour**2
+    through = description["extensions"]["KHR_materials_diffuse_transmission"]
+    base = np.array(description["pbrMetallicRoughness"]["baseColorFactor"][:3])
+    assert description["doubleSided"]
+    factor = through["diffuseTransmissionFactor"]
+    return (1 - factor) * base, factor * np.array(through["diffuseTransmissionColorFactor"])
+
+
+@pytest.mark.parametrize("target", ["pbrt", "materialx", "gltf", "blender"])
+def test_a_sheet_reflects_and_transmits_its_colours(target):
+    sought = appearance_of(gonio.material(f"thin_sheet(rho={RHO.tolist()}, tau={TAU.tolist()})"))
+    expression = nearest(TARGETS[target].forms(sought), sought)
+    error = reexpression(target, sought, expression)
+    assert error.relative_rms < (6e-3 if target == "materialx" else 1e-5)  # whose index-1 interface is not quite none
+    reflected, transmitted = shares_written(target, expression.form.describe(expression.values))
+    np.testing.assert_allclose(reflected, RHO, rtol=0.03)
+    np.testing.assert_allclose(transmitted, TAU, rtol=0.03)

@@ -1,5 +1,6 @@
 """Mitsuba's own values of what is written for it, from the file itself, in its scalar RGB variant."""
 
+import dataclasses
 import json
 
 import mitsuba as mi
@@ -12,6 +13,8 @@ from gonio.exports.forms import appearance_of
 from gonio.exports.mitsuba import forms
 from gonio.exports.mitsuba_file import scene
 from gonio.exports.pairs import Pairs, polar_pairs
+from gonio.models.evaluation import evaluate
+from gonio.models.geometry.directions import Direction
 
 ROUNDING = 1e-5
 """Relative: it computes in single precision."""
@@ -61,8 +64,24 @@ def test_what_mitsuba_has_is_written_as_it_is(tmp_path):
     assert_same(client_f(mi.load_dict(json.loads((tmp_path / "sum.json").read_text())), pairs), expected)
 
 
+def test_a_sheet_is_itself_from_either_side(tmp_path):
+    """What is written, lit from behind too: f of the expression itself."""
+    expression = "thin_sheet(rho=[0.2, 0.3, 0.1], tau=[0.1, 0.5, 0.2], rho_behind=0.4)"
+    assert gonio.convert(expression, tmp_path / "sheet.xml", to="mitsuba").exact
+    bsdf, pairs = bsdf_of(mi.load_file(str(tmp_path / "sheet.xml"))), spread()
+    behind = dataclasses.replace(pairs, wi=Direction(pairs.wi.x, pairs.wi.y, -pairs.wi.z))
+    for side in (pairs, pairs.through(), behind, behind.through()):
+        expected = evaluate(gonio.material(expression).brdf, side.wi, side.wo)
+        assert_same(client_f(bsdf, side), np.asarray(expected))
+
+
 @pytest.mark.parametrize(
-    "sought", ["[0.1, 0.2, 0.3] * phong(n=60)", "[0.1, 0.2, 0.3] * ward(alpha_x=0.1, alpha_y=0.4)"]
+    "sought",
+    [
+        "[0.1, 0.2, 0.3] * phong(n=60)",
+        "[0.1, 0.2, 0.3] * ward(alpha_x=0.1, alpha_y=0.4)",
+        "[0.1, 0.2, 0.3] * phong(n=60) + lambert_transmission(tau=0.1)",
+    ],
 )
 def test_every_form_is_what_mitsuba_makes_of_its_numbers(sought):
     rng = np.random.default_rng(3)
@@ -70,11 +89,14 @@ def test_every_form_is_what_mitsuba_makes_of_its_numbers(sought):
     for form in forms(appearance):
         pairs = spread(1 if appearance.isotropic else 3)
         values = {
-            n.name: rng.uniform(max(n.low, 0.1), min(n.high, 2.0), (3,) if n.coloured else ()) for n in form.numbers
+            n.name: rng.uniform(max(n.low, min(0.1, 0.5 * n.high)), min(n.high, 2.0), (3,) if n.coloured else ())
+            for n in form.numbers
         }
-        values = {k: np.minimum(v, 0.7) if "alpha" in k else v for k, v in values.items()}
+        widest = {n.name: min(n.high, 0.7) for n in form.numbers if n.width}
+        values = {k: np.minimum(v, widest.get(k, np.inf)) for k, v in values.items()}
         metal = {n.name: np.asarray(1.0) for n in form.numbers if n.name == "metallic"}
         least = values | {n.name: np.full_like(values[n.name], n.low) for n in form.numbers if not n.width} | metal
         for numbers in (values, least | {k: v for k, v in values.items() if k in ("rho", "base_color")}):
-            text = scene(form.describe(numbers), About("x", {"numbers": "random"}))
-            assert_same(client_f(bsdf_of(mi.load_string(text)), pairs), form.f(numbers, pairs))
+            bsdf = bsdf_of(mi.load_string(scene(form.describe(numbers), About("x", {"numbers": "random"}))))
+            for side in (pairs, pairs.through()) if form.transmits else (pairs,):
+                assert_same(client_f(bsdf, side), form.f(numbers, side))
