@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike
 
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.compiled.dispatch import Formula
+from gonio.models.compiled.dispatch import values as program_values
 from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.geometry.horizon import Hemispheres
 
@@ -65,6 +67,38 @@ def _padded(a: np.ndarray, size: int, fill: float) -> np.ndarray:
 
 def _rule_sums(brdf_terms: tuple[AbstractBRDF, ...], side: float, wi: Direction, order: int) -> list[np.ndarray]:
     """(Σ, Σ of absolute values) of each term by the rule of one order."""
+    sums = [_compiled_sums(term, side, wi, order) for term in brdf_terms]
+    others = [k for k, values in enumerate(sums) if values is None]
+    if others:
+        for k, values in zip(others, _xla_sums(tuple(brdf_terms[k] for k in others), side, wi, order), strict=True):
+            sums[k] = values
+    return [values for values in sums if values is not None]
+
+
+def _flux(term: AbstractBRDF, *components: Scalar) -> Channels:
+    return term.flux(Direction(*components[:3]), *components[3:])
+
+
+FLUX = Formula(_flux, ((0,),) * 3 + ((1,),) * 2 + ((),))
+
+
+def _compiled_sums(term: AbstractBRDF, side: float, wi: Direction, order: int) -> np.ndarray | None:
+    """The sums of a term from compiled loops over incidences and nodes, or None where XLA has to compute them."""
+    dtype = jax.dtypes.canonicalize_dtype(float)
+    u1, u2, weight = (a.astype(dtype) for a in panel_rule(order))
+    incidences, total = [np.asarray(c, dtype) for c in wi], None
+    for start in range(0, u1.size, NODES_A_CALL):
+        nodes = slice(start, start + NODES_A_CALL)
+        arrays = [*incidences, u1[nodes], u2[nodes], np.asarray(side, dtype)]
+        values = program_values(FLUX, term, arrays, (incidences[0].size, u1[nodes].size), dtype)
+        if values is None:
+            return None
+        sums = np.stack([np.tensordot(v, weight[nodes], axes=(1, 0)) for v in (values, np.abs(values))])
+        total = sums if total is None else total + sums
+    return total
+
+
+def _xla_sums(brdf_terms: tuple[AbstractBRDF, ...], side: float, wi: Direction, order: int) -> list[np.ndarray]:
     # One compiled program for every order and number of incidences: nodes and incidences are padded to fixed blocks.
     u1, u2, weight = panel_rule(order)
     blocks = []

@@ -192,6 +192,12 @@ class Elementary:
         value = self.select(self._odd(bits), sine, cosine)
         return self._turned(value, self.g.apply("add", bits, self.integer(1)))
 
+    def tan(self, x: int) -> int:
+        sine, cosine, bits = self._quadrant(x)
+        odd = self._odd(bits)
+        above, below = self.select(odd, self.g.apply("neg", cosine), sine), self.select(odd, sine, cosine)
+        return self.g.apply("div", above, below)
+
     def _odd(self, bits: int) -> int:
         return self.g.apply("ne", self.g.apply("and", bits, self.integer(1)), self.integer(0))
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from gonio.models.compiled import hyperbolic
 from gonio.models.compiled.elementary import Elementary
 from gonio.models.compiled.graph import COMPARISONS, DTYPES, FLOATS, Graph, Unsupported
 from gonio.models.compiled.power import power
@@ -10,9 +11,10 @@ from gonio.models.compiled.power import power
 PLAIN = ("add", "sub", "mul", "neg", "and", "or", "xor", *COMPARISONS)
 ROOTED = ("sqrt", "abs", "floor")
 FUNCTIONS = (
-    "exp", "exp2", "expm1", "log", "log1p", "sin", "cos", "tanh", "atan", "atan2", "acos", "asin", "erf", "erfc",
+    "exp", "exp2", "expm1", "log", "log1p", "sin", "cos", "tan", "tanh", "atan", "atan2", "acos", "asin", "erf", "erfc",
     "lgamma",
 )  # fmt: skip
+HYPERBOLIC = {"sinh": hyperbolic.sinh, "cosh": hyperbolic.cosh, "asinh": hyperbolic.asinh}
 WHOLE_RANGE = {"i32": 2.0**31 - 1, "i64": 2.0**62}
 
 
@@ -43,6 +45,10 @@ def operation(graph: Graph, name: str, parameters: Any, dtype: str) -> Callable[
         return lambda *a: graph.apply(name, *a)
     if name in FUNCTIONS and dtype in FLOATS:
         return getattr(Elementary(graph, dtype), name)
+    if name in HYPERBOLIC and dtype in FLOATS:
+        return lambda x: HYPERBOLIC[name](Elementary(graph, dtype), x)
+    if name == "ceil" and dtype in FLOATS:
+        return lambda x: graph.apply("neg", graph.apply("floor", graph.apply("neg", x)))
     raise Unsupported(name)
 
 

@@ -11,8 +11,9 @@ from gonio.models.compiled.program import Program
 POINTS = 400
 RANGES = {
     "exp": (-700, 700), "expm1": (-3, 3), "exp2": (-50, 50), "log": (0, 3), "log1p": (-0.9, 9), "sin": (-50, 50),
-    "cos": (-50, 50), "tanh": (-3, 3), "atan": (-9, 9), "acos": (-1, 1), "asin": (-1, 1), "erf": (-3, 3),
-    "erfc": (-3, 20), "pow": (0, 9), "atan2": (-1, 1),
+    "cos": (-50, 50), "tan": (-50, 50), "tanh": (-3, 3), "atan": (-9, 9), "acos": (-1, 1), "asin": (-1, 1),
+    "erf": (-3, 3), "erfc": (-3, 20), "pow": (0, 9), "atan2": (-1, 1), "sinh": (-3, 3), "cosh": (-9, 9),
+    "asinh": (-9, 9),
 }  # fmt: skip
 EXACT = {"exp2": lambda x: mpmath.mpf(2) ** x, "pow": mpmath.power} | {
     n: getattr(mpmath, n) for n in RANGES if n not in ("exp2", "pow")
@@ -25,6 +26,10 @@ LIMITS = {
     "tanh": {np.inf: 1.0, -np.inf: -1.0, 0.0: 0.0},
     "erfc": {np.inf: 0.0, -np.inf: 2.0},
     "acos": {1.0: 0.0, -1.0: np.pi, 1.5: np.nan},
+    "sinh": {0.0: 0.0, 1e-300: 1e-300},
+    "cosh": {0.0: 1.0, 1e-300: 1.0},
+    "asinh": {0.0: 0.0, 1e-300: 1e-300, np.inf: np.inf, -np.inf: -np.inf, 2.0**60: np.log(2.0**61)},
+    "ceil": {0.5: 1.0, -0.5: 0.0, -1.0: -1.0, 1e300: 1e300, np.inf: np.inf},
 }
 
 
@@ -64,10 +69,12 @@ def test_limits_are_those_of_the_standard():
 
 
 def test_what_is_not_accurate_is_not_returned():
-    """Sine and cosine of huge angles, log Γ left of zero: None, and XLA computes them."""
+    """Sine and cosine of huge angles, log Γ left of zero, what nearly overflows: None, and XLA computes them."""
     assert compiled("sin", np.float64)(np.array([1.0, 1e9])) is None
     assert compiled("cos", np.float32)(np.full(99, 1e5, np.float32)) is None
     assert compiled("lgamma", np.float64)(np.array([0.5, -0.5])) is None
+    assert compiled("sinh", np.float64)(np.array([0.5, 709.0])) is None
+    assert compiled("cosh", np.float32)(np.full(99, -np.inf, np.float32)) is None
     x = np.linspace(0.01, 60, 1000)
     true = [float(mpmath.loggamma(v)) for v in x]
     np.testing.assert_allclose(compiled("lgamma", np.float64)(x), true, rtol=2e-15, atol=8e-15)
