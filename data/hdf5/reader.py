@@ -141,7 +141,7 @@ class _Reader:
     def table(self, lazy_bytes: int) -> Table:
         self.require_version()
         if self.attribute("layout", str) == PROFILE_LAYOUT:
-            _fail("it is a profile of light below a surface, and no table; gonio fit and check take it")
+            _fail("it is a profile of light below a surface, and no table; fit, check, quantities and report take it")
         f, flag, u_f = (self.node(name) for name in ("f", "flag", "u_f"))
         if f.dtype.kind != "f" or f.dtype.itemsize not in (4, 8) or u_f.dtype != f.dtype or flag.dtype != np.uint8:
             _fail(f"f, u_f and flag have types {f.dtype}, {u_f.dtype}, {flag.dtype}; expected floats and uint8")

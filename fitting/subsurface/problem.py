@@ -17,7 +17,9 @@ STARTS = 3
 """Descents, from the best points of a grid of mean free paths and albedos."""
 ALBEDOS = (0.2, 0.6, 0.9, 0.98, 0.996, 0.9993)
 LENGTHS = 16
-POLISH = 12
+POLISH = 60
+LEAST_SHARE = 1 / 32
+"""Of a Gauss–Newton step."""
 NODES = 10
 """Of a panel of the spots' rule: right to 1e-6 of a reading."""
 NEAR_ZERO = 1e-6
@@ -125,7 +127,7 @@ def program(kind: type[AbstractBSSRDF]) -> Program:
 def solve(
     kind: type[AbstractBSSRDF], data: ProfileData, eta: float, start: np.ndarray, free: np.ndarray
 ) -> ProfileOptimum:
-    """The optimum of one channel.
+    """The optimum of one channel, in double precision whatever the caller computes in: single leaves no sure optimum.
 
     Args:
         kind: the model.
@@ -134,7 +136,11 @@ def solve(
         start: x (2,) to begin at too, and where what is not free stays; NaN where nothing is known.
         free: which of both numbers the fit moves.
     """
-    compiled = program(kind)
+    with jax.enable_x64(True):
+        return _solved(program(kind), data, eta, start, free)
+
+
+def _solved(compiled: Program, data: ProfileData, eta: float, start: np.ndarray, free: np.ndarray) -> ProfileOptimum:
     fixed = np.where(np.isnan(start), 0.0, start)
     args = (fixed, free, np.asarray(eta), data)
     rounding = EXACT * float(np.linalg.norm(data.y * data.weight))
@@ -172,13 +178,17 @@ def _polished(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(x, residuals, Jacobian) after Gauss–Newton steps of what is free, as long as they lessen the cost."""
     residual, jacobian = (np.asarray(a) for a in compiled.linearised(x, args))
+    share = 1.0
     for _ in range(POLISH):
         trial = x.copy()
-        trial[free] -= np.linalg.lstsq(jacobian[:, free], residual, rcond=1e-12)[0]
+        trial[free] -= share * np.linalg.lstsq(jacobian[:, free], residual, rcond=1e-12)[0]
         r, j = (np.asarray(a) for a in compiled.linearised(trial, args))
-        if not r @ r < residual @ residual:
+        if r @ r < residual @ residual:
+            x, residual, jacobian = trial, r, j
+        elif share > LEAST_SHARE:
+            share /= 2  # far from the readings the steps are too long, from one side of the optimum to the other
+        else:
             break
-        x, residual, jacobian = trial, r, j
     return x, residual, jacobian
 
 

@@ -176,17 +176,20 @@ class _Spread:
     factor: float
     undetermined: np.ndarray
     sentences: list[str]
+    covariance: np.ndarray
+    """(2, 2) of σa and σs', NaN of what is not known or on its bound."""
 
 
 def _result(profile: Profile, model: str, request: Request, solved: Solved) -> ProfileFit:
     optima, known, misfits = solved
-    undetermined, parameters = [], []
+    undetermined, parameters, covariances = [], [], []
     notes = [] if "eta" in request.call.values else [NO_INDEX]
     freedom = [max(int(np.count_nonzero(o.residual)) - int(request.free.sum()), 0) for o in optima]
     for c, (o, dof) in enumerate(zip(optima, freedom, strict=True)):
         name = profile.channels.names[c] if len(optima) > 1 else None
         spread = _spread(o, request.free, dof, known[c], "" if name is None else f"[{name}]")
         parameters += _estimates(o, request, spread, c, name)
+        covariances.append(_of_free_numbers(spread.covariance, request, c))
         undetermined += spread.sentences
         if known[c] and dof and chdtrc(dof, o.cost) < LEVEL:
             notes.append(
@@ -202,6 +205,7 @@ def _result(profile: Profile, model: str, request: Request, solved: Solved) -> P
         parameters = [
             dataclasses.replace(p, status="undetermined") if p.name.endswith("sigma_s") else p for p in parameters
         ]
+        covariances = [np.full_like(part, np.nan) for part in covariances]
     values = {
         "sigma_a": [o.root**2 for o in optima],
         "sigma_s": [o.reduced / (1 - float(g)) for o, g in zip(optima, request.g, strict=True)],
@@ -219,8 +223,24 @@ def _result(profile: Profile, model: str, request: Request, solved: Solved) -> P
     return ProfileFit(
         material, model, parameters, converged, reason, metrics, int(profile.valid.sum()),
         sum(o.cost for o in optima), STARTS, min(o.agreed for o in optima), undetermined, notes,
-        _residuals(profile, solved, sum(freedom)), profile.name,
+        _residuals(profile, solved, sum(freedom)), profile.name, covariance_by_channel=_numbered(covariances),
     )  # fmt: skip
+
+
+def _of_free_numbers(covariance: np.ndarray, request: Request, c: int) -> np.ndarray:
+    """The covariance of the free ones of σa and σs = σs'/(1 − g)."""
+    factors = np.array([1.0, 1 / (1 - float(request.g[c]))])
+    return (covariance * np.outer(factors, factors))[np.ix_(request.free, request.free)]
+
+
+def _numbered(covariances: list[np.ndarray]) -> list[dict[str, Any]]:
+    """Each channel's covariance with the places of its numbers among all free ones, as files keep it."""
+    size = len(covariances[0])
+    return [
+        {"numbers": list(range(c * size, (c + 1) * size)), "covariance": part.tolist()}
+        for c, part in enumerate(covariances)
+        if size
+    ]
 
 
 def _residuals(profile: Profile, solved: Solved, freedom: int) -> dict[str, Any]:
@@ -255,7 +275,11 @@ def _spread(o: ProfileOptimum, free: np.ndarray, dof: int, known: bool, suffix: 
         describe_combination(variance, change, p, names, np.zeros(2, bool))
         for variance, change in covariance.combinations
     ]
-    return _Spread(u, factor, covariance.undetermined & movable, sentences)
+    # The root's own spread is in the uncertainty of σa, and has to be in its covariance
+    widened = 1.0 if o.at_bound else np.hypot(1.0, u[0] / max(np.sqrt(2.0) * o.root, 1e-300))
+    sizes = np.array([o.reduced * widened, 1.0])
+    by_number = covariance.matrix * np.outer(sizes, sizes)
+    return _Spread(u, factor, covariance.undetermined & movable, sentences, by_number)
 
 
 def _estimates(

@@ -18,7 +18,7 @@ class ProfileFit(Displayed):
     """A fitted model of light below the surface; a subject of every verb, as its `material` is.
 
     Attributes:
-        material: the fitted model (as wide spots see it) and its channels, without the fit's facts.
+        fitted: the fitted model (as wide spots see it) and its channels, without the fit's facts.
         requested: the expression that was fitted.
         parameters: every number with uncertainty, 95 % interval and status.
         converged, reason: stationary by the projected gradient, or exact.
@@ -28,9 +28,10 @@ class ProfileFit(Displayed):
         undetermined, notes: sentences.
         residuals: `noisiness`, whether the residuals along the offsets are noise, structure or rounding.
         profile: name of the profile; `alternatives`: what else was fitted.
+        covariance_by_channel: of each channel `numbers`, places among the free ones, and their `covariance`.
     """
 
-    material: Material
+    fitted: Material
     requested: str
     parameters: list[ParameterEstimate]
     converged: bool
@@ -45,6 +46,12 @@ class ProfileFit(Displayed):
     residuals: dict[str, Any]
     profile: str = ""
     alternatives: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    covariance_by_channel: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+
+    @property
+    def material(self) -> Material:
+        """The fitted model as a material of every verb, with the facts of the fit."""
+        return dataclasses.replace(self.fitted, meta={"fit": self.to_dict()})
 
     @property
     def judgement(self) -> FitJudgement:
@@ -76,6 +83,7 @@ class ProfileFit(Displayed):
             "undetermined",
             "notes",
             "residuals",
+            "covariance_by_channel",
         )
         facts = {name: getattr(self, name) for name in names}
         numbers = [dataclasses.asdict(p) | {"label": p.label} for p in self.parameters]
@@ -88,4 +96,4 @@ class ProfileFit(Displayed):
 
         Raises GonioError where `path` exists (unless `force`) or cannot be written.
         """
-        return write_material(path, dataclasses.replace(self.material, meta={"fit": self.to_dict()}), force)
+        return write_material(path, self.material, force)

@@ -1,7 +1,6 @@
 """Light below the surface, checked: reciprocity, ∫∫R dA ≤ 1 and positivity, of a model and of a profile."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,6 +8,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from gonio.checks.certificate import FAIL, NOT_TESTABLE, Certificate, Property, verdict_of, without_residual
+from gonio.checks.profile_light import by_distance, light_of_profile
 from gonio.checks.properties import PROPERTIES
 from gonio.data.channels import Channels
 from gonio.data.profile import Profile
@@ -20,7 +20,6 @@ from gonio.models.subsurface.evaluation import evaluated, totals
 PAIRS = 64
 SPAN = 1e-4, 1e3
 """Of the integral, in mean free paths; the closed form takes over beyond."""
-STEPS = 4000
 ROUNDING = 1e-12
 
 
@@ -92,24 +91,6 @@ def check_profile(profile: Profile, name: str, given: Mapping[str, float], level
     return Certificate(name, "profile", properties, notes=list(profile.provenance.get("warnings", [])))
 
 
-class _Side(NamedTuple):
-    """Readings (n, channels) by the distance (n,), both sides averaged: values, uncertainties, NaN where none is."""
-
-    r: np.ndarray
-    value: np.ndarray
-    u: np.ndarray
-
-
-def _by_distance(profile: Profile) -> _Side:
-    r, which = np.unique(np.abs(profile.offsets), return_inverse=True)
-    value, variance, count = (np.zeros((r.size, len(profile.channels))) for _ in range(3))
-    np.add.at(value, which, np.where(profile.valid, profile.value, 0.0))
-    np.add.at(variance, which, np.where(profile.valid, np.nan_to_num(profile.u), 0.0) ** 2)
-    np.add.at(count, which, profile.valid)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return _Side(r, value / count, np.sqrt(variance) / count)
-
-
 def _exchanged_spots(profile: Profile, tolerance: float, level: float) -> Property:
     """Readings at r and −r: the lit and the viewed place exchanged."""
     pairs = [(i, j) for i in np.flatnonzero(profile.offsets > 0)
@@ -149,16 +130,10 @@ def _exchanged_spots(profile: Profile, tolerance: float, level: float) -> Proper
     return Property("reciprocity", verdict, residual, bound, tolerance, where, f"{detail}.")
 
 
-class _Light(NamedTuple):
-    total: float
-    bound: float
-    unread: str
-
-
 def _profile_energy(profile: Profile, tolerance: float, level: float) -> Property:
-    side = _by_distance(profile)
+    side = by_distance(profile)
     factor = float(-ndtri(level / 2 / len(profile.channels)))
-    channels = [_light(side, c, factor) for c in range(len(profile.channels))]
+    channels = [light_of_profile(side, c, factor) for c in range(len(profile.channels))]
     if any(light is None for light in channels):
         why = "Not testable: of a channel there are fewer than three distances with positive readings."
         return without_residual("energy", NOT_TESTABLE, tolerance, why)
@@ -174,38 +149,6 @@ def _profile_energy(profile: Profile, tolerance: float, level: float) -> Propert
         "energy", verdict_of(light.total - 1, light.bound, tolerance), light.total - 1, light.bound, tolerance, where,
         detail,
     )  # fmt: skip
-
-
-def _light(side: _Side, c: int, factor: float) -> _Light | None:
-    """∫ R 2πr dr of a channel, between the readings and, by their slopes, where nothing was read; None of too few."""
-    use = np.isfinite(side.value[:, c]) & (side.value[:, c] > factor * side.u[:, c])
-    # Where noise is as large as the reading the profile ends: what is beyond is a matter of its slope.
-    use &= np.cumprod(use[np.argmax(use) :].astype(bool)).astype(bool).sum() + np.argmax(use) > np.arange(use.size)
-    r, value, u = side.r[use], side.value[use, c], side.u[use, c]
-    if r.size < 3:
-        return None
-
-    from scipy import interpolate  # a fifth of a second, which checks of tables and models do not need
-
-    def between(every: slice) -> float:
-        x, y = r[every], np.log(value[every])
-        fine = np.linspace(r[0], r[-1], STEPS)
-        curve = interpolate.PchipInterpolator(x, y) if x.size > 2 else interpolate.interp1d(x, y, bounds_error=False)
-        return float(np.trapezoid(2 * np.pi * fine * np.exp(np.nan_to_num(curve(fine), nan=-np.inf)), fine))
-
-    inner, edge = between(slice(None)), np.pi * r[0] ** 2 * value[0]
-    coarse = between(slice((r.size - 1) % 2, None, 2)) if r.size > 4 else 0.0
-    first = np.clip(np.log(value[1] / value[0]) / np.log(r[1] / r[0]), -1.9, 0.0) if r[0] > 0 else 0.0
-    centre = 2 * edge / (2 + first)
-    rate = float(np.log(value[-2] / value[-1]) / (r[-1] - r[-2]))
-    tail = 2 * np.pi * value[-1] * (r[-1] / rate + 1 / rate**2) if rate > 0 else np.inf
-    noise = factor * float(np.sqrt(np.sum((2 * np.pi * r * np.gradient(r) * u) ** 2)))
-    bound = abs(inner - coarse) + (centre - edge) + tail + noise
-    parts = [f"nothing was read beyond {r[-1]:.3g} mm ({percent(tail / max(inner, 1e-300))} more by the last slope)"]
-    if r[0] > 0:
-        parts.append(f"nor within {r[0]:.3g} mm ({percent(centre / max(inner, 1e-300))})")
-    total = inner + centre + (tail if np.isfinite(tail) else 0.0)
-    return _Light(total, float(bound), f"Not looked at: {', '.join(parts)}.")
 
 
 def _profile_positivity(profile: Profile, tolerance: float, level: float) -> Property:

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from gonio.metrology.quantities import Quantities
     from gonio.metrology.quantity import Quantity
 
-DEFAULT = ("albedo", "reflectance", "transmission", "gloss", "colour", "fit")
+DEFAULT = ("albedo", "reflectance", "transmission", "gloss", "colour", "subsurface", "fit")
 """Groups that one screen shows; the others by name."""
 MOST_CHANNELS = 3
 """Of more channels the terminal shows the first, the middle and the last."""

@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 OPTIONS: Options = {
     "--budget": "tables: each source's contribution to the standard uncertainty of every quantity, in the form of the "
     "GUM; what is neither stored nor stated is listed as not known",
-    "--fit MODEL|FIT.toml|auto": "tables: the numbers and albedos of a fit too: of a model such as "
+    "--fit MODEL|FIT.toml|auto": "tables and profiles: the numbers of a fit too: of a model such as "
     "'lambert + ggx(eta=1.5)', of the model of a fit's file, or of a selected one",
     "--uncertainty NAME=U,...": "standard uncertainties of single terms, such as 'gain=0.5 %%, tilt=0.05 deg "
     "rectangular, theta_i=0.02 deg dof 12'; they go before those of --instrument and of the table",
     "--geometry G,...": "more reflectance factors, at theta_i:theta_o or theta_i:theta_o:delta_phi in degrees, such "
     "as 30:30:180 (the mirror direction); angles beyond 90 are behind the sample, such as 0:180 (straight through)",
     "--only GROUP,...": "groups to print, with the geometry that is integrated: albedo, reflectance, transmission, "
-    "gloss, colour, multi-angle, scatter, retroreflection, 'remote sensing', 'scatter law', or all",
+    "gloss, colour, multi-angle, scatter, retroreflection, 'remote sensing', 'scatter law', subsurface, or all",
     "--feature-width ANGLE": {
         "type": float,
         "default": 0.0,
@@ -73,7 +73,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "uncertainty (k = 2) by the stored noise, the covariance of a fit and the bound of the integral, and undecided "
         "where the data do not reach; with --budget where it comes from."
     )
-    parser.add_argument("subject", metavar="FILE|MATERIAL", help="a table, a material's name, or an expression")
+    what = "a table, a profile, a material's name, or an expression"
+    parser.add_argument("subject", metavar="FILE|MATERIAL", help=what)
     add_options(parser.add_argument, OPTIONS | DESCRIPTION | READING | MERL | FORCE)
 
 

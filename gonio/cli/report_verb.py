@@ -13,7 +13,7 @@ OPTIONS: Options = {
     "--fit FIT.toml": {
         "action": "append",
         "default": [],
-        "help": "a fitted material, for the table that it names; several are shown side by side",
+        "help": "a fitted material, for the table or profile that it names; several are shown side by side",
     },
     "--against FILE|MATERIAL": "the truth, if known: agreement with it is judged too",
     "--chart FOLDER": "charts that back the settings: what 'gonio chart -o' wrote",
@@ -26,9 +26,9 @@ OPTIONS: Options = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     subjects = (
-        "tables or materials: files, names or expressions; fitted materials of a table among them are shown with "
+        "tables, profiles or materials: files, names or expressions; fitted materials of one among them are shown with "
     )
-    subjects += "that table, side by side"
+    subjects += "it, side by side"
     parser.add_argument("subjects", nargs="+", metavar="FILE", help=subjects)
     add_options(parser.add_argument, OPTIONS | READING | FORCE)
 

@@ -125,7 +125,11 @@ def draw_dots(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
     # As one path of strokes without length and with round ends: an element for each mark is most of a page's weight.
     shown = np.isfinite(x) & np.isfinite(y)
     points = np.repeat(np.stack([x[shown], y[shown]], axis=-1), 2, axis=0)
-    points[1::2, 0] += 2e-4 * np.ptp(ax.get_xlim())  # nothing at all is drawn of no length in a raster
+    low, high = ax.get_xlim()  # nothing at all is drawn of no length in a raster
+    if ax.get_xscale() == "log":
+        points[1::2, 0] *= (high / low) ** 2e-4
+    else:
+        points[1::2, 0] += 2e-4 * (high - low)
     # Snapped to pixels, most strokes would have no length at all, and a raster would not show them.
     size = 2.9 if shown.sum() > FEW_DOTS else 4.4
     _strokes(ax, points, ec=colour, lw=size, capstyle="round", snap=False)

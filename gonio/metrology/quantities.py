@@ -12,11 +12,14 @@ import numpy as np
 
 from gonio.data.channels import Channels
 from gonio.data.material import Material
+from gonio.data.profile import Profile
+from gonio.data.profile_files import profile_of
 from gonio.data.serialise import finite
 from gonio.data.subject import Subject, SubjectLike, load_material, resolve_subject
 from gonio.data.table import Table
 from gonio.fitting.fit_table import fit
 from gonio.fitting.result import FitResult
+from gonio.fitting.subsurface.result import ProfileFit
 from gonio.instrument.instrument import Instrument
 from gonio.metrology.budget import Budget, joined
 from gonio.metrology.effects import Readings
@@ -26,6 +29,7 @@ from gonio.metrology.measurands import ALBEDO, BHR, UNIFORM, WHITE_SKY, TableMea
 from gonio.metrology.model_quantities import model_quantities
 from gonio.metrology.monte_carlo import Simulation, require_draws, simulated
 from gonio.metrology.polished_quantities import polished_quantities
+from gonio.metrology.profile_quantities import fit_of_profile, profile_quantities, quantities_of_fits
 from gonio.metrology.quantity import Quantity, to_row
 from gonio.metrology.sources import sources_of
 from gonio.metrology.standards import scatter_law
@@ -34,6 +38,7 @@ from gonio.metrology.standards.colour import ILLUMINANTS, LAB, Reference, Viewin
 from gonio.metrology.standards.evaluation import Undecided
 from gonio.metrology.standards.of_models import of_model
 from gonio.metrology.standards.reflectance import PORT
+from gonio.metrology.subsurface_quantities import subsurface_quantities
 from gonio.metrology.table_budget import table_budget
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import settings_of
@@ -42,7 +47,7 @@ from gonio.models.errors import GonioError
 from gonio.models.geometry.sides import FRONT, Hemispheres
 
 MOST_SHOWN = 8
-FitLike = FitResult | Material | str | os.PathLike[str]
+FitLike = FitResult | ProfileFit | Material | str | os.PathLike[str]
 
 
 class QuantitiesOptions(TypedDict, total=False):
@@ -115,7 +120,7 @@ class QuantitiesSettings:
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Quantities(Displayed):
-    """The quantities of a subject (`kind`: table or model), their budget if it was asked for, and remarks.
+    """The quantities of a subject (`kind`: table, profile or model), their budget if it was asked for, and remarks.
 
     `undecided`: what standards name and the data do not reach, with the reasons.
     """
@@ -159,12 +164,12 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
     """Albedos and reflectance factors of a material or a table, and where their uncertainty comes from.
 
     Args:
-        subject: any subject (see `gonio.data.subject.SubjectLike`).
+        subject: any subject (see `gonio.data.subject.SubjectLike`), or a profile of light below a surface.
         budget: tables only: each source's contribution to every quantity, in the form of the GUM; what is neither
             stored nor stated is listed as not known.
         fit: tables only: the numbers and albedos of a fit too, and its slopes for what errors of the angles do. A fit
             result of this table, a model as `gonio.fit` takes it, "auto", or a fitted material or its file, whose model
-            is fitted again.
+            is fitted again. Of a profile a fit's coefficients, lengths and edge loss.
         instrument: the real instrument with its stated uncertainties; they go before what the table stores.
         uncertainty: uncertainties of single terms, such as {"gain": "0.5 %", "tilt": "0.05 deg rectangular dof 12"};
             they go before the instrument's.
@@ -190,6 +195,9 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
             unknown.
     """
     settings = settings_of(QuantitiesSettings, "quantities", options)
+    if (profile := profile_of(subject)) is not None:
+        settings.wanted()
+        return _of_profile(profile, settings)
     return _quantities(resolve_subject(subject), settings, settings.wanted())
 
 
@@ -228,6 +236,24 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
     return Quantities(name, "table", rows, budget, notes, fitted, undecided)
 
 
+def _of_profile(profile: Profile, settings: QuantitiesSettings) -> Quantities:
+    """Those of a profile by its readings, and by a fit of it."""
+    given = {"budget": settings.budget, "geometries": settings.geometries, "against": settings.against}
+    if wrong := [name for name, value in given.items() if value]:
+        raise GonioError(f"a profile of light below a surface has no {wrong[0]}; leave it out")
+    rows, undecided = profile_quantities(profile)
+    fits = [] if settings.fit is None else [fit_of_profile(profile, settings.fit)]
+    notes = [*profile.provenance.get("warnings", [])]
+    if not fits:
+        notes.append(
+            "σa, σs′ and the edge loss are of a fit: give --fit auto, a model such as 'dipole(eta=1.5)', or FIT.toml."
+        )
+    for material in fits:
+        notes += _numbers_of_fit(material)[1]
+    name = settings.name or profile.name or "profile"
+    return Quantities(name, "profile", rows + quantities_of_fits(profile, fits), None, notes, None, undecided)
+
+
 def _of_uncertainties(table: Table, settings: QuantitiesSettings) -> list[str]:
     """What the uncertainties do not hold, of readings that no simulated instrument made."""
     if settings.budget or "instrument" in table.provenance:
@@ -258,6 +284,7 @@ def _of_model(material: Material, name: str, settings: QuantitiesSettings, wante
     named, undecided = of_model(material, entries, numbers)
     laws = _laws(material.brdf, material.channels, wanted)
     rows = model_quantities(material, settings.geometries, numbers) + polished_quantities(material) + named + laws[0]
+    rows += subsurface_quantities(material, numbers)
     return Quantities(name, "model", rows, notes=notes + remarks, undecided=undecided + laws[1])
 
 

@@ -101,8 +101,9 @@ def report(
     Beside the page (OUT.html) stands OUT.json with every value on it. Nothing is written before all is made.
 
     Args:
-        subjects: tables, materials, models, fit results, or what names them (files, reference materials, expressions);
-            one of them or a sequence. A fitted material that names a table among them is a fit of that.
+        subjects: tables, profiles, materials, models, fit results, or what names them (files, reference materials,
+            expressions); one of them or a sequence. A fitted material that names a table or a profile among them is a
+            fit of that.
         output: the page; None returns its text.
         fits: fit results, or fitted materials and their files; each goes to the table that it names, which may have
             several.
@@ -135,6 +136,8 @@ def report(
         require_mitsuba()
     of_page, fits = split_fits(given)
     shown = [subject_of(g, number) for number, g in enumerate(of_page)]
+    if settings.render and all(s.profile is not None for s in shown):
+        raise GonioError("a profile of light below a surface has no sphere to render; leave that out")
     assign_fits(shown, [fit_of(f) for f in (*settings.fits, *fits)])
     distinguish_names(shown)
     progress = _Progress(len(shown), settings.log)
@@ -188,6 +191,9 @@ def _certify(
             s.certificate = given
         elif settings.check and not s.empty:
             step("checking", s)
+            if s.profile is not None:
+                s.certificate = check(s.profile, name=s.name)
+                continue
             given = s.material if s.table is None else s.table
             s.certificate = check(given, against=settings.against, name=s.name, model=s.fitted_model)
 

@@ -7,7 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from gonio.data.flags import Flag
 from gonio.data.material import Material
+from gonio.data.profile import Profile
 from gonio.data.serialise import plain
 from gonio.figures.sampling import LEAST_KNOWN
 from gonio.fitting.judgement import judge_fit
@@ -20,6 +24,7 @@ from gonio.reports import (
     check_figures,
     fit_figures,
     lobe_figures,
+    profile_figures,
     quantities_section,
     reading_figures,
     render_figures,
@@ -63,14 +68,16 @@ def assemble(
     evaluated = []
     for s in subjects:
         step("evaluating", s)
-        evaluated.append((s, None if s.empty else evaluate_subject(s)))
+        evaluated.append((s, None if s.empty or s.profile is not None else evaluate_subject(s)))
     drawable = [(s, e) for s, e in evaluated if e is not None]
     compared = _named("all", check_figures.comparison_figures(drawable))
     sections, figures = [], dict(compared)
     for s, e in evaluated:
         step("drawing", s)
         fits = fit_facts(s)
-        made = {} if e is None else _named(s.anchor, _figures(s, e, fits))
+        made = _named(s.anchor, profile_figures.figures(s)) | (
+            {} if e is None else _named(s.anchor, _figures(s, e, fits))
+        )
         if render and e is not None:
             step("rendering", s)
             made |= _named(s.anchor, render_figures.figures(s))
@@ -93,6 +100,8 @@ def assemble(
 
 def _notes(s: ReportSubject, e: Evaluation | None) -> list[str]:
     """What the readings are suspected of, and how they are interpolated; where a model leaves what it is made for."""
+    if s.profile is not None:
+        return list(s.profile.provenance.get("warnings", []))
     if s.table is None:
         return list(s.model.validity_notes)
     behind = ["All light came from behind the sample; lobes are shown of light from the front alone."]
@@ -111,7 +120,8 @@ def _section(s: ReportSubject, e: Evaluation | None, fits: list[dict[str, Any]])
     return {
         "anchor": s.anchor,
         "name": s.name,
-        "kind": "model" if s.table is None else "table",
+        "kind": s.kind,
+        "subsurface": s.below_surface,
         "colour": s.look.colour,
         "dash": list(s.look.lengths),
         "channels": list(s.channels.names),
@@ -172,6 +182,8 @@ def facts(s: ReportSubject) -> list[dict[str, Any]]:
     names = s.channels.names
     listed = ", ".join(names[:NAMES_LISTED]) + (", …" if len(names) > NAMES_LISTED else "")
     channels = {"name": "channels", "value": len(names), "note": listed}
+    if s.profile is not None:
+        return _profile_facts(s.profile, channels)
     if s.table is None:
         return [{"name": "model", "value": expression(s), "code": True}, channels]
     counts = s.table.counts()
@@ -189,6 +201,19 @@ def facts(s: ReportSubject) -> list[dict[str, Any]]:
         rows.append({"name": f"{what} solid angle", "value": value} | ({"unit": "sr"} if sr else {}))
     rows.append({"name": "uncertainties stored", "value": "no" if s.table.u_f is None else "yes"})
     return rows
+
+
+def _profile_facts(p: Profile, channels: dict[str, Any]) -> list[dict[str, Any]]:
+    known = p.facts()
+    rows = [{"name": "offsets", "value": known["offsets"]}, channels]
+    for what, radius in (("lit", p.illuminated_radius), ("viewed", p.viewed_radius)):
+        value = {"value": "a point"} if radius == 0 else {"value": float(radius), "unit": "mm"}
+        rows.append({"name": f"radius of the {what} spot", **value})
+    negative = int(np.count_nonzero(p.valid & (p.value < 0)))
+    rows += [{"name": "valid readings", "value": int(p.valid.sum())}, {"name": "negative readings", "value": negative}]
+    flags = {name: int(np.count_nonzero(p.flag == flag)) for name, flag in Flag.__members__.items()}
+    rows += [{"name": n.lower().replace("_", " "), "value": k} for n, k in flags.items() if k and n != "VALID"]
+    return [*rows, {"name": "uncertainty", "value": known["uncertainty"]}]
 
 
 def expression(s: ReportSubject) -> str:
@@ -224,11 +249,12 @@ def provenance(s: ReportSubject) -> list[dict[str, str]]:
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         rows.append({"name": "SHA-256", "value": digest, "code": True})
-    if s.table is None:
+    stored = s.profile or s.table
+    if stored is None:
         if s.material and s.material.source:
             rows.append({"name": "source", "value": s.material.source})
         return rows
-    for key, value in s.table.provenance.items():
+    for key, value in stored.provenance.items():
         text = _as_text(plain(value))
         rows.append({"name": str(key), "value": text if len(text) <= MOST_TEXT else text[:MOST_TEXT] + " …"})
     return rows
@@ -245,7 +271,10 @@ def _as_text(value: Any) -> str:
 def sentence(s: ReportSubject, rows: list[dict]) -> str:
     """The first sentences of a subject's section."""
     sentences = []
-    if s.table is not None:
+    if s.profile is not None:
+        known = s.profile.facts()
+        sentences.append(f"R, light that leaves beside a lit spot, by the distance: {known['readings']} readings.")
+    elif s.table is not None:
         value = {r["name"]: r["value"] for r in rows}
         channels = f"{value['channels']} channel{'s' * (value['channels'] > 1)}"
         if not value["valid readings"]:

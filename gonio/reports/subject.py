@@ -1,25 +1,29 @@
-"""Subjects of a report: tables and models, with their fits and their certificates."""
+"""Subjects of a report: tables, profiles and models, with their fits and their certificates."""
 
 import dataclasses
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from gonio.checks.certificate import Certificate
 from gonio.data.material import Material
-from gonio.data.subject import SubjectLike, load_material, resolve_subject
+from gonio.data.profile import Profile
+from gonio.data.profile_files import profile_of
+from gonio.data.subject import Subject, SubjectLike, load_material, resolve_subject
 from gonio.data.table import Channels, Table
 from gonio.figures.style import LineStyle, colour_of
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import channel_count
 from gonio.models.expression.parser import parse, with_defaults
+from gonio.models.subsurface.wide_spots import WideSpots
 
 LONGEST = 40
 
 
 @dataclasses.dataclass
 class ReportSubject:
-    """A table or a model in a report, with its fit, its certificate, and its place in colour."""
+    """A table, a profile or a model in a report, with its fit, its certificate, and its place in colour."""
 
     name: str
     channels: Channels
@@ -31,6 +35,18 @@ class ReportSubject:
     fits: list[Material] = dataclasses.field(default_factory=list)
     """The materials that were fitted to the table."""
     certificate: Certificate | None = None
+    profile: Profile | None = None
+    """Of light below a surface; then there is neither a table nor a material."""
+
+    @property
+    def kind(self) -> str:
+        """What it is: table, profile or model."""
+        return "profile" if self.profile is not None else "model" if self.table is None else "table"
+
+    @property
+    def below_surface(self) -> bool:
+        """Whether it is about light below a surface."""
+        return self.profile is not None or (self.material is not None and isinstance(self.material.brdf, WideSpots))
 
     @property
     def anchor(self) -> str:
@@ -50,7 +66,9 @@ class ReportSubject:
 
     @property
     def empty(self) -> bool:
-        """Whether it is a table without a valid reading."""
+        """Whether it is a table or a profile without a valid reading."""
+        if self.profile is not None:
+            return not self.profile.valid.any()
         return self.table is not None and self.table.counts()["valid"] == 0
 
     @property
@@ -91,9 +109,33 @@ class ReportSubject:
         return f"fit {number + 1}, {requested if len(requested) <= LONGEST else requested[: LONGEST - 1] + '…'}"
 
 
+@dataclasses.dataclass(frozen=True)
+class ProfileSubject:
+    """A profile that somebody gave, with its file."""
+
+    profile: Profile
+    file: str | None = None
+
+    @property
+    def name(self) -> str:
+        """What a person calls it."""
+        return self.profile.name or "profile"
+
+
+def resolved(given: SubjectLike) -> Subject | ProfileSubject:
+    """The profile, table or model that somebody gave. Raises GonioError as `resolve_subject` does."""
+    if isinstance(given, ProfileSubject):
+        return given
+    profile = profile_of(given)
+    file = os.fspath(given) if isinstance(given, str | os.PathLike) else None
+    return resolve_subject(given) if profile is None else ProfileSubject(profile, file)
+
+
 def subject_of(given: SubjectLike, number: int) -> ReportSubject:
-    """The report's subject of what `resolve_subject` takes. Raises GonioError as that does."""
-    s = resolve_subject(given)
+    """The report's subject of a profile, or of what `resolve_subject` takes. Raises GonioError as that does."""
+    s = resolved(given)
+    if isinstance(s, ProfileSubject):
+        return ReportSubject(s.name, s.profile.channels, None, None, s.file, number, profile=s.profile)
     return ReportSubject(s.name, s.channels, s.table, s.material, s.file, number)
 
 
@@ -116,12 +158,13 @@ def fit_of(given: SubjectLike) -> Material:
 
 
 def split_fits(given: Sequence[SubjectLike]) -> tuple[list[SubjectLike], list[SubjectLike]]:
-    """(subjects, fits of tables among them): a fitted material that names a table of the list is a fit of that."""
-    resolved = [resolve_subject(g) for g in given]
-    tables = {s.name for s in resolved if s.table is not None}
-    of_table = [s.material is not None and _table_name(s.material) in tables for s in resolved]
-    subjects = [s for s, is_fit in zip(resolved, of_table, strict=True) if not is_fit]
-    return subjects, [s for s, is_fit in zip(resolved, of_table, strict=True) if is_fit]
+    """(subjects, fits of readings among them): a fitted material that names a table or a profile of the list is a fit
+    of that."""
+    every = [resolved(g) for g in given]
+    tables = {s.name for s in every if isinstance(s, ProfileSubject) or s.table is not None}
+    of_table = [isinstance(s, Subject) and s.material is not None and _table_name(s.material) in tables for s in every]
+    subjects = [s for s, is_fit in zip(every, of_table, strict=True) if not is_fit]
+    return subjects, [s for s, is_fit in zip(every, of_table, strict=True) if is_fit]
 
 
 def assign_fits(subjects: Sequence[ReportSubject], fits: Sequence[Material]) -> None:
@@ -129,7 +172,7 @@ def assign_fits(subjects: Sequence[ReportSubject], fits: Sequence[Material]) -> 
 
     Raises GonioError where a fit is of another table or of other channels, and where one finds no table.
     """
-    tables = [s for s in subjects if s.table is not None]
+    tables = [s for s in subjects if s.kind != "model"]
     if fits and not tables:
         raise GonioError(f"{len(fits)} fits came for no table; give the table that they are of.")
     # Those that name a table of the page first, so that none of it is taken.
@@ -138,7 +181,7 @@ def assign_fits(subjects: Sequence[ReportSubject], fits: Sequence[Material]) -> 
         named = [s for s in tables if s.name == name]
         if not named and name:
             names = ", ".join(s.name for s in tables)
-            raise GonioError(f"The fit is of the table '{name}', not of {names}; give the fit of that table.")
+            raise GonioError(f"The fit is of '{name}', not of {names}; give the fit of that {tables[0].kind}.")
         free = [s for s in named or tables if not s.fits]
         if not free and not named:
             raise GonioError(f"{len(fits)} fits came for {len(tables)} tables, and {fit.name} names none of them.")
@@ -147,6 +190,11 @@ def assign_fits(subjects: Sequence[ReportSubject], fits: Sequence[Material]) -> 
         if count not in (None, len(table.channels)):
             counts = f"The fit has {count} channels and {table.name} has {len(table.channels)}"
             raise GonioError(f"{counts}; give the fit of that table.")
+        if isinstance(fit.brdf, WideSpots) != (table.profile is not None):
+            of = "light below a surface" if table.profile is None else "a BRDF"
+            raise GonioError(
+                f"The fit is of {of}, and {table.name} is a {table.kind}; give the fit of that {table.kind}."
+            )
         table.fits.append(fit)
 
 

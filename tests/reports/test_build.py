@@ -220,7 +220,7 @@ def test_fits_find_their_tables(fitted):
     _, result = fitted
     with pytest.raises(GonioError, match="1 fits came for no table"):
         gonio.report(["lambert(rho=0.5)"], fits=[result], check=False)
-    with pytest.raises(GonioError, match="of the table 'paint', not of other"):
+    with pytest.raises(GonioError, match="is of 'paint', not of other"):
         gonio.report([flat_table(name="other")], fits=[result], check=False)
     with pytest.raises(GonioError, match="3 channels and paint has 1"):
         gonio.report([flat_table(name="paint")], fits=[result], check=False)

@@ -1,5 +1,6 @@
 """A profile as CSV: offset_mm, then R (1/mm²) and perhaps u_R, or R_NAME and u_R_NAME of each channel.
 
+# name = marble
 # illuminated_radius_mm = 0.5
 # viewed_radius_mm = 0.5
 offset_mm,R_450 nm,u_R_450 nm
@@ -73,8 +74,11 @@ def _profile(path: str | os.PathLike[str], comments: list[str], columns: dict[st
     channels = [name[2:] for name in values]
     lengths = [re.fullmatch(r"(\d+(?:\.\d+)?) ?nm", name) for name in channels]
     radii = dict.fromkeys(RADII, 0.0)
+    title = stem(path)
     for comment in comments:
         name, equals, text = (piece.strip() for piece in comment.partition("="))
+        if name == "name" and text:
+            title = text
         if name in radii and equals:
             try:
                 radii[name] = float(text)
@@ -88,7 +92,7 @@ def _profile(path: str | os.PathLike[str], comments: list[str], columns: dict[st
         )  # fmt: skip
         flag = np.where(np.isfinite(value), np.uint8(Flag.VALID), np.uint8(Flag.NOT_MEASURED))
         return Profile(
-            columns[OFFSET], value, u, flag, known, radii[RADII[0]], radii[RADII[1]], {"source": "CSV"}, stem(path)
+            columns[OFFSET], value, u, flag, known, radii[RADII[0]], radii[RADII[1]], {"source": "CSV"}, title
         )
     except GonioError as error:
         raise GonioError(f"{path}: {error}") from None
@@ -100,6 +104,8 @@ def write_profile(path: str | os.PathLike[str], profile: Profile, force: bool = 
     suffixes = [""] if len(names) == 1 and profile.channels.wavelengths_nm is None else [f"_{name}" for name in names]
     header = [OFFSET, *(f"{kind}R{suffix}" for suffix in suffixes for kind in ("", "u_"))]
     with new_file(path, force) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        if profile.name.isprintable() and profile.name.strip():
+            file.write(f"# name = {profile.name}\n")
         for name, radius in zip(RADII, (profile.illuminated_radius, profile.viewed_radius), strict=True):
             file.write(f"# {name} = {radius!r}\n")
         table = csv.writer(file, lineterminator="\n")

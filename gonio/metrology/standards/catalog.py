@@ -15,9 +15,9 @@ from gonio.models.errors import GonioError, nearest
 BASIC = "albedo"
 GROUPS = (
     BASIC, "reflectance", "transmission", "gloss", "colour", "multi-angle", "scatter", "retroreflection",
-    "remote sensing", "scatter law",
+    "remote sensing", "scatter law", "subsurface",
 )  # fmt: skip
-"""`BASIC` and what else is no entry here (fits, scatter laws) are always there, or computed beside them."""
+"""`BASIC` and what is no entry here (fits, scatter laws, light below a surface) are always there, or made elsewhere."""
 
 
 COLOURED = ("45°a:0°", "8°:di", "8°:de")

@@ -66,6 +66,14 @@ VERBS = {
     "to blender": "convert lambert(rho=0.5) OUT.py --to blender",
     "quantities json": "quantities in/t.h5 --json OUT.json",
     "measure adaptive": "measure lambert(rho=0.5) --adaptive --budget 10min -o OUT.h5",
+    "plan": "plan in/t.h5 -m lambert --budget 10min -o OUT.csv",
+    "plan energy": "plan in/t.h5 --for energy -o OUT.csv",
+    "to materialx": "convert lambert(rho=0.5) OUT.mtlx --to materialx",
+    "to radiance": "convert lambert(rho=0.5) OUT.xml --to radiance",
+    "report render": "report lambert(rho=0.5) -o OUT.html --no-check --render",
+    "measure profile": "measure marble --scan offsets -o OUT.h5",
+    "fit profile": "fit in/p.csv -m dipole(eta=1.5) -o OUT.toml",
+    "quantities of a profile": "quantities in/p.csv --json OUT.json",
     "measure rgl": "measure lambert(rho=0.5) --scan rgl -o OUT.h5",
 }
 """By what they write; the inputs lie in the folder in/, OUT stands for the output without its ending."""
@@ -74,7 +82,14 @@ FOLDERS = (
     "demo -o OUT",
     "chart evaluation --quick -o OUT",
     "stress ggx -o OUT",
+    "campaign in/r.toml --workers 0 -o OUT",
 )
+RECIPE = """gonio_campaign = 1
+[[measure]]
+materials = ["lambert(rho=0.5)"]
+scans = [{step = 30}]
+fit = ["lambert"]
+"""
 SCENE = "gonio_scene = 1\ntolerance = 0.2\n[[light]]\ntheta = 30\n[[view]]\ntheta = [0, 80]\n"
 
 
@@ -85,6 +100,8 @@ def inputs(folder: pathlib.Path) -> None:
     grey_table(0.3, 30.0, 90.0).save(folder / "in/c.csv")
     (folder / "in/d.csv").write_text("theta_i,phi_i,theta_o,phi_o\n10,0,20,0\n")
     (folder / "in/s.toml").write_text(SCENE)
+    (folder / "in/r.toml").write_text(RECIPE)
+    (folder / "in/p.csv").write_text("offset_mm,R\n" + "".join(f"{r},{0.1 / (r + r**3)}\n" for r in (0.5, 1, 2, 4)))
 
 
 Setup = Callable[[pathlib.Path, str], str]

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax
 import numpy as np
 import pytest
 
@@ -62,6 +63,16 @@ def test_a_model_that_does_not_follow_an_exact_profile_is_not_called_good():
     assert fit_profile(profile, MODEL).judgement.verdict == "good"
 
 
+@pytest.mark.parametrize("precision", [True, False])
+def test_readings_that_the_model_cannot_follow_have_an_optimum_too(exact, precision):
+    """Residuals of a fifth of the readings, where steps as long as the linear model says never settle."""
+    distance = np.abs(OFFSETS)[:, None] + 0.3
+    power_law = dataclasses.replace(exact, value=0.1 / (distance + distance**3), u=np.full_like(exact.u, np.nan))
+    with jax.enable_x64(precision):
+        fit = fit_profile(power_law, MODEL)
+    assert fit.converged and fit.metrics["relative_rms"] > 0.05
+
+
 def test_what_readings_leave_open_is_named(exact):
     same = dataclasses.replace(exact, offsets=1 + 1e-9 * np.abs(OFFSETS), value=0 * exact.value + 0.01)
     fit = fit_profile(same, MODEL)
@@ -82,6 +93,26 @@ def test_a_fitted_material_is_written_and_read(exact, tmp_path):
     assert numbers(fit).keys() == {"sigma_s"}
     read = gonio.material(fit.save(tmp_path / "fit.toml"))
     assert read.expression == fit.material.expression and read.meta["fit"]["converged"]
+
+
+def test_quantities_of_a_fit_have_the_uncertainty_by_its_covariance(exact, tmp_path):
+    """By the two numbers that the file keeps: against a Monte Carlo of their normal law, in σs' and σa themselves."""
+    fit = fit_profile(with_noise(exact, np.random.default_rng(3)), MODEL)
+    fit.save(tmp_path / "fit.toml")
+    of_fit = {q.name: q for q in gonio.quantities(str(tmp_path / "fit.toml"), only=["subsurface"]).quantities}
+    known = fit.covariance_by_channel[0]
+    assert known["numbers"] == [0, 1]
+    draws = np.random.default_rng(0).multivariate_normal(
+        [p.value for p in numbers(fit).values()], known["covariance"], 4000
+    )
+    for name, values in {
+        "absorption coefficient σa": draws[:, 0],
+        "transport mean free path": 1 / draws.sum(axis=1),
+        "diffusion length": 1 / np.sqrt(3 * draws[:, 0] * draws.sum(axis=1)),
+    }.items():
+        assert of_fit[name].u == pytest.approx(np.std(values), rel=0.06), name
+    for q in of_fit.values():
+        assert 0 < q.u < 0.05 * abs(q.value), q.name
 
 
 @pytest.mark.parametrize(
