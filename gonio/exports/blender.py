@@ -35,6 +35,10 @@ COAT = (
 )
 TRANSLUCENT = "Translucent"
 """Among the sockets of a description: the colour of a Translucent BSDF that is added."""
+WIDE = 0.25
+"""Width of lobes from which on it shows whether what bounces between facets is lost."""
+DISTRIBUTION = "distribution"
+"""Among the sockets of a description: the property of the node."""
 SOCKETS = {
     "base_color": "Base Color", "diffuse_roughness": "Diffuse Roughness", "specular_tint": "Specular Tint",
     "anisotropic": "Anisotropic", "ior": "IOR", "metallic": "Metallic", "coat_weight": "Coat Weight",
@@ -46,6 +50,7 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
     """A dielectric over a diffuser, a metal, and both under a coat; glass."""
     if sought.interface:
         return (glass(_glass, whole=True),)
+    wide = not sought.widths_known or sought.widths[-1:] > [WIDE]
     turns = (False,) if sought.isotropic else (False, True)
     smooth = {"alpha": 1.0, "ior": 1.0, "diffuse_roughness": 0.0}
     every = [fixed(_form("diffuse", (COLOUR, WIDTH, IOR, DIFFUSE_ROUGHNESS), False), "diffuse", smooth)]
@@ -60,6 +65,8 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
         }  # fmt: skip
         for name, numbers in bases.items():
             every.append(_form(name, numbers, turned))
+            if wide:
+                every.append(_form(f"{name} (distribution GGX)", numbers, turned, single=True))
         if sought.isotropic:
             every += [_form(f"{name} under a coat", (*bases[name], *COAT), False) for name in bases]
     if sought.transmits:
@@ -71,15 +78,22 @@ def _diffusing(form: Form) -> Callable[[Values], dict[str, Any]]:
     return lambda v: form.describe(v) | {TRANSLUCENT: [*np.broadcast_to(v["through"], (3,)).tolist(), 1.0]}
 
 
-def _form(name: str, numbers: tuple[Number, ...], turned: bool) -> Form:
+def _form(name: str, numbers: tuple[Number, ...], turned: bool, single: bool = False) -> Form:
     def f(v: Values, pairs: Pairs) -> np.ndarray:
-        return surface(v, pairs, turned)
+        return surface(v, pairs, turned, single)
 
-    return Form(name, numbers, f, lambda v: description(v, turned))
+    return Form(name, numbers, f, lambda v: description(v, turned, single))
 
 
-def surface(v: Values, pairs: Pairs, turned: bool = False) -> np.ndarray:
-    """f of the node; wo is the view. `turned`: the wide axis is y."""
+def surface(v: Values, pairs: Pairs, turned: bool = False, single: bool = False) -> np.ndarray:
+    """f of the node; wo is the view.
+
+    Args:
+        v: the numbers.
+        pairs: of directions, in front.
+        turned: whether the wide axis is y.
+        single: whether what bounces between facets is lost, but for the coat: the node's distribution is "GGX".
+    """
     f, throughput = np.zeros((pairs.wi.z.size, 1)), np.ones(1)
     if "coat_weight" in v:
         reflected, albedo = _dielectric(pairs, (v["coat_alpha"], v["coat_alpha"]), float(v["coat_ior"]), np.ones(1))
@@ -91,11 +105,12 @@ def surface(v: Values, pairs: Pairs, turned: bool = False) -> np.ndarray:
     tint = v.get("specular_tint", np.ones(1))
     if metallic > 0:
         average = f82_average(v["base_color"], tint)
-        metal = f82(pairs.cos_d, v["base_color"], tint) * ggx_facets(pairs, *alphas) * _gain(pairs, alphas, average)
+        metal = f82(pairs.cos_d, v["base_color"], tint) * ggx_facets(pairs, *alphas)
+        metal = metal * (1.0 if single else _gain(pairs, alphas, average))
         f = f + throughput * metallic * metal
     if metallic < 1:
         throughput = throughput * (1.0 - metallic)
-        reflected, albedo = _dielectric(pairs, alphas, float(v["ior"]), tint)
+        reflected, albedo = _dielectric(pairs, alphas, float(v["ior"]), tint, single)
         below = throughput * (1.0 - albedo.max(axis=1, keepdims=True))
         # Cycles has the colour once more in what the diffuser scatters more than once
         f = f + throughput * reflected + below * eon(pairs, v["base_color"], v["diffuse_roughness"], v["base_color"])
@@ -110,7 +125,9 @@ def _gain(pairs: Pairs, alphas: tuple[Any, Any], average: Any) -> np.ndarray:
     return 1.0 + several * (1.0 - white) / white
 
 
-def _dielectric(pairs: Pairs, alphas: tuple[Any, Any], eta: float, tint: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _dielectric(
+    pairs: Pairs, alphas: tuple[Any, Any], eta: float, tint: np.ndarray, single: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """(f of the interface, its albedo at the view); a tint multiplies the reflectance at normal incidence alone."""
     f0 = f0_of(eta)
     if eta <= 1.0 + 1e-9:
@@ -119,7 +136,7 @@ def _dielectric(pairs: Pairs, alphas: tuple[Any, Any], eta: float, tint: np.ndar
     def tinted(real: Any) -> np.ndarray:
         return f0 * tint + (1.0 - f0 * tint) * (real - f0) / (1.0 - f0)
 
-    gain = _gain(pairs, alphas, tinted(dielectric_average(np.asarray(eta))))
+    gain = np.ones(1) if single else _gain(pairs, alphas, tinted(dielectric_average(np.asarray(eta))))
     alpha = float(np.sqrt(alphas[0] * alphas[1]))
     darkening = gain * column(ggx_albedos(pairs.wo.z, alpha)[0])
     albedo = tinted(column(dielectric_share(pairs.wo.z, alpha, eta))) * darkening
@@ -131,8 +148,8 @@ def _glass(v: Values) -> dict[str, Any]:
     return {"Metallic": 0.0, "Base Color": [1.0] * 4, "Transmission Weight": 1.0, **rough}
 
 
-def description(v: Values, turned: bool = False) -> dict[str, Any]:
-    """Values of the node's sockets, by their names."""
+def description(v: Values, turned: bool = False, single: bool = False) -> dict[str, Any]:
+    """Values of the node's sockets, by their names, and its distribution where that is not MULTI_GGX."""
     sockets: dict[str, Any] = {"Metallic": 0.0 if "ior" in v else 1.0, "Roughness": float(np.sqrt(v["alpha"]))}
     for name, value in v.items():
         if name in SOCKETS:
@@ -140,4 +157,5 @@ def description(v: Values, turned: bool = False) -> dict[str, Any]:
             sockets[SOCKETS[name]] = [*np.broadcast_to(value, (3,)).tolist(), 1.0] if colour else float(value)
     if "coat_alpha" in v:
         sockets["Coat Roughness"] = float(np.sqrt(v["coat_alpha"]))
+    sockets |= {DISTRIBUTION: "GGX"} if single else {}
     return sockets | ({"Anisotropic Rotation": 0.25} if turned else {})

@@ -28,7 +28,7 @@ def build():
     output = nodes.new("ShaderNodeOutputMaterial")
     node = nodes.new("ShaderNodeBsdfPrincipled")
     node.location = (-300, 0)
-    node.distribution = "MULTI_GGX"
+    node.distribution = "{distribution}"
     for name, value in SOCKETS.items():
         if name in node.inputs:  # Blender before 4.3 has no diffuse roughness
             node.inputs[name].default_value = value
@@ -70,8 +70,10 @@ def blender_file(description: dict[str, Any], about: About, suffix: str) -> byte
     """The text of the script; what comes from a user's file stands in it as literals only."""
     comment = "\n".join(about.lines).replace("\\", "/").replace('"""', "'''").rstrip('"')
     facts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in about.facts.items()}
-    rounded = {k: [round(x, 8) for x in v] if isinstance(v, list) else round(v, 8) for k, v in description.items()}
+    sockets = {k: v for k, v in description.items() if k != "distribution"}
+    rounded = {k: [round(x, 8) for x in v] if isinstance(v, list) else round(v, 8) for k, v in sockets.items()}
     translucent = rounded.pop("Translucent", None)
     sockets = pprint.pformat(rounded, width=100, sort_dicts=False)
     texts = {"comment": comment, "name": about.name, "sockets": sockets, "translucent": translucent}
+    texts["distribution"] = description.get("distribution", "MULTI_GGX")
     return SCRIPT.format(**texts, facts=repr(facts)).encode()
