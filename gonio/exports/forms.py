@@ -11,7 +11,7 @@ from gonio.data.channels import Channels
 from gonio.data.material import Material
 from gonio.exports.pairs import Pairs, polar_pairs
 from gonio.figures.spectral_colour import channel_colour
-from gonio.models.brdf import AbstractBRDF, Scaled
+from gonio.models.brdf import AbstractBRDF, Scaled, terms
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import Direction
@@ -169,8 +169,18 @@ def appearance_of(material: Material) -> Appearance:
 
 
 def base_terms(brdf: AbstractBRDF) -> list[tuple[np.ndarray, AbstractBRDF]]:
-    """(scale, model) of each term of a sum."""
-    return [(np.asarray(t.scale), t.base) if isinstance(t, Scaled) else (np.ones(()), t) for t in brdf.terms()]
+    """(scale, model) of each term of a sum, of a composite each of its own; an interface is one."""
+    split = [_scaled(part) for part in terms(brdf)]
+    parts = [
+        (scale * inner, base)
+        for scale, model in split
+        for inner, base in ([(1.0, model)] if isinstance(model, RoughDielectric) else map(_scaled, model.terms()))
+    ]
+    return [(np.asarray(scale), base) for scale, base in parts]
+
+
+def _scaled(term: AbstractBRDF) -> tuple[np.ndarray, AbstractBRDF]:
+    return (np.asarray(term.scale), term.base) if isinstance(term, Scaled) else (np.ones(()), term)
 
 
 def plain(channels: Channels) -> bool:

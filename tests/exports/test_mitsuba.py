@@ -25,8 +25,8 @@ def variant():
     mi.set_variant("scalar_rgb")
 
 
-def client_f(bsdf: "mi.BSDF", pairs: Pairs, through: bool = False) -> np.ndarray:
-    """f (n, 3) of a BSDF of Mitsuba's; `through`: its values of light through the surface are over η² there."""
+def client_f(bsdf: "mi.BSDF", pairs: Pairs) -> np.ndarray:
+    """f (n, 3) of a BSDF of Mitsuba's."""
     context, si, values = mi.BSDFContext(), mi.SurfaceInteraction3f(), []
     for wi, wo in zip(np.stack(pairs.wi, axis=1), np.stack(pairs.wo, axis=1), strict=True):
         si.wi = mi.ScalarVector3f(*map(float, wi))
@@ -62,6 +62,18 @@ def test_what_mitsuba_has_is_written_as_it_is(tmp_path):
     assert_same(client_f(bsdf_of(mi.load_file(str(tmp_path / "sum.xml"))), pairs), expected)
     gonio.convert(expression, tmp_path / "sum.json", to="mitsuba")
     assert_same(client_f(mi.load_dict(json.loads((tmp_path / "sum.json").read_text())), pairs), expected)
+
+
+@pytest.mark.parametrize("kind", ["smith='separable'", "distribution='beckmann', smith='walter'"])
+def test_a_rough_interface_is_written_as_it_is(tmp_path, kind):
+    """What goes through is seen over η² there: a renderer follows light from the eye."""
+    expression, eta = f"rough_dielectric(alpha=0.3, eta=1.5, {kind})", 1.5
+    assert gonio.convert(expression, tmp_path / "glass.xml", to="mitsuba").exact
+    bsdf, pairs = bsdf_of(mi.load_file(str(tmp_path / "glass.xml"))), spread()
+    turned = Direction(-pairs.wo.x / eta, -pairs.wo.y / eta, -np.sqrt(1 - (1 - pairs.wo.z**2) / eta**2))
+    for side, seen in ((pairs, 1.0), (dataclasses.replace(pairs, wo=turned), eta**2)):
+        expected = evaluate(gonio.material(expression).brdf, side.wi, side.wo)
+        assert_same(seen * client_f(bsdf, side), np.asarray(expected)[:, None])
 
 
 def test_a_sheet_is_itself_from_either_side(tmp_path):
