@@ -18,8 +18,9 @@ import numpy as np
 from gonio.data.layouts import Layout
 from gonio.data.scene import Scene, load_scene
 from gonio.data.table import Channels
+from gonio.fitting.problem.page_program import compile_page_program
 from gonio.fitting.problem.parameterisation import Parameterisation, of_channel, parameters, snapped
-from gonio.fitting.problem.problem import FitProblem, compile_page_program
+from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import LOSSES, WEIGHTS, Readings, loss_floor, relative_sigma, residual_weights
 from gonio.fitting.refinement import Refinement, noise_of
 from gonio.fitting.solver.curvature import completed

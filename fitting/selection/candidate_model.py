@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from gonio.fitting.problem.normal_equations import NormalEquations, summed
 from gonio.fitting.problem.parameterisation import Domains, Parameters, domain_kind, parameters
-from gonio.fitting.problem.problem import NormalEquations, summed
 from gonio.fitting.problem.readings import transform, transformed, uses_cosine
 from gonio.fitting.selection.term_spec import Terms, TermSpec, expression_of, kernel_arguments
 from gonio.models.expression.builder import Frame, assemble

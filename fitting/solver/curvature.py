@@ -9,8 +9,8 @@ import dataclasses
 import numpy as np
 
 from gonio.fitting.problem.arrow import WHOLE, Arrow
+from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import Domains
-from gonio.fitting.problem.problem import NormalEquations
 from gonio.fitting.problem.readings import LANES
 from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, LeastSquares, minimise, stationarity
 

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.fitting.problem.disc_averages import STEPS, disc_rules, steps_of
+from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import Domains
-from gonio.fitting.problem.problem import FitProblem, NormalEquations
+from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import transform, uses_cosine
 from gonio.fitting.solver.levenberg_marquardt import stationarity
 from gonio.models.geometry.directions import Direction

@@ -20,8 +20,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from gonio.fitting.problem.arrow import WHOLE, Arrow, Sizes
+from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import Domains, Mapped, at_bounds, to_parameters, to_unconstrained
-from gonio.fitting.problem.problem import NormalEquations
 from gonio.fitting.problem.readings import LANES, AnyArray
 
 AIM = 1e-9  # the aim; a fit counts as stationary from 1e-6 on

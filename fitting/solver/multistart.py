@@ -12,8 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from gonio.fitting.problem.arrow import WHOLE, Arrow, joined
+from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import Domains, Parameterisation, evenly
-from gonio.fitting.problem.problem import FitProblem, NormalEquations
+from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import LANES, coarse_cells
 from gonio.fitting.solver.levenberg_marquardt import Descent, Stopping, eps, minimise
 

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from gonio.fitting.problem.arrow import Arrow
-from gonio.fitting.problem.problem import FitProblem, NormalEquations, weighted_residuals
+from gonio.fitting.problem.normal_equations import NormalEquations
+from gonio.fitting.problem.problem import FitProblem, weighted_residuals
 from gonio.fitting.problem.readings import Readings, evenly_spaced
 from gonio.fitting.residuals.noise_tests import noise_tests
 from gonio.fitting.residuals.pair_angles import neighbour_order

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.fitting.problem.problem import sensitivities
+from gonio.fitting.problem.lobes import sensitivities
 from gonio.fitting.problem.readings import Readings
 from gonio.fitting.solver.robust_weights import NORMAL_MAD
 from gonio.fitting.uncertainty.covariance import LOST, open_from

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.fitting.problem.arrow import WHOLE, Arrow
+from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import Domains
-from gonio.fitting.problem.problem import NormalEquations
 from gonio.fitting.uncertainty.covariance import (
     Covariance,
     CovarianceEstimate,

@@ -7,8 +7,9 @@ import numpy as np
 
 from gonio.data.table import Channels
 from gonio.fitting.problem.arrow import Arrow
+from gonio.fitting.problem.normal_equations import Evaluation
 from gonio.fitting.problem.parameterisation import Domains, Parameterisation, at_bounds
-from gonio.fitting.problem.problem import Evaluation, FitProblem
+from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import Readings
 from gonio.fitting.solver.disc_choice import DiscAverages
 from gonio.fitting.solver.levenberg_marquardt import EXACT, eps, is_exact, stationarity, stationary_limit

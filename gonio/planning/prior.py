@@ -11,8 +11,8 @@ from gonio.data.channels import Channels
 from gonio.data.material import Material
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.fitting.fit_table import fit
+from gonio.fitting.problem.lobes import sensitivities
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation, mapped, parameters, unmapped
-from gonio.fitting.problem.problem import sensitivities
 from gonio.fitting.result import FitResult
 from gonio.instrument.measurement import measure
 from gonio.models.brdf import AbstractBRDF

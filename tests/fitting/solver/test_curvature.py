@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gonio.fitting.problem.arrow import Arrow
+from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import LINEAR, Domains
-from gonio.fitting.problem.problem import NormalEquations
 from gonio.fitting.solver.curvature import completed
 from gonio.fitting.solver.levenberg_marquardt import NEAR, minimise
 

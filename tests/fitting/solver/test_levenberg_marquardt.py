@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gonio.fitting.problem.arrow import Arrow
+from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import LINEAR, LOG, Domains
-from gonio.fitting.problem.problem import NormalEquations
 from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
 
 DOMAINS = Domains(np.array([LINEAR, LOG]), np.array([0.0, 1e-3]), np.array([10.0, 1e3]))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gonio.fitting.problem.arrow import WHOLE, Arrow
+from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import Domains
-from gonio.fitting.problem.problem import NormalEquations
 from gonio.fitting.uncertainty.joint_covariance import JointEstimate
 
 S, C, Q, N = 2, 20, 2, 30

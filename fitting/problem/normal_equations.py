@@ -1,0 +1,40 @@
+"""Normal equations of a fit: sums over all residuals and their derivatives."""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from gonio.fitting.problem.arrow import Arrow, joined
+from gonio.fitting.problem.parameterisation import Parameterisation
+
+
+class NormalEquations(NamedTuple):
+    """Sums over all residuals r with the rows J of their Jacobian by the parameters; any leading axes.
+
+    The parameters are in the order of the arrow, see `Parameterisation.order`.
+    """
+
+    cost: Float[np.ndarray, "*s"]  # ½ Σ r²
+    gradient: Float[np.ndarray, "*s p"]  # Jᵀ r
+    matrix: Arrow  # JᵀJ
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluation:
+    """Normal equations, score covariance Jᵀ diag(r²) J or None, model values (n, C)."""
+
+    equations: NormalEquations
+    scores: Arrow | None
+    f: np.ndarray
+
+
+def summed(s: Parameterisation, squares: Float[np.ndarray, "S C g g"]) -> NormalEquations:
+    """The normal equations over all free numbers, from channel-wise products of residuals and derivatives."""
+    shared, each = (1 + np.flatnonzero([g.per_channel == kind for g in s.free]) for kind in (False, True))
+    total = squares.sum(axis=1)
+    gradient = np.asarray(joined(total[:, 0, shared], squares[:, :, 0, each]))
+    border, blocks = (squares[:, :, rows[:, None], each] for rows in (shared, each))
+    matrix = Arrow(total[:, shared[:, None], shared], border, blocks)
+    return NormalEquations(0.5 * total[:, 0, 0], gradient, matrix)
