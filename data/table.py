@@ -295,14 +295,16 @@ class Table(Displayed):
 
     def values_at(self, cells: np.ndarray) -> dict[str, np.ndarray]:
         """What `read_values` gives of the cells of these C-order numbers, in any order, (n,)."""
-        order = np.argsort(cells, kind="stable")
-        sorted_cells = cells[order]
+        rising = bool((cells[1:] >= cells[:-1]).all())
+        order = None if rising else np.argsort(cells, kind="stable")
+        sorted_cells = cells if order is None else cells[order]
         values = {k: np.empty((cells.size, *v.shape[1:]), v.dtype) for k, v in self.read_values(0, 0).items()}
         for start, stop in self.blocks():
             first, last = np.searchsorted(sorted_cells, (start, stop))
             if first < last:
                 for name, block in self.read_values(start, stop).items():
-                    values[name][order[first:last]] = block[sorted_cells[first:last] - start]
+                    put = slice(first, last) if order is None else order[first:last]
+                    values[name][put] = block[sorted_cells[first:last] - start]
         return values
 
     def counts(self) -> dict[str, int]:

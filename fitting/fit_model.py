@@ -18,6 +18,7 @@ import numpy as np
 from gonio.data.layouts import Layout
 from gonio.data.scene import Scene, load_scene
 from gonio.data.table import Channels
+from gonio.fitting.problem.compiled_sums import compile_sums
 from gonio.fitting.problem.page_program import compile_page_program
 from gonio.fitting.problem.parameterisation import Parameterisation, of_channel, parameters, snapped
 from gonio.fitting.problem.problem import FitProblem
@@ -53,7 +54,7 @@ _known: set[Hashable] = set()
 _running: list[threading.Thread] = []
 
 
-def ahead(key: Hashable, job: Callable[[], None]) -> None:
+def ahead(key: Hashable, job: Callable[[], object]) -> None:
     """Begin a job in a thread of its own; nothing where one of this key was begun before."""
     precision = jnp.result_type(float)
     if (key, precision) in _known:
@@ -229,7 +230,7 @@ def compile_ahead(terms: tuple[Term, ...], loss: str, channels: int, per_channel
     if s.size:
         sizes = padded_sizes(s.sizes)
         ahead(("step", sizes), lambda: compile_step(sizes))
-    ahead((s, loss), lambda: compile_page_program(s, loss, fixed))
+    ahead((s, loss), lambda: compile_sums(s, loss, fixed) or compile_page_program(s, loss, fixed))
 
 
 def fit_model(task: FitTask) -> list[Optimum]:
@@ -258,6 +259,8 @@ def _optimum(task: FitTask) -> Optimum:
     weight, floor = residual_weights(readings, task.loss, sigma), loss_floor(readings, task.loss)
     problem = FitProblem.create(s, fixed, task.loss, readings, weight, floor)
     averaging = any(readings.half_angles) and settings.aperture == "average"
+    if averaging and s.size:  # beside the descents at points
+        ahead(("discs", s, task.loss), lambda: compile_page_program(s, task.loss, fixed))
     known_noise = likelihood or share is not None
     if not s.size:
         return _without_free_numbers(problem, given, likelihood, averaging)
@@ -270,6 +273,7 @@ def _optimum(task: FitTask) -> Optimum:
     refinement = Refinement(share, settings.robust, known_noise, starts.cells, starts.ends)
     refined, averages = refinement.of(problem, starts.best), None
     if averaging:
+        finished()
         refined, averages = refinement.over_discs(problem, refined)
     elif any(readings.half_angles):
         averages = refinement.ignored(refined)

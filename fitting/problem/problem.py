@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import jax
 import numpy as np
 
+from gonio.fitting.problem.compiled_sums import Sums, sums_of
 from gonio.fitting.problem.disc_averages import BlockRules, Lanes, Samples, block_rules, disc_rules
 from gonio.fitting.problem.normal_equations import Evaluation, NormalEquations, summed
 from gonio.fitting.problem.page_program import Request, page_program
@@ -167,21 +168,15 @@ class FitProblem:
 
         `plain`: residuals w(f − target), whatever the loss.
         """
-        squares = [page[0] for page in self._run(p, active, plain=plain)]
-        return summed(self.parameters, _total(squares, len(p))[:, 0])
+        return summed(self.parameters, self._squares(p, active, plain)[:, 0])
 
     def channel_costs(self, p: np.ndarray) -> np.ndarray:
         """½ Σ r² of each channel, at up to `LANES` vectors p (S, P): (S, C)."""
-        return 0.5 * _total([page[0] for page in self._run(p)], len(p))[:, 0, :, 0, 0]
+        return 0.5 * self._squares(p)[:, 0, :, 0, 0]
 
     def evaluate(self, p: np.ndarray, scores: bool = True) -> Evaluation:
         """Normal equations at one p (P,), score covariance [White 1980] and the model's values."""
-        f, squares = np.zeros(self.samples.weight.shape), []
-        for k, (of_page, f_of_page) in enumerate(self._run(np.asarray(p, float)[None], scores=scores)):
-            squares.append(of_page)
-            rows = f[k * PAGE : (k + 1) * PAGE]
-            rows[:] = np.swapaxes(np.asarray(f_of_page)[: rows.shape[0]], 1, 2)
-        total = _total(squares, 1)
+        total, f = self._squares_and_values(np.asarray(p, float)[None], scores)
         equations, outer = (summed(self.parameters, total[:, k]) for k in range(2))
         f = f.reshape(-1, self.parameters.channels)
         f = f[: self.weight.shape[0]] if self.lanes is None else f[self.lanes.place]
@@ -197,6 +192,34 @@ class FitProblem:
         none = np.zeros((wi.z.size, self.parameters.channels))
         readings = Readings(wi, wo, none, none, none > 0)
         return FitProblem.create(self.parameters, self.fixed, self.loss, readings, none, 1.0).model_values(p)
+
+    def _squares(self, p: np.ndarray, active: np.ndarray | None = None, plain: bool = False) -> np.ndarray:
+        """Products of residuals and derivatives at vectors p (S, P): as of `page_program`; 0 for what is not active."""
+        number = len(p)
+        use = np.flatnonzero(np.broadcast_to(True if active is None else active, (number,)))
+        sums = self._sums(p[use], "linear" if plain else self.loss)
+        if sums is None:
+            return _total([page[0] for page in self._run(p, active, plain=plain)], number)
+        squares = np.zeros((number, *sums.squares.shape[1:]))
+        squares[use] = sums.squares
+        return squares
+
+    def _squares_and_values(self, p: np.ndarray, scores: bool) -> tuple[np.ndarray, np.ndarray]:
+        """The same at one vector p (1, P), with the score covariance, and f in blocks (B, n, C)."""
+        sums = self._sums(p, self.loss, full=True)
+        if sums is not None and sums.f is not None:
+            return sums.squares, sums.f
+        f, squares = np.zeros(self.samples.weight.shape), []
+        for k, (of_page, f_of_page) in enumerate(self._run(p, scores=scores)):
+            squares.append(of_page)
+            rows = f[k * PAGE : (k + 1) * PAGE]
+            rows[:] = np.swapaxes(np.asarray(f_of_page)[: rows.shape[0]], 1, 2)
+        return _total(squares, 1), f
+
+    def _sums(self, p: np.ndarray, loss: str, full: bool = False) -> Sums | None:
+        if self.lanes is not None:  # averages over discs
+            return None
+        return sums_of(self.parameters, loss, self.fixed, self.samples, p, full)
 
     def _run(
         self, p: np.ndarray, active: np.ndarray | None = None, scores: bool = False, plain: bool = False

@@ -66,8 +66,9 @@ class Readings:
     @property
     def sides(self) -> list[tuple[int, int]]:
         """The sides of the sample, 1 in front and −1 behind, of (light, detector) in its cells."""
-        behind = np.stack([np.asarray(w.z) < 0 for w in (self.wi, self.wo)])
-        return [(1 - 2 * int(a), 1 - 2 * int(b)) for a, b in np.unique(behind, axis=1).T]
+        light, detector = (np.asarray(w.z) < 0 for w in (self.wi, self.wo))
+        number = np.bincount(2 * light + detector, minlength=4)  # of cells with each of the four pairs
+        return [(1 - 2 * (k // 2), 1 - 2 * (k % 2)) for k in np.flatnonzero(number).tolist()]
 
     @property
     def count(self) -> int:
@@ -86,6 +87,8 @@ class Readings:
 
     def of_channels(self, these: slice | np.ndarray) -> "Readings":
         """The readings of some channels."""
+        if not isinstance(these, slice) and np.array_equal(these, np.arange(self.f.shape[1])):
+            return self
         return dataclasses.replace(self, f=self.f[:, these], u_f=self.u_f[:, these], valid=self.valid[:, these])
 
 

@@ -26,6 +26,7 @@ MOVES: dict[str, Callable[..., np.ndarray]] = {
     "expand_dims": lambda a, dimensions: np.expand_dims(a, dimensions),
     "transpose": lambda a, permutation: np.transpose(a, permutation),
     "rev": lambda a, dimensions: np.flip(a, dimensions),
+    "stack": lambda *a, axis=0, **_: np.stack(a, axis),
     "concatenate": lambda *a, dimension: np.concatenate(a, dimension),
     "stop_gradient": lambda a, **_: a,
     "copy": lambda a, **_: a,

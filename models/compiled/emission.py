@@ -25,6 +25,8 @@ class Input(NamedTuple):
 
     dtype: str
     axes: tuple[int, ...]
+    step: int = 1
+    """Numbers of the array from one element of the innermost loop to the next."""
 
 
 class Kernel(NamedTuple):
@@ -47,15 +49,16 @@ def module(kernel: Kernel, attributes: str) -> str:
 
     Its result is 0 unless a condition of the graph was false. The innermost range has to hold a vector at least.
     """
-    return _Writer(kernel).text(attributes)
+    return Writer(kernel).text(attributes)
 
 
-class _Writer:
+class Writer:
     def __init__(self, kernel: Kernel) -> None:
         self.kernel, self.graph = kernel, kernel.graph
         self.lines: list[list[str]] = [[] for _ in range(kernel.axes + 1)]
         self.declared: set[str] = set()
         self.count = 0
+        self.output = "%output"
         self.levels = self._levels()
         self.refined, self.inverse_roots = set[int](), set[int]()
         if kernel.estimates:
@@ -65,7 +68,7 @@ class _Writer:
     def _levels(self) -> dict[int, int]:
         """Of each node that a result needs, how many loops stand around it."""
         nodes, needed = self.graph.nodes, set[int]()
-        pending = [*self.kernel.outputs, *self.graph.required]
+        pending = [*self.results(), *self.graph.required]
         while pending:
             node = pending.pop()
             if node not in needed:
@@ -76,6 +79,14 @@ class _Writer:
             level = 1 + max(self.kernel.inputs[nodes[k].value].axes, default=-1) if nodes[k].op == "input" else 0
             levels[k] = max([level, *(levels[a] for a in nodes[k].arguments)])
         return levels
+
+    def results(self) -> Sequence[int]:
+        """The nodes that the function is for."""
+        return self.kernel.outputs
+
+    def arrays(self) -> int:
+        """How many arrays the function is given."""
+        return len(self.kernel.inputs)
 
     def vector(self, dtype: str) -> str:
         return f"<{self.kernel.lanes} x {TYPES[dtype]}>"
@@ -173,12 +184,32 @@ class _Writer:
                 scaled = self.temporary(level, f"mul i64 {offset}, %size{axis}")
                 offset = self.temporary(level, f"add i64 {scaled}, %i{axis}")
         place = self.temporary(level, f"getelementptr inbounds {kind}, ptr %in{index}, i64 {offset}")
-        if level == self.kernel.axes:
+        if level == self.kernel.axes and self.kernel.inputs[index].step > 1:
+            self.gather(k, offset)
+        elif level == self.kernel.axes:
             size = 4 if dtype == "f32" else 8
             load = f"load {self.vector(dtype)}, ptr {place}, align {size}, !alias.scope !2"
             self.lines[level].append(f"  %n{k} = {load}")
         else:
             self.splat(level, f"%n{k}", self.temporary(level, f"load {kind}, ptr {place}, !alias.scope !2"), dtype)
+
+    def gather(self, k: int, offset: str) -> None:
+        """The lines that load numbers which do not lie side by side."""
+        _, dtype, _, index = self.graph.nodes[k]
+        level, kind, lanes, step = self.levels[k], TYPES[dtype], self.kernel.lanes, self.kernel.inputs[index].step
+        first = self.temporary(level, f"mul i64 {offset}, {step}")
+        base = self.temporary(level, f"getelementptr inbounds {kind}, ptr %in{index}, i64 {first}")
+        places = ", ".join(f"i64 {step * lane}" for lane in range(lanes))
+        pointers = self.temporary(level, f"getelementptr inbounds {kind}, ptr {base}, <{lanes} x i64> <{places}>")
+        vector, function = self.vector(dtype), f"@llvm.masked.gather.v{lanes}{dtype}.v{lanes}p0"
+        self.declared.add(f"declare {vector} {function}(<{lanes} x ptr>, i32, <{lanes} x i1>, {vector})")
+        size = 4 if dtype == "f32" else 8
+        arguments = f"<{lanes} x ptr> {pointers}, i32 {size}, <{lanes} x i1> splat (i1 true), {vector} poison"
+        self.lines[level].append(f"  %n{k} = call {vector} {function}({arguments})")
+
+    def finish(self) -> None:
+        """The lines that put the results into memory."""
+        self.store()
 
     def store(self) -> None:
         """Results side by side: channels are the fastest axis of the output."""
@@ -193,7 +224,7 @@ class _Writer:
             source = [divmod(part * lanes + lane, channels) for lane in range(lanes)]
             value = self.interleaved(source)
             first = self.temporary(level, f"add i64 {offset}, {part * lanes}")
-            place = self.temporary(level, f"getelementptr inbounds {TYPES[dtype]}, ptr %output, i64 {first}")
+            place = self.temporary(level, f"getelementptr inbounds {TYPES[dtype]}, ptr {self.output}, i64 {first}")
             size = 4 if dtype == "f32" else 8
             self.lines[level].append(f"  store {self.vector(dtype)} {value}, ptr {place}, align {size}, !noalias !2")
 
@@ -243,7 +274,7 @@ class _Writer:
             self.declared |= {f"declare void @llvm.x86.sse.{name}(ptr)" for name in ("stmxcsr", "ldmxcsr")}
         if self.graph.required:
             self.check()
-        self.store()
+        self.finish()
         return "\n".join(
             [*self.head(), *self.loops(), *sorted(self.declared), *TAIL, f"attributes #0 = {{ {attributes} }}"]
         )
@@ -259,7 +290,7 @@ class _Writer:
             "  store i32 0, ptr %status",
         ]
         lines += FLUSH if self.kernel.flush else []
-        for k in range(len(self.kernel.inputs)):
+        for k in range(self.arrays()):
             lines += [f"  %slot{k} = getelementptr ptr, ptr %inputs, i64 {k}", f"  %in{k} = load ptr, ptr %slot{k}"]
         for axis in range(self.kernel.axes):
             lines += [

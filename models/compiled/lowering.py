@@ -15,7 +15,7 @@ FUNCTIONS = (
     "lgamma",
 )  # fmt: skip
 HYPERBOLIC = {"sinh": hyperbolic.sinh, "cosh": hyperbolic.cosh, "asinh": hyperbolic.asinh}
-WHOLE_RANGE = {"i32": 2.0**31 - 1, "i64": 2.0**62}
+WHOLE_RANGE = {"i32": 2.0**31 - 1, "i64": 2.0**63}
 
 
 def operation(graph: Graph, name: str, parameters: Any, dtype: str) -> Callable[..., int]:
@@ -33,6 +33,8 @@ def operation(graph: Graph, name: str, parameters: Any, dtype: str) -> Callable[
         "reduce_precision": lambda x: same_precision(graph, x, parameters),
         "clamp": lambda low, x, high: graph.minimum(graph.maximum(low, x), high),
         "square": lambda x: graph.apply("mul", x, x),
+        "bitcast_convert_type": lambda x: graph.bits(x, dtype),
+        "add_any": lambda *a: graph.apply("add", *a),
         "rsqrt": lambda x: graph.apply("div", graph.constant(1, dtype), graph.apply("sqrt", x)),
         "not": lambda x: inverted(graph, x),
         "sign": lambda x: sign(graph, x),

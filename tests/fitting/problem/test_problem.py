@@ -5,9 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from gonio.fitting.problem.compiled_sums import compile_sums
 from gonio.fitting.problem.parameterisation import parameters
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import PAGE, Readings, block_of, coarse_cells, in_blocks, transform
+from gonio.models.compiled import known
 from gonio.models.expression.builder import assemble, parse, together
 from gonio.models.expression.parser import with_defaults
 from gonio.models.geometry.directions import Direction
@@ -28,6 +30,9 @@ CASES = [
     ("lambert + ggx(f0=?)", 3, 700),
     ("lambert + ggx(alpha~[0.2,0.3], f0=0.04)", 2, 300),
     ("lambert(rho=0.2) + phong", 1, PAGE * block_of(1) + 5),
+    ("beckmann(f0=[0.1, 0.2])", 2, 90),
+    ("eon + sgd", 1, 90),
+    ("charlie + gtr", 1, 90),
 ]
 
 
@@ -36,8 +41,11 @@ def problem_of(model, part, weight):
     return FitProblem.create(s, fixed, "cbrt", part, weight, 0.01)
 
 
-@pytest.mark.parametrize(("model", "channels", "n"), CASES)
-def test_sums_are_those_of_the_whole_jacobian(model, channels, n):
+@pytest.mark.parametrize(
+    ("model", "channels", "n", "by"), [*((*case, "compiled loop") for case in CASES), (*CASES[2], "xla")]
+)
+def test_sums_are_those_of_the_whole_jacobian(monkeypatch, model, channels, n, by):
+    monkeypatch.setenv("GONIO_EVALUATE_WITH", by)
     part = readings(n, channels)
     weight = np.where(part.valid, 0.5 + np.random.default_rng(2).random(part.f.shape), 0.0)
     problem = problem_of(model, part, weight)
@@ -54,8 +62,7 @@ def test_sums_are_those_of_the_whole_jacobian(model, channels, n):
         target = transform("cbrt", part.f * part.wi.z[:, None], 0.01, np)[0]
         return (weight * (transform("cbrt", f, 0.01)[0] - target)).ravel()
 
-    r, jac = jax.jit(lambda p: (residual(p), jax.jacfwd(residual)(p)))(jnp.asarray(p))
-    r, jac = np.asarray(r), np.asarray(jac)
+    r, jac = known.program(jax.make_jaxpr(lambda p: (residual(p), jax.jacfwd(residual)(p)))(p), [p])
     total = problem.normal_equations(np.stack([p, p * 1.1]), np.array([True, False]))
     np.testing.assert_allclose(total.cost, [0.5 * r @ r, 0.0], rtol=1e-12)
     jac = jac[:, problem.order]
@@ -68,6 +75,12 @@ def test_sums_are_those_of_the_whole_jacobian(model, channels, n):
     np.testing.assert_allclose(
         problem.target_norm_squared, np.sum((weight * problem.compared(part.f)) ** 2), rtol=1e-12
     )
+
+
+def test_what_loops_cannot_compute_is_left_to_xla():
+    for model, taken in {"ggx": True, "rayleigh_rice": False, "he_torrance": False}.items():
+        s, fixed, _ = parameters(with_defaults(parse(model)), 1)
+        assert compile_sums(s, "cbrt", fixed) == taken
 
 
 def test_a_changed_problem_is_the_one_made_so():

@@ -1,0 +1,100 @@
+"""Sums over many elements of products of what a formula gives for each: one loop, which stores no more than is asked.
+
+A formula gives rows of numbers for each element, such as a residual and its derivatives; normal equations are sums of
+products of pairs of rows.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from gonio.models.compiled import emission, workers
+from gonio.models.compiled.graph import Unsupported
+from gonio.models.compiled.machine import Code, Machine, machine
+from gonio.models.compiled.program import translated
+from gonio.models.compiled.sums_emission import sums_module
+
+PIECE = 1 << 13
+"""Elements that a thread takes at a time, at most: their sums are added to the others' in the order of the pieces."""
+BYTES = 8
+"""Of a number: all are of double precision."""
+
+
+class Rows:
+    """A formula of rows, traced."""
+
+    def __init__(self, formula: Callable[..., Any], leaves: Sequence[Any], scalars: int, steps: Sequence[int]):
+        """Trace `formula(leaves, *scalars, *elements)`, whose value has one axis, of rows.
+
+        Args:
+            formula: a function that JAX traces.
+            leaves: arrays on which the rows depend, or others of the same shapes and kinds.
+            scalars: how many numbers the formula takes that are the same for all elements.
+            steps: for each array of elements, how many numbers lie from one element to the next.
+
+        Raises:
+            Unsupported: the formula, or this processor, is none of those that programs are written for.
+        """
+        target = machine()
+        if target is None:
+            raise Unsupported("this processor")
+        self.machine: Machine = target
+        shapes = [jax.ShapeDtypeStruct(np.shape(v), np.asarray(v).dtype) for v in leaves]
+        count = scalars + len(steps)
+        trace = jax.make_jaxpr(formula)(shapes, *[jax.ShapeDtypeStruct((), np.float64)] * count)
+        self.trace = translated(trace, leaves, count)
+        self.nodes = [int(k) for k in self.trace.outputs.flat]
+        if any(self.trace.graph.dtype(k) != "f64" for k in self.nodes):
+            raise Unsupported("rows of another precision")
+        self.inputs = (*[emission.Input("f64", ())] * scalars, *(emission.Input("f64", (0,), step) for step in steps))
+        self.lanes = target.vector_bytes // BYTES
+
+
+class SumsProgram:
+    """Compiled sums of products of rows; some rows are stored, too."""
+
+    def __init__(self, rows: Rows, products: Sequence[tuple[int, int]], stored: Sequence[int] = ()):
+        """Compile the sums of products of these pairs of rows, and what is stored of each element.
+
+        Raises:
+            Unsupported: LLVM does not take the code.
+        """
+        self.rows, self.products, self.stored = rows, len(products), len(stored)
+        pairs = [(rows.nodes[a], rows.nodes[b]) for a, b in products]
+        outputs = tuple(rows.nodes[k] for k in stored)
+        target = rows.machine
+        kernel = emission.Kernel(rows.trace.graph, outputs, rows.inputs, 1, rows.lanes, target.estimates, target.flush)
+        try:
+            self.code = Code(sums_module(kernel, pairs, target.attributes))
+        except RuntimeError as error:  # LLVM's word for code that it does not take
+            raise Unsupported(str(error)) from error
+
+    def __call__(self, parameters: np.ndarray, addresses: np.ndarray, count: int) -> np.ndarray | None:
+        """Sums of shape (S, products), or None where the program does not know that they are right.
+
+        Args:
+            parameters: `rows.trace.parameters` of the leaves.
+            addresses: where the scalars, the arrays of elements, and what is stored begin, for each of S (S, arrays);
+                the arrays have to outlive the call.
+            count: elements, a multiple of a vector's numbers.
+        """
+        vectors, lanes = count // self.rows.lanes, self.rows.lanes
+        pieces = max(1, -(-count // PIECE))
+        edges = [vectors * k // pieces * lanes for k in range(pieces + 1)]
+        parts, length = np.zeros((len(addresses), pieces, self.products, lanes)), np.array([count], np.int64)
+
+        def work(first: int, last: int) -> int:
+            status = 0
+            for k in range(first, last):
+                s, piece = divmod(k, pieces)
+                places = parameters.ctypes.data, addresses[s].ctypes.data, parts[s, piece].ctypes.data
+                status |= self.code.call(*places, edges[piece], edges[piece + 1], length.ctypes.data)
+            return status
+
+        total = len(addresses) * pieces
+        # A few thousand elements are done before another thread wakes.
+        status = work(0, total) if total * edges[1] <= 2 * PIECE else workers.share(work, total, 1)
+        with np.errstate(all="ignore"):  # a model without a finite value has no finite sum
+            return None if status else parts.sum(axis=(1, 3))
