@@ -25,7 +25,7 @@ from gonio.exports.targets import Target, canonical, target_of
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError
 
-AS_DATA = "as data (--measured, measured=True) the surface would be nearer: in an RGL file beside the scene"
+AS_DATA = "as data (--measured, measured=True) {} would be nearer: in an RGL file beside the scene"
 
 
 class ConvertOptions(TypedDict, total=False):
@@ -138,7 +138,7 @@ def _for_renderer(subject: Subject, path: Path, target: Target, settings: Conver
             expression = _as_data(subject, sought, temporary, description, settings)
         error = reexpression(target.title, sought, expression, remarks)
         if data is None and _nearer_as_data(error, sought, target):
-            error = dataclasses.replace(error, remarks=(*error.remarks, AS_DATA))
+            error = dataclasses.replace(error, remarks=(*error.remarks, AS_DATA.format(_nearest_data(subject))))
         if settings.tolerance is not None and not error.within(settings.tolerance):
             raise GonioError(
                 f"{target.title} comes no nearer to {material.name} than {error.figures}, beyond the tolerance of "
@@ -154,6 +154,13 @@ def _nearer_as_data(error: ReExpression, sought: Appearance, target: Target) -> 
     known = target.title == "Mitsuba 3" or sought.material.channels.wavelengths_nm is not None
     smooth = sought.isotropic and not sought.transmits
     return target.measured is not None and known and smooth and error.relative_rms > FAR
+
+
+def _nearest_data(subject: Subject) -> str:
+    """What an export as data begins with: of a fit the table that it is of, which holds what the model leaves out."""
+    of_fit = None if subject.material is None else subject.material.meta.get("fit")
+    table = of_fit.get("table") if isinstance(of_fit, dict) else None
+    return "the surface" if not table else f"the table '{table}', given in place of its fit,"
 
 
 def _model_of(subject: Subject, settings: ConvertSettings) -> tuple[Material, tuple[str, ...]]:

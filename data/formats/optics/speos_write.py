@@ -70,17 +70,21 @@ def write_speos(
 
 
 def _cost_of_one_shape(table: Table) -> str:
-    """What the channels' mean, times one factor for each of them, is off from them; nothing where it is not."""
-    f = np.where(table.flag == Flag.VALID, table.f, 0.0).reshape(-1, len(table.channels)).astype(float)
-    mean = f.mean(axis=1, keepdims=True)
-    largest = float(np.max(np.abs(f), initial=0.0)) or 1.0
-    f, mean = f / largest, mean / largest
-    factors = (f * mean).sum(axis=0) / max(float((mean**2).sum()), 1e-300)
-    cost = float(np.sqrt(((f - factors * mean) ** 2).sum() / max(float((f**2).sum()), 1e-300)))
+    """What the channels' mean, times the file's total of each, is off from them; nothing where it is not."""
+    _, _, phi, parts = _blocks(table)
+    off = size = 0.0
+    largest = max(float(np.nanmax(np.abs(f), initial=0.0)) for _, f in parts.values()) or 1.0
+    for theta_o, f in parts.values():
+        shape, totals, unit = _one_shape(theta_o, phi, f / largest)
+        error = f / largest - shape[..., None] * (totals / (unit or 1.0))
+        above = np.abs(theta_o - 90) > 1e-9
+        for_each = ((off, error), (size, f / largest))
+        off, size = (n + float(np.nansum(a[:, :, above][:, :, :, phi < 360] ** 2)) for n, a in for_each)
+    cost = float(np.sqrt(off / max(size, 1e-300)))
     if cost < LEAST_COST:
         return ""
     better = "" if "phi_i" in table.layout.axes else ", and a .brdf file has one for each"
-    return f"one angular distribution for all channels is off by rms {cost:.2g}{better}"
+    return f"one angular distribution for all channels, each with its total, is off by rms {cost:.2g}{better}"
 
 
 def _wavelengths(channels: Channels, anisotropic: bool) -> tuple[np.ndarray, str]:
@@ -170,6 +174,14 @@ def _total(theta_o: np.ndarray, phi: np.ndarray, f: np.ndarray) -> np.ndarray:
     ]
 
 
+def _one_shape(theta_o: np.ndarray, phi: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """The channels' mean of f (theta_i, rotation, theta_o, phi, channels), and at the first incidence the integral of
+    each channel (channels,) and of the mean, by which a reader scales them."""
+    shape = f.mean(axis=-1)
+    totals = np.stack([_total(theta_o, phi, f[:1, 0, :, :, c])[0] for c in range(f.shape[-1])])
+    return shape, totals, float(_total(theta_o, phi, shape[:1, 0])[0])
+
+
 def _head(table: Table, kind: str, parts: dict, vector: list[str], values: int) -> list[str]:
     description = f"{table.name or 'a table'}, written by gonio"
     flags = "\t".join(str(int(name in parts)) for name, _ in PARTS)
@@ -189,9 +201,7 @@ def _anisotropic(table: Table, wavelengths: np.ndarray) -> str:
     for theta_o, f in parts.values():
         cosine = np.abs(np.cos(np.radians(theta_o)))[:, None] if values == 0 else np.ones((theta_o.size, 1))
         f = np.where((cosine > 1e-12)[..., None], f, np.nan)  # an intensity on the horizon says nothing of f
-        shape = f.mean(axis=-1)
-        totals = np.stack([_total(theta_o, phi, f[:1, 0, :, :, c])[0] for c in range(f.shape[-1])])
-        unit = _total(theta_o, phi, shape[:1, 0])[0]
+        shape, totals, unit = _one_shape(theta_o, phi, f)
         shares = np.broadcast_to(totals, wavelengths.size)
         order = np.argsort(wavelengths)
         lines += [

@@ -211,8 +211,9 @@ def _understood(header: Header, layout: Layout, turned: bool) -> list[str]:
         )
     if turned:
         sentences.append(
-            "+x is where the light comes from at rotation 0; the sense of the sample's rotation is not said: taken as "
-            "counter-clockwise, phi_i = −rotation"
+            "+x is where the light comes from at rotation 0 (the vendor says: the angle from the surface's +X to the "
+            "normal of the plane of incidence); the sense of the rotation is not said: taken as counter-clockwise, "
+            "phi_i = −rotation"
         )
     else:
         sentences.append("one rotation of the sample: the surface is taken as isotropic")
