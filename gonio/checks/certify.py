@@ -13,6 +13,8 @@ from gonio.checks.table.evidence import LEVEL, TableEvidence
 from gonio.checks.table.further_readings import joined, require_alike
 from gonio.data.profile_files import profile_of
 from gonio.data.subject import Subject, SubjectLike, resolve_subject
+from gonio.instrument.instrument import Instrument
+from gonio.instrument.media import with_media
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError
@@ -30,6 +32,7 @@ class CheckOptions(TypedDict, total=False):
     against: SubjectLike | None
     model: str | None
     further: SubjectLike | None
+    instrument: Instrument | None
     name: str | None
 
 
@@ -44,6 +47,7 @@ class CheckSettings:
     against: SubjectLike | None = None
     model: str | None = None
     further: SubjectLike | None = None
+    instrument: Instrument | None = None
     name: str | None = None
 
     def __post_init__(self) -> None:
@@ -69,6 +73,8 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
             readings follow it.
         further: tables only: more readings of the same surface, such as `gonio.plan_energy` names. A list is judged
             with them; of a grid energy takes them into account.
+        instrument: tables only: its `media` are those in front of the sample and behind it, where the table does not
+            state them.
         name: what the certificate calls the subject.
 
     Returns:
@@ -105,12 +111,16 @@ def _evidence(
     if judged.table is None:
         if settings.further is not None:
             raise GonioError(f"{judged.name} is a model; further readings join tables only: leave the option out")
+        if settings.instrument is not None:
+            raise GonioError(f"{judged.name} is a model and knows its media; leave the instrument out")
         if settings.model is not None:
             raise GonioError(f"{judged.name} is a model; another one helps tables only: leave the option out")
         return ModelEvidence(judged.brdf, judged.channels.names, reference)
     if settings.model not in (None, "auto"):
         with_defaults(parse(settings.model))  # refused whether it is needed or not
     table, further = judged.table, None
+    if settings.instrument is not None:
+        table = with_media(table, settings.instrument)
     if settings.further is not None:
         further = resolve_subject(settings.further).require_table()
         require_alike(table, further)
@@ -120,9 +130,10 @@ def _evidence(
 
 
 def _refuse_options_of_tables(settings: CheckSettings, what: str) -> None:
-    if settings.model is not None or settings.against is not None or settings.further is not None:
+    if any(getattr(settings, name) is not None for name in ("model", "against", "further", "instrument")):
         raise GonioError(
-            f"{what} is checked for reciprocity, energy and positivity; leave model, against and further readings out"
+            f"{what} is checked for reciprocity, energy and positivity; leave model, against, further readings and "
+            "instrument out"
         )
 
 

@@ -39,6 +39,7 @@ OPTIONS: Options = {
         "dest": "further",
         "help": "tables: more readings of the same surface, such as gonio plan --for energy names",
     },
+    "--instrument LAB.toml": "tables: the media in front of the sample and behind it are those of this instrument",
     "--repair OUT.h5": "write the nearest table that is reciprocal and conserves energy; the exit status is then that "
     "table's",
     "--nonnegative": "no reading of the repaired table is negative",
@@ -67,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     _refuse_contradictions(args)
     from gonio.data.files import refuse_outputs
 
-    refuse_outputs([args.json, args.repair], [*args.subjects, args.against, args.further], args.force)
+    refuse_outputs([args.json, args.repair], [*args.subjects, args.against, args.further, args.instrument], args.force)
     if args.self_test:
         return run_self_test(args)
     tolerances = {name: getattr(args, f"tol_{name}") for name in PROPERTIES}
@@ -75,6 +76,10 @@ def run(args: argparse.Namespace) -> int:
     if args.repair:
         return _run_repair(args, options)
     options |= {"strict": args.strict, "against": args.against, "model": args.model, "further": args.further}
+    if args.instrument is not None:
+        from gonio.instrument.description import read_instrument
+
+        options["instrument"] = read_instrument(args.instrument)
     if len(args.subjects) > 1:
         return _run_several(args, options)
     from gonio.checks.certify import check
@@ -112,7 +117,7 @@ def _refuse_contradictions(args: argparse.Namespace) -> None:
     if args.self_test == bool(args.subjects):
         raise GonioError("give either a FILE or MATERIAL to check, or --self-test")
     require_degrees("--feature-width", args.feature_width, 0, 90)
-    other = args.self_test or args.against or args.strict or args.model or args.further
+    other = args.self_test or args.against or args.strict or args.model or args.further or args.instrument
     if args.repair and (other or len(args.subjects) > 1):
         raise GonioError("--repair goes with one file, tolerances and --json only; check what it wrote afterwards")
     if not args.repair and (args.nonnegative or args.step is not None):

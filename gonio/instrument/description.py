@@ -12,6 +12,7 @@
     misalignment = 0.02             # degrees: standard uncertainty of each arm angle and tilt
     calibration = 0.005             # relative standard uncertainty of the calibration factor
     noise = 0.001                   # relative standard deviation of the source from reading to reading
+    media = [1.0, 1.5]              # refractive indices in front of the sample and behind it, of what the arms are in
     illuminated_radius = 5          # mm on the sample, for translucent ones; viewed_radius likewise
 
     [uncertainty]                   # of single terms, see `gonio.instrument.stated`
@@ -46,6 +47,7 @@ NUMBERS = (
 KEYS: dict[str, Any] = {
     "name": (str, "a text"), "description": (str, "a text"), "axis_speed": (object, ""),
     **dict.fromkeys((*NUMBERS, "settling", "count_rate", "dark_rate"), (int | float, "a number")),
+    "media": (list, "[in front, behind]"),
     **dict.fromkeys(AXES, (list, "[from, to] in degrees")), "uncertainty": (dict, "a table of terms"),
 }  # fmt: skip
 
@@ -83,6 +85,7 @@ def _instrument(data: dict[str, Any]) -> Instrument:
     counts |= {"dark": float(data["dark_rate"]) * seconds} if "dark_rate" in data else {}
     ranges = tuple(_range(data[n], n) if n in data else e for n, e in zip(AXES, EVERYWHERE, strict=True))
     axis_speed = radians if len(radians) == len(AXES) else math.radians(speeds[0])
+    counts |= {"media": tuple(data["media"])} if "media" in data else {}
     stated = tuple(stated_uncertainties(data.get("uncertainty", {})).values())
     return Instrument(pace=Pace(axis_speed=axis_speed, **pace), ranges=ranges, stated=stated, **numbers, **counts)
 
@@ -98,6 +101,7 @@ def instrument_of(provenance: dict[str, Any]) -> Instrument | None:
     if not isinstance(known, dict):
         return None
     values = {n: known[n] for n in ("photons", *LIMITS) if n in known}
+    values |= {"media": tuple(known["media"])} if isinstance(known.get("media"), list) else {}
     values |= {n: math.radians(known[f"{n}_deg"]) for n in ANGLES if _is_number(known.get(f"{n}_deg"))}
     try:
         stated = stated_uncertainties(known.get("uncertainty", {}))

@@ -80,6 +80,8 @@ LIMITS = {
     "illuminated_radius": 1e5, "viewed_radius": 1e5,
 }  # fmt: skip
 """Largest values; the smallest is 0."""
+INDEX_RANGE = (0.1, 10.0)
+"""Refractive indices of media that an arm may be in."""
 SYSTEMATIC_TERMS = (*ANGLE_TERMS, "gain", "solid_angle", "polarization", "dark", "ambient")
 """In the order in which they are drawn."""
 USUAL_PACE = Pace()
@@ -139,6 +141,9 @@ class Instrument(Displayed):
     lose what leaves beside the viewed spot. None: both spots are far wider than light travels below the surface."""
     viewed_radius: float | None = None
     """Radius of the viewed spot, mm, concentric with the lit one but in a scan of offsets."""
+    media: tuple[float, float] | None = None
+    """Refractive indices of the media in front of the sample and behind it, in which the arms are: those of entrance
+    and exit for light from the front. None: the material's, of one that refracts, else air."""
     stated: tuple[StatedUncertainty, ...] = ()
     """What is stated of single terms, in place of `misalignment` and `calibration`; drawn once, from the seed."""
 
@@ -162,6 +167,8 @@ class Instrument(Displayed):
             raise GonioError(f"{', '.join(counted)} is in counts; give photons too, which says what a count is")
         if (self.illuminated_radius is None) != (self.viewed_radius is None):
             raise GonioError("one of illuminated_radius and viewed_radius came; give both, in mm")
+        if self.media is not None:
+            object.__setattr__(self, "media", _two_indices(self.media))
         if not self.seconds > 0:
             raise GonioError("the instrument's seconds is 0; give the counting time of a reading, such as 1")
         for name, (low, high), (least, most) in zip(AXES, self.ranges, EVERYWHERE, strict=True):
@@ -181,12 +188,13 @@ class Instrument(Displayed):
             "times": ("seconds", "settling"),
             "spots, mm": ("illuminated_radius", "viewed_radius"),
         }
+        media = {"media": "" if self.media is None else f"{self.media[0]:g} in front, {self.media[1]:g} behind"}
         facts = {group: _listed({n: v for n, v in values.items() if n.removesuffix("_deg") in names})
                  for group, names in groups.items()}  # fmt: skip
         errors = {n: v for n, v in values.get("systematic", {}).items() if v != (n == "gain")}
         kind = {"kind": "" if values else "ideal: points, no noise, no error"}
         stated = ", ".join(f"{name} {text}" for name, text in values.get("uncertainty", {}).items())
-        return kind | facts | {"stated": stated, "systematic": _listed(errors)}
+        return kind | facts | media | {"stated": stated, "systematic": _listed(errors)}
 
     @property
     def has_apertures(self) -> bool:
@@ -232,6 +240,8 @@ class Instrument(Displayed):
                 "settling": self.pace.settling,
                 "axis_speed_deg": np.degrees(values.pop("pace").axis_speed).tolist(),
             }
+        if "media" in values:
+            values["media"] = list(values["media"])
         if "ranges" in values:
             values["ranges_deg"] = np.degrees(values.pop("ranges")).tolist()
         return {f"{n}_deg" if n in ANGLES else n: math.degrees(v) if n in ANGLES else v for n, v in values.items()}
@@ -246,6 +256,22 @@ class Instrument(Displayed):
         half_angles = self.source_half_angle, self.detector_half_angle
         source, detector = (4 * math.pi * math.sin(s / 2) ** 2 for s in half_angles)
         return source, detector
+
+
+def _two_indices(media: object) -> tuple[float, float]:
+    try:
+        if any(isinstance(n, bool | str) for n in media):  # pyright: ignore[reportGeneralTypeIssues]
+            raise TypeError
+        front, behind = (float(n) for n in media)  # pyright: ignore[reportGeneralTypeIssues]
+    except (TypeError, ValueError):
+        raise GonioError(
+            f"media is {media!r}; give two refractive indices, [in front, behind], such as [1, 1.5]"
+        ) from None
+    if not all(INDEX_RANGE[0] <= n <= INDEX_RANGE[1] for n in (front, behind)):
+        raise GonioError(
+            f"media is [{front:g}, {behind:g}]; give indices from {INDEX_RANGE[0]:g} to {INDEX_RANGE[1]:g}"
+        )
+    return front, behind
 
 
 def _with_unit(name: str, value: object) -> str:

@@ -22,10 +22,10 @@ from gonio.data.material import Material
 from gonio.data.table import MEDIA, Table
 from gonio.data.tabulate import block_rows
 from gonio.instrument.instrument import Systematic
+from gonio.instrument.media import media_of_measurement
 from gonio.instrument.reader import BlockReadings, Reader, WorstAverage
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import to_expression
-from gonio.models.geometry.sides import FRONT
 from gonio.text import versions
 
 LONG_TEXT = 4000
@@ -198,9 +198,8 @@ def provenance_of(reader: Reader, command: str | None) -> dict[str, Any]:
         values["edge_loss"] = reader.edge_loss.to_dict()
         if sentence := reader.edge_loss.sentence(material.channels.names):
             values["warnings"] = [sentence]
-    index = np.asarray(material.brdf.index_behind, float)
-    if layout.sides != FRONT and (index != 1).any():
-        values[MEDIA] = [1.0, index.tolist()]
+    if (media := media_of_measurement(reader.instrument, material.brdf, layout.sides)) is not None:
+        values[MEDIA] = media
     return values
 
 

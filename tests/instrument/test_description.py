@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from gonio.__main__ import main
+from gonio.checks.certify import check
 from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.hdf5.writer import open_table
 from gonio.instrument import Instrument, Pace, measure, read_instrument
+from gonio.instrument.description import instrument_of
 from gonio.models.errors import GonioError
 
 HEADER = "theta_i,phi_i,theta_o,phi_o,seconds\n"
@@ -93,3 +95,35 @@ def test_counting_times_that_are_none_are_refused(tmp_path):
             measure("lambert(rho=0.5)", Instrument(photons=1e4), one, seconds=seconds)
     with pytest.raises(GonioError, match="seconds is 0"):
         dataclasses.replace(Instrument(), seconds=0.0)
+
+
+GLASS = "rough_dielectric(alpha=0.5, eta=1.5)"
+
+
+def test_the_media_of_an_instrument_are_those_of_its_tables(tmp_path):
+    polar = np.radians([10.0, 60.0])
+    both = np.concatenate([polar, (np.pi - polar)[::-1]])
+    grid = layouts.isotropic(both, both, np.radians(np.arange(0, 360, 30.0)))
+    lab = tmp_path / "lab.toml"
+    lab.write_text("gonio_instrument = 1\nmedia = [1.2, 1.8]\n")
+    instrument = read_instrument(lab)
+    assert instrument_of({"instrument": instrument.to_dict()}) == instrument
+    table = measure(GLASS, instrument, grid)
+    assert [n[0] for n in table.media] == [1.2, 1.8] and "1.2 in front" in str(instrument)
+    bare = dataclasses.replace(table, provenance={})
+    assert check(bare)["reciprocity"].residual > 0.5
+    assert check(bare, instrument=instrument)["reciprocity"].residual < 1e-6
+    # What reflects alone is measured in any media; what refracts, or is the same from both sides, is not.
+    assert "media" not in measure("gold", instrument, layouts.in_plane(polar, polar)).provenance
+    for other in ("rough_dielectric(alpha=0.5, eta=1.33)", "thin_sheet(rho=0.3, tau=0.5)"):
+        with pytest.raises(GonioError, match=r"a ratio of 1\.5"):
+            measure(other, instrument, grid)
+    with pytest.raises(GonioError, match=r"states media of index 1\.2, 1\.8"):
+        check(table, instrument=Instrument(media=(1.0, 1.33)))
+
+
+@pytest.mark.parametrize("media", ["[1.5]", "[1, 0]", "[1, 2, 3]", '["air", "glass"]', "[1, inf]", "1.5", "[true, 1]"])
+def test_media_that_are_none_are_refused(tmp_path, media):
+    (tmp_path / "lab.toml").write_text(f"gonio_instrument = 1\nmedia = {media}\n")
+    with pytest.raises(GonioError, match="media"):
+        read_instrument(tmp_path / "lab.toml")
