@@ -22,7 +22,15 @@ from gonio.fitting.problem.compiled_sums import compile_sums
 from gonio.fitting.problem.page_program import compile_page_program
 from gonio.fitting.problem.parameterisation import Parameterisation, of_channel, parameters, snapped
 from gonio.fitting.problem.problem import FitProblem
-from gonio.fitting.problem.readings import LOSSES, WEIGHTS, Readings, loss_floor, relative_sigma, residual_weights
+from gonio.fitting.problem.readings import (
+    BRIGHTER,
+    LOSSES,
+    WEIGHTS,
+    Readings,
+    loss_floor,
+    relative_sigma,
+    residual_weights,
+)
 from gonio.fitting.refinement import Refinement, noise_of
 from gonio.fitting.solver.curvature import completed
 from gonio.fitting.solver.disc_choice import DiscAverages, choose_rules
@@ -44,8 +52,6 @@ from gonio.models.expression.parser import Term, numbers
 from gonio.models.geometry.sides import Hemispheres, hemispheres_of, side_in_words
 
 MOST_REFITS = 100_000
-BRIGHTER = 5.0
-"""Standard deviations from 0 of a sum of readings from which they are no noise about 0."""
 OLD_NAMES = {"say": "log"}
 OLD_KINDS = {"residuals": "wild", "pairs": "block_pairs"}
 APERTURES = ("average", "ignore")
@@ -300,9 +306,8 @@ def _require_hemispheres(task: FitTask, scattered: Hemispheres) -> None:
     for light, detector in readings.sides:
         if hemispheres_of(frozenset({(light, detector)})) & scattered:
             continue
-        here = (light * np.asarray(readings.wi.z) > 0) & (detector * np.asarray(readings.wo.z) > 0)
-        f, u = readings.f[here], np.nan_to_num(readings.u_f[here])
-        if f[readings.valid[here]].sum() > BRIGHTER * np.sqrt(np.sum(u[readings.valid[here]] ** 2)):
+        if readings.brightness(light, detector) > BRIGHTER:
+            here = readings.on_sides(light, detector)
             raise GonioError(
                 f"'{requested}' scatters nothing in {side_in_words(light, detector)}, where the table has "
                 f"{int(readings.valid[here].sum())} readings above 0; add a term that does, such as "

@@ -6,6 +6,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from gonio.data.reflection_only import require_reflection
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
 from gonio.fitting.apertures import aperture_notes, half_angles_of, wide_notes
@@ -87,9 +88,8 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
     searching = settings.scene is not None or not expressions
     anisotropic = searching and shows_anisotropy(task.layout, task.readings)
     if settings.scene is not None:
+        require_reflection(source, source.name or "the table", "a scene")
         view = view_of(settings.scene, task.readings, anisotropic)
-    if searching and task.readings.sides != [(1, 1)]:
-        raise GonioError(_no_selection(source, settings.scene is not None))
     if not expressions:
         began = time.perf_counter()
         selection = selected_model(task, anisotropic, view)
@@ -104,17 +104,6 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
         return _best(tasks, source, view, seconds)
     result = _fit_one(tasks[0], source, view, selection, seconds)
     return result if selection is None else dataclasses.replace(result, alternatives=selection.rows())
-
-
-def _no_selection(table: Table, scene: bool) -> str:
-    """Why what is made for reflection does not take a table that was read behind the sample too."""
-    name = table.name or "the table"
-    if scene:
-        return f"{name} holds more than reflection from the front, and scenes weigh that alone; leave the scene out"
-    return (
-        f"{name} holds more than reflection from the front, and a model is selected for that alone; give one, or "
-        "several to be compared, such as -m 'lambert + lambert_transmission' (gonio models lists those that transmit)"
-    )
 
 
 def _at_wavelengths(expression: str, table: Table) -> str:

@@ -20,6 +20,7 @@ PLAIN = (  # isotropic, anisotropic
     ("lambert + ggx(f0=?)", "lambert + ggx(f0=?) + ggx"),
     ("lambert + ggx(alpha_x=?, alpha_y=?, f0=?)", "lambert + ggx(alpha_x=?, alpha_y=?, f0=?) + ggx"),
 )
+PLAIN_THROUGH = ("thin_sheet + transmitted(base=ggx)",)
 POOR = 1.5  # mean squared residual in units of the noise, from which on the next plain model is tried
 SELECTIONS = 3
 SAME = 1.0  # standard uncertainties, over all readings, that a correction may change by
@@ -30,7 +31,8 @@ def selected_model(task: FitTask, anisotropic: bool, view: SceneView | None) -> 
     settings, before = task.settings, ""
     averaged = any(task.readings.half_angles) and settings.aperture == "average"
     correction = _Correction(np.zeros(1), 0.0, np.inf)
-    for plain in PLAIN[anisotropic] if averaged else ():
+    transmits = task.readings.sides != [(1, 1)]
+    for plain in (PLAIN_THROUGH if transmits else PLAIN[anisotropic]) if averaged else ():
         if correction.misfit > POOR:
             correction = _correction(task, plain, with_defaults(parse(plain)), np.zeros(1))
     averaged = correction.change > SAME

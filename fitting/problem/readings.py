@@ -42,6 +42,7 @@ AnyArray = jax.Array | np.ndarray
 ALIGNED = 64  # bytes: what XLA asks of memory that it may use without a copy
 CHUNK = 1 << 15  # samples whose intermediate values stay in a cache
 MASKED = ("below_horizon", "shadowed", "saturated", "invalid")
+BRIGHTER = 5.0  # standard uncertainties from 0 of a sum of readings from which they are no noise about 0
 BANDS = (-20, 12)  # exponents of tan²θh from 1e-6 to 4e3
 RARE = 2  # bands of fewer cells than this many times those wanted are taken whole
 
@@ -69,6 +70,17 @@ class Readings:
         light, detector = (np.asarray(w.z) < 0 for w in (self.wi, self.wo))
         number = np.bincount(2 * light + detector, minlength=4)  # of cells with each of the four pairs
         return [(1 - 2 * (k // 2), 1 - 2 * (k % 2)) for k in np.flatnonzero(number).tolist()]
+
+    def on_sides(self, light: int, detector: int) -> np.ndarray:
+        """Which readings (n,) have light and detector on these sides."""
+        return (light * np.asarray(self.wi.z) > 0) & (detector * np.asarray(self.wo.z) > 0)
+
+    def brightness(self, light: int, detector: int) -> float:
+        """Sum of the valid readings there in units of its standard uncertainty; infinite where that is 0."""
+        here = self.on_sides(light, detector)
+        f, u = (a[here][self.valid[here]] for a in (self.f, np.nan_to_num(self.u_f)))
+        total, noise = float(f.sum()), float(np.sqrt(np.sum(u**2)))
+        return total / noise if noise else math.copysign(math.inf, total) if total else 0.0
 
     @property
     def count(self) -> int:

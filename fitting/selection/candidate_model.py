@@ -25,6 +25,9 @@ MIN_WIDTH = 1e-3
 USUAL = {"f0": 1.0, "k": 0.0}
 """Shapes that a term has where its expression has none: Schlick's F₀ = 1 is F = 1."""
 
+DIFFUSE = {"lambert": ("rho", True), "lambert_transmission": ("tau", False)}
+"""Even diffusers: the name of their share, and whether they reflect, or transmit."""
+
 Values = tuple[np.ndarray, np.ndarray]
 """Values (n, C) and their derivatives by the free numbers (n, C, P)."""
 
@@ -95,6 +98,21 @@ class SelectionData:
         """Number of channels."""
         return self.target.shape[1]
 
+    @functools.cached_property
+    def _cosines(self) -> tuple[np.ndarray, np.ndarray]:
+        z_i, z_o = (np.concatenate([np.asarray(b[k].z) for b in self.blocks])[: self.f.shape[0]] for k in (0, 1))
+        return z_i, z_o
+
+    @functools.cached_property
+    def front(self) -> np.ndarray:
+        """Which directions (n,) are of light and detector in front of the sample."""
+        return (self._cosines[0] > 0) & (self._cosines[1] > 0)
+
+    @functools.cached_property
+    def through(self) -> np.ndarray:
+        """Which directions (n,) are of light and detector on different sides."""
+        return self._cosines[0] * self._cosines[1] < 0
+
     @property
     def used(self) -> np.ndarray:
         """Which readings (n, C) count."""
@@ -126,13 +144,16 @@ class SelectionData:
     def term(self, term: TermSpec, shapes: dict[str, float]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Value (n,) of a term at scale 1 and its derivatives by its shapes."""
         n = self.f.shape[0]
-        if term.model == "lambert":  # ρ/π needs no program
-            return np.full(n, shapes["rho"] / np.pi), {"rho": np.full(n, 1.0 / np.pi)}
+        if term.model in DIFFUSE:  # ρ/π needs no program
+            name, there = DIFFUSE[term.model]
+            unit = np.where(self.front if there else self.through, 1.0 / np.pi, 0.0)
+            return shapes[name] * unit, {name: unit}
         names = kernel_arguments(term)
         both = "alpha" in shapes and "alpha_x" in names
         if both:
             shapes = {**shapes, "alpha_x": shapes["alpha"], "alpha_y": shapes["alpha"]}
-        frame = Frame(term.model, (("smith", "separable"),) if term.separable else (), ())
+        inside = (("base", (Frame(term.base, (), ()),)),) if term.base else ()
+        frame = Frame(term.model, tuple(sorted(term.options)), inside)
         arguments = np.array([shapes.get(name, USUAL.get(name, np.nan)) for name in names])
         blocks = [_kernel(frame, names, arguments, wi, wo) for wi, wo in self.blocks]
         value, slopes = (np.concatenate([np.asarray(b[k]) for b in blocks])[:n] for k in (0, 1))

@@ -1,12 +1,13 @@
 """Forward stepwise model selection from Lambert, with backward elimination.
 
-One lobe or free number is added at a time (`term_spec`) while BIC and cross-validated χ² both improve. All candidates
-of a step are descended on few readings, and the best of them are compared with one noise and one effective number of
+One lobe or free number is added at a time (`moves`) while BIC and cross-validated χ² both improve. All candidates of a
+step are descended on few readings, and the best of them are compared with one noise and one effective number of
 readings (`criteria`), on one sample of the readings, by programs that they share (`candidate_model`); only the selected
 one is fitted to all readings. One that reflects more than it receives gives way to one as good that does not.
 """
 
 import dataclasses
+import functools
 import time
 from collections.abc import Callable, Iterable
 
@@ -17,7 +18,8 @@ from gonio.fitting.residuals.energy import CREATES, largest_albedo
 from gonio.fitting.selection import criteria
 from gonio.fitting.selection.candidate import ROUNDING, Candidate, SelectionResult
 from gonio.fitting.selection.candidate_model import CandidateProblem, SelectionData
-from gonio.fitting.selection.term_spec import LAMBERT, NO_FRESNEL, SCHLICK, Terms, TermSpec, families, simpler, steps
+from gonio.fitting.selection.moves import TRANSMITTING, Moves, moves_for
+from gonio.fitting.selection.term_spec import Terms
 from gonio.fitting.selection.warm_start import carried, fit_candidate
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
@@ -56,6 +58,7 @@ class _Search:
     anisotropic: bool
     known_noise: bool = False
     log: Log = no_log
+    moves: Moves = dataclasses.field(default_factory=Moves)
     candidates: dict[Terms, Candidate] = dataclasses.field(default_factory=dict)
 
     @property
@@ -66,7 +69,8 @@ class _Search:
     def reweighted(self, weight: np.ndarray, log: Log = no_log) -> "_Search":
         """A new walk with other weights (n, C), from the numbers of this one."""
         known = {c.terms: c.p for c in self.candidates.values()}
-        return _Search(self.data.weighted(weight), self.near, known, self.anisotropic, self.known_noise, log)
+        data = self.data.weighted(weight)
+        return _Search(data, self.near, known, self.anisotropic, self.known_noise, log, self.moves)
 
     def fit(self, terms: Terms, origin: Candidate | None = None) -> Candidate | None:
         """A candidate fitted from another or from what is known of it; None where readings are too few."""
@@ -133,18 +137,18 @@ class _Search:
             return False
         return c.chi2 > STRUCTURED * self.count or self.design_effect(c) > CLUSTERED
 
-    def walk(self, start: Terms = (LAMBERT,), most: int = MAX_STEPS) -> SelectionResult:
-        """Up from Lambert or `start`, then down again where a number is not missed, to the smallest that suffices."""
-        current = self.fit(start)
+    def walk(self, start: Terms | None = None, most: int = MAX_STEPS) -> SelectionResult:
+        """Up from the least model or `start`, then down where a number is not missed: the smallest that suffices."""
+        current = self.fit(self.moves.start if start is None else start)
         if current is None:
             raise GonioError(f"{self.count} valid readings are too few to select a model; name one")
         origin, patience, grown = current, PATIENCE, set()
         for _ in range(most):
             grown.add(origin.terms)
-            larger = self.fit_likeliest(steps(origin.terms, self.anisotropic, self.data.channels), origin)
+            larger = self.fit_likeliest(self.moves.steps(origin.terms, self.anisotropic, self.data.channels), origin)
             better = self.result(current).better(current, larger)
             if self.has_structure(better or current):
-                larger += self.fit_likeliest(families(origin.terms), origin)
+                larger += self.fit_likeliest(self.moves.families(origin.terms), origin)
                 better = self.result(current).better(current, larger)
             if better is not None:
                 current = origin = better
@@ -174,7 +178,7 @@ class _Search:
 
     def simplified(self, current: Candidate) -> Candidate | None:
         """The first simpler candidate to which the current one is not preferred."""
-        for terms in simpler(current.terms, self.data.channels):
+        for terms in self.moves.simpler(current.terms, self.data.channels):
             c = self.fit(terms, current)
             if c and np.isfinite(c.chi2) and self.result(c).better(c, [current]) is None:
                 return c
@@ -218,7 +222,7 @@ def stepwise_selection(
     compared = f * subset.cos_i[:, None] if uses_cosine(loss) else f
     data = SelectionData.of(subset.wi, subset.wo, f, weight, loss, floor_of(loss, compared[valid]))
     near = criteria.neighbourhood(subset.wi, subset.wo)
-    search = _Search(data, near, {}, anisotropic, sigma is not None, log)
+    search = _Search(data, near, {}, anisotropic, sigma is not None, log, moves_for(readings))
     if sigma is not None:
         return _conserving(search.walk())
     search = search.reweighted(_noise_weight(search, _reference(search)), log)
@@ -247,19 +251,28 @@ def _creates_energy(c: Candidate, channels: int) -> bool:
         none = np.zeros((wi.z.size, channels))
         return CandidateProblem(c.terms, SelectionData.of(wi, wo, none, none, "linear", 1.0)).values(c.p)[0]
 
-    return largest_albedo(values, channels).value > 1.0 + CREATES
+    def both(light: int, wi: Direction, wo: Direction) -> np.ndarray:
+        wi = wi._replace(z=light * wi.z)
+        return values(wi, wo) + values(wi, wo._replace(z=-wo.z))
+
+    if not any(t.model in TRANSMITTING for t in c.terms):
+        return largest_albedo(values, channels).value > 1.0 + CREATES
+    lit = (functools.partial(both, light) for light in (1, -1))
+    return max(largest_albedo(of_side, channels).value for of_side in lit) > 1.0 + CREATES
 
 
 def _reference(search: _Search) -> Candidate:
-    """A fit with even weights that leaves the noise: two lobes, one perhaps back to the light, follow most surfaces."""
-    diffuse = search.fit((LAMBERT,))
-    one = search.fit_all(((LAMBERT, TermSpec("ggx", f)) for f in (NO_FRESNEL, SCHLICK)), diffuse)
-    two = [search.fit((*c.terms, TermSpec("ggx", c.terms[1].fresnel)), c) for c in one]
-    back = [search.fit((*c.terms, TermSpec("retro")), c) for c in one]
-    candidates = [c for c in (*two, *back, *one, diffuse) if c is not None]
-    if not candidates:
+    """A fit with even weights that leaves the noise, of models that follow most surfaces."""
+    smallest = search.fit(search.moves.start)
+    one, two = search.moves.references()
+    candidates = [smallest, *search.fit_all(one, smallest)]
+    for terms in two:
+        origins = [c for c in candidates[1:] if c is not None and set(c.terms) <= set(terms)]
+        candidates.append(search.fit(terms, origins[0] if origins else smallest))
+    known = [c for c in candidates if c is not None]
+    if not known:
         raise GonioError(f"{search.count} valid readings are too few to select a model; name one")
-    return min(candidates, key=lambda c: c.chi2)
+    return min(known, key=lambda c: c.chi2)
 
 
 def _noise_weight(search: _Search, c: Candidate) -> np.ndarray:

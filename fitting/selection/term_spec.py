@@ -38,7 +38,9 @@ class TermSpec:
     """One term of a candidate.
 
     `anisotropic`: two widths; `width_each`: a width for each channel; `shared`: its albedo or scale is one number for
-    all channels; `separable`: Smith's masking of the two directions as if they were independent.
+    all channels; `separable`: Smith's masking of the two directions as if they were independent; `base`: the model
+    whose lobe goes straight through, of `transmitted`; `beckmann`: Gaussian slopes, of an interface; `dyed`: a free
+    scale of what loses nothing without one.
     """
 
     model: str
@@ -47,11 +49,20 @@ class TermSpec:
     width_each: bool = False
     shared: bool = False
     separable: bool = False
+    base: str = ""
+    beckmann: bool = False
+    dyed: bool = False
 
     @property
     def is_lobe(self) -> bool:
         """Whether it is a lobe, not a diffuser."""
-        return self.model != "lambert" and self.model not in DIFFUSERS
+        return self.model not in ("lambert", "lambert_transmission", "thin_sheet", *DIFFUSERS)
+
+    @property
+    def options(self) -> tuple[tuple[str, str], ...]:
+        """The words among the arguments of its model."""
+        words = {"distribution": "beckmann"} if self.beckmann else {}
+        return tuple((words | ({"smith": "separable"} if self.separable else {})).items())
 
     @property
     def has_fresnel(self) -> bool:
@@ -63,17 +74,19 @@ class TermSpec:
         """The term as a user would write it."""
         extent = "each" if self.width_each else "?"
         widths = ("alpha_x", "alpha_y") if self.anisotropic else ("alpha",) if self.width_each else ()
-        arguments = [f"{name}={extent}" for name in widths]
+        arguments = [f"base={self.base}"] if self.base else []
+        arguments += [f"{name}={extent}" for name in widths]
+        arguments += ["eta=?"] if self.model == "rough_slab" else []
         arguments += ["gamma=?"] if self.model == "std" else []
         arguments += [self.fresnel.arguments] if self.fresnel.arguments else []
-        arguments += ['smith="separable"'] if self.separable else []
+        arguments += [f'{name}="{word}"' for name, word in self.options]
         known = parameters_of(MODELS[self.model])
         factor = "" if self.fresnel.scaled else "1 * "
         if self.shared and known and not MODELS[self.model].lobe:
             arguments += [f"{name}=shared" for name, info in known.items() if info.per_channel]
         elif self.shared and self.fresnel.scaled:
             factor = "shared * "
-        elif not known:
+        elif self.dyed or (not known and not self.base):
             factor = "? * "
         return factor + self.model + (f"({', '.join(arguments)})" if arguments else "")
 

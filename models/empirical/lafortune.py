@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Sample, Scalar, known_equal, parameter
 from gonio.models.empirical.phong import Phong
 from gonio.models.geometry.directions import normalize
+from gonio.models.geometry.guards import least_positive
 
 C_X = ParameterInfo(
     -2.0, 2.0, "1", "weight of wi.x wo.x: negative mirrors, positive sends back", start=-0.6, role="weight"
@@ -53,7 +54,7 @@ class Lafortune(AbstractBRDF):
         inside = bracket > 0
         sharp = missing < 0.25  # not further: XLA's log1p is off by 3e-14 from −0.41 to −0.3
         log_near = jnp.log1p(-jnp.where(sharp, missing, 0.0))
-        log_far = jnp.log(jnp.where(inside & ~sharp, bracket / safe, 1.0))
+        log_far = jnp.log(least_positive(jnp.where(sharp, 1.0, bracket / safe)))
         exponent = self.n * jnp.where(sharp, log_near, log_far)
         if self.norm == "ngan":
             return jnp.where(inside, (self.n + 2.0) / (2 * jnp.pi) * jnp.exp(exponent), 0.0)

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Sample, Scalar, parameter
+from gonio.models.geometry.guards import least_positive
 from gonio.models.warps.grazing_azimuth import grazing_azimuth, grazing_tangent, polar_parts, rotated
 from gonio.models.warps.radial_laws import S_MAX
 
@@ -70,7 +71,8 @@ def _log_cosine(wi: Direction, wo: Direction) -> tuple[Array, Scalar]:
     d2 = (wi.x + wo.x) ** 2 + (wi.y + wo.y) ** 2 + (wi.z - wo.z) ** 2
     cosine = wi.z * wo.z - wi.x * wo.x - wi.y * wo.y
     near, ahead = d2 < 0.5, cosine > 0
-    far = jnp.log(jnp.where(near | ~ahead, 1.0, cosine))
+    # The least cosine, not 1, where it is not ahead: a compiler may round the two uses of it apart, about 0.
+    far = jnp.log(least_positive(jnp.where(near, 1.0, cosine)))
     return ahead, jnp.where(near, jnp.log1p(-0.5 * jnp.where(near, d2, 0.0)), far)
 
 

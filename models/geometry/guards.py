@@ -17,6 +17,14 @@ def positive(cosine: Scalar) -> Scalar:
     return jnp.where(cosine >= tiny**0.2, cosine, jax.lax.stop_gradient(jnp.maximum(cosine, tiny)))
 
 
+def least_positive(x: Scalar) -> Scalar:
+    """x, but no less than the least normal number: for the logarithm of what is raised to a power and is 0 below 0.
+
+    Unlike 1 in its place it is near the limit: XLA may compute x twice and round it once to either side of 0.
+    """
+    return jnp.maximum(x, float(jnp.finfo(jnp.result_type(x)).tiny))
+
+
 def grazing_scale(dtype: DTypeLike) -> float:
     """A power of two by which what is as small as a grazing cosine may be multiplied, and then squared.
 
