@@ -22,7 +22,7 @@ from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.geometry.horizon import Hemispheres
 
 ORDERS = (4, 8, 16, 32, 64, 128)  # nodes of each panel along each side: 8·order² evaluations
-NODES_A_CALL = 2048
+NODES_A_CALL, COSTLY_NODES_A_CALL = 2048, 512
 INCIDENCES_A_CALL = 8
 
 HIDDEN = 2e-11
@@ -65,6 +65,10 @@ def _padded(a: np.ndarray, size: int, fill: float) -> np.ndarray:
     return np.concatenate([a, np.full(size - a.size, fill)])
 
 
+def _costly(brdf_terms: tuple[AbstractBRDF, ...]) -> bool:
+    return any(term.costly for term in brdf_terms)
+
+
 def _rule_sums(brdf_terms: tuple[AbstractBRDF, ...], side: float, wi: Direction, order: int) -> list[np.ndarray]:
     """(Σ, Σ of absolute values) of each term by the rule of one order."""
     sums = [_compiled_sums(term, side, wi, order) for term in brdf_terms]
@@ -101,11 +105,10 @@ def _compiled_sums(term: AbstractBRDF, side: float, wi: Direction, order: int) -
 def _xla_sums(brdf_terms: tuple[AbstractBRDF, ...], side: float, wi: Direction, order: int) -> list[np.ndarray]:
     # One compiled program for every order and number of incidences: nodes and incidences are padded to fixed blocks.
     u1, u2, weight = panel_rule(order)
-    blocks = []
-    for start in range(0, u1.size, NODES_A_CALL):
+    blocks, size = [], COSTLY_NODES_A_CALL if _costly(brdf_terms) else NODES_A_CALL
+    for start in range(0, u1.size, size):
         block = (
-            _padded(a[start : start + NODES_A_CALL], NODES_A_CALL, f)
-            for a, f in zip((u1, u2, weight), (0.3, 0.3, 0.0), strict=True)
+            _padded(a[start : start + size], size, f) for a, f in zip((u1, u2, weight), (0.3, 0.3, 0.0), strict=True)
         )
         sums = _term_sums(brdf_terms, jnp.asarray(side), wi, *(jnp.asarray(a) for a in block))
         blocks.append([np.stack([np.asarray(p) for p in pair]) for pair in sums])
@@ -178,7 +181,7 @@ def _terms_integrals(
     """(value, bound, evaluations) of the sum of terms; only what misses its tolerance goes on to the next order."""
     terms = [_Term(theta.size) for _ in parts]
     evaluations = 0
-    for order in ORDERS:
+    for order in ORDERS[1:] if _costly(parts) else ORDERS:
         some = [i for i, term in enumerate(terms) if term.unmet.any()]
         rows = np.flatnonzero(np.any([terms[i].unmet for i in some], axis=0)) if some else np.zeros(0, int)
         for start in range(0, rows.size, INCIDENCES_A_CALL):

@@ -63,6 +63,11 @@ class AbstractBRDF(eqx.Module):
         return 0.0
 
     @property
+    def costly(self) -> bool:
+        """Whether f costs tens of microfacet lobes: integrals then begin finer, and take no more than is needed."""
+        return False
+
+    @property
     def isotropic(self) -> bool:
         """Whether f is known to depend on the azimuths only by their difference; False where JAX traces the widths.
 
@@ -228,6 +233,10 @@ class Scaled(AbstractBRDF):
         return self.base.loses_energy
 
     @property
+    def costly(self) -> bool:
+        return self.base.costly
+
+    @property
     def isotropic(self) -> bool:
         return self.base.isotropic
 
@@ -336,6 +345,9 @@ class AbstractComposite(AbstractBRDF):
 
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return Sum(self.terms()).lobe_map(wi, u1, u2)
+
+    def specular(self, wi: Direction) -> Channels:
+        return Sum(self.terms()).specular(wi)
 
 
 def terms(brdf: AbstractBRDF) -> tuple[AbstractBRDF, ...]:

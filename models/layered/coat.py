@@ -39,12 +39,23 @@ class UnderCoat(AbstractBRDF):
         """The index by which directions are refracted: the mean where channels differ, as geometry has no channels."""
         return jnp.mean(self.eta)
 
-    def formula(self, wi: Direction, wo: Direction) -> Channels:
+    def passed(self, w: Direction) -> Channels:
+        """T(μ) of a direction."""
         series = tables.coat_series(self.alpha, self.eta)
         alpha = jnp.broadcast_to(self.alpha, series.shape[1:])
-        passed = [1.0 - jnp.minimum(tables.tabulated("coat", series, w.z, alpha), 1.0) for w in (wi, wo)]
+        return 1.0 - jnp.minimum(tables.tabulated("coat", series, w.z, alpha), 1.0)
+
+    def formula(self, wi: Direction, wo: Direction) -> Channels:
         base = self.base.formula(*(refracted(w, self.index) for w in (wi, wo)))
-        return base * (passed[0] * passed[1] * (1.0 / self.index**2))
+        return base * (self.passed(wi) * self.passed(wo) * (1.0 / self.index**2))
+
+    def specular(self, wi: Direction) -> Channels:
+        """T(μi)² of what the base mirrors: the image leaves at the angle at which it came."""
+        return self.base.specular(refracted(wi, self.index)) * self.passed(wi) ** 2
+
+    @property
+    def costly(self) -> bool:
+        return self.base.costly
 
     def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         """The base's sample, refracted outwards; what the interface reflects totally does not leave."""
@@ -74,7 +85,8 @@ class UnderCoat(AbstractBRDF):
 class Coat(AbstractComposite):
     """f = f_coat + T(μi) T(μo) f_base(i′, o′)/η²: a dielectric GGX interface over a base [Weidlich & Wilkie 2007].
 
-    i′ and o′ are refracted by Snell's law at the mean surface; T(μ) = 1 − E(μ) with E the albedo of the coat alone, by
+    i′ and o′ are refracted by Snell's law at the mean surface, as is the image of the source that a base mirrors beside
+    its f, T(μi)² of which is left; T(μ) = 1 − E(μ) with E the albedo of the coat alone, by
     our own integrals. Reciprocal where the base is. It conserves energy whenever the base does: as η² μ′dω′ = μ dω,
     ∫ f μo dωo = E(μi) + T(μi) ∫ T(μo) f_base μ′o dω′o ≤ E(μi) + T(μi) = 1, the integral being over the directions that
     leave. `base` is a model or a sum of them; α in [1e-4, 1], η in [1.01, 4], isotropic, height-correlated masking.

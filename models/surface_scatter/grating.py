@@ -225,6 +225,10 @@ class GratingOrders(AbstractBRDF):
         return self.grating.formula(wi, wo)
 
     @property
+    def costly(self) -> bool:
+        return True
+
+    @property
     def isotropic(self) -> bool:
         return False
 

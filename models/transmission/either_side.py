@@ -48,3 +48,7 @@ class AbstractEitherSide(AbstractBRDF):
         side, beyond = self._sides(wi)
         wo, jacobian = self.facing(wi).lobe_map(turned_over(wi, side), u1, u2)
         return turned_over(wo, beyond), jacobian
+
+    def specular(self, wi: Direction) -> Channels:
+        """What the model mirrors beside its f: an image too where it goes straight through."""
+        return self.facing(wi).specular(turned_over(wi, self._sides(wi)[0]))

@@ -30,6 +30,9 @@ ISOTROPIC = 1e-7
 COARSE = 1e-5
 """Bound of an albedo above which adaptive cubature is tried as well, where the albedo may exceed 1."""
 
+CLEAR, FAR = 1e-4, 10.0
+"""Bound that is enough of a costly model's albedo that is so many times it below 1."""
+
 MOST_ADAPTED = 16
 BETWEEN = 8
 """Incidences that are added about the largest albedo, twice."""
@@ -134,11 +137,14 @@ class _Integrator:
     def reflected(self, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(R, bound), each (n, channels), with what is specular of light in front."""
         value, bound = self._integrals(self.light, directional_albedo, theta, phi)
-        return value + (specular_share(self.brdf, theta, phi) if self.light > 0 else 0.0), bound
+        mirrors = self.light > 0 and Hemispheres.REFLECTION in self.brdf.hemispheres
+        return value + (specular_share(self.brdf, theta, phi) if mirrors else 0.0), bound
 
     def transmitted(self, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(T, bound), each (n, channels)."""
-        return self._integrals(-self.light, directional_transmittance, theta, phi)
+        value, bound = self._integrals(-self.light, directional_transmittance, theta, phi)
+        through = Hemispheres.REFLECTION not in self.brdf.hemispheres
+        return value + (specular_share(self.brdf, theta, phi) if through else 0.0), bound
 
     def _integrals(
         self, detector: int, by_maps: Callable[..., Estimate], theta: np.ndarray, phi: np.ndarray
@@ -149,8 +155,7 @@ class _Integrator:
         value, bound = np.zeros((theta.size, 1)), np.zeros((theta.size, 1))
         if ours:
             whole = ours[0] if len(ours) == 1 else Sum(ours)
-            estimate = by_maps(whole, theta if self.light > 0 else np.pi - theta, np.asarray(phi), self.accuracy)
-            v, b = (a.reshape(theta.size, -1).copy() for a in (estimate.value, estimate.bound))
+            v, b = self._by_maps(whole, by_maps, theta, np.asarray(phi))
             self._adapted(seen_from(whole, self.light, detector), theta, phi, v, b)
             value, bound = value + v, bound + b
         limit = 1.0 if len(foreign) == 1 and not ours else None
@@ -158,6 +163,23 @@ class _Integrator:
             each = [cubature_albedo(term, t, p, self.accuracy, limit) for t, p in zip(theta, phi, strict=True)]
             v, b = (np.stack(a) for a in zip(*each, strict=True))
             value, bound = value + v, bound + b
+        return value, bound
+
+    def _by_maps(
+        self, whole: AbstractBRDF, rule: Callable[..., Estimate], theta: np.ndarray, phi: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """By the lobes' own maps; of costly models only as exactly as the distance from 1 asks."""
+        lit = theta if self.light > 0 else np.pi - theta
+
+        def integrals(some: np.ndarray, accuracy: float) -> list[np.ndarray]:
+            estimate = rule(whole, lit[some], phi[some], accuracy)
+            return [a.reshape(some.size, -1).copy() for a in (estimate.value, estimate.bound)]
+
+        every, costly = np.arange(theta.size), any(t.costly for t in whole.terms())
+        value, bound = integrals(every, max(self.accuracy, CLEAR) if costly else self.accuracy)
+        near = np.flatnonzero(np.any(value + FAR * bound > 1, axis=1)) if costly else every[:0]
+        if near.size:
+            value[near], bound[near] = integrals(near, self.accuracy)
         return value, bound
 
     def _adapted(

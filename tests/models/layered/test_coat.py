@@ -5,6 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from gonio.checks.certify import check
+from gonio.metrology.quantities import quantities
 from gonio.models.albedo import directional_albedo
 from gonio.models.diffuse.lambert import Lambert
 from gonio.models.diffuse.white_standard import WhiteStandard
@@ -12,7 +14,7 @@ from gonio.models.empirical.phong import Phong
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 from gonio.models.fresnel import fresnel_average
-from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.layered.coat import Coat, UnderCoat, refracted
 from gonio.models.layered.kelemen import KelemenLobe
 from gonio.models.microfacet import albedo_tables as albedo_table
@@ -129,3 +131,23 @@ def test_total_reflection_is_a_mask():
     wo, leaves = jax.vmap(lambda v: brdf.sample(Direction(0.0, 0.0, 1.0), 0.3, v))(jnp.asarray(u2))
     np.testing.assert_array_equal(leaves, u2 < 1 / 1.5**2)
     assert (np.asarray(wo.z)[np.asarray(leaves)] > 0).all()
+
+
+def test_what_a_polished_base_mirrors_leaves_a_coat_but_for_what_the_coat_reflects():
+    """T(μ)² of the base's image at the refracted angle; without the coat's reflection the whole of it."""
+    base = "rayleigh_rice(wavelength=0.6328, eta=4.05, k=0.05, a=0.001, b=20, c=2)"
+    silicon, coat, theta = build(base), f"coat(base={base}, alpha=0.1, eta=1.5)", 0.8
+    wi, inside = (from_spherical(jnp.asarray(t), jnp.zeros(())) for t in (theta, np.arcsin(np.sin(theta) / 1.5)))
+    passed = 1 - directional_albedo(build("ggx(alpha=0.1, eta=1.5)"), theta).value
+    coated = build(coat).specular(wi)
+    np.testing.assert_allclose(coated, passed**2 * silicon.specular(inside), rtol=1e-6)
+    np.testing.assert_allclose((0.5 * build(coat)).specular(wi), 0.5 * coated)
+    sent = build(f"transmitted(base={coat})").specular(wi._replace(z=-wi.z))
+    np.testing.assert_allclose(sent, coated)
+    assert build("coat(base=lambert(rho=1), alpha=0.1, eta=1.5)").specular(wi) == 0
+    energy = check(coat)["energy"]
+    assert energy.verdict == "pass" and "The specular share, no part of f, is counted" in energy.detail
+    named = {(q.name, q.place): q.value for q in quantities(coat, only=("scatter",)).quantities}
+    assert named["specular reflectance", "θi 0°"] == pytest.approx(
+        float(build(coat).specular(from_spherical(0.0, 0.0)))
+    )
