@@ -28,6 +28,9 @@ INCIDENCES_A_CALL = 8
 HIDDEN = 2e-11
 """Share that no two orders may tell apart: at the horizon, shadowing by narrow lobes (α < 1e-3) turns within α."""
 
+ALGEBRAIC = 1 / 8
+"""Of the change before, that may remain where kinks inside the panels make rules converge by a factor an order."""
+
 
 class Estimate(NamedTuple):
     """An integral, a bound on its absolute error, and the evaluations of f that it took."""
@@ -179,7 +182,7 @@ def _terms_integrals(
     parts: tuple[AbstractBRDF, ...], side: float, theta: np.ndarray, phi: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """(value, bound, evaluations) of the sum of terms; only what misses its tolerance goes on to the next order."""
-    terms = [_Term(theta.size) for _ in parts]
+    terms = [_Term(theta.size, part.kinked) for part in parts]
     evaluations = 0
     for order in ORDERS[1:] if _costly(parts) else ORDERS:
         some = [i for i, term in enumerate(terms) if term.unmet.any()]
@@ -201,7 +204,8 @@ def _terms_integrals(
 class _Term:
     """The integrals of a term at some incidences, with the last changes, by which their errors are bounded."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, kinked: bool = False) -> None:
+        self.remains = ALGEBRAIC if kinked else 0.0
         self.unmet = np.ones(count, bool)
         self.value, self.bound, self.step = (np.full(count, np.nan) for _ in range(3))
 
@@ -217,7 +221,7 @@ class _Term:
         change = np.abs(value - self.value[here])
         earlier = np.where(np.isnan(self.step[here]), change, self.step[here])
         # Agreement of two orders by accident is caught by the square of the change before it.
-        bound = 2 * change + earlier * np.minimum(earlier, 1.0) + _floor(absolute)
+        bound = 2 * change + earlier * np.minimum(earlier + self.remains, 1.0) + _floor(absolute)
         self.value[here], self.bound[here], self.step[here] = value, bound, change
         self.unmet[here] = ~np.all(bound.reshape(here.size, -1) <= tolerance, axis=1)
 

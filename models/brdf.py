@@ -68,6 +68,11 @@ class AbstractBRDF(eqx.Module):
         return False
 
     @property
+    def kinked(self) -> bool:
+        """Whether the lobe map leaves kinks inside its panels: rules of higher order then gain a fixed factor alone."""
+        return False
+
+    @property
     def isotropic(self) -> bool:
         """Whether f is known to depend on the azimuths only by their difference; False where JAX traces the widths.
 
@@ -235,6 +240,10 @@ class Scaled(AbstractBRDF):
     @property
     def costly(self) -> bool:
         return self.base.costly
+
+    @property
+    def kinked(self) -> bool:
+        return self.base.kinked
 
     @property
     def isotropic(self) -> bool:

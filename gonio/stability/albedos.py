@@ -10,13 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gonio.models.albedo import directional_albedo
+from gonio.models.albedo import directional_albedo, directional_transmittance
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
+from gonio.models.folded import Folded
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.sides import Hemispheres
 from gonio.stability.directions import AZIMUTH, unit_vector
-from gonio.stability.outcome import RIGHT, SAYS_SO, SILENT, Cell
+from gonio.stability.outcome import RIGHT, SAYS_SO, SILENT, VERDICTS, Cell
 from gonio.stability.rectangle_cubature import integrate
 
 INCIDENCES = {"0°": 0.0, "30°": 30.0, "60°": 60.0, "80°": 80.0, "89°": 89.0, "89.9°": 89.9}
@@ -46,9 +48,11 @@ class _Rings(NamedTuple):
     towards: float
 
     @classmethod
-    def about(cls, middle: str, theta_i: float) -> "_Rings":
+    def about(cls, middle: str, theta_i: float, bend: float = 1.0) -> "_Rings":
         c, s = np.cos(theta_i), np.sin(theta_i)
-        x, z = {"mirror": (-s, c), "light": (s, c), "normal": (0.0, 1.0)}[middle]
+        bent = min(bend * s, 1.0)
+        refracted = -bent, np.sqrt(1 - bent * bent)
+        x, z = {"mirror": (-s, c), "light": (s, c), "normal": (0.0, 1.0), "refracted": refracted}[middle]
         return cls(np.arctan2(abs(x), z), np.sign(x) or 1.0)
 
     def cells(self, theta_i: float) -> np.ndarray:
@@ -92,22 +96,31 @@ class _Rings(NamedTuple):
         return flux
 
 
-def ring_albedo(brdf: AbstractBRDF, theta_i: float, about: str, tolerance: float = ENOUGH) -> ReferenceAlbedo:
-    """∫ f cosθo dωo, with the rule's error, by rings about the "mirror" direction, the "light" or the "normal"."""
-    rings = _Rings.about(about, theta_i)
+def ring_albedo(
+    brdf: AbstractBRDF, theta_i: float, about: str, tolerance: float = ENOUGH, bend: float = 1.0
+) -> ReferenceAlbedo:
+    """∫ f cosθo dωo, with the rule's error, by rings about the "mirror" direction, the "light" or the "normal".
+
+    Of a folded interface, which sends light to sin θo = `bend` sin θi, about the "refracted" direction too.
+    """
+    rings = _Rings.about(about, theta_i, bend)
     cells = rings.cells(theta_i)
     done = integrate(rings.integrand(brdf, theta_i), cells, np.zeros(len(cells), int), tolerance)
     return ReferenceAlbedo(float(done.values[0]), done.error)
 
 
-def reference_albedo(brdf: AbstractBRDF, theta_i: float, all_middles: bool = False) -> ReferenceAlbedo:
+def reference_albedo(
+    brdf: AbstractBRDF, theta_i: float, all_middles: bool = False, bend: float = 1.0
+) -> ReferenceAlbedo:
     """The albedo by rings about the middle with the least uncertainty.
 
-    The next middle is used where the one before leaves more than ten times `ENOUGH`, or with `all_middles`.
+    The next middle is used where the one before leaves more than ten times `ENOUGH`, or with `all_middles`; `bend` as
+    of `ring_albedo`.
     """
     estimates: list[ReferenceAlbedo] = []
-    for about in ("mirror", "light", "normal") if theta_i > 0 else ("mirror",):
-        value, error = ring_albedo(brdf, theta_i, about)
+    middles = ("mirror", "light", "normal") if bend == 1.0 else ("refracted", "normal", "mirror")
+    for about in middles if theta_i > 0 else middles[:1]:
+        value, error = ring_albedo(brdf, theta_i, about, bend=bend)
         size = max(abs(value), 1.0)
         estimates.append(ReferenceAlbedo(value, error + UNRESOLVED * size))
         if estimates[-1].uncertainty < 10 * ENOUGH * size and not all_middles:
@@ -119,24 +132,35 @@ def reference_albedo(brdf: AbstractBRDF, theta_i: float, all_middles: bool = Fal
 
 
 def integral_cells(name: str, expression: str, precision: str = "float64") -> list[Cell]:
-    """One cell for each incidence: right, or a bound above the tolerance that holds, or a bound that does not hold."""
+    """One cell for each incidence: right, or a bound above the tolerance that holds, or a bound that does not hold.
+
+    Of what transmits it is the worse one of what is reflected and what goes through.
+    """
     brdf = build(expression)
     theta = np.radians(list(INCIDENCES.values()))
-    claimed = directional_albedo(brdf, theta, AZIMUTH, TOLERANCE / 4)
-    return [
-        Cell("integral", name, expression, column, precision, *_judged(brdf, float(t), float(value), float(bound)))
-        for column, t, value, bound in zip(INCIDENCES, theta, claimed.value, claimed.bound, strict=True)
-    ]
+    ways = [(brdf, directional_albedo(brdf, theta, AZIMUTH, TOLERANCE / 4), 1.0)]
+    if Hemispheres.TRANSMISSION in brdf.hemispheres:
+        through = directional_transmittance(brdf, theta, AZIMUTH, TOLERANCE / 4)
+        bend = 1 / float(np.mean(np.asarray(brdf.index_behind)))
+        ways = [*(ways if Hemispheres.REFLECTION in brdf.hemispheres else []), (Folded(brdf, 1, -1), through, bend)]
+    cells = []
+    for k, (column, t) in enumerate(zip(INCIDENCES, theta, strict=True)):
+        judged = [_judged(part, float(t), float(e.value[k]), float(e.bound[k]), bend) for part, e, bend in ways]
+        worst = max(judged, key=lambda one: (VERDICTS.index(one[0]), one[1]))
+        cells.append(Cell("integral", name, expression, column, precision, *worst))
+    return cells
 
 
-def _judged(brdf: AbstractBRDF, theta_i: float, value: float, bound: float) -> tuple[str, float, float, str]:
+def _judged(
+    brdf: AbstractBRDF, theta_i: float, value: float, bound: float, bend: float
+) -> tuple[str, float, float, str]:
     # (verdict, error, bound, detail) of a claimed albedo.
-    reference = reference_albedo(brdf, theta_i) if np.isfinite(value) else ReferenceAlbedo(np.nan, np.nan)
+    reference = reference_albedo(brdf, theta_i, bend=bend) if np.isfinite(value) else ReferenceAlbedo(np.nan, np.nan)
     if not np.isfinite(reference).all():
         return SAYS_SO, np.inf, 0.0, f"albedo {value:.10g}, by rings {reference.value:.10g}: not a finite number"
     if abs(value - reference.value) > bound + 3 * reference.uncertainty:
         # A failure needs more than one reference: the other middles have to agree.
-        reference = reference_albedo(brdf, theta_i, all_middles=True)
+        reference = reference_albedo(brdf, theta_i, all_middles=True, bend=bend)
     error = abs(value - reference.value)
     if error > bound + 3 * reference.uncertainty:
         verdict = SILENT

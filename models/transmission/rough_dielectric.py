@@ -198,6 +198,10 @@ class RoughRefraction(AbstractInterface):
     def index_behind(self) -> Channels:
         return self.eta
 
+    @property
+    def kinked(self) -> bool:
+        return True
+
     def masking(self, wi: Direction, wo: Direction) -> Scalar:
         """Uncorrelated, or B(1 + Λi, 1 + Λo) of heights that light passes from opposite sides [Dupuy et al. 2016]."""
         l_i, l_o = (self.cos_over_g1(w, self.alpha_x, self.alpha_y) for w in (wi, wo))

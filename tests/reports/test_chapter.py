@@ -23,7 +23,7 @@ def test_the_whole_chapter_is_one_page_whose_results_agree(tmp_path, capsys):
     out, text = capsys.readouterr().out, page.read_text()
     assert out.count("differs") == 1 and "minnaert" in out  # the liar alone
     assert out.count("agrees") > 12 and "Done in" in out
-    assert all(f"figure 12.{k}" in text for k in range(1, 7))
+    assert all(f"figure 12.{k}" in text for k in range(1, 7)) and "follow the chapter's order of subjects" in text
     assert "(changed)" in text and 'src="data:image/png' in text
     for name in ("patch_tilt", "disc_theta_i", "absorption"):
         assert f'id="number-{name}"' in text

@@ -6,8 +6,11 @@ import pytest
 
 from gonio.models.albedo import Estimate
 from gonio.models.empirical.phong import Phong
+from gonio.models.expression.builder import build
+from gonio.models.folded import Folded
 from gonio.models.microfacet.ggx import GGX
 from gonio.stability import albedos as integrals
+from gonio.stability.albedos import integral_cells, ring_albedo
 from gonio.stability.outcome import RIGHT, SILENT
 
 
@@ -31,3 +34,11 @@ def test_a_bound_that_does_not_hold_is_silent(monkeypatch):
         integrals, "directional_albedo", lambda *a: Estimate(honest(*a).value + 1e-5, honest(*a).bound, 0)
     )
     assert {c.verdict for c in integrals.integral_cells("lambert", "lambert(rho=0.5)")} == {SILENT}
+
+
+def test_what_goes_through_is_held_against_rings_too():
+    """Of a diffuser the sum is known; of a narrow interface what its own rule leaves is within its bound."""
+    assert {c.verdict for c in integral_cells("", "lambert_transmission(tau=0.6)")} == {RIGHT}
+    through = ring_albedo(Folded(build("lambert_transmission(tau=0.6)"), 1, -1), 0.5, "refracted", bend=0.7)
+    assert through.value == pytest.approx(0.6, abs=1e-9)
+    assert {c.verdict for c in integral_cells("", "rough_dielectric(eta=1.5, alpha=0.001)")} == {RIGHT}

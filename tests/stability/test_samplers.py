@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import pytest
 
 from gonio.models.empirical.phong import Phong
+from gonio.models.expression.builder import build
 from gonio.stability import samplers
 from gonio.stability.outcome import RIGHT
 
@@ -32,3 +33,13 @@ def test_samplers_draw_from_their_densities(expression):
     """χ² at the 1 % level over all of them [Šidák 1967], and ∫ of the density, at four incidences."""
     found = samplers.sampler_cells(expression, expression, "float64", 200_000)
     assert {c.verdict for c in found} == {RIGHT}, [c.detail for c in found]
+
+
+def test_refraction_that_fails_about_the_lobes_middle_is_held_against_cells_about_the_normal():
+    """From outside all light is refracted, so that the density adds up to 1: it jumps on a circle about the normal."""
+    part = build("rough_dielectric(eta=1.5, alpha=1)").terms()[1]
+    theta = samplers.INCIDENCES["89°"]
+    middle, normal = (samplers.count_and_expect(part, theta, 20_000, about_normal=n) for n in (False, True))
+    assert middle.lost == 0 and middle.off > samplers.WHOLE["float64"] > 10 * normal.off
+    cells = samplers.sampler_cells("rough_dielectric", "rough_dielectric(eta=1.5, alpha=1)", "float64", 20_000)
+    assert {c.verdict for c in cells} == {RIGHT}

@@ -34,7 +34,6 @@ def through(n: Numbers) -> Experiment:
     front, behind = from_spherical(np.radians(30.0), 0.0, np), from_spherical(np.radians(160.0), np.pi, np)
     there, back = (float(np.ravel(evaluate(brdf, *pair))[0]) for pair in ((front, behind), (behind, front)))
     return Experiment(
-        "12.6",
         "Through the surface: the BTDF",
         "Some light passes, and its BTDF is dL/dE as well, with the detector behind. What is reflected and what passes "
         "is together no more than what arrives. Exchanging the arms, radiance changes by the square of the index.",
@@ -68,7 +67,6 @@ def below(n: Numbers) -> Experiment:
     kept = kept_share(model, n.spot, n.spot)
     exchanged = [kept_share(model, a, b) for a, b in ((n.spot, 3 * n.spot), (3 * n.spot, n.spot))]
     return Experiment(
-        "12.6",
         "Below the surface: the BSSRDF",
         "In milk, skin or marble light leaves elsewhere than it entered. The BRDF is what remains where everything lit "
         "is larger than that distance; a spot that is not loses light at its edge. (The dipole's own limits: "
@@ -120,7 +118,6 @@ def waves(n: Numbers) -> Experiment:
         results.append(Result(f"first order of {disc.channels.names[k]}", angle_read, error, "deg", angle))
     picture_of_disc = lit_disc(disc)
     return Experiment(
-        "12.6",
         "Light as waves: the rainbow on a disc",
         "Where tracks are a few wavelengths apart, their waves add up in some directions only, others for each "
         "wavelength. No formula of rays has that; the BRDF has it all the same, one for each wavelength. "

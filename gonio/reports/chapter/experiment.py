@@ -44,9 +44,8 @@ class Result:
 
 @dataclasses.dataclass(frozen=True)
 class Experiment:
-    """One idea of the chapter: its figure there, a sentence or two, the law, results, a picture, and its numbers."""
+    """One idea of the chapter: a sentence or two, the law, results, a picture, and its numbers."""
 
-    figure: str
     title: str
     idea: str
     law: str

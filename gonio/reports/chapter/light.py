@@ -46,7 +46,6 @@ def patch(n: Numbers) -> Experiment:
     whole, of_small = exact(n.patch_distance), small(n.patch_distance)
     distances = n.patch_distance * np.geomspace(0.5, 8, 24)
     return Experiment(
-        "12.1",
         "The solid angle of a patch",
         "How large a thing looks is its area, foreshortened by its tilt, over the square of the distance. For a patch "
         "of finite size that is an approximation, whose error falls with the square of the distance.",
@@ -80,7 +79,6 @@ def detector(n: Numbers) -> Experiment:
     measured = np.array([(2 * math.pi * n.radiance * cosines * (cosines > math.cos(a))).mean() for a in angles])
     law = np.array([float(irradiance_of_cap(n.radiance, a)) for a in angles])
     return Experiment(
-        "12.2",
         "E = πL by a detector",
         "A flat detector under a hemisphere of uniform radiance: each direction counts with the cosine of its angle, "
         "so that the hemisphere of 2π steradians gives π times its radiance, not 2π times.",
@@ -120,7 +118,6 @@ def two_apertures(n: Numbers) -> Experiment:
         results.append(Result(f"flux at {d:g} m", power, error, "W"))
         results.append(Result(f"flux / étendue at {d:g} m", levels[-1], error / passed, "W/(m² sr)", n.radiance))
     return Experiment(
-        "12.3",
         "Radiance does not change along a ray",
         "A lamp of one radiance fills the first aperture; a detector behind the second one counts. Further away it "
         "counts less, by just as much as fewer directions pass both: flux over étendue, radiance, is the same.",

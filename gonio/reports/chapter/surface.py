@@ -34,7 +34,6 @@ def differentials(n: Numbers) -> Experiment:
     slope, u = (lit - dark) / irradiance[-1], math.hypot(sigma[-1], sigma[0]) / irradiance[-1]
     ratios = {p: (level[k] / irradiance[k], sigma[k] / irradiance[k]) for k, p in enumerate(POWERS) if p}
     return Experiment(
-        "12.4",
         "The BRDF is dL/dE, not L/E",
         "The lamp at several powers, the light of the room always on. The ratio of radiance to irradiance depends on "
         "the lamp; the change of one with the other does not, and that is the BRDF.",
@@ -77,7 +76,6 @@ def reciprocity(n: Numbers) -> Experiment:
         results.append(Result(name, f[k], 3 * u[k], "1/sr"))
         results.append(Result("with the arms exchanged", f[k + 1], 3 * math.hypot(u[k], u[k + 1]), "1/sr", f[k]))
     return Experiment(
-        "12.4",
         "Exchanging the arms",
         "The simulated instrument reads the surface, then the lamp goes where the detector was and the detector where "
         "the lamp was. By Helmholtz reciprocity both readings are the same within their noise.",
@@ -110,7 +108,6 @@ def energy(n: Numbers) -> Experiment:
         results.append(Result(f"largest albedo of {name}, at {INCIDENCES[k]:g}°", value[k], bound[k], "1"))
         results.append(Result("its share above 1", max(value[k] - 1, 0.0), bound[k], "1", 0.0))
     return Experiment(
-        "12.5",
         "No more leaves than arrives",
         "All that a surface reflects of the light from one direction, by an integral over the hemisphere with a bound "
         "on its error, must not exceed what arrives. A formula may break that, and many published ones do: the second "
@@ -142,7 +139,6 @@ def hours(n: Numbers) -> Experiment:
     needed = np.array([pace.seconds(layout, n.photons) / 3600 for layout in layouts])
     k = steps.index(n.step)
     return Experiment(
-        "12.6",
         "The hours of a scan",
         "A gonioreflectometer turns two arms and the sample. For an isotropic surface three angles remain: half the "
         "step is eight times the readings. That is why tables are coarse, and models are fitted.",
@@ -175,7 +171,6 @@ def wavelengths(n: Numbers) -> Experiment:
     value, bound = np.ravel(albedo.value), np.ravel(albedo.bound)
     chosen = sorted({int(np.argmin(value)), int(np.argmax(value))}, key=lambda k: nodes[k])
     return Experiment(
-        "12.6",
         "One BRDF for each wavelength",
         "Everything above holds at each wavelength by itself. The colour of a metal is that of its BRDF: where it "
         "reflects less of the blue it is yellow.",

@@ -1,5 +1,6 @@
 """Textbook forms of what transmits, light and detector on any sides."""
 
+from collections.abc import Callable
 from typing import Any
 
 from gonio.stability.textbook.frame import Options, Pair, Params, TextbookForm, Vector, angle, mp, mpf, unit
@@ -62,6 +63,12 @@ def cosine_power_transmission(params: Params, options: Options, pair: Pair) -> m
     if not _opposite(pair) or cosine <= 0:
         return mpf(0)
     return params["tau"] * (params["n"] + 2) / (2 * mp.pi) * cosine ** params["n"]
+
+
+@SheetForm
+def transmitted(params: Params, options: Options, pair: Pair, base: Callable[[Vector, Vector], mpf]) -> mpf:
+    """What the base reflects into the mirror image, at the sheet, of the direction of the detector."""
+    return base(_upright(pair.wi), _upright(pair.wo)) if _opposite(pair) else mpf(0)
 
 
 @SheetForm
