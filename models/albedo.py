@@ -20,6 +20,7 @@ from gonio.models.compiled.dispatch import Formula
 from gonio.models.compiled.dispatch import values as program_values
 from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.geometry.horizon import Hemispheres
+from gonio.models.kept_jit import kept_jit
 
 ORDERS = (4, 8, 16, 32, 64, 128)  # nodes of each panel along each side: 8·order² evaluations
 NODES_A_CALL, COSTLY_NODES_A_CALL = 2048, 512
@@ -49,7 +50,7 @@ def panel_rule(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return u1, u2, np.outer(np.tile(w, 4) / 8, np.tile(w, 2) / 4).ravel()
 
 
-@eqx.filter_jit
+@kept_jit
 def _term_sums(
     brdf_terms: tuple[AbstractBRDF, ...], side: Scalar, wi: Direction, u1: Scalar, u2: Scalar, weight: Scalar
 ) -> list[tuple[Channels, Channels]]:

@@ -4,9 +4,10 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import jax
 import numpy as np
+
+from gonio.models.kept_jit import kept_jit
 
 WIDE = {"xla_cpu_prefer_vector_width": 512, "xla_backend_optimization_level": 2}
 """XLA uses half of an AVX-512 processor's vectors unless it is told to; narrower processors take their own width. Level
@@ -24,15 +25,6 @@ def options() -> dict:
 
 
 def wide_jit(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`eqx.filter_jit` for kernels over many directions; positional arguments only."""
+    """`kept_jit` for kernels over many directions; positional arguments only."""
 
-    @functools.cache
-    def compiled() -> Callable[..., Any]:
-        jit: Any = eqx.filter_jit
-        return jit(function, compiler_options=options())
-
-    @functools.wraps(function)
-    def call(*args: Any) -> Any:
-        return compiled()(*args)
-
-    return call
+    return kept_jit(function, options=options)

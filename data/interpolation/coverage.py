@@ -1,6 +1,5 @@
 """Where a table interpolates: the pairs of directions inside of the hull of what was read, without its holes."""
 
-import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -14,6 +13,7 @@ from gonio.data.layouts.base import Layout
 from gonio.data.table import Table
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.sides import FRONT
+from gonio.models.kept_jit import kept_jit
 
 SAME = np.radians(1.0)
 """An angle this near to the only one that was read is that one."""
@@ -79,7 +79,7 @@ def grid_coordinates(layout: Layout, wi: Direction, wo: Direction) -> tuple[dict
     return angles, np.concatenate([np.asarray(c) for _, c in made])[:n]
 
 
-@functools.partial(jax.jit, static_argnums=0)
+@kept_jit
 def _coordinates(kind: type[Layout], wi: Direction, wo: Direction) -> tuple[dict[str, Any], Any]:
     def one(i: Direction, o: Direction) -> tuple[dict[str, Any], Any]:
         return kind.coordinates(i, o), jnp.asarray(kind.covers(i, o))

@@ -16,6 +16,7 @@ from gonio.fitting.problem.readings import AnyArray
 from gonio.models.expression.builder import Frame, assemble
 from gonio.models.expression.parser import FACTOR
 from gonio.models.geometry.directions import Direction
+from gonio.models.kept_jit import kept_jit
 
 
 class Lobes(NamedTuple):
@@ -135,7 +136,7 @@ def rows_of(s: Parameterisation, lobes: Lobes, strengths: Strengths) -> list[Flo
     return [rows[k] * strengths.factors[k][:, None] for k in range(len(s.free))]
 
 
-@functools.partial(jax.jit, static_argnums=0)
+@kept_jit
 def sensitivities(
     s: Parameterisation, p: Float[AnyArray, " p"], fixed: FixedValues, wi: Direction, wo: Direction
 ) -> tuple[Float[AnyArray, "n c"], Float[AnyArray, "n g c"]]:

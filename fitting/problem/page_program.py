@@ -21,6 +21,7 @@ from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
 from gonio.fitting.problem.readings import LANES, PAGE, POINTS, AnyArray, block_of, transform, uses_cosine
 from gonio.models.compiling import options
 from gonio.models.geometry.directions import NORMAL, Direction
+from gonio.models.kept_jit import kept_jit
 
 
 class Request(NamedTuple):
@@ -113,7 +114,7 @@ def page_program(s: Parameterisation, loss: str) -> Callable:
         f = jnp.zeros((PAGE, s.channels, page.wi.z.shape[1]))
         return jax.lax.fori_loop(0, request.lanes, lane, (out, f))
 
-    return jax.jit(program, compiler_options=options())
+    return kept_jit(program, s, loss, options=options)
 
 
 def compile_page_program(s: Parameterisation, loss: str, fixed: FixedValues) -> None:

@@ -19,6 +19,7 @@ from gonio.fitting.selection.term_spec import Terms, TermSpec, expression_of, ke
 from gonio.models.expression.builder import Frame, assemble
 from gonio.models.expression.parser import FACTOR, parse, with_defaults
 from gonio.models.geometry.directions import NORMAL, Direction
+from gonio.models.kept_jit import kept_jit
 
 CELLS = 512  # the kernels' size: readings are padded to a multiple of it
 MIN_WIDTH = 1e-3
@@ -47,7 +48,7 @@ def candidate_domains(terms: Terms, channels: int) -> Domains:
     return Domains(kind, np.where(free.each(lambda g: g.info.role == "width"), MIN_WIDTH, low), high)
 
 
-@functools.partial(jax.jit, static_argnames=("frame", "names"))
+@kept_jit
 def _kernel(
     frame: Frame, names: tuple[str, ...], values: np.ndarray, wi: Direction, wo: Direction
 ) -> tuple[jax.Array, jax.Array]:

@@ -23,6 +23,7 @@ from gonio.fitting.problem.arrow import WHOLE, Arrow, Sizes
 from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import Domains, Mapped, at_bounds, to_parameters, to_unconstrained
 from gonio.fitting.problem.readings import LANES, AnyArray
+from gonio.models.kept_jit import kept_jit
 
 AIM = 1e-9  # the aim; a fit counts as stationary from 1e-6 on
 NEARLY, LITTLE = 1e-7, 1e-13  # or this near, where the next step promises no more than this share of the cost
@@ -226,7 +227,7 @@ def _step(lane: _Lane, latest: Normal, target_norm_squared: Float[AnyArray, ""],
     return _Lane(no, project, accept, y, trial, normal, scale, shrinks, step_size, near, finished, refused)
 
 
-@jax.jit
+@kept_jit
 def advance(
     lanes: _Lane,
     packed: Float[AnyArray, "s q"],

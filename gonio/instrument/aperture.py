@@ -119,7 +119,7 @@ class _Climb:
         """One rule on some cells: (values, f at the mirror configuration over the largest f met)."""
         rules = [disc_rule(*(rule if s > 0 else (1, 1))) for s in self.half_angles]
         # Arrays all, or each number would be compiled in.
-        radii = [jnp.asarray(s, jnp.result_type(float)) for s in self.half_angles]
+        radii = [np.asarray(s, jnp.result_type(float)) for s in self.half_angles]
         # By the rule alone, never by how many cells there are: a cell's value is summed in one order in any batch.
         nodes = math.prod(rule) if self.half_angles[0] > 0 else 1
         split = 1 if nodes < 64 else 16 if nodes < 400 else 512
@@ -131,7 +131,7 @@ class _Climb:
             lanes = [_lanes(w[:, start : start + per_call], split, per_call) for w in axes]
             source, detector = (Disc(*disc) for disc in zip(lanes, radii, rules, strict=True))
             total, *rest = disc_sums(self.brdf, source, detector, first, np.asarray(split), self.crossing)
-            return [np.asarray(a).reshape(per_call, split, -1) for a in (total.T, *rest)]
+            return [np.asarray(a).reshape(per_call, split, -1) for a in (np.asarray(total).T, *rest)]
 
         # The kernel is a loop of small steps, which the compiler leaves to one core. Compiled once, before the others.
         starts = range(0, cells.size, per_call)

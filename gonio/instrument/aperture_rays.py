@@ -7,13 +7,13 @@ rule in v from −1 to 1 along the chord, so that the integrand is smooth whethe
 import functools
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, normalize
+from gonio.models.kept_jit import kept_jit
 from gonio.models.warps.disc_frames import DiscFrame, disc_frame, disc_ray, psi_of_horizon
 
 NODES_MAX = 180
@@ -72,7 +72,7 @@ def disc_rule(n: int, m: int) -> Rule:
     return Rule(columns, rows, np.asarray(n), np.asarray(m))
 
 
-@eqx.filter_jit
+@kept_jit
 def disc_sums(
     brdf: AbstractBRDF, source: Disc, detector: Disc, first: Array, stride: Array, crossing: bool
 ) -> tuple[jax.Array, ...]:

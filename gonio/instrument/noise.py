@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from gonio.instrument.instrument import Instrument
+from gonio.models.kept_jit import kept_jit
 
 BATCH = 1 << 16
 """Readings drawn in one call: one compiled program serves any number."""
@@ -97,30 +98,31 @@ def read(
     low, high = (number & 0xFFFFFFFF).astype(np.uint32), (number >> 32).astype(np.uint32)
     exposures = np.broadcast_to(np.asarray(exposure, expected.dtype), (cells,))
     inputs = (low, high, expected.reshape(-1), *(np.repeat(a, channels) for a in (irradiance, exposures)))
-    key = jax.random.fold_in(jax.random.key(seed & 0xFFFFFFFF, impl="threefry2x32"), seed >> 32)
-    key = jax.random.fold_in(key, STREAM)
+    halves = np.asarray([seed & 0xFFFFFFFF, seed >> 32], np.uint32)
     photons = instrument.photons
-    chain = jnp.asarray([
+    chain = np.asarray([
         instrument.noise,
         1.0 if photons is None else photons * math.pi / gain,
         0.0 if photons is None else instrument.ambient * photons + instrument.dark,
         instrument.read_noise,
         math.inf if instrument.saturation is None else instrument.saturation,
-    ])  # fmt: skip
+    ], jnp.result_type(float))  # fmt: skip
     readings, full = np.empty(number.size, expected.dtype), np.empty(number.size, bool)
     for first in range(0, number.size, BATCH):
         part = slice(first, min(first + BATCH, number.size))
         padded = tuple(np.pad(a[part], (0, BATCH - part.stop + first), mode="edge") for a in inputs)
-        batch = _batch(photons is not None, key, chain, padded)
+        batch = _batch(photons is not None, halves, chain, padded)
         readings[part], full[part] = (np.asarray(values)[: part.stop - first] for values in batch)
     return readings.reshape(expected.shape), full.reshape(expected.shape)
 
 
-@functools.partial(jax.jit, static_argnums=0)
-def _batch(counted: bool, key: jax.Array, chain: jax.Array, inputs: State) -> tuple[jax.Array, jax.Array]:
+@kept_jit
+def _batch(counted: bool, seed: jax.Array, chain: jax.Array, inputs: State) -> tuple[jax.Array, jax.Array]:
     """(readings, whether the detector was full); `low` and `high` are the halves of the readings' numbers."""
     low, high, expected, irradiance, exposure = inputs
     noise, scale, background, read_noise, saturation = chain
+    key = jax.random.fold_in(jax.random.key(seed[0], impl="threefry2x32"), seed[1])
+    key = jax.random.fold_in(key, STREAM)
     keys = jax.vmap(lambda lo, hi: jax.random.fold_in(jax.random.fold_in(key, hi), lo))(low, high)
     streams = jax.vmap(lambda k: jax.vmap(functools.partial(jax.random.fold_in, k))(jnp.arange(4)))(keys)
     g = jax.vmap(lambda k: jax.random.normal(k, (3,)))(streams[:, 0])

@@ -4,10 +4,13 @@ import contextlib
 import hashlib
 import os
 import tempfile
+import time
 from pathlib import Path
 
 MARK = b"gonio program 1\n"
 """What a file begins with; the number changes when what is kept does."""
+UNUSED = 60 * 86400.0
+"""Seconds after which a program that nothing has read goes."""
 
 
 def folder() -> Path | None:
@@ -32,6 +35,8 @@ def read(name: str) -> bytes | None:
         data = (place / name).read_bytes() if place else b""
     except OSError:
         return None
+    with contextlib.suppress(OSError):
+        os.utime(place / name if place else "")  # in use: it stays
     mark, digest, program = data[: len(MARK)], data[len(MARK) : len(MARK) + 32], data[len(MARK) + 32 :]
     return program if mark == MARK and _digest(name, program) == digest else None
 
@@ -49,6 +54,17 @@ def write(name: str, program: bytes) -> None:
                 os.replace(file.name, place / name)
             except OSError:
                 os.unlink(file.name)
+        _remove_unused(place)
+
+
+def _remove_unused(place: Path) -> None:
+    """Programs of other releases, or of a processor that is no more."""
+    oldest = time.time() - UNUSED
+    with os.scandir(place) as entries:
+        unused = [e.path for e in entries if e.is_file() and e.stat().st_mtime < oldest]
+    for path in unused:
+        with contextlib.suppress(OSError):
+            os.unlink(path)
 
 
 def _digest(name: str, program: bytes) -> bytes:

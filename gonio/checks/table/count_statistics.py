@@ -9,6 +9,8 @@ correction of Daniels 1987].
 import numpy as np
 from scipy.special import exprel, log_ndtr, ndtr, ndtri
 
+from gonio.checks.table.bracketed_root import bracketed_root
+
 LIKELY = 2.5
 """Differences of fewer standard deviations take the normal tail."""
 
@@ -116,10 +118,7 @@ def _tail(
     q = (q_up, -q_up, q_down, -q_down)
     # Where counts can only fall no tilt reaches x, and the last one stands for it.
     last = 600 / np.maximum(np.maximum(q_up, q_down), 1e-3)
-    from scipy.optimize.elementwise import find_root  # loaded where counts are compared
-
-    root = find_root(_tilted, (np.zeros(x.shape), last), args=(x, *v, *q))
-    t = np.where(root.success, root.x, last)
+    t = bracketed_root(_tilted, np.zeros(x.shape), last, (x, *v, *q))
     k = t**2 * sum(w * _second(y * t) for w, y in zip(v, q, strict=True))
     second = sum(w * np.exp(y * t) for w, y in zip(v, q, strict=True))
     w = np.sqrt(np.maximum(2 * (t * x - k), 1e-12))

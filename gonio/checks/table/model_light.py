@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +10,7 @@ from gonio.models.albedo import panel_rule
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
+from gonio.models.kept_jit import kept_jit
 
 ORDER, FAST = 32, 16
 """Of the rules by which a model's light is shared out among the readings, and summed."""
@@ -19,7 +19,7 @@ NOISE = 2.0 * 1.22
 """Standard uncertainties of a reading that a difference of two may be without being structure."""
 
 
-@eqx.filter_jit
+@kept_jit
 def _samples(term: AbstractBRDF, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Channels]:
     def one(a: Scalar, b: Scalar) -> tuple[Direction, Channels]:
         wo, jacobian = term.lobe_map(wi, a, b)
