@@ -10,6 +10,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax.core import Tracer
 
 from gonio.models.compiled import kept
 from gonio.models.fingerprint import ROOTS, Unknown, fingerprint, surroundings
@@ -17,6 +18,7 @@ from gonio.models.fingerprint import ROOTS, Unknown, fingerprint, surroundings
 MOST = 512
 """Programs of one function that a process has at hand."""
 MISSING: Any = object()
+_config: Any = jax.config
 
 
 class KeptJit:
@@ -41,7 +43,7 @@ class KeptJit:
         kinds: list[Hashable] = [tree, *_settings()]
         for v in leaves:
             if isinstance(v, jax.Array):
-                if isinstance(v, jax.core.Tracer):
+                if isinstance(v, Tracer):
                     return self.otherwise(*args)
                 kinds += (v.shape, v.dtype, getattr(v, "weak_type", False))
                 arrays.append(v)
@@ -198,15 +200,15 @@ def _keeping() -> bool:
     return bool(
         os.environ.get("JAX_COMPILATION_CACHE_DIR")
         and not os.environ.get("GONIO_NO_CACHE")
-        and not jax.config.jax_disable_jit
-        and not jax.config.jax_debug_nans
+        and not _config.jax_disable_jit
+        and not _config.jax_debug_nans
         and jax.default_backend() == "cpu"
     )
 
 
 def _settings() -> tuple[Hashable, ...]:
     """What a program depends on and may change in a process."""
-    return jax.config.jax_enable_x64, jax.config.read("jax_disable_most_optimizations")
+    return _config.jax_enable_x64, _config.read("jax_disable_most_optimizations")
 
 
 def kept_jit(function: Callable[..., Any], *of: Any, options: Callable[[], dict] = dict) -> KeptJit:

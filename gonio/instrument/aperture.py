@@ -11,6 +11,7 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -119,7 +120,7 @@ class _Climb:
         """One rule on some cells: (values, f at the mirror configuration over the largest f met)."""
         rules = [disc_rule(*(rule if s > 0 else (1, 1))) for s in self.half_angles]
         # Arrays all, or each number would be compiled in.
-        radii = [np.asarray(s, jnp.result_type(float)) for s in self.half_angles]
+        radii: list[Any] = [np.asarray(s, jnp.result_type(float)) for s in self.half_angles]
         # By the rule alone, never by how many cells there are: a cell's value is summed in one order in any batch.
         nodes = math.prod(rule) if self.half_angles[0] > 0 else 1
         split = 1 if nodes < 64 else 16 if nodes < 400 else 512

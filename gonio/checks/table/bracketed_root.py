@@ -34,9 +34,8 @@ def bracketed_root(
         if done.all():
             break
         go = ~done
-        place, a, b, c, fa, fb, fc, share, tolerance, width = (
-            v[go] for v in (place, a, b, c, fa, fb, fc, share, tolerance, width)
-        )
+        place, share = place[go], share[go]
+        a, b, c, fa, fb, fc, tolerance, width = (v[go] for v in (a, b, c, fa, fb, fc, tolerance, width))
         args = tuple(v[go] for v in args)
         limit = tolerance / width
         t = a + np.clip(share, limit, 1 - limit) * (b - a)
