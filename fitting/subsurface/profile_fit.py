@@ -13,6 +13,7 @@ from gonio.data.profile import Profile
 from gonio.data.profile_files import open_profile
 from gonio.fitting.problem.parameterisation import LOG, LOG1P, Domains
 from gonio.fitting.residuals.noise_tests import noise_tests
+from gonio.fitting.subsurface.free_index import fit_with_free_index
 from gonio.fitting.subsurface.problem import NEAR_ZERO, NODES, STARTS, ProfileData, ProfileOptimum, solve
 from gonio.fitting.subsurface.result import ProfileFit
 from gonio.fitting.uncertainty.covariance import NORMAL_95, CovarianceEstimate
@@ -60,7 +61,8 @@ def fit_profile(profile: Profile | str | os.PathLike[str], model: str | None = N
     """σa and σs' of a model of light below the surface, by which spots of finite size read what a profile holds.
 
     Each channel is a fit of its own: least squares weighted by the stored uncertainties, by the readings where there
-    are none. The index is that of the expression (1 if it says nothing) and is not fitted.
+    are none. The index is that of the expression (1 if it says nothing), and is fitted where it is `eta=?`: intervals
+    then hold what it leaves open.
 
     Args:
         profile: the profile, or its file.
@@ -77,7 +79,9 @@ def fit_profile(profile: Profile | str | os.PathLike[str], model: str | None = N
     if not isinstance(profile, Profile):
         profile = open_profile(profile)
     if model is not None:
-        return _fitted(profile, model)
+        call = parse_bssrdf(model)
+        free = call is not None and "eta" in call.values and _is_free(call.values["eta"])
+        return fit_with_free_index(lambda eta: _fitted(profile, model, eta)) if free else _fitted(profile, model)
     eta = _stated_index(profile)
     fits = [_fitted(profile, f"{name}{eta}") for name in BSSRDFS]
     best = min(fits, key=lambda fit: (not fit.converged, fit.cost))
@@ -105,8 +109,9 @@ def _stated_index(profile: Profile) -> str:
     return "" if number is None else f"(eta={number:g})"
 
 
-def _fitted(profile: Profile, model: str) -> ProfileFit:
-    request = _requested(profile, model)
+def _fitted(profile: Profile, model: str, index: float | None = None) -> ProfileFit:
+    """The fit; `index`: of all channels, in place of the expression's."""
+    request = _requested(profile, model, index)
     distances, which = np.unique(np.abs(profile.offsets), return_inverse=True)
     rule = spot_rule(distances, profile.illuminated_radius, profile.viewed_radius, NODES)
     kind, optima, known, misfits = BSSRDFS[request.call.name], [], [], []
@@ -127,7 +132,7 @@ def _fitted(profile: Profile, model: str) -> ProfileFit:
     return _result(profile, model, request, Solved(optima, known, misfits))
 
 
-def _requested(profile: Profile, model: str) -> Request:
+def _requested(profile: Profile, model: str, index: float | None) -> Request:
     call, count = parse_bssrdf(model), len(profile.channels)
     if call is None:
         raise GonioError(
@@ -136,9 +141,6 @@ def _requested(profile: Profile, model: str) -> Request:
     wrong = [name for name in ("albedo", "mfp") if name in call.values]
     if wrong:
         raise GonioError(f"a profile is fitted by sigma_a and sigma_s; leave {wrong[0]} out")
-    eta = call.values.get("eta", Value(1.0))
-    if eta.number is None or eta.free:
-        raise GonioError("a profile does not tell the index beside sigma_a and sigma_s; give it, such as eta=1.3")
 
     def by_channel(name: str) -> np.ndarray:
         number = call.values.get(name, Value()).number
@@ -151,7 +153,8 @@ def _requested(profile: Profile, model: str) -> Request:
     reduced = np.clip(by_channel("sigma_s") * (1 - g), LEAST, MOST)
     start = np.stack([np.sqrt(by_channel("sigma_a")) - NEAR_ZERO, np.log(reduced)], axis=1)
     free = [name not in call.values or _is_free(call.values[name]) for name in ("sigma_a", "sigma_s")]
-    return Request(call, by_channel("eta") if "eta" in call.values else np.ones(count), g, start, np.array(free))
+    given = by_channel("eta") if "eta" in call.values else np.ones(count)
+    return Request(call, given if index is None else np.full(count, index), g, start, np.array(free))
 
 
 def _is_free(value: Value) -> bool:

@@ -119,7 +119,6 @@ def test_quantities_of_a_fit_have_the_uncertainty_by_its_covariance(exact, tmp_p
     ("model", "why"),
     [
         ("lambert(rho=0.3)", "no model of light below the surface"),
-        ("dipole(eta=?)", "does not tell the index"),
         ("dipole(albedo=0.5, mfp=1)", "leave albedo out"),
         ("dipole(sigma_a=[1, 2])", "one each"),
     ],
