@@ -21,9 +21,9 @@ ALIKE, LITTLE = 4 / 3, 0.01
 """Of the least relative rms, and more than it: up to which forms are judged by what they show elsewhere too."""
 NEARER = 0.9
 """Share of an error of a simpler form at which another one is worth its numbers."""
-GAIN, FURTHER = 0.02, 2.0
-"""Light made, of all of it, up to which a form is as good as another; a form that makes more is taken where the others
-are so many times as far."""
+GAIN, MOST_GAIN, FURTHER = 0.02, 0.1, 1.5
+"""Light made, of all of it, up to which a form is as good as another; up to which it is taken where the others are so
+many times as far; and that factor."""
 UNRESOLVED = 0.05
 """Relative difference of the albedo by two grids of directions at which they are too coarse for the surface."""
 SAME = 1e-7
@@ -80,6 +80,7 @@ def _judged(form: Form, values: Values, judged: Comparison) -> Nearest:
 
 
 def _chosen(fitted: list[Nearest], sought: Appearance) -> Nearest:
+    fitted = [n for n in fitted if n.light_made <= MOST_GAIN] or fitted
     keeping = [n for n in fitted if n.light_made <= GAIN]
     if keeping and min(map(_distance, keeping)) <= FURTHER * min(map(_distance, fitted)):
         fitted = keeping

@@ -85,6 +85,20 @@ def test_an_index_of_one_leaves_the_diffuser_alone():
         np.testing.assert_allclose(f, 0.4 / np.pi, rtol=1e-6)
 
 
+@pytest.mark.parametrize(("bright", "chosen"), [(1.04, "bright"), (1.3, "dark")])
+def test_a_little_light_is_made_where_all_else_is_far(bright, chosen):
+    forms = [
+        Form(name, (), lambda v, pairs, share=share: np.full((pairs.wi.z.size, 1), share / np.pi), lambda v: None)
+        for name, share in (("dark", 0.5), ("bright", bright))
+    ]
+    white = Form("white", (), lambda v, pairs: np.full((pairs.wi.z.size, 1), 1 / np.pi), lambda v: None)
+    sought = made(white, {}, colours=1)
+    expression = nearest(tuple(forms), sought)
+    assert expression.form.name == chosen
+    told = [r for r in reexpression("any", sought, expression).remarks if "more leaves than arrives" in r]
+    assert bool(told) == (chosen == "bright") and all("4 %" in r for r in told)
+
+
 SURFACES = (
     "dipole(sigma_a=[0.002, 0.004, 0.007], sigma_s=[2.2, 2.6, 3], eta=1.5)",
     "eon(rho=0.5, r=1) + 0.3 * beckmann(alpha=0.3)",
