@@ -196,6 +196,21 @@ def hemispherical(theta: np.ndarray, value: np.ndarray, bound: np.ndarray) -> tu
 
 
 def _between(t: np.ndarray, e: np.ndarray) -> np.ndarray:
-    from scipy.interpolate import PchipInterpolator  # a fifth of a second, which few checks need
+    """The integral (channels,) of monotone cubics through e (n, channels) at t (n,), three at the least."""
+    # By hand: SciPy's take a third of a second to import. Means of slopes by Fritsch & Butland 1984, as there.
+    h = np.diff(t)[:, None]
+    m = np.diff(e, axis=0) / h
+    before, after = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
+    same = m[:-1] * m[1:] > 0
+    safe = [np.where(same, a, 1.0) for a in (m[:-1], m[1:])]
+    inner = np.where(same, (before + after) / (before / safe[0] + after / safe[1]), 0.0)
+    ends = [_end_slope(h[k], h[n], m[k], m[n]) for k, n in ((0, 1), (-1, -2))]
+    d = np.concatenate([ends[0][None], inner, ends[1][None]])
+    return np.sum(h * (e[1:] + e[:-1]) / 2 + h**2 / 12 * (d[:-1] - d[1:]), axis=0)
 
-    return PchipInterpolator(t, e, axis=0).integrate(t[0], t[-1])
+
+def _end_slope(h: np.ndarray, next_h: np.ndarray, m: np.ndarray, next_m: np.ndarray) -> np.ndarray:
+    """The slope of three points at the first one, which neither turns nor overshoots."""
+    d = ((2 * h + next_h) * m - h * next_m) / (h + next_h)
+    d = np.where(np.sign(d) == np.sign(m), d, 0.0)
+    return np.where((np.sign(m) != np.sign(next_m)) & (np.abs(d) > 3 * np.abs(m)), 3 * m, d)

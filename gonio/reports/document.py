@@ -16,6 +16,7 @@ from gonio.data.serialise import plain
 from gonio.figures.sampling import LEAST_KNOWN
 from gonio.fitting.judgement import judge_fit
 from gonio.fitting.residuals.energy import bounded_largest_albedo
+from gonio.metrology.standards.of_tables import shared_integrals
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import to_expression
@@ -116,6 +117,8 @@ def _figures(s: ReportSubject, e: Evaluation, fits: list[dict[str, Any]]) -> lis
 
 def _section(s: ReportSubject, e: Evaluation | None, fits: list[dict[str, Any]]) -> dict[str, Any]:
     """Everything in the section of a subject but the figures."""
+    with shared_integrals():
+        of_standards = {"quantities": quantities_section.quantities_of(s), "budget": budget_section.budget_of(s)}
     rows = facts(s)
     return {
         "anchor": s.anchor,
@@ -135,8 +138,7 @@ def _section(s: ReportSubject, e: Evaluation | None, fits: list[dict[str, Any]])
         "certificate": None if s.certificate is None else s.certificate.to_dict(),
         "overall_basis": None if s.certificate is None else s.certificate.basis,
         "hemispherical": _hemispherical(s),
-        "quantities": quantities_section.quantities_of(s),
-        "budget": budget_section.budget_of(s),
+        **of_standards,
         "fits": fits,
         "provenance": provenance(s),
     }

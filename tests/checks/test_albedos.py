@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 from gonio.checks.albedos import Albedos, energy_property, hemispherical
 from gonio.checks.certify import check
@@ -20,6 +21,17 @@ from gonio.checks.model.energy import incidences
 def test_the_claimed_interval_holds_the_closed_form(albedo, truth, theta):
     value, bound = hemispherical(theta, albedo(np.cos(theta))[:, None], np.zeros((theta.size, 1)))
     assert abs(value[0] - truth) <= bound[0] < max(0.3, 1 - theta[-1])
+
+
+def test_monotone_cubics_are_those_of_another_library():
+    rng = np.random.default_rng(2)
+    for n in (4, 5, 9, 20):
+        theta = np.sort(rng.uniform(0.05, 1.5, n))
+        for e in (rng.random((n, 2)), np.round(rng.random((n, 2))), np.cumsum(rng.random((n, 2)), axis=0) / n):
+            value, _ = hemispherical(theta, e, np.zeros((n, 2)))
+            t = np.sin(np.round(theta, 9)) ** 2
+            between = PchipInterpolator(t, e, axis=0).integrate(t[0], t[-1])
+            np.testing.assert_allclose(value, between + t[0] * e[0] + (1 - t[-1]) * e[-1], rtol=1e-13)
 
 
 def test_few_incidences_have_no_bound_and_errors_of_the_albedos_are_carried_on():

@@ -4,10 +4,12 @@ Each integral is a sum of readings with fixed weights, so that other readings of
 with other noise, give it again at no cost.
 """
 
+import contextlib
+import contextvars
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +61,21 @@ class Incidences(NamedTuple):
     bend: np.ndarray
 
 
+_shared: contextvars.ContextVar["dict[tuple, tuple[Table, dict]] | None"] = contextvars.ContextVar(
+    "shared_integrals", default=None
+)
+
+
+@contextlib.contextmanager
+def shared_integrals() -> Iterator[None]:
+    """Meanwhile, rows of integrals of the same table are found once; its readings must not be changed."""
+    token = _shared.set({})
+    try:
+        yield
+    finally:
+        _shared.reset(token)
+
+
 @dataclasses.dataclass(frozen=True)
 class TableIntegrals:
     """J integrals of a table, each a `Row` or `Incidences`, or why it is not known."""
@@ -74,8 +91,7 @@ class TableIntegrals:
         rows: dict[Integral, Row | Incidences | str] = {}
         for detector in (1, -1):
             there = [i for i in integrals if isinstance(i, Aperture) and detector * float(i.fine.wo.z[0]) > 0]
-            part = Part.of(table, detector, feature_width) if there else ""
-            rows |= dict.fromkeys(there, part) if isinstance(part, str) else part.rows(there)
+            rows |= _rows(table, detector, there, feature_width) if there else {}
         rows |= {i: _incidences(i, albedos) for i in integrals if isinstance(i, Hemisphere)}
         return cls([rows[i] for i in integrals], len(table.channels))
 
@@ -145,6 +161,32 @@ def _incidences(integral: Hemisphere, albedos: SidedAlbedos) -> Incidences | str
     bends = [_bend(theta, value, k) for k in (high - 1, high) if 0 < k < theta.size - 1]
     bend = np.max(bends, axis=0) if bends else np.abs(value[high] - value[high - 1])
     return Incidences(sides, numbers[high - 1 : high + 1], np.array([1 - t, t]), t * (1 - t) * bend)
+
+
+def _rows(
+    table: Table, detector: int, integrals: list[Aperture], feature_width: float
+) -> dict[Integral, Row | Incidences | str]:
+    """Rows of integrals over apertures on one side, or why there are none."""
+    memory = _shared.get()
+    key = (id(table), detector, feature_width)
+    # The table is held along with its rows: another one could have its identity else.
+    rows: dict[tuple, Row | Incidences | str] = {} if memory is None else memory.setdefault(key, (table, {}))[1]
+    names = {i: _content(i) for i in integrals}
+    missing = [i for i in integrals if names[i] not in rows]
+    if missing:
+        part = Part.of(table, detector, feature_width)
+        made = part if isinstance(part, str) else part.rows(missing)
+        rows |= {names[i]: made if isinstance(made, str) else made[i] for i in missing}
+    return {i: rows[names[i]] for i in integrals}
+
+
+def _content(integral: Aperture) -> tuple:
+    """Equal for integrals whose rows are."""
+    parts = (
+        b"" if rule is None else b"".join(np.asarray(a, float).tobytes() for a in (*rule.wi, *rule.wo, rule.weight))
+        for rule in (integral.fine, integral.coarse)
+    )
+    return (*parts, integral.mirror, integral.back, integral.angles)
 
 
 def following(rule: Rule, nodes: np.ndarray) -> Rule:

@@ -1,7 +1,7 @@
 """Runs a command of gonio and writes where its processor time went: python where.py OUT.json VERB ...
 
 Of the main thread: imports (executing modules), and what JAX reports of tracing, lowering, compiling and loading kept
-programs; drawing is that of Matplotlib's figures to files, without imports in it. The rest computes, reads and writes.
+programs; drawing is the layout and rendering of Matplotlib's figures. The rest computes, reads and writes.
 """
 
 import importlib.abc
@@ -68,7 +68,7 @@ class Loader(importlib.abc.Loader):
     def exec_module(self, module: Any) -> None:
         timed("imports", self.loader.exec_module)(module)
         if module.__name__ == "matplotlib.figure":
-            module.Figure.savefig = timed("drawing", module.Figure.savefig)
+            module.Figure.draw = timed("drawing", module.Figure.draw)
         if module.__name__ == "jax._src.dispatch":
             wrap_phases(module)
         if module.__name__ == "jax._src.compilation_cache":

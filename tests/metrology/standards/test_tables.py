@@ -10,6 +10,7 @@ import gonio
 from gonio.data.layouts import in_plane, isotropic
 from gonio.instrument import measure
 from gonio.instrument.scans import scan
+from gonio.metrology.standards.of_tables import shared_integrals
 from gonio.metrology.standards.reflectance import SUN
 from gonio.models.errors import GonioError
 
@@ -43,6 +44,15 @@ def test_a_grid_is_within_its_bounds_of_the_model(glossy, true, noise):
     for key in named:
         a, b = of_table[key], of_model[key]
         assert abs(a.value - b.value) <= a.bound + b.bound + 1e-9 * abs(b.value), key
+
+
+def test_what_is_shared_between_calls_changes_no_number(glossy):
+    """Of the same table only: another one has its own rows, also while they are shared."""
+    brighter = dataclasses.replace(glossy, f=2 * np.asarray(glossy.f))
+    alone = [gonio.quantities(t, only=["gloss"]).to_dict() for t in (glossy, brighter)]
+    with shared_integrals():
+        for _ in range(2):
+            assert [gonio.quantities(t, only=["gloss"]).to_dict() for t in (glossy, brighter)] == alone
 
 
 def test_gloss_between_incidences_follows_the_mirror_direction(true):
