@@ -11,8 +11,7 @@ from gonio.fitting.apertures import aperture_facts
 from gonio.fitting.fit_model import FitTask
 from gonio.fitting.judgement import ALBEDO_TOLERANCE
 from gonio.fitting.problem.parameterisation import of_channel
-from gonio.fitting.problem.problem import weighted_residuals
-from gonio.fitting.problem.readings import evenly_spaced, transform, uses_cosine
+from gonio.fitting.problem.readings import evenly_spaced, transform_slope, transformed, uses_cosine
 from gonio.fitting.residuals.energy import LargestAlbedo, bounded_largest_albedo, confirmed, largest_albedo
 from gonio.fitting.residuals.metrics import metrics
 from gonio.fitting.residuals.summary import Evidence
@@ -104,18 +103,23 @@ def _unexplained(optima: list[Optimum]) -> float:
     """
     remaining = total = 0.0
     for e in optima:
-        channels = evenly_spaced(e.model_f.shape[1], max(1, MOST_COMPARED // e.model_f.shape[0]))
-        readings, weight = e.readings.of_channels(channels), e.problem.weight[:, channels]
-        loss, floor, y = e.problem.loss, e.problem.samples.floor, np.where(weight > 0, readings.f, 0.0)
-        cosine = readings.cos_i[:, None] if uses_cosine(loss) else 1.0
+        n, number = e.model_f.shape
+        channels = evenly_spaced(number, max(1, MOST_COMPARED // n))
+        some = slice(None) if channels.size == number else channels
+        loss, floor, weight = e.problem.loss, e.problem.samples.floor, e.problem.weight[:, some]
+        target, used = e.problem.targets[:, some], weight > 0
+        y = np.where(used, e.readings.f[:, some], 0.0)
+        cosine = e.readings.cos_i[:, None] if uses_cosine(loss) else 1.0
         with np.errstate(all="ignore"):
-            share = np.nan_to_num((weight * transform(loss, y * cosine, floor, np)[1] * cosine) ** 2, posinf=0.0)
+            share = np.nan_to_num((weight * transform_slope(loss, y * cosine, floor) * cosine) ** 2, posinf=0.0)
         mean = np.sum(share * y, axis=0) / np.maximum(np.sum(share, axis=0), 1e-300)
-        unexplained, whole = (
-            float(np.sum(weighted_residuals(readings, loss, floor, weight, f) ** 2))
-            for f in (e.model_f[:, channels], np.broadcast_to(mean, y.shape))
-        )
-        remaining, total = remaining + unexplained, total + whole
+        level = transformed(loss, mean * cosine, floor)
+        total += float(np.sum(np.where(used, weight * (level - target), 0.0) ** 2))
+        if channels.size == number:
+            remaining += 2.0 * e.cost
+        else:
+            model = transformed(loss, e.model_f[:, some] * cosine, floor)
+            remaining += float(np.sum(np.where(used, weight * (model - target), 0.0) ** 2))
     return remaining / total if total > 0 else float("nan")
 
 

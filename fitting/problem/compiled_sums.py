@@ -6,7 +6,6 @@ compiled in a tenth of the time. What it does not take is XLA's.
 
 import functools
 import itertools
-import os
 import threading
 from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
@@ -20,6 +19,7 @@ from gonio.fitting.problem.disc_averages import Samples
 from gonio.fitting.problem.lobes import Lobes, lobes_at_sample, rows_of, strengths_of, sum_of_lobes
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
 from gonio.fitting.problem.readings import AnyArray, transform, uses_cosine
+from gonio.models.compiled.dispatch import usable
 from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.sums import Rows, SumsProgram
 from gonio.models.geometry.directions import Direction
@@ -90,7 +90,12 @@ def _rows(s: Parameterisation, loss: str, p: Array, rest: Sequence[Any], element
 _programs: dict[Hashable, _Programs | None] = {}
 
 
-def _programs_of(s: Parameterisation, loss: str, leaves: Sequence[np.ndarray], tree: Any) -> _Programs | None:
+def _programs_of(
+    s: Parameterisation, loss: str, fixed: FixedValues, floor: AnyArray
+) -> tuple[list[np.ndarray], _Programs | None]:
+    """The programs of a model and a loss, and what they take beside free numbers and samples."""
+    leaves, tree = jax.tree.flatten((fixed, np.asarray(floor, float)))
+    leaves = [np.asarray(a) for a in leaves]
     key = (s, loss, tree, tuple((a.shape, a.dtype.str) for a in leaves))
     with LOCK:
         if key not in _programs:
@@ -100,75 +105,59 @@ def _programs_of(s: Parameterisation, loss: str, leaves: Sequence[np.ndarray], t
                 _programs[key] = _Programs(s, loss, leaves, tree)
             except Unsupported:
                 _programs[key] = None
-        return _programs[key]
-
-
-def usable() -> bool:
-    """Whether sums are computed so where they can be: on a processor, in double precision, and nobody asks for XLA."""
-    forbidden = os.environ.get("GONIO_EVALUATE_WITH") == "xla"
-    return not forbidden and jax.default_backend() == "cpu" and jnp.result_type(float) == jnp.float64
+        return leaves, _programs[key]
 
 
 def compile_sums(s: Parameterisation, loss: str, fixed: FixedValues) -> bool:
     """Compile what a fit needs, before there are readings; whether it can be."""
-    made = _prepared(s, loss, fixed, np.asarray(1.0)) if usable() else None
-    if made is None:
-        return False
+    programs = _programs_of(s, loss, fixed, np.asarray(1.0))[1] if usable() else None
     try:
-        return bool(made.programs.plain) and bool(made.programs.full)
+        return programs is not None and bool(programs.plain) and bool(programs.full)
     except Unsupported:
         return False
 
 
-class _Prepared(NamedTuple):
-    programs: _Programs
-    leaves: list[np.ndarray]
-    tree: Any
+class BoundSums:
+    """The sums of one problem's samples."""
+
+    def __init__(self, programs: _Programs, parameters: np.ndarray, samples: Samples) -> None:
+        """Of the programs, the numbers that they do not take as free, and all samples, at points."""
+        self._programs, self._parameters = programs, parameters
+        self._count = int(samples.blocks) * samples.weight.shape[1]
+        self._shape = samples.weight.shape
+        arrays = [np.asarray(a, float) for a in (*samples.wi, *samples.wo, samples.target, samples.weight)]
+        places = [a.ctypes.data for a in arrays]
+        self._kept, self._places = (
+            arrays,
+            [*places[:6], *(a + 8 * c for a in places[6:] for c in range(self._shape[-1]))],
+        )
+
+    def __call__(self, p: Float[np.ndarray, "s p"], full: bool) -> Sums | None:
+        """The sums at S vectors of free numbers, `full` with f of one of them; None where XLA has to compute them."""
+        programs, size = self._programs, self._programs.size
+        try:
+            program = programs.full if full else programs.plain
+        except Unsupported:
+            return None
+        p, f = np.ascontiguousarray(p, float), np.zeros(self._shape if full else 0)
+        places = [*self._places, f.ctypes.data] if full else self._places
+        addresses = np.empty((len(p), p.shape[1] + len(places)), np.uintp)
+        addresses[:, : p.shape[1]] = p.ctypes.data + 8 * np.arange(p.size).reshape(p.shape)
+        addresses[:, p.shape[1] :] = places
+        sums = program(self._parameters, addresses, self._count)
+        if sums is None:
+            return None
+        parts = 2 if full else 1
+        squares = np.zeros((len(p), 2, self._shape[-1], size, size))
+        i, j = np.triu_indices(size)
+        of_pairs = sums.reshape(len(p), parts, self._shape[-1], -1)
+        squares[:, :parts, :, i, j] = squares[:, :parts, :, j, i] = of_pairs
+        return Sums(squares, f if full else None)
 
 
-def _prepared(s: Parameterisation, loss: str, fixed: FixedValues, floor: AnyArray) -> _Prepared | None:
-    leaves, tree = jax.tree.flatten((fixed, np.asarray(floor, float)))
-    leaves = [np.asarray(a) for a in leaves]
-    programs = _programs_of(s, loss, leaves, tree)
-    return None if programs is None else _Prepared(programs, leaves, tree)
-
-
-def sums_of(
-    s: Parameterisation, loss: str, fixed: FixedValues, samples: Samples, p: Float[np.ndarray, "s p"], full: bool
-) -> Sums | None:
-    """The sums at S vectors of free numbers, or None where XLA has to compute them.
-
-    Args:
-        s: the model.
-        loss: of its residuals.
-        fixed: the model's other numbers.
-        samples: all of a problem's, at points.
-        p: free numbers.
-        full: with the score covariance and f, of one vector.
-    """
-    made = _prepared(s, loss, fixed, samples.floor) if usable() else None
-    if made is None:
+def bound_sums(s: Parameterisation, loss: str, fixed: FixedValues, samples: Samples) -> BoundSums | None:
+    """The sums over all samples of a problem, at points; None where XLA has to compute them."""
+    if not usable():
         return None
-    programs, size = made.programs, made.programs.size
-    try:
-        program = programs.full if full else programs.plain
-    except Unsupported:
-        return None
-    p = np.ascontiguousarray(p, float)
-    parameters = programs.rows.trace.parameters(made.leaves)
-    count, f = int(samples.blocks) * samples.weight.shape[1], np.zeros(samples.weight.shape if full else 0)
-    arrays = [np.asarray(a, float) for a in (*samples.wi, *samples.wo)]
-    pairs = [np.asarray(a, float) for a in (samples.target, samples.weight)]
-    of_channels = [a.ctypes.data + 8 * c for a in pairs for c in range(s.channels)]
-    places = [a.ctypes.data for a in arrays] + of_channels + [f.ctypes.data] * full
-    addresses = np.empty((len(p), s.size + len(places)), np.uintp)
-    addresses[:, : s.size] = p.ctypes.data + 8 * np.arange(p.size).reshape(p.shape)
-    addresses[:, s.size :] = places
-    sums = program(parameters, addresses, count)
-    if sums is None:
-        return None
-    parts = 2 if full else 1
-    squares = np.zeros((len(p), 2, s.channels, size, size))
-    i, j = np.triu_indices(size)
-    squares[:, :parts, :, i, j] = squares[:, :parts, :, j, i] = sums.reshape(len(p), parts, s.channels, -1)
-    return Sums(squares, f if full else None)
+    leaves, programs = _programs_of(s, loss, fixed, samples.floor)
+    return None if programs is None else BoundSums(programs, programs.rows.trace.parameters(leaves), samples)

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import jax
 import numpy as np
 
-from gonio.fitting.problem.compiled_sums import Sums, sums_of
+from gonio.fitting.problem.compiled_sums import BoundSums, Sums, bound_sums
 from gonio.fitting.problem.disc_averages import BlockRules, Lanes, Samples, block_rules, disc_rules
 from gonio.fitting.problem.normal_equations import Evaluation, NormalEquations, summed
 from gonio.fitting.problem.page_program import Request, page_program
@@ -106,6 +106,12 @@ class FitProblem:
         """Index, among the free numbers, of each number of the arrow (P,)."""
         return self.parameters.order
 
+    @property
+    def targets(self) -> np.ndarray:
+        """T(y c) of the readings, (n, C)."""
+        flat = np.asarray(self.samples.target).reshape(-1, self.parameters.channels)
+        return flat[: self.weight.shape[0]] if self.lanes is None else flat[self.lanes.place]
+
     @functools.cached_property
     def _pages(self) -> list[Samples]:
         """The pages in use, each as `Samples` of `PAGE` blocks, without copies."""
@@ -197,7 +203,7 @@ class FitProblem:
         """Products of residuals and derivatives at vectors p (S, P): as of `page_program`; 0 for what is not active."""
         number = len(p)
         use = np.flatnonzero(np.broadcast_to(True if active is None else active, (number,)))
-        sums = self._sums(p[use], "linear" if plain else self.loss)
+        sums = self._sums(p[use], plain)
         if sums is None:
             return _total([page[0] for page in self._run(p, active, plain=plain)], number)
         squares = np.zeros((number, *sums.squares.shape[1:]))
@@ -206,7 +212,7 @@ class FitProblem:
 
     def _squares_and_values(self, p: np.ndarray, scores: bool) -> tuple[np.ndarray, np.ndarray]:
         """The same at one vector p (1, P), with the score covariance, and f in blocks (B, n, C)."""
-        sums = self._sums(p, self.loss, full=True)
+        sums = self._sums(p, full=True)
         if sums is not None and sums.f is not None:
             return sums.squares, sums.f
         f, squares = np.zeros(self.samples.weight.shape), []
@@ -216,10 +222,19 @@ class FitProblem:
             rows[:] = np.swapaxes(np.asarray(f_of_page)[: rows.shape[0]], 1, 2)
         return _total(squares, 1), f
 
-    def _sums(self, p: np.ndarray, loss: str, full: bool = False) -> Sums | None:
-        if self.lanes is not None:  # averages over discs
-            return None
-        return sums_of(self.parameters, loss, self.fixed, self.samples, p, full)
+    def _sums(self, p: np.ndarray, plain: bool = False, full: bool = False) -> Sums | None:
+        bound = (
+            None if self.lanes is not None else self._loop_of_f if plain else self._loop
+        )  # lanes: averages over discs
+        return None if bound is None else bound(p, full)
+
+    @functools.cached_property
+    def _loop(self) -> BoundSums | None:
+        return bound_sums(self.parameters, self.loss, self.fixed, self.samples)
+
+    @functools.cached_property
+    def _loop_of_f(self) -> BoundSums | None:
+        return bound_sums(self.parameters, "linear", self.fixed, self.samples)
 
     def _run(
         self, p: np.ndarray, active: np.ndarray | None = None, scores: bool = False, plain: bool = False

@@ -13,8 +13,9 @@ The floor ε is the noise where the table knows it (see `loss_floor`).
 """
 
 import dataclasses
+import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from types import ModuleType
 from typing import Any
 
@@ -26,6 +27,9 @@ from jaxtyping import Array
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout
 from gonio.data.table import Block, Table
+from gonio.models.compiled.dispatch import usable
+from gonio.models.compiled.graph import Unsupported
+from gonio.models.compiled.program import Program
 from gonio.models.errors import GonioError, nearest
 from gonio.models.geometry.directions import NORMAL, Direction
 from gonio.models.geometry.horizon import turned_over
@@ -44,6 +48,7 @@ CHUNK = 1 << 15  # samples whose intermediate values stay in a cache
 MASKED = ("below_horizon", "shadowed", "saturated", "invalid")
 BRIGHTER = 5.0  # standard uncertainties from 0 of a sum of readings from which they are no noise about 0
 BANDS = (-20, 12)  # exponents of tan²θh from 1e-6 to 4e3
+MANY = 1 << 12  # values from which on a loop of their own is faster than NumPy's function
 RARE = 2  # bands of fewer cells than this many times those wanted are taken whole
 
 
@@ -215,21 +220,43 @@ def uses_cosine(loss: str) -> bool:
 
 def transform(loss: str, v: Any, floor: Any, xp: ModuleType = jnp) -> tuple[Any, Any]:
     """(T(v), T'(v)) of a loss; shapes of v."""
+    return transformed(loss, v, floor, xp), transform_slope(loss, v, floor, xp)
+
+
+def transform_slope(loss: str, v: Any, floor: Any, xp: ModuleType = np) -> Any:
+    """T'(v) of a loss; shape of v."""
     if loss == "cbrt":
-        inverse = _inverse_root(v, floor, xp)
-        return v * inverse, (1.0 - (2.0 / 3.0) * (v * v / (v * v + floor * floor))) * inverse
+        return (1.0 - (2.0 / 3.0) * (v * v / (v * v + floor * floor))) * _inverse_root(v, floor, xp)
     if loss in ("log", "log1p"):
-        return transformed(loss, v, floor, xp), 1.0 / ((floor if loss == "log" else 1.0) + xp.abs(v))
-    return v, xp.ones_like(v)
+        return 1.0 / ((floor if loss == "log" else 1.0) + xp.abs(v))
+    return xp.ones_like(v)
 
 
 def transformed(loss: str, v: Any, floor: Any, xp: ModuleType = np) -> Any:
     """T(v) of a loss; shape of v."""
+    if xp is np and np.size(v) >= MANY and np.ndim(floor) == 0 and loss not in ("sigma", "linear") and usable():
+        program = _loop(loss)
+        values = program and program.bound([np.asarray(floor, float)])([np.ravel(v)], (np.size(v),))
+        if values is not None:
+            return values.reshape(np.shape(v))
     if loss == "cbrt":
         return v * _inverse_root(v, floor, xp)
     if loss in ("log", "log1p"):
         return xp.sign(v) * xp.log1p(xp.abs(v) / (floor if loss == "log" else 1.0))
     return v
+
+
+@functools.cache
+def _loop(loss: str) -> Program | None:
+    """T of a loss as a loop over numbers, where the processor has one."""
+
+    def formula(leaves: Sequence[Any], v: Any) -> Any:
+        return transformed(loss, v, leaves[0], jnp)
+
+    try:
+        return Program(formula, [np.zeros(())], ((0,),), np.float64)
+    except Unsupported:
+        return None
 
 
 def _inverse_root(v: Any, floor: Any, xp: ModuleType) -> Any:

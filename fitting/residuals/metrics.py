@@ -1,8 +1,22 @@
 """Distances between a model and readings in the measures of the literature."""
 
-import numpy as np
+import functools
+from collections.abc import Sequence
+from typing import Any
 
-from gonio.fitting.problem.readings import Readings, chunks
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from gonio.fitting.problem.readings import Readings, chunks, inverse_cube_root
+from gonio.models.compiled.dispatch import usable
+from gonio.models.compiled.graph import Unsupported
+from gonio.models.compiled.sums import Rows, SumsProgram
+
+SMALLEST = 1e-100
+"""Values below it have the cube root 0 in loops: their squares are no normal numbers."""
+PADDED = 16
+"""A multiple of the numbers of any vector."""
 
 
 def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
@@ -20,12 +34,9 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
     for chunk in chunks(*readings.f.shape):
         y, m = (np.where(readings.valid[chunk], a[chunk], 0.0) for a in (readings.f, model_f))
         cos_i, cos_o = (np.abs(np.asarray(w.z)[chunk, None]) for w in (readings.wi, readings.wo))
-        cosines, off = cos_i * cos_o, m - y
-        logs = np.sign(m) * np.log1p(np.abs(m)) - np.sign(y) * np.log1p(np.abs(y))
-        roots = np.cbrt(m * cos_i) - np.cbrt(y * cos_i)
-        sums += [*(np.sum(a * a) for a in (off, y, off * cosines, y * cosines, logs, roots)), off.sum()]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.abs(off / y)[y != 0]
+        added, share = _sums(*(np.broadcast_to(a, y.shape).ravel() for a in (y, m, cos_i, cos_i * cos_o)))
+        share = share[y.ravel() != 0]
+        sums += added
         relative[known : known + share.size] = share
         known += share.size
     count, relative = max(1, readings.count), relative[:known]
@@ -39,3 +50,49 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
         "cbrt_rms": float(np.sqrt(sums[5] / count)),
         "bias": float(sums[6] / count),
     }
+
+
+def _sums(y: np.ndarray, m: np.ndarray, cos_i: np.ndarray, cosines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sums over readings (n,), and |m−y|/|y| of each.
+
+    The sums are those of squares of m − y, of y, of both times the cosines, of the difference of log(1 + f) and of that
+    of the cube roots, and that of m − y.
+    """
+    program = _program() if usable() else None
+    if program is None:
+        off = m - y
+        logs = np.sign(m) * np.log1p(np.abs(m)) - np.sign(y) * np.log1p(np.abs(y))
+        roots = np.cbrt(m * cos_i) - np.cbrt(y * cos_i)
+        squares = [np.sum(a * a) for a in (off, y, off * cosines, y * cosines, logs, roots)]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.array([*squares, off.sum()]), np.abs(off / y)
+    count = -(-y.size // PADDED) * PADDED
+    arrays = np.zeros((5, count))
+    for row, a in zip(arrays, (y, m, cos_i, cosines), strict=False):
+        row[: y.size] = a
+    addresses = np.array([[row.ctypes.data for row in arrays]], np.uintp)
+    sums = program(np.zeros(0), addresses, count)
+    assert sums is not None  # nothing in the formula asks for XLA
+    return sums[0], arrays[4, : y.size]
+
+
+@functools.cache
+def _program() -> SumsProgram | None:
+    def rows(_: Sequence[Any], y: Array, m: Array, cos_i: Array, cosines: Array) -> Array:
+        off = m - y
+        logs, roots = (of(m) - of(y) for of in (_log, lambda v: _cube_root(v * cos_i)))
+        return jnp.stack([off, y, off * cosines, y * cosines, logs, roots, jnp.ones(()), jnp.abs(off / y)])
+
+    try:
+        return SumsProgram(Rows(rows, [], 0, (1,) * 4), [*((k, k) for k in range(6)), (0, 6)], [7])
+    except Unsupported:
+        return None
+
+
+def _log(v: Array) -> Array:
+    return jnp.sign(v) * jnp.log1p(jnp.abs(v))
+
+
+def _cube_root(v: Array) -> Array:
+    size = jnp.abs(v)
+    return jnp.where(size > SMALLEST, v * inverse_cube_root(jnp.maximum(size, SMALLEST) ** 2), 0.0)

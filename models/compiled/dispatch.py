@@ -39,6 +39,12 @@ _programs: dict[Hashable, Program | None] = {}
 _models: dict[Hashable, _Remembered] = {}
 
 
+def usable() -> bool:
+    """Whether loops in double precision may be used: on a processor, in that precision, and nobody asks for XLA."""
+    forbidden = os.environ.get("GONIO_EVALUATE_WITH") == "xla"
+    return not forbidden and jax.default_backend() == "cpu" and jax.dtypes.canonicalize_dtype(float) == np.float64
+
+
 def values(
     formula: Formula, model: Any, arrays: Sequence[np.ndarray], sizes: tuple[int, ...], dtype: Any
 ) -> np.ndarray | None:
