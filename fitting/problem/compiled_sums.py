@@ -6,6 +6,7 @@ compiled in a tenth of the time. What it does not take is XLA's.
 
 import functools
 import itertools
+import math
 import threading
 from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
@@ -33,7 +34,7 @@ class Sums(NamedTuple):
     """What a problem's program gives: as `page_program`'s squares of each vector of free numbers, and f."""
 
     squares: Float[np.ndarray, "s two c g g"]
-    f: Float[np.ndarray, "b c n"] | None
+    f: Float[np.ndarray, "n c"] | None
 
 
 class _Programs:
@@ -49,42 +50,67 @@ class _Programs:
 
         self.rows = Rows(rows, leaves, s.size, steps)
 
-    def _pairs(self, first: int) -> list[tuple[int, int]]:
-        """Rows of each channel by themselves, those from `first` on."""
-        size, channels = self.size, range(self.channels)
-        starts = [first + c * size for c in channels]
-        return [(a + i, a + j) for a in starts for i, j in itertools.combinations_with_replacement(range(size), 2)]
-
     @functools.cached_property
     def plain(self) -> SumsProgram:
         """Of the sums alone."""
         with LOCK:
-            return SumsProgram(self.rows, self._pairs(0))
+            return SumsProgram(self.rows, pairs_of_rows(self.channels, self.size, 0))
 
     @functools.cached_property
     def full(self) -> SumsProgram:
         """With the products of rows times residuals, and the model's values."""
         number = self.channels * self.size
         with LOCK:
-            pairs = [*self._pairs(0), *self._pairs(number)]
+            pairs = [pair for first in (0, number) for pair in pairs_of_rows(self.channels, self.size, first)]
             return SumsProgram(self.rows, pairs, range(2 * number, 2 * number + self.channels))
 
 
 def _rows(s: Parameterisation, loss: str, p: Array, rest: Sequence[Any], elements: Sequence[Array]) -> Array:
-    """Residual and derivatives of each channel, these times the residual, and f of each channel, in one row."""
-    (fixed, floor), c = rest, s.channels
     wi, wo = Direction(*elements[:3]), Direction(*elements[3:6])
-    target, weight = (jnp.stack(elements[6 + k * c : 6 + (k + 1) * c]) for k in range(2))
-    strengths, lobes = strengths_of(s, p, fixed), lobes_at_sample(s, p, fixed, wi, wo)
-    lobes = Lobes(*(a[..., None] for a in lobes))
+    lobes = lobes_at_sample(s, p, rest[0], wi, wo)
+    return rows_of_lobes(s, loss, p, rest, lobes, (jnp.abs(wi.z), elements[6:]))
+
+
+def rows_of_lobes(
+    s: Parameterisation, loss: str, p: Array, rest: Sequence[Any], lobes: Lobes, reading: tuple[Array, Sequence[Array]]
+) -> Array:
+    """Residual and derivatives of each channel, these times the residual, and f of each channel, in one row.
+
+    Args:
+        s: the model.
+        loss: of its residuals.
+        p: free numbers.
+        rest: fixed numbers, and the loss's floor.
+        lobes: of the model, for one reading.
+        reading: |cosθi|, and target and weight of each channel, one after another.
+    """
+    (fixed, floor), (cosine, compared), c = rest, reading, s.channels
+    target, weight = jnp.stack(compared[:c]), jnp.stack(compared[c:])
+    strengths, lobes = strengths_of(s, p, fixed), Lobes(*(a[..., None] for a in lobes))
     f = jnp.broadcast_to(sum_of_lobes(lobes, strengths)[:, 0], (c,))
-    cosine = jnp.abs(wi.z) if uses_cosine(loss) else 1.0
-    value, slope = transform(loss, f * cosine, floor)
+    factor = cosine if uses_cosine(loss) else 1.0
+    value, slope = transform(loss, f * factor, floor)
     used = weight > 0
     residual = jnp.where(used, weight * (value - target), 0.0)
-    by_f = jnp.where(used, weight * slope * cosine, 0.0)
+    by_f = jnp.where(used, weight * slope * factor, 0.0)
     rows = jnp.stack([residual, *(row[:, 0] * by_f for row in rows_of(s, lobes, strengths))], axis=1)
     return jnp.concatenate([rows.reshape(-1), (rows * residual[:, None]).reshape(-1), f])
+
+
+def pairs_of_rows(channels: int, size: int, first: int) -> list[tuple[int, int]]:
+    """Pairs of the `size` rows of each channel, itself included, from row `first` on."""
+    starts = [first + c * size for c in range(channels)]
+    return [(a + i, a + j) for a in starts for i, j in itertools.combinations_with_replacement(range(size), 2)]
+
+
+def squares_of_pairs(sums: np.ndarray, parts: int, channels: int) -> np.ndarray:
+    """The sums (S, parts · C · pairs) of `pairs_of_rows` as `page_program` gives them: (S, 2, C, size, size)."""
+    of_pairs = sums.reshape(len(sums), parts, channels, -1)
+    size = (math.isqrt(8 * of_pairs.shape[-1] + 1) - 1) // 2
+    squares = np.zeros((len(sums), 2, channels, size, size))
+    i, j = np.triu_indices(size)
+    squares[:, :parts, :, i, j] = squares[:, :parts, :, j, i] = of_pairs
+    return squares
 
 
 _programs: dict[Hashable, _Programs | None] = {}
@@ -120,9 +146,9 @@ def compile_sums(s: Parameterisation, loss: str, fixed: FixedValues) -> bool:
 class BoundSums:
     """The sums of one problem's samples."""
 
-    def __init__(self, programs: _Programs, parameters: np.ndarray, samples: Samples) -> None:
-        """Of the programs, the numbers that they do not take as free, and all samples, at points."""
-        self._programs, self._parameters = programs, parameters
+    def __init__(self, programs: _Programs, parameters: np.ndarray, samples: Samples, number: int) -> None:
+        """Of the programs, the numbers that they do not take as free, and samples, at points, so many in use."""
+        self._programs, self._parameters, self._number = programs, parameters, number
         self._count = int(samples.blocks) * samples.weight.shape[1]
         self._shape = samples.weight.shape
         arrays = [np.asarray(a, float) for a in (*samples.wi, *samples.wo, samples.target, samples.weight)]
@@ -134,7 +160,7 @@ class BoundSums:
 
     def __call__(self, p: Float[np.ndarray, "s p"], full: bool) -> Sums | None:
         """The sums at S vectors of free numbers, `full` with f of one of them; None where XLA has to compute them."""
-        programs, size = self._programs, self._programs.size
+        programs = self._programs
         try:
             program = programs.full if full else programs.plain
         except Unsupported:
@@ -147,17 +173,13 @@ class BoundSums:
         sums = program(self._parameters, addresses, self._count)
         if sums is None:
             return None
-        parts = 2 if full else 1
-        squares = np.zeros((len(p), 2, self._shape[-1], size, size))
-        i, j = np.triu_indices(size)
-        of_pairs = sums.reshape(len(p), parts, self._shape[-1], -1)
-        squares[:, :parts, :, i, j] = squares[:, :parts, :, j, i] = of_pairs
-        return Sums(squares, f if full else None)
+        f = f.reshape(-1, self._shape[-1])[: self._number]
+        return Sums(squares_of_pairs(sums, 1 + full, self._shape[-1]), f if full else None)
 
 
-def bound_sums(s: Parameterisation, loss: str, fixed: FixedValues, samples: Samples) -> BoundSums | None:
-    """The sums over all samples of a problem, at points; None where XLA has to compute them."""
+def bound_sums(s: Parameterisation, loss: str, fixed: FixedValues, samples: Samples, number: int) -> BoundSums | None:
+    """The sums over a problem's samples, at points, so many in use; None where XLA has to compute them."""
     if not usable():
         return None
     leaves, programs = _programs_of(s, loss, fixed, samples.floor)
-    return None if programs is None else BoundSums(programs, programs.rows.trace.parameters(leaves), samples)
+    return None if programs is None else BoundSums(programs, programs.rows.trace.parameters(leaves), samples, number)

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import jax
 import numpy as np
 
+from gonio.fitting.problem.averaged_sums import AveragedReadings, BoundAverages, bound_averages
 from gonio.fitting.problem.compiled_sums import BoundSums, Sums, bound_sums
 from gonio.fitting.problem.disc_averages import BlockRules, Lanes, Samples, block_rules, disc_rules
 from gonio.fitting.problem.normal_equations import Evaluation, NormalEquations, summed
@@ -184,8 +185,6 @@ class FitProblem:
         """Normal equations at one p (P,), score covariance [White 1980] and the model's values."""
         total, f = self._squares_and_values(np.asarray(p, float)[None], scores)
         equations, outer = (summed(self.parameters, total[:, k]) for k in range(2))
-        f = f.reshape(-1, self.parameters.channels)
-        f = f[: self.weight.shape[0]] if self.lanes is None else f[self.lanes.place]
         one, spread = (jax.tree.map(lambda a: a[0], e) for e in (equations, outer.matrix))
         return Evaluation(one, spread if scores else None, f)
 
@@ -211,7 +210,7 @@ class FitProblem:
         return squares
 
     def _squares_and_values(self, p: np.ndarray, scores: bool) -> tuple[np.ndarray, np.ndarray]:
-        """The same at one vector p (1, P), with the score covariance, and f in blocks (B, n, C)."""
+        """The same at one vector p (1, P), with the score covariance, and f of the readings (n, C)."""
         sums = self._sums(p, full=True)
         if sums is not None and sums.f is not None:
             return sums.squares, sums.f
@@ -220,21 +219,27 @@ class FitProblem:
             squares.append(of_page)
             rows = f[k * PAGE : (k + 1) * PAGE]
             rows[:] = np.swapaxes(np.asarray(f_of_page)[: rows.shape[0]], 1, 2)
-        return _total(squares, 1), f
+        f = f.reshape(-1, self.parameters.channels)
+        return _total(squares, 1), f[: self.weight.shape[0]] if self.lanes is None else f[self.lanes.place]
 
     def _sums(self, p: np.ndarray, plain: bool = False, full: bool = False) -> Sums | None:
-        bound = (
-            None if self.lanes is not None else self._loop_of_f if plain else self._loop
-        )  # lanes: averages over discs
+        bound = self._loop_of_f if plain else self._loop
         return None if bound is None else bound(p, full)
 
     @functools.cached_property
-    def _loop(self) -> BoundSums | None:
-        return bound_sums(self.parameters, self.loss, self.fixed, self.samples)
+    def _loop(self) -> BoundSums | BoundAverages | None:
+        return self._bound(self.loss)
 
     @functools.cached_property
-    def _loop_of_f(self) -> BoundSums | None:
-        return bound_sums(self.parameters, "linear", self.fixed, self.samples)
+    def _loop_of_f(self) -> BoundSums | BoundAverages | None:
+        return self._bound("linear")
+
+    def _bound(self, loss: str) -> BoundSums | BoundAverages | None:
+        if self.rules is None or self.lanes is None:
+            return bound_sums(self.parameters, loss, self.fixed, self.samples, self.weight.shape[0])
+        readings, half_angles = self.readings, self.readings.half_angles
+        of = AveragedReadings(readings.wi, readings.wo, self.targets, self.weight, self.rules, half_angles)
+        return bound_averages(self.parameters, loss, self.fixed, self.samples.floor, of)
 
     def _run(
         self, p: np.ndarray, active: np.ndarray | None = None, scores: bool = False, plain: bool = False

@@ -14,7 +14,7 @@ from gonio.models.compiled import emission, workers
 from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.machine import Code, Machine, machine
 from gonio.models.compiled.program import translated
-from gonio.models.compiled.sums_emission import sums_module
+from gonio.models.compiled.sums_emission import adding_module, sums_module
 
 PIECE = 1 << 13
 """Elements that a thread takes at a time, at most: their sums are added to the others' in the order of the pieces."""
@@ -25,14 +25,22 @@ BYTES = 8
 class Rows:
     """A formula of rows, traced."""
 
-    def __init__(self, formula: Callable[..., Any], leaves: Sequence[Any], scalars: int, steps: Sequence[int]):
-        """Trace `formula(leaves, *scalars, *elements)`, whose value has one axis, of rows.
+    def __init__(
+        self,
+        formula: Callable[..., Any],
+        leaves: Sequence[Any],
+        scalars: int,
+        steps: Sequence[int],
+        outer: int = 0,
+    ):
+        """Trace `formula(leaves, *scalars, *of_outer, *elements)`, whose value has one axis, of rows.
 
         Args:
             formula: a function that JAX traces.
             leaves: arrays on which the rows depend, or others of the same shapes and kinds.
             scalars: how many numbers the formula takes that are the same for all elements.
             steps: for each array of elements, how many numbers lie from one element to the next.
+            outer: how many arrays there are of a loop around that over the elements.
 
         Raises:
             Unsupported: the formula, or this processor, is none of those that programs are written for.
@@ -42,14 +50,25 @@ class Rows:
             raise Unsupported("this processor")
         self.machine: Machine = target
         shapes = [jax.ShapeDtypeStruct(np.shape(v), np.asarray(v).dtype) for v in leaves]
-        count = scalars + len(steps)
+        count = scalars + outer + len(steps)
         trace = jax.make_jaxpr(formula)(shapes, *[jax.ShapeDtypeStruct((), np.float64)] * count)
         self.trace = translated(trace, leaves, count)
         self.nodes = [int(k) for k in self.trace.outputs.flat]
         if any(self.trace.graph.dtype(k) != "f64" for k in self.nodes):
             raise Unsupported("rows of another precision")
-        self.inputs = (*[emission.Input("f64", ())] * scalars, *(emission.Input("f64", (0,), step) for step in steps))
-        self.lanes = target.vector_bytes // BYTES
+        inner = 1 if outer else 0
+        self.axes, self.lanes = 1 + inner, target.vector_bytes // BYTES
+        self.inputs = (
+            *[emission.Input("f64", ())] * scalars, *[emission.Input("f64", (0,))] * outer,
+            *(emission.Input("f64", (inner,), step) for step in steps),
+        )  # fmt: skip
+
+    def kernel(self, outputs: Sequence[int]) -> emission.Kernel:
+        """What is to be written where these rows are stored."""
+        nodes, target = tuple(self.nodes[k] for k in outputs), self.machine
+        return emission.Kernel(
+            self.trace.graph, nodes, self.inputs, self.axes, self.lanes, target.estimates, target.flush
+        )
 
 
 class SumsProgram:
@@ -63,13 +82,7 @@ class SumsProgram:
         """
         self.rows, self.products, self.stored = rows, len(products), len(stored)
         pairs = [(rows.nodes[a], rows.nodes[b]) for a, b in products]
-        outputs = tuple(rows.nodes[k] for k in stored)
-        target = rows.machine
-        kernel = emission.Kernel(rows.trace.graph, outputs, rows.inputs, 1, rows.lanes, target.estimates, target.flush)
-        try:
-            self.code = Code(sums_module(kernel, pairs, target.attributes))
-        except RuntimeError as error:  # LLVM's word for code that it does not take
-            raise Unsupported(str(error)) from error
+        self.code = _compiled(sums_module(rows.kernel(stored), pairs, rows.machine.attributes))
 
     def __call__(self, parameters: np.ndarray, addresses: np.ndarray, count: int) -> np.ndarray | None:
         """Sums of shape (S, products), or None where the program does not know that they are right.
@@ -98,3 +111,35 @@ class SumsProgram:
         status = work(0, total) if total * edges[1] <= 2 * PIECE else workers.share(work, total, 1)
         with np.errstate(all="ignore"):  # a model without a finite value has no finite sum
             return None if status else parts.sum(axis=(1, 3))
+
+
+class AddingProgram:
+    """Compiled sums of rows over an outer loop, for each element of the inner one."""
+
+    def __init__(self, rows: Rows):
+        """Compile the sums of all rows, which have an outer loop.
+
+        Raises:
+            Unsupported: LLVM does not take the code.
+        """
+        self.rows = rows
+        self.code = _compiled(adding_module(rows.kernel(range(len(rows.nodes))), rows.machine.attributes))
+
+    def __call__(self, parameters: np.ndarray, addresses: np.ndarray, sizes: tuple[int, int]) -> np.ndarray | None:
+        """Sums of shape (rows, elements), or None where the program does not know that they are right.
+
+        Args:
+            parameters: `rows.trace.parameters` of the leaves.
+            addresses: where the scalars, the arrays of the outer loop, and those of the elements begin (arrays,).
+            sizes: of the outer loop, and elements, a multiple of a vector's numbers.
+        """
+        sums, lengths = np.zeros((len(self.rows.nodes), sizes[1])), np.array(sizes, np.int64)
+        places = parameters.ctypes.data, addresses.ctypes.data, sums.ctypes.data
+        return None if self.code.call(*places, 0, sizes[0], lengths.ctypes.data) else sums
+
+
+def _compiled(text: str) -> Code:
+    try:
+        return Code(text)
+    except RuntimeError as error:  # LLVM's word for code that it does not take
+        raise Unsupported(str(error)) from error

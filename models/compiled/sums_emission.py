@@ -19,6 +19,28 @@ def sums_module(kernel: Kernel, products: Sequence[tuple[int, int]], attributes:
     return _SumsWriter(kernel, products).text(attributes)
 
 
+def adding_module(kernel: Kernel, attributes: str) -> str:
+    """The text of a module that adds the kernel's outputs over its outer loop, for each element of the inner one.
+
+    Its output has a row for each of the kernel's outputs, as long as the inner loop, to which it adds.
+    """
+    return _AddingWriter(kernel).text(attributes)
+
+
+class _AddingWriter(Writer):
+    def finish(self) -> None:
+        level, inner = self.kernel.axes, self.kernel.axes - 1
+        for k, node in enumerate(self.kernel.outputs):
+            dtype = self.graph.dtype(node)
+            vector = self.vector(dtype)
+            row = self.temporary(level, f"mul i64 %size{inner}, {k}")
+            first = self.temporary(level, f"add i64 {row}, %i{inner}")
+            place = self.temporary(level, f"getelementptr inbounds {TYPES[dtype]}, ptr %output, i64 {first}")
+            before = self.temporary(level, f"load {vector}, ptr {place}, align 8")
+            after = self.temporary(level, f"fadd {vector} {before}, {self.name(node)}")
+            self.lines[level].append(f"  store {vector} {after}, ptr {place}, align 8, !noalias !2")
+
+
 class _SumsWriter(Writer):
     def __init__(self, kernel: Kernel, products: Sequence[tuple[int, int]]) -> None:
         self.products = products

@@ -1,0 +1,244 @@
+"""Normal equations of averages over discs, by compiled loops: lobes at the nodes added up, then sums over readings."""
+
+import functools
+import threading
+from collections.abc import Hashable, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from gonio.fitting.problem.compiled_sums import KEPT, Sums, pairs_of_rows, rows_of_lobes, squares_of_pairs
+from gonio.fitting.problem.disc_averages import disc_rules
+from gonio.fitting.problem.lobes import Lobes, lobes_at_sample
+from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
+from gonio.fitting.problem.readings import AnyArray
+from gonio.models.compiled import workers
+from gonio.models.compiled.dispatch import usable
+from gonio.models.compiled.graph import Unsupported
+from gonio.models.compiled.sums import AddingProgram, Rows, SumsProgram
+from gonio.models.geometry.directions import NORMAL, Direction
+from gonio.models.geometry.horizon import turned_over
+from gonio.models.warps.disc_frames import disc_frame, disc_ray, psi_of_horizon
+
+NODE = 5
+"""Numbers of a node in a disc: its column's x (or ψ over where it ends), √(1 − x²), weight; its row's y, weight."""
+CHUNK = 512
+"""Readings whose averages are formed at a time: they stay in a core's cache. A multiple of a vector's numbers."""
+LOCK = threading.RLock()
+
+
+class AveragedReadings(NamedTuple):
+    """Readings of a problem, to be compared with averages.
+
+    Attributes:
+        wi, wo: axes of the discs of light and detector, components (n,).
+        target, weight: of the residuals, (n, C).
+        rules: number of the rule of each (n,), see `disc_averages`.
+        half_angles: of both discs, radians.
+    """
+
+    wi: Direction
+    wo: Direction
+    target: np.ndarray
+    weight: np.ndarray
+    rules: np.ndarray
+    half_angles: tuple[float, float]
+
+
+class _Programs:
+    """The programs of one model and loss."""
+
+    def __init__(self, s: Parameterisation, loss: str, leaves: Sequence[np.ndarray], tree: Any) -> None:
+        self._s, self._leaves, self._tree, self.size, self.channels = s, leaves, tree, 1 + len(s.free), s.channels
+        up = Direction(*NORMAL)
+        fixed = jax.tree.unflatten(tree, leaves)[0]
+        self._shapes = jax.eval_shape(lambda p: lobes_at_sample(s, p, fixed, up, up), np.zeros(s.size))
+        self.lobes = sum(int(np.prod(a.shape)) for a in self._shapes)
+
+        def rows(leaves: Sequence[Any], *elements: Array) -> Array:
+            p = jnp.stack(elements[: s.size]) if s.size else jnp.zeros(0)
+            fixed, floor, _ = jax.tree.unflatten(tree, leaves)
+            cosine, total, *rest = elements[s.size :]
+            split = int(np.prod(self._shapes.values.shape))
+            scaled = jnp.stack(rest[: self.lobes]) / jnp.where(total > 0, total, 1.0)
+            lobes = Lobes(
+                scaled[:split].reshape(self._shapes.values.shape), scaled[split:].reshape(self._shapes.slopes.shape)
+            )
+            return rows_of_lobes(s, loss, p, (fixed, floor), lobes, (cosine, rest[self.lobes :]))
+
+        self.rows = Rows(rows, leaves, s.size, (1,) * (2 + self.lobes) + (s.channels,) * (2 * s.channels))
+
+    @functools.cache  # noqa: B019 - as long as the programs
+    def averages(self, cut: tuple[bool, bool]) -> AddingProgram:
+        """Of lobes times weights over nodes, of discs that the horizon cuts or does not."""
+
+        def rows(leaves: Sequence[Any], *elements: Array) -> Array:
+            p = jnp.stack(elements[: self._s.size]) if self._s.size else jnp.zeros(0)
+            fixed, _, tan_s = jax.tree.unflatten(self._tree, leaves)
+            nodes, axes = elements[self._s.size :][: 2 * NODE], elements[self._s.size :][2 * NODE :]
+            wi, share_i = _ray(Direction(*axes[:3]), tan_s[0], nodes[:NODE], cut[0])
+            wo, share_o = _ray(Direction(*axes[3:]), tan_s[1], nodes[NODE:], cut[1])
+            lobes, weight = lobes_at_sample(self._s, p, fixed, wi, wo), share_i * share_o
+            return jnp.concatenate([weight[None], *(weight * a.reshape(-1) for a in lobes)])
+
+        with LOCK:
+            return AddingProgram(Rows(rows, self._leaves, self._s.size, (1,) * 6, 2 * NODE))
+
+    @functools.cache  # noqa: B019 - as long as the programs
+    def sums(self, full: bool) -> SumsProgram:
+        """Of products of rows; `full` with those times residuals, and f."""
+        number = self.channels * self.size
+        pairs = pairs_of_rows(self.channels, self.size, 0)
+        with LOCK:
+            if not full:
+                return SumsProgram(self.rows, pairs)
+            more = pairs_of_rows(self.channels, self.size, number)
+            return SumsProgram(self.rows, [*pairs, *more], range(2 * number, 2 * number + self.channels))
+
+
+def _ray(axis: Direction, tan_s: Array, node: Sequence[Array], cut: bool) -> tuple[Direction, Array]:
+    """(direction, weight) of a node of a disc."""
+    x, length, w, v, w_v = node
+    side = jnp.where(axis.z < 0, -1.0, 1.0)
+    frame = disc_frame(turned_over(axis, side), tan_s)
+    if cut:
+        psi_end = psi_of_horizon(frame)
+        sine = jnp.sin(psi_end * x)
+        x, y, w = jnp.cos(psi_end * x), sine * v, w * w_v * psi_end * sine * sine
+    else:
+        y, w = length * v, w * w_v
+    ray, share = disc_ray(frame, tan_s * x, tan_s * y)
+    return turned_over(ray, side), w * share
+
+
+@functools.lru_cache(maxsize=64)
+def _nodes(half_angles: tuple[float, float], rule: int) -> np.ndarray:
+    """The numbers (2 · NODE, K) of the pairs of nodes of a rule."""
+    rules, of_discs = disc_rules(half_angles), []
+    for d in range(2):
+        n, m = rules.shape[rule, d]
+        columns, rows = np.asarray(rules.columns)[rule, d, :n], np.asarray(rules.rows)[rule, d, :m]
+        of_discs.append(np.hstack([np.repeat(columns, m, axis=0), np.tile(rows, (n, 1))]))
+    first, second = np.indices([len(a) for a in of_discs]).reshape(2, -1)
+    return np.ascontiguousarray(np.hstack([of_discs[0][first], of_discs[1][second]]).T)
+
+
+class _Piece(NamedTuple):
+    """Readings of one rule, at most `CHUNK`, padded: where they stand, and their axes, targets and weights."""
+
+    rule: int
+    cells: np.ndarray
+    axes: np.ndarray
+    cosine: np.ndarray
+    target: np.ndarray
+    weight: np.ndarray
+
+
+class BoundAverages:
+    """The sums of one problem's readings."""
+
+    def __init__(self, programs: _Programs, leaves: list[np.ndarray], readings: AveragedReadings) -> None:
+        """Of the programs, the numbers that they do not take as free, and the readings."""
+        self._programs, self._leaves, self._readings = programs, leaves, readings
+        self._pieces = [
+            _piece(readings, int(rule), cells[first : first + CHUNK])
+            for rule in np.unique(readings.rules)
+            for cells in [np.flatnonzero(readings.rules == rule)]
+            for first in range(0, cells.size, CHUNK)
+        ]
+
+    def __call__(self, p: Float[np.ndarray, "s p"], full: bool) -> Sums | None:
+        """The sums at S vectors of free numbers, `full` with f of one of them; None where XLA has to compute them."""
+        p, pieces = np.ascontiguousarray(p, float), self._pieces
+        try:
+            programs = [self._averages(piece.rule) for piece in pieces], self._programs.sums(full)
+        except Unsupported:
+            return None
+        f = np.zeros(self._readings.weight.shape) if full else None
+        sums: list[list[np.ndarray | None]] = [[None] * len(pieces) for _ in p]
+
+        def work(first: int, last: int) -> int:
+            for k in range(first, last):
+                s, number = divmod(k, len(pieces))
+                sums[s][number] = self._of_piece(pieces[number], (programs[0][number], programs[1]), p[s], f)
+            return 0
+
+        workers.share(work, len(p) * len(pieces), 1)
+        if any(part is None for row in sums for part in row):
+            return None
+        return Sums(squares_of_pairs(np.array(sums).sum(axis=1), 1 + full, self._readings.weight.shape[1]), f)
+
+    def _averages(self, rule: int) -> AddingProgram:
+        counts = disc_rules(self._readings.half_angles).counts[rule]
+        return self._programs.averages((bool(rule % 2 and counts[0] > 1), bool(rule % 2 and counts[1] > 1)))
+
+    def _of_piece(
+        self, piece: _Piece, programs: tuple[AddingProgram, SumsProgram], p: np.ndarray, f: np.ndarray | None
+    ) -> np.ndarray | None:
+        averages, total = programs
+        nodes, free = _nodes(self._readings.half_angles, piece.rule), p.ctypes.data + 8 * np.arange(p.size)
+        count, channels = piece.target.shape
+        addresses = np.concatenate([free, _rows_of(nodes), _rows_of(piece.axes)]).astype(np.uintp)
+        parameters = averages.rows.trace.parameters(self._leaves)
+        lobes = averages(parameters, addresses, (nodes.shape[1], count))
+        if lobes is None:
+            return None
+        values = np.zeros((count, channels))
+        strided = [a.ctypes.data + 8 * c for a in (piece.target, piece.weight) for c in range(channels)]
+        places = [
+            piece.cosine.ctypes.data,
+            *_rows_of(lobes),
+            *strided,
+            *([values.ctypes.data] if f is not None else []),
+        ]
+        addresses = np.concatenate([free, places]).astype(np.uintp)
+        sums = total(total.rows.trace.parameters(self._leaves), addresses[None], count)
+        if f is not None:
+            f[piece.cells] = values[: piece.cells.size]
+        return None if sums is None else sums[0]
+
+
+def _rows_of(a: np.ndarray) -> np.ndarray:
+    """Where the rows of an array begin."""
+    return a.ctypes.data + a.strides[0] * np.arange(len(a))
+
+
+def _piece(r: AveragedReadings, rule: int, cells: np.ndarray) -> _Piece:
+    extra = -cells.size % 16
+    axes = np.array(
+        [
+            np.append(np.asarray(c)[cells], np.full(extra, e))
+            for w in (r.wi, r.wo)
+            for c, e in zip(w, NORMAL, strict=True)
+        ]
+    )
+    target, weight = (np.pad(a[cells], ((0, extra), (0, 0))) for a in (r.target, r.weight))
+    return _Piece(rule, cells, axes, np.abs(axes[2]), target, weight)
+
+
+_kept: dict[Hashable, _Programs | None] = {}
+
+
+def bound_averages(
+    s: Parameterisation, loss: str, fixed: FixedValues, floor: AnyArray, readings: AveragedReadings
+) -> BoundAverages | None:
+    """The sums over readings, averages, of a model with its fixed numbers; None where XLA has to compute them."""
+    if not usable():
+        return None
+    tan_s = np.asarray(disc_rules(readings.half_angles).tan_s)
+    leaves, tree = jax.tree.flatten((fixed, np.asarray(floor, float), tan_s))
+    leaves = [np.asarray(a) for a in leaves]
+    key = (s, loss, tree, tuple((a.shape, a.dtype.str) for a in leaves))
+    with LOCK:
+        if key not in _kept:
+            while len(_kept) >= KEPT:
+                _kept.pop(next(iter(_kept)))
+            try:
+                _kept[key] = _Programs(s, loss, leaves, tree)
+            except Unsupported:
+                _kept[key] = None
+        programs = _kept[key]
+    return None if programs is None else BoundAverages(programs, leaves, readings)
