@@ -265,8 +265,6 @@ def _optimum(task: FitTask) -> Optimum:
     weight, floor = residual_weights(readings, task.loss, sigma), loss_floor(readings, task.loss)
     problem = FitProblem.create(s, fixed, task.loss, readings, weight, floor)
     averaging = any(readings.half_angles) and settings.aperture == "average"
-    if averaging and s.size:  # beside the descents at points
-        ahead(("discs", s, task.loss), lambda: compile_page_program(s, task.loss, fixed))
     known_noise = likelihood or share is not None
     if not s.size:
         return _without_free_numbers(problem, given, likelihood, averaging)
@@ -279,7 +277,6 @@ def _optimum(task: FitTask) -> Optimum:
     refinement = Refinement(share, settings.robust, known_noise, starts.cells, starts.ends)
     refined, averages = refinement.of(problem, starts.best), None
     if averaging:
-        finished()
         refined, averages = refinement.over_discs(problem, refined)
     elif any(readings.half_angles):
         averages = refinement.ignored(refined)
