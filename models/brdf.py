@@ -12,6 +12,7 @@ from typing import Any, ClassVar, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool
 
 from gonio.models.arrays import Channels, Scalar
@@ -114,6 +115,17 @@ class AbstractBRDF(eqx.Module):
     @abc.abstractmethod
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         """The bare formula of f, 1/sr, for two directions of the declared hemispheres, neither on the horizon."""
+
+    def array_values(self, wi: Direction, wo: Direction) -> np.ndarray | None:
+        """`f` of many pairs by NumPy, for a model that looks it up: to compile that for each size takes longer.
+
+        Args:
+            wi, wo: unit directions with components of shape (n,), NumPy.
+
+        Returns:
+            f, 1/sr, of shape (n, channels); None for a model that is a formula.
+        """
+        return None
 
     def sample(self, wi: Direction, u1: Scalar, u2: Scalar) -> Sample:
         """(wo, leaves): the direction that an importance sampler draws from (u1, u2) uniform in [0, 1)².

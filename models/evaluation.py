@@ -20,6 +20,8 @@ BLOCK = 1 << 17
 """Pairs of one pass: what a formula of several loops, a quadrature or channels puts aside stays in the cache."""
 SMALL_BLOCK = 8192
 """Pairs of one pass where their number changes from call to call."""
+SIZES = (64, 256, 1024, 4096, 8192, 16384, 32768, 65536, BLOCK)
+"""Pairs are filled up to one of these, so that few programs serve any number of them."""
 LOST, NOWHERE = (0.0, 0.0, -1.0), (float("nan"),) * 3
 """What stands for the direction of light that does not leave the surface: against the normal, where pdf is 0 then; of
 surfaces that transmit, whose light may leave there, no number."""
@@ -69,11 +71,32 @@ def flat_pair(wi: Direction, wo: Direction) -> tuple[Direction, Direction, tuple
     return Direction(*flat[:3]), Direction(*flat[3:]), shape
 
 
+def _looked_up(brdf: AbstractBRDF, arrays: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray | None:
+    """f of a model that looks it up, shape (*shape, channels); None of others, and of many pairs, where XLA is faster.
+
+    Arguments as `component_arrays` returns them.
+    """
+    if math.prod(shape) > BLOCK:
+        return None
+    dtype = jnp.result_type(float)
+    flat = [np.broadcast_to(c, shape).reshape(-1).astype(dtype) for c in arrays]
+    values = brdf.array_values(Direction(*flat[:3]), Direction(*flat[3:]))
+    return None if values is None else values.reshape(*shape, values.shape[-1])
+
+
+def _filled_up(w: Direction) -> Direction:
+    """Directions (n,) with the last one repeated, up to one of `SIZES`."""
+    n = w.z.shape[0]
+    size = next((s for s in SIZES if n <= s), n) if n else 0
+    return Direction(*(jnp.asarray(np.pad(np.asarray(c), (0, size - n), mode="edge")) for c in w)) if size > n else w
+
+
 def evaluate(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> np.ndarray | jax.Array:
     """f(wi, wo), 1/sr, for directions of any broadcastable shape S: shape ``S``, or ``S + (channels,)``.
 
     Compiled once for each kind of model, whatever the number of pairs (`gonio.models.compiled`); what cannot be so is
-    compiled by XLA, once for each number of pairs. Numbers are those of JAX's precision.
+    looked up by NumPy, or compiled by XLA once for each of a few numbers of pairs. Numbers are those of JAX's
+    precision.
 
     Returns:
         An array of NumPy; of JAX where a direction is.
@@ -84,11 +107,13 @@ def evaluate(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> np.ndarray | j
     arrays, shape = component_arrays(wi, wo)
     values = directed_values(brdf, arrays, shape)
     if values is None:
+        values = _looked_up(brdf, arrays, shape)
+    if values is None:
         wi, wo, shape = flat_pair(wi, wo)
         if any(isinstance(v, Tracer) for v in jax.tree.leaves(brdf)):  # part of a larger program
             values = jax.vmap(brdf.f)(wi, wo)
         else:
-            values = np.asarray(_values(brdf, wi, wo))
+            values = np.asarray(_values(brdf, *(_filled_up(w) for w in (wi, wo))))[: wi.z.size]
         values = values.reshape(shape + values.shape[1:])
     of_jax = any(a is not c and isinstance(c, jax.Array) for a, c in zip(arrays, (*wi, *wo), strict=True))
     return jnp.asarray(values) if of_jax else values
@@ -101,6 +126,8 @@ def evaluate_in_blocks(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> np.n
     """
     arrays, shape = component_arrays(wi, wo)
     whole = directed_values(brdf, arrays, shape)
+    if whole is None:
+        whole = _looked_up(brdf, arrays, shape)
     if whole is not None:
         return np.asarray(whole, float).reshape(math.prod(shape), math.prod(whole.shape[len(shape) :]))
     parts = np.broadcast_arrays(*arrays)

@@ -1,19 +1,17 @@
 """Where a table interpolates: the pairs of directions inside of the hull of what was read, without its holes."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from gonio.data.flags import Flag
+from gonio.data.interpolation.grid_coordinates import grid_coordinates
 from gonio.data.interpolation.multilinear import interpolation_axis
 from gonio.data.layouts.base import Layout
 from gonio.data.table import Table
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.sides import FRONT
-from gonio.models.kept_jit import kept_jit
 
 SAME = np.radians(1.0)
 """An angle this near to the only one that was read is that one."""
@@ -26,7 +24,6 @@ FAR = 2.0
 WIDEST = np.radians(15.0)
 """And never farther than that: a few readings all about do not tell what lies between them."""
 FACETS = 256
-BLOCK = 8192
 
 
 def covered(table: Table, wi: Direction, wo: Direction, beyond: float = 0.0) -> np.ndarray:
@@ -62,29 +59,7 @@ def _in_part(table: Table, wi: Direction, wo: Direction, beyond: float, reciproc
 
 
 def _on_grid(table: Table, wi: Direction, wo: Direction, beyond: float) -> np.ndarray:
-    return on_grid(table, *grid_coordinates(table.layout, wi, wo), beyond)
-
-
-def grid_coordinates(layout: Layout, wi: Direction, wo: Direction) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """(angle on each axis, whether the layout can hold it), (n,) each, of pairs of directions (n,).
-
-    In blocks of one size, so that one program serves any number of pairs.
-    """
-    parts = [np.asarray(c, float) for c in (*wi, *wo)]
-    n, made = parts[0].size, []
-    for start in range(0, max(n, 1), BLOCK):
-        block = [np.resize(c[start : start + BLOCK], BLOCK) if n else np.zeros(BLOCK) for c in parts]
-        made.append(_coordinates(type(layout), Direction(*block[:3]), Direction(*block[3:])))
-    angles = {name: np.concatenate([np.asarray(x[name]) for x, _ in made])[:n] for name in made[0][0]}
-    return angles, np.concatenate([np.asarray(c) for _, c in made])[:n]
-
-
-@kept_jit
-def _coordinates(kind: type[Layout], wi: Direction, wo: Direction) -> tuple[dict[str, Any], Any]:
-    def one(i: Direction, o: Direction) -> tuple[dict[str, Any], Any]:
-        return kind.coordinates(i, o), jnp.asarray(kind.covers(i, o))
-
-    return jax.vmap(one)(wi, wo)
+    return on_grid(table, *grid_coordinates(type(table.layout), wi, wo), beyond)
 
 
 def on_grid(

@@ -6,17 +6,21 @@ Beyond its outermost nodes an axis is held constant; azimuths are periodic. Scat
 """
 
 import dataclasses
+import itertools
 import math
 from functools import partial
 from types import ModuleType
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float
 
 from gonio.data.flags import Flag
+from gonio.data.interpolation.grid_coordinates import grid_coordinates
 from gonio.data.interpolation.two_sided import TwoSided
 from gonio.data.layouts.base import Layout
 from gonio.data.table import Table
@@ -24,6 +28,7 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.horizon import HORIZON
 from gonio.models.geometry.sides import FRONT
 
 
@@ -91,6 +96,25 @@ class Tabulated(AbstractBRDF):
         if covered is not True:
             value = jnp.where(covered, value, jnp.nan)
         return value
+
+    def array_values(self, wi: Direction, wo: Direction) -> np.ndarray | None:
+        if any(isinstance(v, Tracer) for v in jax.tree.leaves(self)):
+            return None
+        values, valid = np.asarray(self.values), np.asarray(self.valid)
+        total, weight = (np.zeros((wi.z.size, a.shape[-1]), values.dtype) for a in (values, valid))
+        shown = np.flatnonzero(np.minimum(wi.z, wo.z) > HORIZON)
+        wi, wo = (Direction(*(c[shown] for c in w)) for w in (wi, wo))
+        coordinates, covered = grid_coordinates(self.kind, wi, wo)
+        brackets = [axis.bracket(coordinates[name], np) for axis, name in zip(self.axes, self.names, strict=True)]
+        for corner in itertools.product((0, 1), repeat=len(brackets)):
+            index = tuple(nodes[side] for (nodes, _), side in zip(brackets, corner, strict=True))
+            share = math.prod((weights[side] for (_, weights), side in zip(brackets, corner, strict=True)), start=1.0)
+            share = np.where(valid[index], np.asarray(share)[:, None], 0.0)
+            total[shown] += share * values[index]
+            weight[shown] += share
+        f = np.where(weight > 0, total / np.where(weight > 0, weight, 1.0), 0.0).astype(values.dtype)
+        f[shown[~covered]] = np.nan
+        return f
 
 
 def as_material(table: Table) -> AbstractBRDF:

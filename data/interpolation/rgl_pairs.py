@@ -1,6 +1,7 @@
 """Random pairs of directions to which an RGL file is fitted, and where the file's arrays are read for each."""
 
 import dataclasses
+from typing import Any
 
 import jax
 import numpy as np
@@ -13,6 +14,8 @@ from gonio.models.geometry.directions import Direction
 
 GRAZING = np.radians(89.9)
 LEAST_COSINE = 1e-6
+BLOCK = 8192
+"""Pairs whose places are computed in one call."""
 BAND = (-0.003, 0.05)
 """Cosines of directions near the horizon; most are of the lower ones."""
 
@@ -63,7 +66,7 @@ def horizon_pairs(data: RGLData, count: int, rng: np.random.Generator) -> RGLPai
 
 def place_pairs(data: RGLData, wi: Direction, wo: Direction) -> RGLPairs:
     """Where a file's arrays are read for pairs of directions (n,)."""
-    place = jax.tree.map(np.asarray, _places(RGLMaterial(data), wi, wo))
+    place = _all_places(RGLMaterial(data), wi, wo)
     (phi, theta), weight = place.slices
     corners = []
     shape = (*data.vndf.shape[:2], *data.spectra.shape[-2:])
@@ -77,6 +80,16 @@ def place_pairs(data: RGLData, wi: Direction, wo: Direction) -> RGLPairs:
     sigma = bilinear_matrix(place.i_x, across[1], *data.sigma.shape[::-1])
     indices, values = (np.concatenate(part, axis=1) for part in zip(*corners, strict=True))
     return RGLPairs(wi, wo, _matrix(indices, values, int(np.prod(shape))), ndf, sigma)
+
+
+def _all_places(material: RGLMaterial, wi: Direction, wo: Direction) -> Any:
+    """`Place` of n pairs as NumPy arrays: in blocks of one size, so that one program serves any number of pairs."""
+    parts = [np.broadcast_to(np.asarray(c, float), np.shape(wi.z)) for c in (*wi, *wo)]
+    n, made = parts[0].size, []
+    for start in range(0, n, BLOCK):
+        block = [np.resize(c[start : start + BLOCK], BLOCK) for c in parts]
+        made.append(_places(material, Direction(*block[:3]), Direction(*block[3:])))
+    return jax.tree.map(lambda *a: np.concatenate([np.asarray(v) for v in a])[:n], *made)
 
 
 @wide_jit

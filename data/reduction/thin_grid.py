@@ -9,9 +9,9 @@ import itertools
 import math
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
+from gonio.data.interpolation.grid_coordinates import grid_coordinates
 from gonio.data.interpolation.multilinear import interpolation_axis
 from gonio.data.layouts import Layout
 from gonio.data.scene import ScenePairs
@@ -79,7 +79,7 @@ class Thinning:
         self.grid, (self.pairs, self.truth) = grid, scene
         self.guide = self if guide is None else Thinning(grid, guide)
         wi, wo = (Direction(*(np.asarray(c, float) for c in w)) for w in (self.pairs.wi, self.pairs.wo))
-        self.coordinates = jax.vmap(grid.layout.coordinates)(wi, wo)
+        self.coordinates, _ = grid_coordinates(type(grid.layout), wi, wo)
         self._brackets: dict[tuple[str, bytes], Bracket] = {}
         self._ranking: tuple[tuple[bytes, ...], np.ndarray] = ((), np.empty(0))
 

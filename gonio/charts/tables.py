@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Iterator
+from types import ModuleType
 from typing import Any
 
 import equinox as eqx
@@ -85,9 +86,9 @@ def _even_half(step: float) -> Layout:
 class _NearestAxis(eqx.Module):
     axis: Any
 
-    def bracket(self, x: jax.Array) -> tuple[Any, tuple[jax.Array, jax.Array]]:
-        nodes, (_, upper) = self.axis.bracket(x)
-        whole = jnp.round(upper)
+    def bracket(self, x: Any, xp: ModuleType = jnp) -> tuple[Any, tuple[Any, Any]]:
+        nodes, (_, upper) = self.axis.bracket(x, xp)
+        whole = xp.round(upper)
         return nodes, (1.0 - whole, whole)
 
 

@@ -220,18 +220,18 @@ def interpolated_pairs(table: Table, cells: np.ndarray) -> Pairs:
     The error is what every second node of each axis changes: of a second-order rule on a grid that resolves f, three
     times its own.
     """
+    from gonio.data.interpolation.grid_coordinates import grid_coordinates
     from gonio.data.interpolation.multilinear import as_material, coarsened
 
     if cells.size > INTERPOLATED:
         cells = np.sort(np.random.default_rng(0).choice(cells, INTERPOLATED, replace=False))
     layout = table.layout
     wi, wo = layout.directions_at(cells)
-    exchanged = layout.coordinates(wo, wi)
+    exchanged, _ = grid_coordinates(type(layout), wo, wi)
     within = layout.are_readable(wi.z, wo.z)
     for name, nodes in layout.axes.items():
         if layout.periods[name] is None and name not in layout.mirrored_axes:
-            angle = np.asarray(exchanged[name])
-            within &= _reached(nodes, angle)
+            within &= _reached(nodes, exchanged[name])
     wi, wo = (Direction(*(c[within] for c in w)) for w in (wi, wo))
     how = "readings whose partners were interpolated"
     if not within.any():

@@ -18,7 +18,8 @@ from gonio.checks.albedos import Albedos
 from gonio.checks.grid_resolution import LARGEST
 from gonio.checks.table.energy import STANDARD_UNCERTAINTIES, mirror_reach
 from gonio.data.flags import Flag
-from gonio.data.interpolation.coverage import grid_coordinates, on_grid
+from gonio.data.interpolation.coverage import on_grid
+from gonio.data.interpolation.grid_coordinates import grid_coordinates
 from gonio.data.interpolation.multilinear import interpolation_axis
 from gonio.data.layouts import Layout
 from gonio.data.table import Table
@@ -302,7 +303,7 @@ class Part:
         if not rules:
             return []
         whole = joined(rules)
-        x, inside_layout = grid_coordinates(self.table.layout, whole.wi, whole.wo._replace(z=np.abs(whole.wo.z)))
+        x, inside_layout = grid_coordinates(type(self.table.layout), whole.wi, whole.wo._replace(z=np.abs(whole.wo.z)))
         inside = on_grid(self.table, x, inside_layout, BEYOND)
         for name in ("theta_i", "theta_o", "theta_h", "theta_d"):
             if name in x and self.table.layout.axes[name].size > 1:
