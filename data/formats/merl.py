@@ -91,11 +91,12 @@ def write_merl(
     for other than one or three channels, and where `path` cannot be written.
     """
     require_reflection(source, getattr(source, "name", "") or "the model", "a MERL file")
+    from gonio.models.evaluation import channel_count
+
+    count = len(source.channels) if isinstance(source, Table) else channel_count(source) or 1
+    if count not in (1, 3):  # before a million cells of each are computed
+        raise GonioError(f"a MERL file holds R, G, B, but there are {count} channels; choose one or three")
     table = _on_merl_grid(source, nodes)
-    if len(table.channels) not in (1, 3):
-        raise GonioError(
-            f"a MERL file holds R, G, B, but there are {len(table.channels)} channels; choose one or three"
-        )
     values = table.read_values()
     keep = (values["flag"] == Flag.VALID) & (values["f"] >= 0)
     raw = np.where(keep, np.where(keep, values["f"], NO_DATA) / SCALE, NO_DATA)

@@ -15,6 +15,7 @@ import numpy as np
 
 from gonio.data.files import input_size
 from gonio.data.formats.csv.header import ANGLE_UNITS, PER_STERADIAN, Column, columns_of, repeated_name, sole
+from gonio.data.formats.csv.header_forms import last_row, merged_names, without_turned_rows
 from gonio.models.errors import GonioError, one_line
 
 DELIMITERS = (";", "\t", ",", "|", "")
@@ -41,7 +42,8 @@ class CsvText:
 
     def __init__(self, path: str | os.PathLike[str], limit: int | None = None) -> None:
         self.path = str(path)
-        self.lines = decoded(path, limit).split("\n")
+        read = decoded(path, limit).split("\n")
+        self.lines = without_turned_rows(read)
         self.comments: list[str] = []
         self.header_line = self._find_header()
         header = _uncommented(self.lines[self.header_line])
@@ -55,11 +57,17 @@ class CsvText:
             raise GonioError(
                 f"{self.path} has no header; name the columns in the first line: theta_i,phi_i,theta_o,phi_o,f"
             )
+        self.understood: list[str] = []
+        """How the text was taken, where that is not as gonio writes it."""
+        if self.lines is not read:
+            self.understood.append("columns are pairs of angles, light/detector, and rows are wavelengths")
+        if repeated_name(self.names) is not None:
+            self._merge_header()
         if (twice := repeated_name(self.names)) is not None:
             raise GonioError(f"{self.path} has the column {twice[:40]!r} twice; rename or remove one")
         self.first_line = self.header_line + 1
-        self.understood: list[str] = []
-        """How the text was taken, where that is not as gonio writes it."""
+        if limit is None and self.delimiter:
+            self._drop_remarks()
         self._take_units_row()
 
     @property
@@ -94,6 +102,22 @@ class CsvText:
             return commented
         self.comments += [line.strip() for line in self.lines[:first] if line.strip() and line.strip()[0] != "#"]
         return first
+
+    def _merge_header(self) -> None:
+        """Names that stand twice get what the line above says of their columns."""
+        above = next((line for line in reversed(self.lines[: self.header_line]) if line.strip()), "")
+        merged = merged_names(self._cells(above), self.names) if self.delimiter else None
+        if merged is not None:
+            self.columns, self.names = columns_of(merged), merged
+            self.understood.append("the header has two lines; the upper one names groups of columns")
+
+    def _drop_remarks(self) -> None:
+        """Leaves out what is written below the last row."""
+        count = max(last_row(self.lines, self.delimiter), self.first_line)
+        remarks = [line.strip() for line in self.lines[count:] if line.strip()]
+        if remarks and count > self.first_line:
+            self.lines = self.lines[:count]
+            self.understood.append(f"{one_line(remarks[0], 40)!r} below the last row is no row")
 
     def _take_units_row(self) -> None:
         """Units in a row of their own below the header."""
@@ -151,7 +175,7 @@ class CsvText:
 
     @staticmethod
     def _value(cell: str, decimal_comma: bool) -> float | None:
-        text = cell.strip().strip('"').strip()
+        text = cell.strip().strip('"').strip().removesuffix("°").rstrip()
         if text.lower() in MISSING:
             return math.nan
         try:
@@ -236,7 +260,7 @@ def decoded(path: str | os.PathLike[str], limit: int | None = None, expected: st
 
 def names_directions(line: str) -> bool:
     """Whether a line is a header with the columns of a direction's pair, or most of them."""
-    if not re.search(r"(?i)theta|θ|zenith|polar|w[io]|angle|aoi|sza|vza", line[:100_000]):
+    if not re.search(r"(?i)theta|θ|zenith|polar|w[io]|angle|aoi|sza|vza|incid|illum", line[:100_000]):
         return False
     return _widest_split(line) <= MOST_COLUMNS and _directions_in(_best_split(line)[1]) >= FEWEST_NAMES
 

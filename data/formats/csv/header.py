@@ -102,6 +102,8 @@ def column_of(name: str, unit: str = "") -> Column:
     key = re.sub(r"[\s_.\-]+", "", stem.translate(GREEK))
     if key in ROLES:
         return Column(name, ROLES[key], unit)
+    if unit in ANGLE_UNITS and key in (*LIGHT, *DETECTOR):  # "Incidence [°]": of an angle the side is enough
+        return Column(name, "theta_i" if key in LIGHT else "theta_o", unit)
     return _value_column(name, stem, unit) or Column(name, "", unit)
 
 

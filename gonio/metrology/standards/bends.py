@@ -11,6 +11,10 @@ NOISE = 2 * 1.22
 """Standard uncertainties by which the mean of two neighbours may differ from a reading without a structure."""
 MOST_UNEVEN = 16.0
 """Of two steps beside a node of which one is far smaller than the other the larger counts as so many times it."""
+POLES = {"theta_i": ("phi_i", "delta_phi"), "theta_o": ("phi_o", "delta_phi"), "theta_m": ("phi_m",)}
+"""Angles from a pole, and the azimuths about it by which a line goes on beyond it."""
+NEAR = 0.2
+"""Radians between an azimuth that was read and the opposite of another, up to which it stands for that."""
 COVERAGE = 2.0
 """Standard uncertainties of a sum of such differences that bound it."""
 
@@ -79,6 +83,12 @@ class Bends:
         places = np.stack(
             [np.ravel_multi_index((*index[:axis], k, *index[axis + 1 :]), self.layout.shape) for k in three]
         )
+        if (beyond := _beyond_pole(self.layout, name, index)) is not None:
+            # A lobe at the pole is a peak there, not what goes on from the nodes on one side
+            pole, there = beyond
+            beside = np.ravel_multi_index((*index[:axis], np.ones_like(cells), *index[axis + 1 :]), self.layout.shape)
+            places[:, pole] = np.stack([there, cells, beside])[:, pole]
+            t, span = np.where(pole, 0.5, t), np.where(pole, 2 * (nodes[1] - nodes[0]), span)
         inner = (t > 0) & (t < 1)
         scale = 1 / (span**2 * np.where(inner, np.maximum(t * (1 - t), 1 / MOST_UNEVEN), 1.0))
         return Bend(places, t, scale, self.f[places], self.u[cells], floor)
@@ -96,6 +106,29 @@ class Bends:
         which, place = np.unique(np.concatenate(self.cells), return_inverse=True)
         weight = np.bincount(place, np.concatenate(self.weights), which.size)
         return np.abs(self.total) + COVERAGE * np.sqrt(weight**2 @ self.u[which] ** 2)
+
+
+def _beyond_pole(layout: Layout, name: str, index: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Which cells (n,) of these indices (axes, n) are at the pole of an angle, and the cell one step beyond it.
+
+    None where the angle has none, or its other side was not read.
+    """
+    around = [a for a in POLES.get(name, ()) if a in layout.axes]
+    nodes = layout.axes[name]
+    turns_with = name == "theta_i" and {"phi_i", "delta_phi"} <= layout.axes.keys()
+    if not around or turns_with or nodes.size < 2 or abs(nodes[0]) > 1e-9:
+        return None
+    axis, azimuth = list(layout.axes).index(name), list(layout.axes).index(around[0])
+    phi = layout.axes[around[0]]
+    opposite = phi + np.pi
+    if around[0] in layout.mirrored_axes:
+        opposite = np.where(opposite > np.pi, 2 * np.pi - opposite, opposite)
+    off = np.abs(np.mod(phi - opposite[:, None] + np.pi, 2 * np.pi) - np.pi)
+    other = np.argmin(off, axis=1)
+    pole = (index[axis] == 0) & (np.min(off, axis=1) < NEAR)[index[azimuth]]
+    beyond = index.copy()
+    beyond[axis], beyond[azimuth] = 1, other[index[azimuth]]
+    return pole, np.ravel_multi_index(tuple(beyond), layout.shape)
 
 
 def _without_gaps(error: np.ndarray) -> np.ndarray:

@@ -86,6 +86,9 @@ def test_negative_readings_are_counted_as_lost_and_grey_is_repeated(tmp_path):
     assert read.flag[0, 0, 0, 0] == Flag.NOT_MEASURED and len(read.channels) == 3
     with pytest.raises(GonioError, match="choose one or three"):
         write_merl(tmp_path / "n.binary", whole_table_of_values(grid, np.ones((*grid.shape, 4))))
+    few = layouts.in_plane(np.radians([10.0, 30]), np.radians([-40.0, 0, 40]))
+    with pytest.raises(GonioError, match="there are 401 channels"):  # not after a million cells of each
+        write_merl(tmp_path / "n.binary", whole_table_of_values(few, np.ones((*few.shape, 401))))
     with pytest.raises(GonioError, match="--force"):
         write_merl(tmp_path / "m.binary", table)
     with pytest.raises(GonioError, match="nodes 'upper'"):

@@ -55,6 +55,15 @@ def test_what_is_shared_between_calls_changes_no_number(glossy):
             assert [gonio.quantities(t, only=["gloss"]).to_dict() for t in (glossy, brighter)] == alone
 
 
+@pytest.mark.parametrize(("step", "alpha"), [(7.5, 0.1167), (3.0, 0.0409)])
+def test_a_ring_within_a_step_of_a_lobe_at_the_pole_is_within_its_bound(step, alpha):
+    """The lobe is a peak at the normal: beyond the pole the grid goes on at the opposite azimuth."""
+    material = f"lambert(rho=0.3) + 0.092 * ggx(alpha={alpha}, f0=1)"
+    table = measure(material, None, scan("isotropic", step=math.radians(step)))
+    a, b = (by_name(gonio.quantities(s, only=["scatter"]))["scatter", "2.5° to 5°"] for s in (table, material))
+    assert abs(a.value - b.value) <= a.bound + b.bound
+
+
 def test_gloss_between_incidences_follows_the_mirror_direction(true):
     """A lobe that moves with the light is smeared where it is interpolated at fixed directions of the detector."""
     table = measure(GLOSSY, None, isotropic(np.radians(range(0, 76, 15)), THETA, np.radians(range(0, 181, 10))))
