@@ -75,8 +75,9 @@ def direction_columns(text: CsvText) -> dict[str, Column]:
 
 def _lone_azimuth(text: CsvText) -> Column | None:
     """The one column that is an azimuth of neither side: that of the detector from the light's."""
-    azimuths = [c for c in text.columns if c.name in _unknown(text) and c.name.lower().startswith(("phi", "azimuth"))]
-    return azimuths[0] if len(azimuths) == len(_unknown(text)) == 1 else None
+    unknown = _unknown(text)
+    azimuths = [c for c in text.columns if c.name in unknown and c.name.lower().startswith(("phi", "azimuth"))]
+    return azimuths[0] if len(azimuths) == len(unknown) == 1 else None
 
 
 def _unknown(text: CsvText) -> list[str]:
