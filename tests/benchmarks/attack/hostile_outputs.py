@@ -30,6 +30,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 
 import gonio
 from gonio.__main__ import command
+from gonio.data.profile_files import holds_profile
 from support.tables import grey_table
 
 # Nothing is computed before the forks, so there are no threads that one could lose.
@@ -144,7 +145,8 @@ KINDS: dict[str, Setup] = {
 LIMITS = {"at once": 0, "100 bytes": 100, "4000 bytes": 4000, "40000 bytes": 40_000}
 GOOD = {
     ".toml": lambda p: tomllib.loads(p.read_text()), ".json": lambda p: json.loads(p.read_text()),
-    ".h5": gonio.open, ".binary": gonio.open, ".csv": lambda p: p.read_text().index("theta_i"),
+    ".h5": lambda p: gonio.open_profile(p) if holds_profile(p) else gonio.open(p), ".binary": gonio.open,
+    ".csv": lambda p: p.read_text().index("theta_i"),
     ".html": lambda p: p.read_text().index("</html>"), ".svg": lambda p: p.read_text().index("</svg>"),
     **dict.fromkeys((".bsdf", ".brdf", ".ssdd", ".astm", ".bin"), gonio.open),
     **dict.fromkeys((".xml", ".mtlx"), lambda p: ElementTree.fromstring(p.read_bytes())),
