@@ -1,5 +1,6 @@
 """A profile written as one HDF5 file, laid out as netCDF-4 does."""
 
+import io
 import json
 import os
 from pathlib import Path
@@ -24,7 +25,8 @@ def write_profile(path: str | os.PathLike[str], profile: Profile, force: bool = 
 
     Raises GonioError where `path` exists (unless `force`) or cannot be written.
     """
-    with new_file(path, force) as temporary, h5py.File(temporary, "w", libver=("earliest", "v110")) as file:
+    content = io.BytesIO()  # HDF5 itself breaks down on a disk that is full; a profile is small
+    with h5py.File(content, "w", libver=("earliest", "v110")) as file:
         file.attrs.update(
             {
                 "Conventions": "CF-1.10",
@@ -51,4 +53,6 @@ def write_profile(path: str | os.PathLike[str], profile: Profile, force: bool = 
         file["R"].attrs["ancillary_variables"] = "u_R flag"
         file["flag"].attrs["flag_values"] = np.array([int(v) for v in Flag], np.uint8)
         file["flag"].attrs["flag_meanings"] = " ".join(FLAG_MEANINGS)
+    with new_file(path, force) as temporary:
+        temporary.write_bytes(content.getvalue())
     return Path(path)

@@ -128,7 +128,7 @@ def _beyond_pole(layout: Layout, name: str, index: np.ndarray) -> tuple[np.ndarr
     pole = (index[axis] == 0) & (np.min(off, axis=1) < NEAR)[index[azimuth]]
     beyond = index.copy()
     beyond[axis], beyond[azimuth] = 1, other[index[azimuth]]
-    return pole, np.ravel_multi_index(tuple(beyond), layout.shape)
+    return pole, np.asarray(np.ravel_multi_index(tuple(beyond), layout.shape))
 
 
 def _without_gaps(error: np.ndarray) -> np.ndarray:
