@@ -32,13 +32,21 @@ def read(name: str) -> bytes | None:
     """A kept program, or None where there is none, or not what was written."""
     place = folder()
     try:
-        data = (place / name).read_bytes() if place else b""
+        data = _own(place / name) if place else b""
     except OSError:
         return None
     with contextlib.suppress(OSError):
         os.utime(place / name if place else "")  # in use: it stays
     mark, digest, program = data[: len(MARK)], data[len(MARK) : len(MARK) + 32], data[len(MARK) + 32 :]
     return program if mark == MARK and _digest(name, program) == digest else None
+
+
+def _own(path: Path) -> bytes:
+    """What a file holds that nobody else can have written; nothing of another: programs are run."""
+    with path.open("rb") as file:
+        status = os.fstat(file.fileno())
+        foreign = hasattr(os, "getuid") and (status.st_uid != os.getuid() or status.st_mode & 0o022)
+        return b"" if foreign else file.read()
 
 
 def write(name: str, program: bytes) -> None:

@@ -163,6 +163,9 @@ def test_a_kept_program_that_was_changed_is_made_anew(tmp_path, monkeypatch):
     kept.write(name, b"machine code")
     assert kept.read(name) == b"machine code"
     file = tmp_path / "kept" / name
+    file.chmod(0o666)  # anybody may have written it
+    assert kept.read(name) is None
+    file.chmod(0o600)
     for damaged in (file.read_bytes()[:-1], b"", file.read_bytes().replace(b"code", b"evil")):
         file.write_bytes(damaged)
         assert kept.read(name) is None
