@@ -55,8 +55,8 @@ def _descended(cost: Callable[[float], float], nodes: list[float]) -> None:
 def _variance(fit: ProfileFit) -> float:
     """Variance of the noise in units of the weights'."""
     numbers = sum(p.status != "fixed" for p in fit.parameters) + 1
-    left = fit.cost / max(fit.samples - numbers, 1)
-    return max(1.0, left) if "reduced_chi2" in fit.metrics else left
+    spread = fit.cost / max(fit.samples - numbers, 1)
+    return max(1.0, spread) if "reduced_chi2" in fit.metrics else spread
 
 
 def _end(cost: Callable[[float], float], known: dict[float, ProfileFit], best: float, way: int, limit: float) -> float:

@@ -200,11 +200,11 @@ def _missed(nodes: NearMirror, limit: np.ndarray, lobes: Lobes, aspect: float, t
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratio = np.nan_to_num(limit / unit[..., None], nan=np.inf, posinf=np.inf)
     energy = np.min(ratio, axis=1, initial=lobes.largest)
-    left = np.maximum(lobes.share - unit @ nodes.weight, 0.0)[:, None]
+    unseen = np.maximum(lobes.share - unit @ nodes.weight, 0.0)[:, None]
     # Where the nearest node is within half of the lobe's width it shows the lobe, and the grid's own bound holds: a
     # node that counts, for a reading beside the table shows no more than its limit.
     nearest = slope[nodes.weight > 0].min(initial=np.inf)
-    return np.where(lobes.alpha[:, None] * math.sqrt(math.log(2)) < nearest, energy * left, 0.0)
+    return np.where(lobes.alpha[:, None] * math.sqrt(math.log(2)) < nearest, energy * unseen, 0.0)
 
 
 def at_width(hidden: np.ndarray, width: float) -> np.ndarray:

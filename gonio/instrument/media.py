@@ -56,10 +56,10 @@ def with_media(table: Table, instrument: Instrument) -> Table:
     ours = media_of(instrument.media, len(table.channels))
     assert ours is not None
     if any((np.abs(a / b - 1) > SAME_INDEX).any() for a, b in zip(stated, ours, strict=True)):
-        own = ", ".join(f"{n[0]:g}" for n in stated)
+        indices = ", ".join(f"{n[0]:g}" for n in stated)
         given = ", ".join(f"{n:g}" for n in instrument.media)
         raise GonioError(
-            f"{table.name or 'the table'} states media of index {own} (in front, behind), the instrument {given}; "
+            f"{table.name or 'the table'} states media of index {indices} (in front, behind), the instrument {given}; "
             "leave the instrument out, or correct one of them"
         )
     return table
