@@ -63,6 +63,7 @@ class Code:
             if binary is None:
                 binary = _compiled(llvm, made, text)
                 kept.write(key, binary)
+            # In one piece of memory: code reaches constants within 2 GiB alone, and LLVM ends the process otherwise.
             self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _engine_target(llvm), use_lmm=True)
             self._engine.add_object_file(llvm.ObjectFileRef.from_data(binary))
             self._engine.finalize_object()
