@@ -76,5 +76,5 @@ def test_what_was_read_on_one_side_is_not_testable(profile):
 
 
 def test_a_profile_takes_no_options_of_tables(profile):
-    with pytest.raises(GonioError, match="leave model, against and further readings out"):
+    with pytest.raises(GonioError, match="leave model, against, further readings and instrument out"):
         gonio.check(profile, against="marble")
