@@ -1,7 +1,6 @@
 """Normal equations of averages over discs, by compiled loops: lobes at the nodes added up, then sums over readings."""
 
 import functools
-import threading
 from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
 
@@ -10,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from gonio.fitting.problem.compiled_sums import KEPT, Sums, pairs_of_rows, rows_of_lobes, squares_of_pairs
+from gonio.fitting.problem.compiled_sums import LOCK, Sums, kept, pairs_of_rows, rows_of_lobes, squares_of_pairs
 from gonio.fitting.problem.disc_averages import disc_rules
 from gonio.fitting.problem.lobes import Lobes, lobes_at_sample
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
@@ -27,7 +26,6 @@ NODE = 5
 """Numbers of a node in a disc: its column's x (or ψ over where it ends), √(1 − x²), weight; its row's y, weight."""
 CHUNK = 512
 """Readings whose averages are formed at a time: they stay in a core's cache. A multiple of a vector's numbers."""
-LOCK = threading.RLock()
 
 
 class AveragedReadings(NamedTuple):
@@ -70,9 +68,9 @@ class _Programs:
             return rows_of_lobes(s, loss, p, (fixed, floor), lobes, (cosine, rest[self.lobes :]))
 
         self.rows = Rows(rows, leaves, s.size, (1,) * (2 + self.lobes) + (s.channels,) * (2 * s.channels))
+        self.averages, self.sums = functools.cache(self._averages), functools.cache(self._sums)
 
-    @functools.cache  # noqa: B019 - as long as the programs
-    def averages(self, cut: tuple[bool, bool]) -> AddingProgram:
+    def _averages(self, cut: tuple[bool, bool]) -> AddingProgram:
         """Of lobes times weights over nodes, of discs that the horizon cuts or does not."""
 
         def rows(leaves: Sequence[Any], *elements: Array) -> Array:
@@ -87,8 +85,7 @@ class _Programs:
         with LOCK:
             return AddingProgram(Rows(rows, self._leaves, self._s.size, (1,) * 6, 2 * NODE))
 
-    @functools.cache  # noqa: B019 - as long as the programs
-    def sums(self, full: bool) -> SumsProgram:
+    def _sums(self, full: bool) -> SumsProgram:
         """Of products of rows; `full` with those times residuals, and f."""
         number = self.channels * self.size
         pairs = pairs_of_rows(self.channels, self.size, 0)
@@ -142,7 +139,8 @@ class BoundAverages:
 
     def __init__(self, programs: _Programs, leaves: list[np.ndarray], readings: AveragedReadings) -> None:
         """Of the programs, the numbers that they do not take as free, and the readings."""
-        self._programs, self._leaves, self._readings = programs, leaves, readings
+        self._programs, self._readings = programs, readings
+        self._parameters = functools.cache(lambda rows: rows.trace.parameters(leaves))
         self._pieces = [
             _piece(readings, int(rule), cells[first : first + CHUNK])
             for rule in np.unique(readings.rules)
@@ -169,7 +167,8 @@ class BoundAverages:
         workers.share(work, len(p) * len(pieces), 1)
         if any(part is None for row in sums for part in row):
             return None
-        return Sums(squares_of_pairs(np.array(sums).sum(axis=1), 1 + full, self._readings.weight.shape[1]), f)
+        total = np.array(sums, float).reshape(len(p), len(pieces), programs[1].products).sum(axis=1)
+        return Sums(squares_of_pairs(total, 1 + full, self._readings.weight.shape[1]), f)
 
     def _averages(self, rule: int) -> AddingProgram:
         counts = disc_rules(self._readings.half_angles).counts[rule]
@@ -182,8 +181,7 @@ class BoundAverages:
         nodes, free = _nodes(self._readings.half_angles, piece.rule), p.ctypes.data + 8 * np.arange(p.size)
         count, channels = piece.target.shape
         addresses = np.concatenate([free, _rows_of(nodes), _rows_of(piece.axes)]).astype(np.uintp)
-        parameters = averages.rows.trace.parameters(self._leaves)
-        lobes = averages(parameters, addresses, (nodes.shape[1], count))
+        lobes = averages(self._parameters(averages.rows), addresses, (nodes.shape[1], count))
         if lobes is None:
             return None
         values = np.zeros((count, channels))
@@ -195,7 +193,7 @@ class BoundAverages:
             *([values.ctypes.data] if f is not None else []),
         ]
         addresses = np.concatenate([free, places]).astype(np.uintp)
-        sums = total(total.rows.trace.parameters(self._leaves), addresses[None], count)
+        sums = total(self._parameters(total.rows), addresses[None], count)
         if f is not None:
             f[piece.cells] = values[: piece.cells.size]
         return None if sums is None else sums[0]
@@ -225,20 +223,20 @@ _kept: dict[Hashable, _Programs | None] = {}
 def bound_averages(
     s: Parameterisation, loss: str, fixed: FixedValues, floor: AnyArray, readings: AveragedReadings
 ) -> BoundAverages | None:
-    """The sums over readings, averages, of a model with its fixed numbers; None where XLA has to compute them."""
+    """The sums over readings that are averages; None where XLA has to compute them.
+
+    Args:
+        s: the model.
+        loss: of its residuals.
+        fixed: the model's numbers that are not free.
+        floor: of the loss, in the units of what it compares.
+        readings: their discs, rules, targets and weights.
+    """
     if not usable():
         return None
     tan_s = np.asarray(disc_rules(readings.half_angles).tan_s)
     leaves, tree = jax.tree.flatten((fixed, np.asarray(floor, float), tan_s))
     leaves = [np.asarray(a) for a in leaves]
     key = (s, loss, tree, tuple((a.shape, a.dtype.str) for a in leaves))
-    with LOCK:
-        if key not in _kept:
-            while len(_kept) >= KEPT:
-                _kept.pop(next(iter(_kept)))
-            try:
-                _kept[key] = _Programs(s, loss, leaves, tree)
-            except Unsupported:
-                _kept[key] = None
-        programs = _kept[key]
+    programs = kept(_kept, key, lambda: _Programs(s, loss, leaves, tree))
     return None if programs is None else BoundAverages(programs, leaves, readings)

@@ -8,7 +8,7 @@ import functools
 import itertools
 import math
 import threading
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -123,15 +123,20 @@ def _programs_of(
     leaves, tree = jax.tree.flatten((fixed, np.asarray(floor, float)))
     leaves = [np.asarray(a) for a in leaves]
     key = (s, loss, tree, tuple((a.shape, a.dtype.str) for a in leaves))
+    return leaves, kept(_programs, key, lambda: _Programs(s, loss, leaves, tree))
+
+
+def kept(programs: dict[Hashable, Any], key: Hashable, made: Callable[[], Any]) -> Any:
+    """The programs of this key, made where there are none; None where they are unsupported. The oldest of many goes."""
     with LOCK:
-        if key not in _programs:
-            while len(_programs) >= KEPT:
-                _programs.pop(next(iter(_programs)))
+        if key not in programs:
+            while len(programs) >= KEPT:
+                programs.pop(next(iter(programs)))
             try:
-                _programs[key] = _Programs(s, loss, leaves, tree)
+                programs[key] = made()
             except Unsupported:
-                _programs[key] = None
-        return leaves, _programs[key]
+                programs[key] = None
+        return programs[key]
 
 
 def compile_sums(s: Parameterisation, loss: str, fixed: FixedValues) -> bool:
