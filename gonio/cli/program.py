@@ -110,7 +110,7 @@ def _parsers(called: str | None) -> tuple[_Parser, _Parser]:
         description = summary[0].upper() + summary[1:] + "."
         sub = verbs.add_parser(verb, help=summary, description=description, formatter_class=_Help)
         if verb == called:
-            importlib.import_module(f"gonio.cli.{verb}_verb").add_arguments(sub)
+            importlib.import_module(f"gonio.cli.verbs.{verb}_verb").add_arguments(sub)
             add_options(sub.add_argument, OUTPUT if verb in WITHOUT_JSON else JSON | OUTPUT)
             sub.description = textwrap.fill(sub.description or description, WIDTH - 2)
             sub.epilog = "\n".join(["examples:", *(f"  {line}" for line in EXAMPLES[verb])])
@@ -157,7 +157,7 @@ def run_words(words: Sequence[str]) -> int:
 
 
 def _module(args: argparse.Namespace) -> ModuleType:
-    return importlib.import_module(f"gonio.cli.{args.verb}_verb")
+    return importlib.import_module(f"gonio.cli.verbs.{args.verb}_verb")
 
 
 def _run(args: argparse.Namespace) -> int:
@@ -219,9 +219,9 @@ def command() -> None:
     Waiting would make every refusal as slow as a fit, and an interpreter that ends while XLA compiles aborts.
     """
     if "_ARGCOMPLETE" in os.environ:
-        from gonio.cli.completion_verb import complete
+        from gonio.cli.completing import complete
 
-        complete()
+        complete(VERBS, parser)
     signal.signal(signal.SIGTERM, _terminate)
     print_what_can_be_encoded()
     try:

@@ -9,10 +9,10 @@ import numpy as np
 from gonio.data.material import Material
 from gonio.exports.about import about
 from gonio.exports.forms import appearance_of
-from gonio.exports.mitsuba import forms
-from gonio.exports.mitsuba_file import scene
 from gonio.exports.nearest import nearest
 from gonio.exports.reexpression import ReExpression, reexpression
+from gonio.exports.renderers.mitsuba import forms
+from gonio.exports.renderers.mitsuba_file import scene
 from gonio.models.errors import GonioError
 
 VARIANT = "scalar_rgb"

@@ -7,14 +7,14 @@ from typing import Any
 
 from gonio.data.channels import Channels
 from gonio.data.formats import registry
-from gonio.exports import blender, gltf, mitsuba, openpbr, pbrt
 from gonio.exports.about import About
-from gonio.exports.blender_file import blender_file
 from gonio.exports.forms import Appearance, Form
-from gonio.exports.gltf_file import gltf_file
-from gonio.exports.materialx_file import materialx_file
-from gonio.exports.mitsuba_file import mitsuba_file
-from gonio.exports.pbrt_file import pbrt_file
+from gonio.exports.renderers import blender, gltf, mitsuba, openpbr, pbrt
+from gonio.exports.renderers.blender_file import blender_file
+from gonio.exports.renderers.gltf_file import gltf_file
+from gonio.exports.renderers.materialx_file import materialx_file
+from gonio.exports.renderers.mitsuba_file import mitsuba_file
+from gonio.exports.renderers.pbrt_file import pbrt_file
 from gonio.models.errors import GonioError, nearest
 
 

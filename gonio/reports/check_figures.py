@@ -29,7 +29,7 @@ class ReciprocityPairs(NamedTuple):
 def few_pairs(s: ReportSubject) -> dict[str, Any] | None:
     """The reciprocal pairs of a table that has too few to be judged, one by one; None where it has none, or many."""
     from gonio.checks.table.evidence import reciprocal_pairs
-    from gonio.checks.table.pairs import FEWEST
+    from gonio.checks.table.pairs.equal_pairs import FEWEST
 
     verdict = property_of(s, "reciprocity")
     if s.table is None or verdict is None or verdict.verdict not in (UNDECIDED, NOT_TESTABLE):
@@ -134,7 +134,7 @@ def _p_values(s: ReportSubject, verdict: Property) -> list[ReportFigure]:
 
 def _pairs(s: ReportSubject) -> ReciprocityPairs | None:
     from gonio.checks.table.evidence import reciprocal_pairs
-    from gonio.checks.table.scattered_pairs import both_ways, random_angles
+    from gonio.checks.table.pairs.scattered_pairs import both_ways, random_angles
 
     if s.table is not None:
         pairs = reciprocal_pairs(s.table)

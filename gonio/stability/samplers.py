@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy import special
 
-from gonio.checks.table.count_statistics import sidak
+from gonio.checks.table.statistics.counts import sidak
 from gonio.models.brdf import AbstractBRDF, Sample
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction

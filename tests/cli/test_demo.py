@@ -1,7 +1,7 @@
 """The demonstration: its commands are a user's own, and it ends by naming the page."""
 
 from gonio.__main__ import main
-from gonio.cli import demo_verb
+from gonio.cli.verbs import demo_verb
 
 
 def test_the_demonstration_does_the_whole_job(tmp_path, monkeypatch, capsys):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gonio.__main__ import main
-from gonio.cli.fit_verb import summary
+from gonio.cli.verbs.fit_verb import summary
 from gonio.data.flags import Flag
 from gonio.data.hdf5.writer import write_table
 from gonio.fitting.fit_table import fit

@@ -11,15 +11,15 @@ import pygltflib
 import pytest
 
 import gonio
-from gonio.exports import blender, gltf, openpbr, pbrt
 from gonio.exports.about import about
-from gonio.exports.blender_file import blender_file
 from gonio.exports.forms import Form, appearance_of
-from gonio.exports.gltf_file import gltf_file
-from gonio.exports.materialx_file import materialx_file
 from gonio.exports.nearest import nearest
-from gonio.exports.pbrt_file import pbrt_file
 from gonio.exports.reexpression import ReExpression, reexpression
+from gonio.exports.renderers import blender, gltf, openpbr, pbrt
+from gonio.exports.renderers.blender_file import blender_file
+from gonio.exports.renderers.gltf_file import gltf_file
+from gonio.exports.renderers.materialx_file import materialx_file
+from gonio.exports.renderers.pbrt_file import pbrt_file
 from gonio.exports.targets import TARGETS
 
 HOSTILE = 'a -- b """ \' \\ --> ]]> & < {0} %s \x1b[31m\nnew line'

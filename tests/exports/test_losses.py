@@ -4,9 +4,9 @@ import numpy as np
 
 from gonio.data.subject import load_material
 from gonio.exports.forms import appearance_of
-from gonio.exports.lobes import ggx_facets
 from gonio.exports.losses import losses
 from gonio.exports.pairs import polar_pairs
+from gonio.exports.renderers.lobes import ggx_facets
 
 
 def test_the_sentence_names_the_directions_of_the_difference():

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from gonio.data.subject import load_material
-from gonio.exports import blender, gltf, mitsuba, openpbr, pbrt
 from gonio.exports.forms import Appearance, Form, Values, appearance_of
-from gonio.exports.lobes import ggx_facets, schlick
 from gonio.exports.nearest import nearest
 from gonio.exports.pairs import Pairs
 from gonio.exports.reexpression import reexpression
+from gonio.exports.renderers import blender, gltf, mitsuba, openpbr, pbrt
+from gonio.exports.renderers.lobes import ggx_facets, schlick
 
 MODULES = {"blender": blender, "gltf": gltf, "mitsuba": mitsuba, "openpbr": openpbr, "pbrt": pbrt}
 

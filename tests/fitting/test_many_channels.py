@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gonio.cli.fit_verb import summary
+from gonio.cli.verbs.fit_verb import summary
 from gonio.data import layouts
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.fitting.fit_table import fit

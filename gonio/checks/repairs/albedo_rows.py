@@ -3,8 +3,8 @@
 import numpy as np
 from scipy import sparse
 
-from gonio.checks.table.albedo_half_difference import half_vector_grid
-from gonio.checks.table.albedo_on_grid import filled, hemisphere_grid
+from gonio.checks.table.albedos.half_difference import half_vector_grid
+from gonio.checks.table.albedos.on_grid import filled, hemisphere_grid
 from gonio.data.flags import Flag
 from gonio.data.table import Table
 

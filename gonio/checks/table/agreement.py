@@ -5,7 +5,7 @@ import numpy as np
 from gonio.checks.certificate import NOT_APPLICABLE, UNDECIDED, Property, without_residual
 from gonio.checks.direction_search import refuse_other_channels, values
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs import FEWEST, Pairs, pair_angles
+from gonio.checks.table.pairs.equal_pairs import FEWEST, Pairs, pair_angles
 from gonio.checks.table.regions import judged_by_regions
 from gonio.checks.table.significance import decided_by_uncertainty, judged_by_level
 from gonio.data.flags import Flag

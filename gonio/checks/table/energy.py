@@ -7,10 +7,10 @@ import numpy as np
 from gonio.checks.albedos import Albedos, energy_property, with_hemispherical
 from gonio.checks.certificate import PASS, UNDECIDED, Property, without_residual
 from gonio.checks.hidden_lobes import NARROWEST, Features, at_width
-from gonio.checks.table.count_statistics import critical, sidak
 from gonio.checks.table.energy_words import degrees_up, incidences_judged, least_width, remedy, series_of, what_may_hide
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.further_readings import with_further
+from gonio.checks.table.statistics.counts import critical, sidak
 from gonio.data.interpolation.scattering_blocks import sheet_of
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
@@ -39,7 +39,7 @@ def table_albedos(table: Table, feature_width: float = 0.0, further: Table | Non
     features = with_further(features_of(table, feature_width), further)
     if table.sides == FRONT:
         return _albedos(table, features)
-    from gonio.checks.table.albedo_two_sided import two_sided_albedos
+    from gonio.checks.table.albedos.two_sided import two_sided_albedos
 
     return two_sided_albedos(table, lambda part, bend: _albedos(part, features, bend))
 
@@ -62,7 +62,7 @@ def albedos_by_side(table: Table, feature_width: float = 0.0) -> dict[tuple[int,
     features = features_of(table, feature_width)
     if table.sides == FRONT:
         return {(1, 1): _albedos(table, features)}
-    from gonio.checks.table.albedo_two_sided import albedos_of_parts
+    from gonio.checks.table.albedos.two_sided import albedos_of_parts
 
     return albedos_of_parts(table, lambda part, bend: _albedos(part, features, bend))
 
@@ -70,20 +70,20 @@ def albedos_by_side(table: Table, feature_width: float = 0.0) -> dict[tuple[int,
 def _albedos(table: Table, features: Features, bend: float = 1.0) -> Albedos | str:
     """Those of the front; `bend`: a lobe hides at sin θo = bend · sin θi."""
     if table.interpolant is not None:
-        from gonio.checks.table.albedo_scattered import warped_albedos
+        from gonio.checks.table.albedos.scattered import warped_albedos
 
         return warped_albedos(table)
     if table.layout.outgoing_grid() is not None:
-        from gonio.checks.table.albedo_on_grid import grid_albedos
+        from gonio.checks.table.albedos.on_grid import grid_albedos
 
         return grid_albedos(table, features, bend)
     if table.layout.in_half_vectors:
-        from gonio.checks.table.albedo_half_difference import half_difference_albedos
+        from gonio.checks.table.albedos.half_difference import half_difference_albedos
 
         return half_difference_albedos(table, features)
     if table.layout.in_one_plane:
         return "readings in one plane do not cover the hemisphere"
-    from gonio.checks.table.albedo_scattered import scattered_albedos
+    from gonio.checks.table.albedos.scattered import scattered_albedos
 
     return scattered_albedos(table.as_list() if table.layout.gridded else table, features, bend)
 
@@ -141,10 +141,10 @@ def _assisted(evidence: TableEvidence) -> Albedos | str:
         return str(error)
     assert fitted is not None
     if table.layout.outgoing_grid() is not None:
-        from gonio.checks.table.model_assisted import assisted_albedos
+        from gonio.checks.table.albedos.model_assisted import assisted_albedos
 
         return assisted_albedos(table, fitted, features)
-    from gonio.checks.table.assisted_scattered import assisted_by_nearest
+    from gonio.checks.table.albedos.assisted_scattered import assisted_by_nearest
 
     listed = table if table.layout.in_half_vectors else table.as_list() if table.layout.gridded else table
     return assisted_by_nearest(listed, fitted, features)

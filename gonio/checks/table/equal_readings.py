@@ -19,7 +19,7 @@ from gonio.checks.certificate import (
     without_residual,
 )
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs import FEWEST, Pairs, pair_angles
+from gonio.checks.table.pairs.equal_pairs import FEWEST, Pairs, pair_angles
 from gonio.checks.table.regions import judged_by_regions, uncovered
 from gonio.checks.table.significance import decided_by_uncertainty, judged_by_level
 from gonio.data.flags import Flag

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from gonio.checks.table.pairs import (
+from gonio.checks.table.pairs.equal_pairs import (
     Pairs,
     angles_of,
     cells_without_partner,
@@ -41,7 +41,7 @@ def reciprocal_pairs(table: Table) -> Pairs | str:
 
 
 def _exchanged(table: Table) -> Pairs | str:
-    from gonio.checks.table.scattered_pairs import interpolated_pairs, scattered_pairs, warped_pairs
+    from gonio.checks.table.pairs.scattered_pairs import interpolated_pairs, scattered_pairs, warped_pairs
 
     if (sheet := sheet_of(table)) is not None:
         from gonio.checks.table.sheet import sheet_pairs

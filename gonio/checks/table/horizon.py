@@ -6,7 +6,7 @@ import numpy as np
 
 from gonio.checks.certificate import NOT_APPLICABLE, Property, verdict_of, without_residual
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs import FEWEST
+from gonio.checks.table.pairs.equal_pairs import FEWEST
 from gonio.data.flags import Flag
 from gonio.data.table import Table
 from gonio.models.geometry.sides import side_in_words

@@ -4,7 +4,7 @@ import numpy as np
 
 from gonio.checks.certificate import UNDECIDED, Property, place_of, verdict_of, without_residual
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs import angles_of
+from gonio.checks.table.pairs.equal_pairs import angles_of
 from gonio.data.flags import Flag
 
 FEW_SIGMA = 3.0

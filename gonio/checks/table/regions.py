@@ -17,9 +17,9 @@ import numpy as np
 from scipy.special import stdtrit
 
 from gonio.checks.certificate import FAIL, PASS, UNDECIDED, Property, place_in_words, place_of
-from gonio.checks.table.count_statistics import critical, sidak
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs import BAND, FEWEST, SAME_POLAR, SECTOR, SIDE, Pairs, places
+from gonio.checks.table.pairs.equal_pairs import BAND, FEWEST, SAME_POLAR, SECTOR, SIDE, Pairs, places
+from gonio.checks.table.statistics.counts import critical, sidak
 from gonio.models.display import percent
 
 ENOUGH = 0.1

@@ -7,8 +7,8 @@ import numpy as np
 
 from gonio.checks.albedos import Albedos
 from gonio.checks.direction_search import directions, values
-from gonio.checks.table.albedo_two_sided import REFLECTED, TRANSMITTED
-from gonio.checks.table.pairs import Pairs
+from gonio.checks.table.albedos.two_sided import REFLECTED, TRANSMITTED
+from gonio.checks.table.pairs.equal_pairs import Pairs
 from gonio.data.interpolation.scattering_blocks import BLOCKS, ScatteringBlock, SheetBSDF, pair_of
 
 POINTS = 8

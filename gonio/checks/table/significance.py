@@ -12,7 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gonio.checks.certificate import PASS, UNDECIDED, Property, place_of, verdict_of
-from gonio.checks.table.count_statistics import (
+from gonio.checks.table.evidence import TableEvidence
+from gonio.checks.table.pairs.equal_pairs import BAND, SIDE, Pairs, bands
+from gonio.checks.table.regions import region_in_words, region_place, regions_of
+from gonio.checks.table.statistics.counts import (
     critical,
     decimal_step,
     deviates,
@@ -22,9 +25,6 @@ from gonio.checks.table.count_statistics import (
     quantum,
     sidak,
 )
-from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs import BAND, SIDE, Pairs, bands
-from gonio.checks.table.regions import region_in_words, region_place, regions_of
 from gonio.models.display import percent
 
 FEWEST_KNOWN = 0.5

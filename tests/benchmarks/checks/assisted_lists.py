@@ -13,7 +13,7 @@ import numpy as np
 
 import gonio
 from gonio.checks.hidden_lobes import Features
-from gonio.checks.table.assisted_scattered import assisted_by_nearest
+from gonio.checks.table.albedos.assisted_scattered import assisted_by_nearest
 from gonio.models.albedo import directional_albedo
 
 MODELS = ("lambert + ggx + ggx", "lambert + ggx", "lambert + phong", "ggx")

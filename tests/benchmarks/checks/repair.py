@@ -14,7 +14,7 @@ import numpy as np  # noqa: E402
 
 from gonio import repair  # noqa: E402
 from gonio.checks.table.energy import table_albedos  # noqa: E402
-from gonio.cli.check_verb import repair_sentence  # noqa: E402
+from gonio.cli.verbs.check_verb import repair_sentence  # noqa: E402
 
 
 def main(path: str, step: float | None = None) -> None:

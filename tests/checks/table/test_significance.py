@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from gonio.checks.table.count_statistics import decimal_step
 from gonio.checks.table.equal_readings import table_reciprocity
 from gonio.checks.table.evidence import LEVEL, TableEvidence
+from gonio.checks.table.statistics.counts import decimal_step
 from gonio.data.table import whole_table_of_values
 from support.check_tables import SQUARE
 

@@ -1,36 +1,27 @@
-"""``gonio completion SHELL``: the script by which a shell completes verbs, options, files and names on TAB."""
+"""What the word under the cursor may become: verbs, options, files, and names of materials, models and scenes."""
 
 import argparse
 import os
-import sys
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from gonio.models.names import BELOW, WHERE
 
-SHELLS = ("bash", "zsh", "fish")
 MAY_BE_MATERIALS = ("material", "subject", "subjects", "against", "input")
 MAY_BE_MODELS = ("model", "models", "name")
 """Arguments, by their destinations."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("shell", choices=SHELLS, help="the shell that is to read it")
+def complete(verbs: Collection[str], parser: Callable[[str | None], argparse.ArgumentParser]) -> None:
+    """Prints what the word under the cursor may become, and ends the process; JAX is not loaded for it.
 
-
-def run(args: argparse.Namespace) -> int:
-    from argcomplete.shell_integration import shellcode
-
-    sys.stdout.write(shellcode(["gonio"], shell=args.shell))
-    return 0
-
-
-def complete() -> None:
-    """Prints what the word under the cursor may become, and ends the process; JAX is not loaded for it."""
+    Args:
+        verbs: the names of all verbs.
+        parser: gives the program's parser, with the arguments of the verb that is named.
+    """
     import argcomplete
 
-    from gonio.cli.program import VERBS, parser
-
-    verb = next((w for w in os.environ.get("COMP_LINE", "").split()[1:] if w in VERBS), None)
+    verb = next((w for w in os.environ.get("COMP_LINE", "").split()[1:] if w in verbs), None)
     top = parser(verb)
     _complete_names(top, verb)
     argcomplete.autocomplete(top, always_complete_options="long")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gonio.exports import lobes
 from gonio.exports.pairs import polar_pairs
-from gonio.exports.pbrt import under_coat
+from gonio.exports.renderers import lobes
+from gonio.exports.renderers.pbrt import under_coat
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 

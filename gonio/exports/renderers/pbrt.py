@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from gonio.exports.forms import Appearance, Form, Number, Values
-from gonio.exports.glass import glass
-from gonio.exports.lobes import column, conductor, dielectric, ggx_facets, interface_shares
 from gonio.exports.pairs import Pairs
+from gonio.exports.renderers.glass import glass
+from gonio.exports.renderers.lobes import column, conductor, dielectric, ggx_facets, interface_shares
 
 Said = list[dict[str, Any]]
 """Materials in the order in which they are made, the last one the surface: "type", parameters by their types, and of a

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from gonio.exports.forms import Appearance, Form, Number, Values, base_terms, diffusing, plain
-from gonio.exports.glass import glass
-from gonio.exports.lobes import column, eon
-from gonio.exports.mitsuba_plugins import (
+from gonio.exports.pairs import Pairs
+from gonio.exports.renderers.glass import glass
+from gonio.exports.renderers.lobes import column, eon
+from gonio.exports.renderers.mitsuba_plugins import (
     WIDEST_THROUGH,
     Plugin,
     body_f,
@@ -24,8 +25,7 @@ from gonio.exports.mitsuba_plugins import (
     translucent,
     two_sided,
 )
-from gonio.exports.mitsuba_principled import principled, principled_thin
-from gonio.exports.pairs import Pairs
+from gonio.exports.renderers.mitsuba_principled import principled, principled_thin
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.diffuse.lambert import Lambert
 from gonio.models.microfacet.beckmann import Beckmann

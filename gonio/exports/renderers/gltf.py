@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from gonio.exports.forms import THROUGH, Appearance, Form, Number, Values, fixed, weighed
-from gonio.exports.glass import glass
-from gonio.exports.lobes import column, f0_of, ggx_facets, schlick
 from gonio.exports.pairs import Pairs
+from gonio.exports.renderers.glass import glass
+from gonio.exports.renderers.lobes import column, f0_of, ggx_facets, schlick
 
 COLOUR = Number("base_color", 0.0, 1.0, 0.5, coloured=True)
 WIDTH = Number("alpha", 1e-4, 1.0, 0.2, log=True, width=True)

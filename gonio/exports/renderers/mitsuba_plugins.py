@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from gonio.exports.forms import Values
-from gonio.exports.lobes import beckmann_facets, column, conductor, dielectric, ggx_facets
 from gonio.exports.pairs import Pairs
+from gonio.exports.renderers.lobes import beckmann_facets, column, conductor, dielectric, ggx_facets
 
 Plugin = dict[str, Any]
 WIDEST_THROUGH = 0.3**2

@@ -9,7 +9,7 @@ correction of Daniels 1987].
 import numpy as np
 from scipy.special import exprel, log_ndtr, ndtr, ndtri
 
-from gonio.checks.table.bracketed_root import bracketed_root
+from gonio.checks.table.statistics.bracketed_root import bracketed_root
 
 LIKELY = 2.5
 """Differences of fewer standard deviations take the normal tail."""

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 
 from gonio.exports.forms import Form, Number, Values
-from gonio.exports.lobes import column, dielectric, ggx_facets, schlick
-from gonio.exports.mitsuba_plugins import Plugin, straight_facets, texture
 from gonio.exports.pairs import Pairs
+from gonio.exports.renderers.lobes import column, dielectric, ggx_facets, schlick
+from gonio.exports.renderers.mitsuba_plugins import Plugin, straight_facets, texture
 
 LEAST_SPECULAR = 1e-3
 """Of `principled`, which drops the metal's lobe too where this is 0."""

@@ -6,9 +6,9 @@ from gonio.checks.albedos import Albedos, Incidence, albedos_of
 from gonio.checks.direction_search import directions, values
 from gonio.checks.grid_resolution import LARGEST
 from gonio.checks.hidden_lobes import Features, credible
-from gonio.checks.table.albedo_on_grid import floor_of
-from gonio.checks.table.nearest_readings import AnglesAndReadings, Light, lights
-from gonio.checks.table.scattered_pairs import warp_of
+from gonio.checks.table.albedos.on_grid import floor_of
+from gonio.checks.table.pairs.nearest_readings import AnglesAndReadings, Light, lights
+from gonio.checks.table.pairs.scattered_pairs import warp_of
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction

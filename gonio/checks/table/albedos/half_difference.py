@@ -12,7 +12,7 @@ import numpy as np
 from gonio.checks.albedos import Albedos, Incidence, albedos_of
 from gonio.checks.grid_resolution import LARGEST, excess, hat_weights, log_values, prediction_error
 from gonio.checks.hidden_lobes import Features, NearMirror, credible, hidden_energy
-from gonio.checks.table.albedo_on_grid import MOST_MISSING, floor_of
+from gonio.checks.table.albedos.on_grid import MOST_MISSING, floor_of
 from gonio.data.flags import Flag
 from gonio.data.interpolation.multilinear import InterpolationAxis
 from gonio.data.table import Table

@@ -14,9 +14,9 @@ import numpy as np
 from gonio.checks.albedos import Albedos, Incidence, albedos_of
 from gonio.checks.grid_resolution import LARGEST
 from gonio.checks.hidden_lobes import Features, NearMirror, credible, hidden_energy
-from gonio.checks.table.albedo_on_grid import FLOOR, MOST_MISSING
-from gonio.checks.table.model_light import FAST, NOISE, ORDER, albedo_of, light_of
-from gonio.checks.table.ratio_fields import HalfVectorField, NearestField, half_vector_field, nearest_field
+from gonio.checks.table.albedos.model_light import FAST, NOISE, ORDER, albedo_of, light_of
+from gonio.checks.table.albedos.on_grid import FLOOR, MOST_MISSING
+from gonio.checks.table.albedos.ratio_fields import HalfVectorField, NearestField, half_vector_field, nearest_field
 from gonio.data.material import Material
 from gonio.data.table import Table
 from gonio.fitting.result import FitResult

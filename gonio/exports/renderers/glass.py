@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from gonio.exports.forms import Form, Number, Values
-from gonio.exports.lobes import Smith, column, dielectric, ggx_facets, interface_shares, refracted
 from gonio.exports.pairs import Pairs
+from gonio.exports.renderers.lobes import Smith, column, dielectric, ggx_facets, interface_shares, refracted
 
 NUMBERS = (Number("alpha", 1e-4, 1.0, 0.2, log=True, width=True), Number("eta", 0.3, 4.0, 1.5, log=True))
 

@@ -10,9 +10,9 @@ import pytest
 import gonio
 from gonio.exports.about import About
 from gonio.exports.forms import appearance_of
-from gonio.exports.mitsuba import forms
-from gonio.exports.mitsuba_file import scene
 from gonio.exports.pairs import Pairs, polar_pairs
+from gonio.exports.renderers.mitsuba import forms
+from gonio.exports.renderers.mitsuba_file import scene
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 

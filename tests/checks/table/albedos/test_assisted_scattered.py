@@ -5,7 +5,7 @@ import pytest
 
 import gonio
 from gonio.checks.hidden_lobes import Features
-from gonio.checks.table.assisted_scattered import assisted_by_nearest
+from gonio.checks.table.albedos.assisted_scattered import assisted_by_nearest
 from gonio.checks.table.energy import table_albedos, table_energy
 from gonio.checks.table.evidence import TableEvidence
 from gonio.data import layouts

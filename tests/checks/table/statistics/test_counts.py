@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, skellam
 
-from gonio.checks.table.count_statistics import difference_p, family_p, quantum, sidak
+from gonio.checks.table.statistics.counts import difference_p, family_p, quantum, sidak
 
 
 def one(*values):

@@ -15,8 +15,8 @@ import numpy as np
 from gonio.checks.albedos import Albedos, Incidence, albedos_of
 from gonio.checks.grid_resolution import LARGEST, RESOLVED, prediction_error, prediction_error_across_pole
 from gonio.checks.hidden_lobes import Features, Further, credible
-from gonio.checks.table.albedo_on_grid import HemisphereGrid, filled, floor_of, hemisphere_grid
-from gonio.checks.table.model_light import FAST, NOISE, ORDER, albedo_of, light_of
+from gonio.checks.table.albedos.model_light import FAST, NOISE, ORDER, albedo_of, light_of
+from gonio.checks.table.albedos.on_grid import HemisphereGrid, filled, floor_of, hemisphere_grid
 from gonio.data.flags import Flag
 from gonio.data.material import Material
 from gonio.data.table import Table

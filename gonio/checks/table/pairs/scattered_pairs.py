@@ -8,7 +8,7 @@ import numpy as np
 
 from gonio.checks.certificate import relative_difference
 from gonio.checks.direction_search import directions, everywhere, values
-from gonio.checks.table.pairs import SAME_POLAR, Pairs, angles_of, pair_angles, readings_of
+from gonio.checks.table.pairs.equal_pairs import SAME_POLAR, Pairs, angles_of, pair_angles, readings_of
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.display import percent

@@ -5,8 +5,8 @@ import pytest
 
 import gonio
 from gonio.checks.hidden_lobes import Features
+from gonio.checks.table.albedos.model_assisted import assisted_albedos
 from gonio.checks.table.energy import table_albedos
-from gonio.checks.table.model_assisted import assisted_albedos
 from gonio.data import layouts
 from gonio.data.table import Channels, whole_table_of_values
 from gonio.models.albedo import directional_albedo

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import brentq
 
-from gonio.checks.table.bracketed_root import bracketed_root
+from gonio.checks.table.statistics.bracketed_root import bracketed_root
 
 
 def test_roots_are_those_of_closed_forms_to_the_last_digits():

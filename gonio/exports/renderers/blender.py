@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from gonio.exports.forms import Appearance, Form, Number, Values, diffusing, fixed
-from gonio.exports.glass import glass
-from gonio.exports.lobes import (
+from gonio.exports.pairs import Pairs
+from gonio.exports.renderers.glass import glass
+from gonio.exports.renderers.lobes import (
     column,
     dielectric,
     dielectric_average,
@@ -20,7 +21,6 @@ from gonio.exports.lobes import (
     ggx_average,
     ggx_facets,
 )
-from gonio.exports.pairs import Pairs
 
 COLOUR = Number("base_color", 0.0, 1.0, 0.5, coloured=True)
 DIFFUSE_ROUGHNESS = Number("diffuse_roughness", 0.0, 1.0, 0.1)

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from gonio.exports.forms import THROUGH, Appearance, Form, Number, Values, weighed
-from gonio.exports.glass import glass
-from gonio.exports.lobes import (
+from gonio.exports.pairs import Pairs
+from gonio.exports.renderers.glass import glass
+from gonio.exports.renderers.lobes import (
     column,
     dielectric,
     eon,
@@ -20,7 +21,6 @@ from gonio.exports.lobes import (
     ggx_facets,
     index_of,
 )
-from gonio.exports.pairs import Pairs
 
 COLOUR = Number("base_color", 0.0, 1.0, 0.5, coloured=True)
 DIFFUSE_ROUGHNESS = Number("base_diffuse_roughness", 0.0, 1.0, 0.1)

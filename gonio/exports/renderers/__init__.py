@@ -1,0 +1,1 @@
+"""One renderer each: its surface as it computes it, and the file that states it."""
