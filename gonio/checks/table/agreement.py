@@ -31,7 +31,8 @@ def table_agreement(evidence: TableEvidence, tolerance: float) -> Property:
     truth = values(evidence.reference, block.wi, block.wo)
     refuse_other_channels(f.shape[-1], truth.shape[-1])
     truth, u = np.broadcast_to(truth, f.shape), np.asarray(block.u_f, float)
-    pairs = Pairs(f, truth, u, np.zeros(f.shape), pair_angles(block.wi, block.wo), len(f), "each with the reference")
+    angles, exact = pair_angles(block.wi, block.wo), np.zeros(f.shape)
+    pairs = Pairs(f, truth, u, exact, angles, len(f), "each with the reference", exchanged=False)
     judge = judged_by_level if decided_by_uncertainty(pairs) else judged_by_regions
     what = "The table's readings and the reference's values"
     judged = judge("agreement", evidence, pairs, np.ones(len(f)), tolerance, what)

@@ -21,14 +21,17 @@ from gonio.checks.table.statistics.counts import (
     deviates,
     difference_p,
     family_p,
-    normal_p,
     quantum,
     sidak,
+    sum_p,
 )
 from gonio.models.display import percent
 
 FEWEST_KNOWN = 0.5
 """Share of the pairs that must have stored uncertainties for them to decide."""
+
+DARK = 2.0
+"""Relative difference of a reading and of one that is dark."""
 
 ROUNDING = 2 * float(np.finfo(np.float32).eps)
 
@@ -82,14 +85,14 @@ def _rows(pairs: Pairs) -> _Rows:
 def _count_sizes(pairs: Pairs) -> tuple[np.ndarray, np.ndarray]:
     n = len(pairs.a)
     q = np.zeros((2 * n, pairs.a.shape[1]))
-    theta, sides = pairs.angles[:, [0, 2]], np.cos(pairs.angles[:, [0, 2]]) < 0
+    theta_i, theta_o = np.concatenate(pairs.theta_i), np.concatenate(pairs.theta_o)
     # Each pair of sides by itself: between media what goes through is scaled.
-    theta = np.concatenate([theta[:, k] + 2 * np.pi * (2 * sides[:, k] + sides[:, 1 - k]) for k in (0, 1)])
+    sides = 2 * (theta_i > np.pi / 2) + (theta_o > np.pi / 2)
     for c in range(q.shape[1]):
         f, u = (np.concatenate([x[:, c], y[:, c]]) for x, y in ((pairs.a, pairs.b), (pairs.u_a, pairs.u_b)))
         ok = np.isfinite(f) & np.isfinite(u) & (u > 0)
         if ok.any():
-            q[ok, c] = quantum(theta[ok], f[ok], u[ok])
+            q[ok, c] = quantum(theta_i[ok], f[ok], u[ok], sides[ok])
     return q[:n], q[n:]
 
 
@@ -102,7 +105,12 @@ class _Violation(NamedTuple):
 
     @property
     def largest(self) -> float:
-        return self.estimate + self.half
+        return _at_most(self.estimate + self.half, self.estimate)
+
+
+def _at_most(violation: float, estimate: float) -> float:
+    """A violation without what no readings of light can differ by: no more than one of them being dark."""
+    return min(violation, max(DARK, estimate))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -150,23 +158,35 @@ def _tests_of_regions(rows: _Rows, sign: np.ndarray, step: float, level: float, 
     sign = sign[rows.pair]
     sigma = rows.sigma
     z, bright, uncertain = sign * (rows.a - rows.b) / sigma, rows.mean / sigma, rows.error * rows.mean
-    estimates, channels, where = [], [], []
+    up, down = _by_sign(rows, sign)
+    estimates, channels, where, ps = [], [], [], []
     for channel in np.unique(rows.channel):
         of_channel = np.flatnonzero((rows.channel == channel) & (sign != 0))
         for size, number, some in regions_of(rows.angles[of_channel]):
             group = of_channel[some]
             weight = bright[group].sum()
             error = float(np.sum((uncertain[group] + step) / sigma[group]) / weight)
-            estimates.append((z[group].sum() / weight, np.sqrt(group.size) / weight, error))
+            total, root = float(z[group].sum()), float(np.sqrt(group.size))
+            estimates.append((total / weight, root / weight, error))
+            beyond = np.sign(total) * max(abs(total) - error * weight, 0.0) / root
+            ps.append(sum_p(beyond, *(tuple(v[group] for v in side) for side in (up, down))))
             channels.append(channel)
             where.append(region_place(size, number, evidence.channel(int(channel))))
     estimate, one, error = np.array(estimates).reshape(-1, 3).T
     estimate = np.sign(estimate) * np.maximum(np.abs(estimate) - error, 0)
-    p = normal_p(estimate / one)
-    half = critical(sidak(level, p.size)) * one
+    p, threshold = np.array(ps), sidak(level, len(ps))
+    limit = critical(threshold)
+    half = np.maximum(limit * one, np.abs(estimate) * np.minimum(limit / np.maximum(deviates(p), 1e-9), 1.0))
     least = np.maximum(np.abs(estimate) - half, 0.0)
     family = float(family_p(p.min(), p.size)) if p.size else 1.0
     return _Tests(p, estimate, half + error, least, np.array(channels, int), where, evidence, family)
+
+
+def _by_sign(rows: _Rows, sign: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    """(reading, uncertainty, size of a count) of the readings that a violation makes larger, and of the others."""
+    a, b = (rows.a, rows.u_a, rows.q_a), (rows.b, rows.u_b, rows.q_b)
+    up = tuple(np.where(sign < 0, y, x) for x, y in zip(a, b, strict=True))
+    return up, tuple(np.where(sign < 0, x, y) for x, y in zip(a, b, strict=True))
 
 
 def _everywhere(rows: _Rows, level: float) -> _Violation:
@@ -206,7 +226,8 @@ def judged_by_level(
         # Of the violation only its lower limit is claimed.
         residual, bound, where = least, 0.0, least_where
     else:
-        residual, bound, where = widest
+        residual, where = widest.estimate, widest.where
+        bound = max(widest.largest - residual, residual - least)  # no more is claimed than the tests together need
     k, p_value = int(np.argmin(strongest.p)), float(family_p(strongest.family, 2))
     facts = {
         "level": level,

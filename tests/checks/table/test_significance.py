@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from gonio.checks.table.equal_readings import table_reciprocity
+from gonio.checks.table.equal_readings import table_reciprocity, table_symmetry
 from gonio.checks.table.evidence import LEVEL, TableEvidence
+from gonio.checks.table.significance import judged_by_level
 from gonio.checks.table.statistics.counts import decimal_step
 from gonio.data.table import whole_table_of_values
 from support.check_tables import SQUARE
@@ -92,3 +93,36 @@ def test_uncertainties_that_do_not_fit_the_scatter_are_doubted(stated, remark):
     reciprocity = reciprocity_of(one)
     assert reciprocity.facts["scatter_in_uncertainties"] == pytest.approx(0.01 / stated, rel=0.15)
     assert remark in reciprocity.detail and ("stated too" in reciprocity.detail) == bool(remark)
+
+
+def test_dark_readings_of_one_count_and_of_none_are_no_violation():
+    theta_i, _, theta_o, phi = ANGLES
+    level, names = 0.05, ("reciprocity", "symmetry")
+    alarms, fails = dict.fromkeys(names, 0), 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        # From 1e-6 counts to thousands, dimmer readings with larger counts: light that arrives aslant.
+        expected = 3000 * np.exp(-((theta_i - theta_o) ** 2 + 1 - np.cos(phi - np.pi)) * 6)
+        scale = 1e5 * np.cos(theta_i)
+        measured = whole_table_of_values(
+            SQUARE,
+            rng.poisson(expected * np.cos(theta_i)) / scale,
+            u_f=np.sqrt(expected * np.cos(theta_i))[..., None] / scale[..., None],
+        )
+        for name, check in zip(names, (table_reciprocity, table_symmetry), strict=True):
+            judged = check(TableEvidence(measured, level), 0.05)
+            alarms[name] += judged.facts["significant"]
+            fails += judged.verdict == "fail"
+            assert judged.residual + judged.bound <= 2
+    assert max(alarms.values()) <= binom.ppf(0.9995, 40, level), alarms
+    assert fails <= binom.ppf(0.9995, 80, level)
+
+
+def test_noise_without_a_sign_fails_nothing_that_no_test_calls_significant():
+    rng = np.random.default_rng(3)
+    readings = rng.standard_normal(SQUARE.shape)
+    faint = whole_table_of_values(SQUARE, 0.01 + readings, u_f=np.full((*SQUARE.shape, 1), 0.95))
+    pairs = TableEvidence(faint).pairs("exchanged")
+    judged = judged_by_level("pole", TableEvidence(faint), pairs, np.zeros(len(pairs.a)), 0.05, "readings")
+    assert not judged.facts["significant"]
+    assert judged.verdict == "undecided"

@@ -71,6 +71,18 @@ class Pairs:
     """Relative error of the values b that interpolation makes, (n, channels) or one for all."""
     merged: np.ndarray | None = None
     """(m, 4), radians: all readings once their repeats are merged, where there may be repeats."""
+    exchanged: bool = True
+    """Whether b is of the exchanged directions, so that its light comes from where a has the detector."""
+
+    @property
+    def theta_i(self) -> tuple[np.ndarray, np.ndarray]:
+        """Polar angles of incidence of a and of b, (n,) radians each."""
+        return self.angles[:, 0], self.angles[:, 2 if self.exchanged else 0]
+
+    @property
+    def theta_o(self) -> tuple[np.ndarray, np.ndarray]:
+        """Polar angles of the detector of a and of b, (n,) radians each."""
+        return self.angles[:, 2], self.angles[:, 0 if self.exchanged else 2]
 
     def where(self, some: np.ndarray) -> "Pairs":
         """Some of the pairs; all of them have the same error."""
@@ -171,7 +183,7 @@ def mirrored_pairs(table: Table) -> Pairs | str:
     if table.layout.mirror_map() is None:
         return "no readings on both sides of a plane"
     pairs = _pairs_once(table, table.layout.mirrored, "measured")
-    return pairs if len(pairs.a) >= FEWEST else "the grid has no mirrored nodes"
+    return dataclasses.replace(pairs, exchanged=False) if len(pairs.a) >= FEWEST else "the grid has no mirrored nodes"
 
 
 def turned_pairs(table: Table) -> Pairs | str:
@@ -211,4 +223,5 @@ def _comparable(table: Table, cells: np.ndarray, partner: np.ndarray) -> Pairs |
     use = (partner >= 0) & (partner != cells) & (table.layout.are_readable(wi.z, wo.z))
     if np.count_nonzero(use) < FEWEST:
         return "too few readings of the grid can be compared"
-    return _pairs(table, cells[use], partner[use], int(np.count_nonzero(use)))
+    pairs = _pairs(table, cells[use], partner[use], int(np.count_nonzero(use)))
+    return dataclasses.replace(pairs, exchanged=False)

@@ -7,7 +7,7 @@ correction of Daniels 1987].
 """
 
 import numpy as np
-from scipy.special import exprel, log_ndtr, ndtr, ndtri
+from scipy.special import exprel, gammainc, log_ndtr, ndtr, ndtri
 
 from gonio.checks.table.statistics.bracketed_root import bracketed_root
 
@@ -17,11 +17,28 @@ LIKELY = 2.5
 FARTHEST = 36.0
 """Differences of more standard deviations are as improbable as these, 1e-283: no double precision holds much less."""
 
+RARE = 10.0
+"""Counts of so many standard deviations each, a hundredth of one expected in all, have the tail of Poisson's law."""
+
+COARSE = 0.1
+"""Standard deviations of a sum that one count makes, above which its tail has steps."""
+
+BISECTIONS = 60
+
+NEARLY = 0.3
+"""Share of a count by which the size of a count may be too large."""
+
 MANY = 20
 """With fewer different values their rounding cannot be known."""
 
 GROUP = 32
 """Readings, alike in their uncertainty, from which the size of a count is taken."""
+
+MOST_LIT = 0.75
+"""Share of a group's readings above their uncertainty from which these are of some counts each."""
+
+CERTAIN = 3.0
+"""Standard deviations by which the signal of a group may be too large by chance."""
 
 
 def sidak(level: float, tests: int) -> float:
@@ -39,27 +56,51 @@ def critical(p: float) -> float:
     return float(-ndtri(p / 2))
 
 
-def quantum(theta: np.ndarray, f: np.ndarray, u: np.ndarray) -> np.ndarray:
+def quantum(theta: np.ndarray, f: np.ndarray, u: np.ndarray, kind: np.ndarray | int = 0) -> np.ndarray:
     """What one count adds to a reading, 1/sr, at each of n readings at polar angles of incidence `theta`.
 
-    Counts make u² = quantum · f + more: the least of Σu²/Σf over groups of readings at a like incidence that are alike
-    in u. It is an upper bound: other noise makes it larger, and with it the tails. 0 where all f are 0.
+    Counts make u² = quantum · f + more: the least of Σu²/Σf over groups of readings of one `kind` at a like incidence
+    that are alike in u, each with its upper limit, so that a group of few counts makes it no smaller. It is an upper
+    bound: other noise makes it larger, and with it the tails. 0 where all f are 0.
     """
     size = np.zeros(f.shape)
-    order = np.argsort(theta, kind="stable")
-    # Whole incidences together while they have enough readings.
-    starts = [0]
-    for edge in np.flatnonzero(np.diff(theta[order]) > 1e-6) + 1:
-        if edge - starts[-1] >= 4 * GROUP:
-            starts.append(int(edge))
-    for start, stop in zip(starts, [*starts[1:], f.size], strict=True):
-        group = order[start:stop]
-        alike = group[np.argsort(u[group], kind="stable")]
-        firsts = np.arange(0, alike.size, GROUP) if alike.size > GROUP else np.zeros(1, int)
-        variance, signal = (np.add.reduceat(a[alike], firsts) for a in (u**2, f))
-        lit = signal > 0
-        size[group] = np.min(variance[lit] / signal[lit]) if lit.any() else 0.0
+    kind = np.broadcast_to(kind, f.shape)
+    for one in np.unique(kind):
+        some = np.flatnonzero(kind == one)
+        order = some[np.argsort(theta[some], kind="stable")]
+        # Whole incidences together until they have enough readings.
+        starts = [0]
+        for edge in np.flatnonzero(np.diff(theta[order]) > 1e-6) + 1:
+            if edge - starts[-1] >= GROUP:
+                starts.append(int(edge))
+        for start, stop in zip(starts, [*starts[1:], order.size], strict=True):
+            group = order[start:stop]
+            # Light that arrives aslant is spread over more of the surface: one count stands for as much more.
+            slant = np.maximum(np.abs(np.cos(theta[group])), 1e-6)
+            size[group] = _least_count(slant * f[group], slant * u[group] ** 2 * slant) / slant
     return size
+
+
+def _least_count(signal: np.ndarray, variance: np.ndarray) -> float:
+    """The least upper limit of Σvariance/Σsignal of groups alike in variance, or of all; else the smallest signal.
+
+    Where few readings of a group exceed their uncertainty, counts may be so rare that one alone is its signal: there
+    the variance is no less than its readings scatter.
+    """
+    alike = np.argsort(variance, kind="stable")
+    signal, variance = signal[alike], variance[alike]
+    firsts = np.arange(0, alike.size, GROUP)
+    lit = (signal > np.sqrt(variance)).astype(float)
+    for starts in (firsts, firsts[:1]):
+        v, s, squares, bright = (np.add.reduceat(a, starts) for a in (variance, signal, signal**2, lit))
+        number = np.diff([*starts, alike.size])
+        scatter = (squares - s**2 / number) * number / np.maximum(number - 1, 1)
+        v = np.where(bright >= MOST_LIT * number, v, np.maximum(v, scatter))
+        surely = s - CERTAIN * np.sqrt(v)
+        if (surely > 0).any():
+            return float(np.min(v[surely > 0] / surely[surely > 0]))
+    # Hardly anything was met: a reading is a count or two.
+    return float(np.min(np.abs(signal[signal != 0]), initial=np.inf)) if (signal != 0).any() else 0.0
 
 
 def decimal_step(values: np.ndarray) -> float:
@@ -109,13 +150,13 @@ def _tail(
 ) -> np.ndarray:
     # Of counts up by q_up and down by q_down; what the signal does not explain counts both ways (dark counts do).
     sigma = np.hypot(u_up, u_down)
-    x, mean = np.minimum(x / sigma, FARTHEST), mean / sigma
-    # Counts of which there is a hundredth in all are as rare as any.
-    q_up, q_down = (np.minimum(q / sigma, 10.0) for q in (q_up, q_down))
-    v_up, v_down = (u_up / sigma) ** 2, (u_down / sigma) ** 2
-    s_up, s_down = np.minimum(v_up, q_up * mean), np.minimum(v_down, q_down * mean)
-    v = (s_up + (v_up - s_up) / 2, (v_up - s_up) / 2, (v_down - s_down) / 2, s_down + (v_down - s_down) / 2)
-    q = (q_up, -q_up, q_down, -q_down)
+    rare = q_up > RARE * sigma
+    counts = np.maximum(np.floor(np.divide(x, q_up, out=np.ones_like(x), where=rare) + NEARLY), 1.0)
+    of_rare = gammainc(counts, np.divide(u_up, q_up, out=np.ones_like(x), where=rare) ** 2)
+    x = np.minimum(x / sigma, FARTHEST)
+    q_up, q_down = (np.minimum(q, RARE * sigma) for q in (q_up, q_down))
+    v, q = _standard_counts(u_up, u_down, q_up, q_down, mean)
+    q_up, q_down = q[0], q[2]
     # Where counts can only fall no tilt reaches x, and the last one stands for it.
     last = 600 / np.maximum(np.maximum(q_up, q_down), 1e-3)
     t = bracketed_root(_tilted, np.zeros(x.shape), last, (x, *v, *q))
@@ -123,7 +164,60 @@ def _tail(
     second = sum(w * np.exp(y * t) for w, y in zip(v, q, strict=True))
     w = np.sqrt(np.maximum(2 * (t * x - k), 1e-12))
     u = t * np.sqrt(second) * exprel(-np.maximum(q_up, q_down) * t)
-    return ndtr(-w) + np.exp(-(w**2) / 2) / np.sqrt(2 * np.pi) * (1 / u - 1 / w)
+    many = ndtr(-w) + np.exp(-(w**2) / 2) / np.sqrt(2 * np.pi) * (1 / u - 1 / w)
+    return np.where(rare, of_rare, many)
+
+
+def _standard_counts(
+    u_up: np.ndarray, u_down: np.ndarray, q_up: np.ndarray, q_down: np.ndarray, mean: np.ndarray
+) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    """Variances and sizes of the counts of a difference, in its standard deviations; half of the sizes are falls."""
+    sigma = np.hypot(u_up, u_down)
+    mean = mean / sigma
+    q_up, q_down = q_up / sigma, q_down / sigma
+    v_up, v_down = (u_up / sigma) ** 2, (u_down / sigma) ** 2
+    s_up, s_down = np.minimum(v_up, q_up * mean), np.minimum(v_down, q_down * mean)
+    v = (s_up + (v_up - s_up) / 2, (v_up - s_up) / 2, (v_down - s_down) / 2, s_down + (v_down - s_down) / 2)
+    return v, (q_up, -q_up, q_down, -q_down)
+
+
+def sum_p(z: float, up: tuple[np.ndarray, ...], down: tuple[np.ndarray, ...]) -> float:
+    """Two-sided p-value of the sum of n standardised differences of readings that are expected to be the same.
+
+    Where a single count makes much of the sum it is Chernoff's bound, elsewhere the normal tail or the saddlepoint's.
+
+    Args:
+        z: the sum, over the root of n.
+        up, down: readings, their standard uncertainties and the sizes of a count, (n,) each, of the reading that
+            counts upwards in its difference and of the other one.
+    """
+    if abs(z) <= LIKELY:
+        return float(normal_p(np.float64(z)))
+    (a, u_a, _), (b, u_b, _) = up, down
+    mean = np.maximum((a * u_b**2 + b * u_a**2) / (u_a**2 + u_b**2), 0.0)
+    sides = [_sum_tail(abs(z), *(r[1] for r in pair), *(r[2] for r in pair), mean) for pair in ((up, down), (down, up))]
+    return float(np.clip(sum(sides), normal_p(np.float64(z)), 1.0))
+
+
+def _sum_tail(
+    z: float, u_up: np.ndarray, u_down: np.ndarray, q_up: np.ndarray, q_down: np.ndarray, mean: np.ndarray
+) -> float:
+    v, q = (np.stack(a) for a in _standard_counts(u_up, u_down, q_up, q_down, mean))
+    root = np.sqrt(mean.size)
+    v, q = v / mean.size, q / root  # of the sum over its standard deviation
+    largest = float(q.max())
+    x = z if largest > COARSE else min(z, FARTHEST)
+    last = 600 / max(largest, 1e-3)
+    low, high = 0.0, last
+    for _ in range(BISECTIONS):
+        t = (low + high) / 2
+        low, high = (t, high) if t * float(np.sum(v * exprel(q * t))) < x else (low, t)
+    t = (low + high) / 2
+    w2 = max(2 * (t * x - t**2 * float(np.sum(v * _second(q * t)))), 1e-12)
+    if largest > COARSE:
+        return float(np.exp(-w2 / 2))
+    w, u = np.sqrt(w2), t * np.sqrt(float(np.sum(v * np.exp(q * t))))
+    return float(ndtr(-w) + np.exp(-w2 / 2) / np.sqrt(2 * np.pi) * (1 / u - 1 / w))
 
 
 def _tilted(t: np.ndarray, x: np.ndarray, *v_and_q: np.ndarray) -> np.ndarray:

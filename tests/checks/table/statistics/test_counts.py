@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, skellam
 
-from gonio.checks.table.statistics.counts import difference_p, family_p, quantum, sidak
+from gonio.checks.table.statistics.counts import difference_p, family_p, quantum, sidak, sum_p
 
 
 def one(*values):
@@ -44,3 +44,27 @@ def test_the_size_of_a_count_is_found():
     # Noise in proportion has no counts: what is found is too small to change a tail.
     q = quantum(np.zeros(4000), expected, 0.02 * expected)
     assert np.max(q / (0.02 * expected)) < 0.05
+
+
+@pytest.mark.parametrize(("expected", "counts"), [(1e-5, 1), (1e-3, 1), (1e-3, 2), (0.02, 1)])
+def test_rare_counts_have_the_tail_of_their_law(expected, counts):
+    root = np.sqrt(expected)
+    p = difference_p(*one(counts, 0, root, root, 1, 1, 0))[0]
+    assert p == pytest.approx(2 * skellam.sf(counts - 1, expected, expected), rel=0.06)
+
+
+@pytest.mark.parametrize(("expected", "pairs"), [(1e-4, 40), (0.003, 40), (0.3, 40), (30.0, 400)])
+def test_sums_of_counts_have_tails_no_lighter_than_their_law(expected, pairs):
+    root, ones, nothing = (np.full(pairs, v) for v in (np.sqrt(expected), 1.0, 0.0))
+    total = np.ceil(4.5 * np.sqrt(2 * pairs * expected))
+    z = total / np.sqrt(2 * expected * pairs)
+    readings = nothing + expected, root, ones
+    exact = 2 * skellam.sf(total - 1, pairs * expected, pairs * expected)
+    assert 0.8 * exact <= sum_p(z, readings, readings) <= 20 * exact
+
+
+@pytest.mark.parametrize("expected", [0.005, 0.1, 1.0, 30.0])
+def test_the_size_of_a_count_is_not_too_small_where_few_were_met(expected):
+    rng = np.random.default_rng(1)
+    f = rng.poisson(expected, 3000).astype(float)
+    assert np.median(quantum(np.zeros(3000), f, np.full(3000, np.sqrt(expected)))) > 0.85
