@@ -169,7 +169,7 @@ def _tests_of_regions(rows: _Rows, sign: np.ndarray, step: float, level: float, 
             total, root = float(z[group].sum()), float(np.sqrt(group.size))
             estimates.append((total / weight, root / weight, error))
             beyond = np.sign(total) * max(abs(total) - error * weight, 0.0) / root
-            ps.append(sum_p(beyond, *(tuple(v[group] for v in side) for side in (up, down))))
+            ps.append(sum_p(beyond, _some(up, group), _some(down, group)))
             channels.append(channel)
             where.append(region_place(size, number, evidence.channel(int(channel))))
     estimate, one, error = np.array(estimates).reshape(-1, 3).T
@@ -182,11 +182,25 @@ def _tests_of_regions(rows: _Rows, sign: np.ndarray, step: float, level: float, 
     return _Tests(p, estimate, half + error, least, np.array(channels, int), where, evidence, family)
 
 
-def _by_sign(rows: _Rows, sign: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-    """(reading, uncertainty, size of a count) of the readings that a violation makes larger, and of the others."""
+_Side = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Readings, their uncertainties and the sizes of a count, (n,) each."""
+
+
+def _by_sign(rows: _Rows, sign: np.ndarray) -> tuple[_Side, _Side]:
+    """The readings that a violation makes larger, and the others."""
+    b_larger = sign < 0
+
+    def side(first: _Side, other: _Side) -> _Side:
+        f, u, q = (np.where(b_larger, y, x) for x, y in zip(first, other, strict=True))
+        return f, u, q
+
     a, b = (rows.a, rows.u_a, rows.q_a), (rows.b, rows.u_b, rows.q_b)
-    up = tuple(np.where(sign < 0, y, x) for x, y in zip(a, b, strict=True))
-    return up, tuple(np.where(sign < 0, x, y) for x, y in zip(a, b, strict=True))
+    return side(a, b), side(b, a)
+
+
+def _some(side: _Side, group: np.ndarray) -> _Side:
+    f, u, q = side
+    return f[group], u[group], q[group]
 
 
 def _everywhere(rows: _Rows, level: float) -> _Violation:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -173,7 +173,7 @@ def joined(first: Pairs, second: Pairs) -> Pairs:
         return second if len(second.a) else first
     error = [np.broadcast_to(np.asarray(p.error, float), p.a.shape) for p in (first, second)]
     fields = ("a", "b", "u_a", "u_b", "angles")
-    both = {name: np.concatenate([getattr(p, name) for p in (first, second)]) for name in fields}
+    both: dict[str, Any] = {name: np.concatenate([getattr(p, name) for p in (first, second)]) for name in fields}
     how = f"{first.how} and {len(second.a):,} {second.how}"
     return Pairs(**both, eligible=max(first.eligible, second.eligible), how=how, error=np.concatenate(error))
 

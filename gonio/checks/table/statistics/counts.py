@@ -93,7 +93,7 @@ def _least_count(signal: np.ndarray, variance: np.ndarray) -> float:
     lit = (signal > np.sqrt(variance)).astype(float)
     for starts in (firsts, firsts[:1]):
         v, s, squares, bright = (np.add.reduceat(a, starts) for a in (variance, signal, signal**2, lit))
-        number = np.diff([*starts, alike.size])
+        number = np.diff(np.append(starts, alike.size))
         scatter = (squares - s**2 / number) * number / np.maximum(number - 1, 1)
         v = np.where(bright >= MOST_LIT * number, v, np.maximum(v, scatter))
         surely = s - CERTAIN * np.sqrt(v)
@@ -181,7 +181,9 @@ def _standard_counts(
     return v, (q_up, -q_up, q_down, -q_down)
 
 
-def sum_p(z: float, up: tuple[np.ndarray, ...], down: tuple[np.ndarray, ...]) -> float:
+def sum_p(
+    z: float, up: tuple[np.ndarray, np.ndarray, np.ndarray], down: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> float:
     """Two-sided p-value of the sum of n standardised differences of readings that are expected to be the same.
 
     Where a single count makes much of the sum it is Chernoff's bound, elsewhere the normal tail or the saddlepoint's.
@@ -192,11 +194,11 @@ def sum_p(z: float, up: tuple[np.ndarray, ...], down: tuple[np.ndarray, ...]) ->
             counts upwards in its difference and of the other one.
     """
     if abs(z) <= LIKELY:
-        return float(normal_p(np.float64(z)))
-    (a, u_a, _), (b, u_b, _) = up, down
+        return float(normal_p(np.asarray(z)))
+    (a, u_a, q_a), (b, u_b, q_b) = up, down
     mean = np.maximum((a * u_b**2 + b * u_a**2) / (u_a**2 + u_b**2), 0.0)
-    sides = [_sum_tail(abs(z), *(r[1] for r in pair), *(r[2] for r in pair), mean) for pair in ((up, down), (down, up))]
-    return float(np.clip(sum(sides), normal_p(np.float64(z)), 1.0))
+    tails = _sum_tail(abs(z), u_a, u_b, q_a, q_b, mean) + _sum_tail(abs(z), u_b, u_a, q_b, q_a, mean)
+    return float(np.clip(tails, normal_p(np.asarray(z)), 1.0))
 
 
 def _sum_tail(
