@@ -61,6 +61,14 @@ def fingerprint(value: Any, traced: Container[int] = ()) -> str:
     raise Unknown(type(value).__name__)
 
 
+def program_name(*parts: Any) -> str:
+    """A name of a program that depends on these, and on gonio; empty where another process would not know it again."""
+    try:
+        return hashlib.sha256("\0".join([surroundings(), *map(fingerprint, parts)]).encode()).hexdigest()
+    except Unknown:
+        return ""
+
+
 def _digest(array: Any) -> str:
     numbers = np.asarray(array)
     if numbers.dtype == object:

@@ -23,11 +23,14 @@ from gonio.fitting.problem.readings import AnyArray, transform, uses_cosine
 from gonio.models.compiled.dispatch import usable
 from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.sums import Rows, SumsProgram
+from gonio.models.fingerprint import program_name
 from gonio.models.geometry.directions import Direction
 
 KEPT = 128
 """Programs that a process remembers."""
 LOCK = threading.RLock()
+NOTHING = np.zeros(0)
+"""Parameters of loops that take all numbers as what is the same for all elements."""
 
 
 class Sums(NamedTuple):
@@ -42,13 +45,20 @@ class _Programs:
 
     def __init__(self, s: Parameterisation, loss: str, leaves: Sequence[np.ndarray], tree: Any) -> None:
         self.size, self.channels = 1 + len(s.free), s.channels
-        steps = (1,) * 6 + (s.channels,) * (2 * s.channels)
+        steps, shapes = (1,) * 6 + (s.channels,) * (2 * s.channels), [a.shape for a in leaves]
+        known = sum(a.size for a in leaves)
 
-        def rows(leaves: Sequence[Any], *elements: Array) -> Array:
+        def rows(_: Sequence[Any], *elements: Array) -> Array:
             p = jnp.stack(elements[: s.size]) if s.size else jnp.zeros(0)
-            return _rows(s, loss, p, jax.tree.unflatten(tree, leaves), elements[s.size :])
+            numbers, rest = iter(elements[s.size :]), []
+            for shape in shapes:
+                of_leaf = [next(numbers) for _ in range(math.prod(shape))]
+                rest.append(jnp.stack(of_leaf).reshape(shape) if shape else of_leaf[0])
+            return _rows(s, loss, p, jax.tree.unflatten(tree, rest), list(numbers))
 
-        self.rows = Rows(rows, leaves, s.size, steps)
+        name = program_name("sums", s.frames, s.free, s.channels, loss, str(tree), shapes)
+        self.rows = Rows(rows, [], s.size + known, steps, name=name)
+        self.plain  # noqa: B018  (where it is unsupported, all is)
 
     @functools.cached_property
     def plain(self) -> SumsProgram:
@@ -121,8 +131,8 @@ def _programs_of(
 ) -> tuple[list[np.ndarray], _Programs | None]:
     """The programs of a model and a loss, and what they take beside free numbers and samples."""
     leaves, tree = jax.tree.flatten((fixed, np.asarray(floor, float)))
-    leaves = [np.asarray(a) for a in leaves]
-    key = (s, loss, tree, tuple((a.shape, a.dtype.str) for a in leaves))
+    leaves = [np.asarray(a, float) for a in leaves]
+    key = (s, loss, tree, tuple(a.shape for a in leaves))
     return leaves, kept(_programs, key, lambda: _Programs(s, loss, leaves, tree))
 
 
@@ -151,17 +161,16 @@ def compile_sums(s: Parameterisation, loss: str, fixed: FixedValues) -> bool:
 class BoundSums:
     """The sums of one problem's samples."""
 
-    def __init__(self, programs: _Programs, parameters: np.ndarray, samples: Samples, number: int) -> None:
-        """Of the programs, the numbers that they do not take as free, and samples, at points, so many in use."""
-        self._programs, self._parameters, self._number = programs, parameters, number
+    def __init__(self, programs: _Programs, known: np.ndarray, samples: Samples, number: int) -> None:
+        """Of the programs, the numbers that are not free, and samples, at points, so many in use."""
+        self._programs, self._number = programs, number
         self._count = int(samples.blocks) * samples.weight.shape[1]
         self._shape = samples.weight.shape
         arrays = [np.asarray(a, float) for a in (*samples.wi, *samples.wo, samples.target, samples.weight)]
         places = [a.ctypes.data for a in arrays]
-        self._kept, self._places = (
-            arrays,
-            [*places[:6], *(a + 8 * c for a in places[6:] for c in range(self._shape[-1]))],
-        )
+        numbers = (known.ctypes.data + 8 * k for k in range(known.size))
+        of_channels = (a + 8 * c for a in places[6:] for c in range(self._shape[-1]))
+        self._kept, self._places = (known, arrays), [*numbers, *places[:6], *of_channels]
 
     def __call__(self, p: Float[np.ndarray, "s p"], full: bool) -> Sums | None:
         """The sums at S vectors of free numbers, `full` with f of one of them; None where XLA has to compute them."""
@@ -175,7 +184,7 @@ class BoundSums:
         addresses = np.empty((len(p), p.shape[1] + len(places)), np.uintp)
         addresses[:, : p.shape[1]] = p.ctypes.data + 8 * np.arange(p.size).reshape(p.shape)
         addresses[:, p.shape[1] :] = places
-        sums = program(self._parameters, addresses, self._count)
+        sums = program(NOTHING, addresses, self._count)
         if sums is None:
             return None
         f = f.reshape(-1, self._shape[-1])[: self._number]
@@ -187,4 +196,7 @@ def bound_sums(s: Parameterisation, loss: str, fixed: FixedValues, samples: Samp
     if not usable():
         return None
     leaves, programs = _programs_of(s, loss, fixed, samples.floor)
-    return None if programs is None else BoundSums(programs, programs.rows.trace.parameters(leaves), samples, number)
+    if programs is None:
+        return None
+    known = np.concatenate([a.ravel() for a in leaves])
+    return BoundSums(programs, known, samples, number)

@@ -1,27 +1,25 @@
 """Candidate models on a sample of the readings, evaluated without compiling a program for each.
 
-A sum of lobes is put together from one compiled kernel for each *kind* of lobe (value and derivatives by its shapes);
-that the lobe is isotropic, that a parameter is fixed or that channels share it is a choice of columns in NumPy. So one
-lobe, two lobes, anisotropic or not, with one width or one for each channel, all come from the same program.
+A sum of lobes is put together from one compiled kernel for each *kind* of lobe (see `lobe_kernels`); that the lobe is
+isotropic, that a parameter is fixed or that channels share it is a choice of columns in NumPy. So one lobe, two lobes,
+anisotropic or not, with one width or one for each channel, all come from the same program.
 """
 
 import dataclasses
 import functools
+import math
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from gonio.fitting.problem.normal_equations import NormalEquations, summed
 from gonio.fitting.problem.parameterisation import Domains, Parameters, domain_kind, parameters
 from gonio.fitting.problem.readings import transform, transformed, uses_cosine
+from gonio.fitting.selection.lobe_kernels import lobe_values, padded
 from gonio.fitting.selection.term_spec import Terms, TermSpec, expression_of, kernel_arguments
-from gonio.models.expression.builder import Frame, assemble
+from gonio.models.expression.builder import Frame
 from gonio.models.expression.parser import FACTOR, parse, with_defaults
-from gonio.models.geometry.directions import NORMAL, Direction
-from gonio.models.kept_jit import kept_jit
+from gonio.models.geometry.directions import Direction
 
-CELLS = 512  # the kernels' size: readings are padded to a multiple of it
 MIN_WIDTH = 1e-3
 USUAL = {"f0": 1.0, "k": 0.0}
 """Shapes that a term has where its expression has none: Schlick's F₀ = 1 is F = 1."""
@@ -48,35 +46,77 @@ def candidate_domains(terms: Terms, channels: int) -> Domains:
     return Domains(kind, np.where(free.each(lambda g: g.info.role == "width"), MIN_WIDTH, low), high)
 
 
-@kept_jit
-def _kernel(
-    frame: Frame, names: tuple[str, ...], values: np.ndarray, wi: Direction, wo: Direction
-) -> tuple[jax.Array, jax.Array]:
-    def one(v: jax.Array, a: Direction, b: Direction) -> jax.Array:
-        return assemble(frame, dict(zip(names, v, strict=True))).f(a, b)
-
-    over = lambda f: jax.vmap(f, in_axes=(None, 0, 0))(values, wi, wo)  # noqa: E731
-    return over(one), over(jax.jacfwd(one))
+def lobe_of(term: TermSpec) -> Frame:
+    """A term without its shapes."""
+    inside = (("base", (Frame(term.base, (), ()),)),) if term.base else ()
+    return Frame(term.model, tuple(sorted(term.options)), inside)
 
 
-def _blocks(wi: Direction, wo: Direction) -> tuple[tuple[Direction, Direction], ...]:
-    def padded(w: Direction) -> list[Direction]:
-        each = [
-            np.append(c, np.full(-c.shape[0] % CELLS, e)).reshape(-1, CELLS) for c, e in zip(w, NORMAL, strict=True)
-        ]
-        return [Direction(*(jnp.asarray(c) for c in block)) for block in zip(*each, strict=True)]
+@dataclasses.dataclass(frozen=True)
+class _TermColumns:
+    """Where the shapes and the scale of one term come from, and what the derivatives by its free parameters are.
 
-    return tuple(zip(padded(wi), padded(wo), strict=True))
+    Attributes:
+        names: the shapes (K,) that its lobe takes.
+        known: their fixed values (K,).
+        number: the free number (1 or C, K) of each shape in each channel where shapes differ; −1 where it is fixed.
+        scale: its fixed value.
+        scale_number: the free number (C,) that it is in each channel; None where it is fixed.
+        slopes: of each free parameter its index, and the shapes that it is; none of the scale.
+    """
+
+    names: tuple[str, ...]
+    known: np.ndarray
+    number: np.ndarray
+    scale: float
+    scale_number: np.ndarray | None
+    slopes: tuple[tuple[int, tuple[int, ...]], ...]
+
+    def shapes(self, p: np.ndarray) -> np.ndarray:
+        """Shapes (S, 1 or C, K) of vectors p (S, P)."""
+        return np.where(self.number >= 0, p[:, self.number], self.known)
+
+    def scales(self, p: np.ndarray) -> np.ndarray | float:
+        """Scales (S, C) of vectors p (S, P), or the fixed one."""
+        return self.scale if self.scale_number is None else p[:, self.scale_number]
+
+
+@functools.lru_cache(maxsize=512)
+def _columns(terms: Terms, channels: int) -> tuple[_TermColumns, ...]:
+    """Those of each term."""
+    every, fixed, _ = candidate_parameters(terms, channels)
+    made = []
+    for k, term in enumerate(terms):
+        free = {g.path: (index, g) for index, g in enumerate(every.free) if g.term == k}
+        shapes = [path for path in (*fixed[k], *free) if path != FACTOR]
+        names = (DIFFUSE[term.model][0],) if term.model in DIFFUSE else kernel_arguments(term)
+        alike = {"alpha_x": "alpha", "alpha_y": "alpha"} if "alpha" in shapes and "alpha_x" in names else {}
+        paths = [alike.get(name, name) for name in names]
+        differ = any(g.per_channel for path, (_, g) in free.items() if path != FACTOR)
+        number = np.full((channels if differ else 1, len(names)), -1)
+        for j, path in enumerate(paths):
+            if path in free:
+                number[:, j] = every.columns[: len(number), free[path][0]]
+        known = [float(fixed[k].get(path, USUAL.get(path, np.nan))) for path in paths]
+        scale_number = every.columns[:, free[FACTOR][0]] if FACTOR in free else None
+        slopes = tuple(
+            (index, () if path == FACTOR else tuple(j for j, of in enumerate(paths) if of == path))
+            for path, (index, _) in free.items()
+        )
+        scale = float(fixed[k].get(FACTOR, 1.0))
+        made.append(_TermColumns(names, np.array(known), number, scale, scale_number, slopes))
+    return tuple(made)
 
 
 @dataclasses.dataclass(frozen=True)
 class SelectionData:
-    """A sample of the readings: directions in blocks of CELLS, of which the first n are in use.
+    """A sample of the readings: directions, of which the first n are in use.
 
     `target` T(y c), `weight` (0: not used), both (n, C); the residual is weight·(T(f c) − target).
     """
 
-    blocks: tuple[tuple[Direction, Direction], ...]
+    wi: Direction
+    wo: Direction
     f: np.ndarray
     target: np.ndarray
     weight: np.ndarray
@@ -92,7 +132,7 @@ class SelectionData:
         n = f.shape[0]
         cosine = np.abs(np.asarray(wi.z, float))[:, None] if uses_cosine(loss) else np.ones((n, 1))
         target = transformed(loss, f * cosine, floor)
-        return cls(_blocks(wi, wo), f, target, weight, cosine, loss, floor)
+        return cls(padded(wi), padded(wo), f, target, weight, cosine, loss, floor)
 
     @property
     def channels(self) -> int:
@@ -100,19 +140,16 @@ class SelectionData:
         return self.target.shape[1]
 
     @functools.cached_property
-    def _cosines(self) -> tuple[np.ndarray, np.ndarray]:
-        z_i, z_o = (np.concatenate([np.asarray(b[k].z) for b in self.blocks])[: self.f.shape[0]] for k in (0, 1))
-        return z_i, z_o
-
-    @functools.cached_property
     def front(self) -> np.ndarray:
         """Which directions (n,) are of light and detector in front of the sample."""
-        return (self._cosines[0] > 0) & (self._cosines[1] > 0)
+        n = self.f.shape[0]
+        return (self.wi.z[:n] > 0) & (self.wo.z[:n] > 0)
 
     @functools.cached_property
     def through(self) -> np.ndarray:
         """Which directions (n,) are of light and detector on different sides."""
-        return self._cosines[0] * self._cosines[1] < 0
+        n = self.f.shape[0]
+        return self.wi.z[:n] * self.wo.z[:n] < 0
 
     @property
     def used(self) -> np.ndarray:
@@ -132,8 +169,8 @@ class SelectionData:
         part = dataclasses.replace(
             self, f=self.f[keep], target=self.target[keep], weight=self.weight[keep], cosine=self.cosine[keep]
         )
-        wi, wo = (Direction(*(np.concatenate([b[k][j] for b in self.blocks])[keep] for j in range(3))) for k in (0, 1))
-        return dataclasses.replace(part, blocks=_blocks(wi, wo))
+        wi, wo = (padded(Direction(*(c[keep] for c in w))) for w in (self.wi, self.wo))
+        return dataclasses.replace(part, wi=wi, wo=wo)
 
     def with_linear_loss(self, weight: np.ndarray | None = None) -> "SelectionData":
         """The same readings compared in f itself; without weights (n, C), those of the loss taken as linear there."""
@@ -142,26 +179,15 @@ class SelectionData:
         one = np.ones_like(self.cosine)
         return dataclasses.replace(self, target=self.f, weight=weight, cosine=one, loss="linear", floor=1.0)
 
-    def term(self, term: TermSpec, shapes: dict[str, float]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Value (n,) of a term at scale 1 and its derivatives by its shapes."""
-        n = self.f.shape[0]
+    def lobes(self, term: TermSpec, names: tuple[str, ...], shapes: np.ndarray) -> np.ndarray:
+        """The term at scale 1 and its derivatives by its shapes (K,), (..., K + 1, n), at sets of shapes (..., K)."""
         if term.model in DIFFUSE:  # ρ/π needs no program
-            name, there = DIFFUSE[term.model]
-            unit = np.where(self.front if there else self.through, 1.0 / np.pi, 0.0)
-            return shapes[name] * unit, {name: unit}
-        names = kernel_arguments(term)
-        both = "alpha" in shapes and "alpha_x" in names
-        if both:
-            shapes = {**shapes, "alpha_x": shapes["alpha"], "alpha_y": shapes["alpha"]}
-        inside = (("base", (Frame(term.base, (), ()),)),) if term.base else ()
-        frame = Frame(term.model, tuple(sorted(term.options)), inside)
-        arguments = np.array([shapes.get(name, USUAL.get(name, np.nan)) for name in names])
-        blocks = [_kernel(frame, names, arguments, wi, wo) for wi, wo in self.blocks]
-        value, slopes = (np.concatenate([np.asarray(b[k]) for b in blocks])[:n] for k in (0, 1))
-        slope = dict(zip(names, slopes.T, strict=True))
-        if both:
-            slope["alpha"] = slope["alpha_x"] + slope["alpha_y"]
-        return value, slope
+            there = self.front if DIFFUSE[term.model][1] else self.through
+            unit = np.where(there, 1.0 / np.pi, 0.0)
+            return np.stack([shapes * unit, np.broadcast_to(unit, (*shapes.shape[:-1], unit.size))], axis=-2)
+        sets = shapes.reshape(math.prod(shapes.shape[:-1]), len(names))
+        values = lobe_values(lobe_of(term), names, sets, self.wi, self.wo)[:, : self.f.shape[0]]
+        return values.swapaxes(1, 2).reshape(*shapes.shape[:-1], 1 + len(names), -1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -196,39 +222,56 @@ class CandidateProblem:
         """‖data‖² of the weighted targets."""
         return float(np.sum((self.data.weight * self.data.target) ** 2))
 
+    def _values(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """f (S, C, n) of vectors p (S, P), and its derivatives by the free parameters in each channel (S, C, G, n)."""
+        shape = len(p), self.data.channels, self.data.f.shape[0]
+        f, slopes = np.zeros(shape), np.empty((*shape[:2], len(self.parameters.parameterisation.free), shape[2]))
+        for term, of in zip(self.terms, _columns(self.terms, self.data.channels), strict=True):
+            lobe, scale = self.data.lobes(term, of.names, of.shapes(p)), np.asarray(of.scales(p))[..., None]
+            f += scale * lobe[:, :, 0]
+            for g, columns in of.slopes:
+                if not columns:
+                    slopes[:, :, g] = lobe[:, :, 0]
+                    continue
+                np.multiply(scale, lobe[:, :, 1 + columns[0]], out=slopes[:, :, g])
+                for j in columns[1:]:
+                    slopes[:, :, g] += scale * lobe[:, :, 1 + j]
+        return f, slopes
+
+    def _rows(self, p: np.ndarray) -> np.ndarray:
+        """Residuals of vectors p (S, P), then their derivatives by the free parameters (S, C, 1 + G, n); 0 where a
+        reading is not used."""
+        d, (f, slopes) = self.data, self._values(p)
+        weight, factor = d.weight.T, d.cosine[:, 0]
+        value, slope = transform(d.loss, f * factor, d.floor, np)
+        rows = np.empty((*f.shape[:2], 1 + slopes.shape[2], f.shape[2]))
+        np.multiply(weight, value - d.target.T, out=rows[:, :, 0])
+        np.multiply((weight * slope * factor)[:, :, None], slopes, out=rows[:, :, 1:])
+        return rows
+
+    def _by_number(self, slopes: np.ndarray) -> np.ndarray:
+        """Derivatives by the free numbers (n, C, P) of those by the free parameters of each channel (C, G, n)."""
+        columns = self.parameters.parameterisation.columns
+        jacobian = np.zeros((slopes.shape[2], slopes.shape[0], self.linear.size))
+        for c, of_channel in enumerate(columns):
+            jacobian[:, c, of_channel] = slopes[c].T
+        return jacobian
+
     def values(self, p: np.ndarray) -> Values:
         """f and ∂f/∂p at the free numbers p (P,)."""
-        f = np.zeros(self.data.f.shape)
-        jacobian = np.zeros((*f.shape, p.size))
-        for k, term in enumerate(self.terms):
-            free = [g for g in self.parameters.parameterisation.free if g.term == k]
-            computed: dict[tuple[float, ...], tuple[np.ndarray, dict[str, np.ndarray]]] = {}
-            for c in range(self.data.channels):
-                columns = {g.path: g.first + (c if g.per_channel else 0) for g in free}
-                shapes = {name: float(v) for name, v in self.parameters.fixed[k].items()}
-                shapes |= {name: float(p[j]) for name, j in columns.items()}
-                scale = shapes.pop(FACTOR, 1.0)
-                key = tuple(shapes.values())
-                if key not in computed:
-                    computed[key] = self.data.term(term, shapes)
-                value, slope = computed[key]
-                f[:, c] += scale * value
-                for name, j in columns.items():
-                    jacobian[:, c, j] = value if name == FACTOR else scale * slope[name]
-        return f, jacobian
+        f, slopes = self._values(p[None])
+        return f[0].T, self._by_number(slopes[0])
 
     def residuals(self, p: np.ndarray) -> Values:
         """r and ∂r/∂p at the free numbers p (P,); zero where a reading is not used."""
-        d, (f, jacobian) = self.data, self.values(p)
-        value, slope = transform(d.loss, f * d.cosine, d.floor, np)
-        return d.weight * (value - d.target), (d.weight * slope * d.cosine)[:, :, None] * jacobian
+        rows = self._rows(p[None])[0]
+        return rows[:, 0].T, self._by_number(rows[:, 1:])
 
     def normal_equations(self, p: np.ndarray, active: np.ndarray | None = None) -> NormalEquations:
         """At vectors p (S, P), of the active ones."""
-        free = self.parameters.parameterisation
-        squares = np.zeros((len(p), free.channels, 1 + len(free.free), 1 + len(free.free)))
-        for k in range(len(p)) if active is None else np.flatnonzero(active):
-            r, jacobian = self.residuals(p[k])
-            rows = np.concatenate([r[:, :, None], np.take_along_axis(jacobian, free.columns[None], axis=2)], axis=2)
-            squares[k] = np.einsum("ncg,nch->cgh", rows, rows, optimize=True)
+        free, size = self.parameters.parameterisation, 1 + len(self.parameters.parameterisation.free)
+        use = np.flatnonzero(np.broadcast_to(True if active is None else active, (len(p),)))
+        squares = np.zeros((len(p), free.channels, size, size))
+        rows = self._rows(p[use])
+        squares[use] = rows @ rows.swapaxes(2, 3)
         return summed(free, squares)

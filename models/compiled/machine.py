@@ -3,9 +3,11 @@
 import ctypes
 import functools
 import threading
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from gonio.models.compiled import kept
+from gonio.models.compiled.graph import Unsupported
 
 LOCK = threading.Lock()
 """LLVM's objects are made by one thread at a time."""
@@ -52,17 +54,11 @@ def machine() -> Machine | None:
 class Code:
     """A compiled function, which lives as long as this object."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, binary: bytes) -> None:
+        """Load the object code of a function called kernel."""
         import llvmlite.binding as llvm
 
-        made = machine()
-        assert made is not None
-        key = kept.key(made.name, text)
         with LOCK:
-            binary = kept.read(key)
-            if binary is None:
-                binary = _compiled(llvm, made, text)
-                kept.write(key, binary)
             # In one piece of memory: code reaches constants within 2 GiB alone, and LLVM ends the process otherwise.
             self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _engine_target(llvm), use_lmm=True)
             self._engine.add_object_file(llvm.ObjectFileRef.from_data(binary))
@@ -70,6 +66,57 @@ class Code:
             address = self._engine.get_function_address("kernel")
         pointer, size = ctypes.c_void_p, ctypes.c_int64
         self.call = ctypes.CFUNCTYPE(ctypes.c_int32, pointer, pointer, pointer, size, size, pointer)(address)
+
+
+def compiled(text: str) -> Code:
+    """The function of a text in LLVM's language, compiled now or kept.
+
+    Raises:
+        Unsupported: LLVM does not take the code.
+    """
+    made = machine()
+    assert made is not None
+    return Code(_object_code(made, kept.key(made.name, text), text))
+
+
+def compiled_as(name: str, text: Callable[[], str]) -> Code:
+    """The function of a text that has a name, and is not even written where the function is kept.
+
+    Args:
+        name: of all that the text depends on.
+        text: writes it, or raises Unsupported, which is kept as well.
+
+    Raises:
+        Unsupported: there is no such text, or LLVM does not take it.
+    """
+    made = machine()
+    if made is None:
+        raise Unsupported("this processor")
+    key = kept.key("named", made.name, name)
+    binary = kept.read(key)
+    if binary is None:
+        try:
+            binary = _object_code(made, key, text())
+        except Unsupported:
+            kept.write(key, b"")
+            raise
+    if not binary:
+        raise Unsupported("as in an earlier process")
+    return Code(binary)
+
+
+def _object_code(made: Machine, key: str, text: str) -> bytes:
+    import llvmlite.binding as llvm
+
+    with LOCK:
+        binary = kept.read(key)
+        if binary is None:
+            try:
+                binary = _compiled(llvm, made, text)
+            except RuntimeError as error:  # LLVM's word for code that it does not take
+                raise Unsupported(str(error)) from error
+            kept.write(key, binary)
+        return binary
 
 
 def _engine_target(llvm: Any) -> Any:

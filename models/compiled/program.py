@@ -10,7 +10,7 @@ import numpy as np
 
 from gonio.models.compiled import emission, workers
 from gonio.models.compiled.graph import DTYPES, Unsupported
-from gonio.models.compiled.machine import Code, machine
+from gonio.models.compiled.machine import compiled, machine
 from gonio.models.compiled.trace import Traced, traced
 
 PIECE = 1 << 14
@@ -54,10 +54,7 @@ class Program:
         )
         self.local = threading.local()
         self.split = tuple(0 in each for each in axes)
-        try:
-            self.code = Code(emission.module(kernel, target.attributes))
-        except RuntimeError as error:  # LLVM's word for code that it does not take
-            raise Unsupported(str(error)) from error
+        self.code = compiled(emission.module(kernel, target.attributes))
 
     def vector(self) -> "Vector":
         rows = list(np.empty((len(self.split), self.lanes), self.input_dtype))

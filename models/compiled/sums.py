@@ -4,6 +4,7 @@ A formula gives rows of numbers for each element, such as a residual and its der
 products of pairs of rows.
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -12,9 +13,10 @@ import numpy as np
 
 from gonio.models.compiled import emission, workers
 from gonio.models.compiled.graph import Unsupported
-from gonio.models.compiled.machine import Code, Machine, machine
+from gonio.models.compiled.machine import Code, Machine, compiled, compiled_as, machine
 from gonio.models.compiled.program import translated
 from gonio.models.compiled.sums_emission import adding_module, sums_module
+from gonio.models.compiled.trace import Traced
 
 PIECE = 1 << 13
 """Elements that a thread takes at a time, at most: their sums are added to the others' in the order of the pieces."""
@@ -23,7 +25,7 @@ BYTES = 8
 
 
 class Rows:
-    """A formula of rows, traced."""
+    """A formula of rows; it is traced when a program of it has to be compiled."""
 
     def __init__(
         self,
@@ -32,8 +34,9 @@ class Rows:
         scalars: int,
         steps: Sequence[int],
         outer: int = 0,
+        name: str = "",
     ):
-        """Trace `formula(leaves, *scalars, *of_outer, *elements)`, whose value has one axis, of rows.
+        """The rows `formula(leaves, *scalars, *of_outer, *elements)`, a value with one axis.
 
         Args:
             formula: a function that JAX traces.
@@ -41,34 +44,53 @@ class Rows:
             scalars: how many numbers the formula takes that are the same for all elements.
             steps: for each array of elements, how many numbers lie from one element to the next.
             outer: how many arrays there are of a loop around that over the elements.
+            name: another process knows the formula by it: its kept programs are used without a trace. Only where
+                there are no leaves.
 
         Raises:
-            Unsupported: the formula, or this processor, is none of those that programs are written for.
+            Unsupported: the formula, or this processor, is none of those that programs are written for; of a formula
+                with a name only its programs tell.
         """
         target = machine()
         if target is None:
             raise Unsupported("this processor")
         self.machine: Machine = target
-        shapes = [jax.ShapeDtypeStruct(np.shape(v), np.asarray(v).dtype) for v in leaves]
-        count = scalars + outer + len(steps)
-        trace = jax.make_jaxpr(formula)(shapes, *[jax.ShapeDtypeStruct((), np.float64)] * count)
-        self.trace = translated(trace, leaves, count)
-        self.nodes = [int(k) for k in self.trace.outputs.flat]
-        if any(self.trace.graph.dtype(k) != "f64" for k in self.nodes):
-            raise Unsupported("rows of another precision")
+        self.name, self._formula, self._leaves = name, formula, leaves
+        self._count = scalars + outer + len(steps)
         inner = 1 if outer else 0
         self.axes, self.lanes = 1 + inner, target.vector_bytes // BYTES
         self.inputs = (
             *[emission.Input("f64", ())] * scalars, *[emission.Input("f64", (0,))] * outer,
             *(emission.Input("f64", (inner,), step) for step in steps),
         )  # fmt: skip
+        if not name:
+            self.nodes  # noqa: B018  (traced now)
+
+    @functools.cached_property
+    def trace(self) -> Traced:
+        """The formula as a graph. Raises Unsupported."""
+        shapes = [jax.ShapeDtypeStruct(np.shape(v), np.asarray(v).dtype) for v in self._leaves]
+        trace = jax.make_jaxpr(self._formula)(shapes, *[jax.ShapeDtypeStruct((), np.float64)] * self._count)
+        return translated(trace, self._leaves, self._count)
+
+    @functools.cached_property
+    def nodes(self) -> list[int]:
+        """Of the graph, the rows. Raises Unsupported."""
+        nodes = [int(k) for k in self.trace.outputs.flat]
+        if any(self.trace.graph.dtype(k) != "f64" for k in nodes):
+            raise Unsupported("rows of another precision")
+        return nodes
 
     def kernel(self, outputs: Sequence[int]) -> emission.Kernel:
-        """What is to be written where these rows are stored."""
+        """What is to be written where these rows are stored. Raises Unsupported."""
         nodes, target = tuple(self.nodes[k] for k in outputs), self.machine
         return emission.Kernel(
             self.trace.graph, nodes, self.inputs, self.axes, self.lanes, target.estimates, target.flush
         )
+
+    def compiled(self, kind: str, text: Callable[[], str]) -> Code:
+        """The function of a text made of these rows; `kind` says which. Raises Unsupported."""
+        return compiled_as(f"{self.name}\0{kind}\0{self.inputs}", text) if self.name else compiled(text())
 
 
 class SumsProgram:
@@ -81,8 +103,12 @@ class SumsProgram:
             Unsupported: LLVM does not take the code.
         """
         self.rows, self.products, self.stored = rows, len(products), len(stored)
-        pairs = [(rows.nodes[a], rows.nodes[b]) for a, b in products]
-        self.code = _compiled(sums_module(rows.kernel(stored), pairs, rows.machine.attributes))
+
+        def text() -> str:
+            pairs = [(rows.nodes[a], rows.nodes[b]) for a, b in products]
+            return sums_module(rows.kernel(stored), pairs, rows.machine.attributes)
+
+        self.code = rows.compiled(f"sums {[*products]} {[*stored]}", text)
 
     def __call__(self, parameters: np.ndarray, addresses: np.ndarray, count: int) -> np.ndarray | None:
         """Sums of shape (S, products), or None where the program does not know that they are right.
@@ -123,7 +149,8 @@ class AddingProgram:
             Unsupported: LLVM does not take the code.
         """
         self.rows = rows
-        self.code = _compiled(adding_module(rows.kernel(range(len(rows.nodes))), rows.machine.attributes))
+        every = range(len(rows.nodes))
+        self.code = rows.compiled("added", lambda: adding_module(rows.kernel(every), rows.machine.attributes))
 
     def __call__(self, parameters: np.ndarray, addresses: np.ndarray, sizes: tuple[int, int]) -> np.ndarray | None:
         """Sums of shape (rows, elements), or None where the program does not know that they are right.
@@ -136,10 +163,3 @@ class AddingProgram:
         sums, lengths = np.zeros((len(self.rows.nodes), sizes[1])), np.array(sizes, np.int64)
         places = parameters.ctypes.data, addresses.ctypes.data, sums.ctypes.data
         return None if self.code.call(*places, 0, sizes[0], lengths.ctypes.data) else sums
-
-
-def _compiled(text: str) -> Code:
-    try:
-        return Code(text)
-    except RuntimeError as error:  # LLVM's word for code that it does not take
-        raise Unsupported(str(error)) from error
