@@ -2,9 +2,10 @@
 
 import equinox as eqx
 
-from gonio.models.arrays import Channels
+from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.sides import Hemispheres
 
 
 class Folded(AbstractBRDF):
@@ -25,6 +26,29 @@ class Folded(AbstractBRDF):
     @property
     def accuracy(self) -> float:
         return self.base.accuracy
+
+    @property
+    def costly(self) -> bool:
+        return self.base.costly
+
+    @property
+    def kinked(self) -> bool:
+        return self.base.kinked
+
+    def terms(self) -> tuple[AbstractBRDF, ...]:
+        """Those of the base that send light from that side to this one, each seen so; none where it is dark."""
+        way = Hemispheres.REFLECTION if self.light == self.detector else Hemispheres.TRANSMISSION
+        if way == Hemispheres.REFLECTION and self.light < 0:
+            way = Hemispheres.BACK
+        return tuple(Folded(t, self.light, self.detector) for t in self.base.terms() if way in t.hemispheres)
+
+    def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
+        """That of the base over both hemispheres, of which f is 0 in the one that is not looked at."""
+        wo, jacobian = self.base.lobe_map(wi._replace(z=self.light * wi.z), u1, u2)
+        return wo._replace(z=self.detector * wo.z), jacobian
+
+    def flux(self, wi: Direction, u1: Scalar, u2: Scalar, side: Scalar) -> Channels:
+        return self.base.flux(wi._replace(z=self.light * wi.z), u1, u2, side * self.detector)
 
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         return self.base.f(wi._replace(z=self.light * wi.z), wo._replace(z=self.detector * wo.z))

@@ -3,19 +3,20 @@
 import dataclasses
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gonio.checks.albedos import Albedos
 from gonio.checks.certificate import UNDECIDED, Property
+from gonio.checks.hidden_lobes import SAME_LIGHT
 from gonio.checks.properties import PROPERTIES
-from gonio.checks.table.energy import deciding_albedos, table_energy
+from gonio.checks.table.albedos.two_sided import bend_of, summed
+from gonio.checks.table.energy import deciding_by_side, table_energy
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.further_readings import joined
 from gonio.data import layouts
 from gonio.data.layouts import Layout
-from gonio.data.reflection_only import require_reflection
 from gonio.data.serialise import finite
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
@@ -32,6 +33,8 @@ BETWEEN = (1 / 2, 1 / 8, 1 / 32)
 """Of the step, from the mirror direction: where a lobe that the nodes do not resolve is read."""
 STEP = np.radians(1.0)
 """Of lists, which have none."""
+WELL_KNOWN = 1e-3
+"""Bound of an albedo that needs no further reading."""
 AROUND = np.radians(0.5) * np.arange(1, 41)
 """How far a reading may be from the mirror direction where the detector's shadow is on it."""
 
@@ -107,7 +110,6 @@ def plan_energy(
         GonioError: a table whose energy is decided, or that no reading decides; directions that cannot be read.
     """
     table = resolve_subject(subject).require_table()
-    require_reflection(table, "what is to be planned", "a plan")
     limit = PROPERTIES["energy"].table_tolerance if tolerance is None else tolerance
     assert limit is not None
     evidence = TableEvidence(table, feature_width=feature_width, model=model)
@@ -115,12 +117,20 @@ def plan_energy(
     name = table.name or "the table"
     if before.verdict != UNDECIDED:
         raise GonioError(f"the energy of {name} is decided ({before.verdict}): no reading is needed")
-    albedos = deciding_albedos(evidence)
+    by_side = deciding_by_side(evidence)
+    albedos = summed(by_side)
     if isinstance(albedos, str):
         raise GonioError(f"no few readings decide on the energy of {name}: {albedos}")
     instrument = instrument or Instrument()
     open_ = np.flatnonzero(~np.all(albedos.value + albedos.above <= 1 + limit, axis=1) & ~albedos.partial)
-    angles = _directions(table, albedos, open_, instrument)
+    angles = np.concatenate(
+        [
+            _directions(Ways(table, *sides), of_side, albedos.theta_i[open_], instrument)
+            for sides, of_side in by_side.items()
+            if not isinstance(of_side, str)
+        ],
+        axis=1,
+    )
     if not angles.size:
         raise GonioError(f"no few readings decide on the energy of {name}: {before.detail}")
     fitted = evidence.fitted
@@ -134,8 +144,26 @@ def plan_energy(
     return EnergyPlan(name, shots, hours, theta, fitted.expression, before, after)
 
 
-def _directions(table: Table, albedos: Albedos, which: np.ndarray, instrument: Instrument) -> np.ndarray:
-    """Readable directions (4, n) at or beside the mirror directions of some incidences."""
+class Ways(NamedTuple):
+    """A table's readings with light and detector on these sides, 1 in front and −1 behind."""
+
+    table: Table
+    light: int
+    detector: int
+
+
+def _directions(ways: Ways, albedos: Albedos, open_theta: np.ndarray, instrument: Instrument) -> np.ndarray:
+    """Readable directions (4, n) at or beside where the lobes of some incidences go, where these are seen too little.
+
+    The albedos are those of `ways`, with angles of incidence from the light's normal; `open_theta` from the front's.
+    """
+    table, light_side, detector_side = ways
+    bend = bend_of(*ways)
+    from_front = albedos.theta_i if light_side > 0 else np.pi - albedos.theta_i
+    which = np.flatnonzero(np.any(np.abs(from_front[:, None] - open_theta) < SAME_LIGHT, axis=1) & ~albedos.partial)
+    # What is integrated well enough on this side leaves nothing open.
+    enough = np.all(albedos.above <= WELL_KNOWN, axis=1)
+    which = which[~enough[which]]
     axis = table.layout.axes.get("theta_o", np.zeros(0)) if table.layout.gridded else np.zeros(0)
     step = float(np.median(np.diff(axis))) if axis.size > 1 else STEP
     isotropic, chosen = not table.layout.has_azimuth_of_light, []
@@ -144,11 +172,15 @@ def _directions(table: Table, albedos: Albedos, which: np.ndarray, instrument: I
         offsets = np.zeros(1) if albedos.unseen[k] else np.array(BETWEEN) * step
         for offset in offsets:
             # The nearest to it that the detector's shadow and the axes leave free.
-            polar = theta + offset + np.concatenate([[0.0], AROUND, -AROUND])
-            polar = polar[np.argsort(np.abs(polar - theta - offset), kind="stable")]
+            lobe = theta if bend == 1.0 else float(np.arcsin(min(bend * np.sin(theta), 1.0)))
+            polar = lobe + offset + np.concatenate([[0.0], AROUND, -AROUND])
+            polar = polar[np.argsort(np.abs(polar - lobe - offset), kind="stable")]
             theta_o, turned = np.abs(polar), np.where(polar < 0, 0.0, np.pi)
             light = np.full_like(polar, theta), np.full_like(polar, phi)
-            every = np.stack([*light, theta_o, (phi + turned) % (2 * np.pi)])
+            every = np.stack([*light, theta_o, (phi + turned) % (2 * np.pi)])[:, theta_o < np.pi / 2]
+            every[0], every[2] = (
+                a if side > 0 else np.pi - a for a, side in ((every[0], light_side), (every[2], detector_side))
+            )
             chosen.append(readable(every, instrument, isotropic)[:, :1])
     return np.unique(np.concatenate(chosen, axis=1), axis=1) if chosen else np.zeros((4, 0))
 

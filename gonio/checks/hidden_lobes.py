@@ -120,14 +120,14 @@ class Further(NamedTuple):
     u: np.ndarray
     limit: np.ndarray
 
-    def near(self, incidence: tuple[float, float], isotropic: bool) -> tuple[NearMirror, np.ndarray]:
+    def near(self, incidence: tuple[float, float], isotropic: bool, bend: float = 1.0) -> tuple[NearMirror, np.ndarray]:
         """Those of one incidence (theta_i, phi_i), which stand for nothing of its albedo, and their limits."""
         theta_i, phi_i, theta_o, phi_o = self.angles.T
         alike = np.abs(theta_i - incidence[0]) < SAME_LIGHT
         if not isotropic and incidence[0] > SAME_LIGHT:
             alike &= np.abs(np.mod(phi_i - incidence[1] + np.pi, 2 * np.pi) - np.pi) < SAME_LIGHT
         turned = phi_o - phi_i + incidence[1] if isotropic else phi_o
-        nodes = NearMirror.of(incidence, theta_o[alike], turned[alike], np.zeros(alike.sum()))
+        nodes = NearMirror.of(incidence, theta_o[alike], turned[alike], np.zeros(alike.sum()), bend)
         return nodes, self.limit[alike][nodes.number]
 
 

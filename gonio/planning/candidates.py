@@ -66,12 +66,16 @@ def readable(angles: Angles, instrument: Instrument, isotropic: bool = False) ->
     wi, wo = from_spherical(angles[0], angles[1], np), from_spherical(angles[2], angles[3], np)
     between = np.arccos(np.clip(sum(a * b for a, b in zip(wi, wo, strict=True)), -1.0, 1.0))
     most_i, most_o = highest(instrument)
-    below = (angles[0] <= most_i + 1e-6) & (angles[2] <= most_o + 1e-6)
+    folded_i, folded_o = (np.minimum(a, np.pi - a) for a in (angles[0], angles[2]))  # from the normal of their side
+    below = (folded_i <= most_i + 1e-6) & (folded_o <= most_o + 1e-6)
     return angles[:, instrument.reaches(angles) & below & (between >= instrument.shadow)]
 
 
 def highest(instrument: Instrument) -> tuple[float, float]:
-    """Largest polar angles of light and detector whose whole aperture is above the horizon, at most 85°."""
+    """Largest polar angles of light and detector whose whole aperture is above the horizon, at most 85°.
+
+    From the normal of their side: what reaches behind the sample reaches as far there.
+    """
     half_angles = instrument.source_half_angle, instrument.detector_half_angle
     ranges = instrument.ranges[0], instrument.ranges[2]
     i, o = (min(r[1], THETA_MAX, math.pi / 2 - h) for r, h in zip(ranges, half_angles, strict=True))

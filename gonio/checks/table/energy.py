@@ -1,20 +1,25 @@
 """Energy conservation of a table: directional albedos at its incidences, with a bound from its resolution."""
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gonio.checks.albedos import Albedos, energy_property, with_hemispherical
 from gonio.checks.certificate import PASS, UNDECIDED, Property, without_residual
 from gonio.checks.hidden_lobes import NARROWEST, Features, at_width
+from gonio.checks.table.albedos.two_sided import Part, albedos_of_parts, summed, two_sided_albedos
 from gonio.checks.table.energy_words import degrees_up, incidences_judged, least_width, remedy, series_of, what_may_hide
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.further_readings import with_further
+from gonio.checks.table.further_readings import FurtherBySide
 from gonio.checks.table.statistics.counts import critical, sidak
 from gonio.data.interpolation.scattering_blocks import sheet_of
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 from gonio.models.geometry.sides import FRONT
+
+if TYPE_CHECKING:
+    from gonio.fitting.result import FitResult
 
 STANDARD_UNCERTAINTIES = 2.0
 """How many of the readings' noise the bounds of albedos hold."""
@@ -36,12 +41,10 @@ def table_albedos(table: Table, feature_width: float = 0.0, further: Table | Non
         from gonio.checks.table.sheet import sheet_albedos
 
         return sheet_albedos(sheet, table.channels.names)
-    features = with_further(features_of(table, feature_width), further)
+    features, beside = features_of(table, feature_width), FurtherBySide(further)
     if table.sides == FRONT:
-        return _albedos(table, features)
-    from gonio.checks.table.albedos.two_sided import two_sided_albedos
-
-    return two_sided_albedos(table, lambda part, bend: _albedos(part, features, bend))
+        return _albedos(table, beside.added(features))
+    return two_sided_albedos(table, lambda p: _albedos(p.table, beside.added(features, p.light, p.detector), p.bend))
 
 
 def features_of(table: Table, feature_width: float) -> Features:
@@ -62,9 +65,7 @@ def albedos_by_side(table: Table, feature_width: float = 0.0) -> dict[tuple[int,
     features = features_of(table, feature_width)
     if table.sides == FRONT:
         return {(1, 1): _albedos(table, features)}
-    from gonio.checks.table.albedos.two_sided import albedos_of_parts
-
-    return albedos_of_parts(table, lambda part, bend: _albedos(part, features, bend))
+    return albedos_of_parts(table, lambda part: _albedos(part.table, features, part.bend))
 
 
 def _albedos(table: Table, features: Features, bend: float = 1.0) -> Albedos | str:
@@ -120,17 +121,21 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
     return helped
 
 
-def deciding_albedos(evidence: TableEvidence) -> Albedos | str:
-    """The albedos that leave energy undecided: with the help of a model, if one helps."""
-    assisted = "no model" if evidence.model is None else _assisted(evidence)
-    return table_albedos(evidence.table, evidence.feature_width) if isinstance(assisted, str) else assisted
+def deciding_by_side(evidence: TableEvidence) -> dict[tuple[int, int], Albedos | str]:
+    """The albedos that leave energy undecided, by the sides of light and detector; of a model, if one helps."""
+    assisted = "no model" if evidence.model is None else _assisted_by_side(evidence)
+    return albedos_by_side(evidence.table, evidence.feature_width) if isinstance(assisted, str) else assisted
 
 
 def _assisted(evidence: TableEvidence) -> Albedos | str:
-    if evidence.table.sides != FRONT:
-        return "it helps tables of reflection from the front alone"
+    by_side = _assisted_by_side(evidence)
+    if isinstance(by_side, str):
+        return by_side
+    return by_side[1, 1] if evidence.table.sides == FRONT else summed(by_side)
+
+
+def _assisted_by_side(evidence: TableEvidence) -> dict[tuple[int, int], Albedos | str] | str:
     table, features = evidence.table, features_of(evidence.table, evidence.feature_width)
-    features = with_further(features, evidence.further)
     if table.interpolant is not None:
         return "the table brings its own interpolation between the readings"
     if table.layout.in_one_plane:
@@ -140,14 +145,25 @@ def _assisted(evidence: TableEvidence) -> Albedos | str:
     except GonioError as error:  # too few readings for the model
         return str(error)
     assert fitted is not None
+    beside = FurtherBySide(evidence.further)
+    if table.sides == FRONT:
+        return {(1, 1): _assisted_front(Part(table), fitted, beside.added(features))}
+    return albedos_of_parts(table, lambda p: _assisted_front(p, fitted, beside.added(features, p.light, p.detector)))
+
+
+def _assisted_front(part: Part, fitted: "FitResult", features: Features) -> Albedos | str:
+    """Those of one pair of sides; `fitted` was made to all of the table."""
+    table = part.table
     if table.layout.outgoing_grid() is not None:
         from gonio.checks.table.albedos.model_assisted import assisted_albedos
 
-        return assisted_albedos(table, fitted, features)
+        return assisted_albedos(part, fitted, features)
+    if part.bend != 1.0:
+        return "lists of refracted light are integrated by their own readings alone"
     from gonio.checks.table.albedos.assisted_scattered import assisted_by_nearest
 
     listed = table if table.layout.in_half_vectors else table.as_list() if table.layout.gridded else table
-    return assisted_by_nearest(listed, fitted, features)
+    return assisted_by_nearest(part._replace(table=listed), fitted, features)
 
 
 def _judged(albedos: Albedos, evidence: TableEvidence, tolerance: float) -> Property:
@@ -176,7 +192,7 @@ def _judged(albedos: Albedos, evidence: TableEvidence, tolerance: float) -> Prop
         step = float(np.degrees(np.nanmin(needed))) if np.isfinite(needed).any() else None
         judged.facts["step_needed_deg"] = step
         judged.detail += remedy(evidence.table.layout, step)
-        if evidence.model is None and evidence.table.sides == FRONT and evidence.table.interpolant is None:
+        if evidence.model is None and evidence.table.interpolant is None:
             judged.detail += " Or a model may carry the verdict, as far as the readings follow it: --model auto."
     return judged
 

@@ -8,9 +8,11 @@ import numpy as np
 from gonio.checks.hidden_lobes import Features, Further
 from gonio.checks.table.pairs.equal_pairs import angles_of, readings_of
 from gonio.data.layouts import scattered
-from gonio.data.table import Table
+from gonio.data.table import MEDIA, Table
 from gonio.models.errors import GonioError
-from gonio.models.geometry.sides import FRONT
+from gonio.models.geometry.sides import sides_in_words
+
+REFLECTION = "reflection"
 
 
 def joined(table: Table, further: Table) -> Table:
@@ -35,8 +37,17 @@ def require_alike(table: Table, further: Table) -> None:
             f"the further readings are of {', '.join(further.channels.names)}, the table of "
             f"{', '.join(table.channels.names)}; measure the same channels"
         )
-    if table.sides != FRONT or further.sides != FRONT:
-        raise GonioError("further readings join tables of reflection from the front alone; check the tables apart")
+    if not further.sides & table.sides:
+        raise GonioError(
+            f"the further readings are of {sides_in_words(further.sides) or REFLECTION}, the table is of "
+            f"{sides_in_words(table.sides) or REFLECTION}: measure where the table was read"
+        )
+    indices = [np.divide(*t.media) for t in (table, further)]
+    if MEDIA in further.provenance and not np.allclose(indices[0], indices[1], rtol=1e-3):
+        raise GonioError(
+            f"the further readings are of media of the ratio {indices[1].flat[0]:.4g}, the table of "
+            f"{indices[0].flat[0]:.4g}; state the same media for both"
+        )
 
 
 def limits_of(further: Table) -> Further:
@@ -48,6 +59,13 @@ def limits_of(further: Table) -> Further:
     return Further(angles_of(further.layout, cells)[use], f, u, np.maximum(f, 0.0) + 2 * u)
 
 
-def with_further(features: Features, further: Table | None) -> Features:
-    """The features, with the limits of further readings."""
-    return features if further is None else features._replace(further=limits_of(further))
+class FurtherBySide:
+    """Further readings, or none, by the sides of light and detector."""
+
+    def __init__(self, further: Table | None) -> None:
+        self._parts = {} if further is None else further.parts()
+
+    def added(self, features: Features, light: int = 1, detector: int = 1) -> Features:
+        """The features, with the limits of what was read further on these sides."""
+        part = self._parts.get((light, detector))
+        return features if part is None else features._replace(further=limits_of(part))

@@ -22,6 +22,7 @@ from automatic import INSIDE, OUTSIDE
 import gonio
 from gonio.checks.hidden_lobes import Features
 from gonio.checks.table.albedos.model_assisted import assisted_albedos
+from gonio.checks.table.albedos.two_sided import Part
 from gonio.checks.table.energy import table_energy
 from gonio.checks.table.evidence import TableEvidence
 from gonio.data import layouts
@@ -73,7 +74,7 @@ def main(number: int, seed: int) -> None:
         if plain.verdict == "undecided":
             evidence = TableEvidence(table, model="auto")
             helped, fitted = table_energy(evidence, 0.01), evidence.fitted
-            assisted = assisted_albedos(table, fitted, Features(1e-3))
+            assisted = assisted_albedos(Part(table), fitted, Features(1e-3))
             if not isinstance(assisted, str):
                 within = np.abs(assisted.value - albedo) <= np.minimum(assisted.above, assisted.below)
                 counts["incidences held"] += int(within.sum())

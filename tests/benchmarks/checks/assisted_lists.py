@@ -14,6 +14,7 @@ import numpy as np
 import gonio
 from gonio.checks.hidden_lobes import Features
 from gonio.checks.table.albedos.assisted_scattered import assisted_by_nearest
+from gonio.checks.table.albedos.two_sided import Part
 from gonio.models.albedo import directional_albedo
 
 MODELS = ("lambert + ggx + ggx", "lambert + ggx", "lambert + phong", "ggx")
@@ -45,7 +46,7 @@ def main(lists: int = 60, seed: int = 0) -> None:
         material = gonio.material(paint(rng))
         table = readings(material, rng)
         for model in MODELS:
-            albedos = assisted_by_nearest(table, gonio.fit(table, model), FEATURES)
+            albedos = assisted_by_nearest(Part(table), gonio.fit(table, model), FEATURES)
             if isinstance(albedos, str):
                 continue
             exact = directional_albedo(material.brdf, albedos.theta_i, albedos.phi_i, tolerance=1e-5).value

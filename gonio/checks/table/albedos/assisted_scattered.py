@@ -17,8 +17,8 @@ from gonio.checks.hidden_lobes import Features, NearMirror, credible, hidden_ene
 from gonio.checks.table.albedos.model_light import FAST, NOISE, ORDER, albedo_of, light_of
 from gonio.checks.table.albedos.on_grid import FLOOR, MOST_MISSING
 from gonio.checks.table.albedos.ratio_fields import HalfVectorField, NearestField, half_vector_field, nearest_field
+from gonio.checks.table.albedos.two_sided import Part
 from gonio.data.material import Material
-from gonio.data.table import Table
 from gonio.fitting.result import FitResult
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
@@ -81,14 +81,16 @@ class _Light(NamedTuple):
     row: Incidence
 
 
-def assisted_by_nearest(table: Table, fitted: FitResult, features: Features) -> Albedos | str:
+def assisted_by_nearest(part: Part, fitted: FitResult, features: Features) -> Albedos | str:
     """Albedos of a scattered or half/difference table, with the help of a model fitted to it; or why there are none.
 
     Args:
-        table: the table. Its incidences with enough readings are judged; if none has, 0, 10, ... 80°.
-        fitted: the fit of a model to it.
+        part: the readings of one pair of sides of a table. Incidences with enough of them are judged; if none has,
+            0, 10, ... 80°.
+        fitted: the fit of a model to all of it.
         features: what a lobe that hides at the mirror direction is like.
     """
+    table, brdf = part.table, part.seen(fitted.brdf)
     field = half_vector_field(table) if table.layout.in_half_vectors else nearest_field(table)
     if isinstance(field, str):
         return field
@@ -98,17 +100,18 @@ def assisted_by_nearest(table: Table, fitted: FitResult, features: Features) -> 
     incidences = field.incidences()
     if not incidences:
         return "no incidence was read"
-    model = _model(fitted.brdf, field.angles, channels)
-    most = np.max([albedo_of(fitted.brdf, _light_from(i), FAST, channels) for i in incidences], axis=0)
+    model = _model(brdf, field.angles, channels)
+    most = np.max([albedo_of(brdf, _light_from(i), FAST, channels) for i in incidences], axis=0)
     readings = _Readings(field, model, np.maximum(FLOOR * most / np.pi, 1e-300))
-    lights = list(_lights(fitted.brdf, readings, incidences))
+    lights = list(_lights(brdf, readings, incidences))
     used = np.unique(np.concatenate([light.numbers for light in lights]))
 
     def missed(material: Material) -> np.ndarray:
         """What the readings would miss of a material's albedos, (incidences, C)."""
-        m = _model(material.brdf, field.angles[used], channels)
+        surface = part.seen(material.brdf)
+        m = _model(surface, field.angles[used], channels)
         known = [np.sum(light.weight * m[np.searchsorted(used, light.numbers)], axis=0) for light in lights]
-        return np.stack([albedo_of(material.brdf, _light_from(i), FAST, channels) for i in incidences]) - known
+        return np.stack([albedo_of(surface, _light_from(i), FAST, channels) for i in incidences]) - known
 
     spread = 2.0 * np.nan_to_num(fitted.propagated(missed, by_channel=True), nan=np.inf)
     limit = credible(_left_to_lobes(readings), most)

@@ -17,9 +17,8 @@ from gonio.checks.grid_resolution import LARGEST, RESOLVED, prediction_error, pr
 from gonio.checks.hidden_lobes import Features, Further, credible
 from gonio.checks.table.albedos.model_light import FAST, NOISE, ORDER, albedo_of, light_of
 from gonio.checks.table.albedos.on_grid import HemisphereGrid, filled, floor_of, hemisphere_grid
+from gonio.checks.table.albedos.two_sided import Part
 from gonio.data.flags import Flag
-from gonio.data.material import Material
-from gonio.data.table import Table
 from gonio.fitting.result import FitResult
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
@@ -75,45 +74,47 @@ def _at_nodes(brdf: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.nda
     return np.broadcast_to(f.reshape(*shape, -1), (*shape, channels))
 
 
-def _difference(material: Material, grid: HemisphereGrid, channels: int) -> np.ndarray:
-    """What the grid misses of a material's albedos at all incidences, (n, C)."""
+def _difference(brdf: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.ndarray:
+    """What the grid misses of a model's albedos at all incidences, (n, C)."""
     wi = [Direction(*map(jnp.asarray, from_spherical(t, p, np))) for _, t, p in grid.incidences]
-    return np.stack([albedo_of(material.brdf, w, FAST, channels) for w in wi]) - np.sum(
-        grid.weights * _at_nodes(material.brdf, grid, channels), axis=(1, 2)
+    return np.stack([albedo_of(brdf, w, FAST, channels) for w in wi]) - np.sum(
+        grid.weights * _at_nodes(brdf, grid, channels), axis=(1, 2)
     )
 
 
-def assisted_albedos(table: Table, fitted: FitResult, features: Features) -> Albedos | str:
+def assisted_albedos(part: Part, fitted: FitResult, features: Features) -> Albedos | str:
     """Albedos at every incidence of a spherical or isotropic table, with the help of a model fitted to it.
 
     Args:
-        table: the table.
-        fitted: the fit of a model to it.
+        part: the readings of one pair of sides of the table.
+        fitted: the fit of a model to all of it.
         features: what a lobe that hides at the mirror direction is like.
 
     Returns:
         The albedos with their bounds, or why there are none.
     """
+    table = part.table
     grid = hemisphere_grid(table.layout)
     if isinstance(grid, str):
         return grid
     if not fitted.converged:
         return "the fit of the model did not converge"
     channels = len(table.channels)
+    brdf = part.seen(fitted.brdf)
     if features.further is not None:
-        features = features._replace(further=_left_of(features.further, fitted.brdf))
-    spread = fitted.propagated(lambda material: _difference(material, grid, channels), by_channel=True)
+        features = features._replace(further=_left_of(features.further, brdf))
+    spread = fitted.propagated(lambda m: _difference(part.seen(m.brdf), grid, channels), by_channel=True)
     method = (
         f"Model-assisted: the albedo of {fitted.requested}, fitted to the table, and the grid's integral of readings − "
         "model; between the nodes the surface is taken to follow the model as it does at the nodes around."
     )
-    return albedos_of(_incidences(table, grid, fitted.brdf, spread, features), method, features)
+    return albedos_of(_incidences(part, grid, brdf, spread, features), method, features)
 
 
 def _incidences(
-    table: Table, grid: HemisphereGrid, brdf: AbstractBRDF, spread: np.ndarray, features: Features
+    part: Part, grid: HemisphereGrid, brdf: AbstractBRDF, spread: np.ndarray, features: Features
 ) -> Iterator[Incidence]:
-    channels = len(table.channels)
+    table, channels = part.table, len(part.table.channels)
     at_nodes = _at_nodes(brdf, grid, channels)
     for k, (number, theta_i, phi_i) in enumerate(grid.incidences):
         block = table.read_values(number * grid.stored, (number + 1) * grid.stored)
@@ -126,7 +127,7 @@ def _incidences(
         bound = row.bound + 2.0 * error + 2.0 * np.nan_to_num(spread[k], nan=np.inf)
         partial = grid.missing(valid)
         limit = np.where(valid, credible(_left_to_lobes(f, u, at_nodes[k]), row.value), np.inf)
-        hidden = None if partial else grid.hidden((theta_i, phi_i), limit, features)
+        hidden = None if partial else grid.hidden((theta_i, phi_i), limit, features, part.bend)
         yield row._replace(theta_i=theta_i, phi_i=phi_i, bound=bound, partial=partial, hidden=hidden)
 
 
@@ -153,6 +154,8 @@ class _Nodes(NamedTuple):
     u: np.ndarray
     model: np.ndarray
     floor: np.ndarray
+    added: np.ndarray
+    """Light, 1/sr, in the model that makes it no darker than the floor."""
 
     @property
     def ratio(self) -> np.ndarray:
@@ -185,15 +188,17 @@ def _estimate(
     f, u, valid = readings
     weight, whole = grid.weights, filled(np.where(valid, f, 0.0), valid)
     floor = floor_of(np.sum(shares.near + weight * (whole - m), axis=(0, 1)))
-    # Where the model is dark the ratio to it tells nothing: there it sends back the floor.
-    shares, m = shares._replace(near=shares.near + weight * np.maximum(floor - m, 0.0)), np.maximum(m, floor)
-    nodes = _Nodes(whole, np.where(valid & np.isfinite(u), u, 0.0), m, floor)
+    # Where the model is dark the ratio to it tells nothing: light up to the floor is added to both.
+    added = np.maximum(floor - m, 0.0)
+    shares, m = shares._replace(near=shares.near + weight * added), m + added
+    nodes = _Nodes(whole, np.where(valid & np.isfinite(u), u, 0.0), m, floor, added)
     sums = _of_the_difference(grid, nodes, shares), _of_the_ratio(grid, nodes, shares)
     bounds = [s.missed + 2 * s.noise for s in sums]
     pairs = zip(*((s.value, bound, s.noise) for s, bound in zip(sums, bounds, strict=True)), strict=True)
     value, bound, noise = (np.where(bounds[1] < bounds[0], b, a) for a, b in pairs)
     rest = np.sum(weight * np.where(valid, 0.0, np.abs(whole)), axis=(0, 1))
-    rest += np.sum(weight * np.where(np.maximum(whole, m) < floor, floor, 0.0), axis=(0, 1))
+    # Of nodes that are dark by the model and by the readings no more is known than that.
+    rest += np.sum(np.where((added > 0) & (whole < floor), weight * floor, 0.0), axis=(0, 1))
     return Incidence(np.nan, np.nan, value, bound + rest, noise)
 
 
@@ -220,7 +225,8 @@ def _of_the_ratio(grid: HemisphereGrid, nodes: _Nodes, shares: _Shares) -> _Sum:
     missed = np.sum((shares.near - shares.beyond) * growth * bent, axis=(0, 1))
     outside = _Shares(shares.near, shares.beyond * growth)
     missed += _beyond(grid, outside, _change(nodes))
-    return _Sum(np.sum(light * nodes.f, axis=(0, 1)), missed, _rms(light * nodes.u))
+    value = np.sum(light * (nodes.f + nodes.added) - grid.weights * nodes.added, axis=(0, 1))
+    return _Sum(value, missed, _rms(light * nodes.u))
 
 
 def _beyond(grid: HemisphereGrid, shares: _Shares, change: np.ndarray) -> np.ndarray:

@@ -87,7 +87,7 @@ class HemisphereGrid:
         nodes = NearMirror.of(incidence, theta_o, phi_o, self.weights.ravel(), bend)
         limit = limit.reshape(-1, limit.shape[2])[nodes.number]
         if features.further is not None:
-            beside, theirs = features.further.near(incidence, self.isotropic)
+            beside, theirs = features.further.near(incidence, self.isotropic, bend)
             nodes, limit = nodes.joined(beside), np.concatenate([limit, theirs])
         lobes = REFLECTED if bend == 1.0 else refracted(incidence[0], bend)
         return hidden_energy(nodes, limit, self.isotropic, lobes)

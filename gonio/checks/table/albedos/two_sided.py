@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -10,25 +10,50 @@ from gonio.checks.albedos import Albedos
 from gonio.checks.hidden_lobes import ALPHAS
 from gonio.data.table import Table
 
+if TYPE_CHECKING:
+    from gonio.models.brdf import AbstractBRDF
+
 SAME_LIGHT = np.radians(0.05)
 """Incidences nearer than that are one."""
 ROWS = ("theta_i", "phi_i", "value", "above", "below", "noise", "unseen", "step_needed", "partial", "hidden")
 REFLECTED, TRANSMITTED = "reflectance", "transmittance"
 
 
-def two_sided_albedos(table: Table, of_part: Callable[[Table, float], Albedos | str]) -> Albedos | str:
+class Part(NamedTuple):
+    """Readings of one pair of sides, mirrored into the front, as `Table.parts` gives them."""
+
+    table: Table
+    light: int = 1
+    """Side of the light, 1 in front and −1 behind."""
+    detector: int = 1
+    bend: float = 1.0
+    """Where a lobe hides: at sin θo = bend · sin θi."""
+
+    def seen(self, brdf: "AbstractBRDF") -> "AbstractBRDF":
+        """A model of the whole table as these readings see it."""
+        from gonio.models.folded import seen_from
+
+        return seen_from(brdf, self.light, self.detector)
+
+
+def two_sided_albedos(table: Table, of_part: Callable[[Part], Albedos | str]) -> Albedos | str:
     """R + T at every incidence of light in front of the sample and behind it; of what was read, where only one was.
 
     Args:
         table: a table with readings behind the sample, or light from there.
-        of_part: albedos of a part (see `Table.parts`) whose lobe goes to sin θo = factor · sin θi.
+        of_part: albedos of a part, or why there are none.
 
     Returns:
         The albedos with their `shares`, or why there are none of any part.
     """
+    return summed(albedos_of_parts(table, of_part))
+
+
+def summed(by_side: dict[tuple[int, int], Albedos | str]) -> Albedos | str:
+    """R + T at every incidence, of what `albedos_of_parts` gives."""
     shares: dict[int, dict[str, Albedos]] = {1: {}, -1: {}}
     reasons = []
-    for (light, detector), albedos in albedos_of_parts(table, of_part).items():
+    for (light, detector), albedos in by_side.items():
         if isinstance(albedos, str):
             reasons.append(albedos)
         else:
@@ -37,21 +62,23 @@ def two_sided_albedos(table: Table, of_part: Callable[[Table, float], Albedos | 
     return _concatenated(lit) if lit else reasons[0]
 
 
-def albedos_of_parts(
-    table: Table, of_part: Callable[[Table, float], Albedos | str]
-) -> dict[tuple[int, int], Albedos | str]:
+def albedos_of_parts(table: Table, of_part: Callable[[Part], Albedos | str]) -> dict[tuple[int, int], Albedos | str]:
     """Those of each part, or why there are none, by the sides of light and detector; angles from the light's normal.
 
     `of_part` as of `two_sided_albedos`.
     """
-    front, behind = (float(np.mean(n)) for n in table.media)
-    index = {1: front, -1: behind}
     return {
-        (light, detector): of_part(part, index[light] / index[detector])
+        (light, detector): of_part(Part(part, light, detector, bend_of(table, light, detector)))
         if part.valid_cells().size
         else "it holds no reading"
         for (light, detector), part in table.parts().items()
     }
+
+
+def bend_of(table: Table, light: int, detector: int) -> float:
+    """sin θo / sin θi of light that is refracted between these sides, by the table's media; 1 of what is reflected."""
+    index = dict(zip((1, -1), (float(np.mean(n)) for n in table.media), strict=True))
+    return index[light] / index[detector]
 
 
 def _of_light(shares: dict[str, Albedos], light: int) -> Albedos:

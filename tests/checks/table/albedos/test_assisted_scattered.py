@@ -6,6 +6,7 @@ import pytest
 import gonio
 from gonio.checks.hidden_lobes import Features
 from gonio.checks.table.albedos.assisted_scattered import assisted_by_nearest
+from gonio.checks.table.albedos.two_sided import Part
 from gonio.checks.table.energy import table_albedos, table_energy
 from gonio.checks.table.evidence import TableEvidence
 from gonio.data import layouts
@@ -37,7 +38,7 @@ HALF_DIFFERENCE = model_table(PAINT, layouts.merl(counts=(18, 18, 36)))
 @pytest.mark.parametrize("model", [RIGHT, WRONG])
 @pytest.mark.parametrize("table", [listed(1000), HALF_DIFFERENCE], ids=["list", "half-difference"])
 def test_the_bound_holds_with_models_right_and_wrong(table, model):
-    assisted = assisted_by_nearest(table, gonio.fit(table, model), NO_LOBE_IS_NARROWER)
+    assisted = assisted_by_nearest(Part(table), gonio.fit(table, model), NO_LOBE_IS_NARROWER)
     truth = directional_albedo(build(PAINT), assisted.theta_i, 0.0, 1e-6).value[:, None]
     assert (np.abs(assisted.value - truth) <= assisted.below).all()
     assert (assisted.below.max() < 0.03) == (model == RIGHT)

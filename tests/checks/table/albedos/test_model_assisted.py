@@ -6,10 +6,11 @@ import pytest
 import gonio
 from gonio.checks.hidden_lobes import Features
 from gonio.checks.table.albedos.model_assisted import assisted_albedos
+from gonio.checks.table.albedos.two_sided import Part, albedos_of_parts, summed
 from gonio.checks.table.energy import table_albedos
 from gonio.data import layouts
 from gonio.data.table import Channels, whole_table_of_values
-from gonio.models.albedo import directional_albedo
+from gonio.models.albedo import directional_albedo, directional_transmittance
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
@@ -35,7 +36,7 @@ def energy(table, model):
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_the_bound_holds_with_models_right_and_wrong(model, noise):
     table = table_of(noise=noise)
-    assisted, alone = assisted_albedos(table, gonio.fit(table, model), Features(1e-3)), table_albedos(table)
+    assisted, alone = assisted_albedos(Part(table), gonio.fit(table, model), Features(1e-3)), table_albedos(table)
     truth = directional_albedo(build(PAINT), POLAR, 0.0, 1e-8).value[:, None]
     assert (np.abs(assisted.value - truth) <= np.minimum(assisted.above, assisted.below)).all()
     if model == "lambert + ggx + ggx":
@@ -58,3 +59,33 @@ def test_what_it_cannot_help_is_said():
         gonio.check(PAINT, model="lambert")
     plane = model_table(PAINT, layouts.in_plane(POLAR, np.radians(np.arange(-80, 81, 10.0))))
     assert "A model does not help: readings in one plane" in energy(plane, "lambert").detail
+
+
+def two_sided_grid(light, step):
+    polar = np.radians(np.arange(0, 86, step))
+    return layouts.isotropic(light, np.concatenate([polar, np.pi - polar[::-1]]), np.radians(np.arange(0, 360, 15)))
+
+
+@pytest.mark.parametrize(
+    ("truth", "model", "size"),
+    [
+        (
+            "thin_sheet(rho=0.3, tau=0.4) + 0.2*transmitted(base=ggx(alpha=0.15))",
+            "thin_sheet + transmitted(base=ggx)",
+            3e-3,
+        ),
+        ("lambert(rho=0.6) + cosine_power_transmission(n=20, tau=0.3)", "lambert + cosine_power_transmission", 3e-3),
+        ("thin_sheet(rho=0.3, tau=0.4) + 0.2*transmitted(base=ggx(alpha=0.15))", "thin_sheet", 1.0),
+    ],
+)
+def test_both_sides_of_a_sample_are_held_by_a_model_of_it(truth, model, size):
+    light = np.radians([0, 30, 60, 130, 170])
+    table = gonio.measure(truth, scan=two_sided_grid(light, 10), log=lambda text: None)
+    fitted = gonio.fit(table, model)
+    by_side = albedos_of_parts(table, lambda part: assisted_albedos(part, fitted, Features(1e-3)))
+    assisted, brdf = summed(by_side), build(truth)
+    exact = (g(brdf, light, 0.0, 1e-6).value for g in (directional_albedo, directional_transmittance))
+    exact = sum(exact)[:, None]
+    assert (exact <= assisted.value + assisted.above + 1e-6).all()
+    assert (exact >= assisted.value - assisted.below - 1e-6).all()
+    assert np.max(assisted.below) < size
