@@ -90,7 +90,7 @@ def assisted_by_nearest(part: Part, fitted: FitResult, features: Features) -> Al
         fitted: the fit of a model to all of it.
         features: what a lobe that hides at the mirror direction is like.
     """
-    table, brdf = part.table, part.seen(fitted.brdf)
+    table, brdf = part.table, part.folded(fitted.brdf)
     field = half_vector_field(table) if table.layout.in_half_vectors else nearest_field(table)
     if isinstance(field, str):
         return field
@@ -108,7 +108,7 @@ def assisted_by_nearest(part: Part, fitted: FitResult, features: Features) -> Al
 
     def missed(material: Material) -> np.ndarray:
         """What the readings would miss of a material's albedos, (incidences, C)."""
-        surface = part.seen(material.brdf)
+        surface = part.folded(material.brdf)
         m = _model(surface, field.angles[used], channels)
         known = [np.sum(light.weight * m[np.searchsorted(used, light.numbers)], axis=0) for light in lights]
         return np.stack([albedo_of(surface, _light_from(i), FAST, channels) for i in incidences]) - known

@@ -29,7 +29,7 @@ class Part(NamedTuple):
     bend: float = 1.0
     """Where a lobe hides: at sin θo = bend · sin θi."""
 
-    def seen(self, brdf: "AbstractBRDF") -> "AbstractBRDF":
+    def folded(self, brdf: "AbstractBRDF") -> "AbstractBRDF":
         """A model of the whole table as these readings see it."""
         from gonio.models.folded import seen_from
 
@@ -77,8 +77,8 @@ def albedos_of_parts(table: Table, of_part: Callable[[Part], Albedos | str]) -> 
 
 def bend_of(table: Table, light: int, detector: int) -> float:
     """sin θo / sin θi of light that is refracted between these sides, by the table's media; 1 of what is reflected."""
-    index = dict(zip((1, -1), (float(np.mean(n)) for n in table.media), strict=True))
-    return index[light] / index[detector]
+    front, behind = (float(np.mean(n)) for n in table.media)
+    return 1.0 if light == detector else front / behind if light > 0 else behind / front
 
 
 def _of_light(shares: dict[str, Albedos], light: int) -> Albedos:
