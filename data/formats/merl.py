@@ -88,7 +88,8 @@ def write_merl(
     A table on MERL's grid is written cell by cell; any other is interpolated onto 90 × 90 × 180 nodes, and
     the round trip then compares the interpolated file with the table's own cells. One channel is repeated.
     MERL has no sign for a negative reading: those become "no data" and are counted as lost. Raises GonioError
-    for other than one or three channels, and where `path` cannot be written.
+    for other than one or three channels, for a table with readings about less than half of the directions, and where
+    `path` cannot be written.
     """
     require_reflection(source, getattr(source, "name", "") or "the model", "a MERL file")
     from gonio.models.evaluation import channel_count
@@ -96,7 +97,7 @@ def write_merl(
     count = len(source.channels) if isinstance(source, Table) else channel_count(source) or 1
     if count not in (1, 3):  # before a million cells of each are computed
         raise GonioError(f"a MERL file holds R, G, B, but there are {count} channels; choose one or three")
-    table = _on_merl_grid(source, nodes)
+    table, continued = _on_merl_grid(source, nodes)
     values = table.read_values()
     keep = (values["flag"] == Flag.VALID) & (values["f"] >= 0)
     raw = np.where(keep, np.where(keep, values["f"], NO_DATA) / SCALE, NO_DATA)
@@ -114,7 +115,7 @@ def write_merl(
     interpolated = np.asarray(evaluate(as_material(written), sample.wi, sample.wo))
     valid = np.broadcast_to(sample.flag == Flag.VALID, interpolated.shape)
     f = np.broadcast_to(sample.f, interpolated.shape)
-    note = f"interpolated from {source.layout.name} cells, nodes {nodes}"
+    note = f"interpolated from {source.layout.name} cells, nodes {nodes}" + (f"; {continued}" if continued else "")
     return compare(f, interpolated, valid, valid, note)
 
 
@@ -122,15 +123,18 @@ def _grid(nodes: str, counts: tuple[int, int, int]) -> Layout:
     return layouts.merl(nodes, counts, 2 * math.pi if counts[2] == 360 else math.pi)
 
 
-def _on_merl_grid(source: "Table | AbstractBRDF", nodes: str) -> Table:
-    """The source itself where it is a table on a grid of MERL's, else its values on the grid of MERL's own counts."""
+def _on_merl_grid(source: "Table | AbstractBRDF", nodes: str) -> tuple[Table, str]:
+    """(the source itself where it is a table on a grid of MERL's, else its values on the grid of MERL's own counts; what
+    is to be said of directions without a reading)."""
+    from gonio.data.interpolation.coverage import require_readings_on
     from gonio.data.interpolation.multilinear import as_material
     from gonio.data.tabulate import grid_values
 
+    grid, continued = layouts.merl(nodes), ""
     if isinstance(source, Table):
         counts = source.layout.shape
         if len(counts) == 3 and source.layout == _grid(nodes, counts):
-            return source
+            return source, ""
+        continued = require_readings_on(source, grid)
         source = as_material(source)
-    grid = layouts.merl(nodes)
-    return whole_table_of_values(grid, grid_values(source, grid))
+    return whole_table_of_values(grid, grid_values(source, grid)), continued

@@ -10,7 +10,10 @@ from gonio.data.interpolation.grid_coordinates import grid_coordinates
 from gonio.data.interpolation.multilinear import interpolation_axis
 from gonio.data.layouts.base import Layout
 from gonio.data.table import Table
+from gonio.models.display import percent
+from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.low_discrepancy import low_discrepancy
 from gonio.models.geometry.sides import FRONT
 
 SAME = np.radians(1.0)
@@ -23,7 +26,10 @@ FAR = 2.0
 """Distance to the nearest reading over that of 95 % of the readings from their neighbours, beyond which is a hole."""
 WIDEST = np.radians(15.0)
 """And never farther than that: a few readings all about do not tell what lies between them."""
-FACETS = 256
+LEAST_SHARE, LOOKED_AT = 0.5, 20_000
+"""Of a file's directions, for which a table must have readings about it; directions that are looked at."""
+FACETS, ROWS = 256, 4096
+"""Of a hull, and pairs of directions, that are compared at once."""
 
 
 def covered(table: Table, wi: Direction, wo: Direction, beyond: float = 0.0) -> np.ndarray:
@@ -47,6 +53,29 @@ def covered(table: Table, wi: Direction, wo: Direction, beyond: float = 0.0) -> 
             i, o = (Direction(*(c[here] for c in w)) for w in upright)
             inside[here] = _in_part(part, i, o, beyond, light == detector)
     return inside
+
+
+def require_readings_about(table: Table, wi: Direction, wo: Direction) -> str:
+    """What is to be said of how many of a file's pairs of directions (n,) a table has readings about.
+
+    At `LOOKED_AT` of them at most, evenly chosen. Raises GonioError where it has about less than half.
+    """
+    n = np.size(wi.z)
+    some = (low_discrepancy(LOOKED_AT, 1)[:, 0] * n).astype(int) if n > LOOKED_AT else np.arange(n)
+    wi, wo = (Direction(*(np.asarray(c)[some] for c in w)) for w in (wi, wo))
+    share = float(np.mean(covered(table, wi, wo)))
+    if share < LEAST_SHARE:
+        raise GonioError(
+            f"{table.name or 'the table'} has readings about {percent(share)} of the directions that such a file holds, "
+            f"expected {percent(LEAST_SHARE)} at least; fit a model to it and write that"
+        )
+    return f"{percent(1 - share)} of the directions have no reading: continued" if share < 0.995 else ""
+
+
+def require_readings_on(table: Table, layout: Layout) -> str:
+    """The same of the cells of a grid of one side."""
+    cells = np.flatnonzero(layout.readable())
+    return require_readings_about(table, *layout.directions_at(cells[:: max(1, cells.size // (4 * LOOKED_AT))]))
 
 
 def _in_part(table: Table, wi: Direction, wo: Direction, beyond: float, reciprocal: bool) -> np.ndarray:
@@ -146,11 +175,16 @@ class ScatteredHull(NamedTuple):
         points = _points(wi, wo, self.isotropic)
         offset = points - self.centre
         inside = (np.abs(offset @ self.across) <= SAME).all(axis=1)
-        place = offset @ self.along
-        for start in range(0, len(self.facets), FACETS):
-            part = self.facets[start : start + FACETS]
-            inside &= (place @ part[:, :-1].T + part[:, -1] <= 1e-6).all(axis=1)
-        inside[inside] = KDTree(self.points).query(points[inside])[0] <= self.reach
+        here = np.flatnonzero(inside)
+        near = KDTree(self.points).query(points[here], distance_upper_bound=self.reach * (1 + 1e-12))[0]
+        here = here[np.isfinite(near)]
+        inside = np.zeros(len(points), bool)
+        for start in range(0, here.size, ROWS):
+            rows = here[start : start + ROWS]
+            for facet in range(0, len(self.facets), FACETS):
+                part = self.facets[facet : facet + FACETS]
+                rows = rows[(offset[rows] @ self.along @ part[:, :-1].T + part[:, -1] <= 1e-6).all(axis=1)]
+            inside[rows] = True
         return inside
 
 

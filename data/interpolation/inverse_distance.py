@@ -13,7 +13,8 @@ from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction, rotate_z
 from gonio.models.warps.grazing_azimuth import polar_parts
 
-CHUNK = 64
+CHUNK, FEW = 64, 16
+"""Samples whose distances are computed at once; of fewer than the second that many."""
 MAX_SAMPLES = 50_000
 """Every sample is visited for every value: beyond this a grid is the better table."""
 ROWS = 256
@@ -38,8 +39,8 @@ class Scattered(AbstractBRDF):
 
     pairs: Float[Array, "chunks chunk 6"]
     values: Float[Array, "chunks chunk channel"]
-    valid: Float[Array, "chunks chunk channel"]
-    """1 where there is a value, else 0."""
+    valid: Float[Array, "chunks chunk #channel"]
+    """1 where there is a value, else 0; one column where that is the same for all channels."""
     same_all_round: bool = eqx.field(static=True)
     reciprocal: bool = eqx.field(static=True, default=True)
 
@@ -55,11 +56,11 @@ class Scattered(AbstractBRDF):
             d2 = _distance2(samples, forward)
             if self.reciprocal:
                 d2 = jnp.minimum(d2, _distance2(samples, backward))
-            weight = valid / (d2 + SOFTENING)[:, None] ** 3
-            return (sums[0] + jnp.sum(weight * values, 0), sums[1] + jnp.sum(weight, 0)), None
+            weight = 1.0 / (d2 + SOFTENING) ** 3
+            return (sums[0] + weight @ values, sums[1] + weight @ valid), None
 
-        zero = jnp.zeros(self.values.shape[-1], self.values.dtype)
-        (total, weight), _ = jax.lax.scan(step, (zero, zero), (self.pairs, self.values, self.valid))
+        zeros = [jnp.zeros(a.shape[-1], a.dtype) for a in (self.values, self.valid)]
+        (total, weight), _ = jax.lax.scan(step, (zeros[0], zeros[1]), (self.pairs, self.values, self.valid))
         known = weight > 0
         return jnp.where(known, total / jnp.where(known, weight, 1.0), 0.0)
 
@@ -91,7 +92,8 @@ def scattered_material(table: Table, reciprocal: bool = True) -> Scattered:
         wi, wo = _turned_back(wi, wo)
     dtype = jnp.result_type(float)
     valid = block.flag == Flag.VALID
-    arrays = np.stack([*wi, *wo], axis=-1), np.where(valid, block.f, 0.0), valid
+    alike = valid[:, :1] if (valid == valid[:, :1]).all() else valid
+    arrays = np.stack([*wi, *wo], axis=-1), np.where(valid, block.f, 0.0), alike
     pairs, values, known = (jnp.asarray(chunks(a), dtype) for a in arrays)
     return Scattered(pairs, values, known, isotropic, reciprocal)
 
@@ -138,4 +140,5 @@ def _turned_back(wi: Direction, wo: Direction, each: bool = False) -> tuple[Dire
 
 def chunks(rows: np.ndarray) -> np.ndarray:
     """Rows in groups of `CHUNK`, filled up with zeros (samples that have no value)."""
-    return np.pad(rows.astype(float), ((0, -rows.shape[0] % CHUNK), (0, 0))).reshape(-1, CHUNK, rows.shape[1])
+    size = FEW if rows.shape[0] <= FEW else CHUNK
+    return np.pad(rows.astype(float), ((0, -rows.shape[0] % size), (0, 0))).reshape(-1, size, rows.shape[1])

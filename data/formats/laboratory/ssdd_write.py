@@ -64,11 +64,13 @@ def write_ssdd(
         ascii: numbers as text, at full precision; else binary, in single precision.
 
     Raises:
-        GonioError: light from behind the sample, a table without valid readings, channels that are neither one nor
+        GonioError: light from behind the sample, a table without valid readings or on no grid of the format's and with
+            readings about less than half of the directions, channels that are neither one nor
             R, G, B, X, Y, Z nor wavelengths, and where `path` cannot be written.
     """
-    table = _of_own_grid(source)
-    table = _on_mirror_grid(source) if table is None else table
+    table, continued = _of_own_grid(source), ""
+    if table is None:
+        table, continued = _on_mirror_grid(source)
     if any(light < 0 for light, _ in table.sides):
         raise GonioError("an SSDD file has light from the front alone; convert those readings to .h5 or .csv")
     colour = _colour(table.channels)
@@ -88,7 +90,7 @@ def write_ssdd(
     if table.layout.name != "mirror" or table is source:
         return matched(table, again, ", ".join(notes))
     notes.append(f"on a grid about the mirror direction, {table.layout.size} cells")
-    return sampled_error(source, again, ", ".join(notes))
+    return sampled_error(source, again, ", ".join([*notes, continued] if continued else notes))
 
 
 def _of_own_grid(source: Table | Material) -> Table | None:
@@ -212,8 +214,12 @@ def _block(part: _Part, colour: list[str], table: Table, ascii: bool) -> bytes:
     return ("\n".join(lines) + "\n").encode() + body + b"\n"
 
 
-def _on_mirror_grid(source: Table | Material) -> Table:
-    """A model, or a table without one of the format's grids, on a grid about the mirror direction."""
+def _on_mirror_grid(source: Table | Material) -> tuple[Table, str]:
+    """(a model, or a table without one of the format's grids, on a grid about the mirror direction; what is continued).
+
+    Raises GonioError for a table with readings about less than half of that grid.
+    """
+    from gonio.data.interpolation.coverage import require_readings_on
     from gonio.data.interpolation.multilinear import as_material
     from gonio.data.interpolation.rgl_layout import sectors_of
     from gonio.data.tabulate import grid_values
@@ -225,4 +231,5 @@ def _on_mirror_grid(source: Table | Material) -> Table:
     phi_m = PHI_M if isotropic else np.arange(0.0, 360.0, 30.0)
     theta_m = THETA_M if isotropic else np.concatenate([THETA_M[THETA_M < 20][::2], THETA_M[THETA_M >= 20][::2]])
     grid = layouts.mirror(np.radians(THETA_I), np.radians(theta_m), np.radians(phi_m), phi_i)
-    return whole_table_of_values(grid, grid_values(brdf, grid), source.channels, name=source.name)
+    continued = require_readings_on(source, grid) if isinstance(source, Table) else ""
+    return whole_table_of_values(grid, grid_values(brdf, grid), source.channels, name=source.name), continued

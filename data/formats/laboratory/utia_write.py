@@ -9,6 +9,7 @@ from gonio.data.files import new_file
 from gonio.data.flags import Flag
 from gonio.data.formats.laboratory.matched import sampled_error
 from gonio.data.formats.laboratory.utia import AZIMUTHS, POLAR, SHAPE, read_utia
+from gonio.data.interpolation.coverage import require_readings_on
 from gonio.data.interpolation.multilinear import as_material
 from gonio.data.material import Material
 from gonio.data.reflection_only import require_reflection
@@ -30,7 +31,8 @@ def write_utia(path: str | os.PathLike[str], source: Table | Material, force: bo
         force: replaces an existing file.
 
     Raises:
-        GonioError: what transmits, other than one or three channels, and where `path` cannot be written.
+        GonioError: what transmits, other than one or three channels, a table with readings about less than half of the
+            directions, and where `path` cannot be written.
     """
     name, channels = source.name or "the table", len(source.channels)
     require_reflection(source if isinstance(source, Table) else source.brdf, name, "a UTIA file")
@@ -40,6 +42,7 @@ def write_utia(path: str | os.PathLike[str], source: Table | Material, force: bo
     table = source if isinstance(source, Table) and source.layout == grid else None
     valid = np.ones((*SHAPE, channels), bool) if table is None else np.asarray(table.flag[...]) == Flag.VALID
     f = np.zeros(valid.shape) if table is None else np.asarray(table.f[...])
+    note = require_readings_on(source, grid) if table is None and isinstance(source, Table) else ""
     if table is None or not valid.all():
         brdf = as_material(source) if isinstance(source, Table) else source.brdf
         f = np.where(valid & (table is not None), f, grid_values(brdf, grid))
@@ -52,4 +55,5 @@ def write_utia(path: str | os.PathLike[str], source: Table | Material, force: bo
         filled = int(valid.size - np.count_nonzero(valid))
         note = f"{filled} cells without a value interpolated" if filled else ""
         return compare_cells(table.read_values(), again.read_values(), note)
-    return sampled_error(source, again, "on the format's grid of 15° and 7.5°, up to 75°")
+    grid_note = "on the format's grid of 15° and 7.5°, up to 75°"
+    return sampled_error(source, again, "; ".join(filter(None, [grid_note, note])))

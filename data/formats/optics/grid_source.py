@@ -7,14 +7,13 @@ import numpy as np
 from gonio.data import layouts
 from gonio.data.channels import Channels
 from gonio.data.flags import Flag
-from gonio.data.interpolation.coverage import covered
+from gonio.data.interpolation.coverage import require_readings_about
 from gonio.data.interpolation.multilinear import as_material
 from gonio.data.layouts import Layout
 from gonio.data.material import Material
 from gonio.data.round_trip import RoundTrip, compare, compare_cells
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.display import percent
 from gonio.models.errors import GonioError, nearest
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import Direction, from_spherical
@@ -24,8 +23,6 @@ from gonio.models.geometry.sides import Hemispheres, Sides, side
 COMPARED = 20_000
 """Pairs of directions at which a file is compared with its source."""
 COMPARED_WITHIN = np.radians(80.0)
-LEAST_COVERED = 0.5
-"""Share of a file's directions for which a table must have readings about it."""
 FINE = np.array([0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
 """Degrees from a lobe's middle at which a file has values besides those of its even step."""
 
@@ -119,22 +116,19 @@ class GridSource:
             note = f"{int(wanted.sum())} cells without a reading were interpolated" if wanted.any() else ""
         if wanted.any():
             wi, wo = layout.directions_at(np.flatnonzero(wanted))
+            if kept is None:
+                note = self.coverage(wi, wo)
             f[wanted] = self.f(wi, wo)
-            if kept is None and isinstance(self.source, Table):
-                note = self._coverage(wi, wo)
         flag = np.where(readable[:, None] & np.isfinite(f), np.uint8(Flag.VALID), np.uint8(Flag.BELOW_HORIZON))
         shape = (*layout.shape, len(self.channels))
         return Table(layout, f.reshape(shape), flag.reshape(shape), self.channels, name=self.source.name), note
 
-    def _coverage(self, wi: Direction, wo: Direction) -> str:
-        assert isinstance(self.source, Table)
-        share = float(np.mean(covered(self.source, wi, wo)))
-        if share < LEAST_COVERED:
-            raise GonioError(
-                f"{self.source.name or 'the table'} has readings about {percent(share)} of the directions that such a "
-                "file holds; fit a model to it and write that"
-            )
-        return f"{percent(1 - share)} of the directions have no reading: continued" if share < 0.995 else ""
+    def coverage(self, wi: Direction, wo: Direction) -> str:
+        """What is to be said of how many of these pairs (n,) a table has readings about; of a model nothing.
+
+        Raises GonioError where it has about less than half.
+        """
+        return require_readings_about(self.source, wi, wo) if isinstance(self.source, Table) else ""
 
     def compared(self, written: Table, note: str) -> RoundTrip:
         """A file's table, read again, against the readings, or against the model where both sides are within 80°."""

@@ -27,6 +27,7 @@ SIDES: dict[str, tuple[int, int]] = dict(zip(BLOCKS, ((1, 1), (1, -1), (-1, 1), 
 EVEN, SAMPLED = 64, 1024
 """Pairs of directions, even in both, of each pair of patches; by the model's sampler, of each patch of the light."""
 CHUNK = 1 << 17
+"""Pairs of directions whose values are computed at once, of up to eight channels; of more, fewer."""
 LARGEST = 1.01
 """R + T from which on Radiance refuses a file."""
 LUMINANCE = {"R": 0.2126, "G": 0.7152, "B": 0.0722}
@@ -54,13 +55,17 @@ def write_window_xml(
         channel: writes this channel alone.
 
     Raises:
-        GonioError: a basis or channel that is unknown, R + T above 1.01, a path that cannot be written.
+        GonioError: a basis or channel that is unknown, a table with readings about less than half of the directions,
+            R + T above 1.01, a path that cannot be written.
     """
     if basis not in BASES:
         raise GonioError(f"basis {basis[:40]!r} is unknown; {nearest(basis[:40], BASES)}")
     known = BASES[basis]
     whole, note = _visible(GridSource.of(source, channel))
-    blocks = _kept(whole, known) or _estimated(whole, known)
+    blocks, continued = _kept(whole, known), ""
+    if not blocks:
+        continued = _coverage(whole, known)
+        blocks = _estimated(whole, known)
     if not blocks:
         raise GonioError(f"{source.name or 'the source'} scatters nothing that a Klems file holds")
     largest = _largest_share(blocks, known)
@@ -75,7 +80,7 @@ def write_window_xml(
         temporary.write_text(_document(source.name, known, whole.channels, blocks), encoding="utf-8")
         written = read_window_xml(temporary)
     return whole.compared(
-        written, "; ".join(filter(None, [f"R + T up to {largest:.4g}", left_out, note, whole.media_note]))
+        written, "; ".join(filter(None, [f"R + T up to {largest:.4g}", left_out, continued, note, whole.media_note]))
     )
 
 
@@ -111,6 +116,19 @@ def _kept(source: GridSource, basis: AngleBasis) -> Blocks:
     return kept
 
 
+def _coverage(source: GridSource, basis: AngleBasis) -> str:
+    """What is to be said of how many pairs of patches a table has readings about, over all blocks that it has."""
+    arriving, leaving = (k.ravel() for k in np.meshgrid(*2 * (np.arange(basis.size),)))
+    u = low_discrepancy(arriving.size, 4)
+    pairs = [
+        _pair(name, basis.within(arriving, u[:, 0], u[:, 1]), basis.within(leaving, u[:, 2], u[:, 3]))
+        for name in BLOCKS
+        if SIDES[name] in source.sides
+    ]
+    wi, wo = (Direction(*(np.concatenate(c) for c in zip(*w, strict=True))) for w in zip(*pairs, strict=True))
+    return source.coverage(wi, wo)
+
+
 def _estimated(source: GridSource, basis: AngleBasis) -> Blocks:
     """The blocks of any other source; of one that is reciprocal the mean of both ways, which has less noise."""
     blocks = {name: _estimate(source, basis, name) for name in BLOCKS if SIDES[name] in source.sides}
@@ -142,18 +160,30 @@ def _estimate(source: GridSource, basis: AngleBasis, name: str) -> np.ndarray:
     arriving, leaving = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(n)))
     # Each with its directions exchanged, so that what is reciprocal stays so
     u = np.concatenate([u := low_discrepancy(EVEN // 2, 4), u[:, [2, 3, 0, 1]]])
-    step = CHUNK // EVEN
+    step = max(1, CHUNK // EVEN // -(-len(source.channels) // 8))
     pairs = []
     for start in range(0, n * n, step):
         a, b = (np.repeat(k[start : start + step], EVEN) for k in (arriving, leaving))
         v = np.tile(u, (len(a) // EVEN, 1))
         pairs.append((b, a, *_pair(name, basis.within(a, v[:, 0], v[:, 1]), basis.within(b, v[:, 2], v[:, 3]))))
-    for b, a, wi, wo in pairs if sampled is None else [*pairs, sampled]:
+    for b, a, wi, wo in pairs if sampled is None else [*pairs, _in_order(sampled, n)]:
         density = EVEN * np.abs(wo.z) / size[b]
         if sampled is not None:
             density = density + SAMPLED * np.asarray(sampling_density(source.brdf, wi, wo), float)
         sums.add(b * n + a, source.f(wi, wo), np.abs(wo.z) / density)
     return sums.means(np.repeat(size, n)).reshape(n, n, -1)
+
+
+_Pairs = tuple[np.ndarray, np.ndarray, Direction, Direction]
+"""(patch of the leaving and of the arriving direction, wi, wo)."""
+
+
+def _in_order(pairs: _Pairs, patches: int) -> _Pairs:
+    """By the patches of the leaving, then of the arriving direction."""
+    b, a, wi, wo = pairs
+    order = np.argsort(b * patches + a, kind="stable")
+    wi, wo = (Direction(*(c[order] for c in w)) for w in (wi, wo))
+    return b[order], a[order], wi, wo
 
 
 class _PatchSums(NamedTuple):
@@ -168,19 +198,20 @@ class _PatchSums(NamedTuple):
         return cls(np.zeros((patches, channels)), np.zeros((patches, 1)), np.full((patches, channels), np.inf))
 
     def add(self, patch: np.ndarray, f: np.ndarray, weight: np.ndarray) -> None:
-        np.add.at(self.weighted, patch, f * weight[:, None])
-        np.add.at(self.weights, patch, weight[:, None])
-        np.minimum.at(self.least, patch, f)
+        """Adds values (n, channels) of pairs in these patches (n,), which stand in order."""
+        starts = np.flatnonzero(np.diff(patch, prepend=-1))
+        here = patch[starts]  # each once
+        self.weighted[here] += np.add.reduceat(f * weight[:, None], starts)
+        self.weights[here] += np.add.reduceat(weight[:, None], starts)
+        self.least[here] = np.minimum(self.least[here], np.minimum.reduceat(f, starts))
 
     def means(self, size: np.ndarray) -> np.ndarray:
         """By the projected solid angles of the leaving patches."""
         return self.least + (self.weighted - self.least * self.weights) / size[:, None]
 
 
-def _sampled(
-    source: GridSource, basis: AngleBasis, name: str
-) -> tuple[np.ndarray, np.ndarray, Direction, Direction] | None:
-    """(patch of the leaving and of the arriving direction, wi, wo) by the model's sampler; None where it draws none."""
+def _sampled(source: GridSource, basis: AngleBasis, name: str) -> _Pairs | None:
+    """Pairs by the model's sampler; None where it draws none."""
     a = np.repeat(np.arange(basis.size), SAMPLED)
     u = np.tile(low_discrepancy(SAMPLED, 4), (basis.size, 1))
     wi, _ = _pair(name, basis.within(a, u[:, 0], u[:, 1]), np.zeros((len(a), 2)))

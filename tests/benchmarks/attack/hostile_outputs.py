@@ -28,10 +28,13 @@ from xml.etree import ElementTree
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 
+import numpy as np
+
 import gonio
 from gonio.__main__ import command
+from gonio.data import layouts
 from gonio.data.profile_files import holds_profile
-from support.tables import grey_table
+from support.tables import grey_table, whole_table_of_values
 
 # Nothing is computed before the forks, so there are no threads that one could lose.
 warnings.filterwarnings("ignore", category=RuntimeWarning)
@@ -43,6 +46,7 @@ HANG, WAITS = 60, 300
 """Seconds of a processor in all, and of a clock without any: other work on the machine makes no hang."""
 TICK = os.sysconf("SC_CLK_TCK")
 NOBODY = 65534
+AROUND = range(0, 360, 10)
 VERBS = {
     "eval": "eval lambert(rho=0.5) --directions in/d.csv -o OUT.csv",
     "measure": "measure lambert(rho=0.5) --step 30 -o OUT.h5",
@@ -70,7 +74,7 @@ VERBS = {
     "quantities json": "quantities in/t.h5 --json OUT.json",
     "measure adaptive": "measure lambert(rho=0.5) --adaptive --budget 10min -o OUT.h5",
     "plan": "plan in/t.h5 -m lambert --budget 10min -o OUT.csv",
-    "plan energy": "plan in/t.h5 --for energy -o OUT.csv",
+    "plan energy": "plan in/e.h5 --for energy -m lambert -o OUT.csv",
     "to materialx": "convert lambert(rho=0.5) OUT.mtlx --to materialx",
     "to radiance": "convert lambert(rho=0.5) OUT.xml --to radiance",
     "report render": "report lambert(rho=0.5) -o OUT.html --no-check --render",
@@ -102,6 +106,8 @@ def inputs(folder: pathlib.Path) -> None:
     (folder / "in").mkdir()
     grey_table(0.3, 20.0, 60.0).save(folder / "in/t.h5")
     grey_table(0.3, 30.0, 90.0).save(folder / "in/c.csv")
+    without_mirror = layouts.isotropic(np.radians([10.0, 35, 60]), np.radians(np.arange(2.5, 88, 5)), np.radians(AROUND))
+    whole_table_of_values(without_mirror, np.full(without_mirror.shape, 0.1)).save(folder / "in/e.h5")
     (folder / "in/d.csv").write_text("theta_i,phi_i,theta_o,phi_o\n10,0,20,0\n")
     (folder / "in/s.toml").write_text(SCENE)
     (folder / "in/r.toml").write_text(RECIPE)

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from gonio.data import layouts
+from gonio.data.channels import Channels
+from gonio.data.flags import Flag
 from gonio.data.interpolation.inverse_distance import left_out, scattered_material
-from gonio.data.table import whole_table_of_values
+from gonio.data.table import Table, whole_table_of_values
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import from_spherical
 
@@ -22,3 +24,17 @@ def test_left_out_is_what_the_others_say(isotropic):
         others = whole_table_of_values(layouts.scattered(*np.delete(angles, k, axis=1)), np.delete(f, k, axis=0))
         here, there = (from_spherical(*angles[n : n + 2, k : k + 1], np) for n in (0, 2))
         np.testing.assert_allclose(evaluate(scattered_material(others), here, there)[0], means[k], rtol=1e-9)
+
+
+def test_a_channel_without_a_reading_is_as_if_it_had_no_such_sample():
+    rng = np.random.default_rng(1)
+    angles = rng.uniform(0, 1.4, (4, 12))
+    f = rng.random((12, 2))
+    flag = np.full(f.shape, Flag.VALID, np.uint8)
+    flag[3, 1] = Flag.NOT_MEASURED
+    both = scattered_material(Table(layouts.scattered(*angles), f, flag, Channels.of_count(2)))
+    fewer = whole_table_of_values(layouts.scattered(*np.delete(angles, 3, axis=1)), np.delete(f[:, 1:], 3, axis=0))
+    here, there = (from_spherical(*rng.uniform(0, 1.4, (2, 9)), np) for _ in range(2))
+    np.testing.assert_allclose(
+        evaluate(both, here, there)[:, 1], evaluate(scattered_material(fewer), here, there)[:, 0], rtol=1e-9
+    )

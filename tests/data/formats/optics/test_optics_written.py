@@ -182,6 +182,16 @@ def test_the_matrix_of_a_lobe_holds_its_light_and_is_reciprocal(tmp_path):
     np.testing.assert_allclose(np.asarray(block.values).T[turned][:, turned], block.values, rtol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["x.xml", "x.brdf", "x.ssdd", "x.bin", "x.binary", "x.bsdf"])
+def test_a_few_readings_are_not_made_up_to_a_hemisphere(tmp_path, name):
+    theta_i, theta_o, phi_o = np.random.default_rng(0).uniform(0, 1.0, (3, 12))
+    listed = layouts.scattered(theta_i, 0 * theta_i, theta_o, phi_o)
+    table = whole_table_of_values(listed, np.ones((12, 3)), Channels(("R", "G", "B")), name="few")
+    with pytest.raises(GonioError, match="readings (about|for)"):
+        write(tmp_path / name, table)
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_a_file_cannot_hold_is_refused(tmp_path):
     rgb = whole_table_of_values(layouts.isotropic([0.1], [0.1, 0.5], [0.0, 3.0]), np.ones((1, 2, 2, 3)), name="paint")
     wide = whole_table_of_values(layouts.in_plane([0.1], [-0.5, 0.5]), np.ones((1, 2, 1)), name="plane")
