@@ -124,8 +124,10 @@ def _grid(nodes: str, counts: tuple[int, int, int]) -> Layout:
 
 
 def _on_merl_grid(source: "Table | AbstractBRDF", nodes: str) -> tuple[Table, str]:
-    """(the source itself where it is a table on a grid of MERL's, else its values on the grid of MERL's own counts; what
-    is to be said of directions without a reading)."""
+    """(The source where it is a table on a grid of MERL's, else its values on that of MERL's own counts; a remark).
+
+    The remark says how many directions have no reading.
+    """
     from gonio.data.interpolation.coverage import require_readings_on
     from gonio.data.interpolation.multilinear import as_material
     from gonio.data.tabulate import grid_values

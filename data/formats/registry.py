@@ -179,7 +179,7 @@ FORMATS = (
         suffixes=(".ssdd",),
     ),
     Format(
-        "UTIA", "a UTIA BRDF", "table", lambda head: head.binary and head.size == utia.BYTES,
+        "UTIA", "a UTIA BRDF", "table", lambda head: head.size == utia.BYTES and (head.binary or head.suffix == ".bin"),
         utia.read_utia, _later("laboratory.utia_write", "write_utia"), writes_models=True, options=("scale",),
         suffixes=(".bin",),
     ),
@@ -230,7 +230,7 @@ def sniff(path: str | os.PathLike[str]) -> Format:
     size = input_size(path)
     with open(path, "rb") as file:
         start = file.read(HEAD_BYTES)
-    head = FileHead(os.fspath(path), size, start, _suffix(path), b"\0" in start and start[:2] not in WIDE_MARKS)
+    head = FileHead(os.fspath(path), size, start, _suffix(path), b"\0" in start and not _wide_text(start))
     for known in FORMATS[:-TABLES_OF_TEXT]:
         if known.recognises(head):
             return known
@@ -247,6 +247,14 @@ def sniff(path: str | os.PathLike[str]) -> Format:
     names = ", ".join(known.name for known in FORMATS if known.holds == "table")
     kind = "binary" if head.binary else "text"
     raise GonioError(f"{path} is {kind} of an unknown kind; expected one of {names}")
+
+
+def _wide_text(start: bytes) -> bool:
+    """Whether the beginning of a file is UTF-16 text: numbers may begin with its mark, but have no lines."""
+    if start[:2] not in WIDE_MARKS:
+        return False
+    text = start[: len(start) // 2 * 2].decode("utf-16", "replace")
+    return "\0" not in text and ("\n" in text or "\r" in text or len(start) < HEAD_BYTES)
 
 
 def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":

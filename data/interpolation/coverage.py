@@ -66,8 +66,8 @@ def require_readings_about(table: Table, wi: Direction, wo: Direction) -> str:
     share = float(np.mean(covered(table, wi, wo)))
     if share < LEAST_SHARE:
         raise GonioError(
-            f"{table.name or 'the table'} has readings about {percent(share)} of the directions that such a file holds, "
-            f"expected {percent(LEAST_SHARE)} at least; fit a model to it and write that"
+            f"{table.name or 'the table'} has readings about {percent(share)} of the directions that such a file "
+            f"holds, expected {percent(LEAST_SHARE)} at least; fit a model to it and write that"
         )
     return f"{percent(1 - share)} of the directions have no reading: continued" if share < 0.995 else ""
 

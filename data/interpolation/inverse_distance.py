@@ -37,7 +37,7 @@ class Scattered(AbstractBRDF):
     to that azimuth.
     """
 
-    pairs: Float[Array, "chunks chunk 6"]
+    pairs: Float[Array, "chunks 6 chunk"]
     values: Float[Array, "chunks chunk channel"]
     valid: Float[Array, "chunks chunk #channel"]
     """1 where there is a value, else 0; one column where that is the same for all channels."""
@@ -72,7 +72,8 @@ class Scattered(AbstractBRDF):
 
 
 def _distance2(samples: Array, pair: Array) -> Array:
-    return jnp.sum((samples - pair[None, :]) ** 2, axis=-1)
+    """By components, so that the samples of a chunk fill the processor's vectors."""
+    return sum((samples[k] - pair[k]) ** 2 for k in range(6))  # pyright: ignore[reportReturnType]
 
 
 def scattered_material(table: Table, reciprocal: bool = True) -> Scattered:
@@ -95,7 +96,7 @@ def scattered_material(table: Table, reciprocal: bool = True) -> Scattered:
     alike = valid[:, :1] if (valid == valid[:, :1]).all() else valid
     arrays = np.stack([*wi, *wo], axis=-1), np.where(valid, block.f, 0.0), alike
     pairs, values, known = (jnp.asarray(chunks(a), dtype) for a in arrays)
-    return Scattered(pairs, values, known, isotropic, reciprocal)
+    return Scattered(jnp.swapaxes(pairs, 1, 2), values, known, isotropic, reciprocal)
 
 
 def one_azimuth(wi: Direction) -> bool:

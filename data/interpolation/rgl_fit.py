@@ -13,9 +13,11 @@ import numpy as np
 from scipy import sparse
 
 from gonio.data.channels import Channels
+from gonio.data.interpolation.inverse_distance import Scattered
 from gonio.data.interpolation.rgl_data import RGLData, bilinear, direction, half_vector_at, warped
 from gonio.data.interpolation.rgl_layout import RGLLayout
 from gonio.data.interpolation.rgl_pairs import BAND, LEAST_COSINE, RGLPairs, horizon_pairs, spread_pairs
+from gonio.data.interpolation.scattered import Kriged
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
@@ -36,8 +38,8 @@ LAST_INCIDENCE = np.radians(88.0)
 """Whose density stands for incidences beyond."""
 PAIRS_A_NODE, ENOUGH_PAIRS, FEWEST_A_NODE = 30, 120_000, 12
 """Pairs of directions for each sample; no more than enough, but for the fewest."""
-LIGHTS, TURNING_LIGHTS = 256, 64
-"""Directions of the light whose average f by half vector D begins with."""
+LIGHTS, FEW_LIGHTS = 256, 64
+"""Directions of the light whose average f by half vector D begins with; fewer of an anisotropic or slow source."""
 ENOUGH_COVERED = 0.5
 """Share of the directions that a table must have readings for."""
 ROUNDS, STEPS = 5, 80
@@ -155,14 +157,16 @@ def _mean_by_half_vector(
     u_x, u_y = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows)))
     m = half_vector_at(u_x, u_y)
     total, weight = np.zeros(u_x.size), np.zeros(u_x.size)
-    lights = LIGHTS if isotropic else TURNING_LIGHTS
+    slow = isinstance(brdf, Kriged | Scattered)
+    lights = LIGHTS if isotropic and not slow else FEW_LIGHTS
     theta = np.arccos(np.sqrt((np.arange(lights) + 0.5) / lights))
     for wi in direction(theta, rng.uniform(0, 2 * np.pi, lights)).T:
         facing = wi @ m
         wo = 2 * facing * m - wi[:, None]
-        share = np.where((facing > 0) & (wo[2] > 1e-3), wi[2] * wo[2], 0.0)
-        total += share * _grey(brdf, wi[:, None], np.where(share > 0, wo, wi[:, None]))
-        weight += share
+        here = np.flatnonzero((facing > 0) & (wo[2] > 1e-3))
+        share = wi[2] * wo[2, here]
+        total[here] += share * _grey(brdf, np.broadcast_to(wi[:, None], (3, here.size)), wo[:, here])
+        weight[here] += share
     mean = np.where(total > 0, total / np.where(weight > 0, weight, 1.0), np.nan).reshape(rows, columns)
     # Where no half vector was reached, or all is black: as at the next one.
     for row in mean:

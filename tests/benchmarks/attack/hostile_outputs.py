@@ -34,7 +34,8 @@ import gonio
 from gonio.__main__ import command
 from gonio.data import layouts
 from gonio.data.profile_files import holds_profile
-from support.tables import grey_table, whole_table_of_values
+from gonio.data.table import whole_table_of_values
+from support.tables import grey_table
 
 # Nothing is computed before the forks, so there are no threads that one could lose.
 warnings.filterwarnings("ignore", category=RuntimeWarning)
@@ -46,7 +47,8 @@ HANG, WAITS = 60, 300
 """Seconds of a processor in all, and of a clock without any: other work on the machine makes no hang."""
 TICK = os.sysconf("SC_CLK_TCK")
 NOBODY = 65534
-AROUND = range(0, 360, 10)
+WITHOUT_MIRROR = [10.0, 35.0, 60.0], np.arange(2.5, 88, 5), np.arange(0, 360, 10)
+"""Degrees: a grid whose energy the mirror directions would decide."""
 VERBS = {
     "eval": "eval lambert(rho=0.5) --directions in/d.csv -o OUT.csv",
     "measure": "measure lambert(rho=0.5) --step 30 -o OUT.h5",
@@ -106,8 +108,8 @@ def inputs(folder: pathlib.Path) -> None:
     (folder / "in").mkdir()
     grey_table(0.3, 20.0, 60.0).save(folder / "in/t.h5")
     grey_table(0.3, 30.0, 90.0).save(folder / "in/c.csv")
-    without_mirror = layouts.isotropic(np.radians([10.0, 35, 60]), np.radians(np.arange(2.5, 88, 5)), np.radians(AROUND))
-    whole_table_of_values(without_mirror, np.full(without_mirror.shape, 0.1)).save(folder / "in/e.h5")
+    gaps = layouts.isotropic(*(np.radians(degrees) for degrees in WITHOUT_MIRROR))
+    whole_table_of_values(gaps, np.full(gaps.shape, 0.1)).save(folder / "in/e.h5")
     (folder / "in/d.csv").write_text("theta_i,phi_i,theta_o,phi_o\n10,0,20,0\n")
     (folder / "in/s.toml").write_text(SCENE)
     (folder / "in/r.toml").write_text(RECIPE)

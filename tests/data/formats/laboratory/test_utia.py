@@ -82,3 +82,10 @@ def test_another_number_of_channels_and_a_scale_that_is_none_are_refused(tmp_pat
     with pytest.raises(GonioError, match="the scale is 0"):
         read(tmp_path / "m.bin", scale=0)
     assert not (tmp_path / "t.bin").exists()
+
+
+@pytest.mark.parametrize("f", [22 / (2 * np.pi), np.frombuffer(b"\xff\xfeA\n\x31\x2e\x30\x3f")[0]])
+def test_numbers_that_look_like_text_are_read(tmp_path, f):
+    """Equal numbers may hold no zero byte, or begin as UTF-16 text does."""
+    (tmp_path / "x.bin").write_bytes(np.full(BYTES // 8, f, "<f8").tobytes())
+    assert (read(tmp_path / "x.bin").f[...] == f).all()

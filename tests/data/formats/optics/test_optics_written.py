@@ -187,7 +187,7 @@ def test_a_few_readings_are_not_made_up_to_a_hemisphere(tmp_path, name):
     theta_i, theta_o, phi_o = np.random.default_rng(0).uniform(0, 1.0, (3, 12))
     listed = layouts.scattered(theta_i, 0 * theta_i, theta_o, phi_o)
     table = whole_table_of_values(listed, np.ones((12, 3)), Channels(("R", "G", "B")), name="few")
-    with pytest.raises(GonioError, match="readings (about|for)"):
+    with pytest.raises(GonioError, match=r"readings (about|for)"):
         write(tmp_path / name, table)
     assert not list(tmp_path.iterdir())
 
