@@ -100,11 +100,16 @@ def on_grid(
         if name in layout.axes:
             inside &= _between_nodes(layout, name, x, beyond)
     valid = (np.asarray(table.flag[...]) == Flag.VALID).any(axis=-1)
+    if valid.all():
+        return inside
     brackets = [interpolation_axis(layout, name).bracket(coordinates[name], np) for name in layout.axes]
     known = np.zeros(inside_layout.shape)
     for corner in np.ndindex(*[2] * len(brackets)):
         index = tuple(nodes[side] for (nodes, _), side in zip(brackets, corner, strict=True))
-        known += np.prod([w[side] for (_, w), side in zip(brackets, corner, strict=True)], axis=0) * valid[index]
+        share = valid[index].astype(float)
+        for (_, weights), side in zip(brackets, corner, strict=True):
+            share *= weights[side]
+        known += share
     return inside & (known >= KNOWN)
 
 

@@ -19,8 +19,9 @@ from gonio.checks.grid_resolution import LARGEST
 from gonio.checks.table.energy import STANDARD_UNCERTAINTIES, mirror_reach
 from gonio.data.flags import Flag
 from gonio.data.interpolation.coverage import on_grid
+from gonio.data.interpolation.grid_boxes import GridBoxes, interpolation_axes
 from gonio.data.interpolation.grid_coordinates import grid_coordinates
-from gonio.data.interpolation.multilinear import interpolation_axis
+from gonio.data.interpolation.multilinear import InterpolationAxis
 from gonio.data.layouts import Layout
 from gonio.data.table import Table
 from gonio.metrology.standards.apertures import Rule, joined
@@ -249,6 +250,11 @@ class Part:
         return np.nan_to_num(np.asarray(self.table.u_f[...], float).reshape(self.f.shape))
 
     @functools.cached_property
+    def axes(self) -> tuple[InterpolationAxis, ...]:
+        """Of the grid, as it is interpolated."""
+        return interpolation_axes(self.table.layout)
+
+    @functools.cached_property
     def valid(self) -> np.ndarray:
         """Which cells have a reading in all channels."""
         return np.asarray(np.isfinite(self.f).all(axis=1))
@@ -330,27 +336,31 @@ class Part:
         layout = self.table.layout
         if not rule.inside[rule.weight != 0].all():
             return self._unread(rule)
-        corners = Corners.of(layout, rule.angles, self.valid)
-        cells, place = np.unique(corners.cells, return_inverse=True)
-        weight = np.bincount(place.ravel(), (corners.weight * rule.weight).ravel(), cells.size)
+        boxes = GridBoxes.of(layout, self.axes, rule.angles).of_valid(self.valid)
+        share, curved = rule.weight[boxes.order], _curvatures(layout, boxes, rule.angles)
+        cells, place = np.unique(boxes.cells, return_inverse=True)
+        place = place.reshape(boxes.cells.shape)
+        sums = boxes.summed(share[:, None] * np.stack([np.ones_like(share), *curved], axis=1))
+        weight, *bent_by = (np.bincount(place.ravel(), a.ravel(), cells.size) for a in np.moveaxis(sums, -1, 0))
         if mirror and not self._reads(cells, -1.0):
             return UNSEEN
         if back and not self._reads(cells, 1.0):
             return "the light's own direction was not read, where a lobe back to it may hide"
         f = np.nan_to_num(self.f[cells])
         floor = np.maximum(FLOOR * np.abs(weight @ f) / max(float(np.sum(np.abs(rule.weight))), 1e-300), 1e-300)
-        by_slope, by_share = (np.zeros((rule.weight.size, f.shape[1])) for _ in range(2))
-        where, made = place.reshape(corners.cells.shape), Bends.of(layout, self.f, self.u)
-        for k, curved in enumerate(corners.curved):
+        made, errors = Bends.of(layout, self.f, self.u), [np.maximum(f, floor)]
+        for k, of_axis in enumerate(bent_by):
             bent = made.along(k, cells, floor)
-            for total, errors in zip((by_slope, by_share), bent.beyond_noise(), strict=True):
-                total += curved[:, None] * np.einsum("kn,knc->nc", corners.weight, errors[where])
-            share = np.bincount(place.ravel(), (corners.weight * rule.weight * curved).ravel(), cells.size)
-            made.add(bent, share)
-        shown = np.einsum("kn,knc->nc", corners.weight, np.maximum(f, floor)[where])
+            errors += bent.beyond_noise()
+            made.add(bent, of_axis)
+        shown, *of_axes = np.split(boxes.interpolated(np.concatenate(errors, axis=1)[place]), len(errors), axis=1)
+        by_slope, by_share = (
+            sum((c[:, None] * error for c, error in zip(curved, of_axes[kind::2], strict=True)), np.zeros(shown.shape))
+            for kind in (0, 1)
+        )
         # What is bent between its nodes, and what may be a narrow peak there, as log f tells it.
         missed = np.maximum(by_slope, shown * np.expm1(np.minimum(by_share, LARGEST)))
-        return Row(cells, weight, WITHIN * np.abs(rule.weight) @ missed + made.within_noise())
+        return Row(cells, weight, WITHIN * np.abs(share) @ missed + made.within_noise())
 
     def _unread(self, rule: "Places") -> str:
         if rule.weight.size == 1:
@@ -375,31 +385,14 @@ class Places(NamedTuple):
     angles: dict[str, np.ndarray]
 
 
-class Corners(NamedTuple):
-    """Cells (corners, n) about each pair of directions and their weights; t(1 − t) times the step's square (n,) of each
-    axis: what f'' / 2 has to be multiplied by for the error of a line."""
-
-    cells: np.ndarray
-    weight: np.ndarray
-    curved: list[np.ndarray]
-
-    @classmethod
-    def of(cls, layout: Layout, x: Mapping[str, np.ndarray], valid: np.ndarray) -> "Corners":
-        """Those of coordinates by axis; cells that are not valid have no weight."""
-        brackets = [interpolation_axis(layout, name).bracket(x[name], np) for name in layout.axes]
-        curved = []
-        for name, ((low, high), (a, b)) in zip(layout.axes, brackets, strict=True):
-            nodes, period = layout.axes[name], layout.periods[name]
-            first = nodes[1] - nodes[0] if nodes.size > 1 else 1.0
-            outside = np.maximum(nodes[0] - x[name], 0.0) / first if period is None else 0.0
-            step = np.abs(nodes[high] - nodes[low]) if period is None else np.mod(nodes[high] - nodes[low], period)
-            curved.append((a * b + outside * (1 + outside)) * np.where(step > 0, step, first) ** 2)
-        cells, weights = [], []
-        for corner in np.ndindex(*[2] * len(brackets)):
-            index = tuple(nodes[side] for (nodes, _), side in zip(brackets, corner, strict=True))
-            number = np.ravel_multi_index(index, layout.shape)
-            cells.append(number)
-            sides = [w[side] for (_, w), side in zip(brackets, corner, strict=True)]
-            weights.append(np.prod(sides, axis=0) * valid[number])
-        weight = np.array(weights)
-        return cls(np.array(cells), weight / np.maximum(weight.sum(axis=0), 1e-300), curved)
+def _curvatures(layout: Layout, boxes: GridBoxes, x: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+    """t(1 − t) times the step's square (n,) of each axis, in the order of the boxes: what f'' / 2 has to be multiplied
+    by for the error of a line."""
+    curved = []
+    for name, ((low, high), (a, b)) in zip(layout.axes, boxes.sides, strict=True):
+        nodes, period = layout.axes[name], layout.periods[name]
+        first = nodes[1] - nodes[0] if nodes.size > 1 else 1.0
+        outside = np.maximum(nodes[0] - x[name][boxes.order], 0.0) / first if period is None else 0.0
+        step = np.abs(nodes[high] - nodes[low]) if period is None else np.mod(nodes[high] - nodes[low], period)
+        curved.append((a * b + outside * (1 + outside)) * np.where(step > 0, step, first) ** 2)
+    return curved

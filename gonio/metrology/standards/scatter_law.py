@@ -1,5 +1,6 @@
 """f in the plane of incidence against |sinθs − sinθi|, fitted in log f by ABg and Harvey–Shack's law [Harvey 1976]."""
 
+import functools
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -28,7 +29,8 @@ MOST_CHANNELS = 12
 HOLDS = 10.0
 """Per cent by which incidences may differ where f depends on the offset alone."""
 STARTS = (1.0, 2.0, 3.0)
-Law = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Law = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""log f (n,) of three numbers and offsets (n,), and its derivatives by the numbers (n, 3)."""
 
 
 class Profile(NamedTuple):
@@ -39,14 +41,22 @@ class Profile(NamedTuple):
     f: np.ndarray
 
 
-def abg(p: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """log of A/(B + x^g), of p = (log A, log B, g)."""
-    return p[0] - np.logaddexp(p[1], p[2] * np.log(np.maximum(x, 1e-12)))
+def abg(p: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """log of A/(B + x^g), of p = (log A, log B, g), and its slopes."""
+    log_x = np.log(np.maximum(x, 1e-12))
+    value, share = p[0] - np.logaddexp(p[1], p[2] * log_x), _logistic(p[2] * log_x - p[1])
+    return value, np.stack([np.ones_like(x), share - 1, -log_x * share], axis=1)
 
 
-def harvey_shack(p: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """log of b0 (1 + (x/l)²)^(s/2), of p = (log b0, log l, s)."""
-    return p[0] + p[2] / 2 * np.logaddexp(0.0, 2 * (np.log(np.maximum(x, 1e-12)) - p[1]))
+def harvey_shack(p: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """log of b0 (1 + (x/l)²)^(s/2), of p = (log b0, log l, s), and its slopes."""
+    square = 2 * (np.log(np.maximum(x, 1e-12)) - p[1])
+    fall = np.logaddexp(0.0, square)
+    return p[0] + p[2] / 2 * fall, np.stack([np.ones_like(x), -p[2] * _logistic(square), fall / 2], axis=1)
+
+
+def _logistic(v: np.ndarray) -> np.ndarray:
+    return np.exp(-np.logaddexp(0.0, -v))
 
 
 LAWS: dict[str, tuple[Law, tuple[str, str, str], float]] = {
@@ -127,24 +137,8 @@ def _fitted(
     name: str, law: tuple[Law, tuple[str, str, str], float], x: np.ndarray, logs: np.ndarray, where: str, channel: str
 ) -> list[Quantity]:
     """The numbers of one law of one channel, with standard uncertainties by the scatter about it."""
-    from scipy.optimize import least_squares  # loaded where a law is fitted
-
-    curve, names, sign = law
-
-    def residual(p: np.ndarray) -> np.ndarray:
-        return curve(p, x) - logs
-
-    knee = math.log(max(float(np.median(x)), 1e-6))
-    fits = []
-    for start in STARTS:
-        first = logs.max() + (start * knee if sign > 0 else 0.0)
-        fits.append(least_squares(residual, [first, start * knee if sign > 0 else knee, sign * start], x_scale="jac"))
-    best = min(fits, key=lambda fit: fit.cost)
-    scatter = math.sqrt(2 * best.cost / max(x.size - 3, 1))
-    normal = best.jac.T @ best.jac
-    singular = not np.isfinite(normal).all() or np.linalg.cond(normal) > 1e12
-    covariance = np.full((3, 3), np.inf) if singular else np.linalg.inv(normal) * scatter**2
-    u, p = np.sqrt(np.abs(np.diagonal(covariance))), best.x
+    names, (p, covariance, scatter) = law[1], _optimum(name, x.tobytes(), logs.tobytes())
+    u = np.sqrt(np.abs(np.diagonal(covariance)))
     with np.errstate(over="ignore", invalid="ignore"):
         values = [math.exp(min(p[0], 700)), math.exp(min(p[1], 700)), float(p[2])]
         sizes = [values[0] * u[0], values[1] * u[1], u[2]]
@@ -153,6 +147,27 @@ def _fitted(
         Quantity(f"{name} {n}", "", channel, v, 0.0, {}, "1", "ASTM E2387", geometry, GROUP, float(s))
         for n, v, s in zip(names, values, sizes, strict=True)
     ]
+
+
+@functools.lru_cache(maxsize=64)
+def _optimum(name: str, offsets: bytes, logs: bytes) -> tuple[np.ndarray, np.ndarray, float]:
+    """(numbers, covariance, rms) of a law fitted to float64 offsets and log f: a page lists them and draws them."""
+    from scipy.optimize import least_squares  # loaded where a law is fitted
+
+    (curve, _, sign), x, y = LAWS[name], np.frombuffer(offsets), np.frombuffer(logs)
+    knee = math.log(max(float(np.median(x)), 1e-6))
+    fits = []
+    for start in STARTS:
+        first = [y.max() + (start * knee if sign > 0 else 0.0), start * knee if sign > 0 else knee, sign * start]
+        fits.append(
+            least_squares(lambda p: curve(p, x)[0] - y, first, lambda p: curve(p, x)[1], x_scale="jac", xtol=1e-10)
+        )
+    best = min(fits, key=lambda fit: fit.cost)
+    scatter = math.sqrt(2 * best.cost / max(x.size - 3, 1))
+    normal = best.jac.T @ best.jac
+    singular = not np.isfinite(normal).all() or np.linalg.cond(normal) > 1e12
+    covariance = np.full((3, 3), np.inf) if singular else np.linalg.inv(normal) * scatter**2
+    return best.x, covariance, scatter
 
 
 def _between_incidences(theta: np.ndarray, x: np.ndarray, logs: np.ndarray) -> float | None:
