@@ -29,8 +29,12 @@ MOST_CHANNELS = 12
 HOLDS = 10.0
 """Per cent by which incidences may differ where f depends on the offset alone."""
 STARTS = (1.0, 2.0, 3.0)
+MOST_STEPS, DAMPING, LARGEST = 200, 1e-2, 1e12
+"""Of a descent."""
+STEADY, LITTLE = 1e-9, 1e-9
+"""Relative changes of the numbers, or of the cost, at which it ends."""
 Law = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""log f (n,) of three numbers and offsets (n,), and its derivatives by the numbers (n, 3)."""
+"""log f (..., n) of three numbers (..., 3) and log x (n,), and its derivatives by the numbers (..., n, 3)."""
 
 
 class Profile(NamedTuple):
@@ -41,22 +45,24 @@ class Profile(NamedTuple):
     f: np.ndarray
 
 
-def abg(p: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def abg(p: np.ndarray, log_x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """log of A/(B + x^g), of p = (log A, log B, g), and its slopes."""
-    log_x = np.log(np.maximum(x, 1e-12))
-    value, share = p[0] - np.logaddexp(p[1], p[2] * log_x), _logistic(p[2] * log_x - p[1])
-    return value, np.stack([np.ones_like(x), share - 1, -log_x * share], axis=1)
+    log_a, log_b, g = np.moveaxis(p, -1, 0)[..., None]
+    rise, share = _softplus(g * log_x - log_b)
+    return log_a - log_b - rise, np.stack([np.ones_like(share), share - 1, -log_x * share], axis=-1)
 
 
-def harvey_shack(p: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def harvey_shack(p: np.ndarray, log_x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """log of b0 (1 + (x/l)²)^(s/2), of p = (log b0, log l, s), and its slopes."""
-    square = 2 * (np.log(np.maximum(x, 1e-12)) - p[1])
-    fall = np.logaddexp(0.0, square)
-    return p[0] + p[2] / 2 * fall, np.stack([np.ones_like(x), -p[2] * _logistic(square), fall / 2], axis=1)
+    log_b0, log_l, s = np.moveaxis(p, -1, 0)[..., None]
+    rise, share = _softplus(2 * (log_x - log_l))
+    return log_b0 + s / 2 * rise, np.stack([np.ones_like(rise), -s * share, rise / 2], axis=-1)
 
 
-def _logistic(v: np.ndarray) -> np.ndarray:
-    return np.exp(-np.logaddexp(0.0, -v))
+def _softplus(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """log(1 + eᵛ), and its slope."""
+    small = np.exp(-np.abs(v))
+    return np.maximum(v, 0.0) + np.log1p(small), np.where(v > 0, 1.0, small) / (1.0 + small)
 
 
 LAWS: dict[str, tuple[Law, tuple[str, str, str], float]] = {
@@ -152,22 +158,58 @@ def _fitted(
 @functools.lru_cache(maxsize=64)
 def _optimum(name: str, offsets: bytes, logs: bytes) -> tuple[np.ndarray, np.ndarray, float]:
     """(numbers, covariance, rms) of a law fitted to float64 offsets and log f: a page lists them and draws them."""
-    from scipy.optimize import least_squares  # loaded where a law is fitted
-
     (curve, _, sign), x, y = LAWS[name], np.frombuffer(offsets), np.frombuffer(logs)
     knee = math.log(max(float(np.median(x)), 1e-6))
-    fits = []
-    for start in STARTS:
-        first = [y.max() + (start * knee if sign > 0 else 0.0), start * knee if sign > 0 else knee, sign * start]
-        fits.append(
-            least_squares(lambda p: curve(p, x)[0] - y, first, lambda p: curve(p, x)[1], x_scale="jac", xtol=1e-10)
-        )
-    best = min(fits, key=lambda fit: fit.cost)
-    scatter = math.sqrt(2 * best.cost / max(x.size - 3, 1))
-    normal = best.jac.T @ best.jac
+    starts = [(y.max() + (s * knee if sign > 0 else 0.0), s * knee if sign > 0 else knee, sign * s) for s in STARTS]
+    log_x = np.log(np.maximum(x, 1e-12))
+    ends, costs = descended(lambda p: curve(p, log_x), np.array(starts), y)
+    best = ends[int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))]
+    value, slopes = curve(best, log_x)
+    scatter = math.sqrt(float(np.sum((value - y) ** 2)) / max(x.size - 3, 1))
+    normal = slopes.T @ slopes
     singular = not np.isfinite(normal).all() or np.linalg.cond(normal) > 1e12
     covariance = np.full((3, 3), np.inf) if singular else np.linalg.inv(normal) * scatter**2
-    return best.x, covariance, scatter
+    return best, covariance, scatter
+
+
+def descended(
+    curve: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], starts: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(ends (S, P), costs ½Σr² (S,)) of descents side by side [Marquardt 1963, scaled as Moré 1978].
+
+    Args:
+        curve: gives values (S, n) and slopes (S, n, P) at numbers (S, P).
+        starts: numbers (S, P).
+        y: what the values are to be (n,).
+    """
+
+    def sums_at(p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        value, slopes = curve(p)
+        r, by = value - y, slopes.swapaxes(-1, -2)
+        return 0.5 * np.sum(r * r, axis=-1), (by @ r[..., None])[..., 0], by @ slopes
+
+    p, damping = starts.astype(float), np.full(len(starts), DAMPING)
+    scale, going = np.zeros_like(p), np.arange(len(starts))
+    sums = sums_at(p)
+    for _ in range(MOST_STEPS):
+        cost, gradient, matrix = (a[going] for a in sums)
+        scale[going] = np.maximum(scale[going], matrix.diagonal(axis1=-2, axis2=-1))
+        added = damping[going, None] * np.maximum(scale[going], 1e-30)
+        step = -np.linalg.solve(matrix + np.eye(p.shape[1]) * added[:, None], gradient[..., None])[..., 0]
+        with np.errstate(over="ignore", invalid="ignore"):
+            now = sums_at(p[going] + step)
+        better = now[0] < cost
+        taken = going[better]
+        small = (np.abs(step) <= STEADY * (np.abs(p[going]) + STEADY)).all(axis=1)
+        small |= better & (cost - now[0] <= LITTLE * cost)
+        p[taken] += step[better]
+        for before, after in zip(sums, now, strict=True):
+            before[taken] = after[better]
+        damping[going] = np.maximum(damping[going] * np.where(better, 1 / 8, 4.0), 1e-15)
+        going = going[~small & (damping[going] < LARGEST)]
+        if not going.size:
+            break
+    return p, sums[0]
 
 
 def _between_incidences(theta: np.ndarray, x: np.ndarray, logs: np.ndarray) -> float | None:

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy.optimize
 from scipy.integrate import dblquad
 
 import gonio
@@ -16,7 +17,7 @@ from gonio.metrology.standards.of_models import of_model
 from gonio.metrology.standards.reflectance import multi_angle, reflectance
 from gonio.metrology.standards.scatter import scatter
 from gonio.metrology.standards.scatter_law import of_model as profile_of_model
-from gonio.metrology.standards.scatter_law import scatter_laws
+from gonio.metrology.standards.scatter_law import LAWS, descended, scatter_laws
 
 RHO = 0.4
 
@@ -175,3 +176,19 @@ def test_what_a_fit_leaves_open_is_not_known():
     assert all(q.u == 0 for q in result.quantities) and not result.undecided and not result.notes
     broken = dataclasses.replace(material, meta={"fit": {"parameters": [{"status": "free"}]}})
     assert "not in the uncertainties" in gonio.quantities(broken, only=["reflectance"]).notes[0]
+
+
+@pytest.mark.parametrize("law", list(LAWS))
+@pytest.mark.parametrize("seed", range(4))
+def test_descents_of_scatter_laws_end_where_scipy_does(law, seed):
+    curve, names, sign = LAWS[law]
+    rng = np.random.default_rng(seed)
+    x = np.log(np.geomspace(1e-3, 1.2, 200))
+    truth = np.array([rng.normal(), rng.uniform(-6, -2), sign * rng.uniform(1, 3)])
+    y = curve(truth, x)[0] + 0.02 * rng.standard_normal(x.size)
+    starts = truth + np.array([[0.5, 0.3, -0.2], [2.0, 1.0, 0.5], [np.nan, 0.0, 0.0]])
+    ends, costs = descended(lambda p: curve(p, x), starts, y)
+    best = scipy.optimize.least_squares(lambda p: curve(p, x)[0] - y, truth, lambda p: curve(p, x)[1], xtol=1e-12)
+    assert costs[:2] == pytest.approx(best.cost, rel=1e-7)
+    np.testing.assert_allclose(ends[:2], [best.x] * 2, rtol=1e-3, atol=1e-3)
+    assert len(names) == 3 and not np.isfinite(costs[2])
