@@ -1,4 +1,4 @@
-"""Pairs of directions by the boxes of a grid that they lie in: many pairs in few boxes share the work at the corners."""
+"""Pairs of directions by the boxes of a grid that they lie in: many pairs of few boxes share the work at corners."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

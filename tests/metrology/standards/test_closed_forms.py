@@ -16,8 +16,8 @@ from gonio.metrology.standards.gloss import GLASS, RECEPTORS, SOURCE, fresnel_of
 from gonio.metrology.standards.of_models import of_model
 from gonio.metrology.standards.reflectance import multi_angle, reflectance
 from gonio.metrology.standards.scatter import scatter
-from gonio.metrology.standards.scatter_law import of_model as profile_of_model
 from gonio.metrology.standards.scatter_law import LAWS, descended, scatter_laws
+from gonio.metrology.standards.scatter_law import of_model as profile_of_model
 
 RHO = 0.4
 
