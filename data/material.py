@@ -19,7 +19,7 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import renamed_attribute
 from gonio.models.display import Displayed, listed
 from gonio.models.errors import GonioError, printable
-from gonio.models.evaluation import channel_count, evaluate, flat_pair, sampled_directions, sampling_density
+from gonio.models.evaluation import channel_count, evaluate, sampled_directions, sampling_density
 from gonio.models.expression.builder import to_expression
 from gonio.models.expression.derivatives import parameter_derivatives
 from gonio.models.expression.wavelengths import wavelengths_of
@@ -157,9 +157,8 @@ class Material(Displayed):
         wi, wo = _pair(radian_arrays(degrees, True, theta_i=theta_i, phi_i=phi_i, theta_o=theta_o, phi_o=phi_o))
         if self.expression is None:
             return {}
-        flat_i, flat_o, shape = flat_pair(wi, wo)
-        derivatives = parameter_derivatives(self.brdf, flat_i, flat_o)
-        return {k: self._by_channel(d.reshape(shape + d.shape[1:]), shape) for k, d in derivatives.items()}
+        shape = np.broadcast_shapes(*(np.shape(c) for c in (*wi, *wo)))
+        return {k: self._by_channel(d, shape) for k, d in parameter_derivatives(self.brdf, wi, wo).items()}
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> Path:
         """Writes the material as TOML, whole or not at all, and returns the path.
