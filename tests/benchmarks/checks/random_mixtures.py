@@ -1,0 +1,104 @@
+"""Energy of tables of random mixtures that gain 0, 0.5, 2 or 10 % of light: how many verdicts are wrong, or open.
+
+    python random_mixtures.py [MIXTURES] [SEED]     (150 0)
+
+A mixture is a diffuser and one or two lobes of random kind and width. It is scaled so that its greatest albedo at the
+table's incidences is 1, 1.005, 1.02 or 1.1; with the tolerance of 1 % the first two are lawful. Each is tabulated
+without noise on an isotropic grid of 5° and of 10°, every other one with nodes half a step off the mirror direction.
+A table is judged alone; where that is undecided, with a model that is fitted to it; where it still is, with the few
+further readings that `gonio plan --for energy` names.
+"""
+
+import collections
+import sys
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+
+import numpy as np  # noqa: E402
+
+from gonio.checks.certificate import Property  # noqa: E402
+from gonio.checks.energy_plan import plan_energy  # noqa: E402
+from gonio.checks.table.energy import table_energy  # noqa: E402
+from gonio.checks.table.evidence import TableEvidence  # noqa: E402
+from gonio.data import layouts  # noqa: E402
+from gonio.data.table import Table, whole_table_of_values  # noqa: E402
+from gonio.data.tabulate import grid_values  # noqa: E402
+from gonio.models.albedo import directional_albedo  # noqa: E402
+from gonio.models.brdf import AbstractBRDF  # noqa: E402
+from gonio.models.errors import GonioError  # noqa: E402
+from gonio.models.evaluation import evaluate  # noqa: E402
+from gonio.models.expression.builder import build  # noqa: E402
+
+THETA_I = np.radians(np.arange(0, 81, 20.0))
+TOLERANCE = 0.01
+GAINS = (0.0, 0.005, 0.02, 0.1)
+STEPS = (5.0, 10.0)
+DIFFUSERS = ("lambert(rho={a:.3f})", "eon(rho={a:.3f}, r={b:.3f})")
+LOBES = (
+    "ggx(alpha={a:.5f}, f0={f:.3f})", "beckmann(alpha={a:.5f}, f0={f:.3f})", "phong(n={n:.2f})", "ward(alpha={a:.5f})",
+    "cook_torrance(alpha={a:.5f}, f0={f:.3f})", "gtr(alpha={a:.5f}, gamma={g:.2f}, f0={f:.3f})",
+)  # fmt: skip
+STAGES = ("alone", "with a model", "with readings")
+
+
+def mixture(rng: np.random.Generator) -> str:
+    """A diffuser and one or two lobes, each with its share."""
+    terms = [str(rng.choice(DIFFUSERS)).format(a=rng.uniform(0.05, 0.9), b=rng.uniform())]
+    for _ in range(int(rng.integers(1, 3))):
+        alpha = 10 ** rng.uniform(-2.5, -0.2)
+        lobe = str(rng.choice(LOBES)).format(a=alpha, f=rng.uniform(0.02, 1), n=2 / alpha**2, g=rng.uniform(1.2, 4))
+        terms.append(f"{10 ** rng.uniform(-1.5, 0):.4f} * {lobe}")
+    return " + ".join(terms)
+
+
+def verdict(table: Table, brdf: AbstractBRDF) -> tuple[str, Property]:
+    """The stage at which energy is decided (or the last), and what it says there."""
+    energy = table_energy(TableEvidence(table), TOLERANCE)
+    if energy.verdict != "undecided":
+        return STAGES[0], energy
+    assisted = TableEvidence(table, model="auto")
+    energy = table_energy(assisted, TOLERANCE)
+    if energy.verdict != "undecided":
+        return STAGES[1], energy
+    try:
+        plan = plan_energy(table, tolerance=TOLERANCE)
+    except GonioError as nothing:
+        return f"no readings decide: {nothing}", energy
+    values = np.asarray(evaluate(brdf, *plan.layout.directions()))
+    further = whole_table_of_values(plan.layout, values)
+    return STAGES[2], table_energy(TableEvidence(table, model="auto", further=further), TOLERANCE)
+
+
+def main(mixtures: int, seed: int) -> None:
+    counts: collections.Counter[tuple[float, str]] = collections.Counter()
+    for k in range(mixtures):
+        rng = np.random.default_rng([seed, k])
+        expression, gain = mixture(rng), GAINS[k % 4]
+        greatest = float(np.max(directional_albedo(build(expression), THETA_I, tolerance=1e-7).value))
+        scaled = f"{(1 + gain) / greatest:.12g} * ({expression})"
+        brdf = build(scaled)
+        for step in STEPS:
+            shift = 0.5 * (k // 4 % 2)
+            polar, azimuth = (np.radians(np.arange(a, b, step)) for a, b in ((shift * step, 89.9), (0, 360)))
+            layout = layouts.isotropic(THETA_I, polar, azimuth)
+            stage, energy = verdict(whole_table_of_values(layout, grid_values(brdf, layout)), brdf)
+            right = energy.verdict == ("pass" if gain < TOLERANCE else "fail")
+            outcome = "undecided" if energy.verdict == "undecided" else "right" if right else "WRONG"
+            counts[step, stage if outcome == "right" else outcome] += 1
+            if outcome != "right":
+                print(
+                    f"{outcome} {k} {step:g}° shift {shift} gain {gain}: {scaled}: {stage}: {energy.detail}", flush=True
+                )
+    for step in STEPS:
+        alone, model, readings, undecided, wrong = (counts[step, s] for s in (*STAGES, "undecided", "WRONG"))
+        print(
+            f"{step:4g}°: {wrong} wrong; right {alone} alone, {model} with a model, {readings} with further readings; "
+            f"{undecided} undecided; undecided alone {1 - (alone + wrong) / mixtures:.0%}, with a model "
+            f"{1 - (alone + model + wrong) / mixtures:.0%}, with further readings {undecided / mixtures:.0%}"
+        )
+
+
+if __name__ == "__main__":
+    main(*(int(a) for a in [*sys.argv[1:], *("150", "0")[len(sys.argv) - 1 :]]))
