@@ -1,13 +1,15 @@
 """Directions that a plan may choose from, and those that fill all of the instrument's range evenly."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from gonio.instrument.instrument import Instrument
 from gonio.instrument.scans import THETA_MAX
-from gonio.models.geometry.directions import Direction, from_spherical, reflect, to_spherical
+from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.geometry.low_discrepancy import low_discrepancy
+from gonio.planning.ways import Way
 
 Angles = np.ndarray
 """theta_i, phi_i, theta_o, phi_o, radians: shape (4, n)."""
@@ -18,11 +20,16 @@ DECIMALS = 3
 """Of the angles in degrees: what an instrument can be told."""
 
 
-def candidates(instrument: Instrument, isotropic: bool) -> Angles:
-    """Directions anywhere, about mirror reflection, and in the plane of incidence, as far as they can be read.
+def candidates(instrument: Instrument, isotropic: bool, ways: Sequence[Way] = (Way(),)) -> Angles:
+    """Directions anywhere, about where facets send light, and in the plane of incidence, as far as they can be read.
 
     Isotropic surfaces are lit from one azimuth and seen on one side of the plane of incidence.
     """
+    every = [readable(_candidates(instrument, isotropic, way), instrument, isotropic) for way in ways]
+    return np.unique(np.concatenate(every, axis=1), axis=1)
+
+
+def _candidates(instrument: Instrument, isotropic: bool, way: Way) -> Angles:
     more = 1 if isotropic else 2
     most_i, most_o = highest(instrument)
     u = low_discrepancy(ANYWHERE * more, 4)
@@ -31,23 +38,26 @@ def candidates(instrument: Instrument, isotropic: bool) -> Angles:
     light = np.stack([u[:, 0] * most_i, u[:, 1] * 2 * np.pi])
     tilt = TILTS[0] * (TILTS[1] / TILTS[0]) ** u[:, 2]
     facet = from_spherical(tilt, u[:, 3] * 2 * np.pi, np)
-    near = np.concatenate([light, mirrored(light, facet)])
+    near = np.concatenate([light, way.sent(light, facet)])
     polar, turns = np.linspace(0, most_i, IN_PLANE), np.arange(1 if isotropic else 24) * np.pi / 12
     grid = np.stack([a.ravel() for a in np.meshgrid(polar, turns)])
-    mirror = np.concatenate([grid, grid + np.array([[0.0], [np.pi]])])
+    normal = Direction(*(np.full(grid.shape[1], c) for c in (0.0, 0.0, 1.0)))
+    mirror = np.concatenate([grid, way.sent(grid, normal)])
     steps = np.stack([a.ravel() for a in np.meshgrid(polar[::6], turns[::3], np.linspace(-most_o, most_o, IN_PLANE))])
     across = np.stack([steps[0], steps[1], np.abs(steps[2]), steps[1] + np.where(steps[2] > 0, np.pi, 0.0)])
     every = np.concatenate([anywhere, near, mirror, across], axis=1)
-    return np.unique(readable(every, instrument, isotropic), axis=1)
+    return way.unfolded(every[:, every[2] < np.pi / 2])
 
 
-def space_filling(instrument: Instrument, isotropic: bool, count: int) -> Angles:
-    """At most `count` directions, even over the solid angles of light and detector."""
+def space_filling(instrument: Instrument, isotropic: bool, count: int, ways: Sequence[Way] = (Way(),)) -> Angles:
+    """At most `count` directions, even over the solid angles of light and detector, by turns on each of the ways."""
     low_i, low_o = (math.cos(t) for t in highest(instrument))
     u = low_discrepancy(2 * count, 4, skip=1)
     polar = (np.arccos(1 - u[:, k] * (1 - low)) for k, low in ((0, low_i), (2, low_o)))
     theta_i, theta_o = polar
     every = np.stack([theta_i, u[:, 1] * 2 * np.pi, theta_o, u[:, 3] * 2 * np.pi])
+    for k, way in enumerate(ways):
+        every[:, k :: len(ways)] = way.unfolded(every[:, k :: len(ways)])
     return readable(every, instrument, isotropic)[:, :count]
 
 
@@ -80,9 +90,3 @@ def highest(instrument: Instrument) -> tuple[float, float]:
     ranges = instrument.ranges[0], instrument.ranges[2]
     i, o = (min(r[1], THETA_MAX, math.pi / 2 - h) for r, h in zip(ranges, half_angles, strict=True))
     return i, o
-
-
-def mirrored(light: np.ndarray, facet: Direction) -> np.ndarray:
-    """(theta, phi) of lights (2, n) as facets mirror them; below the horizon theta is above π/2."""
-    wo = reflect(from_spherical(light[0], light[1], np), facet)
-    return np.stack([np.asarray(a) for a in to_spherical(wo)])

@@ -11,7 +11,6 @@ import numpy as np
 
 from gonio.data import layouts
 from gonio.data.layouts import Layout
-from gonio.data.reflection_only import require_reflection
 from gonio.data.serialise import finite
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
@@ -48,6 +47,7 @@ class PlanOptions(TypedDict, total=False):
     against: str | None
     space_filling: float
     continued: SubjectLike | None
+    lit: str
 
 
 class PlannedNumber(NamedTuple):
@@ -130,6 +130,8 @@ def plan(
         against: another model that the readings are to be told apart from (T-optimal).
         space_filling: share of the time for directions even over the range, against what the model leaves out.
         continued: a table of what was read already, in place of the subject; the plan adds to it.
+        lit: the sides of the sample that the light comes from, "front", "back" or "both"; the detector goes wherever
+            the model sends light.
 
     Returns:
         The plan, with what it will leave uncertain and the certificate that no other design does better.
@@ -150,7 +152,6 @@ def plan(
         raise GonioError("give what to measure, or the table to continue, one of both")
     table = None if read is None else resolve_subject(read).require_table()
     prior = prior_of(subject if table is None else table, options.get("model"), options.get("ranges"))  # pyright: ignore[reportArgumentType]
-    require_reflection(prior.brdf(prior.p) if table is None else table, "what is to be planned", "a plan")
     wanted, chosen = None, list(options.get("wanted") or [])
     if chosen:
         each = [quantities(prior, p, chosen) for p in prior.draws]
@@ -163,6 +164,7 @@ def plan(
         wanted,
         None if table is None else _rows_of(prior, table, instrument),
         share,
+        options.get("lit", "front"),
     )
     q = quantities(prior, prior.p, chosen) if chosen else numbers(prior, prior.p)
     schedule = planner.schedule(budget) if budget else _for_target(planner, q, target or 0.0)

@@ -24,6 +24,7 @@ from gonio.planning.design import (
 from gonio.planning.prior import Prior
 from gonio.planning.separation import separating_design
 from gonio.planning.shots import LEAST_SECONDS, SOLVER_SECONDS, Shots, Sites, ordered
+from gonio.planning.ways import ways_of
 
 ROUNDS, MOST_ROUNDS = 3, 8
 """Choose, order, and price again by the travel that came out; more rounds where that was too long."""
@@ -59,6 +60,7 @@ class Planner:
         wanted: combinations (S, Q, P) of the numbers that are to be known; None: all of them, by log det.
         known: rows (1, n, 1, P + Q) of what was read before, with the same instrument.
         space_filling: share of the time for directions that fill the range evenly.
+        lit: the sides that the light comes from, "front", "back" or "both"; the detector goes where it is sent.
     """
 
     prior: Prior
@@ -67,10 +69,12 @@ class Planner:
     wanted: np.ndarray | None = None
     known: np.ndarray | None = None
     space_filling: float = 0.2
+    lit: str = "front"
 
     def __post_init__(self) -> None:
-        self.isotropic = self.prior.brdf(self.prior.p).isotropic
-        angles = candidates(self.instrument, self.isotropic)
+        brdf = self.prior.brdf(self.prior.p)
+        self.isotropic, self.ways = brdf.isotropic, ways_of(brdf, self.lit)
+        angles = candidates(self.instrument, self.isotropic, self.ways)
         if not angles.size:
             raise GonioError("the instrument reaches no direction; give larger ranges, or a smaller shadow")
         self.candidates = self.sites(angles)
@@ -138,9 +142,13 @@ class Planner:
         schemes = [(f"in the plane by {s:g}°", in_plane, s) for s in PLANE_STEPS if self.isotropic]
         grid, name = (isotropic, "isotropic") if self.isotropic else (spherical, "spherical")
         schemes += [(f"{name} by {s:g}°", grid, s) for s in REGULAR_STEPS if self.isotropic or s > 10]
+        through = [way for way in self.ways if way.light != way.detector]
+        hemisphere = "reflection" if not through else "transmission" if through == list(self.ways) else "both"
+        if self.lit == "both":
+            hemisphere = "both"
         best: tuple[float, str, Shots] | None = None
         for title, make, step in schemes:
-            layout = make(np.radians(step))
+            layout = make(np.radians(step), hemisphere=hemisphere, lit=self.lit)
             angles = np.stack([np.asarray(a)[scan_order(layout)] for a in layout.angles()])
             shots = self.evenly(readable(angles, self.instrument), budget)
             if shots is None:
@@ -164,7 +172,7 @@ class Planner:
         """Shots that fill the range, and the Gram matrix of their rows."""
         time = self.space_filling * budget
         count = min(int(time / (2 * overhead)), MOST_FILLING)
-        angles = space_filling(self.instrument, self.isotropic, count) if count else np.zeros((4, 0))
+        angles = space_filling(self.instrument, self.isotropic, count, self.ways) if count else np.zeros((4, 0))
         if not angles.size:
             return Shots(np.zeros((4, 0)), np.zeros(0)), np.zeros_like(self.before)
         seconds = np.full(angles.shape[1], max(time / angles.shape[1] - overhead, LEAST_SECONDS))

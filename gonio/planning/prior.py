@@ -118,12 +118,15 @@ def _freed(term: Term) -> Term:
     """The term with its levels and shapes free from their numbers; a factor of a term with another level is fixed."""
     every = list(numbers(term))
     levels = [n for n in every if n.info.linear and "." not in n.path and n.path != "scale"]
+    # The factor of the only base, where nobody wrote it, says what the factor of the whole says.
+    alone = sum(len(inside) for inside in term.call.models.values()) == 1 and term.scale is not None and not levels
+    inner = [n.path for n in every if alone and n.path.endswith(".scale") and n.value.number in (None, 1.0)]
     freed = {
         n.path: Value(1.0 if n.value.number is None else n.value.number, True, n.value.each)
         for n in every
-        if n.info.role not in KNOWN_ROLES and not (n.path == "scale" and levels)
+        if n.info.role not in KNOWN_ROLES and not (n.path == "scale" and levels) and n.path not in inner
     }
-    return changed(term, freed)
+    return changed(term, freed | dict.fromkeys(inner, Value(1.0)))
 
 
 def _free_values(fitted: Mapping[str, Any]) -> np.ndarray:

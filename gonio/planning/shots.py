@@ -75,7 +75,7 @@ class Sites:
 
     def variance(self, seconds: np.ndarray) -> np.ndarray:
         """Variances (S, n, C) of readings that are counted so long (n,), as measurements store them."""
-        lit = irradiance(np.cos(self.angles[0]), self.instrument.source_half_angle)
+        lit = irradiance(np.abs(np.cos(self.angles[0])), self.instrument.source_half_angle)
         exposure = seconds / self.instrument.seconds
         return np.stack([standard_uncertainty(self.instrument, f, lit, 1.0, exposure) ** 2 for f in self.f])
 
@@ -83,7 +83,8 @@ class Sites:
         """The counting times (n,) that tell most for their time, `overhead` included."""
         times = np.geomspace(LEAST_SECONDS, max(longest, 2 * LEAST_SECONDS), TIMES)
         gains = [
-            np.sum(self.f[:1] ** 2 / self.variance(np.full(self.angles.shape[1], t))[:1], axis=(0, 2)) / (t + overhead)
+            np.sum(self.f[:1] ** 2 / self._positive_variance(np.full(self.angles.shape[1], t))[:1], axis=(0, 2))
+            / (t + overhead)
             for t in times
         ]
         return times[np.argmax(gains, axis=0)]
@@ -91,7 +92,11 @@ class Sites:
     def rows(self, seconds: np.ndarray) -> np.ndarray:
         """Slopes and shifts over standard uncertainties (S, n, C, P + Q), as `gonio.planning.design` takes them."""
         both = np.concatenate([self.slopes, self.shifts], axis=-1)
-        return both / np.sqrt(np.maximum(self.variance(seconds), 1e-300))[..., None]
+        return both / np.sqrt(self._positive_variance(seconds))[..., None]
+
+    def _positive_variance(self, seconds: np.ndarray) -> np.ndarray:
+        """Where the model is dark nothing is counted, and nothing is learnt."""
+        return np.maximum(self.variance(seconds), 1e-300)
 
 
 def write_shots(path: str | os.PathLike[str], shots: Shots, what: str, hours: float, force: bool = False) -> Path:

@@ -5,9 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gonio.data.reflection_only import require_reflection
 from gonio.data.scene import load_scene
-from gonio.models.albedo import directional_albedo
+from gonio.models.albedo import directional_albedo, directional_transmittance
 from gonio.models.errors import GonioError, nearest
+from gonio.models.geometry.sides import Hemispheres
 from gonio.planning.prior import Prior
 
 ALBEDO, SCENE = "albedo", "scene:"
@@ -54,12 +56,22 @@ def _quantity(prior: Prior, p: np.ndarray, name: str) -> Quantities:
 
 
 def albedos(prior: Prior, p: np.ndarray) -> Quantities:
-    """Directional albedos at `INCIDENCES`, of each channel; slopes by central differences."""
+    """Directional albedos and transmittances at `INCIDENCES`, of each channel; slopes by central differences."""
     theta = np.radians(INCIDENCES)
 
+    shares = {
+        name: integral
+        for name, way, integral in (
+            ("albedo", Hemispheres.REFLECTION, directional_albedo),
+            ("transmittance", Hemispheres.TRANSMISSION, directional_transmittance),
+        )
+        if way in prior.brdf(p).hemispheres
+    }
+
     def values(p: np.ndarray) -> np.ndarray:
-        value = directional_albedo(prior.brdf(p), theta, 0.0, 1e-7).value.reshape(theta.size, -1)
-        return np.broadcast_to(value, (theta.size, len(prior.channels))).ravel()
+        brdf, size = prior.brdf(p), (theta.size, len(prior.channels))
+        every = (g(brdf, theta, 0.0, 1e-7).value.reshape(theta.size, -1) for g in shares.values())
+        return np.concatenate([np.broadcast_to(value, size).ravel() for value in every])
 
     d, slopes = prior.parameterisation.domains, []
     for k in range(p.size):
@@ -68,12 +80,13 @@ def albedos(prior: Prior, p: np.ndarray) -> Quantities:
         low[k], high[k] = max(p[k] - step, d.low[k]), min(p[k] + step, d.high[k])
         slopes.append((values(high) - values(low)) / (high[k] - low[k]))
     channels = [f" {c}" if len(prior.channels) > 1 else "" for c in prior.channels.names]
-    names = [f"albedo at {t:g}°{c}" for t in INCIDENCES for c in channels]
+    names = [f"{share} at {t:g}°{c}" for share in shares for t in INCIDENCES for c in channels]
     return Quantities(names, values(p), np.stack(slopes, axis=1))
 
 
 def _radiance(prior: Prior, p: np.ndarray, name: str) -> Quantities:
     """The rms radiance of a scene's views; its slope is the rms of theirs, so that errors of all views count."""
+    require_reflection(prior.brdf(p), prior.name, "a scene")
     scene = load_scene(name)
     pairs = scene.pairs(PAIRS)
     f, slopes = prior.values_and_slopes(p, pairs.wi, pairs.wo)

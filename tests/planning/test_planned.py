@@ -12,10 +12,12 @@ from gonio.data import layouts
 from gonio.data.hdf5.writer import open_table
 from gonio.instrument import Instrument, Pace, measure
 from gonio.models.errors import GonioError
+from gonio.models.geometry.directions import Direction
 from gonio.planning.design import gram
 from gonio.planning.planner import Planner
 from gonio.planning.prior import prior_of
 from gonio.planning.shots import Shots, ordered
+from gonio.planning.ways import ways_of
 
 GLOSSY = "lambert(rho=0.3) + 0.5 * ggx(alpha=0.1)"
 COUNTING = Instrument(photons=1e4, dark=10.0, shadow=0.1)
@@ -137,3 +139,45 @@ def test_gram_matrices_of_shots_add_up():
     rows = np.random.default_rng(5).normal(size=(1, 6, 1, 3))
     parts = gram(rows[:, :2], np.ones(2)) + gram(rows[:, 2:], np.ones(4))
     np.testing.assert_allclose(parts, gram(rows, np.ones(6)))
+
+
+@pytest.mark.parametrize(
+    ("lit", "sides"), [("front", {(1, 1), (1, -1)}), ("both", {(1, 1), (1, -1), (-1, -1), (-1, 1)})]
+)
+def test_a_plan_of_a_sheet_goes_wherever_it_sends_light_and_keeps_its_promise(lit, sides):
+    sheet = "thin_sheet(rho=0.3, tau=0.4)"
+    instrument = Instrument(photons=1e3, noise=0.01)
+    planned = gonio.plan(sheet, instrument, budget=300.0, lit=lit)
+    angles, seconds = planned.shots
+    read = {(int(a), int(b)) for a, b in np.sign(np.cos(angles[[0, 2]])).T}
+    assert read == sides
+    assert {"albedo at 0°", "transmittance at 0°"} <= {n.name for n in planned.numbers}
+    table = measure(sheet, instrument, planned.layout, seconds=seconds, seed=2)
+    reflected = np.cos(angles[0]) * np.cos(angles[2]) > 0
+    for name, level, which in (("rho", 0.3, reflected), ("tau", 0.4, ~reflected)):
+        f, weight = (a.ravel()[which] for a in (table.f, 1 / table.u_f**2))
+        u = next(n for n in planned.numbers if n.name == f"thin_sheet.{name}").standard_uncertainty
+        assert np.pi / np.sqrt(weight.sum()) == pytest.approx(u, rel=0.02)
+        assert np.pi * np.sum(weight * f) / weight.sum() == pytest.approx(level, abs=4 * u)
+
+
+def test_refracted_light_is_looked_for_where_snells_law_sends_it():
+    way = ways_of(gonio.material("rough_dielectric(alpha=0.1, eta=1.5)").brdf)[1]
+    light = np.radians([[0.0, 30.0, 80.0], [0.0, 10.0, 50.0]])
+    theta, phi = way.sent(light, Direction(*np.array([[0.0] * 3, [0.0] * 3, [1.0] * 3])))
+    np.testing.assert_allclose(np.sin(theta), np.sin(light[0]) / 1.5, atol=1e-12)
+    np.testing.assert_allclose(np.cos(phi[1:] - light[1, 1:]), -1, atol=1e-12)
+    np.testing.assert_allclose(way.unfolded(np.array([[0.3], [0.0], [0.2], [1.0]]))[2], np.pi - 0.2)
+
+
+@pytest.mark.parametrize(
+    ("subject", "options", "message"),
+    [
+        ("lambert(rho=0.3)", {"lit": "back"}, "sends no light on that comes from behind"),
+        ("thin_sheet(rho=0.3, tau=0.4)", {"lit": "below"}, "give front, back or both"),
+        ("thin_sheet(rho=0.3, tau=0.4)", {"wanted": ["scene:sphere"]}, "a scene knows reflection from the front alone"),
+    ],
+)
+def test_what_a_plan_cannot_take_of_what_transmits_is_said(subject, options, message):
+    with pytest.raises(GonioError, match=message):
+        gonio.plan(subject, budget=300.0, **options)

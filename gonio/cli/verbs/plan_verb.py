@@ -47,6 +47,12 @@ OPTIONS: Options = {
         "default": 0.2,
         "help": "of the time, for directions all over the range, against what the model leaves out (default 0.2)",
     },
+    "--lit SIDES": {
+        "choices": ("front", "back", "both"),
+        "default": "front",
+        "help": "of what transmits: the sides of the sample that the light comes from (default front); the detector "
+        "goes wherever the model sends light",
+    },
     "--continue T.h5": {"dest": "continued", "help": "a table of what was read already: the plan adds to it"},
     "--picture FILE": "also draw the path (png, svg, pdf)",
 }
@@ -77,7 +83,9 @@ def run(args: argparse.Namespace) -> int:
         require_picture(args.picture, args.force)
     if args.wanted == "energy":
         return _run_energy(args)
-    options: dict[str, Any] = {name: getattr(args, name) for name in ("model", "against", "space_filling", "continued")}
+    options: dict[str, Any] = {
+        name: getattr(args, name) for name in ("model", "against", "space_filling", "continued", "lit")
+    }
     options["budget"] = None if args.budget is None else seconds_of(args.budget)
     options["target"] = None if args.target is None else share_of(args.target)
     options["wanted"] = [name.strip() for name in args.wanted.split(",")] if args.wanted else []

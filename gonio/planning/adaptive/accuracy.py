@@ -8,7 +8,8 @@ from scipy.stats import t
 
 from gonio.instrument.instrument import Instrument
 from gonio.models.geometry.directions import from_spherical
-from gonio.planning.candidates import TILTS, Angles, highest, mirrored, readable
+from gonio.planning.candidates import TILTS, Angles, highest, readable
+from gonio.planning.ways import Way
 
 FLOOR = 1e-3 / math.pi
 """1/sr, a thousandth of the perfect diffuser: below, differences count relative to this."""
@@ -30,9 +31,9 @@ def random_directions(count: int, instrument: Instrument, isotropic: bool, rng: 
         light = np.stack([np.arcsin(np.sqrt(u[0] * high_i)), 2 * np.pi * u[1]])
         anywhere = np.stack([np.arcsin(np.sqrt(u[2] * high_o)), 2 * np.pi * u[3]])
         tilt = TILTS[0] * (TILTS[1] / TILTS[0]) ** u[2]
-        about = mirrored(light, from_spherical(tilt, 2 * np.pi * u[3], np))
+        about = Way().sent(light, from_spherical(tilt, 2 * np.pi * u[3], np))
         every = np.concatenate([light, np.where(u[4] < 0.5, anywhere, about)])
-        parts.append(readable(every, instrument, isotropic))
+        parts.append(readable(every[:, every[2] < np.pi / 2], instrument, isotropic))
         size += parts[-1].shape[1]
         if not size:
             break
