@@ -141,8 +141,10 @@ def new_file(path: str | os.PathLike[str], force: bool = False) -> Iterator[Path
         try:
             yield temporary
             publish(temporary, path)
-        except BaseException:
+        except BaseException as error:
             temporary.unlink(missing_ok=True)
+            if isinstance(error, GonioError) and str(temporary) in str(error):  # what was written cannot be read again
+                raise GonioError(str(error).replace(str(temporary), f"{path}, which is not written:")) from error
             raise
 
 

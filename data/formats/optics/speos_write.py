@@ -22,6 +22,8 @@ STEP = 2.0
 WIDEST_AZIMUTH_STEP = 5.0
 INCIDENCES = (5.0, 2.5, 1.25)
 """Degrees between the incidences of a model."""
+MOST_CELLS = 6_000_000
+"""Of a file that is read again."""
 GREY_NM = (350.0, 850.0)
 """Wavelengths, nm, between which a channel without one is the same."""
 RGB_NM = {"R": 611.4, "G": 549.1, "B": 464.3}
@@ -108,12 +110,6 @@ def _layout(source: GridSource, step: float) -> Layout:
         front = kept.axes["theta_i"] < np.pi / 2 - 1e-9
         if front.all() and {sides for sides in source.sides if sides[0] > 0}:
             return kept
-    incidence = 5.0
-    if isinstance(
-        source.source, Material
-    ):  # lobes between two incidences are mixed, so these are as near as lobes are narrow
-        incidence = next((s for s in INCIDENCES if s <= source.lobe_width() / 2), INCIDENCES[-1])
-    theta_i, phi_i = source.light(incidence)
     front = np.radians(np.minimum(np.arange(0, 90 + step, step), 90.0))
     theta_o = [a for (_, side) in PARTS if (1, side) in source.sides for a in (front if side > 0 else np.pi - front)]
     if not theta_o:
@@ -121,9 +117,19 @@ def _layout(source: GridSource, step: float) -> Layout:
     even = np.arange(WIDEST_AZIMUTH_STEP, 360, WIDEST_AZIMUTH_STEP)
     phi = np.unique(np.concatenate([FINE, even, 360 - FINE[1:]]))
     delta = np.sort(np.radians((phi + 180) % 360))
-    if phi_i is None:
-        return layouts.isotropic(theta_i, np.unique(theta_o), delta)
-    return layouts.turned(theta_i, phi_i, np.unique(theta_o), delta)
+    # Lobes between two incidences are mixed, so these are as near as lobes are narrow, and as the file has room for.
+    width = source.lobe_width() if isinstance(source.source, Material) else 180.0
+    wanted = next((s for s in INCIDENCES if s <= width / 2), INCIDENCES[-1])
+    size = 0
+    for incidence in [s for s in reversed(INCIDENCES) if s >= wanted]:
+        theta_i, phi_i = source.light(incidence)
+        axes = theta_i, np.unique(theta_o), delta
+        layout = layouts.isotropic(*axes) if phi_i is None else layouts.turned(theta_i, phi_i, *axes[1:])
+        if (size := layout.size) <= MOST_CELLS:
+            return layout
+    raise GonioError(
+        f"the file would have {size:,} values, and at most {MOST_CELLS:,} are read; give a --step above {step:g}"
+    )
 
 
 def _blocks(table: Table) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, tuple[np.ndarray, np.ndarray]]]:

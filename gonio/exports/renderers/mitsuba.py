@@ -9,6 +9,7 @@ import numpy as np
 
 from gonio.exports.forms import Appearance, Form, Number, Values, base_terms, diffusing, plain
 from gonio.exports.pairs import Pairs
+from gonio.exports.renderers.glass import NUMBERS as GLASS
 from gonio.exports.renderers.glass import glass
 from gonio.exports.renderers.lobes import column, eon
 from gonio.exports.renderers.mitsuba_plugins import (
@@ -46,7 +47,9 @@ def forms(sought: Appearance) -> tuple[Form, ...]:
     if exact is not None:
         return (exact,)
     if sought.interface:
-        return (glass(_glass, "separable"),)
+        terms = [model for _, model in base_terms(sought.material.brdf)]
+        gaussian = any(isinstance(m, RoughDielectric) and m.distribution == "beckmann" for m in terms)
+        return (glass(_glass, "separable"), *([_gaussian_glass()] if gaussian else []))
     others = any(model.lobe and not isinstance(model, GGX) for _, model in base_terms(sought.material.brdf))
     kinds = ["ggx", "beckmann"] if others or not sought.widths else ["ggx"]
     lobes: list[Sequence[str]] = [("dielectric",), ("metal",), ("white",)]
@@ -156,9 +159,21 @@ def _interface(model: RoughDielectric) -> tuple[Plugin, Callable[[Pairs], np.nda
     return description, lambda p: evaluate_in_blocks(model, p.wi, p.wo), True
 
 
-def _glass(v: Values) -> Plugin:
-    plugin = {"type": "roughdielectric", "distribution": "ggx", "alpha": float(v["alpha"])}
+def _glass(v: Values, distribution: str = "ggx") -> Plugin:
+    plugin = {"type": "roughdielectric", "distribution": distribution, "alpha": float(v["alpha"])}
     return plugin | {"int_ior": float(v["eta"]), "ext_ior": 1.0}
+
+
+def _gaussian_glass() -> Form:
+    """The plugin with Beckmann's facets, whose masking is Walter's."""
+    from gonio.models.evaluation import evaluate_in_blocks
+
+    def f(v: Values, pairs: Pairs) -> np.ndarray:
+        model = RoughDielectric(alpha=v["alpha"], eta=v["eta"], distribution="beckmann", smith="walter")
+        return evaluate_in_blocks(model, pairs.wi, pairs.wo)
+
+    name = "a rough interface (Beckmann)"
+    return Form(name, GLASS, f, lambda values: _glass(values, "beckmann"), transmits=True)
 
 
 def _front(pairs: Pairs, f: np.ndarray) -> np.ndarray:
