@@ -1,5 +1,6 @@
 """Blender's Principled BSDF (from 4.0 on) as Cycles computes it, and a Translucent BSDF for what goes through."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -38,6 +39,8 @@ TRANSLUCENT = "Translucent"
 WIDE = 0.25
 """Width of lobes from which on it shows whether what bounces between facets is lost."""
 DISTRIBUTION = "distribution"
+ONCE = "a rough interface (distribution GGX)"
+"""What bounces between facets is lost."""
 """Among the sockets of a description: the property of the node."""
 SOCKETS = {
     "base_color": "Base Color", "diffuse_roughness": "Diffuse Roughness", "specular_tint": "Specular Tint",
@@ -49,7 +52,8 @@ SOCKETS = {
 def forms(sought: Appearance) -> tuple[Form, ...]:
     """A dielectric over a diffuser, a metal, and both under a coat; glass."""
     if sought.interface:
-        return (glass(_glass, whole=True),)
+        single = dataclasses.replace(glass(lambda v: _glass(v) | {DISTRIBUTION: "GGX"}), name=ONCE)
+        return (glass(_glass, whole=True), single)
     wide = not sought.widths_known or sought.widths[-1:] > [WIDE]
     turns = (False,) if sought.isotropic else (False, True)
     smooth = {"alpha": 1.0, "ior": 1.0, "diffuse_roughness": 0.0}

@@ -166,10 +166,13 @@ def _glass(v: Values, distribution: str = "ggx") -> Plugin:
 
 def _gaussian_glass() -> Form:
     """The plugin with Beckmann's facets, whose masking is Walter's."""
+    import jax.numpy as jnp
+
     from gonio.models.evaluation import evaluate_in_blocks
 
     def f(v: Values, pairs: Pairs) -> np.ndarray:
-        model = RoughDielectric(alpha=v["alpha"], eta=v["eta"], distribution="beckmann", smith="walter")
+        alpha, eta = (jnp.asarray(v[name]) for name in ("alpha", "eta"))
+        model = RoughDielectric(alpha=alpha, eta=eta, distribution="beckmann", smith="walter")
         return evaluate_in_blocks(model, pairs.wi, pairs.wo)
 
     name = "a rough interface (Beckmann)"
