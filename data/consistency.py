@@ -11,7 +11,8 @@ LARGEST_F = 1e30
 """1/sr: no surface comes near it, and its powers are still numbers."""
 LEAST_COSINE = 1e-16
 """Of a direction that can be read: π/2 in double precision has the cosine 6e-17."""
-BLOCK_CELLS = 1 << 18
+BLOCK = 1 << 18
+"""Readings that are looked at together."""
 
 
 def check_readings(table: Table) -> None:
@@ -22,7 +23,7 @@ def check_readings(table: Table) -> None:
     infinite.
     """
     front = table.layout.sides == FRONT
-    for start, stop in table.blocks(BLOCK_CELLS):
+    for start, stop in table.blocks(BLOCK):
         f, u_f, flag = table.read_values(start, stop).values()
         valid = flag == Flag.VALID
         _refuse(table, start, flag > max(Flag), f"a flag that is none of {_flags()}", "copy the file again")

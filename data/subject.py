@@ -66,7 +66,7 @@ class Subject:
         return self.table
 
 
-def resolve_subject(subject: SubjectLike, **options: Any) -> Subject:
+def resolve_subject(subject: SubjectLike, *, blockwise: bool = False, **options: Any) -> Subject:
     """The table or the model that `subject` stands for; every verb takes its subjects through this function.
 
     A reference name goes before a file of the same name (write ./name for the file), a file before an expression. An
@@ -74,6 +74,7 @@ def resolve_subject(subject: SubjectLike, **options: Any) -> Subject:
 
     Args:
         subject: see `SubjectLike`.
+        blockwise: whether the values of a large table may stay in its file, as they are read in blocks anyway.
         options: how to read a table's file: `nodes` for MERL, `wavelength_nm` for NIST (see `gonio.data.read`).
 
     Raises:
@@ -84,7 +85,7 @@ def resolve_subject(subject: SubjectLike, **options: Any) -> Subject:
     if isinstance(subject, AbstractBRDF):
         return _of_content(material_of(subject))
     if isinstance(subject, str | os.PathLike):
-        return _named(subject, options)
+        return _named(subject, options | ({"blockwise": True} if blockwise else {}))
     content = subject if isinstance(subject, Table | Material) else getattr(subject, "material", None)
     if isinstance(content, Table | Material):
         return _of_content(content)

@@ -270,9 +270,12 @@ class Table(Displayed):
             values["u_f"] = None
         return dataclasses.replace(self, layout=layout, interpolant=None, **values)
 
-    def blocks(self, max_cells: int = 1 << 20) -> Iterator[tuple[int, int]]:
-        """Ranges (start, stop) of cells in C order: whole rows of the first axis if they fit `max_cells`."""
-        row = self.layout.row_size
+    def blocks(self, readings: int = 1 << 20) -> Iterator[tuple[int, int]]:
+        """Ranges (start, stop) of cells in C order that hold at most so many readings, one for each value of a cell.
+
+        They are whole rows of the first axis where these fit.
+        """
+        row, max_cells = self.layout.row_size, max(readings // math.prod(self.value_shape), 1)
         step = max_cells // row * row if row <= max_cells else max_cells
         for start in range(0, self.layout.size, step):
             yield start, min(start + step, self.layout.size)

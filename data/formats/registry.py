@@ -82,12 +82,14 @@ class Format:
     """Endings by which the format of an output is chosen, the usual one first."""
     entries: Callable[[str | os.PathLike[str]], list[str]] | None = None
     """The names in a file of several materials; `read` then takes one as `entry`, written FILE:NAME."""
+    by_blocks: bool = False
+    """Whether `read` takes `blockwise`, and holds the readings against each other itself."""
 
 
-def _read_hdf5(path: str | os.PathLike[str]) -> Table:
-    from gonio.data.hdf5.reader import open_table  # h5py is loaded with the first such file
+def _read_hdf5(path: str | os.PathLike[str], blockwise: bool = False) -> Table:
+    from gonio.data.hdf5.reader import BLOCKWISE_BYTES, open_table  # h5py is loaded with the first such file
 
-    return open_table(path)
+    return open_table(path, BLOCKWISE_BYTES) if blockwise else open_table(path)
 
 
 def _read_window_xml(path: str | os.PathLike[str]) -> Table:
@@ -141,7 +143,7 @@ FORMATS = (
     Format(
         "HDF5", "a table of gonio (HDF5)", "table",
         lambda head: head.start.startswith(b"\x89HDF\r\n\x1a\n") and b"com.xrite" not in head.start,
-        _read_hdf5, _write_hdf5, suffixes=(".h5", ".hdf5", ".nc"),
+        _read_hdf5, _write_hdf5, by_blocks=True, suffixes=(".h5", ".hdf5", ".nc"),
     ),
     Format(
         "RGL", "RGL .bsdf", "table", lambda head: head.start.startswith(b"tensor_file\0"),
@@ -257,9 +259,10 @@ def _wide_text(start: bytes) -> bool:
     return "\0" not in text and ("\n" in text or "\r" in text or len(start) < HEAD_BYTES)
 
 
-def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
+def load(path: str | os.PathLike[str], *, blockwise: bool = False, **options: Any) -> "Table | Material":
     """The table or the material of a file, or of one entry of it, ``FILE:NAME``.
 
+    `blockwise`: more values than a few stay in the file, where its format allows that, for who reads them in blocks.
     `options`: `nodes` ("lower" or "centre") for MERL and CSAIL, `scale` for UTIA, CSAIL and Zemax, `wavelength_nm` for
     NIST; `angles`, `quantity`, `missing`, `mirror_azimuth` and `coverage` for CSV (see `read_csv` in
     `gonio.data.formats.csv.table_file`), most of them for laboratories' files too (see the reader of each). Raises
@@ -271,6 +274,8 @@ def load(path: str | os.PathLike[str], **options: Any) -> "Table | Material":
         options["entry"] = entry
     if unknown := sorted(set(options) - set(known.options)):
         raise GonioError(f"{path} is {known.title}, which has no option {unknown[0]!r}; leave it out")
+    if known.by_blocks:
+        return known.read(file, blockwise=blockwise, **options)
     content = known.read(file, **options)
     if isinstance(content, Table):
         try:

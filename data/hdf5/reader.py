@@ -1,5 +1,6 @@
 """Opening a table's HDF5 file: what a stranger's file claims is held against the file before it is believed."""
 
+import functools
 import json
 import math
 import mmap
@@ -24,6 +25,11 @@ from gonio.models.errors import GonioError, one_line
 
 LAZY_BYTES = 256 << 20
 """Values beyond this stay in the file and are read block by block."""
+BLOCKWISE_BYTES = 16 << 20
+"""The same for what goes through a table block by block anyway; values that are packed are unpacked once all the same.
+"""
+LEAST_SKIPPED = 1 << 20
+"""Bytes of a variable from which no text is looked for in its values, but where there is none elsewhere."""
 MOST_UNPACKED = 100
 """Bytes beyond `LAZY_BYTES` that may come out of one packed byte: readings, unlike a bomb, do not pack better."""
 MAX_DEFLATE = 1100
@@ -58,12 +64,13 @@ def open_profile(path: str | os.PathLike[str]) -> Profile:
     return _opened(path, lambda reader: reader.profile())
 
 
-def open_table(path: str | os.PathLike[str], lazy_bytes: int = LAZY_BYTES) -> Table:
-    """The table of an HDF5 file that gonio wrote (format 1 or older); values stay in the file beyond `lazy_bytes`.
+def open_table(path: str | os.PathLike[str], lazy_bytes: int = LAZY_BYTES, packed_bytes: int = LAZY_BYTES) -> Table:
+    """The table of an HDF5 file that gonio wrote (format 1 or older).
 
-    Raises GonioError, naming the file and what is wrong, for anything else: truncated, foreign, newer, inconsistent.
+    Values stay in the file beyond `lazy_bytes`, those that are packed beyond `packed_bytes` if that is more. Raises
+    GonioError, naming the file and what is wrong, for anything else: truncated, foreign, newer, inconsistent.
     """
-    return _opened(path, lambda reader: reader.table(lazy_bytes), keep=True)
+    return _opened(path, lambda reader: reader.table(lazy_bytes, packed_bytes), keep=True)
 
 
 def _opened(path: str | os.PathLike[str], read: "Callable[[_Reader], T]", keep: bool = False) -> T:
@@ -138,7 +145,20 @@ class _Reader:
         if not isinstance(version, int) or not 1 <= version <= GONIO_FORMAT:
             _fail(f"its format is gonio_format {version}, this gonio reads up to {GONIO_FORMAT}; install a newer one")
 
-    def table(self, lazy_bytes: int) -> Table:
+    @functools.cached_property
+    def values(self) -> list[tuple[int, int]]:
+        """Ranges of bytes of the file that hold nothing but the values of large variables, in order."""
+        ranges = []
+        for name in ("f", "u_f", "flag"):
+            if isinstance(self.file.get(name, getlink=True), h5py.HardLink) and isinstance(
+                node := self.file[name], h5py.Dataset
+            ):
+                start, size = node.id.get_offset(), node.id.get_storage_size()
+                if start is not None and size >= LEAST_SKIPPED:
+                    ranges.append((start, start + size))
+        return sorted(ranges)
+
+    def table(self, lazy_bytes: int, packed_bytes: int) -> Table:
         self.require_version()
         if self.attribute("layout", str) == PROFILE_LAYOUT:
             _fail("it is a profile of light below a surface, and no table; fit, check, quantities and report take it")
@@ -162,7 +182,8 @@ class _Reader:
                 _fail(f"{name} has shape {node.shape}, but its axes and channels make {shape}")
             if self.stored(node):
                 # JAX takes numbers of this machine's byte order only.
-                fields[name] = node if f.nbytes > lazy_bytes else node[...].astype(node.dtype.newbyteorder("="))
+                most = max(lazy_bytes, packed_bytes) if node.chunks else lazy_bytes
+                fields[name] = node if f.nbytes > most else node[...].astype(node.dtype.newbyteorder("="), copy=False)
             elif name != "u_f":
                 _fail("f or flag hold no values; measure it again")
             elif not np.isnan(value := self.value_of_all(node)):
@@ -268,7 +289,7 @@ class _Reader:
         stored = attributes.get_id(name)
         if stored.shape not in ((), (1,)) or not _plain(stored.get_type()):
             _fail(f"attribute {name} is neither a text nor a number; copy the file again")
-        if stored.dtype.kind == "O" and has_damaged_text(self.content, name, self.file.userblock_size):
+        if stored.dtype.kind == "O" and has_damaged_text(self.content, name, self.file.userblock_size, self.values):
             _fail(f"attribute {name} does not hold the text that it claims; measure or copy it again")
         value = attributes[name]
         value = value.item() if isinstance(value, np.generic | np.ndarray) and value.size == 1 else value

@@ -4,7 +4,7 @@ Layout by the HDF5 File Format Specification: III.E (global heap), IV.A.2.m (att
 """
 
 import mmap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 Content = bytes | mmap.mmap
 HEAP, HEAP_HEADER = b"GCOL\x01\x00\x00\x00", 16
@@ -47,13 +47,21 @@ def heap_objects(content: Content, start: int) -> dict[int, int] | None:
     return objects if position <= end else None
 
 
-def has_damaged_text(content: Content, name: str, base: int = 0) -> bool:
+def has_damaged_text(content: Content, name: str, base: int = 0, values: Sequence[tuple[int, int]] = ()) -> bool:
     """Whether an attribute of this name, which the library has found, holds a text of another length than it claims.
 
-    `base`: bytes before the HDF5 part, from which addresses count.
+    Args:
+        content: the file.
+        name: of the attribute.
+        base: bytes before the HDF5 part, from which addresses count.
+        values: ranges (start, stop) of bytes that hold large variables, in order; they are searched last.
     """
-    references = list(_text_references(content, name, 0, SEARCHED))
-    references = references or list(_text_references(content, name, SEARCHED, len(content)))
+    references: list[int] = []
+    start = 0
+    for low, high in (*values, (SEARCHED, SEARCHED)):
+        references += _text_references(content, name, start, min(low, SEARCHED))
+        start = max(start, high)
+    references = references or list(_text_references(content, name, 0, len(content)))
     for place in references:
         length, address, index = (_number(content, place + skip, size) for skip, size in ((0, 4), (4, 8), (12, 4)))
         if length and (heap_objects(content, base + address) or {}).get(index) != length:

@@ -88,7 +88,7 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
     if (profile := profile_of(subject)) is not None:
         _refuse_options_of_tables(settings, "a profile")
         return check_profile(profile, settings.name or profile.name or "profile", given, settings.level)
-    judged = resolve_subject(subject)
+    judged = resolve_subject(subject, blockwise=True)
     if judged.material is not None and isinstance(judged.material.brdf, WideSpots):
         _refuse_options_of_tables(settings, "light below a surface")
         return check_bssrdf(judged.material.brdf.bssrdf, judged.channels, settings.name or judged.name, given)
@@ -126,7 +126,7 @@ def _evidence(
         require_alike(table, further)
         if not table.layout.gridded:
             table, further = joined(table, further), None
-    return TableEvidence(table, settings.level, settings.feature_width, reference, settings.model, further).gathered()
+    return TableEvidence(table, settings.level, settings.feature_width, reference, settings.model, further)
 
 
 def _refuse_options_of_tables(settings: CheckSettings, what: str) -> None:

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.checks.direction_search import directions
-from gonio.checks.table.pairs.equal_pairs import angles_of, readings_of
+from gonio.checks.table.pairs.columns import readings_of
+from gonio.checks.table.pairs.places import angles_of
 from gonio.checks.table.pairs.scattered_pairs import merged
 from gonio.data.flags import Flag
 from gonio.data.table import Table

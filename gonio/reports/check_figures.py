@@ -29,16 +29,16 @@ class ReciprocityPairs(NamedTuple):
 def few_pairs(s: ReportSubject) -> dict[str, Any] | None:
     """The reciprocal pairs of a table that has too few to be judged, one by one; None where it has none, or many."""
     from gonio.checks.table.evidence import reciprocal_pairs
-    from gonio.checks.table.pairs.equal_pairs import FEWEST
+    from gonio.checks.table.pairs.pairs import FEWEST
 
     verdict = property_of(s, "reciprocity")
     if s.table is None or verdict is None or verdict.verdict not in (UNDECIDED, NOT_TESTABLE):
         return None
     pairs = reciprocal_pairs(s.table)
-    if isinstance(pairs, str) or not 0 < len(pairs.a) < FEWEST:
+    if isinstance(pairs, str) or not 0 < len(pairs) < FEWEST:
         return None
-    a, b = pairs.a[:, s.shown], pairs.b[:, s.shown]
-    u = np.hypot(pairs.u_a[:, s.shown], pairs.u_b[:, s.shown])
+    a, b, u_a, u_b, _ = pairs.column(s.shown)
+    u = np.hypot(u_a, u_b)
     with np.errstate(divide="ignore", invalid="ignore"):
         over_u = np.where(u > 0, (a - b) / u, np.nan)
         percent = 200 * (a - b) / (np.abs(a) + np.abs(b))
@@ -138,7 +138,7 @@ def _pairs(s: ReportSubject) -> ReciprocityPairs | None:
 
     if s.table is not None:
         pairs = reciprocal_pairs(s.table)
-        return None if isinstance(pairs, str) else ReciprocityPairs(pairs.a[:, s.shown], pairs.b[:, s.shown], pairs.how)
+        return None if isinstance(pairs, str) else ReciprocityPairs(*pairs.column(s.shown)[:2], pairs.how)
     angles = random_angles(np.radians(85.0), 2 * MOST_PAIRS)
     # Every second pair about the mirror direction, where lobes are.
     turn = np.random.default_rng(0).standard_normal((MOST_PAIRS, 2)) * np.radians(6.0)

@@ -4,10 +4,10 @@ import numpy as np
 
 from gonio.checks.certificate import NOT_APPLICABLE, UNDECIDED, Property, without_residual
 from gonio.checks.direction_search import refuse_other_channels, values
+from gonio.checks.table.comparison import compare
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs.equal_pairs import FEWEST, Pairs, pair_angles
-from gonio.checks.table.regions import judged_by_regions
-from gonio.checks.table.significance import decided_by_uncertainty, judged_by_level
+from gonio.checks.table.pairs.pairs import FEWEST, Pairs
+from gonio.checks.table.pairs.places import pair_angles
 from gonio.data.flags import Flag
 
 MOST_READINGS = 200_000
@@ -32,9 +32,8 @@ def table_agreement(evidence: TableEvidence, tolerance: float) -> Property:
     refuse_other_channels(f.shape[-1], truth.shape[-1])
     truth, u = np.broadcast_to(truth, f.shape), np.asarray(block.u_f, float)
     angles, exact = pair_angles(block.wi, block.wo), np.zeros(f.shape)
-    pairs = Pairs(f, truth, u, exact, angles, len(f), "each with the reference", exchanged=False)
-    judge = judged_by_level if decided_by_uncertainty(pairs) else judged_by_regions
-    what = "The table's readings and the reference's values"
-    judged = judge("agreement", evidence, pairs, np.ones(len(f)), tolerance, what)
+    pairs = Pairs.of_arrays((f, truth, u, exact), angles, len(f), "each with the reference", exchanged=False)
+    compared = compare(evidence, pairs, np.ones(len(f)))
+    judged = compared.judged("agreement", evidence, tolerance, "The table's readings and the reference's values")
     judged.facts = {"readings": number} | judged.facts
     return judged

@@ -15,13 +15,13 @@ from gonio.checks.certificate import (
     PASS,
     UNDECIDED,
     Property,
-    relative_difference,
     without_residual,
 )
+from gonio.checks.table.comparison import Compared, compare
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs.equal_pairs import FEWEST, Pairs, pair_angles
-from gonio.checks.table.regions import judged_by_regions, uncovered
-from gonio.checks.table.significance import decided_by_uncertainty, judged_by_level
+from gonio.checks.table.pairs.pairs import FEWEST, Pairs
+from gonio.checks.table.pairs.places import pair_angles
+from gonio.checks.table.regions import uncovered
 from gonio.data.flags import Flag
 from gonio.data.interpolation.scattering_blocks import sheet_of
 from gonio.models.display import percent
@@ -43,12 +43,14 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
     if isinstance(pairs, str):
         return _equal("reciprocity", evidence, pairs, None, tolerance, what)
     untestable = _lit_from_one_side(evidence.table.sides)
-    if not np.isfinite(pairs.a + pairs.b).any():
+    sign = np.sign(np.round(pairs.angles[:, 0] - pairs.angles[:, 2], 9))
+    compared = compare(evidence, pairs, sign)
+    if not compared.differences.comparable.any():
         reason = (
             f"Not testable: of {pairs.eligible:,} readings none has the exchanged directions beside it.{untestable}"
         )
         return without_residual("reciprocity", NOT_TESTABLE, tolerance, reason, pairs=0, method=pairs.how)
-    judged = _equal("reciprocity", evidence, pairs, pairs.angles[:, 0] - pairs.angles[:, 2], tolerance, what)
+    judged = _judged("reciprocity", evidence, compared, tolerance, what)
     if evidence.table.interpolant is not None and sheet_of(evidence.table) is None:
         judged.verdict = UNDECIDED if judged.verdict == PASS else judged.verdict
         edge = np.degrees(np.max(pairs.angles[:, [0, 2]]))
@@ -60,7 +62,7 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
         readings = readings[np.prod(np.cos(readings[:, [0, 2]]), axis=1) > 0]
         judged.detail += untestable
         judged.verdict = NOT_TESTABLE if judged.verdict == PASS else judged.verdict
-    share, where = uncovered(readings, pairs.angles[np.isfinite(pairs.a + pairs.b).any(axis=1)])
+    share, where = uncovered(readings, pairs.angles[compared.differences.comparable])
     judged.facts["share_not_compared"] = share
     if share > MOST_UNCOVERED and judged.verdict == PASS:
         judged.verdict = UNDECIDED
@@ -72,8 +74,13 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
 def _of_media(pairs: Pairs) -> str:
     """What one factor between all readings through the sample and those of the exchanged directions would come from."""
     behind = np.cos(pairs.angles[:, [0, 2]]) < 0
-    bright = (behind[:, 0] != behind[:, 1]) & ((pairs.a > 0) & (pairs.b > 0)).all(axis=1)
-    ratio = np.log(pairs.a[bright] / pairs.b[bright]) * np.where(behind[bright][:, 1:], 1, -1)
+    through = np.flatnonzero(behind[:, 0] != behind[:, 1])
+    if not through.size:
+        return ""
+    columns = [column.rows(through) for column in pairs.columns()]
+    a, b = (np.stack(of_channels, axis=1) for of_channels in zip(*((c.a, c.b) for c in columns), strict=True))
+    bright = ((a > 0) & (b > 0)).all(axis=1)
+    ratio = np.log(a[bright] / b[bright]) * np.where(behind[through[bright]][:, 1:], 1, -1)
     if len(ratio) < FEWEST:
         return ""
     middle = float(np.median(ratio))
@@ -131,56 +138,28 @@ def _equal(
     """
     if isinstance(pairs, str):
         return without_residual(name, NOT_APPLICABLE, tolerance, f"Not testable: {pairs}.")
-    comparable = np.isfinite(pairs.a) & np.isfinite(pairs.b)
-    number = int(comparable.any(axis=1).sum())
+    signs = np.zeros(len(pairs)) if sign is None else np.sign(np.round(sign, 9))
+    compared = compare(evidence, pairs, signs)
+    return _judged(name, evidence, compared, tolerance, what)
+
+
+def _judged(name: str, evidence: TableEvidence, compared: Compared, tolerance: float, what: str) -> Property:
+    differences, pairs = compared.differences, compared.pairs
+    number = int(np.count_nonzero(differences.comparable))
     facts = {"pairs": number, "cells_asked": pairs.eligible, "method": pairs.how}
-    if comparable.sum(axis=0).max(initial=0) < FEWEST:
+    if differences.by_channel.max(initial=0) < FEWEST:
         detail = f"Only {number} pairs of readings can be compared ({pairs.how}); at least {FEWEST} are needed."
         return without_residual(name, UNDECIDED, tolerance, detail, **facts)
-    difference = np.where(comparable, relative_difference(np.nan_to_num(pairs.a), np.nan_to_num(pairs.b)), np.nan)
-    medians = [float(np.nanmedian(d)) if np.isfinite(d).any() else np.nan for d in difference.T]
-    median = float(np.nanmedian(difference))
-    facts |= {
-        "median_by_channel": medians,
-        "largest": float(np.nanmax(difference)),
-        "percentile_95": float(np.nanpercentile(difference, 95)),
-        "interpolation_error": float(np.median(pairs.error)),
-        **_scatter(pairs, comparable),
-    }
-    signs = np.zeros(len(pairs.a)) if sign is None else np.sign(np.round(sign, 9))
-    if decided_by_uncertainty(pairs):
-        judged = judged_by_level(name, evidence, pairs, signs, tolerance, what)
+    facts |= differences.facts()
+    median = differences.median
+    judged = compared.judged(name, evidence, tolerance, what)
+    if differences.decided_by_uncertainty:
         judged.detail += _remark_on_scatter(facts)
     else:
-        judged = judged_by_regions(name, evidence, pairs, signs, tolerance, what)
         judged.detail += f" Their median difference is {percent(median)}."
     judged.facts = facts | {"median": median} | judged.facts
-    judged.series |= _by_band(pairs, difference)
+    judged.series |= differences.by_band()
     return judged
-
-
-def _by_band(pairs: Pairs, difference: np.ndarray) -> dict[str, list[float]]:
-    """Median difference over bands of 5° of the larger polar angle."""
-    theta = np.degrees(np.maximum(pairs.angles[:, 0], pairs.angles[:, 2]))
-    bands = {low + 2.5: difference[(theta >= low) & (theta < low + 5)] for low in range(0, 180, 5)}
-    bands = {middle: float(np.nanmedian(band)) for middle, band in bands.items() if np.isfinite(band).any()}
-    return {"theta_deg": list(bands), "median": list(bands.values())}
-
-
-def _scatter(pairs: Pairs, comparable: np.ndarray) -> dict[str, Any]:
-    variance = pairs.u_a**2 + pairs.u_b**2
-    known = comparable & (variance > 0)
-    if not known.any():
-        return {}
-    z2 = (pairs.a[known] - pairs.b[known]) ** 2 / variance[known]
-    return {
-        "chi2_per_pair": float(np.mean(z2)),
-        "share_beyond_2_sigma": float(np.mean(z2 > 4)),
-        "share_beyond_3_sigma": float(np.mean(z2 > 9)),
-        "pairs_with_uncertainty": int(known.sum()),
-        # Half of the squares of a normal deviate are below 0.4549: few wrong pairs do not change it.
-        "scatter_in_uncertainties": float(np.sqrt(np.median(z2) / 0.4549)),
-    }
 
 
 def _remark_on_scatter(facts: dict[str, Any]) -> str:

@@ -1,24 +1,22 @@
-"""What the checks of a table are given, gathered in one pass: the readings that should be equal, pair by pair."""
+"""What the checks of a table are given: the table, its readings that should be equal, and the options."""
 
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gonio.checks.table.pairs.equal_pairs import (
-    Pairs,
-    angles_of,
     cells_without_partner,
     exchanged_pairs,
-    joined,
     mirrored_pairs,
-    places,
     pole_pairs,
+    squares_of,
     turned_pairs,
-    without_radiance_factor,
 )
+from gonio.checks.table.pairs.pairs import Pairs, joined, without_radiance_factor
+from gonio.checks.table.pairs.places import places
 from gonio.data.interpolation.scattering_blocks import sheet_of
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
@@ -56,7 +54,8 @@ def _exchanged(table: Table) -> Pairs | str:
         return pairs
     alone = cells_without_partner(table)
     # Interpolation is for what the measured pairs leave open.
-    alone = alone[~np.isin(places(angles_of(table.layout, alone)).square, places(pairs.angles).square)]
+    if alone.size:
+        alone = alone[~np.isin(squares_of(table.layout, alone), places(pairs.angles).square)]
     return joined(pairs, interpolated_pairs(table, alone)) if alone.size else pairs
 
 
@@ -82,7 +81,6 @@ class TableEvidence:
     """Readings of the same surface beside those of the table, which energy takes into account."""
     made: "FitResult | None" = None
     """The fit of the model to the table, where it was made before."""
-    _pairs: dict[str, Pairs | str] = dataclasses.field(default_factory=dict, repr=False)
 
     @functools.cached_property
     def fitted(self) -> "FitResult | None":
@@ -96,16 +94,8 @@ class TableEvidence:
         return fit(table, None if self.model == "auto" else self.model)
 
     def pairs(self, kind: str) -> Pairs | str:
-        """Pairs of one of the kinds of `PAIRS`, read once."""
-        if kind not in self._pairs:
-            self._pairs[kind] = PAIRS[kind](self.table)
-        return self._pairs[kind]
-
-    def gathered(self) -> Self:
-        """The evidence with all of its pairs read."""
-        for kind in PAIRS:
-            self.pairs(kind)
-        return self
+        """Pairs of one of the kinds of `PAIRS`; or why there are none."""
+        return PAIRS[kind](self.table)
 
     def channel(self, number: int) -> str | None:
         """What a place calls a channel: its name, or None for the only one."""

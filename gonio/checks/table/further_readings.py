@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from gonio.checks.hidden_lobes import Features, Further
-from gonio.checks.table.pairs.equal_pairs import angles_of, readings_of
+from gonio.checks.table.pairs.columns import readings_of
+from gonio.checks.table.pairs.places import angles_of
 from gonio.data.layouts import scattered
 from gonio.data.table import MEDIA, Table
 from gonio.models.errors import GonioError

@@ -1,18 +1,22 @@
 """The rim of a table: the last ring of readings against the two before it."""
 
+import math
 from typing import Any
 
 import numpy as np
 
 from gonio.checks.certificate import NOT_APPLICABLE, Property, verdict_of, without_residual
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs.equal_pairs import FEWEST
+from gonio.checks.table.pairs.pairs import FEWEST
+from gonio.checks.table.statistics.quantiles import median
 from gonio.data.flags import Flag
 from gonio.data.table import Table
 from gonio.models.geometry.sides import side_in_words
 
 LIGHT_MAX = np.radians(70)
 RIM = np.radians(75)
+BLOCK = 1 << 19
+"""Readings that are looked at together."""
 MEDIAN_OF_NORMAL = 0.6745
 """Median of |x| of a standard normal deviate x."""
 
@@ -48,29 +52,25 @@ def _rim(table: Table, tolerance: float, evidence: TableEvidence) -> Property:
         )
     theta_o, theta_i = grid.theta_o, grid.theta_i
     rings = np.flatnonzero(theta_o < np.pi / 2 - 1e-9)[-3:]
-    lit, axis = theta_i < LIGHT_MAX, table.layout.dims.index("theta_o")
-
-    def by_ring(values: np.ndarray) -> np.ndarray:
-        return np.moveaxis(np.take(np.asarray(values[...])[lit], rings, axis=axis), axis, 0)
-
-    f = by_ring(table.f)
-    ok = ((by_ring(table.flag) == Flag.VALID) & (f > 0)).all(axis=0)
-    if np.count_nonzero(ok) < FEWEST or theta_o[rings[-1]] < RIM:
+    lit = int(np.count_nonzero(theta_i < LIGHT_MAX))
+    if rings.size < 3:
+        detail = "Not testable: the grid has no three rings above the horizon."
+        return without_residual("horizon", NOT_APPLICABLE, tolerance, detail)
+    step = float((theta_o[rings[2]] - theta_o[rings[1]]) / (theta_o[rings[1]] - theta_o[rings[0]]))
+    together = max(1, BLOCK * theta_o.size // (rings.size * math.prod(table.shape[1:])))
+    parts = [slice(k, min(k + together, lit)) for k in range(0, lit, together)]
+    blocks = [_jumps(table, part, rings, step) for part in parts]
+    jump, noise = (np.concatenate(values) for values in zip(*blocks, strict=True)) if blocks else np.zeros((2, 0))
+    number = np.count_nonzero(np.isfinite(jump))
+    if number < FEWEST or theta_o[rings[-1]] < RIM:
         detail = "Not testable: too few positive readings beyond 75°."
         return without_residual("horizon", NOT_APPLICABLE, tolerance, detail)
-    a, b, c = (np.log(np.where(ok, ring, 1.0)) for ring in f)
-    t = (theta_o[rings[2]] - theta_o[rings[1]]) / (theta_o[rings[1]] - theta_o[rings[0]])
-    jump = np.where(ok, np.abs(c - b - t * (b - a)), np.nan)
-    residual, bound = float(np.nanmedian(jump)), 0.0
-    if table.u_f is not None:
-        with np.errstate(all="ignore"):
-            r = by_ring(table.u_f) / f
-            noise = np.sqrt(r[2] ** 2 + ((1 + t) * r[1]) ** 2 + (t * r[0]) ** 2)[ok]
-        known = noise[np.isfinite(noise)]
-        bound = MEDIAN_OF_NORMAL * float(np.median(known)) if known.size else 0.0
+    residual, bound = median(jump), 0.0
+    if np.isfinite(noise).any():
+        bound = MEDIAN_OF_NORMAL * median(noise)
     worst = np.unravel_index(np.nanargmax(jump), jump.shape)
     rim = float(np.degrees(theta_o[rings[-1]]))
-    where: dict[str, Any] = {"theta_i": float(np.degrees(theta_i[lit][worst[0]])), "theta_o": rim}
+    where: dict[str, Any] = {"theta_i": float(np.degrees(theta_i[worst[0]])), "theta_o": rim}
     if (channel := evidence.channel(int(worst[-1]))) is not None:
         where["channel"] = channel
     detail = (
@@ -78,3 +78,26 @@ def _rim(table: Table, tolerance: float, evidence: TableEvidence) -> Property:
         " the most."
     )
     return Property("horizon", verdict_of(residual, bound, tolerance), residual, bound, tolerance, where, detail)
+
+
+def _jumps(table: Table, lit: slice, rings: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """How far the last ring is off the two before, in e-folds, NaN where a reading is not positive, and its noise.
+
+    Both in single precision, of the shape of the table's readings at these incidences but for its polar angles.
+    """
+    axis = table.layout.dims.index("theta_o")
+    place = (lit, *[slice(None)] * (axis - 1), slice(rings[0], rings[-1] + 1))
+
+    def by_ring(values: Any) -> np.ndarray:
+        return np.moveaxis(np.asarray(values[place]), axis, 0)
+
+    f = by_ring(table.f).astype(float)
+    ok = ((by_ring(table.flag) == Flag.VALID) & (f > 0)).all(axis=0)
+    a, b, c = (np.log(np.where(ok, ring, 1.0)) for ring in f)
+    jump, noise = np.where(ok, np.abs(c - b - step * (b - a)), np.nan), np.full(ok.shape, np.nan)
+    if table.u_f is not None:
+        with np.errstate(all="ignore"):
+            r = by_ring(table.u_f) / f
+            noise = np.where(ok, np.sqrt(r[2] ** 2 + ((1 + step) * r[1]) ** 2 + (step * r[0]) ** 2), np.nan)
+    noise[np.isinf(noise)] = np.nan
+    return jump.astype(np.float32), noise.astype(np.float32)

@@ -18,8 +18,10 @@ from scipy.special import stdtrit
 
 from gonio.checks.certificate import FAIL, PASS, UNDECIDED, Property, place_in_words, place_of
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs.equal_pairs import BAND, FEWEST, SAME_POLAR, SECTOR, SIDE, Pairs, places
+from gonio.checks.table.pairs.pairs import FEWEST, Column, Pairs
+from gonio.checks.table.pairs.places import BAND, SAME_POLAR, SECTOR, SIDE, places
 from gonio.checks.table.statistics.counts import critical, sidak
+from gonio.checks.table.statistics.quantiles import median
 from gonio.models.display import percent
 
 ENOUGH = 0.1
@@ -65,7 +67,10 @@ def region_place(level: str, number: int, channel: str | None) -> dict[str, Any]
     return place if channel is None else {**place, "channel": channel}
 
 
-def regions_of(angles: np.ndarray) -> list[tuple[str, int, np.ndarray]]:
+Regions = list[tuple[str, int, np.ndarray]]
+
+
+def regions_of(angles: np.ndarray) -> Regions:
     """(size, number, indices) of the regions of pairs: those that hold `FEWEST`, and all pairs together."""
     regions = []
     for level, numbers in places(angles)._asdict().items():
@@ -107,48 +112,56 @@ class _Differences:
     d: np.ndarray
     error: np.ndarray
     noise: np.ndarray
-    angles: np.ndarray
+    pair: np.ndarray
+    """Their numbers."""
     signed: np.ndarray
+    regions: Regions
     channel: int
 
 
-def _differences(pairs: Pairs, sign: np.ndarray, channel: int) -> _Differences | None:
-    a, b = pairs.a[:, channel], pairs.b[:, channel]
+def _differences(column: Column, pairs: Pairs, sign: np.ndarray, channel: int, whole: Regions | None) -> _Differences:
+    """Those of a channel; `whole`: the regions of all pairs, if known."""
+    a, b, *_, error = column
     use = np.flatnonzero(np.isfinite(a) & np.isfinite(b))
-    if use.size < FEWEST:
-        return None
-    a, b, sign, angles = a[use], b[use], sign[use], pairs.angles[use]
+    a, b, sign = a[use], b[use], sign[use]
+    regions = whole if whole is not None and use.size == len(pairs) else regions_of(pairs.angles[use])
     size = np.maximum((np.abs(a) + np.abs(b)) / 2, 1e-300)
     d = np.where(sign < 0, -1.0, 1.0) * (a - b) / size
-    error = np.broadcast_to(np.asarray(pairs.error, float), pairs.a.shape)[use, channel] + ROUNDING
-    noise = np.maximum(_local_noise(d, angles), np.minimum(_noise_by_brightness(d, size), _band_noise(d, angles)))
-    return _Differences(d, error, noise, angles, sign != 0, channel)
+    error = (error[use] if isinstance(error, np.ndarray) else np.full(use.size, error)) + ROUNDING
+    noise = np.maximum(_local_noise(d, regions), np.minimum(_noise_by_brightness(d, size), _band_noise(d, regions)))
+    return _Differences(d, error, noise, use, sign != 0, regions, channel)
 
 
 def _deviation(d: np.ndarray) -> float:
-    return MAD * float(np.median(np.abs(d - np.median(d))))
+    return MAD * median(np.abs(d - median(d)))
 
 
-def _local_noise(d: np.ndarray, angles: np.ndarray) -> np.ndarray:
+def _local_noise(d: np.ndarray, regions: Regions) -> np.ndarray:
     # Of the smallest region that holds enough pairs: a violation that ends elsewhere is not taken for noise.
     noise = np.zeros(d.size)
-    for _, _, group in reversed(regions_of(angles)):
+    for _, _, group in reversed(regions):
         noise[group] = _deviation(d[group])
     return noise
 
 
-def _band_noise(d: np.ndarray, angles: np.ndarray) -> np.ndarray:
+def _band_noise(d: np.ndarray, regions: Regions) -> np.ndarray:
     noise = np.full(d.size, _deviation(d))
-    for size, _, group in regions_of(angles):
+    for size, _, group in regions:
         if size == "band":
             noise[group] = _deviation(d[group])
     return noise
 
 
 def _noise_by_brightness(d: np.ndarray, size: np.ndarray) -> np.ndarray:
-    noise = np.zeros(d.size)
-    for group in np.array_split(np.argsort(size, kind="stable"), max(1, d.size // BRIGHT)):
-        noise[group] = _deviation(d[group])
+    # Of equal groups in the order of brightness, the first of which have one pair more.
+    noise, order, groups = np.zeros(d.size), np.argsort(size, kind="stable"), max(1, d.size // BRIGHT)
+    few, more = divmod(d.size, groups)
+    split = more * (few + 1)
+    for some in (order[:split].reshape(more, few + 1), order[split:].reshape(groups - more, few)):
+        if some.size:
+            of_group = d[some]
+            off = np.abs(of_group - np.median(of_group, axis=1, keepdims=True))
+            noise[some] = MAD * np.median(off, axis=1, keepdims=True)
     return noise
 
 
@@ -173,7 +186,9 @@ class _Estimate(NamedTuple):
 def _estimates(rows: _Differences, level: float, channel: str | None) -> list[_Estimate]:
     """The mean and the median of each region, at a level of all of them together; without signs, of their sizes."""
     signed = rows.signed.any()
-    regions = [(size, number, group[rows.signed[group] | ~signed]) for size, number, group in regions_of(rows.angles)]
+    regions = rows.regions
+    if signed and not rows.signed.all():
+        regions = [(size, number, group[rows.signed[group]]) for size, number, group in regions]
     regions = [region for region in regions if region[2].size >= FEWEST]
     one, estimates = sidak(level, 2 * max(len(regions), 1)), []
     for size, number, group in regions:
@@ -194,24 +209,33 @@ def _estimates(rows: _Differences, level: float, channel: str | None) -> list[_E
 
 
 def judged_by_regions(
-    name: str, evidence: TableEvidence, pairs: Pairs, sign: np.ndarray, tolerance: float, what: str
+    name: str,
+    evidence: TableEvidence,
+    pairs: Pairs,
+    sign: np.ndarray,
+    by_channel: np.ndarray,
+    tolerance: float,
+    compared: str,
 ) -> Property:
     """The property of pairs without known uncertainties: fail, if a region surely differs by more than the tolerance.
 
     It fails also where `MANY` of the pairs differ surely. It passes where no region can differ by more, and no pair
-    does. `sign` (n,) is that of a violation in each pair (0: unknown).
+    does. `sign` (n,) is that of a violation in each pair (0: unknown), `by_channel` (channels,) the number of pairs
+    that can be compared; `compared`: what with what, and how.
     """
-    by_channel = [_differences(pairs, sign, c) for c in range(pairs.a.shape[1])]
-    known = [rows for rows in by_channel if rows is not None]
-    estimates = [e for r in known for e in _estimates(r, evidence.level / len(known), evidence.channel(r.channel))]
-    shares, pairs_worst = [], []
-    for rows in known:
+    known = np.flatnonzero(by_channel >= FEWEST)
+    whole, noises = regions_of(pairs.angles), np.full((len(known), len(pairs)), np.nan, np.float32)
+    estimates, shares, pairs_worst = [], [], []
+    for channel, kept in zip(map(int, known), noises, strict=True):
+        rows = _differences(pairs.column(channel), pairs, sign, channel, whole)
+        kept[: rows.noise.size] = rows.noise
+        estimates += _estimates(rows, evidence.level / len(known), evidence.channel(channel))
         # One interpolated partner proves nothing: what lies between near readings may be a peak.
         measured = rows.error <= ROUNDING
         beyond = np.where(measured, np.abs(rows.d) - OUTLYING * rows.noise, -1.0) - rows.error
         k = int(np.argmax(beyond))
         shares.append(float(np.sum(beyond > tolerance) / max(np.sum(measured), 1)))
-        place = place_of(rows.angles[k], evidence.channel(rows.channel))
+        place = place_of(pairs.angles[rows.pair[k]], evidence.channel(channel))
         pairs_worst.append(_Estimate(abs(float(rows.d[k])), float(abs(rows.d[k]) - beyond[k]), place))
     single, share = max(pairs_worst, key=lambda e: e.least), max(shares)
     surest = max(estimates, key=lambda e: e.least, default=single)
@@ -224,7 +248,7 @@ def judged_by_regions(
         verdict, decides = UNDECIDED, single
     else:
         verdict, decides = PASS if estimates and widest.largest <= tolerance else UNDECIDED, widest
-    noise = float(np.median(np.concatenate([rows.noise for rows in known])))
+    noise = median(noises)
     facts = {
         "regions": len(estimates) // 2,
         "region": f"{BAND:g}° × {BAND:g}° of polar angles × {SECTOR:g}° of azimuth difference",
@@ -234,10 +258,7 @@ def judged_by_regions(
         "noise_of_pairs": noise,
     }
     half = decides.half if verdict == FAIL else decides.largest - decides.difference
-    number = max(rows.d.size for rows in known)
-    detail = (
-        f"{what} over {number:,} pairs ({pairs.how}): {_sentence(decides._replace(half=half), tolerance, share, noise)}"
-    )
+    detail = f"{compared}: {_sentence(decides._replace(half=half), tolerance, share, noise)}"
     return Property(name, verdict, decides.difference, half, tolerance, decides.where, detail, facts)
 
 

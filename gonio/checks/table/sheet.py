@@ -8,7 +8,7 @@ import numpy as np
 from gonio.checks.albedos import Albedos
 from gonio.checks.direction_search import directions, values
 from gonio.checks.table.albedos.two_sided import REFLECTED, TRANSMITTED
-from gonio.checks.table.pairs.equal_pairs import Pairs
+from gonio.checks.table.pairs.pairs import Pairs
 from gonio.data.interpolation.scattering_blocks import BLOCKS, ScatteringBlock, SheetBSDF, pair_of
 
 POINTS = 8
@@ -91,7 +91,8 @@ def sheet_pairs(bsdf: SheetBSDF) -> Pairs:
                 blocks.append(_exchanged(bsdf, block, name, channel, rng))
     a, b, error, angles = (np.concatenate(column) for column in zip(*blocks, strict=True))
     unknown = np.full_like(a, np.nan)
-    return Pairs(a, b, unknown, unknown, angles, len(a), "patches of the file, exchanged by its own rule", error)
+    how = "patches of the file, exchanged by its own rule"
+    return Pairs.of_arrays((a, b, unknown, unknown), angles, len(a), how, error)
 
 
 def _exchanged(

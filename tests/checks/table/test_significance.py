@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from gonio.checks.table.comparison import compare
 from gonio.checks.table.equal_readings import table_reciprocity, table_symmetry
 from gonio.checks.table.evidence import LEVEL, TableEvidence
-from gonio.checks.table.significance import judged_by_level
 from gonio.checks.table.statistics.counts import decimal_step
 from gonio.data.table import whole_table_of_values
 from support.check_tables import SQUARE
@@ -122,7 +122,8 @@ def test_noise_without_a_sign_fails_nothing_that_no_test_calls_significant():
     rng = np.random.default_rng(3)
     readings = rng.standard_normal(SQUARE.shape)
     faint = whole_table_of_values(SQUARE, 0.01 + readings, u_f=np.full((*SQUARE.shape, 1), 0.95))
-    pairs = TableEvidence(faint).pairs("exchanged")
-    judged = judged_by_level("pole", TableEvidence(faint), pairs, np.zeros(len(pairs.a)), 0.05, "readings")
+    evidence = TableEvidence(faint)
+    pairs = evidence.pairs("exchanged")
+    judged = compare(evidence, pairs, np.zeros(len(pairs))).judged("pole", evidence, 0.05, "readings")
     assert not judged.facts["significant"]
     assert judged.verdict == "undecided"

@@ -9,8 +9,8 @@ import numpy as np
 from gonio.checks.direction_search import directions
 from gonio.checks.table.albedos.half_difference import HalfVectorGrid, half_vector_grid
 from gonio.checks.table.albedos.scattered import INCIDENCES
-from gonio.checks.table.pairs.equal_pairs import angles_of
 from gonio.checks.table.pairs.nearest_readings import FEWEST, by_incidence, valid_readings
+from gonio.checks.table.pairs.places import angles_of
 from gonio.checks.table.pairs.scattered_pairs import LEAF, isotropic_light, merged, one_sided, pair_points
 from gonio.data.flags import Flag
 from gonio.data.table import Table

@@ -7,7 +7,8 @@ import numpy as np
 from gonio.checks.albedos import Incidence
 from gonio.checks.direction_search import directions
 from gonio.checks.hidden_lobes import REFLECTED, Features, NearMirror, hidden_energy, refracted
-from gonio.checks.table.pairs.equal_pairs import angles_of, readings_of
+from gonio.checks.table.pairs.columns import readings_of
+from gonio.checks.table.pairs.places import angles_of
 from gonio.checks.table.pairs.scattered_pairs import LEAF, isotropic_light, merged, one_sided
 from gonio.data.table import Table
 from gonio.models.geometry.low_discrepancy import low_discrepancy

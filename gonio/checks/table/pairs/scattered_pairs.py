@@ -8,7 +8,9 @@ import numpy as np
 
 from gonio.checks.certificate import relative_difference
 from gonio.checks.direction_search import directions, everywhere, values
-from gonio.checks.table.pairs.equal_pairs import SAME_POLAR, Pairs, angles_of, pair_angles, readings_of
+from gonio.checks.table.pairs.columns import readings_of
+from gonio.checks.table.pairs.pairs import Pairs
+from gonio.checks.table.pairs.places import SAME_POLAR, angles_of, pair_angles
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.display import percent
@@ -133,7 +135,7 @@ def scattered_pairs(table: Table) -> Pairs:
         how += f", {repeated:,} repeats merged"
         how += f" (they scatter by {percent(scatter)})" if np.isfinite(scatter) else ""
     if len(f) < 2:
-        return Pairs(f[:0], f[:0], u[:0], u[:0], angles[:0], len(f), how, merged=angles)
+        return Pairs.of_arrays((f[:0], f[:0], u[:0], u[:0]), angles[:0], len(f), how, merged=angles)
     here = pair_points(angles, isotropic, mirrored)
     there = pair_points(angles[:, [2, 3, 0, 1]], isotropic, mirrored)
     distance, near = (np.asarray(a) for a in KDTree(here, LEAF).query(there, min(NEIGHBOURS, len(f))))
@@ -159,7 +161,7 @@ def scattered_pairs(table: Table) -> Pairs:
     error = np.where(exact[keep], 0.0, 2 * BETWEEN * spread / np.maximum(np.abs(a) + np.abs(b), 1e-300))
     # Where f is steep the spread of a few readings bounds nothing.
     a = np.where(error <= STEEPEST, a, np.nan)
-    return Pairs(a, b, u[keep], u_b, angles[keep], len(f), how, error, angles)
+    return Pairs.of_arrays((a, b, u[keep], u_b), angles[keep], len(f), how, error, merged=angles)
 
 
 def random_angles(theta_max: float, n: int = WARPED) -> np.ndarray:
@@ -195,12 +197,13 @@ def warped_pairs(table: Table) -> Pairs:
     warp, coarse = warp_of(table)
     angles = random_angles(min(float(np.max(np.asarray(warp.theta_i))), WIDEST))
     a, b = both_ways(warp, angles)
-    error: np.ndarray | float = 0.0
+    error: np.ndarray | None = None
     if coarse is not None:
         rough_a, rough_b = both_ways(coarse, angles)
         error = relative_difference(a, rough_a) + relative_difference(b, rough_b)
     unknown = np.full_like(a, np.nan)
-    return Pairs(a, b, unknown, unknown, angles, len(a), "random pairs, read by the format's own warp", error)
+    how = "random pairs, read by the format's own warp"
+    return Pairs.of_arrays((a, b, unknown, unknown), angles, len(a), how, error)
 
 
 def _reached(nodes: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -236,9 +239,9 @@ def interpolated_pairs(table: Table, cells: np.ndarray) -> Pairs:
     how = "readings whose partners were interpolated"
     if not within.any():
         none = np.zeros((0, len(table.channels)))
-        return Pairs(none, none, none, none, np.zeros((0, 4)), cells.size, how)
+        return Pairs.of_arrays((none, none, none, none), np.zeros((0, 4)), cells.size, how)
     partner, rough = (values(as_material(t), wo, wi) for t in (table, coarsened(table)))
     f, u = readings_of(table, cells[within])
     error = relative_difference(partner, rough)
     partner = np.where(error <= STEEPEST, partner, np.nan)
-    return Pairs(f, partner, u, u, pair_angles(wi, wo), cells.size, how, error)
+    return Pairs.of_arrays((f, partner, u, u), pair_angles(wi, wo), cells.size, how, error)

@@ -6,6 +6,8 @@ is large: they come from the cumulant generating function of the counts [Luganna
 correction of Daniels 1987].
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.special import exprel, gammainc, log_ndtr, ndtr, ndtri
 
@@ -23,22 +25,14 @@ RARE = 10.0
 COARSE = 0.1
 """Standard deviations of a sum that one count makes, above which its tail has steps."""
 
-BISECTIONS = 60
+STEPS = 100
+"""Five or six are usual, 50 the most that are needed."""
 
 NEARLY = 0.3
 """Share of a count by which the size of a count may be too large."""
 
 MANY = 20
 """With fewer different values their rounding cannot be known."""
-
-GROUP = 32
-"""Readings, alike in their uncertainty, from which the size of a count is taken."""
-
-MOST_LIT = 0.75
-"""Share of a group's readings above their uncertainty from which these are of some counts each."""
-
-CERTAIN = 3.0
-"""Standard deviations by which the signal of a group may be too large by chance."""
 
 
 def sidak(level: float, tests: int) -> float:
@@ -54,53 +48,6 @@ def family_p(p: np.ndarray | float, tests: np.ndarray | int) -> np.ndarray:
 def critical(p: float) -> float:
     """Standard normal deviate that is exceeded on either side with the probability p."""
     return float(-ndtri(p / 2))
-
-
-def quantum(theta: np.ndarray, f: np.ndarray, u: np.ndarray, kind: np.ndarray | int = 0) -> np.ndarray:
-    """What one count adds to a reading, 1/sr, at each of n readings at polar angles of incidence `theta`.
-
-    Counts make u² = quantum · f + more: the least of Σu²/Σf over groups of readings of one `kind` at a like incidence
-    that are alike in u, each with its upper limit, so that a group of few counts makes it no smaller. It is an upper
-    bound: other noise makes it larger, and with it the tails. 0 where all f are 0.
-    """
-    size = np.zeros(f.shape)
-    kind = np.broadcast_to(kind, f.shape)
-    for one in np.unique(kind):
-        some = np.flatnonzero(kind == one)
-        order = some[np.argsort(theta[some], kind="stable")]
-        # Whole incidences together until they have enough readings.
-        starts = [0]
-        for edge in np.flatnonzero(np.diff(theta[order]) > 1e-6) + 1:
-            if edge - starts[-1] >= GROUP:
-                starts.append(int(edge))
-        for start, stop in zip(starts, [*starts[1:], order.size], strict=True):
-            group = order[start:stop]
-            # Light that arrives aslant is spread over more of the surface: one count stands for as much more.
-            slant = np.maximum(np.abs(np.cos(theta[group])), 1e-6)
-            size[group] = _least_count(slant * f[group], slant * u[group] ** 2 * slant) / slant
-    return size
-
-
-def _least_count(signal: np.ndarray, variance: np.ndarray) -> float:
-    """The least upper limit of Σvariance/Σsignal of groups alike in variance, or of all; else the smallest signal.
-
-    Where few readings of a group exceed their uncertainty, counts may be so rare that one alone is its signal: there
-    the variance is no less than its readings scatter.
-    """
-    alike = np.argsort(variance, kind="stable")
-    signal, variance = signal[alike], variance[alike]
-    firsts = np.arange(0, alike.size, GROUP)
-    lit = (signal > np.sqrt(variance)).astype(float)
-    for starts in (firsts, firsts[:1]):
-        v, s, squares, bright = (np.add.reduceat(a, starts) for a in (variance, signal, signal**2, lit))
-        number = np.diff(np.append(starts, alike.size))
-        scatter = (squares - s**2 / number) * number / np.maximum(number - 1, 1)
-        v = np.where(bright >= MOST_LIT * number, v, np.maximum(v, scatter))
-        surely = s - CERTAIN * np.sqrt(v)
-        if (surely > 0).any():
-            return float(np.min(v[surely > 0] / surely[surely > 0]))
-    # Hardly anything was met: a reading is a count or two.
-    return float(np.min(np.abs(signal[signal != 0]), initial=np.inf)) if (signal != 0).any() else 0.0
 
 
 def decimal_step(values: np.ndarray) -> float:
@@ -210,16 +157,27 @@ def _sum_tail(
     largest = float(q.max())
     x = z if largest > COARSE else min(z, FARTHEST)
     last = 600 / max(largest, 1e-3)
-    low, high = 0.0, last
-    for _ in range(BISECTIONS):
-        t = (low + high) / 2
-        low, high = (t, high) if t * float(np.sum(v * exprel(q * t))) < x else (low, t)
-    t = (low + high) / 2
+    t = _root(lambda t: (t * float(np.sum(v * exprel(q * t))) - x, float(np.sum(v * np.exp(q * t)))), z, last)
     w2 = max(2 * (t * x - t**2 * float(np.sum(v * _second(q * t)))), 1e-12)
     if largest > COARSE:
         return float(np.exp(-w2 / 2))
     w, u = np.sqrt(w2), t * np.sqrt(float(np.sum(v * np.exp(q * t))))
     return float(ndtr(-w) + np.exp(-w2 / 2) / np.sqrt(2 * np.pi) * (1 / u - 1 / w))
+
+
+def _root(function: Callable[[float], tuple[float, float]], start: float, most: float) -> float:
+    """Where an increasing function of known slope is 0, in [0, most]: by Newton's steps while each is half the last."""
+    low, high, t, step = 0.0, most, min(start, most), most
+    for _ in range(STEPS):
+        value, slope = function(t)
+        low, high = (t, high) if value < 0 else (low, t)
+        newton = -value / slope if 0 < slope < np.inf else np.inf
+        fast = low < t + newton < high and 2 * abs(newton) <= abs(step)
+        step = newton if fast else (low + high) / 2 - t
+        t += step
+        if abs(step) <= 1e-14 * abs(t):
+            break
+    return t
 
 
 def _tilted(t: np.ndarray, x: np.ndarray, *v_and_q: np.ndarray) -> np.ndarray:

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm, skellam
 
-from gonio.checks.table.statistics.counts import difference_p, family_p, quantum, sidak, sum_p
+from gonio.checks.table.statistics.count_sizes import quantum
+from gonio.checks.table.statistics.counts import difference_p, family_p, sidak, sum_p
 
 
 def one(*values):

@@ -1,0 +1,97 @@
+"""What one count of photons adds to a reading, by the readings alone."""
+
+import numpy as np
+
+SAME_THETA = 1e-6
+"""Difference, radians, of polar angles that are one."""
+
+GROUP = 32
+"""Readings, alike in their uncertainty, from which the size of a count is taken."""
+
+MOST_LIT = 0.75
+"""Share of a group's readings above their uncertainty from which these are of some counts each."""
+
+CERTAIN = 3.0
+"""Standard deviations by which the signal of a group may be too large by chance."""
+
+
+class CountSizes:
+    """What one count adds to a reading, 1/sr, at each of n readings at polar angles of incidence `theta`, radians.
+
+    Counts make u² = quantum · f + more: the least of Σu²/Σf over groups of readings of one `kind` at a like incidence
+    that are alike in u, each with its upper limit, so that a group of few counts makes it no smaller. It is an upper
+    bound: other noise makes it larger, and with it the tails. 0 where all f are 0, and where f or u is unknown or u 0.
+    """
+
+    def __init__(self, theta: np.ndarray, kind: np.ndarray | int = 0) -> None:
+        nodes = np.unique(theta)
+        new = np.diff(nodes, prepend=nodes[:1]) > SAME_THETA
+        of_theta = np.cumsum(new)[np.searchsorted(nodes, theta)]
+        self._angles = int(of_theta.max(initial=0)) + 1
+        number = kind * self._angles + of_theta
+        self._theta, self._number = theta, number.astype(np.int16 if number.max(initial=0) < 1 << 15 else np.int32)
+        # Of small integers the order takes no comparisons.
+        self._order = np.argsort(self._number, kind="stable").astype(np.int32)
+        self._place = np.empty_like(self._order)
+        self._place[self._order] = np.arange(theta.size, dtype=np.int32)
+
+    def of(self, f: np.ndarray, u: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """Those of the readings of the numbers `wanted`, by all readings f and their uncertainties u, (n,) each."""
+        order, place = self._order, self._place[wanted]
+        ok = np.isfinite(f) & (u > 0) & np.isfinite(u)
+        if not ok.all():
+            among = ok[order]
+            order, place = order[among], np.where(ok[wanted], (np.cumsum(among) - 1)[place], -1)
+        size = np.zeros(place.size)
+        if not order.size:
+            return size
+        starts = self._starts(self._number[order])
+        group = np.searchsorted(starts, place, side="right") - 1
+        for k in np.unique(group[place >= 0]):
+            some = order[starts[k] : [*starts, order.size][k + 1]]
+            # Light that arrives aslant is spread over more of the surface: one count stands for as much more.
+            slant = _slant(self._theta[some])
+            size[group == k] = _least_count(slant * f[some], slant * u[some] ** 2 * slant)
+        return size / _slant(self._theta[wanted])
+
+    def _starts(self, number: np.ndarray) -> list[int]:
+        """Where groups begin: whole incidences of one kind together until they have enough readings."""
+        starts = [0]
+        for edge in np.flatnonzero(np.diff(number)) + 1:
+            new_kind = number[edge] // self._angles != number[edge - 1] // self._angles
+            if new_kind or edge - starts[-1] >= GROUP:
+                starts.append(int(edge))
+        return starts
+
+
+def _slant(theta: np.ndarray) -> np.ndarray:
+    return np.maximum(np.abs(np.cos(theta)), 1e-6)
+
+
+def quantum(theta: np.ndarray, f: np.ndarray, u: np.ndarray, kind: np.ndarray | int = 0) -> np.ndarray:
+    """The `CountSizes` of all of n readings, (n,)."""
+    return CountSizes(theta, kind).of(f, u, np.arange(f.size))
+
+
+def _least_count(signal: np.ndarray, variance: np.ndarray) -> float:
+    """The least upper limit of Σvariance/Σsignal of groups alike in variance, or of all; else the smallest signal.
+
+    Where few readings of a group exceed their uncertainty, counts may be so rare that one alone is its signal: there
+    the variance is no less than its readings scatter.
+    """
+    alike = np.argsort(variance)
+    if (np.diff(variance[alike]) == 0).any():  # such as a constant one: in the same order on every machine
+        alike = np.argsort(variance, kind="stable")
+    signal, variance = signal[alike], variance[alike]
+    firsts = np.arange(0, alike.size, GROUP)
+    lit = (signal > np.sqrt(variance)).astype(float)
+    for starts in (firsts, firsts[:1]):
+        v, s, squares, bright = (np.add.reduceat(a, starts) for a in (variance, signal, signal**2, lit))
+        number = np.diff(np.append(starts, alike.size))
+        scatter = (squares - s**2 / number) * number / np.maximum(number - 1, 1)
+        v = np.where(bright >= MOST_LIT * number, v, np.maximum(v, scatter))
+        surely = s - CERTAIN * np.sqrt(v)
+        if (surely > 0).any():
+            return float(np.min(v[surely > 0] / surely[surely > 0]))
+    # Hardly anything was met: a reading is a count or two.
+    return float(np.min(np.abs(signal[signal != 0]), initial=np.inf)) if (signal != 0).any() else 0.0
