@@ -104,9 +104,7 @@ class Arrow(NamedTuple):
         if not self.blocks.size:
             if xp is jnp:
                 return solve_by_elimination(self.corner, v[..., None])[..., 0]
-            with contextlib.suppress(np.linalg.LinAlgError):
-                return np.linalg.solve(self.corner, v[..., None])[..., 0]
-            return np.full_like(v, np.nan)
+            return _each_solved(self.corner, v)
         shared, each = self.parts(v)
         border = xp.broadcast_to(self.border, (*v.shape[:-1], *self.border.shape[-3:]))
         eliminated = solve_by_elimination(self.blocks, xp.concatenate([_transposed(border), each[..., None]], axis=-1))
@@ -139,6 +137,16 @@ def joined(shared: Float[AnyArray, "*b s"], each: Float[AnyArray, "*b c q"]) -> 
     """A vector from its shared numbers and those of each channel."""
     flat = each.reshape(*each.shape[:-2], each.shape[-2] * each.shape[-1])
     return module_of(shared).concatenate([shared, flat], axis=-1)
+
+
+def _each_solved(matrix: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Solutions of systems side by side, by LAPACK; NaN of those that are singular."""
+    with contextlib.suppress(np.linalg.LinAlgError):
+        return np.linalg.solve(matrix, v[..., None])[..., 0]
+    if v.ndim > 1:
+        matrices = np.broadcast_to(matrix, (*v.shape, v.shape[-1]))
+        return np.stack([_each_solved(m, row) for m, row in zip(matrices, v, strict=True)])
+    return np.full_like(v, np.nan)
 
 
 def _transposed(a: AnyArray) -> AnyArray:

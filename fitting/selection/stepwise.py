@@ -20,7 +20,7 @@ from gonio.fitting.selection.candidate import ROUNDING, Candidate, SelectionResu
 from gonio.fitting.selection.candidate_model import CandidateProblem, SelectionData
 from gonio.fitting.selection.moves import TRANSMITTING, Moves, moves_for
 from gonio.fitting.selection.term_spec import Terms
-from gonio.fitting.selection.warm_start import carried, fit_candidate
+from gonio.fitting.selection.warm_start import Fitted, carried, fit_candidates
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
 
@@ -74,15 +74,34 @@ class _Search:
 
     def fit(self, terms: Terms, origin: Candidate | None = None) -> Candidate | None:
         """A candidate fitted from another or from what is known of it; None where readings are too few."""
-        if terms in self.candidates:
-            return self.candidates[terms]
-        problem, began = CandidateProblem(terms, self.data), time.perf_counter()
-        start = self.known.get(terms, np.full(problem.linear.size, np.nan))
-        if start.size >= self.count:
-            return None
-        if terms not in self.known and origin is not None:
+        fitted = self.fit_all([terms], origin)
+        return fitted[0] if fitted else None
+
+    def fit_all(self, candidates: Iterable[Terms], origin: Candidate | None) -> list[Candidate]:
+        """Those of the candidates that the readings can bear, fitted side by side."""
+        every, starts = dict.fromkeys(candidates), dict[Terms, np.ndarray]()
+        for terms in every:
+            if terms not in self.candidates and (start := self._start(terms, origin)) is not None:
+                starts[terms] = start
+        problems, began = [CandidateProblem(terms, self.data) for terms in starts], time.perf_counter()
+        ends = fit_candidates(problems, list(starts.values()), ENOUGH)
+        seconds = (time.perf_counter() - began) / max(len(starts), 1)
+        for problem, end in zip(problems, ends, strict=True):
+            self.candidates[problem.terms] = self._candidate(problem, end, seconds)
+        return [self.candidates[terms] for terms in every if terms in self.candidates]
+
+    def _start(self, terms: Terms, origin: Candidate | None) -> np.ndarray | None:
+        """Numbers from which a candidate is fitted, NaN where nothing is known; None where readings are too few."""
+        start = self.known.get(terms)
+        if start is None and origin is not None:
             start = carried(origin.terms, origin.p, terms, self.data.channels)
-        p, chi2 = fit_candidate(problem, start, ENOUGH)
+        if start is None:
+            start = np.full(CandidateProblem(terms, self.data).linear.size, np.nan)
+        return None if start.size >= self.count else start
+
+    def _candidate(self, problem: CandidateProblem, end: Fitted, seconds: float) -> Candidate:
+        """A fitted candidate with its residuals, and how well it predicts what is left out."""
+        p, chi2 = end
         residual, jacobian = problem.residuals(p)
         gradient = np.einsum("ncp,nc->p", jacobian, residual)
         _, low, high = problem.domains
@@ -91,31 +110,20 @@ class _Search:
         f, y = (np.where(self.data.used, a, 0.0) for a in (problem.values(p)[0], self.data.f))
         rms = float(np.sqrt(np.sum((f - y) ** 2) / max(float(np.sum(y**2)), 1e-300)))
         chi2 = chi2 if np.isfinite(chi2) and np.isfinite(holdout).all() else np.inf
-        holdout, seconds = np.nan_to_num(holdout, nan=np.inf), time.perf_counter() - began
-        self.candidates[terms] = candidate = Candidate(terms, p, chi2, holdout, residual, rms, seconds)
-        return candidate
-
-    def fit_all(self, candidates: Iterable[Terms], origin: Candidate | None) -> list[Candidate]:
-        """Those of the candidates that the readings can bear, fitted."""
-        return [c for terms in candidates if (c := self.fit(terms, origin)) is not None]
+        return Candidate(problem.terms, p, chi2, np.nan_to_num(holdout, nan=np.inf), residual, rms, seconds)
 
     def fit_likeliest(self, candidates: Iterable[Terms], origin: Candidate) -> list[Candidate]:
         """The candidates that a short descent on few readings finds the best, fitted; those known already as well."""
-        fitted, coarse = [], self.data.thinned(SCREENED)
-        rough: dict[Terms, tuple[float, np.ndarray]] = {}
-        for terms in dict.fromkeys(candidates):
-            if terms in self.candidates:
-                fitted.append(self.candidates[terms])
-                continue
-            start = self.known.get(terms)
-            if start is None:
-                start = carried(origin.terms, origin.p, terms, self.data.channels)
-            if start.size < self.count:
-                p, chi2 = fit_candidate(CandidateProblem(terms, coarse), start, ROUGHLY, 1)
-                rough[terms] = (chi2 + p.size if np.isfinite(chi2) else np.inf, p)
-        best = sorted(rough, key=lambda terms: rough[terms][0])[:FINALISTS]
+        every, coarse = list(dict.fromkeys(candidates)), self.data.thinned(SCREENED)
+        fitted = [self.candidates[terms] for terms in every if terms in self.candidates]
+        starts = {terms: self._start(terms, origin) for terms in every if terms not in self.candidates}
+        starts = {terms: start for terms, start in starts.items() if start is not None}
+        problems = [CandidateProblem(terms, coarse) for terms in starts]
+        ends = dict(zip(starts, fit_candidates(problems, list(starts.values()), ROUGHLY, 1), strict=True))
+        score = {terms: chi2 + p.size if np.isfinite(chi2) else np.inf for terms, (p, chi2) in ends.items()}
+        best = sorted(ends, key=lambda terms: score[terms])[:FINALISTS]
         for terms in best:
-            self.known.setdefault(terms, rough[terms][1])
+            self.known.setdefault(terms, ends[terms].p)
         return fitted + self.fit_all(best, None)
 
     def design_effect(self, c: Candidate) -> float:

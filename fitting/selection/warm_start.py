@@ -1,6 +1,7 @@
 """Starts of a candidate that has grown out of another, and its fit: values are carried over, new ones guessed."""
 
 import itertools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,8 +9,9 @@ import numpy as np
 from gonio.fitting.problem.parameterisation import FreeParameter, snapped
 from gonio.fitting.selection.candidate_model import CandidateProblem, candidate_parameters
 from gonio.fitting.selection.term_spec import Terms
-from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
+from gonio.fitting.solver.levenberg_marquardt import Stopping
 from gonio.fitting.solver.multistart import APART, WIDTHS, solve_amounts
+from gonio.fitting.solver.side_by_side import minimise_all
 from gonio.models.expression.parser import FACTOR
 
 GUESSES = {
@@ -65,18 +67,38 @@ def _origins(old: Terms, new: Terms) -> dict[int, int]:
 
 
 def fit_candidate(problem: CandidateProblem, p: np.ndarray, enough: float = 0.0, refined: int = REFINED) -> Fitted:
-    """A candidate fitted from the free numbers p (P,); what is NaN starts at the `refined` likeliest of some guesses.
+    """A candidate fitted from the free numbers p (P,); see `fit_candidates`."""
+    return fit_candidates([problem], [p], enough, refined)[0]
 
-    `enough`: a descent ends where its next step promises to lower ½χ² by less.
+
+def fit_candidates(
+    problems: Sequence[CandidateProblem], numbers: Sequence[np.ndarray], enough: float = 0.0, refined: int = REFINED
+) -> list[Fitted]:
+    """Candidates fitted side by side to the same readings.
+
+    Args:
+        problems: the candidates.
+        numbers: of each its free numbers (P,); what is NaN starts at the `refined` likeliest of some guesses.
+        enough: a descent ends where its next step promises to lower ½χ² by less.
+        refined: how many starts each has.
     """
-    if not p.size:
-        return Fitted(p, float(np.sum(problem.residuals(p)[0] ** 2)))
-    starts = [p]
+    starts = [_starts(problem, p, refined) for problem, p in zip(problems, numbers, strict=True)]
+    every = minimise_all(problems, starts, Stopping(rough=ROUGH, most=STEPS, enough=enough))
+    fitted = []
+    for problem, p, ends in zip(problems, numbers, every, strict=True):
+        if not ends:
+            fitted.append(Fitted(p, float(np.sum(problem.residuals(p)[0] ** 2))))
+            continue
+        best = min(ends, key=lambda end: end.cost if np.isfinite(end.cost) else np.inf)
+        fitted.append(Fitted(snapped(problem.domains, best.p), 2.0 * best.cost))
+    return fitted
+
+
+def _starts(problem: CandidateProblem, p: np.ndarray, refined: int) -> list[np.ndarray]:
+    """Where a candidate's descents begin; nowhere without a free number."""
     if np.isnan(p).any():
-        starts = _with_amounts(problem, np.stack(guesses(problem, p)))[:refined]
-    ends = minimise(problem, starts, Stopping(rough=ROUGH, most=STEPS, enough=enough))
-    best = min(ends, key=lambda end: end.cost if np.isfinite(end.cost) else np.inf)
-    return Fitted(snapped(problem.domains, best.p), 2.0 * best.cost)
+        return _with_amounts(problem, np.stack(guesses(problem, p)))[:refined]
+    return [p] if p.size else []
 
 
 def guesses(problem: CandidateProblem, p: np.ndarray) -> list[np.ndarray]:

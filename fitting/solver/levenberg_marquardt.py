@@ -320,7 +320,7 @@ class LeastSquares(Protocol):
 
     @property
     def linear(self) -> np.ndarray:
-        """Which parameters (P,) the model is proportional to."""
+        """Which parameters, of shape (P,), or (S, P) for S descents, the model is proportional to."""
         ...
 
     @property
@@ -397,7 +397,7 @@ def minimise(
 
 def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> list[Descent]:
     target_norm_squared, order, number = float(problem.target_norm_squared), problem.order, len(starts)
-    d, linear = Domains(*(a[..., order] for a in problem.domains)), problem.linear[order]
+    d, linear = Domains(*(a[..., order] for a in problem.domains)), problem.linear[..., order]
     trial = to_unconstrained(d, starts[:, order])
     lanes: _Lane | None = None
     active, steps = np.arange(LANES) < number, np.zeros(number, int)
