@@ -104,7 +104,7 @@ class Arrow(NamedTuple):
         if not self.blocks.size:
             if xp is jnp:
                 return solve_by_elimination(self.corner, v[..., None])[..., 0]
-            return _each_solved(self.corner, v)
+            return _each_solved(np.asarray(self.corner), np.asarray(v))
         shared, each = self.parts(v)
         border = xp.broadcast_to(self.border, (*v.shape[:-1], *self.border.shape[-3:]))
         eliminated = solve_by_elimination(self.blocks, xp.concatenate([_transposed(border), each[..., None]], axis=-1))

@@ -1,7 +1,6 @@
-"""Descents of several small problems of unlike sizes, side by side: a step costs the same for one as for all of them."""
+"""Descents of several small problems of unlike sizes, side by side: a step costs the same for one as for all."""
 
 import dataclasses
-import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -22,24 +21,21 @@ class _Together:
 
     problems: tuple[LeastSquares, ...]
     size: int
+    domains: Domains
+    """Closed domains (S, P); those of numbers that act on nothing are any."""
+    linear: np.ndarray
+    """Which numbers (S, P) a lane's model is proportional to."""
 
-    @functools.cached_property
-    def domains(self) -> Domains:
-        """Closed domains (S, P); those of numbers that act on nothing are any."""
-        shape = len(self.problems), self.size
-        every = Domains(np.full(shape, LINEAR), np.zeros(shape), np.ones(shape))
-        for k, problem in enumerate(self.problems):
-            for whole, part in zip(every, problem.domains, strict=True):
+    @classmethod
+    def of(cls, problems: Sequence[LeastSquares], size: int) -> "_Together":
+        """Problems of at most so many numbers."""
+        shape = len(problems), size
+        domains = Domains(np.full(shape, LINEAR), np.zeros(shape), np.ones(shape))
+        linear = np.zeros(shape, bool)
+        for k, problem in enumerate(problems):
+            for whole, part in zip((*domains, linear), (*problem.domains, problem.linear), strict=True):
                 whole[k, : problem.order.size] = part[problem.order]
-        return every
-
-    @functools.cached_property
-    def linear(self) -> np.ndarray:
-        """Which numbers (S, P) a lane's model is proportional to."""
-        linear = np.zeros((len(self.problems), self.size), bool)
-        for row, problem in zip(linear, self.problems, strict=True):
-            row[: problem.order.size] = problem.linear[problem.order]
-        return linear
+        return cls(tuple(problems), size, domains, linear)
 
     @property
     def order(self) -> np.ndarray:
@@ -95,7 +91,7 @@ def minimise_all(
             lanes.setdefault(size, []).extend((k, j) for j in range(len(starts[k])))
     for size, every in lanes.items():
         for block in (every[first : first + LANES] for first in range(0, len(every), LANES)):
-            together = _Together(tuple(problems[k] for k, _ in block), size)
+            together = _Together.of([problems[k] for k, _ in block], size)
             padded = np.full((len(block), size), 0.5)
             for row, (k, j) in zip(padded, block, strict=True):
                 row[: problems[k].order.size] = starts[k][j][problems[k].order]

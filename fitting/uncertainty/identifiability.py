@@ -78,6 +78,8 @@ def advice(e: Optimum, combination: Combination) -> str:
 
 def _determined(matrix: np.ndarray, reach: np.ndarray, change: np.ndarray) -> bool:
     """Whether the combination's variance, in units of what counts as open, is well below 1, all numbers being free."""
+    if not np.isfinite(matrix).all():
+        return False
     direction = change / np.linalg.norm(change / reach) / reach**2
     known_ones = np.diagonal(matrix) > 0
     if np.abs(change / reach)[~known_ones].max(initial=0.0) > 0.1 * np.abs(change / reach).max():
