@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 MEDIA = "media"
 """Key of the provenance that states the refractive indices in front of the sample and behind it, which may be lists."""
+FOLDED = "folded"
+"""Key of the provenance of readings mirrored into the front: the sides of light and detector, of each part."""
 COPIED = "one_reading_for_all_azimuths"
 """Key of the provenance of a table that has one reading at a pole in the cells of all azimuths."""
 
@@ -248,7 +250,8 @@ class Table(Displayed):
     def _folded(self, light: int, detector: int) -> "Table":
         layout, index = self.layout.folded(light, detector)
         f, flag, u_f = (None if a is None else np.asarray(a[...])[index] for a in (self.f, self.flag, self.u_f))
-        return dataclasses.replace(self, layout=layout, f=f, flag=flag, u_f=u_f)
+        about = self.provenance | {FOLDED: [[light, detector]]}
+        return dataclasses.replace(self, layout=layout, f=f, flag=flag, u_f=u_f, provenance=about)
 
     def only(self, names: Sequence[str]) -> "Table":
         """The same table with these channels alone, in this order. Raises GonioError for a channel it does not have."""

@@ -10,18 +10,20 @@ from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.interpolation.multilinear import as_material
 from gonio.data.layouts.base import Layout
-from gonio.data.reduction.table_resolution import Resolution, known_truth, measured_error, resolution
+from gonio.data.reduction.judge import Judge
+from gonio.data.reduction.stacked_sides import StackedSides
+from gonio.data.reduction.table_resolution import Resolution
 from gonio.data.reduction.thin_grid import SceneValues, StartGrid, Thinning
-from gonio.data.reflection_only import require_reflection
 from gonio.data.scene import Scene, load_scene
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Channels, Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import old_keywords
 from gonio.models.display import Displayed, percent
-from gonio.models.errors import GonioError, one_line
+from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import NORMAL, Direction, rotate_z
+from gonio.models.geometry.sides import FRONT
 
 RANKING, SEARCH, CHECK = 1000, 6000, 30_000  # pairs of directions that rank nodes, judge trials, and measure the error
 HALF_DIFFERENCE = (45, 30, 24)  # nodes of theta_h, theta_d, phi_d where a table is laid out anew
@@ -93,6 +95,9 @@ def reduce_table(
     one. Where the whole table is beyond the tolerance, the reduced one is within it of the whole. Uncertainties are not
     kept.
 
+    Of a table with readings behind the sample the scene sees each pair of sides by itself, mirrored into the front:
+    what goes through as if the scene's light stood behind. All keep the tolerance on one grid.
+
     Args:
         table: a table, or the path of one in any format that can be read.
         scene: a scene, its file, or the name of a shipped one.
@@ -106,8 +111,28 @@ def reduce_table(
         GonioError: the table does not answer for what the scene sees, or no smaller table is within the tolerance.
     """
     table, scene = resolve_subject(table).require_table(), load_scene(scene)
-    require_reflection(table, table.name or "the table", "a scene")
     tolerance = scene.tolerance if tolerance is None else tolerance
+    if table.sides != FRONT:
+        return _reduced_sides(table, scene, tolerance, log)
+    return _coarsest(table, scene, tolerance, log)
+
+
+def _reduced_sides(table: Table, scene: Scene, tolerance: float, log: Callable[[str], None]) -> Reduction:
+    """That of a table with readings behind the sample: one grid for all pairs of sides, which the scene sees folded."""
+    names = scene.channels_of(table.channels.names)
+    stacked = StackedSides.of(table if names is None else table.only(names))
+    reduced = _coarsest(stacked.table, dataclasses.replace(scene, channels=None), tolerance, log, len(stacked.sides))
+    left_out = reduced.left_out
+    if names is not None and len(names) < len(table.channels):
+        count = len(table.channels)
+        left_out = (f"{count - len(names)} of {count} channels, which the scene does not see", *left_out)
+    whole_cells = table.layout.size * len(table.channels)
+    unstacked = stacked.unstacked(reduced.table)
+    return dataclasses.replace(reduced, table=unstacked, left_out=left_out, cells=(whole_cells, reduced.cells[1]))
+
+
+def _coarsest(table: Table, scene: Scene, tolerance: float, log: Callable[[str], None], parts: int = 1) -> Reduction:
+    """The reduction; of `parts` groups of channels each keeps the tolerance, and no grid mixes them."""
     whole, left_out = table, ()
     if (names := scene.channels_of(table.channels.names)) and len(names) < len(table.channels):
         whole, count = table.only(names), len(table.channels)
@@ -118,12 +143,20 @@ def reduce_table(
         for pairs in map(scene.pairs, (RANKING, SEARCH, CHECK))
     )
     _require_values(table, scene, search, check)
-    judge = _Judge.of(whole, check, tolerance)
-    grids = start_grids(whole, interpolant)
+    judge = Judge.of(whole, check, tolerance, parts)
+    weight = _balance(search, parts)
+    search, ranking = (s._replace(f=s.f * weight) for s in (search, ranking))
+    grids = [
+        dataclasses.replace(g, f=g.f * weight)
+        for g in start_grids(whole, interpolant)
+        if parts == 1 or not g.layout.in_half_vectors
+    ]
     for share in TIGHTER:
-        thinned = _smallest(grids, search, ranking, share * judge.allowed, log)
+        thinned = _smallest(grids, search, ranking, share * judge.allowed, log, grey=parts == 1)
         if thinned is None:
             break
+        if parts > 1:
+            thinned = dataclasses.replace(thinned, f=thinned.f / weight)
         reduced, words = _reduced(whole, thinned)
         f = evaluate_in_blocks(as_material(reduced), check.pairs.wi, check.pairs.wo)
         error, promised = judge.errors(np.broadcast_to(f, check.f.shape))
@@ -140,43 +173,13 @@ def reduce_table(
     )
 
 
-@dataclasses.dataclass(frozen=True)
-class _Judge:
-    """What a reduced table errs by, against the whole one and against the surface."""
-
-    check: SceneValues
-    tolerance: float
-    truth: np.ndarray | None
-    """f of the material that the provenance names."""
-    whole: Resolution
-
-    @classmethod
-    def of(cls, whole: Table, check: SceneValues, tolerance: float) -> "_Judge":
-        truth = known_truth(whole, check.pairs)
-        if truth is None:
-            return cls(check, tolerance, None, resolution(whole, check))
-        name = one_line(str(whole.provenance["material"].get("name") or "the material"), 80)
-        reason = f"measured against {name}, which the provenance names"
-        return cls(check, tolerance, truth, Resolution(measured_error(check.pairs, check.f, truth), reason))
-
-    @property
-    def keeps(self) -> bool:
-        """Whether the whole table is within the tolerance."""
-        return self.whole.error <= self.tolerance
-
-    @property
-    def allowed(self) -> float:
-        """The error against the whole table at which the search begins."""
-        if self.truth is not None or not self.keeps:
-            return self.tolerance
-        return (self.tolerance - self.whole.error) / (1 + self.whole.error)
-
-    def errors(self, f: np.ndarray) -> tuple[float, float]:
-        """(error against the whole table, bound on that against the surface) of values f (N, C)."""
-        error = self.check.pairs.error(f, self.check.f)
-        if self.truth is not None:
-            return error, measured_error(self.check.pairs, f, self.truth)
-        return error, self.whole.error + error * (1 + self.whole.error)
+def _balance(scene: SceneValues, parts: int) -> np.ndarray:
+    """Weights (C,) that make groups of channels equally bright in a scene: faint ones count as much as bright ones."""
+    groups = np.array_split(scene.f, parts, axis=1)
+    bright = [scene.pairs.rms(f) for f in groups]
+    most = max(bright)
+    each = [most / b if parts > 1 and b > 0 else 1.0 for b in bright]
+    return np.repeat(each, [f.shape[1] for f in groups])
 
 
 def _require_values(table: Table, scene: Scene, search: SceneValues, check: SceneValues) -> None:
@@ -210,22 +213,27 @@ def _reduced(whole: Table, thinned: StartGrid) -> tuple[Table, list[str]]:
 
 
 def _smallest(
-    grids: Sequence[StartGrid], search: SceneValues, ranking: SceneValues, tolerance: float, log: Callable[[str], None]
+    grids: Sequence[StartGrid],
+    search: SceneValues,
+    ranking: SceneValues,
+    tolerance: float,
+    log: Callable[[str], None],
+    grey: bool = True,
 ) -> StartGrid | None:
     """The smallest of the thinned grids, grey ones before coloured ones; None where none is within the tolerance."""
     smallest = None
     for grid in grids:
-        for grey in (True, False) if search.f.shape[1] > 1 else (False,):
-            start = grid.grey() if grey else grid
+        for colourless in (True, False) if grey and search.f.shape[1] > 1 else (False,):
+            start = grid.grey() if colourless else grid
             nodes = Thinning(start, search, ranking).thin(tolerance)
             if nodes is None:
                 continue
             thinned = start.part(nodes)
             names = ", ".join(grid.simplified_by) or grid.layout.name
-            log(f"{names}{', grey' if grey else ''}: {thinned.f.size} values")
+            log(f"{names}{', grey' if colourless else ''}: {thinned.f.size} values")
             if smallest is None or thinned.f.size < smallest.f.size:
                 smallest = thinned
-            if grey:
+            if colourless:
                 break
     return smallest
 

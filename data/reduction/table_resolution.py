@@ -17,11 +17,12 @@ from gonio.data.interpolation.multilinear import as_material, coarsened, interpo
 from gonio.data.layouts.base import Layout
 from gonio.data.reduction.thin_grid import SceneValues, StartGrid, Thinning
 from gonio.data.scene import ScenePairs
-from gonio.data.table import Table
+from gonio.data.table import FOLDED, Table
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import channel_count, evaluate_in_blocks
 from gonio.models.expression.builder import build
+from gonio.models.folded import seen_from
 
 RESOLVED = 0.3
 """Of the radiance: where leaving out every second node changes more, the nodes do not resolve what the scene sees."""
@@ -51,7 +52,10 @@ class Resolution(NamedTuple):
 
 
 def known_truth(table: Table, pairs: ScenePairs) -> np.ndarray | None:
-    """f (N, C) of the material that the provenance of a simulated table names; None where it names none that fits."""
+    """f (N, C) of the material that the provenance of a simulated table names; None where it names none that fits.
+
+    Of readings that were mirrored into the front it is that of the material as these see it.
+    """
     material = table.provenance.get("material")
     expression = material.get("spelling") if isinstance(material, dict) else None
     if not isinstance(expression, str):
@@ -60,10 +64,12 @@ def known_truth(table: Table, pairs: ScenePairs) -> np.ndarray | None:
         brdf = build(expression)
     except GonioError:
         return None
-    count = len(table.channels)
+    sides = table.provenance.get(FOLDED, [[1, 1]])
+    count = len(table.channels) // len(sides)
     if channel_count(brdf) not in (None, count):
         return None
-    return np.broadcast_to(evaluate_in_blocks(brdf, pairs.wi, pairs.wo), (pairs.view.size, count))
+    each = (evaluate_in_blocks(seen_from(brdf, *pair), pairs.wi, pairs.wo) for pair in sides)
+    return np.concatenate([np.broadcast_to(f, (pairs.view.size, count)) for f in each], axis=1)
 
 
 def measured_error(pairs: ScenePairs, f: np.ndarray, truth: np.ndarray) -> float:

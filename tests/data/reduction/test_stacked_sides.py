@@ -1,0 +1,59 @@
+"""Reduction of tables of both sides: each pair of sides keeps the tolerance, by values that it did not make itself."""
+
+import numpy as np
+import pytest
+
+import gonio
+from gonio.data import layouts
+from gonio.data.interpolation.multilinear import as_material
+from gonio.data.scene import load_scene
+from gonio.data.table import Table
+from gonio.instrument import scans
+from gonio.models.errors import GonioError
+from gonio.models.evaluation import evaluate_in_blocks
+from gonio.models.expression.builder import build
+from gonio.models.folded import seen_from
+
+SHEET = "thin_sheet(rho=[0.5, 0.3], tau=[0.02, 0.1]) + 0.1 * transmitted(base=ggx(alpha=0.5))"
+SCENE = "matte_room"
+
+
+def measured(lit="both", step=15.0):
+    grid = scans.isotropic(np.radians(step), hemisphere="both", lit=lit)
+    return gonio.measure(SHEET, scan=grid, log=lambda text: None)
+
+
+def errors(table, pairs):
+    of_table, of_sheet = as_material(table), build(SHEET)
+    for sides in table.sides:
+        f, truth = (evaluate_in_blocks(seen_from(b, *sides), pairs.wi, pairs.wo) for b in (of_table, of_sheet))
+        yield pairs.error(np.asarray(f), np.asarray(truth))
+
+
+@pytest.mark.parametrize(("lit", "named"), [("both", True), ("front", False)])
+def test_each_pair_of_sides_keeps_the_tolerance_however_faint(lit, named):
+    whole = measured(lit)
+    if not named:
+        del whole.provenance["material"]
+    reduced = gonio.reduce(whole, SCENE, 0.05)
+    assert reduced.keeps and reduced.table.layout.size < whole.layout.size / 10
+    assert reduced.table.sides == whole.sides
+    assert reduced.table.channels == whole.channels
+    assert max(errors(reduced.table, load_scene(SCENE).pairs(20_000))) <= reduced.promised <= 0.05
+
+
+def test_a_part_of_a_table_is_held_against_the_material_as_it_sees_it():
+    whole = measured("front")
+    for part in whole.parts().values():
+        assert gonio.reduce(part, SCENE, 0.05).whole.error < 0.02
+
+
+def test_grids_that_differ_behind_and_lists_are_refused_in_a_sentence():
+    whole = measured()
+    with pytest.raises(GonioError, match="without a grid of both hemispheres"):
+        gonio.reduce(whole.as_list(), SCENE, 0.05)
+    polar = np.radians([0, 20, 40, 60, 80])
+    grid = layouts.isotropic(polar, np.append(polar, np.pi - polar[:0:-2]), np.radians(np.arange(0, 360, 30)))
+    with pytest.raises(GonioError, match="other polar angles behind"):
+        gonio.reduce(gonio.measure(SHEET, scan=grid, log=lambda text: None), SCENE, 0.05)
+    assert isinstance(whole, Table)
