@@ -18,6 +18,18 @@ def _slice(
     return a[tuple(slice(*s) for s in zip(start_indices, limit_indices, steps, strict=True))]
 
 
+def _pad(a: np.ndarray, value: np.ndarray, padding_config: tuple[tuple[int, int, int], ...]) -> np.ndarray:
+    inner = [n + max(n - 1, 0) * between for n, (_, _, between) in zip(a.shape, padding_config, strict=True)]
+    added = [(max(low, 0), max(high, 0)) for low, high, _ in padding_config]
+    padded = np.full([n + sum(ends) for n, ends in zip(inner, added, strict=True)], value.item(), a.dtype)
+    places = [slice(low, low + n, 1 + c[2]) for n, (low, _), c in zip(inner, added, padding_config, strict=True)]
+    padded[tuple(places)] = a
+    cut = [
+        slice(max(-low, 0), n - max(-high, 0)) for n, (low, high, _) in zip(padded.shape, padding_config, strict=True)
+    ]
+    return padded[tuple(cut)]
+
+
 MOVES: dict[str, Callable[..., np.ndarray]] = {
     "broadcast_in_dim": _broadcast,
     "slice": _slice,
@@ -28,6 +40,7 @@ MOVES: dict[str, Callable[..., np.ndarray]] = {
     "rev": lambda a, dimensions: np.flip(a, dimensions),
     "stack": lambda *a, axis=0, **_: np.stack(a, axis),
     "concatenate": lambda *a, dimension: np.concatenate(a, dimension),
+    "pad": _pad,
     "stop_gradient": lambda a, **_: a,
     "copy": lambda a, **_: a,
     "copy_p": lambda a, **_: a,

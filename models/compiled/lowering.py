@@ -6,7 +6,7 @@ from typing import Any
 from gonio.models.compiled import hyperbolic
 from gonio.models.compiled.elementary import Elementary
 from gonio.models.compiled.graph import COMPARISONS, DTYPES, FLOATS, Graph, Unsupported
-from gonio.models.compiled.power import power
+from gonio.models.compiled.power import cube_root, power
 
 PLAIN = ("add", "sub", "mul", "neg", "and", "or", "xor", *COMPARISONS)
 ROOTED = ("sqrt", "abs", "floor")
@@ -28,6 +28,7 @@ def operation(graph: Graph, name: str, parameters: Any, dtype: str) -> Callable[
         "max": graph.maximum, "min": graph.minimum,
         "integer_pow": lambda x: integer_power(graph, x, parameters["y"]),
         "pow": lambda x, y: power(graph, x, converted(graph, y, dtype)),
+        "cbrt": lambda x: cube_root(graph, x),
         "select_n": lambda *a: selected(graph, *a),
         "convert_element_type": lambda x: converted(graph, x, dtype),
         "reduce_precision": lambda x: same_precision(graph, x, parameters),

@@ -25,6 +25,19 @@ def power(graph: Graph, x: int, y: int) -> int:
     return _with_limits(e, x, y, magnitude, value)
 
 
+def cube_root(graph: Graph, x: int) -> int:
+    """∛x: by the logarithm, and one step of Newton's method."""
+    if graph.dtype(x) == "f32":
+        return graph.convert(cube_root(graph, graph.convert(x, "f64")), "f32")
+    e, apply = Elementary(graph, "f64"), graph.apply
+    magnitude = apply("abs", x)
+    root = e.exp(e.mul(e.log(magnitude), e.number(1 / 3)))
+    error = e.sub(root, apply("div", magnitude, e.mul(root, root)))
+    root = e.with_sign(e.sub(root, e.mul(error, e.number(1 / 3))), x)
+    ordinary = apply("and", apply("ge", magnitude, e.number(2.0**-1022)), e.compare("lt", magnitude, math.inf))
+    return e.select(ordinary, root, x)
+
+
 def _log_in_two(e: Elementary, x: int) -> tuple[int, int]:
     """log x as a sum of two numbers, to 1e-19 of it, of a normal number."""
     g, one, two = e.g, e.number(1.0), e.number(2.0)

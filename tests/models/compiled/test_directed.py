@@ -68,6 +68,24 @@ def test_every_model_is_what_jax_traces(name):
         assert values.dtype == np.float64
 
 
+@pytest.mark.parametrize("energy", ["kulla_conty", "turquin"])
+def test_compensated_lobes_are_what_jax_traces(energy):
+    model, arrays = build(f"ggx(alpha=0.4, eta=0.2, k=[3.9, 2.5], energy={energy})"), pairs(300)
+    require_close(directed_values(model, arrays, (300,)), reference(model, arrays), 1e-12)
+
+
+def test_padded_arrays_are_those_of_jax():
+    """Ends added and cut, and zeros in between."""
+
+    class Padded(Lambert):
+        def formula(self, wi, wo):
+            both = jnp.stack([wi.z, wo.z, wi.x])
+            return jnp.concatenate([jax.lax.pad(both, wo.x, [c]) for c in ((1, 2, 0), (-1, 3, 2), (0, -2, 1))])
+
+    model, arrays = Padded(rho=jnp.array(0.5)), pairs(40)
+    require_close(directed_values(model, arrays, (40,)), reference(model, arrays), 1e-15)
+
+
 @pytest.mark.parametrize("expression", ["lambert(rho=0.5) + 1 * ggx(alpha=0.2, f0=0.04)", GOLD, "eon(rho=0.5, r=0.5)"])
 def test_single_precision_is_computed_in_single_precision(expression):
     arrays, model = [a.astype(np.float32) for a in pairs(300)], cast(build(expression), np.float32)

@@ -13,11 +13,14 @@ RANGES = {
     "exp": (-700, 700), "expm1": (-3, 3), "exp2": (-50, 50), "log": (0, 3), "log1p": (-0.9, 9), "sin": (-50, 50),
     "cos": (-50, 50), "tan": (-50, 50), "tanh": (-3, 3), "atan": (-9, 9), "acos": (-1, 1), "asin": (-1, 1),
     "erf": (-3, 3), "erfc": (-3, 20), "pow": (0, 9), "atan2": (-1, 1), "sinh": (-3, 3), "cosh": (-9, 9),
-    "asinh": (-9, 9),
+    "asinh": (-9, 9), "cbrt": (-9, 9),
 }  # fmt: skip
-EXACT = {"exp2": lambda x: mpmath.mpf(2) ** x, "pow": mpmath.power} | {
-    n: getattr(mpmath, n) for n in RANGES if n not in ("exp2", "pow")
+EXACT = {
+    "exp2": lambda x: mpmath.mpf(2) ** x,
+    "pow": mpmath.power,
+    "cbrt": lambda x: mpmath.sign(x) * mpmath.cbrt(abs(x)),
 }
+EXACT |= {n: getattr(mpmath, n) for n in RANGES if n not in EXACT}
 LIMITS = {
     "exp": {800.0: np.inf, -800.0: 0.0, np.inf: np.inf, -np.inf: 0.0},
     "expm1": {0.0: 0.0, 1e-300: 1e-300, -800.0: -1.0, np.inf: np.inf},
@@ -29,6 +32,7 @@ LIMITS = {
     "sinh": {0.0: 0.0, 1e-300: 1e-300},
     "cosh": {0.0: 1.0, 1e-300: 1.0},
     "asinh": {0.0: 0.0, 1e-300: 1e-300, np.inf: np.inf, -np.inf: -np.inf, 2.0**60: np.log(2.0**61)},
+    "cbrt": {0.0: 0.0, 8.0: 2.0, -27.0: -3.0, 1e-300: 1e-100, 1e300: 1e100, np.inf: np.inf, -np.inf: -np.inf},
     "ceil": {0.5: 1.0, -0.5: 0.0, -1.0: -1.0, 1e300: 1e300, np.inf: np.inf},
 }
 
