@@ -14,6 +14,7 @@ from gonio.data.files import input_size
 from gonio.data.formats import bbm_fits, material_file, merl, nist_ptfe, rgl_file
 from gonio.data.formats.csv import directions, table_file
 from gonio.data.formats.csv.columns import CsvText
+from gonio.data.formats.file_colours import in_file_colours
 from gonio.data.formats.foreign import foreign_kind
 from gonio.data.formats.laboratory import alta, astm, bird, csail, openmaterial, pab, ssdd, utia
 from gonio.data.formats.optics import fred, speos, zemax
@@ -80,6 +81,8 @@ class Format:
     """Keywords of `read`."""
     suffixes: tuple[str, ...] = ()
     """Endings by which the format of an output is chosen, the usual one first."""
+    colours: tuple[str, ...] = ()
+    """Kinds of three channels that `write` has a place for, of "rgb", "xyz", "wavelengths"; empty: any channels."""
     entries: Callable[[str | os.PathLike[str]], list[str]] | None = None
     """The names in a file of several materials; `read` then takes one as `entry`, written FILE:NAME."""
     by_blocks: bool = False
@@ -148,11 +151,13 @@ FORMATS = (
     Format(
         "RGL", "RGL .bsdf", "table", lambda head: head.start.startswith(b"tensor_file\0"),
         rgl_file.read_rgl, _write_rgl, writes_models=True, write_options=("channel_bytes",), suffixes=(".bsdf",),
+        colours=("rgb", "wavelengths"),
     ),
     Format(
         "MERL", "MERL .binary", "table",
         lambda head: merl.has_header(head.start, head.size) or (head.binary and head.suffix == ".binary"),
         merl.read_merl, _write_merl, writes_models=True, options=("nodes",), suffixes=(".binary",),
+        colours=("rgb",),
     ),
     Format(
         "Klems", "an XML BSDF of WINDOW or Radiance", "table",
@@ -178,12 +183,12 @@ FORMATS = (
     Format(
         "SSDD", "an SSDD file", "table", lambda head: ssdd.is_ssdd(head.start),
         ssdd.read_ssdd, _later("laboratory.ssdd_write", "write_ssdd"), writes_models=True, write_options=("ascii",),
-        suffixes=(".ssdd",),
+        suffixes=(".ssdd",), colours=("rgb", "xyz", "wavelengths"),
     ),
     Format(
         "UTIA", "a UTIA BRDF", "table", lambda head: head.size == utia.BYTES and (head.binary or head.suffix == ".bin"),
         utia.read_utia, _later("laboratory.utia_write", "write_utia"), writes_models=True, options=("scale",),
-        suffixes=(".bin",),
+        suffixes=(".bin",), colours=("rgb",),
     ),
     Format(
         "CSAIL", "an anisotropic BRDF of MIT CSAIL", "table", lambda head: csail.is_csail(head.start),
@@ -372,7 +377,9 @@ def write(
     if unknown := sorted(set(options) - set(known.write_options)):
         raise GonioError(f"{path} is written as {known.name}, which has no option {unknown[0]!r}; leave it out")
     assert known.write is not None
-    return known.write(path, source, force=force, **options)
+    source, remark = in_file_colours(source, known.title, known.colours)
+    error = known.write(path, source, force=force, **options)
+    return dataclasses.replace(error, note="; ".join(filter(None, [error.note, remark])))
 
 
 def _suffix(path: str | os.PathLike[str]) -> str:

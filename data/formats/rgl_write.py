@@ -136,6 +136,8 @@ def _compared(source: Table | Material, written: RGLMaterial, fit: RGLFit) -> Ro
         f = evaluate_in_blocks(source.brdf, wi, wo)
         valid = np.isfinite(f)
     read = np.asarray(evaluate(written, wi, wo))
+    if (wavelengths := source.channels.wavelengths_nm) is not None:
+        read = read[:, np.argsort(np.argsort(wavelengths))]  # which the file has in ascending order
     f, valid = (np.broadcast_to(a, read.shape) for a in (f, valid))
     usable = valid & (f > 0)
     error = np.abs(read[usable] / f[usable] - 1)

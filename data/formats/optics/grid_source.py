@@ -130,11 +130,18 @@ class GridSource:
         """
         return require_readings_about(self.source, wi, wo) if isinstance(self.source, Table) else ""
 
-    def compared(self, written: Table, note: str) -> RoundTrip:
-        """A file's table, read again, against the readings, or against the model where both sides are within 80°."""
+    def compared(self, written: Table, note: str, order: np.ndarray | None = None) -> RoundTrip:
+        """A file's table, read again, against the readings, or against the model where both sides are within 80°.
+
+        `order`: numbers of the channels in the order in which the file has them; a file may have one for all of them.
+        """
+        order = np.arange(len(self.channels)) if order is None else order
         plain = np.array_equal(self.mix, np.eye(len(self.mix)))
         if isinstance(self.source, Table) and plain and _same_cells(self.source.layout, written.layout):
-            return compare_cells(self.source.read_values(), written.read_values(), note)
+            values, again = self.source.read_values(), written.read_values()
+            values = {name: a[:, order] if a.shape[1] > 1 else a for name, a in values.items()}
+            again = {name: np.broadcast_to(a, (len(a), max(a.shape[1], order.size))) for name, a in again.items()}
+            return compare_cells(values, again, note)
         if isinstance(self.source, Table):
             block = self.source.samples(limit=COMPARED)
             wi, wo, valid = block.wi, block.wo, block.flag == Flag.VALID
@@ -148,7 +155,8 @@ class GridSource:
         here = _on_sides(wi, wo, written.sides)
         wi, wo = (Direction(*(np.asarray(c)[here] for c in w)) for w in (wi, wo))
         read = evaluate_in_blocks(as_material(written), wi, wo)
-        f, valid = (np.broadcast_to(a[here], read.shape) for a in (f, valid))
+        f, valid = (a[here][:, order] for a in (f, np.broadcast_to(valid, f.shape)))
+        read, f, valid = np.broadcast_arrays(read, f, valid)
         usable = valid & (f > 0)
         if usable.any():
             error = np.abs(read[usable] / f[usable] - 1)

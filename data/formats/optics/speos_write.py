@@ -68,7 +68,8 @@ def write_speos(
     with new_file(path, force) as temporary:
         temporary.write_text((_anisotropic if anisotropic else _isotropic)(table, wavelengths), encoding="utf-8")
         written = read_speos(temporary)
-    return whole.compared(written, "; ".join(filter(None, notes)))
+    order = np.argsort(wavelengths) if len(whole.channels) > 1 else None
+    return whole.compared(written, "; ".join(filter(None, notes)), order)
 
 
 def _cost_of_one_shape(table: Table) -> str:

@@ -12,7 +12,8 @@ from gonio.data.channels import Channels
 from gonio.data.flags import Flag
 from gonio.data.formats.registry import read, write
 from gonio.data.interpolation.scattering_blocks import BLOCKS, sheet_of
-from gonio.data.material import material_of
+from gonio.data.material import Material, material_of
+from gonio.data.subject import resolve_subject
 from gonio.data.table import whole_table_of_values
 from gonio.models.diffuse.lambert import Lambert
 from gonio.models.errors import GonioError
@@ -153,6 +154,30 @@ def test_the_narrower_a_lobe_the_nearer_the_incidences_of_a_speos_file(tmp_path)
 def test_a_speos_file_that_would_be_too_large_is_refused_before_it_is_computed(tmp_path):
     with pytest.raises(GonioError, match=r"--step above 0\.5"):
         write(tmp_path / "x.anisotropicbsdf", material_of(build("ggx(alpha_x=0.05, alpha_y=0.3)")), step=0.5)
+
+
+@pytest.mark.parametrize("channels", [Channels.rgb(), Channels.of_wavelengths([700.0, 550.0, 450.0])])
+@pytest.mark.parametrize("alike", [False, True])
+def test_the_error_of_a_file_is_that_of_each_channel_wherever_it_stands(tmp_path, channels, alike):
+    """Wavelengths ascend in the file; channels that are alike are one there."""
+    nodes = np.radians(np.arange(0, 81, 20))
+    layout = layouts.isotropic(nodes, nodes, np.radians(np.arange(0, 360, 45)))
+    f = np.broadcast_to(0.1 if alike else np.array([0.3, 0.2, 0.05]), (*layout.shape, 3))
+    table = whole_table_of_values(layout, f.copy(), channels, name="t")
+    for name in ("x.brdf", "x.anisotropicbsdf"):
+        assert write(tmp_path / name, table).rms_relative < 1e-12
+
+
+def test_channels_of_a_model_that_are_alike_are_one_in_a_speos_file(tmp_path):
+    material = resolve_subject("lambert(rho=[0.3, 0.3, 0.3])").material
+    assert material is not None
+    assert write(tmp_path / "x.anisotropicbsdf", material, step=15.0).max_relative < 1e-12
+
+
+def test_an_rgl_file_of_descending_wavelengths_is_compared_channel_by_channel(tmp_path):
+    spectrum = Channels.of_wavelengths([700.0, 550.0, 450.0])
+    material = Material("m", build("lambert(rho=[0.9, 0.6, 0.2])"), "", spectrum)
+    assert write(tmp_path / "x.bsdf", material, channel_bytes=1024).rms_relative < 0.1
 
 
 def test_channels_of_their_own_shapes_are_no_one_distribution(tmp_path):
