@@ -1,6 +1,7 @@
 """The error of a prediction over all directions, and what some readings show of it."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,12 +19,15 @@ UNSURE = 2.0
 LEVEL = 0.95
 MEASURE = (
     "rms of |f − prediction| / (the larger of both + 0.1 % of white) over directions of which half are cosine-weighted "
-    "anywhere and half are about mirror reflection, tilted by angles even in their logarithm from 0.1° to 60°"
+    "anywhere and half are about mirror reflection, or where light goes through, of facets that are tilted by angles "
+    "even in their logarithm from 0.1° to 60°"
 )
 
 
-def random_directions(count: int, instrument: Instrument, isotropic: bool, rng: np.random.Generator) -> Angles:
-    """About `count` directions (4, n) as `MEASURE` weighs them, as far as the instrument reads them."""
+def random_directions(
+    count: int, instrument: Instrument, isotropic: bool, rng: np.random.Generator, ways: Sequence[Way] = (Way(),)
+) -> Angles:
+    """About `count` directions (4, n) as `MEASURE` weighs them, that the instrument reads; by turns on each way."""
     high_i, high_o = (math.sin(a) ** 2 for a in highest(instrument))
     parts, size = [], 0
     while size < count:
@@ -31,9 +35,14 @@ def random_directions(count: int, instrument: Instrument, isotropic: bool, rng: 
         light = np.stack([np.arcsin(np.sqrt(u[0] * high_i)), 2 * np.pi * u[1]])
         anywhere = np.stack([np.arcsin(np.sqrt(u[2] * high_o)), 2 * np.pi * u[3]])
         tilt = TILTS[0] * (TILTS[1] / TILTS[0]) ** u[2]
-        about = Way().sent(light, from_spherical(tilt, 2 * np.pi * u[3], np))
+        facet, number = from_spherical(tilt, 2 * np.pi * u[3], np), np.arange(2 * count) % len(ways)
+        about = np.zeros_like(anywhere)
+        for k, way in enumerate(ways):
+            about = np.where(number == k, way.sent(light, facet), about)
         every = np.concatenate([light, np.where(u[4] < 0.5, anywhere, about)])
-        parts.append(readable(every[:, every[2] < np.pi / 2], instrument, isotropic))
+        for k, way in enumerate(ways):
+            every[:, number == k] = np.where(every[2] < np.pi / 2, way.unfolded(every), np.nan)[:, number == k]
+        parts.append(readable(every[:, np.isfinite(every[2])], instrument, isotropic))
         size += parts[-1].shape[1]
         if not size:
             break

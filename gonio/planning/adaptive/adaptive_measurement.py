@@ -12,7 +12,6 @@ from gonio.data.files import refuse_outputs
 from gonio.data.interpolation.kriging import NAMES
 from gonio.data.interpolation.scattered import ISOTROPIC, MOST
 from gonio.data.interpolation.scattered import KEY as LAW
-from gonio.data.reflection_only import require_reflection
 from gonio.data.subject import SubjectLike, load_material
 from gonio.data.table import Table
 from gonio.instrument.instrument import Instrument
@@ -20,6 +19,7 @@ from gonio.instrument.scans import is_isotropic
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.models.expression.parser import parse
+from gonio.models.geometry.sides import Hemispheres
 from gonio.planning.adaptive.accuracy import FLOOR, LEVEL, MEASURE, Error, difference, random_directions, shown
 from gonio.planning.adaptive.model_strategy import ModelPrediction
 from gonio.planning.adaptive.prediction import Prediction
@@ -101,7 +101,11 @@ def adapt(material: SubjectLike, instrument: Instrument | None = None, **options
     about = {"target": target, "budget_s": budget, "measure": MEASURE, "level": LEVEL}
     about |= _strategy(options.get("strategy", "table"), options.get("model"))
     subject = load_material(material)
-    require_reflection(subject.brdf, subject.name, "an adaptive measurement")
+    if about["strategy"] == "table" and Hemispheres.TRANSMISSION in subject.brdf.hemispheres:
+        raise GonioError(
+            f"{subject.name} transmits, and what reads it without a model knows reflection from the front alone; give "
+            "the strategy 'model' (gonio measure --adaptive model)"
+        )
     assumed = ISOTROPIC if is_isotropic(subject.brdf) else ""
     about["assumed"] = f"reciprocity{assumed}" if about["strategy"] == "table" else "the model"
     session = Session.begin(subject, instrument or Instrument(), int(seed), about, **kept)
@@ -201,7 +205,8 @@ class _Loop:
     def _begin(self, rng: np.random.Generator) -> None:
         session = self.session
         count = FIRST if session.isotropic else 2 * FIRST
-        angles = random_directions(count, session.instrument, session.isotropic, rng)
+        count *= len(session.ways)
+        angles = random_directions(count, session.instrument, session.isotropic, rng, session.ways)
         if angles.shape[1] < count:
             raise GonioError("the instrument reaches no direction; give larger ranges, or a smaller shadow")
         shots = session.shots(angles)

@@ -18,6 +18,7 @@ from gonio.planning.adaptive.session import Session
 from gonio.planning.planner import Planner
 from gonio.planning.prior import Prior, prior_of
 from gonio.planning.shots import Shots, Sites, counting
+from gonio.planning.ways import Way
 
 WANTED = 60
 """Directions whose predictions the planner is to improve."""
@@ -40,6 +41,7 @@ class ModelPrediction(Prediction):
     instrument: Instrument
     isotropic: bool
     why: str
+    ways: tuple[Way, ...] = (Way(),)
 
     @classmethod
     def of(cls, session: Session, ratio: float) -> "ModelPrediction":
@@ -58,7 +60,7 @@ class ModelPrediction(Prediction):
             prior = prior_of(result, None)
         except GonioError:
             prior = None
-        return cls(result, prior, session.instrument, session.isotropic, why)
+        return cls(result, prior, session.instrument, session.isotropic, why, session.ways)
 
     def facts(self) -> dict[str, Any]:
         return {"model": self.result.requested, "fitted": self.result.expression, "model_why": self.why}
@@ -82,13 +84,16 @@ class ModelPrediction(Prediction):
         try:
             shots = self._planned(session, seconds, rng)
         except (GonioError, np.linalg.LinAlgError):
-            shots = session.shots(random_directions(min(FEWEST, most), self.instrument, self.isotropic, rng))
+            shots = session.shots(self._random(min(FEWEST, most), rng))
         return Shots(shots.angles[:, :most], shots.seconds[:most])
+
+    def _random(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        return random_directions(count, self.instrument, self.isotropic, rng, self.ways)
 
     def _planned(self, session: Session, seconds: float, rng: np.random.Generator) -> Shots:
         if self.prior is None:
             raise GonioError(f"{self.result.requested} has too many numbers to plan for")
-        wanted = random_directions(WANTED, self.instrument, self.isotropic, rng)
+        wanted = self._random(WANTED, rng)
         rows = np.stack([_relative(self.prior, p, wanted) for p in self.prior.draws])
         rows = rows.reshape(rows.shape[0], -1, rows.shape[-1])
         instrument, valid = counting(self.instrument), session.valid

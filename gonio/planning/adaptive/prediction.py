@@ -9,6 +9,7 @@ from gonio.instrument.instrument import Instrument
 from gonio.planning.adaptive.accuracy import random_directions
 from gonio.planning.adaptive.session import Session
 from gonio.planning.shots import Shots
+from gonio.planning.ways import Way
 
 JUDGED = 800
 """Directions over which the error is expected."""
@@ -29,6 +30,7 @@ class Prediction(abc.ABC):
 
     instrument: Instrument
     isotropic: bool
+    ways: tuple[Way, ...] = (Way(),)
 
     @abc.abstractmethod
     def values(self, angles: np.ndarray) -> np.ndarray:
@@ -48,11 +50,13 @@ class Prediction(abc.ABC):
 
     def expected(self, rng: np.random.Generator) -> float:
         """The rms error that is expected."""
-        return float(np.sqrt(self.squares(random_directions(JUDGED, self.instrument, self.isotropic, rng)).mean()))
+        return float(
+            np.sqrt(self.squares(random_directions(JUDGED, self.instrument, self.isotropic, rng, self.ways)).mean())
+        )
 
     def check_shots(self, count: int, rng: np.random.Generator) -> CheckShots:
         """Directions that show the error: half of them evenly, half the more often the larger it is expected to be."""
-        pool = random_directions(POOL, self.instrument, self.isotropic, rng)
+        pool = random_directions(POOL, self.instrument, self.isotropic, rng, self.ways)
         squares = self.squares(pool)
         often = DEFENSIVE + (1 - DEFENSIVE) * squares / max(squares.mean(), 1e-300)
         often /= often.mean()

@@ -22,6 +22,7 @@ from gonio.instrument.scans import is_isotropic
 from gonio.instrument.sinks import provenance_of, recipe_of
 from gonio.models.errors import GonioError
 from gonio.planning.shots import Shots
+from gonio.planning.ways import Way, ways_of
 
 KEY = "adaptive"
 """Of the provenance."""
@@ -72,6 +73,11 @@ class Session:
     def isotropic(self) -> bool:
         """Whether the surface is read from one azimuth of the light, as the material says."""
         return is_isotropic(self.material.brdf)
+
+    @property
+    def ways(self) -> tuple[Way, ...]:
+        """Where the material sends light from the front."""
+        return ways_of(self.material.brdf)
 
     @property
     def count(self) -> int:

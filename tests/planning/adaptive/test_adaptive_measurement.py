@@ -127,3 +127,14 @@ def test_what_says_nothing_is_refused_and_nothing_stays(tmp_path):
     with pytest.raises(gonio.GonioError, match="0 are valid"):
         gonio.adapt(plane, target=0.1, output=tmp_path / "t.h5")
     assert not list(tmp_path.iterdir())
+
+
+def test_of_a_sheet_both_sides_are_read_and_the_target_shown_is_true():
+    sheet = "thin_sheet(rho=0.3, tau=0.4)"
+    instrument = gonio.Instrument(photons=1e5)
+    table = gonio.adapt(sheet, instrument, target=0.02, strategy="model", model="thin_sheet")
+    assert table.sides == {(1, 1), (1, -1)} and table.provenance["adaptive"]["shown"]
+    fitted = gonio.fit(table, "thin_sheet").material.brdf
+    assert float(fitted.rho) == pytest.approx(0.3, rel=0.02) and float(fitted.tau) == pytest.approx(0.4, rel=0.02)
+    with pytest.raises(gonio.GonioError, match="give the strategy 'model'"):
+        gonio.adapt(sheet, target=0.02)
