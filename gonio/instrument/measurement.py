@@ -24,6 +24,7 @@ from gonio.instrument.scans import (
     hemisphere_remark,
     isotropy_remark,
     listed_seconds,
+    mirror_remark,
     out_of_reach,
 )
 from gonio.instrument.scans import scan as named_scan
@@ -78,7 +79,8 @@ def measure(
     layout = _layout(scan, subject.brdf, settings)
     unread = None if settings.hemisphere else hemisphere_remark(layout, subject.brdf)
     unreached = out_of_reach(layout, instrument or Instrument())
-    for remark in (isotropy_remark(layout, subject.brdf), unread, unreached):
+    unseen = None if isinstance(scan, Layout) else mirror_remark(layout)
+    for remark in (isotropy_remark(layout, subject.brdf), unread, unreached, unseen):
         if remark:
             log(remark)
     seconds = settings.seconds

@@ -158,6 +158,8 @@ class ScanOptions(TypedDict, total=False):
     lit: str | None
 
 
+SAME = 1e-6
+"""Radians between directions that are the same."""
 SIDES = ("hemisphere", "lit")
 SCANS: dict[str, tuple[Callable[..., Layout], tuple[str, ...]]] = {
     "isotropic": (isotropic, ("step", "phi_step", "theta_max", *SIDES)),
@@ -218,6 +220,26 @@ def hemisphere_remark(grid: Layout, brdf: AbstractBRDF) -> str | None:
         if read and not scatters:
             remarks.append(f"nothing says that the material {verb}: all readings of its {noun} are 0")
     return "; ".join(remarks) or None
+
+
+def mirror_remark(grid: Layout) -> str | None:
+    """A remark on a scan of grid angles that leaves out mirror directions of light in front; None for all others."""
+    axes = grid.axes
+    turned = axes.get("delta_phi", axes.get("phi_o"))  # None of lists, planes and half vectors
+    if turned is None or (1, 1) not in grid.sides:
+        return None
+    theta_i = axes["theta_i"][(axes["theta_i"] > 0) & (axes["theta_i"] < math.pi / 2)]
+    phi_i = axes.get("phi_i", np.zeros(1))
+    along = np.abs(axes["theta_o"] - theta_i[:, None]).min(axis=1) < SAME
+    across = np.abs(np.cos((turned - phi_i[:, None]) / 2)).min(axis=1) < SAME
+    incidences = along.size * across.size
+    left_out = incidences - int(along.sum() * across.sum())
+    if not left_out:
+        return None
+    return (
+        f"the scan leaves out the mirror direction of {left_out} of {incidences} incidences: narrow lobes there are "
+        "not seen, and `gonio check` may be unable to decide on energy; an even number of azimuths reads it"
+    )
 
 
 def out_of_reach(grid: Layout, instrument: Instrument) -> str | None:

@@ -29,6 +29,18 @@ def test_options_change_the_grids():
     np.testing.assert_allclose(grid.axes["theta_o"], -grid.axes["theta_o"][::-1], atol=1e-15)
 
 
+@pytest.mark.parametrize(("name", "turned"), [("isotropic", 1), ("spherical", 15)])
+def test_scans_that_leave_mirror_directions_out_say_so(name, turned):
+    """An odd number of azimuths has none across from each; normal incidence needs none."""
+    for phi_step, left_out in ((24, True), (36, False), (90, False)):
+        grid = scans.scan(name, step=math.radians(30), phi_step=math.radians(phi_step))
+        remark = scans.mirror_remark(grid)
+        assert (remark is not None) == left_out
+        assert remark is None or f"the mirror direction of {2 * turned} of {2 * turned} incidences" in remark
+    for whole in ("merl", "half-difference", "in-plane"):
+        assert scans.mirror_remark(scans.scan(whole)) is None
+
+
 def test_half_difference_scans_are_merls_grid_with_other_counts():
     assert scans.scan("merl") == layouts.merl()
     assert scans.scan("half-difference", step=math.radians(1)) == layouts.merl()
