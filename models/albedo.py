@@ -75,7 +75,7 @@ def _costly(brdf_terms: tuple[AbstractBRDF, ...]) -> bool:
 
 def _rule_sums(brdf_terms: tuple[AbstractBRDF, ...], side: float, wi: Direction, order: int) -> list[np.ndarray]:
     """(Σ, Σ of absolute values) of each term by the rule of one order."""
-    sums = [_compiled_sums(term, side, wi, order) for term in brdf_terms]
+    sums = [sums_by_loops(term, side, wi, order) for term in brdf_terms]
     others = [k for k, values in enumerate(sums) if values is None]
     if others:
         for k, values in zip(others, _xla_sums(tuple(brdf_terms[k] for k in others), side, wi, order), strict=True):
@@ -90,8 +90,18 @@ def _flux(term: AbstractBRDF, *components: Scalar) -> Channels:
 FLUX = Formula(_flux, ((0,),) * 3 + ((1,),) * 2 + ((),))
 
 
-def _compiled_sums(term: AbstractBRDF, side: float, wi: Direction, order: int) -> np.ndarray | None:
-    """The sums of a term from compiled loops over incidences and nodes, or None where XLA has to compute them."""
+def sums_by_loops(term: AbstractBRDF, side: float, wi: Direction, order: int) -> np.ndarray | None:
+    """Light of a term in a hemisphere by the rule of one order: of a compiled loop over incidences and nodes.
+
+    Args:
+        term: a term of a model.
+        side: 1 for light above the surface, −1 for light below it.
+        wi: directions of the light (n,).
+        order: of `panel_rule`.
+
+    Returns:
+        The sum and that of the absolute values (2, n, *channels); None where XLA has to compute them.
+    """
     dtype = jax.dtypes.canonicalize_dtype(float)
     u1, u2, weight = (a.astype(dtype) for a in panel_rule(order))
     incidences, total = [np.asarray(c, dtype) for c in wi], None

@@ -7,9 +7,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import lineax as lx
 import numpy as np
-import optimistix as optx
 
 from gonio.models.subsurface.base import MOST, AbstractBSSRDF
 
@@ -111,6 +109,10 @@ def program(kind: type[AbstractBSSRDF]) -> Program:
         return jnp.sum(r * r)
 
     def descend(x: jax.Array, args: tuple) -> jax.Array:
+        # A third of a second, which pages and quantities of tables do not need
+        import lineax as lx
+        import optimistix as optx
+
         solver = optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6, linear_solver=lx.Normal(lx.Cholesky()))
         return optx.least_squares(residual, solver, x, args, max_steps=100, throw=False).value
 

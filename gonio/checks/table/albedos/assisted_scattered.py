@@ -5,7 +5,7 @@ at the nearest reading, and the bound takes that ratio to be off by as much as i
 little light is added everywhere to both, so that the ratio is defined where the model is dark.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ import numpy as np
 from gonio.checks.albedos import Albedos, Incidence, albedos_of
 from gonio.checks.grid_resolution import LARGEST
 from gonio.checks.hidden_lobes import Features, NearMirror, credible, hidden_energy
-from gonio.checks.table.albedos.model_light import FAST, NOISE, ORDER, albedo_of, light_of
+from gonio.checks.table.albedos.model_light import FAST, NOISE, ORDER, albedos_at, light_of
 from gonio.checks.table.albedos.on_grid import FLOOR, MOST_MISSING
 from gonio.checks.table.albedos.ratio_fields import HalfVectorField, NearestField, half_vector_field, nearest_field
 from gonio.checks.table.albedos.two_sided import Part
@@ -101,7 +101,7 @@ def assisted_by_nearest(part: Part, fitted: FitResult, features: Features) -> Al
     if not incidences:
         return "no incidence was read"
     model = _model(brdf, field.angles, channels)
-    most = np.max([albedo_of(brdf, _light_from(i), FAST, channels) for i in incidences], axis=0)
+    most = np.max(albedos_at(brdf, _lights_from(incidences), FAST, channels), axis=0)
     readings = _Readings(field, model, np.maximum(FLOOR * most / np.pi, 1e-300))
     lights = list(_lights(brdf, readings, incidences))
     used = np.unique(np.concatenate([light.numbers for light in lights]))
@@ -111,7 +111,7 @@ def assisted_by_nearest(part: Part, fitted: FitResult, features: Features) -> Al
         surface = part.folded(material.brdf)
         m = _model(surface, field.angles[used], channels)
         known = [np.sum(light.weight * m[np.searchsorted(used, light.numbers)], axis=0) for light in lights]
-        return np.stack([albedo_of(surface, _light_from(i), FAST, channels) for i in incidences]) - known
+        return albedos_at(surface, _lights_from(incidences), FAST, channels) - known
 
     spread = 2.0 * np.nan_to_num(fitted.propagated(missed, by_channel=True), nan=np.inf)
     limit = credible(_left_to_lobes(readings), most)
@@ -128,6 +128,12 @@ def assisted_by_nearest(part: Part, fitted: FitResult, features: Features) -> Al
 
 def _light_from(incidence: tuple[float, float]) -> Direction:
     return Direction(*(jnp.asarray(c) for c in from_spherical(*incidence, np)))
+
+
+def _lights_from(incidences: Sequence[tuple[float, float]]) -> Direction:
+    """Directions (n,) of the light."""
+    theta, phi = np.array(incidences, float).reshape(-1, 2).T
+    return from_spherical(theta, phi, np)
 
 
 def _model(brdf: AbstractBRDF, angles: np.ndarray, channels: int) -> np.ndarray:
@@ -150,7 +156,7 @@ def _lights(brdf: AbstractBRDF, readings: _Readings, incidences: list[tuple[floa
         f, u = readings.field.f[numbers], readings.field.u[numbers]
         value = np.sum(weight * (f + readings.added), axis=0) - np.sum(light[added], axis=0)
         noise = np.sqrt(np.sum((weight * u) ** 2, axis=0))
-        exact = albedo_of(brdf, _light_from(incidence), FAST, readings.added.size)
+        exact = albedos_at(brdf, _lights_from([incidence]), FAST, readings.added.size)[0]
         error = 2 * np.abs(np.sum(light[~added], axis=0) - exact)
         partial = bool(gap[added].mean() > MOST_MISSING)
         bound = missed.sum(axis=0) + error + 2 * noise

@@ -15,7 +15,7 @@ import numpy as np
 from gonio.checks.albedos import Albedos, Incidence, albedos_of
 from gonio.checks.grid_resolution import LARGEST, RESOLVED, prediction_error, prediction_error_across_pole
 from gonio.checks.hidden_lobes import Features, Further, credible
-from gonio.checks.table.albedos.model_light import FAST, NOISE, ORDER, albedo_of, light_of
+from gonio.checks.table.albedos.model_light import FAST, NOISE, ORDER, albedos_at, light_of
 from gonio.checks.table.albedos.on_grid import HemisphereGrid, filled, floor_of, hemisphere_grid
 from gonio.checks.table.albedos.two_sided import Part
 from gonio.data.flags import Flag
@@ -76,10 +76,15 @@ def _at_nodes(brdf: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.nda
 
 def _difference(brdf: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.ndarray:
     """What the grid misses of a model's albedos at all incidences, (n, C)."""
-    wi = [Direction(*map(jnp.asarray, from_spherical(t, p, np))) for _, t, p in grid.incidences]
-    return np.stack([albedo_of(brdf, w, FAST, channels) for w in wi]) - np.sum(
+    return albedos_at(brdf, _lights(grid), FAST, channels) - np.sum(
         grid.weights * _at_nodes(brdf, grid, channels), axis=(1, 2)
     )
+
+
+def _lights(grid: HemisphereGrid) -> Direction:
+    """Directions (n,) of the light of all incidences."""
+    theta, phi = np.array([(t, p) for _, t, p in grid.incidences]).T
+    return from_spherical(theta, phi, np)
 
 
 def assisted_albedos(part: Part, fitted: FitResult, features: Features) -> Albedos | str:
@@ -115,7 +120,7 @@ def _incidences(
     part: Part, grid: HemisphereGrid, brdf: AbstractBRDF, spread: np.ndarray, features: Features
 ) -> Iterator[Incidence]:
     table, channels = part.table, len(part.table.channels)
-    at_nodes = _at_nodes(brdf, grid, channels)
+    at_nodes, exact = _at_nodes(brdf, grid, channels), albedos_at(brdf, _lights(grid), FAST, channels)
     for k, (number, theta_i, phi_i) in enumerate(grid.incidences):
         block = table.read_values(number * grid.stored, (number + 1) * grid.stored)
         f, u, valid = (block[name][grid.cells] for name in ("f", "u_f", "flag"))
@@ -123,7 +128,7 @@ def _incidences(
         wi = Direction(*(jnp.asarray(c) for c in from_spherical(theta_i, phi_i, np)))
         shares = _shares(brdf, grid, wi, channels)
         row = _estimate(grid, (f.astype(float), u.astype(float), valid), at_nodes[k], shares)
-        error = np.abs(np.sum(shares.near, axis=(0, 1)) - albedo_of(brdf, wi, FAST, channels))
+        error = np.abs(np.sum(shares.near, axis=(0, 1)) - exact[k])
         bound = row.bound + 2.0 * error + 2.0 * np.nan_to_num(spread[k], nan=np.inf)
         partial = grid.missing(valid)
         limit = np.where(valid, credible(_left_to_lobes(f, u, at_nodes[k]), row.value), np.inf)

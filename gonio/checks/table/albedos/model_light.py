@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.models.albedo import panel_rule
+from gonio.models.albedo import panel_rule, sums_by_loops
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
@@ -38,7 +38,14 @@ def light_of(brdf: AbstractBRDF, wi: Direction, order: int) -> Iterator[tuple[Di
         yield wo, np.concatenate([np.asarray(a).reshape(PART, -1) for _, a in parts]) * weight[:, None]
 
 
-def albedo_of(brdf: AbstractBRDF, wi: Direction, order: int, channels: int) -> np.ndarray:
-    """Directional albedo (C,) of a model."""
-    whole = sum((light.sum(axis=0) for _, light in light_of(brdf, wi, order)), np.zeros(1))
-    return np.broadcast_to(whole, (channels,))
+def albedos_at(brdf: AbstractBRDF, wi: Direction, order: int, channels: int) -> np.ndarray:
+    """Directional albedos (n, C) of a model at directions of the light (n,), by a rule of one order."""
+    total, count = np.zeros((wi.z.size, channels)), wi.z.size
+    for term in brdf.terms():
+        sums = sums_by_loops(term, 1.0, wi, order)
+        if sums is None:
+            each = (Direction(*(jnp.asarray(c[k]) for c in wi)) for k in range(count))
+            total += np.stack([sum(a.sum(axis=0) for _, a in light_of(term, w, order)) for w in each])
+        else:
+            total += sums[0].reshape(count, -1)
+    return total

@@ -8,6 +8,7 @@ without a reading, and of the noise.
 import dataclasses
 import functools
 import itertools
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,6 +44,18 @@ def floor_of(albedo: np.ndarray) -> np.ndarray:
     return np.maximum(FLOOR * np.abs(albedo) / np.pi, 1e-300)
 
 
+class _Half(NamedTuple):
+    """Some rings and azimuths of a grid, and the projected solid angles of their nodes, sr."""
+
+    rings: np.ndarray
+    sides: np.ndarray
+    weights: np.ndarray
+
+    def integral(self, f: np.ndarray) -> np.ndarray:
+        """Of f (theta, azimuth, C) by these nodes alone."""
+        return np.sum(self.weights * f[self.rings][:, self.sides], axis=(0, 1))
+
+
 @dataclasses.dataclass(frozen=True)
 class HemisphereGrid:
     """The directions of every incidence, once around the normal, with the cells that hold them."""
@@ -61,6 +74,17 @@ class HemisphereGrid:
     def weights(self) -> np.ndarray:
         """Projected solid angle of each direction, sr, (theta_o, azimuth, 1): exact for what is linear between."""
         return hemisphere_weights(self.theta_o, self.azimuth)
+
+    @functools.cached_property
+    def halves(self) -> "list[_Half]":
+        """Every second ring and azimuth, in four ways; the outermost rings stay: only the resolution differs."""
+        halves, count = [], self.azimuth.size
+        for row, column in np.ndindex(2, 2):
+            rings = np.arange(row, self.theta_o.size, 2)
+            rings = np.unique(np.concatenate([[0], rings, [self.theta_o.size - 1]]))
+            sides = np.arange(column, count, 2) if count >= 8 else np.arange(count)
+            halves.append(_Half(rings, sides, hemisphere_weights(self.theta_o[rings], self.azimuth[sides])))
+        return halves
 
     def distance_to_mirror(self, theta_i: float, phi_i: float, bend: float = 1.0) -> float:
         """How near the directions come to the mirror direction of an incidence, radians.
@@ -167,7 +191,7 @@ def _estimate(grid: HemisphereGrid, f: np.ndarray, u: np.ndarray, valid: np.ndar
         errors = [rim.error for rim in along]
         beyond_rim = sum((np.sum(weight * shown * rim.inside, axis=(0, 1)) / 2 for rim in along), beyond_rim)
     missed = beyond_rim + np.sum(weight * excess(shown, floor, errors, u / np.maximum(shown, floor)), axis=(0, 1))
-    missed += np.max([np.abs(_every_second(whole, theta, azimuth, *k) - value) for k in np.ndindex(2, 2)], axis=0)
+    missed += np.max([np.abs(half.integral(whole) - value) for half in grid.halves], axis=0)
     guessed = np.sum(weight * (np.where(valid, 0.0, np.abs(whole)) + np.abs(shown - whole)), axis=(0, 1))
     bound = missed + guessed + _beyond(whole, logs, theta, azimuth) + 2 * noise
     return Incidence(np.nan, np.nan, value, bound, noise, step_needed=_step_needed(shown, errors, theta))
@@ -195,13 +219,6 @@ def _once_around(phi: np.ndarray, mirrored: bool) -> tuple[np.ndarray, np.ndarra
     angles = np.mod(both[first], 2 * np.pi)
     order = np.argsort(angles)
     return angles[order], column[first][order]
-
-
-def _every_second(f: np.ndarray, theta: np.ndarray, azimuth: np.ndarray, row: int, column: int) -> np.ndarray:
-    # The sum over every second ring and azimuth; the outermost rings stay, so that only the resolution differs.
-    rings = np.unique(np.concatenate([[0], np.arange(row, theta.size, 2), [theta.size - 1]]))
-    sides = np.arange(column, azimuth.size, 2) if azimuth.size >= 8 else np.arange(azimuth.size)
-    return np.sum(hemisphere_weights(theta[rings], azimuth[sides]) * f[rings][:, sides], axis=(0, 1))
 
 
 def filled(f: np.ndarray, valid: np.ndarray) -> np.ndarray:
