@@ -15,23 +15,23 @@ if TYPE_CHECKING:
 RGB, XYZ = ("R", "G", "B"), ("X", "Y", "Z")
 
 
-def in_file_colours(source: "Table | Material", kind: str, held: tuple[str, ...]) -> tuple["Table | Material", str]:
+def in_file_colours(source: "Table | Material", kind: str, places: tuple[str, ...]) -> tuple["Table | Material", str]:
     """(a source with its channels in the order in which a file has them, what is to be said of that).
 
     Args:
         source: a table or a material.
         kind: how a sentence names the format.
-        held: kinds of three channels that the format has a place for, of "rgb", "xyz", "wavelengths"; empty: any
+        places: kinds of three channels that the format has a place for, of "rgb", "xyz", "wavelengths"; empty: any
             channels.
 
     Raises:
         GonioError: X, Y, Z where it has no place for them; a model whose channels would have to be put in order.
     """
     names, wavelengths = source.channels.names, source.channels.wavelengths_nm
-    if not held or len(names) != 3 or names == RGB or (wavelengths is not None and "wavelengths" in held):
+    if not places or len(names) != 3 or names == RGB or (wavelengths is not None and "wavelengths" in places):
         return source, ""
     if set(names) == set(XYZ):
-        if "xyz" not in held:
+        if "xyz" not in places:
             raise GonioError(
                 f"{kind} holds R, G, B, and the channels are X, Y, Z; convert their values to R, G, B first"
             )
