@@ -85,12 +85,11 @@ class LevelTests:
         for part in parts_of(len(self._pairs)):
             self._add(channel, column.rows(part), part.start)
         if self.single.tests[channel]:
-            f, u = np.concatenate([column.a, column.b]), np.concatenate([column.u_a, column.u_b])
-            known = self._sizes = self._sizes or _count_sizes(self._pairs)
+            self._sizes = self._sizes or _count_sizes(self._pairs)
+            known = self._sizes.of((column.a, column.u_a), (column.b, column.u_b))
 
             def sizes(pair: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-                q = known.of(f, u, np.concatenate([pair, pair + column.a.size]))
-                return q[: pair.size], q[pair.size :]
+                return known.at(pair), known.at(pair + column.a.size)
 
             self.single.finish(channel, sizes)
             self._tested += [(r, channel, self._p_of(r, column, sizes)) for r in self._sums.finish()]

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from gonio.checks.table.statistics.quantiles import stable_order
+
 SAME_THETA = 1e-6
 """Difference, radians, of polar angles that are one."""
 
@@ -32,27 +34,23 @@ class CountSizes:
         self._theta, self._number = theta, number.astype(np.int16 if number.max(initial=0) < 1 << 15 else np.int32)
         # Of small integers the order takes no comparisons.
         self._order = np.argsort(self._number, kind="stable").astype(np.int32)
-        self._place = np.empty_like(self._order)
-        self._place[self._order] = np.arange(theta.size, dtype=np.int32)
 
-    def of(self, f: np.ndarray, u: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """Those of the readings of the numbers `wanted`, by all readings f and their uncertainties u, (n,) each."""
-        order, place = self._order, self._place[wanted]
-        ok = np.isfinite(f) & (u > 0) & np.isfinite(u)
-        if not ok.all():
-            among = ok[order]
-            order, place = order[among], np.where(ok[wanted], (np.cumsum(among) - 1)[place], -1)
-        size = np.zeros(place.size)
-        if not order.size:
-            return size
-        starts = self._starts(self._number[order])
-        group = np.searchsorted(starts, place, side="right") - 1
-        for k in np.unique(group[place >= 0]):
-            some = order[starts[k] : [*starts, order.size][k + 1]]
-            # Light that arrives aslant is spread over more of the surface: one count stands for as much more.
-            slant = _slant(self._theta[some])
-            size[group == k] = _least_count(slant * f[some], slant * u[some] ** 2 * slant)
-        return size / _slant(self._theta[wanted])
+    def of(self, *parts: tuple[np.ndarray, np.ndarray]) -> "KnownSizes":
+        """Those by the readings of one channel: f and their uncertainties u, in parts that make n together."""
+        return KnownSizes(self, parts)
+
+    def ordered(self, ok: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(numbers of some of the readings, group by group; where each group begins and the last one ends)."""
+        order = self._order if ok.all() else self._order[ok[self._order]]
+        return order, np.array([*self._starts(self._number[order]), order.size])
+
+    def slant(self, some: np.ndarray) -> np.ndarray:
+        """Light that arrives aslant is spread over more of the surface: one count stands for as much more."""
+        return np.maximum(np.abs(np.cos(self._theta[some])), 1e-6)
+
+    def number(self, some: np.ndarray) -> np.ndarray:
+        """A number that readings of one kind at one incidence share."""
+        return self._number[some]
 
     def _starts(self, number: np.ndarray) -> list[int]:
         """Where groups begin: whole incidences of one kind together until they have enough readings."""
@@ -64,13 +62,43 @@ class CountSizes:
         return starts
 
 
-def _slant(theta: np.ndarray) -> np.ndarray:
-    return np.maximum(np.abs(np.cos(theta)), 1e-6)
+class KnownSizes:
+    """`CountSizes` of one channel, computed incidence by incidence where they are asked for."""
+
+    def __init__(self, sizes: CountSizes, parts: tuple[tuple[np.ndarray, np.ndarray], ...]) -> None:
+        self._sizes, self._parts = sizes, parts
+        self._ok = np.concatenate([np.isfinite(f) & (u > 0) & np.isfinite(u) for f, u in parts])
+        self._order, self._ends = sizes.ordered(self._ok)
+        first = sizes.number(self._order[self._ends[:-1]]) if self._order.size else np.zeros(0, int)
+        self._first, self._known = first, np.full(first.size, np.nan)
+
+    def at(self, wanted: np.ndarray) -> np.ndarray:
+        """Those of the readings of these numbers, 1/sr."""
+        group = np.searchsorted(self._first, self._sizes.number(wanted), side="right") - 1
+        ok = self._ok[wanted]
+        for k in np.unique(group[ok]):
+            if np.isnan(self._known[k]):
+                some = self._order[self._ends[k] : self._ends[k + 1]]
+                (f, u), slant = self._readings(some), self._sizes.slant(some)
+                self._known[k] = _least_count(slant * f, slant * u**2 * slant)
+        return (
+            np.where(ok, self._known[group], 0.0) / self._sizes.slant(wanted) if self._known.size else np.zeros(ok.size)
+        )
+
+    def _readings(self, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        f, u = np.empty(some.size), np.empty(some.size)
+        start = 0
+        for part_f, part_u in self._parts:
+            there = (some >= start) & (some < start + part_f.size)
+            number = some[there] - start
+            f[there], u[there] = part_f[number], part_u[number]
+            start += part_f.size
+        return f, u
 
 
 def quantum(theta: np.ndarray, f: np.ndarray, u: np.ndarray, kind: np.ndarray | int = 0) -> np.ndarray:
     """The `CountSizes` of all of n readings, (n,)."""
-    return CountSizes(theta, kind).of(f, u, np.arange(f.size))
+    return CountSizes(theta, kind).of((f, u)).at(np.arange(f.size))
 
 
 def _least_count(signal: np.ndarray, variance: np.ndarray) -> float:
@@ -79,9 +107,7 @@ def _least_count(signal: np.ndarray, variance: np.ndarray) -> float:
     Where few readings of a group exceed their uncertainty, counts may be so rare that one alone is its signal: there
     the variance is no less than its readings scatter.
     """
-    alike = np.argsort(variance)
-    if (np.diff(variance[alike]) == 0).any():  # such as a constant one: in the same order on every machine
-        alike = np.argsort(variance, kind="stable")
+    alike = stable_order(variance)
     signal, variance = signal[alike], variance[alike]
     firsts = np.arange(0, alike.size, GROUP)
     lit = (signal > np.sqrt(variance)).astype(float)

@@ -28,6 +28,9 @@ COARSE = 0.1
 STEPS = 100
 """Five or six are usual, 50 the most that are needed."""
 
+ENOUGH = 1e-9
+"""Of the tilt of a sum, at which its tail is stationary."""
+
 NEARLY = 0.3
 """Share of a count by which the size of a count may be too large."""
 
@@ -175,7 +178,7 @@ def _root(function: Callable[[float], tuple[float, float]], start: float, most: 
         fast = low < t + newton < high and 2 * abs(newton) <= abs(step)
         step = newton if fast else (low + high) / 2 - t
         t += step
-        if abs(step) <= 1e-14 * abs(t):
+        if abs(step) <= ENOUGH * abs(t):
             break
     return t
 
