@@ -308,7 +308,11 @@ class Table(Displayed):
         for start, stop in self.blocks():
             first, last = np.searchsorted(sorted_cells, (start, stop))
             if first < last:
+                whole = last - first == stop - start and bool(sorted_cells[first] == start)
                 for name, block in self.read_values(start, stop).items():
+                    if whole and order is None:
+                        values[name][first:last] = block
+                        continue
                     put = slice(first, last) if order is None else order[first:last]
                     values[name][put] = block[sorted_cells[first:last] - start]
         return values
@@ -328,20 +332,38 @@ class Table(Displayed):
 
         `theta_max`, radians: both directions are nearer than that to the normal of their side.
         """
-        valid = [(self._flat("flag", *block) == Flag.VALID).any(axis=1) for block in self.blocks()]
-        if theta_max is not None:
-            for usable, block in zip(valid, self.blocks(), strict=True):
-                usable &= np.minimum(*np.abs(self.layout.cosines(*block))) > math.cos(theta_max)
-        return np.flatnonzero(np.concatenate(valid))
+        return np.concatenate([start + np.flatnonzero(valid) for start, valid in self._valid(theta_max)])
+
+    def some_valid_cells(self, limit: int, theta_max: float | None = None, seed: int = 0) -> np.ndarray:
+        """At most `limit` of the `valid_cells`, in order, drawn by `seed` without bias; in memory for these alone."""
+        packed = [(start, valid.size, np.packbits(valid)) for start, valid in self._valid(theta_max)]
+        ends = np.cumsum([0, *(int(np.bitwise_count(bits).sum()) for *_, bits in packed)])
+        rank = np.arange(min(limit, ends[-1]))
+        if limit < ends[-1]:
+            rank = np.sort(np.random.default_rng(seed).choice(ends[-1], limit, replace=False, shuffle=False))
+        cells = []
+        for (start, size, bits), first, last in zip(packed, ends[:-1], ends[1:], strict=True):
+            of_block = rank[slice(*np.searchsorted(rank, (first, last)))] - first
+            if of_block.size:
+                cells.append(start + np.flatnonzero(np.unpackbits(bits, count=size))[of_block])
+        return np.concatenate(cells) if cells else np.zeros(0, int)
+
+    def _valid(self, theta_max: float | None) -> Iterator[tuple[int, np.ndarray]]:
+        """Block by block the first cell, and which cells are valid in any channel, nearer to a normal than so."""
+        for start, stop in self.blocks():
+            valid = (self._flat("flag", start, stop) == Flag.VALID).any(axis=1)
+            if theta_max is not None:
+                valid &= np.minimum(*np.abs(self.layout.cosines(start, stop))) > math.cos(theta_max)
+            yield start, valid
 
     def samples(self, limit: int | None = None, theta_max: float | None = None, seed: int = 0) -> Block:
         """The cells valid in any channel, in C order; at most `limit` of them, drawn by `seed` without bias.
 
         `theta_max` as of `valid_cells`. Flags still say which channels are valid.
         """
-        cells = self.valid_cells(theta_max)
-        if limit is not None and limit < cells.size:
-            cells = np.sort(np.random.default_rng(seed).choice(cells, limit, replace=False, shuffle=False))
+        cells = self.valid_cells(theta_max) if limit is None else self.some_valid_cells(limit, theta_max, seed)
+        if cells.size == self.layout.size:
+            return self.read()
         return Block(*self.layout.directions_at(cells), **self.values_at(cells))
 
     def _flat(self, what: str, start: int, stop: int) -> np.ndarray:

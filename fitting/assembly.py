@@ -52,7 +52,7 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
                 "reach its limit"
             )
     cost = float(sum(e.cost for e in optima))
-    f = np.concatenate([e.model_f for e in optima], axis=1)
+    f = optima[0].model_f if len(optima) == 1 else np.concatenate([e.model_f for e in optima], axis=1)
     apertures = aperture_facts(optima, estimates)
     brdf = build(fitted := optima[0].parameters.filled(task.terms, [e.p for e in optima]))
     measures = metrics(f, readings)

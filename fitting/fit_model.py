@@ -262,8 +262,8 @@ def _optimum(task: FitTask) -> Optimum:
     sigma = task.sigma if share is None else relative_sigma(readings, readings.f, share)
     if s.size:
         finished()  # before anything large is laid out: compilers take a lot of memory for a moment
-    weight, floor = residual_weights(readings, task.loss, sigma), loss_floor(readings, task.loss)
-    problem = FitProblem.create(s, fixed, task.loss, readings, weight, floor)
+    floor = loss_floor(readings, task.loss)
+    problem = FitProblem.create(s, fixed, task.loss, readings, residual_weights(readings, task.loss, sigma), floor)
     averaging = any(readings.half_angles) and settings.aperture == "average"
     known_noise = likelihood or share is not None
     if not s.size:

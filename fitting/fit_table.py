@@ -73,7 +73,7 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
         Moré 1978 (Levenberg–Marquardt); White 1980 (covariance); Schwarz 1978 (BIC); Wu 1986 (wild bootstrap).
     """
     settings = FitSettings.create(options)
-    source = resolve_subject(table).require_table()
+    source = resolve_subject(table, blockwise=True).require_table()
     expressions = [model] if isinstance(model, str) else list(model or [])
     if settings.scene is not None and (names := settings.scene.channels_of(source.channels.names)):
         source = source.only(names)

@@ -19,6 +19,7 @@ from gonio.fitting.problem.normal_equations import Evaluation, NormalEquations, 
 from gonio.fitting.problem.page_program import Request, page_program
 from gonio.fitting.problem.parameterisation import Domains, FixedValues, Parameterisation
 from gonio.fitting.problem.readings import (
+    IDENTITIES,
     LANES,
     PAGE,
     AnyArray,
@@ -84,14 +85,18 @@ class FitProblem:
         number = n if lanes is None else lanes.source.size
         shape = block_shape(number, channels)
         wi, wo = (_in_blocks(w, lanes, shape) for w in (readings.wi, readings.wo))
-        laid = (a if lanes is None else lanes.values(a) for a in (readings.f, weight))
-        target, weights = (in_blocks(a, (*shape, channels)) for a in laid)
+        f, laid_weight = (a if lanes is None else lanes.values(a) for a in (readings.f, weight))
+        target = in_blocks(f, (*shape, channels), fresh=loss not in IDENTITIES)
+        weights = in_blocks(laid_weight, (*shape, channels))
         cosine = np.abs(wi.z.reshape(-1))[:, None] if uses_cosine(loss) else None
         flat, norm_squared = target.reshape(-1, channels), 0.0
         for some in chunks(number, channels):
             compared = flat[some] if cosine is None else flat[some] * cosine[some]
-            flat[some] = transformed(loss, compared, floor)
+            if loss not in IDENTITIES:
+                flat[some] = transformed(loss, compared, floor)
             norm_squared += float(np.sum((weights.reshape(-1, channels)[some] * flat[some]) ** 2))
+        if lanes is None:
+            weight = weights.reshape(-1, channels)[:n]  # one array for both
         blocks, used = block_rules(lanes, shape[0]), -(-number // shape[1])
         discs = disc_rules(readings.half_angles)
         samples = Samples(wi, wo, target, weights, np.asarray(used), np.asarray(float(floor)), blocks, discs)

@@ -35,6 +35,7 @@ from gonio.models.geometry.directions import NORMAL, Direction
 from gonio.models.geometry.horizon import turned_over
 
 LOSSES = ("sigma", "linear", "cbrt", "log", "log1p")
+IDENTITIES = ("sigma", "linear")  # that compare f as it is
 _GUESS = 6142909891733356544.0  # of the bits: (4/3) · 1023 · 2⁵², less what halves the worst error of the first guess
 WEIGHTS = ("solid-angle", "cosine", "projected-solid-angle")
 NO_UNCERTAINTY = "The loss 'sigma' needs standard uncertainties above 0, and this table has none; choose another loss."
@@ -126,7 +127,8 @@ def readings_of(table: Table, limit: int | None = None, theta_max: float | None 
     )
     valid = (np.asarray(block.flag) == Flag.VALID) & np.isfinite(block.f)
     # Reading f where it is masked would carry a NaN into sums: the value there is never looked at again.
-    f = np.asarray(block.f if valid.all() else np.where(valid, block.f, 0.0), float)
+    f = block.f if valid.all() else np.where(valid, block.f, 0.0)
+    f = in_blocks(np.asarray(f), (*shape, channels)).reshape(-1, channels)[:n]
     return Readings(wi, wo, f, np.asarray(block.u_f, float), valid)
 
 
@@ -193,16 +195,17 @@ def block_shape(n: int, channels: int) -> tuple[int, int]:
     return max(1, -(-n // (block * PAGE))) * PAGE, block
 
 
-def in_blocks(a: np.ndarray, shape: tuple[int, ...], fill: float = 0.0) -> np.ndarray:
+def in_blocks(a: np.ndarray, shape: tuple[int, ...], fill: float = 0.0, fresh: bool = False) -> np.ndarray:
     """Values (n, ...) laid out in blocks (B, block, ...), padded with `fill`, where XLA reads them without a copy.
 
-    Directions that are laid out already (by `readings_of`) are taken as they stand.
+    What is laid out already, as by `readings_of`, is taken as it stands, unless a `fresh` array is asked for.
     """
     number = math.prod(shape)
     base = a.base
-    if a.ndim == 1 and isinstance(base, np.ndarray) and base.size == number * 8 + ALIGNED and base.dtype == np.uint8:
+    laid = isinstance(base, np.ndarray) and base.size == number * 8 + ALIGNED and base.dtype == np.uint8
+    if not fresh and laid and a.shape[1:] == shape[2:] and a.flags.c_contiguous and a.dtype == np.float64:
         start = -base.ctypes.data % ALIGNED
-        if a.ctypes.data == base.ctypes.data + start and a.dtype == np.float64:
+        if a.ctypes.data == base.ctypes.data + start:
             return base[start : start + 8 * number].view(np.float64).reshape(shape)
     raw = np.empty(8 * number + ALIGNED, np.uint8)
     start = -raw.ctypes.data % ALIGNED
@@ -234,7 +237,7 @@ def transform_slope(loss: str, v: Any, floor: Any, xp: ModuleType = np) -> Any:
 
 def transformed(loss: str, v: Any, floor: Any, xp: ModuleType = np) -> Any:
     """T(v) of a loss; shape of v."""
-    if xp is np and np.size(v) >= MANY and np.ndim(floor) == 0 and loss not in ("sigma", "linear") and usable():
+    if xp is np and np.size(v) >= MANY and np.ndim(floor) == 0 and loss not in IDENTITIES and usable():
         program = _loop(loss)
         values = program and program.bound([np.asarray(floor, float)])([np.ravel(v)], (np.size(v),))
         if values is not None:
@@ -299,6 +302,8 @@ def sigma_of(readings: Readings) -> np.ndarray | None:
     known = readings.valid & np.isfinite(readings.u_f) & (readings.u_f > 0)
     if not known.any():
         return None
+    if known.all():
+        return readings.u_f
     return np.where(known, readings.u_f, np.median(readings.u_f[known]))
 
 
@@ -310,11 +315,11 @@ def relative_sigma(readings: Readings, f: np.ndarray, share: float) -> np.ndarra
 
 def residual_weights(readings: Readings, loss: str, sigma: np.ndarray | None) -> np.ndarray:
     """Weight of each residual (n, C): 0 where there is no reading, 1/σ with the loss `sigma`, times √cell_weight."""
-    weight = np.where(readings.valid, 1.0, 0.0)
-    if loss == "sigma":
-        if sigma is None:
-            raise GonioError(NO_UNCERTAINTY)
-        weight = weight / np.where(readings.valid, sigma, 1.0)
+    if loss == "sigma" and sigma is None:
+        raise GonioError(NO_UNCERTAINTY)
+    weight = np.ones(readings.valid.shape) if loss != "sigma" or sigma is None else np.divide(1.0, sigma)
+    if not readings.valid.all():
+        weight = np.where(readings.valid, weight, 0.0)
     if readings.cell_weight is not None:
         share = readings.cell_weight / np.mean(readings.cell_weight)
         weight = weight * np.sqrt(share)[:, None]

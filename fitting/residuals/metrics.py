@@ -15,6 +15,7 @@ from gonio.models.compiled.sums import Rows, SumsProgram
 
 SMALLEST = 1e-100
 """Values below it have the cube root 0 in loops: their squares are no normal numbers."""
+MANY = 1 << 22
 PADDED = 16
 """A multiple of the numbers of any vector."""
 
@@ -30,7 +31,9 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
         `relative_rms` = √(Σ(m−y)²/Σy²); `relative_rms_cosine`, the same of f cosθi cosθo; `median_relative`, the
         median of |m−y|/|y|; `log_rms` of log(1+f) [Ngan 2005]; `cbrt_rms` of (f cosθi)^⅓; `bias`, the mean of m−y.
     """
-    sums, relative, known = np.zeros(7), np.empty(readings.f.size), 0
+    # Of very many the median is one of numbers in single precision.
+    kind = np.float64 if readings.f.size <= MANY else np.float32
+    sums, relative, known = np.zeros(7), np.empty(readings.f.size, kind), 0
     for chunk in chunks(*readings.f.shape):
         y, m = (np.where(readings.valid[chunk], a[chunk], 0.0) for a in (readings.f, model_f))
         cos_i, cos_o = (np.abs(np.asarray(w.z)[chunk, None]) for w in (readings.wi, readings.wo))

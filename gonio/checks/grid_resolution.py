@@ -5,6 +5,7 @@ the grid resolves, that prediction errs by four times as much as the interpolati
 it does not resolve the error is a whole number of e-folds, and so is the bound that comes of it.
 """
 
+import functools
 import itertools
 from collections.abc import Callable
 from typing import NamedTuple
@@ -50,10 +51,17 @@ def prediction_error_across_pole(logs: np.ndarray, theta: np.ndarray, azimuth: n
 
     On the other side of the normal the azimuths are turned by π: the innermost nodes have neighbours there.
     """
-    opposite = np.argmin(np.abs(np.mod(azimuth[None] - azimuth[:, None], 2 * np.pi) - np.pi), axis=1)
+    opposite = _opposite(azimuth.tobytes())
     first = 1 if theta[0] < 1e-9 else 0
     longer = np.concatenate([logs[first : first + 1][:, opposite], logs])
     return prediction_error(longer, np.append(-theta[first], theta), 0)[1:]
+
+
+@functools.lru_cache(maxsize=8)
+def _opposite(azimuths: bytes) -> np.ndarray:
+    """Number of the azimuth nearest to half a turn from each of some, float64."""
+    azimuth = np.frombuffer(azimuths)
+    return np.argmin(np.abs(np.mod(azimuth[None] - azimuth[:, None], 2 * np.pi) - np.pi), axis=1)
 
 
 class Rim(NamedTuple):

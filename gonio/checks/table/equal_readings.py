@@ -22,7 +22,6 @@ from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import pair_angles
 from gonio.checks.table.regions import uncovered
-from gonio.data.flags import Flag
 from gonio.data.interpolation.scattering_blocks import sheet_of
 from gonio.models.display import percent
 from gonio.models.geometry.sides import Sides
@@ -106,9 +105,9 @@ def _lit_from_one_side(sides: Sides) -> str:
 
 
 def _all_angles(evidence: TableEvidence) -> np.ndarray:
-    block = evidence.table.samples(MOST_READINGS)
-    valid = (block.flag == Flag.VALID).any(axis=1) & evidence.table.layout.are_readable(block.wi.z, block.wo.z)
-    return pair_angles(block.wi, block.wo)[valid]
+    layout = evidence.table.layout
+    wi, wo = layout.directions_at(evidence.table.some_valid_cells(MOST_READINGS))
+    return pair_angles(wi, wo)[layout.are_readable(wi.z, wo.z)]
 
 
 def table_symmetry(evidence: TableEvidence, tolerance: float) -> Property:

@@ -89,7 +89,7 @@ class LevelTests:
             known = self._sizes.of((column.a, column.u_a), (column.b, column.u_b))
 
             def sizes(pair: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-                return known.at(pair), known.at(pair + column.a.size)
+                return known.of_readings(pair), known.of_readings(pair + column.a.size)
 
             self.single.finish(channel, sizes)
             self._tested += [(r, channel, self._p_of(r, column, sizes)) for r in self._sums.finish()]

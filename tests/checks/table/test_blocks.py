@@ -84,5 +84,6 @@ def test_of_a_larger_table_some_pairs_are_enough_to_fail_it(monkeypatch):
     assert table.layout.size > 900
     reciprocity = check(table)["reciprocity"]
     assert reciprocity.verdict != "pass" and 150 < reciprocity.facts["pairs"] < 600
+    assert f"of 600 of {table.layout.size:,} cells, chosen at random" in reciprocity.detail
     honest = model_table(RGB, LAYOUTS["isotropic"], None, 0.002, 0.002)
     assert check(honest)["reciprocity"].verdict == "pass"

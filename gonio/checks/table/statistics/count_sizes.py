@@ -72,7 +72,7 @@ class KnownSizes:
         first = sizes.number(self._order[self._ends[:-1]]) if self._order.size else np.zeros(0, int)
         self._first, self._known = first, np.full(first.size, np.nan)
 
-    def at(self, wanted: np.ndarray) -> np.ndarray:
+    def of_readings(self, wanted: np.ndarray) -> np.ndarray:
         """Those of the readings of these numbers, 1/sr."""
         group = np.searchsorted(self._first, self._sizes.number(wanted), side="right") - 1
         ok = self._ok[wanted]
@@ -98,7 +98,7 @@ class KnownSizes:
 
 def quantum(theta: np.ndarray, f: np.ndarray, u: np.ndarray, kind: np.ndarray | int = 0) -> np.ndarray:
     """The `CountSizes` of all of n readings, (n,)."""
-    return CountSizes(theta, kind).of((f, u)).at(np.arange(f.size))
+    return CountSizes(theta, kind).of((f, u)).of_readings(np.arange(f.size))
 
 
 def _least_count(signal: np.ndarray, variance: np.ndarray) -> float:
