@@ -201,11 +201,11 @@ def in_blocks(a: np.ndarray, shape: tuple[int, ...], fill: float = 0.0, fresh: b
     What is laid out already, as by `readings_of`, is taken as it stands, unless a `fresh` array is asked for.
     """
     number = math.prod(shape)
-    base = a.base
-    laid = isinstance(base, np.ndarray) and base.size == number * 8 + ALIGNED and base.dtype == np.uint8
-    if not fresh and laid and a.shape[1:] == shape[2:] and a.flags.c_contiguous and a.dtype == np.float64:
+    base = None if fresh else a.base
+    if isinstance(base, np.ndarray) and base.size == number * 8 + ALIGNED and base.dtype == np.uint8:
         start = -base.ctypes.data % ALIGNED
-        if a.ctypes.data == base.ctypes.data + start:
+        laid = a.shape[1:] == shape[2:] and a.flags.c_contiguous and a.dtype == np.float64
+        if laid and a.ctypes.data == base.ctypes.data + start:
             return base[start : start + 8 * number].view(np.float64).reshape(shape)
     raw = np.empty(8 * number + ALIGNED, np.uint8)
     start = -raw.ctypes.data % ALIGNED

@@ -35,7 +35,7 @@ def table_positivity(evidence: TableEvidence, tolerance: float) -> Property:
             k = np.unravel_index(np.argmin(lowest), lowest.shape)
             if lowest[k] < least:
                 least, cell, channel = float(lowest[k]), start + int(k[0]), int(k[1])
-            sizes.append(np.abs(f[ok])[::step])
+            sizes.append(np.abs(f[ok][::step]))
     if valid == 0:
         return without_residual("positivity", UNDECIDED, tolerance, "The table holds no valid reading.")
     median, share = float(np.median(np.concatenate(sizes))), unexplained / valid
