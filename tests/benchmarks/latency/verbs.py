@@ -80,7 +80,8 @@ def _laid(checkout: pathlib.Path, folder: str, side: str) -> str:
 def _run(verb: str, place: str, *before: str) -> Run:
     """One run; numbers are nan where the other commit fails."""
     command = ["sh", "-c", 'exec "$0" "$@" ' + VERBS[verb][0], sys.executable, *(before or ("-m", "gonio"))]
-    done = timed(command, place, PYTHONPATH=os.path.join(place, "path"))
+    # Compiled modules are kept, as those of an installed package are.
+    done = timed(command, place, PYTHONPATH=os.path.join(place, "path"), PYTHONDONTWRITEBYTECODE="")
     if done.status not in STATUSES:
         assert pathlib.Path(place).name == "this", f"{verb}: {done.output}"
         return done._replace(wall=math.nan, cpu=math.nan, peak_mb=math.nan)
