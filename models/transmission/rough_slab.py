@@ -35,8 +35,8 @@ CLEAR = ParameterInfo(
 )
 NOT_CLEAR = 0.98
 GAIN = (
-    "a clear sheet gains 0.2 % at 40° for α = 0.1, η = 1.5 (2 % at 60° for η = 1.05): its lobes have "
-    "a flat one's shares"
+    "a clear sheet gains 0.1 % at 60° for α = 0.3, η = 1.05 (up to 0.7 % for η = 1.01): what its lobes pass is "
+    "a flat one's share, and its faces reflect as rough ones do"
 )
 TAIL = 8.0
 """Half exponent of the tail that directions are drawn with: nearly Gaussian, a little heavier."""
@@ -58,6 +58,21 @@ class InnerLobe(AbstractDiscLobe):
 
     lobe = True
 
+    def widening(self, w: Direction) -> Channels:
+        """What a lobe straight through gains, to second order in s, as s grows away from the normal: s²(L″ + L′/β + L′²)/4.
+
+        L = ln s by the distance β from the normal in direction cosines, in which bend = η cosθ′ − cosθ has
+        L′ = β/(η cosθ′ cosθ).
+        """
+        cosine = positive(w.z)
+        inside = jnp.sqrt((self.eta - 1.0) * (self.eta + 1.0) + cosine * cosine)
+        s2 = (inside - cosine) ** 2 * (self.near**2 + self.far**2)
+        cosine2, sine2 = cosine * cosine, w.x * w.x + w.y * w.y
+        rate = 2.0 * cosine2 + sine2 * (1.0 + cosine2 / (inside * inside) + cosine / inside)  # η cosθ′ cos³θ times
+        # A lobe that the horizon cuts gains nothing: of its width over the distance from there the fourth power.
+        cut = (s2 * (1.0 + sine2) ** 2) ** 2
+        return s2 * rate * cosine * cosine2 * cosine2 / (4.0 * inside * (cosine2**4 + cut))
+
     def weight_and_width2(self, w: Direction) -> tuple[Channels, Channels]:
         """(w, s²) of one direction above the sheet."""
         eta, cosine = self.eta, positive(w.z)
@@ -75,7 +90,10 @@ class InnerLobe(AbstractDiscLobe):
         (w_i, s2_i), (w_o, s2_o) = self.weight_and_width2(wi), self.weight_and_width2(wo)
         s2 = jnp.sqrt(s2_i * s2_o)
         # Widths grow away from the normal: more would come to a wide lobe's edge than the middle gives.
-        wider = (self.near**2 + self.far**2) * ((self.eta - 1.0) ** 2 / self.eta)
+        if self.through:
+            wider = 0.5 * (self.widening(wi) + self.widening(wo))
+        else:
+            wider = (self.near**2 + self.far**2) * ((self.eta - 1.0) ** 2 / self.eta)
         # A mean that stays near the lesser share: a grazing direction must not get the greater one of the lobe's rest.
         least, most = jnp.minimum(w_i, w_o), positive(jnp.maximum(w_i, w_o))
         level = least / (jnp.sqrt(0.5 * (1.0 + (least / most) ** 2)) * (1.0 + wider))
