@@ -59,9 +59,9 @@ class InnerLobe(AbstractDiscLobe):
     lobe = True
 
     def widening(self, w: Direction) -> Channels:
-        """What a lobe straight through gains, to second order in s, as s grows away from the normal: s²(L″ + L′/β + L′²)/4.
+        """What a lobe straight through gains, to second order in s, as s grows away from the normal.
 
-        L = ln s by the distance β from the normal in direction cosines, in which bend = η cosθ′ − cosθ has
+        s²(L″ + L′/β + L′²)/4 with L = ln s by the distance β from the normal in direction cosines, in which bend = η cosθ′ − cosθ has
         L′ = β/(η cosθ′ cosθ).
         """
         cosine = positive(w.z)
