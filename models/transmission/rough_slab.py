@@ -61,7 +61,7 @@ class InnerLobe(AbstractDiscLobe):
     def widening(self, w: Direction) -> Channels:
         """What a lobe straight through gains, to second order in s, as s grows away from the normal.
 
-        s²(L″ + L′/β + L′²)/4 with L = ln s by the distance β from the normal in direction cosines, in which bend = η cosθ′ − cosθ has
+        s²(L″ + L′/β + L′²)/4 with L = ln s by the distance β from the normal in direction cosines, where
         L′ = β/(η cosθ′ cosθ).
         """
         cosine = positive(w.z)
