@@ -3,7 +3,8 @@ grid's integral of readings − model.
 
 It assumes that between and beyond the nodes the surface is to the model as it is at the nodes around. The bound takes
 the ratio of the two to be off by as much as it changes from a node to its neighbours, or bends, over the light that the
-model sends there: where the model is of the wrong family that is as much as without it.
+model sends there: where the model is of the wrong family that is as much as without it. Of a lobe whose shape the nodes
+do not test the family is unknown, and the light with it (`untested_lobes`).
 """
 
 from collections.abc import Iterator
@@ -18,7 +19,9 @@ from gonio.checks.hidden_lobes import Features, Further, credible
 from gonio.checks.table.albedos.model_light import FAST, NOISE, ORDER, albedos_at, light_of
 from gonio.checks.table.albedos.on_grid import HemisphereGrid, filled, floor_of, hemisphere_grid
 from gonio.checks.table.albedos.two_sided import Part
+from gonio.checks.table.albedos.untested_lobes import untested_light
 from gonio.data.flags import Flag
+from gonio.data.table import Table
 from gonio.fitting.result import FitResult
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
@@ -121,6 +124,8 @@ def _incidences(
 ) -> Iterator[Incidence]:
     table, channels = part.table, len(part.table.channels)
     at_nodes, exact = _at_nodes(brdf, grid, channels), albedos_at(brdf, _lights(grid), FAST, channels)
+    further = np.zeros((0, 4)) if features.further is None else features.further.angles
+    untested = untested_light(brdf, grid, _uncertainties(table, grid), further)
     for k, (number, theta_i, phi_i) in enumerate(grid.incidences):
         block = table.read_values(number * grid.stored, (number + 1) * grid.stored)
         f, u, valid = (block[name][grid.cells] for name in ("f", "u_f", "flag"))
@@ -129,11 +134,17 @@ def _incidences(
         shares = _shares(brdf, grid, wi, channels)
         row = _estimate(grid, (f.astype(float), u.astype(float), valid), at_nodes[k], shares)
         error = np.abs(np.sum(shares.near, axis=(0, 1)) - exact[k])
-        bound = row.bound + 2.0 * error + 2.0 * np.nan_to_num(spread[k], nan=np.inf)
+        bound = row.bound + 2.0 * error + 2.0 * np.nan_to_num(spread[k], nan=np.inf) + untested[k]
         partial = grid.missing(valid)
         limit = np.where(valid, credible(_left_to_lobes(f, u, at_nodes[k]), row.value), np.inf)
         hidden = None if partial else grid.hidden((theta_i, phi_i), limit, features, part.bend)
         yield row._replace(theta_i=theta_i, phi_i=phi_i, bound=bound, partial=partial, hidden=hidden)
+
+
+def _uncertainties(table: Table, grid: HemisphereGrid) -> np.ndarray:
+    """Standard uncertainties at the nodes of all incidences, (n, θo, azimuth, C); 0 where none is stored."""
+    blocks = (table.read_values(n * grid.stored, (n + 1) * grid.stored)["u_f"] for n, _, _ in grid.incidences)
+    return np.nan_to_num(np.stack([u[grid.cells] for u in blocks]).astype(float))
 
 
 def _left_of(further: Further, brdf: AbstractBRDF) -> Further:

@@ -54,6 +54,24 @@ def test_it_decides_what_the_grid_leaves_open(gain, verdict):
     assert helped.assumes == "between the readings the surface follows lambert + ggx + ggx as it does at them"
 
 
+def test_lobes_whose_shape_nothing_read_tests_decide_nothing():
+    """Peak and foot of a narrow lobe fit another family of lobes, with another width: its light is not known."""
+    truth = "0.63 * (lambert(rho=0.844) + 0.6405 * phong(n=3894) + 0.94 * cook_torrance(alpha=0.153, f0=0.108))"
+    light, polar = np.radians([0, 20.0, 40]), np.radians(np.arange(0, 90, 10.0))
+    layout = layouts.isotropic(light, polar, np.radians(np.arange(0, 360, 10.0)))
+    table = model_table(truth, layout)
+    fitted = gonio.fit(table, "lambert + beckmann + blinn_phong")
+    albedos = assisted_albedos(Part(table), fitted, Features(1e-3))
+    true = directional_albedo(build(truth), light, 0.0, 1e-8).value[:, None]
+    error = np.abs(albedos.value - true)
+    assert error.max() > 0.02
+    assert (error <= np.minimum(albedos.above, albedos.below)).all()
+    tailed = "lambert(rho=0.3) + 0.6 * ggx(alpha=0.01)"  # as narrow; its tails are read at many levels
+    table = model_table(tailed, layout)
+    albedos = assisted_albedos(Part(table), gonio.fit(table, "lambert + ggx"), Features(1e-3))
+    assert albedos.above.max() < 0.01
+
+
 def test_what_it_cannot_help_is_said():
     with pytest.raises(GonioError, match="is a model; another one helps tables only"):
         gonio.check(PAINT, model="lambert")
