@@ -70,10 +70,10 @@ def loop_of(frame: Frame, names: tuple[str, ...]) -> SumsProgram | None:
         def value(shapes: dict[str, Array]) -> Array:
             return assemble(frame, shapes).f(wi, wo)
 
-        at, one = dict(zip(names, elements[:-6], strict=True)), jnp.eye(len(names))
+        point, one = dict(zip(names, elements[:-6], strict=True)), jnp.eye(len(names))
         if not names:
-            return value(at)[None]
-        along = functools.partial(jax.jvp, value, (at,))
+            return value(point)[None]
+        along = functools.partial(jax.jvp, value, (point,))
         f, slopes = jax.vmap(lambda t: along((t,)), out_axes=(None, 0))({n: one[k] for k, n in enumerate(names)})
         return jnp.concatenate([f[None], slopes])
 

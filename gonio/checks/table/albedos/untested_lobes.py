@@ -54,7 +54,7 @@ def untested_light(brdf: AbstractBRDF, grid: HemisphereGrid, u: np.ndarray, furt
         below = np.log(_peaks(term, incidences)[of_light[read]] / there[read])
         if np.unique(np.floor(np.maximum(below, 0.0))).size >= LEVELS:
             continue
-        light = albedos_at(term, from_spherical(*incidences.T, np), FAST, channels)
+        light = albedos_at(term, from_spherical(incidences[:, 0], incidences[:, 1], np), FAST, channels)
         by_grid = np.sum(grid.weights[..., 0] * there[: len(nodes)].reshape(shape), axis=(1, 2))
         missed = np.abs(by_grid[:, None] - light.mean(axis=1, keepdims=True)) > UNRESOLVED * light
         total += np.where(missed, FACTOR * light, 0.0)
