@@ -1,5 +1,6 @@
 """Layouts by the angles of both directions: grids over the hemispheres, and samples without a grid."""
 
+import abc
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,25 @@ SIGNED_THETA_O = AxisKind(
 )
 
 
-class _FourAngles(Layout):
+class _ByAngles(Layout):
+    """A layout whose axes are the angles of the arms: they stand even at the pole, where directions have no azimuth."""
+
+    @staticmethod
+    @abc.abstractmethod
+    def arm_angles(axes: list[np.ndarray]) -> tuple[np.ndarray, ...]:
+        """(theta_i, phi_i, theta_o, phi_o) of cells by their angles on each axis; radians."""
+
+    def angles(self, start: int = 0, stop: int | None = None) -> tuple[np.ndarray, ...]:
+        if not self.gridded:
+            return self.arm_angles([a[start:stop] for a in self.axes.values()])
+        return self.angles_at(np.arange(*self._range(start, stop)))
+
+    def angles_at(self, cells: np.ndarray) -> tuple[np.ndarray, ...]:
+        nodes = np.unravel_index(cells, self.shape) if self.gridded else [cells] * len(self.axes)
+        return self.arm_angles([a[k] for a, k in zip(self.axes.values(), nodes, strict=True)])
+
+
+class _FourAngles(_ByAngles):
     sees_behind = True
     axis_kinds = (THETA_I, PHI_I, THETA_O, PHI_O)
 
@@ -38,8 +57,9 @@ class _FourAngles(Layout):
 
         return dict(zip(("theta_i", "phi_i", "theta_o", "phi_o"), (*to_spherical(wi), *to_spherical(wo)), strict=True))
 
-    def angles(self, start: int = 0, stop: int | None = None) -> tuple[np.ndarray, ...]:
-        return tuple(self._axis_angles(start, stop))
+    @staticmethod
+    def arm_angles(axes: list[np.ndarray]) -> tuple[np.ndarray, ...]:
+        return tuple(axes)
 
 
 class ScatteredSamples(_FourAngles):
@@ -85,7 +105,7 @@ class SphericalGrid(_FourAngles):
         return nodes
 
 
-class IsotropicGrid(Layout):
+class IsotropicGrid(_ByAngles):
     """Axes theta_i, theta_o and delta_phi = phi_o − phi_i in [0, 2π), specular at π (phi_i = 0)."""
 
     name = "isotropic"
@@ -116,8 +136,9 @@ class IsotropicGrid(Layout):
         delta = jnp.where(no_azimuth, phi_o, safe_atan2(sin_delta, cos_delta))
         return {"theta_i": theta_i, "theta_o": theta_o, "delta_phi": jnp.where(delta < 0, delta + TURN, delta)}
 
-    def angles(self, start: int = 0, stop: int | None = None) -> tuple[np.ndarray, ...]:
-        theta_i, theta_o, delta_phi = self._axis_angles(start, stop)
+    @staticmethod
+    def arm_angles(axes: list[np.ndarray]) -> tuple[np.ndarray, ...]:
+        theta_i, theta_o, delta_phi = axes
         return theta_i, np.zeros_like(theta_i), theta_o, delta_phi
 
     def outgoing_grid(self) -> OutgoingGrid:
@@ -139,7 +160,7 @@ class IsotropicGrid(Layout):
         return [*self._same_nodes()[:2], (2, node_numbers(delta_phi, -delta_phi, TURN))]
 
 
-class InPlaneGrid(Layout):
+class InPlaneGrid(_ByAngles):
     """Axes theta_i and a signed theta_o, positive on the specular side (delta_phi = π), negative on the light's.
 
     Behind the sample too: of what goes straight through, theta_o is π − theta_i.
@@ -174,8 +195,9 @@ class InPlaneGrid(Layout):
         sin_i = jnp.sqrt(wi.x**2 + wi.y**2)
         return (across <= PLANE_WIDTH * sin_i) | (sin_i <= PLANE_WIDTH)
 
-    def angles(self, start: int = 0, stop: int | None = None) -> tuple[np.ndarray, ...]:
-        theta_i, signed = self._axis_angles(start, stop)
+    @staticmethod
+    def arm_angles(axes: list[np.ndarray]) -> tuple[np.ndarray, ...]:
+        theta_i, signed = axes
         return theta_i, np.zeros_like(theta_i), np.abs(signed), np.where(signed > 0, np.pi, 0.0)
 
     def exchanged(self, cells: np.ndarray) -> np.ndarray:

@@ -196,6 +196,10 @@ class Layout(abc.ABC):
         """(theta_i, phi_i, theta_o, phi_o) of the cells start..stop, radians; azimuths in [0, 2π)."""
         return tuple(angle for w in self.directions(start, stop) for angle in spherical_angles(*w))
 
+    def angles_at(self, cells: np.ndarray) -> tuple[np.ndarray, ...]:
+        """(theta_i, phi_i, theta_o, phi_o) of the cells of these C-order numbers, shape (n,), as `angles` has them."""
+        return tuple(angle for w in self.directions_at(cells) for angle in spherical_angles(*w))
+
     def cosines(self, start: int = 0, stop: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(cos theta_i, cos theta_o) of the cells start..stop, shape (stop − start,)."""
         cos_i, cos_o = self._on_cells(self._cosines_of, start, stop)
@@ -301,13 +305,6 @@ class Layout(abc.ABC):
         related = [numbers[nodes[source]] for source, numbers in node_map]
         known = np.all([r >= 0 for r in related], axis=0)
         return np.where(known, np.ravel_multi_index([np.maximum(r, 0) for r in related], self.shape), -1)
-
-    def _axis_angles(self, start: int, stop: int | None) -> list[np.ndarray]:
-        """The angles on each axis of the cells start..stop."""
-        if not self.gridded:
-            return [a[start:stop] for a in self.axes.values()]
-        nodes = np.unravel_index(np.arange(*self._range(start, stop)), self.shape)
-        return [a[k] for a, k in zip(self.axes.values(), nodes, strict=True)]
 
     def _range(self, start: int, stop: int | None) -> tuple[int, int]:
         first, last, _ = slice(start, stop).indices(self.size)

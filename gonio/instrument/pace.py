@@ -12,8 +12,10 @@ from gonio.models.errors import GonioError
 
 Angles = Sequence[np.ndarray] | np.ndarray
 """Arrays of theta_i, phi_i, theta_o and phi_o, radians."""
-MOST_CELLS = 1 << 22
-"""Cells of a scan whose way is followed; of a larger one the hours are those of its first cells, times their share."""
+PART_CELLS = 1 << 18
+"""Cells of a scan whose way is followed at once: what that takes of memory does not grow with the scan."""
+MOST_PARTS = 16
+"""Parts of a scan whose way is followed; of a larger one so many, evenly spread, stand for the others."""
 AXES = ("theta_i", "phi_i", "theta_o", "phi_o")
 
 
@@ -72,17 +74,22 @@ class Pace:
 
         What is below the horizon is left out.
         """
-        angles = [np.asarray(a)[scan_order(layout)] for a in layout.angles()]
-        return self.path_seconds(angles, photons / self.count_rate)
+        return self.scan_time(layout, photons / self.count_rate).seconds
 
     def scan_time(self, layout: Layout, counting: float | np.ndarray) -> ScanTime:
         """What a whole scan takes, in the order of `seconds`; `counting`: seconds of each cell (n,), or of all."""
-        stop = min(layout.size, MOST_CELLS)
-        order = scan_order(layout) if stop == layout.size else np.arange(stop)
-        share = layout.size / stop
-        moving = self.path_seconds([np.asarray(a)[order] for a in layout.angles(0, stop)], 0.0)
-        count = np.broadcast_to(counting, (layout.size,))[order]
-        return ScanTime(round(order.size * share), moving * share, float(np.sum(count)) * share)
+        times = np.broadcast_to(counting, (layout.size,))
+        readings, moving, count, followed, last = 0, 0.0, 0.0, 0, None
+        for start, stop in _parts(layout.size):
+            cells, angles = _on_the_way(layout, start, stop)
+            count += float(np.sum(times[cells]))
+            moving += self.path_seconds(angles, 0.0)
+            if start == followed and last is not None and cells.size:
+                moving += float(self.moving(last, [a[0] for a in angles]))
+            last = [a[-1] for a in angles] if cells.size else last
+            readings, followed = readings + cells.size, followed + stop - start
+        share = layout.size / followed
+        return ScanTime(round(readings * share), moving * share, count * share)
 
     def sentence(self) -> str:
         """The model, for a caption."""
@@ -95,11 +102,32 @@ class Pace:
 
 def scan_order(layout: Layout) -> np.ndarray:
     """Numbers of the cells above the horizon, every other row of each axis backwards, so that no arm flies back."""
+    order = _turned(layout, 0, layout.size)
+    return order[layout.readable()[order]]
+
+
+def _parts(size: int) -> list[tuple[int, int]]:
+    """Ranges of a way of so many cells: all of it, or evenly spread parts."""
+    if size <= MOST_PARTS * PART_CELLS:
+        return [(start, min(start + PART_CELLS, size)) for start in range(0, size, PART_CELLS)]
+    starts = [k * (size - PART_CELLS) // (MOST_PARTS - 1) for k in range(MOST_PARTS)]
+    return [(start, start + PART_CELLS) for start in starts]
+
+
+def _on_the_way(layout: Layout, start: int, stop: int) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Numbers and angles of the cells above the horizon from place `start` to `stop` of the way through all cells."""
+    cells = _turned(layout, start, stop)
+    wi, wo = layout.directions_at(cells)
+    readable = layout.are_readable(np.asarray(wi.z), np.asarray(wo.z))
+    return cells[readable], [a[readable] for a in layout.angles_at(cells)]
+
+
+def _turned(layout: Layout, start: int, stop: int) -> np.ndarray:
+    """Numbers of the cells from place `start` to `stop` of the way, those below the horizon too."""
     shape = layout.shape
-    index = np.indices(shape).reshape(len(shape), -1)
+    index = np.unravel_index(np.arange(start, stop), shape)
     turned = [index[0]]
     for k in range(1, len(shape)):
-        row = np.ravel_multi_index(tuple(index[:k]), shape[:k])
+        row = np.ravel_multi_index(index[:k], shape[:k])
         turned.append(np.where(row % 2, shape[k] - 1 - index[k], index[k]))
-    order = np.asarray(np.ravel_multi_index(tuple(turned), shape))
-    return order[layout.readable()[order]]
+    return np.asarray(np.ravel_multi_index(tuple(turned), shape))

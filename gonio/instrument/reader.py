@@ -10,7 +10,7 @@ import numpy as np
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout
 from gonio.data.material import Material
-from gonio.data.tabulate import grid_values
+from gonio.data.tabulate import BLOCK_CELLS, block_rows, grid_values
 from gonio.instrument import aperture, noise
 from gonio.instrument.edge_loss import seen_by
 from gonio.instrument.instrument import EVERYWHERE, Instrument
@@ -22,6 +22,10 @@ from gonio.models.geometry.directions import Direction
 
 FLOOR = 1e-8
 """1/sr; no instrument resolves less, and tails below it need no relative accuracy."""
+LEAST_CELLS = 1 << 15
+"""Cells of a block at least, of however many channels: fewer would not hide the cost of a call."""
+FLAT_BLOCK = 1 << 14
+"""Cells of a block whose readings are averages over rays: some seconds of work at most, even for narrow lobes."""
 SHARE_OF_NOISE = 0.02
 """An error of the aperture average this small beside the standard uncertainty does not matter."""
 
@@ -92,6 +96,12 @@ class Reader:
         self.dtype = np.dtype(jnp.result_type(float))
         # Where nothing but the model is to be evaluated, whole rows of the layout go to the quick kernel.
         self.by_rows = not instrument.has_apertures and self.errors.aligned
+        self.most_cells = max(BLOCK_CELLS // self.channels, LEAST_CELLS)
+
+    @property
+    def block_cells(self) -> int:
+        """Cells that are best read at once: a number of values that needs little memory, of however many channels."""
+        return self.layout.row_size * block_rows(self.layout, self.most_cells) if self.by_rows else FLAT_BLOCK
 
     def read(self, start: int, stop: int) -> BlockReadings:
         """The readings of the cells start..stop; with `by_rows` these are whole rows."""
@@ -133,7 +143,7 @@ class Reader:
         brdf, layout = self.brdf, self.layout
         if self.by_rows:
             rows = slice(start // layout.row_size, -(-stop // layout.row_size))
-            values = grid_values(brdf, layout, rows.start, rows.stop).reshape(stop - start, -1)
+            values = grid_values(brdf, layout, rows.start, rows.stop, self.most_cells).reshape(stop - start, -1)
             lit = self.noisy or self.errors.offset
             cosine = np.abs(layout.cosines(start, stop)[0]) if lit else np.ones(1)
             return Expected(values, np.where(usable, cosine, 1.0).astype(self.dtype), None)

@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike, DTypeLike
 from gonio.data.hdf5.writer import BlockWriter, TableHeader, open_table
 from gonio.data.material import Material
 from gonio.data.table import MEDIA, Table
-from gonio.data.tabulate import block_rows
 from gonio.instrument.instrument import Systematic
 from gonio.instrument.media import media_of_measurement
 from gonio.instrument.reader import BlockReadings, Reader, WorstAverage
@@ -30,10 +29,10 @@ from gonio.text import versions
 
 LONG_TEXT = 4000
 """Characters that the provenance keeps of a text."""
-FLAT_BLOCK = 1 << 14
-"""Cells of a block whose readings are averages over rays: some seconds of work at most, even for narrow lobes."""
 MEMORY_BYTES = 8 << 30
 """Larger tables are only written to a file, in blocks."""
+MEASURED_BYTES = 32 << 20
+"""Values of a table just written that are read back at once; beyond, they stay in its file."""
 OLD_NAMES = {"say": "log"}
 """Of options."""
 
@@ -97,7 +96,7 @@ class Sink(abc.ABC):
         source, receiver = reader.instrument.solid_angles()
         dtype, about = np.dtype(settings.dtype or reader.dtype), provenance_of(reader, settings.command)
         self.header = TableHeader(layout, material.channels, dtype, about, material.name, source, receiver)
-        self.block_cells = layout.row_size * block_rows(layout) if reader.by_rows else FLAT_BLOCK
+        self.block_cells = reader.block_cells
 
     def __enter__(self) -> Self:
         return self
@@ -172,7 +171,7 @@ class FileSink(Sink):
         self.writer.write(block.number, readings.f, readings.u_f, readings.flag)
 
     def finish(self) -> Table:
-        return open_table(self.writer.finish())
+        return open_table(self.writer.finish(), MEASURED_BYTES)
 
 
 def open_sink(reader: Reader, settings: MeasureSettings) -> Sink:

@@ -57,6 +57,9 @@ def test_a_range_of_cells_is_a_part_of_all(grid, cut):
     np.testing.assert_array_equal(grid.readable(start, stop), grid.readable()[start:stop])
     for part, whole in zip(grid.angles(start, stop), grid.angles(), strict=True):
         np.testing.assert_array_equal(part, whole[start:stop])
+    cells = np.random.default_rng(0).permutation(grid.size)[cut]
+    for some, whole in zip(grid.angles_at(cells), grid.angles(), strict=True):
+        np.testing.assert_allclose(some, whole[cells], atol=1e-15)
 
 
 def test_half_difference_cells_have_the_stated_half_difference_angles():
