@@ -72,7 +72,7 @@ def plain_list(result: "Quantities", groups: list[str], geometry: bool) -> list[
     heading = ["quantity", "at", *(channels if len(channels) > 1 else ["value ± U (k = 2)"]), "standard"]
     colours = _colours([q for q in rows if q.name in COORDINATES and not q.channel])
     tables = [*([columns(cells, heading)] if cells else []), *([colours] if colours else [])]
-    return ["\n\n".join(tables)]
+    return ["\n\n".join(tables)] if tables else []
 
 
 def valued(q: "Quantity") -> str:

@@ -31,6 +31,7 @@ from gonio.metrology.monte_carlo import Simulation, require_draws, simulated
 from gonio.metrology.polished_quantities import polished_quantities
 from gonio.metrology.profile_quantities import fit_of_profile, profile_quantities, quantities_of_fits
 from gonio.metrology.quantity import Quantity, to_row
+from gonio.metrology.remarks import of_numbers, of_reach, of_uncertainties
 from gonio.metrology.sources import sources_of
 from gonio.metrology.standards import scatter_law
 from gonio.metrology.standards.catalog import Wanted, standard_quantities
@@ -212,8 +213,10 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
     entries, remarks = standard_quantities(table.channels, wanted, table.sides != FRONT)
     measurands = TableMeasurands.of(table, settings.geometries, entries, math.radians(settings.feature_width))
-    notes = [*table.provenance.get("warnings", []), *measurands.notes, *remarks, *_of_uncertainties(table, settings)]
+    notes = [*table.provenance.get("warnings", []), *measurands.notes, *remarks]
     undecided = _without_albedo(measurands, wanted) + measurands.standards.undecided
+    notes += [] if settings.budget else of_uncertainties(table)
+    notes += of_reach(undecided) if settings.fit is None else []
     fitted = None if settings.fit is None else _fitted(table, settings.fit)
     if not settings.budget:
         laws = _laws(table, table.channels, wanted)
@@ -254,18 +257,6 @@ def _of_profile(profile: Profile, settings: QuantitiesSettings) -> Quantities:
     return Quantities(name, "profile", rows + quantities_of_fits(profile, fits), None, notes, None, undecided)
 
 
-def _of_uncertainties(table: Table, settings: QuantitiesSettings) -> list[str]:
-    """What the uncertainties do not hold, of readings that no simulated instrument made."""
-    if settings.budget or "instrument" in table.provenance:
-        return []
-    if table.u_f is None or not np.isfinite(np.asarray(table.values_at(table.valid_cells()[:1000])["u_f"])).any():
-        return ["No uncertainties are stored: U is of the integral alone, and a single reading has none."]
-    return [
-        "The stored uncertainties are taken as independent from reading to reading; what all readings share, such as a "
-        "calibration, is in U with --budget --uncertainty 'gain=0.5 %'."
-    ]
-
-
 def _without_albedo(measurands: TableMeasurands, wanted: Wanted) -> list[Undecided]:
     """Shares of all light that the readings in front do not reach."""
     known = measurands.albedos.get((1, 1), "nothing was read in front of the sample with light in front")
@@ -285,7 +276,7 @@ def _of_model(material: Material, name: str, settings: QuantitiesSettings, wante
     laws = _laws(material.brdf, material.channels, wanted)
     rows = model_quantities(material, settings.geometries, numbers) + polished_quantities(material) + named + laws[0]
     rows += subsurface_quantities(material, numbers)
-    return Quantities(name, "model", rows, notes=notes + remarks, undecided=undecided + laws[1])
+    return Quantities(name, "model", rows, notes=notes + remarks + of_numbers(numbers), undecided=undecided + laws[1])
 
 
 def _numbers_of_fit(material: Material) -> tuple[FitNumbers | None, list[str]]:

@@ -130,7 +130,8 @@ def summary(result: "Quantities", only: list[str]) -> list[str]:
         labels = [[q.name, q.place, q.channel][: len(heading)] for q in shown]
         lines += _with_budget(result, result.budget, rows, labels, heading)
     remarks = [*undecided_lines(result, groups), *(f"note: {note}" for note in result.notes)]
-    return [*lines, "", *remarks, *other_groups(result, groups)]
+    blank = [""] if lines[-1] else []
+    return [*lines, *blank, *remarks, *other_groups(result, groups)]
 
 
 def _with_budget(

@@ -1,0 +1,45 @@
+"""What quantities say of their uncertainties, and of how to reach what the readings do not."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gonio.data.table import Table
+from gonio.metrology.fit_numbers import FitNumbers
+from gonio.metrology.standards.evaluation import Undecided
+
+NO_UNCERTAINTY = "No uncertainties are stored: U is of the integral alone, and a single reading has none."
+INDEPENDENT = (
+    "The stored uncertainties are taken as independent from reading to reading; what all readings share, such as a "
+    "calibration, is in U with --budget --uncertainty 'gain=0.5 %'."
+)
+INDEPENDENT_IN_FIT = (
+    "U is of the fit's covariance: what all readings share, such as a calibration, is not in it; of the fit's "
+    "numbers and albedos it is with gonio quantities TABLE --budget --fit FIT.toml --uncertainty 'gain=0.5 %'."
+)
+FIT_REACHES = (
+    "What readings do not reach a fit of them does, as far as its model holds: gonio fit TABLE -o FIT.toml, "
+    "then gonio quantities FIT.toml."
+)
+INTEGRALS = ("albedo", "reflectance", "gloss")
+SAMPLE = 1000
+"""Readings that are looked at for uncertainties."""
+
+
+def of_uncertainties(table: Table) -> list[str]:
+    """What the uncertainties of a table do not hold, where no simulated instrument made its readings."""
+    if "instrument" in table.provenance:
+        return []
+    few = None if table.u_f is None else np.asarray(table.values_at(table.valid_cells()[:SAMPLE])["u_f"])
+    return [NO_UNCERTAINTY if few is None or not np.isfinite(few).any() else INDEPENDENT]
+
+
+def of_numbers(numbers: FitNumbers | None) -> list[str]:
+    """What the covariance of a fit does not hold, where it has any spread."""
+    spreads = numbers is not None and bool(np.any(np.nan_to_num(numbers.covariance) > 0))
+    return [INDEPENDENT_IN_FIT] if spreads else []
+
+
+def of_reach(undecided: Sequence[Undecided]) -> list[str]:
+    """That a fit knows albedos, integrals over apertures and gloss where the readings do not."""
+    return [FIT_REACHES] if any(u.group in INTEGRALS for u in undecided) else []
