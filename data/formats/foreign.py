@@ -32,6 +32,7 @@ SIGNATURES = (
 """What a file begins with, and what it then is."""
 TEXTS = (
     (r"^\s*<(?:!DOCTYPE html|html)", "an HTML page"),
+    (r"^[\s\S]{0,2000}?<(?:\w+:)?CxF[\s>]", "a CxF file of colours (.cxf)"),
     (r"^\s*<\?xml|^\s*<\w+[ >]", "an XML file"),
     (r'^\s*\{[\s\S]*"(?:\$schema|schema)"[^,]{0,300}OpenMATERIAL', "an OpenMATERIAL JSON file"),
     (r"^\s*[\[{]\s*(?:[\"\[{\]}\d-]|$)", "a JSON file"),
@@ -44,6 +45,9 @@ TEXTS = (
 ENDINGS = {
     ".bsdf180": "a Speos .bsdf180 file",
     ".mbsdf": "a measured BSDF of MDL",
+    ".cxf": "a CxF file of colours",
+    ".ies": "an IES luminaire file",
+    ".ldt": "an EULUMDAT luminaire file",
     ".axf": "an X-Rite AxF file",
     ".abg": "a table of ABg scatter models",
     ".sdr": "an Integra table of specular reflectance",

@@ -31,6 +31,7 @@ FILES = {
     "Excel": archive("[Content_Types].xml"),
     "ZIP": archive("a.txt"),
     "XML": b'<?xml version="1.0"?>\n<brdf/>\n',
+    "CxF": b'<?xml version="1.0" encoding="utf-8"?>\n<cc:CxF xmlns:cc="http://colorexchangeformat.com/CxF3-core"/>\n',
     "HTML": b"<!DOCTYPE html><html>",
     "Zemax": b"# a comment, theta, phi\nSource  Measured\nSymmetry  PlaneSymmetrical\n",
     "LightTools": b"Source Measured\nScatterAzimuth 2\n0 90\nScatterRadial 1\n0\nDataBegin\nAOI 10\nPOI 0\n",
