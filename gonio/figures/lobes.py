@@ -39,7 +39,7 @@ def draw_in_plane(ax: Axes, curves: Sequence[Curve], log: bool) -> None:
     end = 180 if _behind(curves) else 90
     ax.set_xlim(-end, end)
     degree_axis(ax.xaxis, range(-end, end + 1, end // 3))
-    ax.set_xlabel("θₒ  (light’s side  ←   → mirror’s side)" + ", beyond ±90° behind" * (end > 90))
+    ax.set_xlabel("θₒ  (light’s side  ←   → mirror’s side)" + ", beyond ±90° through it" * (end > 90))
     for horizon in (-90, 90) if end > 90 else ():
         ax.axvline(horizon, color=AXIS_GREY, lw=0.7)
     if log:
@@ -174,7 +174,7 @@ def _incoming(ax: Axes, theta_i: float, colour: str) -> None:
     ax.annotate("", xy=tip, xytext=tail, arrowprops=arrow)
 
 
-SPACE_SIZE = (4.9, 3.2)
+SPACE_SIZE, SPACE_SIZE_THROUGH = (4.9, 3.2), (4.9, 4.4)
 TURN, TILT = 35.0, 22.0
 """Direction of the eye at first: degrees about the normal from the plane of incidence, and above the surface."""
 
@@ -182,13 +182,17 @@ AROUND = (-12.0, -6.0, -3.0, -1.5, -0.5, 0.0, 0.5, 1.5, 3.0, 6.0, 12.0)
 SPACE_DECADES = 5.0
 
 
-def mesh_angles(theta_i: float) -> tuple[np.ndarray, np.ndarray]:
-    """(theta_o, delta_phi), degrees: nodes of the mesh, closer together around the mirror direction of theta_i."""
+def mesh_angles(theta_i: float, through: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """(theta_o, delta_phi), degrees: nodes of the mesh, closer together around the mirror direction of theta_i.
+
+    `through`: those on the other side of the sample too, closer around straight through, with a row on the horizon
+    between the sides.
+    """
     near = np.array(AROUND)
     # As many nodes whatever the incidence: one compiled program evaluates all.
     theta = np.sort(np.concatenate([np.linspace(0, 89.5, 25), np.clip(theta_i + near, 0.01, 89.4)]))
     phi = np.sort(np.concatenate([np.arange(0, 360, 10.0), 180 + near * 1.3 + 0.01, [360.0]]))
-    return theta, phi
+    return (np.concatenate([theta, [90.0], 180.0 - theta[::-1]]) if through else theta), phi
 
 
 def levels(f: np.ndarray, high: float, log: bool) -> np.ndarray:
@@ -212,9 +216,11 @@ def projected(points: np.ndarray, turn: float, tilt: float) -> np.ndarray:
 def draw_lobe(ax: Axes, theta_i: float, f: np.ndarray, high: float, log: bool) -> None:
     """The lobe at one incidence, degrees, the radius logarithmic or not.
 
-    `f`, 1/sr, (theta_o, delta_phi) at `mesh_angles`, open where it is NaN; `high` is the value of radius 1.
+    `f`, 1/sr, (theta_o, delta_phi) at `mesh_angles`, of one side or of both, open where it is NaN; `high` is the value
+    of radius 1.
     """
-    theta, phi = (np.radians(a) for a in mesh_angles(theta_i))
+    through = len(f) > len(mesh_angles(theta_i)[0])
+    theta, phi = (np.radians(a) for a in mesh_angles(theta_i, through))
     r = levels(f, high, log)
     # The light stands on the left: delta_phi = 0 is −x.
     x, y = (-np.sin(theta)[:, None] * a for a in (np.cos(phi), np.sin(phi)))
@@ -228,7 +234,7 @@ def draw_lobe(ax: Axes, theta_i: float, f: np.ndarray, high: float, log: bool) -
     order = order[whole.ravel()[order]]
     ax.set_aspect("equal")
     ax.axis("off")
-    ax.set(xlim=(-1.1, 1.1), ylim=(-0.46, 1.02))
+    ax.set(xlim=(-1.1, 1.1), ylim=(-1.02 if through else -0.46, 1.02))
     ring = np.linspace(0, 2 * np.pi, 121)
     base = projected(np.stack([np.cos(ring), np.sin(ring), 0 * ring], -1), TURN, TILT)
     ax.plot(base[:, 0], base[:, 1], color=AXIS_GREY, lw=0.8)
@@ -243,4 +249,4 @@ def draw_lobe(ax: Axes, theta_i: float, f: np.ndarray, high: float, log: bool) -
     arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.1, "shrinkA": 0, "shrinkB": 0}
     ax.annotate("", xy=(0.72 * x, 0.72 * y), xytext=(x, y), arrowprops=arrow)
     words = f"θᵢ = {theta_i:.4g}°, radius: " + (f"log f, {SPACE_DECADES:.0f} decades" if log else "f")
-    ax.text(-1.08, -0.44, words, color=FAINT, fontsize=9)
+    ax.text(-1.08, -1.0 if through else -0.44, words, color=FAINT, fontsize=9)

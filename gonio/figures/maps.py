@@ -67,7 +67,7 @@ def colours(values: np.ndarray, scale: Scale) -> np.ndarray:
 def draw_map(ax: Axes, values: np.ndarray, scale: Scale, theta_i: float, behind: bool = False) -> None:
     """A map of pixels: `values`, 1/sr, at the points of `disc_points`; theta_i in degrees for the marks.
 
-    `behind`: values are those behind the sample, as seen through it from the front.
+    `behind`: values are those of the light that goes through, as seen through the sample from the light's side.
     """
     inside, _, _ = disc_points()
     rgba = np.full((*inside.shape, 4), [255, 255, 255, 0], np.uint8)
@@ -114,7 +114,7 @@ def _draw_marks(ax: Axes, theta_i: float, line: str, behind: bool) -> None:
         ax.plot(light, 0, "o", ms=6.5, mfc=style.MARK_WHITE, mew=0.9, **edge)
     ax.plot(mirror, 0, "+", ms=9, mew=2.6, mec=style.MARK_WHITE, zorder=5)
     ax.plot(mirror, 0, "+", ms=8, mew=1.0, mec=style.MARK_BLACK, zorder=6)
-    ax.set_title(f"θᵢ = {theta_i:g}°" + ", behind" * behind, pad=1)
+    ax.set_title(f"θᵢ = {theta_i:g}°" + ", through" * behind, pad=1)
 
 
 def draw_scale(ax: Axes, scale: Scale) -> None:

@@ -31,6 +31,7 @@ from gonio.models.display import percent
 from gonio.models.errors import GonioError, nearest
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import to_half_difference
+from gonio.models.geometry.sides import Hemispheres
 
 if TYPE_CHECKING:
     from gonio.fitting.result import FitResult
@@ -41,6 +42,8 @@ NEAR_SLICE = 10.0
 ALBEDO_TOLERANCE = 1e-6
 MOST_LETTERS = 60
 PICTURES = (".png", ".svg", ".pdf")
+LIGHTS = {"front": 1, "back": -1}
+LIT_BEHIND = ", lit from behind"
 
 
 def plot_lobe(
@@ -50,6 +53,7 @@ def plot_lobe(
     channel: str | int | None = None,
     polar: bool = True,
     log: bool = True,
+    lit: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
     """f in the plane of incidence, as a polar diagram or against the signed outgoing angle.
@@ -60,24 +64,37 @@ def plot_lobe(
         channel: name or number of the channel; the middle one by default.
         polar: a polar diagram, whose largest ring has radius 1; else f, 1/sr, against degrees.
         log: a logarithmic radius or axis.
+        lit: the side of the light, "front" or "back", from whose normal angles are counted; by default the front,
+            where any light came from there.
         ax: where to draw; a new figure by default.
 
     Returns:
         The axes.
+
+    Raises:
+        GonioError: for a side from which no light was read, or from which a model sends none on.
     """
     s = resolve_subject(subject)
-    curves = _lobe_curves(s, _degrees(theta_i), _channel(s, channel))
-    return draw_on(ax, s.name, draw_polar if polar else draw_in_plane, curves, log)
+    light = _light(s, lit)
+    curves = _lobe_curves(s, _degrees(theta_i), _channel(s, channel), light)
+    return draw_on(ax, s.name + LIT_BEHIND * (light < 0), draw_polar if polar else draw_in_plane, curves, log)
 
 
-def plot_slice(subject: SubjectLike, *, channel: str | int | None = None, ax: Axes | None = None) -> Axes:
-    """f over half and difference angle at a difference azimuth of 90°; of a table its readings within 10° of that."""
+def plot_slice(
+    subject: SubjectLike, *, channel: str | int | None = None, lit: str | None = None, ax: Axes | None = None
+) -> Axes:
+    """f over half and difference angle at a difference azimuth of 90°; of a table its readings within 10° of that.
+
+    `lit`: the side of light and detector, "front" or "back", as of `plot_lobe`.
+    """
     s = resolve_subject(subject)
+    light = _light(s, lit)
+    title = s.name + LIT_BEHIND * (light < 0)
     if s.table is None:
-        f = of_channel(sampling.slice_values(s.brdf), _channel(s, channel))
-        return draw_on(ax, s.name, maps.draw_slice, f, maps.slice_range([f]))
-    theta_h, theta_d, f = _slice_readings(s.table, _channel(s, channel))
-    return draw_on(ax, s.name, maps.draw_slice_readings, theta_h, theta_d, f, maps.colour_range(f))
+        f = of_channel(sampling.slice_values(s.brdf, light), _channel(s, channel))
+        return draw_on(ax, title, maps.draw_slice, f, maps.slice_range([f]))
+    theta_h, theta_d, f = _slice_readings(s.table, _channel(s, channel), light)
+    return draw_on(ax, title, maps.draw_slice_readings, theta_h, theta_d, f, maps.colour_range(f))
 
 
 def plot_sphere(subject: SubjectLike, *, channel: str | int | None = None, ax: Axes | None = None) -> Axes:
@@ -156,7 +173,7 @@ def write_lobe(expression: str, output: str | os.PathLike[str], force: bool = Fa
 def thumbnail_svg(subject: SubjectLike) -> str:
     """A small polar diagram of the lobe as an SVG element, for a notebook."""
     s = resolve_subject(subject)
-    curves = _lobe_curves(s, list(INCIDENCES), _channel(s, None))
+    curves = _lobe_curves(s, list(INCIDENCES), _channel(s, None), _light(s, None))
     small = style.picture(f"Lobe of {s.name} in the plane of incidence", draw_polar, curves, log=True)
     return small.svg().replace("<svg ", '<svg width="240" height="174" ', 1)
 
@@ -191,6 +208,24 @@ def _channel(s: Subject, channel: str | int | None) -> int:
     raise GonioError(f"there is no channel {channel!r}; {nearest(str(channel), names)}")
 
 
+def _light(s: Subject, lit: str | None) -> int:
+    """The side of the light by its name, 1 in front or −1 behind."""
+    if lit not in (None, *LIGHTS):
+        raise GonioError(f"lit is {lit!r}; give 'front' or 'back'")
+    if s.table is not None:
+        lights = {light for light, _ in s.table.sides}
+    else:
+        of_light = {1: Hemispheres.REFLECTION, -1: Hemispheres.BACK}
+        lights = {light for light, way in of_light.items() if s.brdf.hemispheres & (way | Hemispheres.TRANSMISSION)}
+    if lit is None:
+        return 1 if 1 in lights else -1
+    if LIGHTS[lit] not in lights:
+        other = next(name for name in LIGHTS if name != lit)
+        does = "sends no light on that comes" if s.table is None else "has no readings of light"
+        raise GonioError(f"{s.name} {does} from the {lit}; give lit='{other}'")
+    return LIGHTS[lit]
+
+
 def _degrees(theta_i: float | Sequence[float] | None) -> list[float]:
     if theta_i is None:
         return list(INCIDENCES)
@@ -214,13 +249,13 @@ def _sphere(s: Subject, channel: int) -> list[np.ndarray]:
     return values
 
 
-def _lobe_curves(s: Subject, incidences: list[float], channel: int) -> list[Curve]:
+def _lobe_curves(s: Subject, incidences: list[float], channel: int, light: int) -> list[Curve]:
     if s.table is None:
-        values = [of_channel(f, channel) for f in plane_values(s.brdf, incidences)]
+        values = [of_channel(f, channel) for f in plane_values(s.brdf, incidences, light)]
         behind = sampling.transmits(s.brdf)
         return _curves([plane_angles(t, behind) for t in incidences], values, incidences, None)
-    incidences = readings.table_incidences(s.table, incidences)
-    near = [readings.in_plane_readings(n) for n in readings.readings_near(s.table, incidences)]
+    incidences = readings.table_incidences(s.table, incidences, light)
+    near = [readings.in_plane_readings(n) for n in readings.readings_near(s.table, incidences, light)]
     return _curves([n.theta_o for n in near], [n.f[:, channel] for n in near], incidences, "o")
 
 
@@ -234,15 +269,16 @@ def _curves(
     ]
 
 
-def _slice_readings(table: Table, channel: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _slice_readings(table: Table, channel: int, light: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(theta_h, theta_d, degrees, f) of the readings of one channel near a difference azimuth of 90°."""
     block = table.samples(limit=MOST_READINGS)
-    angles = pair_angles(block.wi, block.wo)
-    _, _, _, phi_d = jax.jit(to_half_difference)(block.wi, block.wo)
+    wi, wo = (w._replace(z=light * w.z) for w in (block.wi, block.wo))
+    angles = pair_angles(wi, wo)
+    _, _, _, phi_d = jax.jit(to_half_difference)(wi, wo)
     off = np.abs(np.degrees(np.asarray(phi_d)) % 180 - 90)
     # At a difference angle of 0 there is no azimuth.
     near = ((off <= NEAR_SLICE) | (angles.theta_d < 1e-6)) & (block.flag[:, channel] == Flag.VALID)
-    index = np.flatnonzero(near & (np.minimum(block.wi.z, block.wo.z) > 0))  # half angles are of reflection
+    index = np.flatnonzero(near & (np.minimum(wi.z, wo.z) > 0))  # half angles are of reflection
     return angles.theta_h[index], angles.theta_d[index], block.f[index, channel]
 
 

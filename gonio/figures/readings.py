@@ -36,7 +36,7 @@ class Readings(NamedTuple):
         return Readings(self.theta_o[index], self.delta_phi[index], self.f[index, channel], self.u[index, channel])
 
     def by_side(self) -> "list[tuple[bool, Readings]]":
-        """(whether behind the sample, those there, theta_o from the normal of their side), where there are any."""
+        """(whether on the other side than the light, those there, theta_o from the normal of their side), if any."""
         behind = self.theta_o > 90.0
         sides = [(False, self._where(~behind))]
         if behind.any():
@@ -69,23 +69,30 @@ def evenly_chosen(index: np.ndarray, most: int) -> np.ndarray:
     return index[np.linspace(0, index.size - 1, min(index.size, most)).astype(int)] if index.size else index
 
 
-def table_incidences(table: Table, wanted: Sequence[float]) -> list[float]:
-    """The measured angles of incidence, degrees, nearest to those wanted; the wanted ones where all are measured."""
+def table_incidences(table: Table, wanted: Sequence[float], light: int = 1) -> list[float]:
+    """The measured angles of incidence, degrees, nearest to those wanted; the wanted ones where all are measured.
+
+    `light`: its side, 1 in front or −1 behind, from whose normal they are counted.
+    """
     if "theta_i" not in table.layout.axes:
         return list(wanted)
-    measured = np.unique(np.degrees(table.layout.axes["theta_i"]))
+    measured = np.unique(_from_normal(np.degrees(table.layout.axes["theta_i"]), light))
     measured = measured[measured < 89.0]
     if not measured.size or measured.size > 500:
         return list(wanted)
     return sorted({round(float(measured[np.argmin(np.abs(measured - w))]), 9) for w in wanted})
 
 
-def readings_near(table: Table, incidences: Sequence[float]) -> list[Readings]:
-    """For each incidence, degrees, the readings near it that are valid in any channel."""
+def readings_near(table: Table, incidences: Sequence[float], light: int = 1) -> list[Readings]:
+    """For each incidence, degrees, the readings near it that are valid in any channel.
+
+    `light`: its side, 1 in front or −1 behind; all polar angles are counted from the normal there.
+    """
     pieces: list[list[Readings]] = [[] for _ in incidences]
     tolerance = 1e-3 if "theta_i" in table.layout.axes else NEAR_INCIDENCE
     for start, stop in table.blocks():
         theta_i, phi_i, theta_o, phi_o = (np.degrees(a) for a in table.layout.angles(start, stop))
+        theta_i, theta_o = (_from_normal(theta, light) for theta in (theta_i, theta_o))
         block = table.read_values(start, stop)
         valid = (block["flag"] == Flag.VALID).any(axis=1)
         for near, wanted in zip(pieces, incidences, strict=True):
@@ -93,6 +100,10 @@ def readings_near(table: Table, incidences: Sequence[float]) -> list[Readings]:
             f = np.where(block["flag"][index] == Flag.VALID, block["f"][index], np.nan)
             near.append(Readings(theta_o[index], (phi_o[index] - phi_i[index]) % 360.0, f, block["u_f"][index]))
     return [Readings(*map(np.concatenate, zip(*near, strict=True))) for near in pieces]
+
+
+def _from_normal(theta: np.ndarray, light: int) -> np.ndarray:
+    return theta if light > 0 else 180.0 - theta
 
 
 def in_plane_readings(near: Readings) -> PlaneReadings:

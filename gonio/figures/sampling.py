@@ -31,7 +31,10 @@ Covers = Callable[[Direction, Direction], np.ndarray]
 
 @dataclasses.dataclass(frozen=True)
 class ModelValues:
-    """Values of a BRDF for all figures: f, 1/sr, of one channel, each of shape (n,)."""
+    """Values of a BRDF for all figures: f, 1/sr, of one channel, each of shape (n,), of light on one side.
+
+    "Behind" is the other side than the light's: what goes through.
+    """
 
     curves: list[np.ndarray]
     """In the plane, at `plane_angles` of each incidence."""
@@ -42,7 +45,7 @@ class ModelValues:
     maps_behind: list[np.ndarray]
     """The same behind the sample, mirrored into the front; empty where nothing is there."""
     meshes: list[np.ndarray]
-    """At `mesh_angles` of each incidence."""
+    """At `mesh_angles` of each incidence, on both sides where something is behind."""
     slice: np.ndarray
     """At `slice_pairs`."""
     spheres: list[np.ndarray]
@@ -70,18 +73,18 @@ def plane_angles(theta_i: float, behind: bool = False) -> np.ndarray:
 
 
 def transmits(brdf: AbstractBRDF) -> bool:
-    """Whether there is something to be shown behind the sample."""
+    """Whether there is something to be shown on the other side than the light's."""
     return Hemispheres.TRANSMISSION in brdf.hemispheres
 
 
-def plane_values(brdf: AbstractBRDF, incidences: Sequence[float]) -> list[np.ndarray]:
-    """f, 1/sr, of shape (n, channels), at `plane_angles` of each incidence, degrees."""
-    return _evaluated(brdf, [_plane(t, transmits(brdf)) for t in incidences])
+def plane_values(brdf: AbstractBRDF, incidences: Sequence[float], light: int = 1) -> list[np.ndarray]:
+    """f, 1/sr, of shape (n, channels), at `plane_angles` of each incidence, degrees, of light on a side, 1 or −1."""
+    return _evaluated(brdf, [_plane(t, transmits(brdf)) for t in incidences], light=light)
 
 
-def slice_values(brdf: AbstractBRDF) -> np.ndarray:
-    """f, 1/sr, of shape (n, channels), at `slice_pairs`."""
-    return _evaluated(brdf, [slice_pairs()])[0]
+def slice_values(brdf: AbstractBRDF, light: int = 1) -> np.ndarray:
+    """f, 1/sr, of shape (n, channels), at `slice_pairs`, light and detector on a side, 1 or −1."""
+    return _evaluated(brdf, [slice_pairs()], light=light)[0]
 
 
 def known_share(values: Sequence[np.ndarray]) -> float:
@@ -110,6 +113,7 @@ def model_values(
     incidences: Sequence[float],
     map_incidences: Sequence[float],
     covers: Covers | None = None,
+    light: int = 1,
 ) -> ModelValues:
     """All values for figures by one evaluation, of one size for every subject: one compiled program a kind of model.
 
@@ -120,6 +124,7 @@ def model_values(
         incidences: of lobes, degrees.
         map_incidences: of maps, degrees.
         covers: where the BRDF has values; everywhere if None.
+        light: its side, 1 in front or −1 behind; all polar angles are counted from the normal there.
     """
     incidences = [*incidences, *[incidences[-1]] * (len(INCIDENCES) - len(incidences))]
     maps = [*map_incidences, *[map_incidences[-1]] * (len(MAP_INCIDENCES) - len(map_incidences))]
@@ -128,11 +133,11 @@ def model_values(
         [_plane(t, transmits(brdf)) for t in COMPARED],
         [_disc(t) for t in maps],
         [_disc(t, behind=True) for t in maps if transmits(brdf)],
-        [_mesh(t) for t in incidences],
+        [_mesh(t, transmits(brdf)) for t in incidences],
         [slice_pairs()],
         _sphere_pairs(),
     ]
-    pieces = iter(_evaluated(brdf, list(itertools.chain(*groups)), covers))
+    pieces = iter(_evaluated(brdf, list(itertools.chain(*groups)), covers, light))
     *values, spheres = [[next(pieces) for _ in group] for group in groups]
     curves, compared, discs, behind, meshes, (the_slice,) = [
         [of_channel(f, channel) for f in group] for group in values
@@ -196,8 +201,8 @@ def _disc(theta_i: float, behind: bool = False) -> Pairs:
     return _pairs(theta_i, np.pi - theta if behind else theta, phi)
 
 
-def _mesh(theta_i: float) -> Pairs:
-    theta, phi = (np.radians(a) for a in mesh_angles(theta_i))
+def _mesh(theta_i: float, through: bool) -> Pairs:
+    theta, phi = (np.radians(a) for a in mesh_angles(theta_i, through))
     return _pairs(theta_i, *(a.ravel() for a in np.meshgrid(theta, phi, indexing="ij")))
 
 
@@ -206,9 +211,15 @@ def _pairs(theta_i: float, theta_o: np.ndarray, delta_phi: np.ndarray) -> Pairs:
     return from_spherical(t, np.zeros_like(t), np), from_spherical(theta_o, delta_phi, np)
 
 
-def _evaluated(brdf: AbstractBRDF, pairs: Sequence[Pairs], covers: Covers | None = None) -> list[np.ndarray]:
-    """f (n, channels) at each set of pairs, by one evaluation; NaN where the BRDF is not known."""
+def _evaluated(
+    brdf: AbstractBRDF, pairs: Sequence[Pairs], covers: Covers | None = None, light: int = 1
+) -> list[np.ndarray]:
+    """f (n, channels) at each set of pairs, by one evaluation; NaN where the BRDF is not known.
+
+    With the light behind, −1, the pairs are those of the sample turned over.
+    """
     wi, wo = (Direction(*(np.concatenate(c) for c in zip(*w, strict=True))) for w in zip(*pairs, strict=True))
+    wi, wo = (w._replace(z=light * w.z) for w in (wi, wo))
     sizes = [np.size(w.z) for w, _ in pairs]
     f = np.asarray(evaluate(brdf, wi, wo)).reshape(sum(sizes), -1)
     if covers is not None:

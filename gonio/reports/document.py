@@ -105,9 +105,7 @@ def _notes(s: ReportSubject, e: Evaluation | None) -> list[str]:
         return list(s.profile.provenance.get("warnings", []))
     if s.table is None:
         return list(s.model.validity_notes)
-    behind = ["All light came from behind the sample; lobes are shown of light from the front alone."]
-    notes = behind if all(light < 0 for light, _ in s.table.sides) else []
-    return [*s.table.provenance.get("warnings", []), *notes, *([] if e is None else [_interpolation_note(e)])]
+    return [*s.table.provenance.get("warnings", []), *([] if e is None else [_interpolation_note(e)])]
 
 
 def _figures(s: ReportSubject, e: Evaluation, fits: list[dict[str, Any]]) -> list[ReportFigure]:

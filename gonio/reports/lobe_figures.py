@@ -1,5 +1,6 @@
 """Figures of where a subject sends its light: lobes in the plane and in space, maps, a slice, lit spheres."""
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -15,16 +16,25 @@ MOST_DOTS = 4000
 LEAST_OF_SLICE = 0.25
 """Share of a slice that the readings cover, below which it is not drawn: the grazing half of it is rarely read."""
 BLANK = " Blank: not read."
-BEHIND = ", behind the sample"
+THROUGH = ", through the sample"
 BARS = ", with their standard uncertainties"
 PEAKED = 20.0
 """A lobe whose peak is this many times its median is shown in logarithms."""
 
 
 def figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
-    """All figures of a subject's lobes, as far as it has values for them."""
+    """All figures of a subject's lobes, as far as it has values for them; of light from behind after the others."""
     makers = (_plane_figures, _space_figures, _map_figures, _sphere_figures, _disc_figures, _slice_figures)
-    return [figure for make in makers for figure in make(s, e)]
+    made = [figure for make in makers for figure in make(s, e)]
+    if e.behind is None:
+        return made
+    turned = (_plane_figures, _space_figures, _map_figures, _slice_figures)
+    return made + [_of_light_behind(figure) for make in turned for figure in make(s, e.behind)]
+
+
+def _of_light_behind(figure: ReportFigure) -> ReportFigure:
+    data = figure.data | {"light": "behind"}
+    return dataclasses.replace(figure, slug=f"{figure.slug}-lit-behind", data=data)
 
 
 def _plane_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
@@ -35,7 +45,7 @@ def _plane_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     for k, (name, values) in enumerate(lines[1:], 2):
         curves, data = _plane_curves(s, e, values)
         caption = _plane_caption(s, e, name, values)
-        image = picture(f"f of {s.name} in the plane of incidence, {name}", lobes.draw_in_plane, curves, True,
+        image = picture(f"f of {s.name} in the plane of incidence, {name}{e.lit}", lobes.draw_in_plane, curves, True,
                         size=size_for([c.label for c in curves]))  # fmt: skip
         made.append(ReportFigure(f"plane-log-{k}", f"{caption}Logarithmic.", image, data))
     return made
@@ -46,7 +56,7 @@ def _four_planes(s: ReportSubject, e: Evaluation, name: str, lines: ModelValues 
     if not curves:
         return []
     caption = _plane_caption(s, e, name, lines)
-    where = f"of {s.name}, {s.in_channel}, in the plane of incidence"
+    where = f"of {s.name}, {s.in_channel}{e.lit}, in the plane of incidence"
     size = size_for([c.label for c in curves])
     polar, plane = [], []
     for log, scale, end in ((False, "linear", "linear"), (True, "logarithmic", "log")):
@@ -58,7 +68,7 @@ def _four_planes(s: ReportSubject, e: Evaluation, name: str, lines: ModelValues 
 
 
 def _plane_caption(s: ReportSubject, e: Evaluation, name: str, lines: ModelValues | None) -> str:
-    caption = f"In the plane of incidence, {s.in_channel}. "
+    caption = f"In the plane of incidence, {s.in_channel}{e.lit}. "
     if s.table is not None and lines is not None:
         caption += f"Lines: {'the readings, ' + e.interpolation if name == INTERPOLATED else name}. "
     if e.near:
@@ -117,9 +127,9 @@ def _map_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
         return []
     scale = maps.colour_range(np.concatenate([*(shown.f for *_, shown in dots), *(f for *_, f in discs)]))
     made = []
-    where = f"of {s.name} over the outgoing hemisphere, incidence"
+    where = f"of {s.name} over the outgoing hemisphere{e.lit}, incidence"
     for theta_i, behind, shown in dots:
-        label = f"Readings {where} {theta_i:.4g}°{BEHIND * behind}"
+        label = f"Readings {where} {theta_i:.4g}°{THROUGH * behind}"
         image = picture(label, maps.draw_dots, *shown[:3], scale, theta_i, behind, size=maps.MAP_SIZE)
         theta_o = 180.0 - shown.theta_o if behind else shown.theta_o
         numbers = zip(("theta_o_deg", "delta_phi_deg", "f_per_sr"), map(rounded, (theta_o, *shown[1:3])), strict=True)
@@ -127,35 +137,35 @@ def _map_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
         slug = f"readings-{theta_i:.4g}" + "-behind" * behind
         made.append(ReportFigure(slug, "Readings.", image, data, "small"))
     for k, name, theta_i, behind, f in discs:
-        label = f"f {where} {theta_i:.4g}°{BEHIND * behind}, {name}"
+        label = f"f {where} {theta_i:.4g}°{THROUGH * behind}, {name}"
         image = picture(label, maps.draw_map, f, scale, theta_i, behind, size=maps.MAP_SIZE)
         data = {"theta_i_deg": theta_i, "pixels_across": maps.SIDE, "f_per_sr": rounded(f, 4)}
         data |= {"behind": True} if behind else {}
         slug = f"map-{theta_i:.4g}" + (f"-{k + 1}" if k else "") + "-behind" * behind
         made.append(ReportFigure(slug, f"{name[0].upper()}{name[1:]}.", image, data, "small"))
-    caption = f"f over the outgoing hemisphere from above (equal areas are equal solid angles), {s.in_channel}; "
+    caption = f"f over the outgoing hemisphere from above (equal areas are equal solid angles), {s.in_channel}{e.lit}; "
     caption += "○ light, + mirror direction, grey: no positive value."
     if any(behind for _, behind, _ in dots) or any(behind for *_, behind, _ in discs):
-        caption += " Behind: as seen through the sample from the front, + straight through."
-    bar = picture("Colour scale of f in 1/sr", maps.draw_scale, scale, size=maps.SCALE_SIZE)
+        caption += " Through: as seen through the sample from the side of the light, + straight through."
+    bar = picture(f"Colour scale of f in 1/sr{e.lit}", maps.draw_scale, scale, size=maps.SCALE_SIZE)
     data = {"low_per_sr": scale[0], "high_per_sr": scale[1]}
     return [*made, ReportFigure("map-scale", caption, bar, data, "bar")]
 
 
 def _space_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     """The lobe in space, to be turned by hand; the picture is for paper."""
-    sources = [(name, values) for name, values in e.sources if known_share(values.meshes) >= LEAST_KNOWN]
+    sources = [(name, values) for name, values in e.sources if _known_of_a_side(values) >= LEAST_KNOWN]
     high = max((_highest(f) for _, values in sources for f in values.meshes), default=0.0)
     if not high > 0:
         return []
     k = len(e.incidences) // 2
     name, first = sources[0]
-    mesh = _mesh(e.incidences[k], first.meshes[k])["f"]
+    mesh = _mesh(e.incidences[k], first, k)["f"]
     positive = mesh[np.isfinite(mesh) & (mesh > 0)]
     log = bool(positive.size and positive.max() > PEAKED * np.median(positive))
     listed = []
     for label, values in sources:
-        meshes = [(t, _mesh(t, f)) for t, f in zip(e.incidences, values.meshes, strict=False)]
+        meshes = [(t, _mesh(t, values, k)) for k, t in enumerate(e.incidences)]
         numbers = [
             {
                 "theta_i_deg": t, "theta_o_deg": rounded(m["theta"], 5), "delta_phi_deg": rounded(m["phi"], 5),
@@ -165,11 +175,12 @@ def _space_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
         ]  # fmt: skip
         listed.append({"name": label, "incidences": numbers})
     data = {"channel": s.channel, "highest_per_sr": high, "logarithmic": log, "sources": listed}
-    label = f"Lobe of {s.name} in space, incidence {e.incidences[k]:.4g}°, {name}"
+    label = f"Lobe of {s.name} in space{e.lit}, incidence {e.incidences[k]:.4g}°, {name}"
     top = float(positive.max()) if positive.size else high
-    image = picture(label, lobes.draw_lobe, e.incidences[k], mesh, top, log, size=lobes.SPACE_SIZE)
-    caption = f"The lobe in space, {s.in_channel}"
-    caption += ", in front of the sample" * any(values.maps_behind for _, values in sources)
+    through = any(values.maps_behind for _, values in sources)
+    size = lobes.SPACE_SIZE_THROUGH if first.maps_behind else lobes.SPACE_SIZE
+    image = picture(label, lobes.draw_lobe, e.incidences[k], mesh, top, log, size=size)
+    caption = f"The lobe in space, {s.in_channel}{e.lit}" + "; below the circle what goes through" * through
     if name == INTERPOLATED:
         caption += f"; {e.interpolation}; open where nothing was read"
     return [ReportFigure("lobe", f"{caption}.", image, data, "space")]
@@ -179,9 +190,17 @@ def _highest(f: np.ndarray) -> float:
     return float(f.max(initial=0.0, where=np.isfinite(f)))
 
 
-def _mesh(theta_i: float, f: np.ndarray) -> dict[str, np.ndarray]:
-    theta, phi = lobes.mesh_angles(theta_i)
-    return {"theta": theta, "phi": phi, "f": f.reshape(theta.size, phi.size)}
+def _mesh(theta_i: float, values: ModelValues, k: int) -> dict[str, np.ndarray]:
+    """The mesh of the k-th incidence, degrees; open on the horizon between the sides, where nothing leaves."""
+    theta, phi = lobes.mesh_angles(theta_i, bool(values.maps_behind))
+    f = values.meshes[k].reshape(theta.size, phi.size)
+    return {"theta": theta, "phi": phi, "f": np.where(theta[:, None] == 90.0, np.nan, f)}
+
+
+def _known_of_a_side(values: ModelValues) -> float:
+    """Share of the outgoing hemisphere in which f is known, on that side where it is larger."""
+    halves = [np.array_split(f, 2) if values.maps_behind else [f] for f in values.meshes]
+    return max(known_share(side) for side in zip(*halves, strict=True))
 
 
 def _slice_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
@@ -192,12 +211,12 @@ def _slice_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     scale = maps.slice_range([f for _, f in slices])
     made = []
     for k, (name, f) in enumerate(slices):
-        label = f"f of {s.name} over half and difference angle at a difference azimuth of 90°, {name}"
+        label = f"f of {s.name} over half and difference angle at a difference azimuth of 90°{e.lit}, {name}"
         data = {
             "phi_d_deg": 90.0, "channel": s.channel, "theta_h_deg": rounded(maps.HALF, 5),
             "theta_d_deg": rounded(maps.DIFFERENCE, 5), "f_per_sr": rounded(f.reshape(len(maps.HALF), -1), 4),
         }  # fmt: skip
-        caption = f"f over half and difference angle at φd = 90°, {s.in_channel}: {name}."
+        caption = f"f over half and difference angle at φd = 90°, {s.in_channel}{e.lit}: {name}."
         caption += f" Colours by what is within {maps.SHOWN:g}°." + BLANK * bool(np.isnan(f).any())
         number = k + 1 - (slices[0][0] == INTERPOLATED)
         slug = "slice-readings" if name == INTERPOLATED else "slice-model" + (f"-{number}" if number > 1 else "")

@@ -38,7 +38,7 @@ def page(document: Document, values_file: str | None) -> str:
         pictures[name], needed = themed(figure.picture.svg(), accents)
         used |= needed
     subjects = document.values["subjects"]
-    lobes = {s["anchor"]: _lobe(f["data"]) for s in subjects for f in s["figures"] if f["kind"] == "space"}
+    lobes = {f["id"]: _lobe(f["data"]) for s in subjects for f in s["figures"] if f["kind"] == "space"}
     return environment.get_template("report.html.j2").render(
         d=document.values,
         v=Values(document.values),

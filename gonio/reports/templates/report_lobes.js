@@ -20,6 +20,8 @@
   const stage = (figure, data) => {
     const canvas = figure.querySelector("canvas"), pen = canvas.getContext("2d");
     const [source, incidence] = figure.querySelectorAll("select"), log = figure.querySelector("input");
+    const through = data.sources.some(s => s.sets.some(set => set.t[set.t.length - 1] > 90));
+    const [centre, height, lowest] = through ? [0.5, 2.15, -90] : [0.69, 1.55, 0];
     let eye = {...START}, mesh = null;
 
     const option = (list, texts) => texts.forEach((text, k) => list.add(new Option(text, k)));
@@ -55,11 +57,11 @@
       canvas.width = Math.round(box.width * ratio);
       canvas.height = Math.round(box.height * ratio);
       const style = getComputedStyle(canvas), ink = style.color, faint = style.getPropertyValue("--faint");
-      const scale = eye.size * Math.min(canvas.width / 2.3, canvas.height / 1.55);
+      const scale = eye.size * Math.min(canvas.width / 2.3, canvas.height / height);
       const a = eye.turn * RAD, b = eye.tilt * RAD, ca = Math.cos(a), sa = Math.sin(a), cb = Math.cos(b), sb = Math.sin(b);
       const put = (x, y, z) => {
         const away = y * ca - x * sa;
-        return [canvas.width / 2 + scale * (x * ca + y * sa), canvas.height * 0.69 - scale * (z * cb + away * sb), z * sb - away * cb];
+        return [canvas.width / 2 + scale * (x * ca + y * sa), canvas.height * centre - scale * (z * cb + away * sb), z * sb - away * cb];
       };
       const line = (from, to, width, dash) => {
         pen.setLineDash(dash || []);
@@ -112,7 +114,7 @@
       requestAnimationFrame(() => { waiting = false; if (!mesh) build(); draw(); });
     };
     const turned = (turn, tilt, size = 1) => {
-      eye = {turn: eye.turn + turn, tilt: Math.min(90, Math.max(0, eye.tilt + tilt)), size: Math.min(4, Math.max(0.5, eye.size * size))};
+      eye = {turn: eye.turn + turn, tilt: Math.min(90, Math.max(lowest, eye.tilt + tilt)), size: Math.min(4, Math.max(0.5, eye.size * size))};
       soon();
     };
     const again = () => { eye = {...START}; soon(); };
