@@ -133,9 +133,9 @@ def test_a_signal_ends_a_verb_with_a_line_on_what_is_kept(number, word, status):
 
 def test_a_measurement_says_what_it_keeps(here, monkeypatch, capsys):
     """Interrupted between two blocks its part is there, and the same command goes on to the same readings."""
-    from gonio.instrument import reader, sinks
+    from gonio.instrument import reader
 
-    monkeypatch.setattr(sinks, "block_rows", lambda layout: 1)
+    monkeypatch.setattr(reader, "block_rows", lambda layout, most: 1)
     whole = reader.Reader.read
     blocks = iter([0])
 
