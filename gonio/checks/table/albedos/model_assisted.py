@@ -124,8 +124,7 @@ def _incidences(
 ) -> Iterator[Incidence]:
     table, channels = part.table, len(part.table.channels)
     at_nodes, exact = _at_nodes(brdf, grid, channels), albedos_at(brdf, _lights(grid), FAST, channels)
-    further = np.zeros((0, 4)) if features.further is None else features.further.angles
-    untested = untested_light(brdf, grid, _uncertainties(table, grid), further)
+    untested = untested_light(brdf, grid, _uncertainties(table, grid), features.further)
     for k, (number, theta_i, phi_i) in enumerate(grid.incidences):
         block = table.read_values(number * grid.stored, (number + 1) * grid.stored)
         f, u, valid = (block[name][grid.cells] for name in ("f", "u_f", "flag"))
