@@ -385,6 +385,12 @@ def media_of(stated: Any, channels: int) -> tuple[np.ndarray, np.ndarray] | None
     return (front, behind) if known else None
 
 
+def index_of(table: Table) -> float:
+    """Refractive index behind the sample over that in front, the mean of the channels."""
+    front, behind = table.media
+    return float(np.mean(behind / front))
+
+
 def _readings(name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
     """Values of the shape S of the directions, or S + (channels,), as (readings, channels)."""
     array = as_numbers(name, values)

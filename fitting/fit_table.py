@@ -6,9 +6,8 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from gonio.data.reflection_only import require_reflection
 from gonio.data.subject import SubjectLike, resolve_subject
-from gonio.data.table import Table
+from gonio.data.table import Table, index_of
 from gonio.fitting.apertures import aperture_notes, half_angles_of, wide_notes
 from gonio.fitting.assembly import assemble_result
 from gonio.fitting.fit_model import FitOptions, FitSettings, FitTask, compile_ahead, fit_model
@@ -88,8 +87,8 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
     searching = settings.scene is not None or not expressions
     anisotropic = searching and shows_anisotropy(task.layout, task.readings)
     if settings.scene is not None:
-        require_reflection(source, source.name or "the table", "a scene")
-        view = view_of(settings.scene, task.readings, anisotropic)
+        settings.scene.require_sides(source.sides, source.name or "the table")
+        view = view_of(settings.scene, task.readings, anisotropic, index_of(source))
     if not expressions:
         began = time.perf_counter()
         selection = selected_model(task, anisotropic, view)

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from gonio.data.reduction.table_resolution import Resolution
 from gonio.data.reduction.thin_grid import SceneValues, StartGrid, Thinning
 from gonio.data.scene import Scene, load_scene
 from gonio.data.subject import SubjectLike, resolve_subject
-from gonio.data.table import Channels, Table
+from gonio.data.table import Channels, Table, index_of
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import old_keywords
 from gonio.models.display import Displayed, percent
@@ -29,6 +30,7 @@ RANKING, SEARCH, CHECK = 1000, 6000, 30_000  # pairs of directions that rank nod
 HALF_DIFFERENCE = (45, 30, 24)  # nodes of theta_h, theta_d, phi_d where a table is laid out anew
 MAX_TURNS = 8  # azimuths of the light over which an anisotropic table is averaged
 ISOTROPY, BILATERAL, RECIPROCITY = "isotropy", "bilateral symmetry", "reciprocity"
+SHARED = (1.0, 0.6)  # of the tolerance: for each pair of sides, until that of their sum is kept
 TIGHTER = (0.97, 0.85, 0.6, 0.3)  # of the tolerance: targets of the search, until the measured error is within it
 
 
@@ -95,13 +97,14 @@ def reduce_table(
     one. Where the whole table is beyond the tolerance, the reduced one is within it of the whole. Uncertainties are not
     kept.
 
-    Of a table with readings behind the sample the scene sees each pair of sides by itself, mirrored into the front:
-    what goes through as if the scene's light stood behind. All keep the tolerance on one grid.
+    Of a table with readings behind the sample the scene sees each pair of sides by itself, lights and views mirrored
+    into the front: what goes through as if the scene's light stood behind. All keep the tolerance on one grid; with
+    lights or views behind the sample, so does the radiance that they make together.
 
     Args:
         table: a table, or the path of one in any format that can be read.
         scene: a scene, its file, or the name of a shipped one.
-        tolerance: rms error of the reflected radiance over its rms; the scene's own if None.
+        tolerance: rms error of the radiance over its rms; the scene's own if None.
         log: called with a line for each grid that was thinned.
 
     Returns:
@@ -112,6 +115,7 @@ def reduce_table(
     """
     table, scene = resolve_subject(table).require_table(), load_scene(scene)
     tolerance = scene.tolerance if tolerance is None else tolerance
+    scene.require_sides(table.sides if scene.sides != FRONT else FRONT, table.name or "the table")
     if table.sides != FRONT:
         return _reduced_sides(table, scene, tolerance, log)
     return _coarsest(table, scene, tolerance, log)
@@ -120,15 +124,32 @@ def reduce_table(
 def _reduced_sides(table: Table, scene: Scene, tolerance: float, log: Callable[[str], None]) -> Reduction:
     """That of a table with readings behind the sample: one grid for all pairs of sides, which the scene sees folded."""
     names = scene.channels_of(table.channels.names)
-    stacked = StackedSides.of(table if names is None else table.only(names))
-    reduced = _coarsest(stacked.table, dataclasses.replace(scene, channels=None), tolerance, log, len(stacked.sides))
+    stacked, uncoloured = StackedSides.of(table if names is None else table.only(names)), replace(scene, channels=None)
+    for share in SHARED if scene.sides != FRONT else SHARED[:1]:
+        reduced = _coarsest(stacked.table, uncoloured, share * tolerance, log, len(stacked.sides))
+        if scene.sides == FRONT:
+            break
+        reduced = _together(reduced, stacked, scene, tolerance)
+        if reduced.keeps or not reduced.whole.error <= tolerance:
+            break
     left_out = reduced.left_out
     if names is not None and len(names) < len(table.channels):
         count = len(table.channels)
         left_out = (f"{count - len(names)} of {count} channels, which the scene does not see", *left_out)
     whole_cells = table.layout.size * len(table.channels)
     unstacked = stacked.unstacked(reduced.table)
-    return dataclasses.replace(reduced, table=unstacked, left_out=left_out, cells=(whole_cells, reduced.cells[1]))
+    return replace(reduced, table=unstacked, left_out=left_out, cells=(whole_cells, reduced.cells[1]))
+
+
+def _together(reduced: Reduction, stacked: StackedSides, scene: Scene, tolerance: float) -> Reduction:
+    """The reduction with its errors in the radiance of a scene that all pairs of sides make together."""
+    whole, pairs = stacked.whole, scene.pairs(CHECK, index_of(stacked.whole))
+    f, thinned = (
+        evaluate_in_blocks(as_material(t), pairs.wi, pairs.wo) for t in (whole, stacked.unstacked(reduced.table))
+    )
+    judge = Judge.of(whole, SceneValues(pairs, f), tolerance)
+    error, promised = judge.errors(np.broadcast_to(thinned, f.shape))
+    return replace(reduced, error=error, whole=judge.whole, promised=promised, tolerance=tolerance)
 
 
 def _coarsest(table: Table, scene: Scene, tolerance: float, log: Callable[[str], None], parts: int = 1) -> Reduction:
@@ -140,14 +161,14 @@ def _coarsest(table: Table, scene: Scene, tolerance: float, log: Callable[[str],
     interpolant = as_material(whole)
     ranking, search, check = (
         SceneValues(pairs, evaluate_in_blocks(interpolant, pairs.wi, pairs.wo))
-        for pairs in map(scene.pairs, (RANKING, SEARCH, CHECK))
+        for pairs in (scene.pairs(count, index_of(whole)).mirrored() for count in (RANKING, SEARCH, CHECK))
     )
     _require_values(table, scene, search, check)
     judge = Judge.of(whole, check, tolerance, parts)
     weight = _balance(search, parts)
     search, ranking = (s._replace(f=s.f * weight) for s in (search, ranking))
     grids = [
-        dataclasses.replace(g, f=g.f * weight)
+        replace(g, f=g.f * weight)
         for g in start_grids(whole, interpolant)
         if parts == 1 or not g.layout.in_half_vectors
     ]
@@ -156,7 +177,7 @@ def _coarsest(table: Table, scene: Scene, tolerance: float, log: Callable[[str],
         if thinned is None:
             break
         if parts > 1:
-            thinned = dataclasses.replace(thinned, f=thinned.f / weight)
+            thinned = replace(thinned, f=thinned.f / weight)
         reduced, words = _reduced(whole, thinned)
         f = evaluate_in_blocks(as_material(reduced), check.pairs.wi, check.pairs.wo)
         error, promised = judge.errors(np.broadcast_to(f, check.f.shape))

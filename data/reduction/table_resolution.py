@@ -23,6 +23,7 @@ from gonio.models.errors import GonioError
 from gonio.models.evaluation import channel_count, evaluate_in_blocks
 from gonio.models.expression.builder import build
 from gonio.models.folded import seen_from
+from gonio.models.geometry.sides import FRONT
 
 RESOLVED = 0.3
 """Of the radiance: where leaving out every second node changes more, the nodes do not resolve what the scene sees."""
@@ -87,13 +88,23 @@ def resolution(table: Table, scene: SceneValues) -> Resolution:
         table: of the whole hemisphere.
         scene: pairs of directions of a scene, and the values there of the table's interpolant.
     """
-    error, reason = interpolation_bound(table, scene, scene.pairs.rms(scene.f))
+    error, reason = bound_of_sides(table, scene, scene.pairs.rms(scene.f))
     return Resolution(of_surface(error), reason)
 
 
 def of_surface(error: float) -> float:
     """A bound relative to the radiance of the surface, from one relative to a radiance that is off it by so much."""
     return error / (1 - error) if error < 1 else math.inf
+
+
+def bound_of_sides(table: Table, scene: SceneValues, rms: float) -> Resolution:
+    """`interpolation_bound` of a scene with lights or views behind the sample: the sum of those of each two sides."""
+    if table.sides == FRONT:
+        return interpolation_bound(table, scene, rms)
+    parts, bounds = table.parts(), []
+    for sides, (here, pairs) in scene.pairs.by_side().items():
+        bounds.append(interpolation_bound(parts[sides], SceneValues(pairs, scene.f[here]), rms))
+    return Resolution(sum(b.error for b in bounds), max(bounds, key=lambda b: b.error).reason)
 
 
 def interpolation_bound(table: Table, scene: SceneValues, rms: float) -> Resolution:

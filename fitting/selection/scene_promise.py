@@ -12,10 +12,10 @@ import numpy as np
 
 from gonio.data.flags import Flag
 from gonio.data.interpolation.multilinear import as_material
-from gonio.data.reduction.table_resolution import interpolation_bound, known_truth, measured_error, of_surface
+from gonio.data.reduction.table_resolution import bound_of_sides, known_truth, measured_error, of_surface
 from gonio.data.reduction.thin_grid import SceneValues
 from gonio.data.scene import Scene
-from gonio.data.table import Table
+from gonio.data.table import Table, index_of
 from gonio.data.tabulate import grid_values
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.display import percent
@@ -61,7 +61,7 @@ def promise(table: Table, brdf: AbstractBRDF, scene: Scene, determined: bool) ->
         determined: whether the readings determine all of its numbers; where not, it may be anything between them, and
             the bound is that of the table itself.
     """
-    pairs = scene.pairs(PAIRS)
+    pairs = scene.pairs(PAIRS, index_of(table))
     model = np.broadcast_to(evaluate_in_blocks(brdf, pairs.wi, pairs.wo), (pairs.view.size, len(table.channels)))
     truth = known_truth(table, pairs)
     if truth is not None:
@@ -83,7 +83,7 @@ def _bound(compared: Table, values: SceneValues, off: np.ndarray, model: np.ndar
     rms = pairs.rms(model)
     if not (np.isfinite(off).all() and rms > 0):
         return ScenePromise(None, tolerance, "the readings lie in one plane")
-    between, reason = interpolation_bound(compared, values, rms)
+    between, reason = bound_of_sides(compared, values, rms)
     bound = of_surface(pairs.rms(off) / rms + between)
     return ScenePromise(bound if math.isfinite(bound) else None, tolerance, reason)
 

@@ -18,6 +18,7 @@ from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 
 PAIRS = 4000
+SIDES = 4.0  # between points on different sides of the sample: farther than any on the same ones
 FAR = 5.0  # degrees between a scene's directions and the nearest readings, from which on a note says so
 # Nanoseconds of one evaluation in double precision, all in one run, for a sense of what a renderer pays
 # (tests/benchmarks/models/evaluate_models.py says what they are here and now).
@@ -81,16 +82,19 @@ class SceneView:
         far = f", by readings {self.distance:.2g}° away from what it sees" if self.distance > FAR else ""
         reason = f": {selection.reason()}" if selection else ""
         return (
-            f"for the scene '{self.scene.name}' the error of the reflected radiance is {percent(error)}{beside}"
+            f"for the scene '{self.scene.name}' the error of the radiance is {percent(error)}{beside}"
             f"{far} (tolerance {percent(self.scene.tolerance, 3)}){reason}"
         )
 
 
-def view_of(scene: Scene, readings: Readings, anisotropic: bool) -> SceneView:
-    """The readings nearest to the directions of a scene. `anisotropic`: the surface's own azimuth matters."""
+def view_of(scene: Scene, readings: Readings, anisotropic: bool, index: float = 1.0) -> SceneView:
+    """The readings nearest to the directions of a scene, on the same sides of the sample.
+
+    `anisotropic`: the surface's own azimuth matters; `index`: the refractive one behind the sample over that in front.
+    """
     from scipy.spatial import KDTree
 
-    pairs = scene.pairs(PAIRS)
+    pairs = scene.pairs(PAIRS, index)
     usable = np.flatnonzero(readings.valid.all(axis=1))
     if not usable.size:
         raise GonioError("no cell has a valid reading in every channel, which a scene needs; choose one with --channel")
@@ -102,15 +106,16 @@ def view_of(scene: Scene, readings: Readings, anisotropic: bool) -> SceneView:
 
 
 def _points(wi: Direction, wo: Direction, anisotropic: bool) -> np.ndarray:
-    """Coordinates of pairs (n, 6) where near means alike; without anisotropy only the azimuth between them counts."""
+    """Coordinates of pairs (n, 8) where near means alike; without anisotropy only the azimuth between them counts."""
     i, o = (np.stack([np.asarray(c, float) for c in w]) for w in (wi, wo))
+    behind = [np.where(w[2] < 0, SIDES, 0.0) for w in (i, o)]
     if anisotropic:
-        return np.concatenate([i, o]).T
+        return np.concatenate([i, o, behind]).T
     sin_i, sin_o = np.hypot(i[0], i[1]), np.hypot(o[0], o[1])
     oblique = sin_i > 1e-9
     along = np.where(oblique, i[:2] / np.where(oblique, sin_i, 1.0), o[:2] / np.where(sin_o > 0, sin_o, 1.0))
     x, y = np.sum(along * o[:2], axis=0), along[0] * o[1] - along[1] * o[0]
-    return np.stack([sin_i, np.zeros_like(sin_i), i[2], x, np.abs(y), o[2]], axis=1)
+    return np.stack([sin_i, np.zeros_like(sin_i), i[2], x, np.abs(y), o[2], *behind], axis=1)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -88,13 +88,16 @@ def _beams(shown: Scene | Instrument) -> list[Beam]:
 
 
 def _draw_beams(ax: Axes, beams: Sequence[Beam]) -> None:
-    ax.add_patch(Wedge((0, 0), 1.0, 0, 180, facecolor="none", edgecolor=style.AXIS_GREY, lw=0.8))
+    behind = any(max(-b.low, b.high) > 90 for b in beams)
+    ax.add_patch(Wedge((0, 0), 1.0, 0, 360 if behind else 180, facecolor="none", edgecolor=style.AXIS_GREY, lw=0.8))
     labels: set[str] = set()
     for b in beams:
         middle, half = (b.low + b.high) / 2, max(b.high - b.low, NARROWEST) / 2
         label = f"_{b.label}" if b.label in labels else b.label
         labels.add(b.label)
         ax.add_patch(Wedge((0, 0), 1.0, 90 - middle - half, 90 - middle + half, color=b.colour, alpha=0.4, label=label))
-    ax.set(xlim=(-1.05, 1.05), ylim=(-0.05, 1.05), aspect="equal")
+    if behind:  # the sample, seen from its edge
+        ax.plot([-1, 1], [0, 0], color=style.AXIS_GREY, lw=0.8)
+    ax.set(xlim=(-1.05, 1.05), ylim=(-1.05 if behind else -0.05, 1.05), aspect="equal")
     ax.set_axis_off()
     style.legend_above(ax)

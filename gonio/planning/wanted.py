@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gonio.data.reflection_only import require_reflection
 from gonio.data.scene import load_scene
 from gonio.models.albedo import directional_albedo, directional_transmittance
 from gonio.models.errors import GonioError, nearest
@@ -86,9 +85,8 @@ def albedos(prior: Prior, p: np.ndarray) -> Quantities:
 
 def _radiance(prior: Prior, p: np.ndarray, name: str) -> Quantities:
     """The rms radiance of a scene's views; its slope is the rms of theirs, so that errors of all views count."""
-    require_reflection(prior.brdf(p), prior.name, "a scene")
-    scene = load_scene(name)
-    pairs = scene.pairs(PAIRS)
+    scene, brdf = load_scene(name), prior.brdf(p)
+    pairs = scene.pairs(PAIRS, float(np.mean(np.asarray(brdf.index_behind))))
     f, slopes = prior.values_and_slopes(p, pairs.wi, pairs.wo)
     share = np.sqrt(pairs.share / f.shape[1])[:, None]
     by_view = [pairs.radiances(slopes[:, :, k]) * share for k in range(p.size)]
@@ -96,4 +94,6 @@ def _radiance(prior: Prior, p: np.ndarray, name: str) -> Quantities:
     # Σ share (Δradiance)² = |R Δp|² with few rows R, one for each number.
     rows = np.asarray(np.linalg.qr(flat, mode="r"))
     whole = pairs.rms(f)
+    if not whole > 0:
+        raise GonioError(f"{prior.name} is dark in the scene '{scene.name}': there is no radiance to plan for")
     return Quantities([f"radiance in {scene.name}"] * len(rows), np.full(len(rows), whole), rows)

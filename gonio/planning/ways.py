@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gonio.data.highlights import facet_direction
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction, from_spherical, to_spherical
@@ -30,15 +31,7 @@ class Way(NamedTuple):
     def sent(self, light: np.ndarray, facet: Direction) -> np.ndarray:
         """(theta, phi) (2, n) from its side's normal where a facet sends the light (2, n); NaN where it sends none."""
         wi = from_spherical(light[0], light[1], np)
-        cos = sum(a * b for a, b in zip(wi, facet, strict=True))
-        if self.bend == 1.0:  # straight through is the mirror image of the mirror direction
-            wo = Direction(*(2 * cos * m - w for w, m in zip(wi, facet, strict=True)))
-        else:
-            with np.errstate(invalid="ignore"):  # NaN in total reflection
-                along = self.bend * cos - np.sqrt(1 + self.bend**2 * (cos**2 - 1))
-            x, y, z = (along * m - self.bend * w for w, m in zip(wi, facet, strict=True))
-            wo = Direction(x, y, -z)
-        return np.stack([np.asarray(a) for a in to_spherical(wo)])
+        return np.stack([np.asarray(a) for a in to_spherical(facet_direction(wi, facet, self.bend))])
 
 
 def ways_of(brdf: AbstractBRDF, lit: str = "front") -> tuple[Way, ...]:

@@ -53,5 +53,3 @@ def test_discs_behind_are_averaged_as_their_mirror_images_in_front():
 def test_a_model_that_is_dark_where_the_table_is_not_is_refused(sheet):
     with pytest.raises(GonioError, match="scatters nothing in transmission, where the table has"):
         gonio.fit(sheet, "lambert")
-    with pytest.raises(GonioError, match="transmits, and a scene knows reflection from the front alone"):
-        gonio.fit(sheet, "thin_sheet", scene="matte_room")

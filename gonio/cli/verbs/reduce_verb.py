@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     write_table(args.output, reduced.table, force=args.force)
     before, after = (Path(p).stat().st_size for p in (args.table, args.output))
     show(f"{table.name} in the scene '{scene.name}':")
-    show(f"error of the reflected radiance {percent(reduced.error, 3)} of its rms against the whole table")
+    show(f"error of the radiance {percent(reduced.error, 3)} of its rms against the whole table")
     show(reduced.promise())
     for sentence in reduced.left_out:
         show(f"left out: {sentence}")

@@ -1,12 +1,14 @@
 """Reduction of tables of both sides: each pair of sides keeps the tolerance, by values that it did not make itself."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import gonio
 from gonio.data import layouts
 from gonio.data.interpolation.multilinear import as_material
-from gonio.data.scene import load_scene
+from gonio.data.scene import Range, Scene, load_scene
 from gonio.data.table import Table
 from gonio.instrument import scans
 from gonio.models.errors import GonioError
@@ -18,7 +20,7 @@ SHEET = "thin_sheet(rho=[0.5, 0.3], tau=[0.02, 0.1]) + 0.1 * transmitted(base=gg
 SCENE = "matte_room"
 
 
-def measured(lit="both", step=15.0):
+def measured(lit="both", step=20.0):
     grid = scans.isotropic(np.radians(step), hemisphere="both", lit=lit)
     return gonio.measure(SHEET, scan=grid, log=lambda text: None)
 
@@ -30,16 +32,30 @@ def errors(table, pairs):
         yield pairs.error(np.asarray(f), np.asarray(truth))
 
 
-@pytest.mark.parametrize(("lit", "named"), [("both", True), ("front", False)])
-def test_each_pair_of_sides_keeps_the_tolerance_however_faint(lit, named):
-    whole = measured(lit)
-    if not named:
-        del whole.provenance["material"]
+def test_each_pair_of_sides_keeps_the_tolerance_however_faint():
+    whole = measured("front")
+    del whole.provenance["material"]
     reduced = gonio.reduce(whole, SCENE, 0.05)
     assert reduced.keeps and reduced.table.layout.size < whole.layout.size / 10
     assert reduced.table.sides == whole.sides
     assert reduced.table.channels == whole.channels
     assert max(errors(reduced.table, load_scene(SCENE).pairs(20_000))) <= reduced.promised <= 0.05
+
+
+def test_light_from_behind_and_in_front_keeps_the_tolerance_together_and_side_by_side():
+    """By values that the reduction did not make: the sheet's own radiance under both."""
+    sky = Range((np.radians(91), np.pi), (0.0, 2 * np.pi), 1.0, fills=True)
+    room = Range((0.0, 1.0), (0.0, 2 * np.pi), 0.3)
+    scene = Scene("curtain", 0.05, (sky, room), (Range((0.0, 1.2), (0.0, 2 * np.pi), 1.0),))
+    whole = measured()
+    reduced = gonio.reduce(whole, scene)
+    pairs = scene.pairs(20_000)
+    f, truth = (evaluate_in_blocks(b, pairs.wi, pairs.wo) for b in (as_material(reduced.table), build(SHEET)))
+    assert pairs.error(f, truth) <= reduced.promised <= 0.05 and reduced.table.sides == whole.sides
+    assert reduced.table.layout.size < whole.layout.size / 10
+    assert max(errors(reduced.table, pairs.mirrored())) <= 0.05
+    with pytest.raises(GonioError, match="'curtain' looks at transmission, lit from behind, which front does not hold"):
+        gonio.reduce(dataclasses.replace(measured("front"), name="front"), scene)
 
 
 def test_a_part_of_a_table_is_held_against_the_material_as_it_sees_it():

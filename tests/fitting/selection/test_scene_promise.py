@@ -7,6 +7,7 @@ from gonio.data import layouts
 from gonio.data.scene import Range, Scene
 from gonio.fitting.fit_table import fit
 from gonio.fitting.selection.scene_promise import promise
+from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.expression.builder import build
 from support.fit_tables import table_of
@@ -54,6 +55,24 @@ def test_a_named_truth_is_measured_against():
     promised = promise(table, build("lambert(rho=.3) + .4*ggx(alpha=.32, f0=.2)"), LAMP, determined=True)
     true = true_error("lambert(rho=.3) + .4*ggx(alpha=.32, f0=.2)")
     assert true <= promised.bound <= 1.3 * true and "paint" in promised.reason
+
+
+def test_light_through_a_sheet_is_judged_with_what_it_reflects():
+    """The bound against the sheet itself in a window; what the table does not hold of it is named."""
+    sheet = "thin_sheet(rho=0.3, tau=0.5)"
+    sky = Range((np.radians(91), np.pi), ROUND, 1.0, fills=True)
+    window = Scene("window", 0.05, (sky, *LAMP.lights), LAMP.views)
+    polar = np.radians(np.arange(0, 81, 20.0))
+    grid = layouts.isotropic(*[np.append(polar, np.pi - polar[::-1])] * 2, np.radians(np.arange(0, 360, 60.0)))
+    table = table_of(sheet, grid)
+    result = fit(table, "thin_sheet", scene=window, starts=1)
+    assert result.scene["keeps"] and [p.value for p in result.parameters] == pytest.approx([0.3, 0.5], abs=1e-6)
+    off = promise(table, build("thin_sheet(rho=0.3, tau=0.6)"), window, determined=True)
+    pairs = window.pairs(30_000)
+    f, truth = (evaluate_in_blocks(build(f"thin_sheet(rho=0.3, tau={t})"), pairs.wi, pairs.wo) for t in (0.6, 0.5))
+    assert pairs.error(f, truth) <= off.bound <= 1.3 * pairs.error(f, truth) and not off.keeps
+    with pytest.raises(GonioError, match=r"transmission, lit from behind, which .* does not hold"):
+        fit(table_of("lambert(rho=0.3)", GRID), "lambert", scene=window)
 
 
 def test_readings_in_a_plane_promise_nothing():

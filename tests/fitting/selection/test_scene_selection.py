@@ -48,7 +48,7 @@ def test_a_scene_takes_the_cheapest_model_that_it_allows():
     view = Range((0.0, np.radians(70)), (0.0, 2 * np.pi), 1.0)
     loose, strict = (fit(table, scene=Scene("room", t, (above,), (view,)), starts=0) for t in (0.1, 0.003))
     assert loose.requested == "lambert" and strict.requested != "lambert" and loose.weight == "scene"
-    assert "error of the reflected radiance" in loose.notes[0] and "lambert + ggx(f0=0.04)" in loose.notes[0]
+    assert "error of the radiance" in loose.notes[0] and "lambert + ggx(f0=0.04)" in loose.notes[0]
     chosen = next(row for row in loose.alternatives if row["verdict"].startswith("chosen"))
     assert chosen["scene_error"] <= 0.1 and chosen["model"] == "lambert"
     named = fit(table, "lambert", scene=Scene("room", 0.1, (above,), (view,)), starts=0)
