@@ -288,5 +288,6 @@ def picture_files(
     """The picture as files: ``{"svg": ..., "png": ...}``."""
     with style.styled(), matplotlib.rc_context({"font.size": 9}):
         label = f"{chart.title}: {', '.join(dict.fromkeys(p.method for p in points))}"
-        picture = style.Picture(chart_figure(chart, points, caption, tolerance), label)
+        figure = chart_figure(chart, points, caption, tolerance)
+    picture = style.Picture(lambda: figure, label)
     return {"svg": picture.svg_file(), "png": picture.png(dpi=144)}

@@ -11,9 +11,8 @@ from matplotlib.colors import CenteredNorm, LogNorm, Normalize
 from matplotlib.ticker import FuncFormatter
 
 from gonio.checks.certificate import Property
-from gonio.data.table import Channels
+from gonio.data.channels import Channels
 from gonio.figures import style
-from gonio.fitting.residuals.maps import bins, grouped_median
 from gonio.text import sr_label
 
 MOST_CURVES = 6
@@ -198,6 +197,8 @@ class MedianGrid(NamedTuple):
 
 def median_grid(across: np.ndarray, up: np.ndarray, relative: np.ndarray, root: bool) -> MedianGrid:
     """Medians of (model − reading)/|reading| by two angles, degrees; `root`: even steps of the first one's root."""
+    from gonio.fitting.residuals.maps import bins, grouped_median  # loads JAX, which no picture needs
+
     x_edges = np.linspace(0, np.sqrt(90), BINS + 1) ** 2 if root else _about_nodes(across)
     y_edges = np.linspace(0, 90, BINS + 1) if root else _about_nodes(up)
     rows, columns = x_edges.size - 1, y_edges.size - 1

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import colormaps
@@ -12,8 +13,10 @@ from matplotlib.patches import Circle
 
 from gonio.figures import style
 from gonio.figures.style import positive_range
-from gonio.models.geometry.directions import Direction
 from gonio.text import sr_label
+
+if TYPE_CHECKING:
+    from gonio.models.geometry.directions import Direction
 
 SIDE = 121
 """Pixels along a map's diameter: about 1° each at the pole."""
@@ -141,11 +144,13 @@ SHOWN = 80.0
 """Degrees of half and difference angle up to which values set the colour scale."""
 
 
-def slice_pairs() -> tuple[Direction, Direction]:
+def slice_pairs() -> "tuple[Direction, Direction]":
     """(wi, wo) of the slice at phi_d = 90°, phi_h = 0: components of shape (len(HALF) * len(DIFFERENCE),).
 
     Both are above the horizon everywhere: their z is cos theta_h cos theta_d.
     """
+    from gonio.models.geometry.directions import Direction  # loads JAX, which no picture needs
+
     h, d = (np.radians(a).ravel() for a in np.meshgrid(np.minimum(HALF, 89.9), DIFFERENCE, indexing="ij"))
     # About the half vector (0, ±sin d, cos d), turned by theta_h about the y axis.
     x, y, z = np.sin(h) * np.cos(d), np.sin(d), np.cos(h) * np.cos(d)

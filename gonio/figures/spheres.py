@@ -3,6 +3,7 @@
 import io
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,7 +11,9 @@ from matplotlib.patches import Circle
 from PIL import Image
 
 from gonio.figures.style import FAINT
-from gonio.models.geometry.directions import Direction
+
+if TYPE_CHECKING:
+    from gonio.models.geometry.directions import Direction
 
 SIDE = 144
 UNKNOWN = (128, 128, 128, 70)
@@ -19,12 +22,14 @@ LIGHTS = ((35.0, 25.0), (100.0, 15.0))
 """Angle between light and eye, and height of the light above the horizontal plane through both, degrees."""
 
 
-def sphere_pairs(side: int = SIDE) -> tuple[np.ndarray, Direction, list[Direction]]:
+def sphere_pairs(side: int = SIDE) -> "tuple[np.ndarray, Direction, list[Direction]]":
     """(inside, to the eye, to each light): the local directions at the pixels of a sphere seen from afar.
 
     `inside` is (side, side), rows from top to bottom; directions have components of the shape of its true pixels. The
     local x axis lies along the parallels of latitude, so that brushed metal is brushed about the vertical axis.
     """
+    from gonio.models.geometry.directions import Direction  # loads JAX, which no picture needs
+
     step = (np.arange(side) + 0.5) * 2 / side - 1
     x, y = np.meshgrid(step, -step)
     inside = x**2 + y**2 < 1

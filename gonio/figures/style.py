@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import functools
 import html
 import io
 import math
@@ -9,6 +10,7 @@ import re
 import threading
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future
 from typing import Any, NamedTuple
 
 import matplotlib
@@ -21,11 +23,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
+from gonio.figures.drawing_process import DRAWING
+from gonio.figures.panel_layout import PanelLayout
 from gonio.text import sr_label
 
 # Okabe & Ito 2008, without its yellow (too pale for a line on white); the order keeps neighbours far apart.
@@ -161,15 +164,26 @@ def colour_bar(ax: Axes, mapped: ScalarMappable, label: str, extend: str = "neit
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
-    """A drawn figure with its alternative text, to be put on a page or into files."""
+    """A figure that is drawn when it is asked for, with its alternative text, to be put on a page or into files."""
 
-    figure: Figure
+    make: Callable[[], Figure]
     label: str
+    remote: Future[str | None] | None = None
+    """The SVG element, where another process draws it."""
+
+    @functools.cached_property
+    def figure(self) -> Figure:
+        """The figure itself."""
+        with styled():
+            return self.make()
 
     def svg(self) -> str:
         """An inline SVG element."""
+        if self.remote is not None and (text := self.remote.result()) is not None:
+            return text
+        figure = self.figure
         with styled():
-            return svg(self.figure, self.label)
+            return svg(figure, self.label)
 
     def svg_file(self) -> bytes:
         """An SVG file of its own."""
@@ -177,9 +191,9 @@ class Picture:
 
     def png(self, dpi: int = 200) -> bytes:
         """A PNG file, on white."""
-        data = io.BytesIO()
+        data, figure = io.BytesIO(), self.figure
         with styled():
-            FigureCanvasAgg(self.figure).print_figure(data, format="png", dpi=dpi, facecolor="white")
+            FigureCanvasAgg(figure).print_figure(data, format="png", dpi=dpi, facecolor="white")
         return data.getvalue()
 
 
@@ -187,10 +201,17 @@ def picture(
     label: str, draw: Callable[..., None], *args: Any, size: tuple[float, float] = (WIDTH, HEIGHT), **options: Any
 ) -> Picture:
     """`draw(axes, *args, **options)` on a panel of its own; `label` is the alternative text, `size` in inches."""
-    with styled():
-        fig = Figure(figsize=size, layout=ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03), facecolor="none")
-        draw(fig.add_subplot(facecolor="none"), *args, **options)
-        return Picture(fig, label)
+    made = Picture(functools.partial(_panel, draw, size, args, options), label)
+    process = DRAWING.get()
+    return made if process is None else dataclasses.replace(made, remote=process.draw(made))
+
+
+def _panel(
+    draw: Callable[..., None], size: tuple[float, float], args: Sequence[Any], options: dict[str, Any]
+) -> Figure:
+    fig = Figure(figsize=size, layout=PanelLayout(w_pad=0.03, h_pad=0.03), facecolor="none")
+    draw(fig.add_subplot(facecolor="none"), *args, **options)
+    return fig
 
 
 def svg(fig: Figure, label: str) -> str:

@@ -146,8 +146,11 @@ def report(
         from gonio.reports.chart_folder import charts_of
 
         charts = charts_of(settings.chart)
-    _certify(shown, settings, progress.step)
-    document = assemble(shown, settings.title, settings.command, charts, progress.step, settings.render)
+
+    def certify(subjects: Sequence[ReportSubject]) -> None:
+        _certify(subjects, settings, progress.step)
+
+    document = assemble(shown, settings.title, settings.command, charts, certify, progress.step, settings.render)
     text = page(document, None if values_file is None else values_file.name)
     files: dict[Path, bytes] = {}
     if output is not None and values_file is not None:

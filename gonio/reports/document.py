@@ -54,31 +54,42 @@ class Document(NamedTuple):
     """Charts of speed against accuracy, with their pictures."""
 
 
+class _Drawn(NamedTuple):
+    """What is drawn of a subject before its certificate is made."""
+
+    fits: list[dict[str, Any]]
+    of_lobes: list[ReportFigure]
+    of_fits: list[ReportFigure]
+
+
 def assemble(
     subjects: Sequence[ReportSubject],
     title: str,
     command: str | None,
     charts: list[dict[str, Any]],
+    certify: Callable[[Sequence[ReportSubject]], None] = lambda subjects: None,
     step: Callable[[str, ReportSubject], None] = lambda what, s: None,
     render: bool = False,
 ) -> Document:
     """Evaluates the subjects, and draws and lists everything that the page holds; `step` is told what comes next.
 
-    `render`: with a sphere of each by Mitsuba.
+    `certify` makes the certificates that are missing, while another process may draw what needs none. `render`: with
+    a sphere of each by Mitsuba.
     """
-    evaluated = []
+    evaluated, first = [], []
     for s in subjects:
         step("evaluating", s)
-        evaluated.append((s, None if s.empty or s.profile is not None else evaluate_subject(s)))
+        e = None if s.empty or s.profile is not None else evaluate_subject(s)
+        evaluated.append((s, e))
+        first.append(_figures(s, e, fit_facts(s)))
+    certify(subjects)
     drawable = [(s, e) for s, e in evaluated if e is not None]
     compared = _named("all", check_figures.comparison_figures(drawable))
     sections, figures = [], dict(compared)
-    for s, e in evaluated:
+    for (s, e), (fits, of_lobes, of_fits) in zip(evaluated, first, strict=True):
         step("drawing", s)
-        fits = fit_facts(s)
-        made = _named(s.anchor, profile_figures.figures(s)) | (
-            {} if e is None else _named(s.anchor, _figures(s, e, fits))
-        )
+        of_checks = [] if e is None else check_figures.figures(s)
+        made = _named(s.anchor, [*of_lobes, *of_checks, *of_fits])
         if render and e is not None:
             step("rendering", s)
             made |= _named(s.anchor, render_figures.figures(s))
@@ -108,9 +119,12 @@ def _notes(s: ReportSubject, e: Evaluation | None) -> list[str]:
     return [*s.table.provenance.get("warnings", []), *([] if e is None else [_interpolation_note(e)])]
 
 
-def _figures(s: ReportSubject, e: Evaluation, fits: list[dict[str, Any]]) -> list[ReportFigure]:
-    made = reading_figures.figures(s) + lobe_figures.figures(s, e)
-    return made + scatter_figures.figures(s) + check_figures.figures(s) + fit_figures.figures(s, fits)
+def _figures(s: ReportSubject, e: Evaluation | None, fits: list[dict[str, Any]]) -> _Drawn:
+    of_lobes = profile_figures.figures(s)
+    if e is None:
+        return _Drawn(fits, of_lobes, [])
+    of_lobes += reading_figures.figures(s) + lobe_figures.figures(s, e) + scatter_figures.figures(s)
+    return _Drawn(fits, of_lobes, fit_figures.figures(s, fits))
 
 
 def _section(s: ReportSubject, e: Evaluation | None, fits: list[dict[str, Any]]) -> dict[str, Any]:

@@ -179,4 +179,4 @@ def test_steps_of_a_long_page_are_told(monkeypatch):
     monkeypatch.setattr(build, "SILENT", 0.0)
     gonio.report(["lambert(rho=0.5)", "lambert(rho=0.1)"], log=lines.append)
     told = lines[quick:]
-    assert len(told) == 6 and told[0].startswith("checking 1 of 2, lambert(rho=0.5)") and "drawing 2 of 2" in told[-1]
+    assert len(told) == 6 and told[0].startswith("evaluating 1 of 2, lambert(rho=0.5)") and "drawing 2 of 2" in told[-1]

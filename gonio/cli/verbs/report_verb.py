@@ -34,6 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from gonio.figures.drawing_process import drawing_beside
+
+    with drawing_beside():  # begun before the imports, which take as long as its own
+        return _report(args)
+
+
+def _report(args: argparse.Namespace) -> int:
     from gonio.reports.build import report
 
     options = {name: getattr(args, name) for name in ("against", "chart", "figures", "render", "title", "force")}
