@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from typing import Any
 
 import numpy as np
@@ -114,7 +115,9 @@ class ReportFigure:
 
 def rounded(values: Any, digits: int = 6) -> Any:
     """Nested lists of numbers at so many significant digits; None where there is no finite one."""
+    if isinstance(values, np.ndarray) and values.ndim == 1:
+        values = values.astype(float).tolist()
     if isinstance(values, np.ndarray | list | tuple):
         return [rounded(v, digits) for v in values]
     value = float(values)
-    return float(f"{value:.{digits}g}") if np.isfinite(value) else None
+    return float(f"{value:.{digits}g}") if math.isfinite(value) else None

@@ -28,9 +28,12 @@ def page(document: Document, values_file: str | None) -> str:
     """The HTML of a report. `values_file`: the name of the JSON beside it, which the page names."""
     import jinja2
 
+    from gonio.reports.kept_templates import KeptTemplates
+
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("gonio.reports"), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
+        loader=jinja2.PackageLoader("gonio.reports"), bytecode_cache=KeptTemplates(),
+        autoescape=True, trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
     script = (importlib.resources.files("gonio.reports") / "templates" / "report_lobes.js").read_text(encoding="utf-8")
     pictures, used = {}, set(PALETTE)
     accents = _accents()
