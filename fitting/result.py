@@ -20,7 +20,7 @@ from gonio.fitting.residuals.colour_difference import sphere_difference
 from gonio.fitting.residuals.summary import Evidence, ResidualSummary, summarise
 from gonio.fitting.uncertainty.joint_covariance import JointCovariance
 from gonio.fitting.uncertainty.optimum import ParameterEstimate
-from gonio.models.brdf import AbstractBRDF
+from gonio.models.brdf import AbstractBRDF, changed_terms
 from gonio.models.deprecation import renamed_attribute
 from gonio.models.display import Displayed
 from gonio.models.errors import printable
@@ -191,7 +191,9 @@ class FitResult(Displayed):
         spread = self.propagated(lambda material: material.albedo(theta_i, phi_i, degrees).value, by_channel=True)
         return DerivedNumber(estimate.value, estimate.bound, spread)
 
-    def propagated(self, quantity: Callable[[Material], np.ndarray], by_channel: bool = False) -> np.ndarray:
+    def propagated(
+        self, quantity: Callable[[Material], np.ndarray], by_channel: bool = False, linear: bool = False
+    ) -> np.ndarray:
         """Standard uncertainty of a quantity of the material from the covariance of the fit.
 
         By central differences over one standard uncertainty on either side, within the domain [JCGM 100:2008, eq. 13].
@@ -201,18 +203,20 @@ class FitResult(Displayed):
             quantity: array of a material.
             by_channel: the array's last axis is the channels, and a channel's values depend on no other channel's
                 numbers: those of all channels are then moved at once.
+            linear: the quantity is linear in f: only terms that change are then evaluated, and the array has all
+                channels even where these terms have none.
         """
         free = [p for p in self.parameters if p.status != "fixed"]
         moving = [k for k, p in enumerate(free) if not p.status.startswith("at ")]
         if not moving:
             return np.zeros_like(quantity(self.material))
         if not by_channel:
-            j = np.stack(np.broadcast_arrays(*(self._slope(quantity, [free[k]]) for k in moving)))
+            j = np.stack(np.broadcast_arrays(*(self._slope(quantity, [free[k]], linear) for k in moving)))
             return _spread(j, self.covariance[np.ix_(moving, moving)])
         groups: dict[str, list[ParameterEstimate]] = {}
         for k in moving:
             groups.setdefault(free[k].name, []).append(free[k])
-        slopes = {name: self._slope(quantity, group) for name, group in groups.items()}
+        slopes = {name: self._slope(quantity, group, linear) for name, group in groups.items()}
         spreads, views, free_to_move = [], self._views(), set(moving)
         for c, channel in enumerate(self.channels.names):
             index, covariance = views[c if len(views) == len(self.channels) else 0]
@@ -221,7 +225,9 @@ class FitResult(Displayed):
             spreads.append(_spread(np.stack(j), covariance[np.ix_(involved, involved)]) if j else np.zeros(()))
         return np.stack(np.broadcast_arrays(*spreads), axis=-1)
 
-    def _slope(self, quantity: Callable[[Material], np.ndarray], moved: list[ParameterEstimate]) -> np.ndarray:
+    def _slope(
+        self, quantity: Callable[[Material], np.ndarray], moved: list[ParameterEstimate], linear: bool
+    ) -> np.ndarray:
         """Slope of a quantity by a number; by those of several channels, of the last axis each by its channel's."""
         low, high = (
             {p.label: min(max(p.value + sign * p.standard_uncertainty, p.low), p.high) for p in moved}
@@ -231,17 +237,21 @@ class FitResult(Displayed):
         if np.isnan(list(width.values())).all():
             return np.full_like(quantity(self.material), np.nan)
         low, high = ({k: v for k, v in ends.items() if np.isfinite(width[k])} for ends in (low, high))
-        difference = quantity(self._with_numbers(moved, high)) - quantity(self._with_numbers(moved, low))
+        brdfs = [self._with_numbers(moved, ends) for ends in (high, low)]
+        above, below = changed_terms(*brdfs) if linear else brdfs
+        difference = self._of(quantity, above) - self._of(quantity, below)
         if len(moved) == 1:
             return difference / width[moved[0].label]
         by = {p.channel: width[p.label] for p in moved}
         return difference / np.array([by.get(name, np.inf) for name in self.channels.names])
 
-    def _with_numbers(self, moved: list[ParameterEstimate], values: dict[str, float]) -> Material:
-        """The material with one of its numbers changed, in one or several channels: values by label."""
+    def _of(self, quantity: Callable[[Material], np.ndarray], brdf: AbstractBRDF) -> np.ndarray:
+        return quantity(dataclasses.replace(self.material, brdf=brdf))
+
+    def _with_numbers(self, moved: list[ParameterEstimate], values: dict[str, float]) -> AbstractBRDF:
+        """The model with one of its numbers changed, in one or several channels: values by label."""
         of_channel = {p.channel: values[p.label] for p in moved if p.label in values}
-        brdf = with_number(self.expression, self.channels.names, moved[0].name, of_channel)
-        return dataclasses.replace(self.material, brdf=brdf)
+        return with_number(self.expression, self.channels.names, moved[0].name, of_channel)
 
     @property
     def exit_status(self) -> int:

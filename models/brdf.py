@@ -382,3 +382,22 @@ def terms(brdf: AbstractBRDF) -> tuple[AbstractBRDF, ...]:
                 Scaled(brdf.scale * t.scale, t.base) if isinstance(t, Scaled) else Scaled(brdf.scale, t) for t in inner
             )
     return (brdf,)
+
+
+def changed_terms(a: AbstractBRDF, b: AbstractBRDF) -> tuple[AbstractBRDF, AbstractBRDF]:
+    """The terms that two models of one structure do not share, as two models with the same difference.
+
+    What is linear in f, such as an albedo, changes from one to the other by these terms alone.
+    """
+    terms_a, terms_b = a.terms(), b.terms()
+    if len(terms_a) != len(terms_b):
+        return a, b
+    changed = [k for k, pair in enumerate(zip(terms_a, terms_b, strict=True)) if not _same(*pair)]
+    if not changed or len(changed) == len(terms_a):
+        return a, b
+    return Sum(tuple(terms_a[k] for k in changed)), Sum(tuple(terms_b[k] for k in changed))
+
+
+def _same(a: AbstractBRDF, b: AbstractBRDF) -> bool:
+    (leaves_a, tree_a), (leaves_b, tree_b) = jax.tree_util.tree_flatten(a), jax.tree_util.tree_flatten(b)
+    return tree_a == tree_b and all(np.array_equal(x, y) for x, y in zip(leaves_a, leaves_b, strict=True))

@@ -7,6 +7,7 @@ import numpy as np
 
 from gonio.data.scene import load_scene
 from gonio.models.albedo import directional_albedo, directional_transmittance
+from gonio.models.brdf import AbstractBRDF, changed_terms
 from gonio.models.errors import GonioError, nearest
 from gonio.models.geometry.sides import Hemispheres
 from gonio.planning.prior import Prior
@@ -15,6 +16,7 @@ ALBEDO, SCENE = "albedo", "scene:"
 INCIDENCES = (0.0, 30.0, 45.0, 60.0, 75.0)
 """Degrees, of the directional albedos."""
 DIFFERENCE = 1e-3
+TOLERANCE = 1e-7
 PAIRS = 4000
 
 
@@ -57,19 +59,19 @@ def _quantity(prior: Prior, p: np.ndarray, name: str) -> Quantities:
 def albedos(prior: Prior, p: np.ndarray) -> Quantities:
     """Directional albedos and transmittances at `INCIDENCES`, of each channel; slopes by central differences."""
     theta = np.radians(INCIDENCES)
-
+    whole, size = prior.brdf(p), (theta.size, len(prior.channels))
     shares = {
         name: integral
         for name, way, integral in (
             ("albedo", Hemispheres.REFLECTION, directional_albedo),
             ("transmittance", Hemispheres.TRANSMISSION, directional_transmittance),
         )
-        if way in prior.brdf(p).hemispheres
+        if way in whole.hemispheres
     }
 
-    def values(p: np.ndarray) -> np.ndarray:
-        brdf, size = prior.brdf(p), (theta.size, len(prior.channels))
-        every = (g(brdf, theta, 0.0, 1e-7).value.reshape(theta.size, -1) for g in shares.values())
+    def values(brdf: AbstractBRDF) -> np.ndarray:
+        tolerance = TOLERANCE * len(brdf.terms()) / len(whole.terms())
+        every = (g(brdf, theta, 0.0, tolerance).value.reshape(theta.size, -1) for g in shares.values())
         return np.concatenate([np.broadcast_to(value, size).ravel() for value in every])
 
     d, slopes = prior.parameterisation.domains, []
@@ -77,10 +79,11 @@ def albedos(prior: Prior, p: np.ndarray) -> Quantities:
         low, high = p.copy(), p.copy()
         step = DIFFERENCE * max(abs(p[k]), 1e-3)
         low[k], high[k] = max(p[k] - step, d.low[k]), min(p[k] + step, d.high[k])
-        slopes.append((values(high) - values(low)) / (high[k] - low[k]))
+        above, below = changed_terms(prior.brdf(high), prior.brdf(low))
+        slopes.append((values(above) - values(below)) / (high[k] - low[k]))
     channels = [f" {c}" if len(prior.channels) > 1 else "" for c in prior.channels.names]
     names = [f"{share} at {t:g}°{c}" for share in shares for t in INCIDENCES for c in channels]
-    return Quantities(names, values(p), np.stack(slopes, axis=1))
+    return Quantities(names, values(whole), np.stack(slopes, axis=1))
 
 
 def _radiance(prior: Prior, p: np.ndarray, name: str) -> Quantities:

@@ -81,3 +81,6 @@ def test_a_linear_quantity_propagates_as_the_covariance_says(result):
     expected = np.sqrt(np.einsum("ci,ij,cj->c", rows, result.covariance, rows))
     np.testing.assert_allclose(result.propagated(lambda m: m.f(*pair)), expected, rtol=1e-3)
     np.testing.assert_allclose(result.propagated(lambda m: m.f(*pair), by_channel=True), expected, rtol=1e-3)
+    # Of the terms that change alone, which may have no channels.
+    linear = result.propagated(lambda m: np.broadcast_to(m.f(*pair), 3), by_channel=True, linear=True)
+    np.testing.assert_allclose(linear, result.propagated(lambda m: m.f(*pair), by_channel=True), rtol=1e-9)

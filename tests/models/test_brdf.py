@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from gonio.models.brdf import Scaled, Sum, terms
+from gonio.models.brdf import Scaled, Sum, changed_terms, terms
 from gonio.models.diffuse.lambert import Lambert
 from gonio.models.evaluation import channel_count, evaluate
 from gonio.models.geometry.directions import Direction, from_spherical
@@ -56,3 +56,14 @@ def test_sums_sample_their_mixture():
     w = np.asarray(jax.jit(jax.vmap(weight))(*u))
     exact = float(directional_albedo(brdf, 0.8).value)
     assert abs(w.mean() - exact) < 5 * w.std() / np.sqrt(w.size)
+
+
+def test_models_differ_by_their_changed_terms():
+    a, lobe = Lambert(rho=jnp.array([0.2, 0.5])) + 0.3 * GGX(alpha=0.2), 0.3 * GGX(alpha=0.4)
+    assert [type(m) for m in changed_terms(a, a)] == [Sum, Sum]  # nothing to leave out
+    b = Lambert(rho=jnp.array([0.2, 0.5])) + lobe
+    above, below = changed_terms(b, a)
+    assert [len(m.terms()) for m in (above, below)] == [1, 1]
+    pair = from_spherical(0.3, 0.0), from_spherical(0.5, 3.0)
+    np.testing.assert_allclose(above.f(*pair) - below.f(*pair), b.f(*pair) - a.f(*pair), rtol=1e-12)
+    assert changed_terms(a, Lambert(rho=0.1))[0] is a

@@ -111,7 +111,7 @@ def assisted_albedos(part: Part, fitted: FitResult, features: Features) -> Albed
     brdf = part.folded(fitted.brdf)
     if features.further is not None:
         features = features._replace(further=_left_of(features.further, brdf))
-    spread = fitted.propagated(lambda m: _difference(part.folded(m.brdf), grid, channels), by_channel=True)
+    spread = fitted.propagated(lambda m: _difference(part.folded(m.brdf), grid, channels), True, linear=True)
     method = (
         f"Model-assisted: the albedo of {fitted.requested}, fitted to the table, and the grid's integral of readings − "
         "model; between the nodes the surface is taken to follow the model as it does at the nodes around."
