@@ -385,6 +385,15 @@ def media_of(stated: Any, channels: int) -> tuple[np.ndarray, np.ndarray] | None
     return (front, behind) if known else None
 
 
+def part_sides(table: Table) -> tuple[int, int]:
+    """Sides of (light, detector) that a part of a table was mirrored from; (1, 1) of a table that was not."""
+    try:
+        light, detector = table.provenance[FOLDED][0]
+    except (KeyError, IndexError, TypeError, ValueError):
+        return 1, 1
+    return (light, detector) if light in (1, -1) and detector in (1, -1) else (1, 1)
+
+
 def index_of(table: Table) -> float:
     """Refractive index behind the sample over that in front, the mean of the channels."""
     front, behind = table.media

@@ -105,7 +105,7 @@ def one_azimuth(wi: Direction) -> bool:
     return bool(azimuth.size == 0 or np.ptp(azimuth) < 1e-9)
 
 
-def left_out(wi: Direction, wo: Direction, values: np.ndarray, isotropic: bool) -> np.ndarray:
+def left_out(wi: Direction, wo: Direction, values: np.ndarray, isotropic: bool, reciprocal: bool = True) -> np.ndarray:
     """The mean (n, C) of all other samples' values at each of the samples (n, C), all of them valid."""
     if isotropic:
         wi, wo = _turned_back(wi, wo)
@@ -115,7 +115,9 @@ def left_out(wi: Direction, wo: Direction, values: np.ndarray, isotropic: bool) 
     means = np.empty(values.shape)
     for start in range(0, len(pairs), ROWS):
         part = slice(start, start + ROWS)
-        d2 = np.minimum(*(_squares(pairs, other[part]) for other in (pairs, swapped)))
+        d2 = _squares(pairs, pairs[part])
+        if reciprocal:
+            d2 = np.minimum(d2, _squares(pairs, swapped[part]))
         weight = 1.0 / (d2 + SOFTENING) ** 3
         weight[np.arange(weight.shape[0]), np.arange(start, start + weight.shape[0])] = 0.0
         means[part] = weight @ values / weight.sum(axis=1, keepdims=True)

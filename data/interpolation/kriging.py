@@ -29,6 +29,8 @@ STARTS = tuple(np.log([s, 1.0, 4.0, 2.0, 8.0, 2.0, 0.1, 1e-5, 1.0]) for s in (0.
 STEP = 1e-6
 """Of a logarithm, for derivatives."""
 TINY = 1e-24
+STEEPEST = 1e-3
+"""Height of a facet that refracts, over its tilt, at least."""
 
 
 class Places(NamedTuple):
@@ -38,30 +40,59 @@ class Places(NamedTuple):
     tilted: Any
 
 
-def places(wi: Direction, wo: Direction, law: Any, isotropic: bool, xp: ModuleType) -> Places:
-    """The places of pairs of directions with components (n,), by `numpy` or `jax.numpy`.
+class Symmetry(NamedTuple):
+    """Which pairs of directions share a place: exchanged ones (reciprocity), turned and mirrored ones (isotropy).
 
-    Exchanged directions share a place (reciprocity); for isotropic surfaces so do turned and mirrored ones.
+    What goes through a sample, lit from one side, is not the same exchanged. `index`: the refractive one on the
+    detector's side over that on the light's, so that what facets refract peaks as what they mirror does.
     """
+
+    isotropic: bool
+    reciprocal: bool = True
+    index: float = 1.0
+
+
+def places(wi: Direction, wo: Direction, law: Any, symmetry: Symmetry, xp: ModuleType) -> Places:
+    """The places of pairs of directions with components (n,), both mirrored into the front, by `numpy` or `jax.numpy`.
+
+    Those that are the same by the symmetry share one.
+    """
+    isotropic = symmetry.isotropic
+    wo = Direction(*(symmetry.index * c for c in wo)) if symmetry.index != 1.0 else wo
     width, across, of_rho, of_d, of_tilt, of_turn = (xp.exp(law[k]) for k in range(6))
     s = Direction(*(a + b for a, b in zip(wi, wo, strict=True)))
     d = Direction(*(a - b for a, b in zip(wi, wo, strict=True)))
     s2, d2 = (xp.maximum(w.x**2 + w.y**2 + w.z**2, TINY) for w in (s, d))
     graze = xp.arcsinh(xp.sqrt(d2 / s2))
-    z = xp.maximum(s.z, 1e-12) * width
+    z = (xp.maximum(s.z, 1e-12) if symmetry.index == 1.0 else _refracting(wi, wo, symmetry.index, xp)) * width
     x, y = s.x / z, s.y / (z if isotropic else z * across)
     slope = xp.sqrt(xp.maximum(x * x + y * y, TINY))
     rho = xp.arcsinh(slope)
     if isotropic:
-        sin_h = xp.sqrt(xp.maximum(s.x**2 + s.y**2, TINY) / s2)
-        cos_phi = xp.minimum(xp.abs(d.z) / (xp.sqrt(d2) * sin_h), 1.0)  # of the difference angle's azimuth
+        flat_s = xp.sqrt(xp.maximum(s.x**2 + s.y**2, TINY))
+        if symmetry.reciprocal:
+            cos_phi = xp.minimum(xp.abs(d.z) / xp.sqrt(d2 / s2) / flat_s, 1.0)  # of the difference angle's azimuth
+        else:
+            flat_d = xp.sqrt(xp.maximum(d.x**2 + d.y**2, TINY))
+            cos_phi = xp.clip((s.x * d.x + s.y * d.y) / (flat_s * flat_d), -1.0, 1.0)
         tilted = [rho * cos_phi / of_tilt, rho * xp.sqrt(1 - cos_phi**2) / of_tilt]
     else:
         flat = xp.sqrt(xp.maximum(d.x**2 + d.y**2, TINY)) * of_turn
-        # Twice the azimuth of wi − wo: the same for both orders of the directions.
-        turned = [(d.x**2 - d.y**2) / flat, 2 * d.x * d.y / flat]
+        if symmetry.reciprocal:
+            # Twice the azimuth of wi − wo: the same for both orders of the directions.
+            turned = [(d.x**2 - d.y**2) / flat, 2 * d.x * d.y / flat]
+        else:
+            turned = [d.x / of_turn, d.y / of_turn]
         tilted = [rho * x / slope / of_tilt, rho * y / slope / of_tilt, *turned]
     return Places(xp.stack([rho / of_rho, graze / of_d], -1), xp.stack(tilted, -1))
+
+
+def _refracting(wi: Direction, wo: Direction, index: float, xp: ModuleType) -> Any:
+    """Height of the facet that refracts, over its tilt; where none does, and f of an interface is 0, the steepest.
+
+    `wo`: of the length of the index.
+    """
+    return xp.maximum(wo.z - wi.z if index > 1.0 else wi.z - wo.z, STEEPEST)
 
 
 def correlation(a: Places, b: Places, remainder: Any, xp: ModuleType) -> Any:
@@ -87,7 +118,7 @@ class Samples(NamedTuple):
     wo: Direction
     values: np.ndarray
     noise: np.ndarray
-    isotropic: bool
+    symmetry: Symmetry
 
     def part(self, which: np.ndarray) -> "Samples":
         """Some of them."""
@@ -112,7 +143,7 @@ class Kriging:
     @classmethod
     def of(cls, samples: Samples, law: np.ndarray) -> "Kriging":
         """Solves the system. Raises numpy.linalg.LinAlgError where it cannot be."""
-        here = places(samples.wi, samples.wo, law, samples.isotropic, np)
+        here = places(samples.wi, samples.wo, law, samples.symmetry, np)
         k = _covariance(here, samples.noise, law)
         lower = cholesky(k, lower=True, overwrite_a=True, check_finite=False)
         solution = cho_solve((lower, True), np.column_stack([samples.values, np.ones(len(k))]), check_finite=False)
@@ -125,7 +156,7 @@ class Kriging:
 
     def covariances(self, wi: Direction, wo: Direction) -> np.ndarray:
         """(m, n): of pairs of directions with the samples."""
-        there = places(wi, wo, self.law, self.samples.isotropic, np)
+        there = places(wi, wo, self.law, self.samples.symmetry, np)
         return np.exp(self.law[8]) * correlation(there, self.here, np.exp(self.law[6]), np)
 
     def left_out(self) -> tuple[np.ndarray, np.ndarray]:
@@ -165,7 +196,7 @@ def _covariance(here: Places, noise: np.ndarray, law: np.ndarray) -> np.ndarray:
 
 def _unlikelihood(law: np.ndarray, samples: Samples) -> tuple[float, np.ndarray]:
     """−log likelihood, the mean profiled, and its gradient by the law."""
-    here = places(samples.wi, samples.wo, law, samples.isotropic, np)
+    here = places(samples.wi, samples.wo, law, samples.symmetry, np)
     remainder, nugget, variance = np.exp(law[6:])
     near = _squares(here.main, here.main, np)
     main, main_slope = (variance * a for a in _matern_and_slope(near))
@@ -191,7 +222,7 @@ def _unlikelihood(law: np.ndarray, samples: Samples) -> tuple[float, np.ndarray]
     for number in range(6):
         moved = law.copy()
         moved[number] += STEP
-        there = places(samples.wi, samples.wo, moved, samples.isotropic, np)
+        there = places(samples.wi, samples.wo, moved, samples.symmetry, np)
         gradient[number] = sum(np.sum(g * (b - a)) for g, a, b in zip(by_place, here, there, strict=True)) / STEP
     diagonal = np.trace(slope) * nugget * variance
     gradient[6:] = np.sum(slope * rest), diagonal, np.sum(slope * (main + rest)) + diagonal

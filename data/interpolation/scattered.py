@@ -13,8 +13,19 @@ from jaxtyping import Array, Float
 
 from gonio.data.flags import Flag
 from gonio.data.interpolation import inverse_distance
-from gonio.data.interpolation.kriging import HIGH, LOW, NAMES, Kriging, Places, Samples, correlation, likeliest, places
-from gonio.data.table import Table
+from gonio.data.interpolation.kriging import (
+    HIGH,
+    LOW,
+    NAMES,
+    Kriging,
+    Places,
+    Samples,
+    Symmetry,
+    correlation,
+    likeliest,
+    places,
+)
+from gonio.data.table import Table, index_of, part_sides
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
 
@@ -29,13 +40,19 @@ NO_WORSE, EXACT = 1.0, 1e-6
 BEYOND = 0.5
 """Of compressed values past the least and the largest: no value is extrapolated farther."""
 KEY = "kriging"
-"""Of the provenance that states a law: {"law": {name: value}, "floor": 1/sr}."""
+"""Of the provenance that states a law: {"law": {name: value}, "floor": 1/sr}; "laws" by sides of light and detector."""
 CHUNK = 64
 DESCRIPTION = (
-    "kriging of log f over tan θh and θd with a Matérn covariance, its numbers by maximum likelihood; reciprocity is "
-    "assumed{}; never beyond what was read by more than e^0.5; an approximation"
+    "kriging of log f over tan θh and θd with a Matérn covariance, its numbers by maximum likelihood; {}never beyond "
+    "what was read by more than e^0.5; an approximation"
 )
-ISOTROPIC = ", isotropy and mirror symmetry too"
+ASSUMED = {
+    (True, True): "reciprocity is assumed, isotropy and mirror symmetry too; ",
+    (True, False): "reciprocity is assumed; ",
+    (False, True): "isotropy and mirror symmetry are assumed; ",
+    (False, False): "",
+}
+"""By whether the symmetry is reciprocal, and isotropic."""
 
 
 class Kriged(AbstractBRDF):
@@ -48,15 +65,15 @@ class Kriged(AbstractBRDF):
     ends: Float[Array, "2 channel"]
     law: Float[Array, " numbers"]
     floor: Float[Array, ""]
-    same_all_round: bool = eqx.field(static=True)
+    symmetry: Symmetry = eqx.field(static=True)
 
     @property
     def isotropic(self) -> bool:
-        return self.same_all_round
+        return self.symmetry.isotropic
 
     def formula(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
         i, o = (Direction(*(c[None] for c in w)) for w in (wi, wo))
-        here = places(i, o, self.law, self.same_all_round, jnp)
+        here = places(i, o, self.law, self.symmetry, jnp)
 
         def step(total: Array, chunk: tuple[Array, Array, Array]) -> tuple[Array, None]:
             main, tilted, weights = chunk
@@ -71,9 +88,9 @@ class Kriged(AbstractBRDF):
 def scattered_material(table: Table, reciprocal: bool = True) -> AbstractBRDF:
     """The interpolant of a scattered table. Raises GonioError for too many samples.
 
-    `reciprocal`: whether a sample stands for its directions swapped too; kriging takes it so, and serves no others.
+    `reciprocal`: whether a sample stands for its directions swapped too.
     """
-    kriging = kriging_of(table) if reciprocal else None
+    kriging = kriging_of(table, reciprocal)
     if kriging is None:
         return inverse_distance.scattered_material(table, reciprocal)
     system, floor = kriging
@@ -82,15 +99,15 @@ def scattered_material(table: Table, reciprocal: bool = True) -> AbstractBRDF:
     rows = (*system.here, variance * system.weights)
     main, tilted, weights = (jnp.asarray(inverse_distance.chunks(a), dtype) for a in rows)
     mean, ends, law, floor = (jnp.asarray(a, dtype) for a in (system.mean, ends, system.law, floor))
-    return Kriged(main, tilted, weights, mean, ends, law, floor, system.samples.isotropic)
+    return Kriged(main, tilted, weights, mean, ends, law, floor, system.samples.symmetry)
 
 
 def description(table: Table, reciprocal: bool = True) -> str:
     """One sentence on how a scattered table is interpolated."""
-    kriging = kriging_of(table) if reciprocal else None
+    kriging = kriging_of(table, reciprocal)
     if kriging is None:
         return inverse_distance.DESCRIPTION.format(inverse_distance.SWAPPED if reciprocal else "")
-    return DESCRIPTION.format(ISOTROPIC if kriging.system.samples.isotropic else "")
+    return DESCRIPTION.format(ASSUMED[reciprocal, kriging.system.samples.symmetry.isotropic])
 
 
 class FlooredKriging(NamedTuple):
@@ -105,30 +122,41 @@ def compressed(f: np.ndarray, floor: float) -> np.ndarray:
     return np.arcsinh(f / (2 * floor))
 
 
-def samples_of(table: Table, floor: float) -> Samples:
+def samples_of(table: Table, floor: float, reciprocal: bool = True) -> Samples:
     """The samples of a scattered table that are valid in all channels, compressed above a floor."""
     block = table.samples()
     usable = (block.flag == Flag.VALID).all(axis=1)
     wi, wo = (Direction(*(np.asarray(c, float)[usable] for c in w)) for w in (block.wi, block.wo))
     f, u_f = (a[usable].astype(float) for a in (block.f, block.u_f))
     noise = np.mean((np.nan_to_num(u_f) / np.hypot(f, 2 * floor)) ** 2, axis=1)
-    return Samples(wi, wo, compressed(f, floor), noise, inverse_distance.one_azimuth(wi))
+    return Samples(wi, wo, compressed(f, floor), noise, symmetry_of(table, wi, reciprocal))
 
 
-def kriging_of(table: Table) -> FlooredKriging | None:
-    """The kriging of a scattered table, by the law of its provenance or else the likeliest; None: not better."""
-    stated, valid = _stated(table.provenance.get(KEY)), table.valid_cells().size
+def symmetry_of(table: Table, wi: Direction, reciprocal: bool) -> Symmetry:
+    """That of samples with light from wi, NumPy components (n,), of a part of a table."""
+    light, detector = part_sides(table)
+    index = index_of(table) ** ((light - detector) // 2)
+    return Symmetry(inverse_distance.one_azimuth(wi), reciprocal, index)
+
+
+def kriging_of(table: Table, reciprocal: bool = True) -> FlooredKriging | None:
+    """The kriging of a scattered table, by the law of its provenance or else the likeliest; None: not better.
+
+    `reciprocal`: whether a sample stands for its directions swapped too.
+    """
+    stated, valid = _stated(table.provenance.get(KEY), part_sides(table)), table.valid_cells().size
     if not FEWEST <= valid <= MOST:
         return None
-    return _solved(_Content(table, stated))
+    return _solved(_Content(table, stated, reciprocal))
 
 
 class _Content:
     """A table by what its interpolation depends on."""
 
-    def __init__(self, table: Table, stated: tuple[np.ndarray, float] | None) -> None:
-        self.table, self.stated = table, stated
-        digest = hashlib.sha256(repr(stated).encode())
+    def __init__(self, table: Table, stated: tuple[np.ndarray, float] | None, reciprocal: bool) -> None:
+        self.table, self.stated, self.reciprocal = table, stated, reciprocal
+        about = (stated, reciprocal, part_sides(table), index_of(table))
+        digest = hashlib.sha256(repr(about).encode())
         for array in (*table.layout.angles(), *table.read_values().values()):
             digest.update(np.ascontiguousarray(array).tobytes())
         self.digest = digest.hexdigest()
@@ -148,7 +176,7 @@ def _solved(content: _Content) -> FlooredKriging | None:
     floor = stated[1] if stated else FLOOR * min(1 / np.pi, float(bright))
     if not floor > 0:
         return None
-    samples = samples_of(table, floor)
+    samples = samples_of(table, floor, content.reciprocal)
     if len(samples.noise) < FEWEST:
         return None
     try:
@@ -162,14 +190,21 @@ def _solved(content: _Content) -> FlooredKriging | None:
 
 def _better(system: Kriging, samples: Samples, share: float) -> bool:
     """Whether samples left out are predicted with less than a share of the inverse-distance mean's error."""
-    means = inverse_distance.left_out(samples.wi, samples.wo, samples.values, samples.isotropic)
+    means = inverse_distance.left_out(
+        samples.wi, samples.wo, samples.values, samples.symmetry.isotropic, samples.symmetry.reciprocal
+    )
     ours, theirs = (np.sqrt(np.mean(e**2)) for e in (system.left_out()[0], samples.values - means))
     return bool(ours < max(share * theirs, EXACT if share == NO_WORSE else 0.0))
 
 
-def _stated(kept: Any) -> tuple[np.ndarray, float] | None:
-    """Law and floor that a provenance states; None where it states none."""
-    if not isinstance(kept, Mapping) or not isinstance(kept.get("law"), Mapping):
+def _stated(kept: Any, sides: tuple[int, int] = (1, 1)) -> tuple[np.ndarray, float] | None:
+    """Law and floor that a provenance states for sides of light and detector; None where it states none."""
+    if not isinstance(kept, Mapping):
+        return None
+    laws = kept.get("laws")
+    if isinstance(laws, list):
+        kept = {**kept, **next((e for e in laws if isinstance(e, Mapping) and e.get("sides") == [*sides]), {})}
+    if not isinstance(kept.get("law"), Mapping):
         return None
     numbers = [kept["law"].get(name) for name in NAMES] + [kept.get("floor")]
     if not all(isinstance(v, int | float) and np.isfinite(v) and v > 0 for v in numbers):

@@ -24,11 +24,9 @@ def table():
         lambda table, path: gonio.convert(table, path / "t.bsdf"),
         lambda table, path: gonio.convert(SHEET, path / "t.bsdf"),
         lambda table, path: gonio.repair(table),
-        lambda table, path: gonio.adapt(SHEET, target=0.05, output=path / "t.h5"),
     ],
 )
 def test_what_knows_reflection_alone_refuses_what_transmits(table, method, tmp_path):
-    instead = r"(measure that|give the strategy 'model')"
-    with pytest.raises(GonioError, match=rf"transmits, and .* knows reflection from the front alone; {instead}"):
+    with pytest.raises(GonioError, match=r"transmits, and .* knows reflection from the front alone; measure that"):
         method(table, tmp_path)
     assert list(tmp_path.iterdir()) == []

@@ -180,7 +180,7 @@ def time_sentence(takes: "ScanTime", pace: "Pace") -> str:
 def _require_one_way(args: argparse.Namespace) -> None:
     """Refuses options of a scan beside --adaptive, and those of an adaptive measurement without it."""
     only_rgl = [n for n in ("incidences", "samples") if getattr(args, n) is not None]
-    directions = ("scan", "step", "phi_step", "theta_max", "theta_i", "hemisphere", "lit", "float32")
+    directions = ("scan", "step", "phi_step", "theta_max", "theta_i", "float32")
     scans = [n for n in directions if getattr(args, n)]
     ends = [n for n in ("target", "budget", "model") if getattr(args, n)]
     if args.adaptive and scans:
@@ -208,6 +208,7 @@ def _adaptive(args: argparse.Namespace, material: "Material", instrument: "Instr
     target, budget = (None if t is None else of(t) for t, of in ((args.target, share_of), (args.budget, seconds_of)))
     options: dict[str, Any] = {"output": args.output, "seed": args.seed, "force": args.force, "command": command}
     options |= {"strategy": args.adaptive, "model": args.model}
+    options |= {name: value for name in ("hemisphere", "lit") if (value := getattr(args, name))}
     table = adapt(material, instrument, target=target, budget=budget, log=log, **options)
     outcome = Outcome.of(table)
     show(f"{outcome.sentence}\nwritten: {args.output}")

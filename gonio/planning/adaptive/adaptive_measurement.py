@@ -3,14 +3,14 @@
 import dataclasses
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
 from gonio.data.files import refuse_outputs
 from gonio.data.interpolation.kriging import NAMES
-from gonio.data.interpolation.scattered import ISOTROPIC, MOST
+from gonio.data.interpolation.scattered import ASSUMED, MOST
 from gonio.data.interpolation.scattered import KEY as LAW
 from gonio.data.subject import SubjectLike, load_material
 from gonio.data.table import Table
@@ -19,13 +19,13 @@ from gonio.instrument.scans import is_isotropic
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.models.expression.parser import parse
-from gonio.models.geometry.sides import Hemispheres
 from gonio.planning.adaptive.accuracy import FLOOR, LEVEL, MEASURE, Error, difference, random_directions, shown
 from gonio.planning.adaptive.model_strategy import ModelPrediction
 from gonio.planning.adaptive.prediction import Prediction
 from gonio.planning.adaptive.session import KEY, Session
 from gonio.planning.adaptive.table_strategy import TablePrediction
 from gonio.planning.planned import LONGEST
+from gonio.planning.ways import Way, ways_of
 
 FIRST = 24
 """Readings to begin with; twice as many of an anisotropic surface."""
@@ -55,6 +55,8 @@ class AdaptOptions(TypedDict, total=False):
     budget: float | None
     strategy: str
     model: str | None
+    hemisphere: str
+    lit: str
     output: str | os.PathLike[str] | None
     seed: int
     force: bool
@@ -68,7 +70,8 @@ def adapt(material: SubjectLike, instrument: Instrument | None = None, **options
     By the strategy "table" readings are kriged, and each round reads where the mean square of the expected error falls
     most. By "model" a model is fitted, selected anew where its residuals are structure, and the planner chooses what
     its predictions need. What is shown is shown by random directions that the prediction did not use: the error is the
-    rms of `MEASURE` (see `gonio.planning.adaptive.accuracy`), and its bound counts their number and noise.
+    rms of `MEASURE` (see `gonio.planning.adaptive.accuracy`), and its bound counts their number and noise. What is
+    reflected and what is transmitted are predicted by themselves, and the worse of their errors is the one shown.
 
     Args:
         material: any subject; whether it is isotropic decides whether the light stays at one azimuth.
@@ -76,6 +79,8 @@ def adapt(material: SubjectLike, instrument: Instrument | None = None, **options
         target: relative error to be shown, such as 0.01.
         budget: seconds of moving, settling and counting; one of both at least.
         strategy: "table" (the default) or "model".
+        hemisphere: "both" (the default, where the material sends light), "reflection" or "transmission".
+        lit: "front" (the default), "back" or "both".
         model: of the second, as `gonio.fit` takes it; by default it is selected, and grows.
         output: a file; rounds are kept beside it, and the same call goes on where one was killed.
         seed: of noise, systematic errors and the choice of directions.
@@ -100,14 +105,12 @@ def adapt(material: SubjectLike, instrument: Instrument | None = None, **options
     kept = {"output": output, "force": force, "command": options.get("command")}
     about = {"target": target, "budget_s": budget, "measure": MEASURE, "level": LEVEL}
     about |= _strategy(options.get("strategy", "table"), options.get("model"))
+    about |= {"hemisphere": options.get("hemisphere", "both"), "lit": options.get("lit", "front")}
     subject = load_material(material)
-    if about["strategy"] == "table" and Hemispheres.TRANSMISSION in subject.brdf.hemispheres:
-        raise GonioError(
-            f"{subject.name} transmits, and what reads it without a model knows reflection from the front alone; give "
-            "the strategy 'model' (gonio measure --adaptive model)"
-        )
-    assumed = ISOTROPIC if is_isotropic(subject.brdf) else ""
-    about["assumed"] = f"reciprocity{assumed}" if about["strategy"] == "table" else "the model"
+    isotropic = is_isotropic(subject.brdf)
+    ways = ways_of(subject.brdf, about["lit"], about["hemisphere"])
+    assumed = "; ".join(ASSUMED[reciprocal, isotropic].rstrip("; ") for reciprocal in {w.reciprocal for w in ways})
+    about["assumed"] = assumed if about["strategy"] == "table" else "the model"
     session = Session.begin(subject, instrument or Instrument(), int(seed), about, **kept)
     loop = _Loop(session, target, budget, options.get("log") or (lambda text: None))
     if session.count:
@@ -120,7 +123,7 @@ def adapt(material: SubjectLike, instrument: Instrument | None = None, **options
             raise
         session.save()
     session.about |= loop.outcome
-    return session.finish(output, force, **_stated(session.rounds[-1]))
+    return session.finish(output, force, **_stated(session.rounds[-1], session.ways))
 
 
 class Outcome(NamedTuple):
@@ -157,11 +160,15 @@ def _strategy(strategy: str, model: str | None) -> dict[str, Any]:
     return {"strategy": strategy, "model": model}
 
 
-def _stated(last: dict[str, Any]) -> dict[str, Any]:
-    """The law by which a table predicts, as its interpolation takes it."""
+def _stated(last: dict[str, Any], ways: Sequence[Way]) -> dict[str, Any]:
+    """The laws by which a table predicts, as its interpolation takes them."""
     if "law" not in last:
         return {}
-    return {LAW: {"law": dict(zip(NAMES, np.exp(last["law"]).tolist(), strict=True)), "floor": FLOOR}}
+    laws = [
+        {"sides": [way.light, way.detector], "law": dict(zip(NAMES, np.exp(law).tolist(), strict=True))}
+        for way, law in zip(ways, last["law"], strict=True)
+    ]
+    return {LAW: {"laws": laws, "floor": FLOOR}}
 
 
 @dataclasses.dataclass
@@ -228,7 +235,8 @@ class _Loop:
         """(readings that time and size allow, those of a check)."""
         room = MOST - self.session.count
         missed = [r for r in self.session.rounds if r["purpose"] == "check" and self._bound_is_wide(r)]
-        checks = int(np.clip(self.session.count, USUAL_CHECKS, CHECKS)) * 2 ** min(len(missed), DOUBLED)
+        ways = len(self.session.ways)
+        checks = int(np.clip(self.session.count, USUAL_CHECKS * ways, CHECKS * ways)) * 2 ** min(len(missed), DOUBLED)
         if self.budget is None:
             return room, checks
         each = 1.05 * self.session.seconds() / self.session.count
@@ -248,13 +256,20 @@ class _Loop:
         f, u_f = (session.values[name][first:][valid] for name in ("f", "u_f"))
         d, u = difference(before[valid], f, u_f)
         number = sum(r["purpose"] == "check" for r in session.rounds)
-        level = 1 - (1 - LEVEL) / (number * (number + 1))  # all checks together err as often as LEVEL says
-        error = shown(np.mean(d**2 - u**2, axis=1) / often[valid], level)
+        # All checks together err as often as LEVEL says, and so do those of all sides of the sample.
+        level = 1 - (1 - LEVEL) / (number * (number + 1)) / len(session.ways)
+        squares, angles = np.mean(d**2 - u**2, axis=1) / often[valid], session.angles[:, first:][:, valid]
+        errors = {way.words(): shown(squares[way.reads(angles)], level) for way in session.ways}
+        error = _worst(errors)
         reached = self.target is not None and error.bound <= self.target
         session.rounds[-1] |= {"error": error.value, "bound": error.bound, "level": level}
-        self._report(f"{percent(error.value)} shown, at most {percent(error.bound)}")
+        if len(errors) > 1:
+            session.rounds[-1]["by_side"] = {name: e._asdict() for name, e in errors.items()}
+        shares = (f"{percent(e.value)} shown, at most {percent(e.bound)}" for e in errors.values())
+        names = (f"{name} " if len(errors) > 1 else "" for name in errors)
+        self._report("; ".join(name + share for name, share in zip(names, shares, strict=True)))
         if reached or last or self._stuck():
-            session.rounds[-1]["outcome"] = self._outcome(error, reached, first)
+            session.rounds[-1]["outcome"] = self._outcome(errors, reached, first)
 
     def _bound_is_wide(self, check: dict[str, Any]) -> bool:
         """Whether a check missed the target by its bound alone."""
@@ -279,7 +294,7 @@ class _Loop:
         before, now = (r["error"] for r in checks)
         return min(before, now) > self.target and now > STUCK * before
 
-    def _outcome(self, error: Error, reached: bool, first: int) -> dict[str, Any]:
+    def _outcome(self, errors: dict[str, Error], reached: bool, first: int) -> dict[str, Any]:
         session = self.session
         if reached:
             what = "target shown"
@@ -287,9 +302,13 @@ class _Loop:
             what = "no larger model found that does better"
         else:
             what = f"{session.count} readings taken" if session.count >= MOST else "budget spent"
+        error = _worst(errors)
+        number, sides = sum(e.readings for e in errors.values()), ""
+        if len(errors) > 1:
+            sides = "; " + ", ".join(f"{name} at most {percent(e.bound)}" for name, e in errors.items())
         verdict = (
-            f"{what}: error {percent(error.value)}, at most {percent(error.bound)} ({percent(LEVEL)} sure), by "
-            f"{error.readings} directions that {first} readings were to predict; {session.seconds() / 3600:.3g} h"
+            f"{what}: error {percent(error.value)}, at most {percent(error.bound)} ({percent(LEVEL)} sure{sides}), by "
+            f"{number} directions that {first} readings were to predict; {session.seconds() / 3600:.3g} h"
         )
         if "model" in session.rounds[-1]:
             verdict += f"; by {session.rounds[-1]['fitted']}"
@@ -299,3 +318,8 @@ class _Loop:
     def _report(self, text: str) -> None:
         session = self.session
         self.log(f"round {len(session.rounds)}: {session.count} readings, {session.seconds() / 3600:.3g} h, {text}")
+
+
+def _worst(errors: dict[str, Error]) -> Error:
+    """The error of the pair of sides whose bound is largest."""
+    return max(errors.values(), key=lambda e: (e.bound, e.value))

@@ -41,7 +41,12 @@ class ModelPrediction(Prediction):
     instrument: Instrument
     isotropic: bool
     why: str
-    ways: tuple[Way, ...] = (Way(),)
+    of_session: tuple[Way, ...] = (Way(),)
+
+    @property
+    def ways(self) -> tuple[Way, ...]:
+        """Those on which the session reads."""
+        return self.of_session
 
     @classmethod
     def of(cls, session: Session, ratio: float) -> "ModelPrediction":

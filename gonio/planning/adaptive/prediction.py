@@ -30,7 +30,11 @@ class Prediction(abc.ABC):
 
     instrument: Instrument
     isotropic: bool
-    ways: tuple[Way, ...] = (Way(),)
+
+    @property
+    @abc.abstractmethod
+    def ways(self) -> tuple[Way, ...]:
+        """From one side of the sample to another, on which it predicts."""
 
     @abc.abstractmethod
     def values(self, angles: np.ndarray) -> np.ndarray:
@@ -49,14 +53,21 @@ class Prediction(abc.ABC):
         """For the provenance: what predicts."""
 
     def expected(self, rng: np.random.Generator) -> float:
-        """The rms error that is expected."""
-        return float(
-            np.sqrt(self.squares(random_directions(JUDGED, self.instrument, self.isotropic, rng, self.ways)).mean())
-        )
+        """The rms error that is expected on the way where it is largest."""
+        angles = random_directions(JUDGED, self.instrument, self.isotropic, rng, self.ways)
+        squares = self.squares(angles)
+        return float(np.sqrt(max(squares[here].mean() for way in self.ways if (here := way.reads(angles)).any())))
 
     def check_shots(self, count: int, rng: np.random.Generator) -> CheckShots:
-        """Directions that show the error: half of them evenly, half the more often the larger it is expected to be."""
-        pool = random_directions(POOL, self.instrument, self.isotropic, rng, self.ways)
+        """Directions that show the error: half of them evenly, half the more often the larger it is expected to be.
+
+        About as many of each way.
+        """
+        every = [self._of_way(way, max(1, count // len(self.ways)), rng) for way in self.ways]
+        return CheckShots(*(np.concatenate(c, axis=-1) for c in zip(*every, strict=True)))
+
+    def _of_way(self, way: Way, count: int, rng: np.random.Generator) -> CheckShots:
+        pool = random_directions(POOL, self.instrument, self.isotropic, rng, (way,))
         squares = self.squares(pool)
         often = DEFENSIVE + (1 - DEFENSIVE) * squares / max(squares.mean(), 1e-300)
         often /= often.mean()

@@ -76,8 +76,8 @@ class Session:
 
     @property
     def ways(self) -> tuple[Way, ...]:
-        """Where the material sends light from the front."""
-        return ways_of(self.material.brdf)
+        """Where the material sends light, of those that were asked for."""
+        return ways_of(self.material.brdf, self.about.get("lit", "front"), self.about.get("hemisphere", "both"))
 
     @property
     def count(self) -> int:

@@ -13,6 +13,7 @@ from gonio.instrument.instrument import Instrument
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import from_spherical
 from gonio.planning.adaptive.accuracy import difference, random_directions
+from gonio.planning.ways import ways_of
 
 SATIN = "lambert(rho=0.3) + ggx(alpha=0.3, f0=0.04)"
 
@@ -136,5 +137,29 @@ def test_of_a_sheet_both_sides_are_read_and_the_target_shown_is_true():
     assert table.sides == {(1, 1), (1, -1)} and table.provenance["adaptive"]["shown"]
     fitted = gonio.fit(table, "thin_sheet").material.brdf
     assert float(fitted.rho) == pytest.approx(0.3, rel=0.02) and float(fitted.tau) == pytest.approx(0.4, rel=0.02)
-    with pytest.raises(gonio.GonioError, match="give the strategy 'model'"):
-        gonio.adapt(sheet, target=0.02)
+
+
+def test_without_a_model_each_side_is_shown_by_readings_that_were_not_used():
+    """Unlike lobes either way, lit from behind: the target holds on each side, and nothing is read of the front's."""
+    sheet = "thin_sheet(rho=0.1, tau=0.02, rho_behind=0.4) + 0.4 * transmitted(base=ggx(alpha=0.3))"
+    table = gonio.adapt(sheet, gonio.Instrument(photons=1e6), target=0.08, lit="back")
+    kept = table.provenance["adaptive"]
+    assert table.sides == {(-1, -1), (-1, 1)} and kept["shown"] and kept["lit"] == "back"
+    last = kept["rounds"][-1]
+    first, count = last["readings"]
+    assert set(last["by_side"]) == {"reflection, lit from behind", "transmission, lit from behind"}
+    assert sum(side["readings"] for side in last["by_side"].values()) == count - first
+    assert max(side["bound"] for side in last["by_side"].values()) == kept["bound"] <= 0.08
+    instrument, brdfs = Instrument(), (as_material(table), load_material(sheet).brdf)
+    for way in ways_of(brdfs[1], "back"):
+        angles = random_directions(500, instrument, True, np.random.default_rng(7), (way,))
+        wi, wo = (from_spherical(*angles[k : k + 2], np) for k in (0, 2))
+        values = [np.asarray(evaluate(b, wi, wo)).reshape(500, -1) for b in brdfs]
+        assert np.sqrt(np.mean(difference(*values)[0] ** 2)) < 0.08
+
+
+def test_sides_that_are_not_there_are_refused():
+    with pytest.raises(gonio.GonioError, match="no light on in transmission that comes from there"):
+        gonio.adapt("lambert(rho=0.5)", target=0.1, hemisphere="transmission")
+    with pytest.raises(gonio.GonioError, match="lit is 'below'; give front, back or both"):
+        gonio.adapt("thin_sheet(rho=0.3, tau=0.4)", target=0.1, lit="below")
