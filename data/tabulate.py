@@ -2,14 +2,13 @@
 
 import functools
 import math
-from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.data.layouts.base import Layout, Pair, Trig
+from gonio.data.layouts.base import Layout, Trig
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.compiled.directed import NARROWEST
 from gonio.models.compiled.dispatch import Formula
@@ -17,6 +16,7 @@ from gonio.models.compiled.dispatch import values as program_values
 from gonio.models.compiling import wide_jit
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.half_vector import stated_half_angles
 
 BLOCK_CELLS = 1 << 19
 """Cells of one call of the kernel: enough to hide the cost of the call, few enough to need little memory."""
@@ -68,7 +68,7 @@ def _compiled(brdf: AbstractBRDF, layout: Layout, start: int, stop: int) -> np.n
             for c in _whole(pair, sizes)
         ]
     values = program_values(
-        _formula(layout.pair, len(sizes), in_loops), brdf, trig, sizes if in_loops else (math.prod(sizes),), dtype
+        _formula(type(layout), len(sizes), in_loops), brdf, trig, sizes if in_loops else (math.prod(sizes),), dtype
     )
     return None if values is None else values.reshape(*sizes, -1)
 
@@ -77,16 +77,21 @@ def _whole(pair: tuple[np.ndarray, np.ndarray], shape: tuple[int, ...]) -> list[
     return [np.broadcast_to(c, shape) for c in pair]
 
 
+def _cell(brdf: AbstractBRDF, layout: type[Layout], trig: Trig) -> jax.Array:
+    """f of the cell whose angles have this trigonometry."""
+    dtype = trig[0][0].dtype
+    wi, wo = (Direction(*(jnp.asarray(c, dtype) for c in w)) for w in layout.pair(trig))
+    half = jax.tree.map(lambda c: jnp.asarray(c, dtype), layout.half_angles(trig))
+    with stated_half_angles(wi, wo, half):
+        return brdf.f(wi, wo)
+
+
 @functools.cache
-def _formula(pair: Callable[[Trig], Pair], axes: int, in_loops: bool) -> Formula:
+def _formula(layout: type[Layout], axes: int, in_loops: bool) -> Formula:
     """f of a cell from the trigonometry of its angles, in one loop or in one for each axis."""
 
     def value(model: Any, *trig: Any) -> Any:
-        wi, wo = (
-            Direction(*(jnp.asarray(c, trig[0].dtype) for c in w))
-            for w in pair(list(zip(trig[::2], trig[1::2], strict=True)))
-        )
-        return model.f(wi, wo)
+        return _cell(model, layout, list(zip(trig[::2], trig[1::2], strict=True)))
 
     return Formula(value, tuple((k if in_loops else 0,) for k in range(axes) for _ in range(2)))
 
@@ -95,7 +100,7 @@ def _grid_block(brdf: AbstractBRDF, layout: Layout, start: int, rows: int) -> np
     dtype = jnp.result_type(float)
     angles = [_padded(a, start, rows) if k == 0 else a for k, a in enumerate(layout.axes.values())]
     trig = [(np.cos(a).astype(dtype), np.sin(a).astype(dtype)) for a in angles]
-    return np.asarray(_kernel(brdf, layout.pair, trig)).reshape(rows, *layout.shape[1:], -1)
+    return np.asarray(_kernel(brdf, type(layout), trig)).reshape(rows, *layout.shape[1:], -1)
 
 
 def _scattered_block(brdf: AbstractBRDF, layout: Layout, start: int, rows: int) -> np.ndarray:
@@ -110,10 +115,9 @@ def _padded(axis: np.ndarray, start: int, rows: int) -> np.ndarray:
 
 
 @wide_jit
-def _kernel(brdf: AbstractBRDF, pair: Callable[[Trig], Pair], trig: Trig) -> jax.Array:
+def _kernel(brdf: AbstractBRDF, layout: type[Layout], trig: Trig) -> jax.Array:
     def cell(*trig: tuple[Any, Any]) -> jax.Array:
-        wi, wo = (Direction(*(jnp.asarray(c, trig[0][0].dtype) for c in w)) for w in pair(trig))
-        return brdf.f(wi, wo)
+        return _cell(brdf, layout, trig)
 
     for k in reversed(range(len(trig))):
         cell = jax.vmap(cell, in_axes=[0 if j == k else None for j in range(len(trig))])

@@ -17,6 +17,7 @@ from gonio.models.geometry.sides import FRONT, HORIZON, Hemispheres, Sides, hemi
 
 if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
+    from gonio.models.geometry.half_vector import HalfAngles
 
 TURN = 2 * math.pi
 SAME = 1e-9
@@ -173,6 +174,11 @@ class Layout(abc.ABC):
     @abc.abstractmethod
     def pair(trig: Trig) -> Pair:
         """(wi, wo) by the cosines and sines of the axes' angles; NumPy or JAX, components that broadcast."""
+
+    @staticmethod
+    def half_angles(trig: Trig) -> "HalfAngles | None":
+        """Half vector, cosθ_d and sin²θ_h of a cell by the same cosines and sines; None where axes do not tell."""
+        return None
 
     @staticmethod
     @abc.abstractmethod

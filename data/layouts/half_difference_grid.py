@@ -11,6 +11,7 @@ from gonio.models.errors import GonioError
 
 if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
+    from gonio.models.geometry.half_vector import HalfAngles
 
 
 class HalfDifferenceGrid(Layout):
@@ -51,6 +52,15 @@ class HalfDifferenceGrid(Layout):
         (ch, sh), (cd, sd), (cp, sp), *turn = trig
         wi, wo = pair_from_half_difference_trig(ch, sh, cd, sd, cp, sp)
         return (rotate_z(wi, *turn[0]), rotate_z(wo, *turn[0])) if turn else (wi, wo)
+
+    @staticmethod
+    def half_angles(trig: Trig) -> "HalfAngles":
+        from gonio.models.geometry.directions import Direction, rotate_z
+        from gonio.models.geometry.half_vector import HalfAngles
+
+        (ch, sh), (cd, _), _, *turn = trig
+        h = Direction(sh, 0.0, ch)
+        return HalfAngles(rotate_z(h, *turn[0]) if turn else h, abs(cd), sh * sh)
 
     @staticmethod
     def coordinates(wi: "Direction", wo: "Direction") -> dict[str, Any]:

@@ -11,6 +11,7 @@ import numpy as np
 from gonio.models.compiled import emission, workers
 from gonio.models.compiled.graph import DTYPES, Unsupported
 from gonio.models.compiled.machine import compiled, machine
+from gonio.models.compiled.masks import unguarded
 from gonio.models.compiled.trace import Traced, traced
 
 PIECE = 1 << 14
@@ -41,6 +42,7 @@ class Program:
         scalars = [jax.ShapeDtypeStruct((), dtype)] * len(axes)
         self.trace = translated(jax.make_jaxpr(formula)(shapes, *scalars), leaves, len(axes))
         self.channels = self.trace.outputs.shape
+        outputs = tuple(unguarded(self.trace.graph, [int(k) for k in self.trace.outputs.flat]))
         if len(self.channels) > 1:
             raise Unsupported(f"values of shape {self.channels}")
         kind = self.trace.graph.dtype(int(self.trace.outputs.flat[0]))
@@ -48,7 +50,6 @@ class Program:
         self.lanes = target.vector_bytes // self.dtype.itemsize
         self.axes = 1 + max(a for each in axes for a in each)
         inputs = tuple(emission.Input("f32" if self.input_dtype.itemsize == 4 else "f64", each) for each in axes)
-        outputs = tuple(int(k) for k in self.trace.outputs.flat)
         kernel = emission.Kernel(
             self.trace.graph, outputs, inputs, self.axes, self.lanes, target.estimates, target.flush
         )

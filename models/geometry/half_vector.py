@@ -1,6 +1,8 @@
 """What the half-vector lobes share: h and the half angle, log cosθ_h, cosines that may be divided by, and densities."""
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -21,6 +23,42 @@ class HalfAngles(NamedTuple):
     sin2_h: Scalar
 
 
+class _Stated(NamedTuple):
+    """Half angles that are known beforehand, and the pairs of directions that they are of: one, and what guards made of
+    it."""
+
+    half: HalfAngles
+    pairs: list[tuple[Direction, Direction]]
+
+    def of(self, wi: Direction, wo: Direction) -> bool:
+        """Whether these are the very directions, in either order."""
+        return any((wi is a and wo is b) or (wi is b and wo is a) for a, b in self.pairs)
+
+
+_stated: ContextVar[_Stated | None] = ContextVar("stated half angles", default=None)
+
+
+@contextlib.contextmanager
+def stated_half_angles(wi: Direction, wo: Direction, half: HalfAngles | None) -> Iterator[None]:
+    """Within it `half_angles` of this very pair, guarded or not, is `half`, as a grid of half vectors has it.
+
+    It is then computed once for an axis rather than in each cell, and loses no digits in the sum of two directions.
+    Nothing is stated where `half` is None.
+    """
+    token = _stated.set(None if half is None else _Stated(half, [(wi, wo)]))
+    try:
+        yield
+    finally:
+        _stated.reset(token)
+
+
+def stands_for(guarded: tuple[Direction, Direction], wi: Direction, wo: Direction) -> None:
+    """Note that a guarded pair is (wi, wo) wherever its value counts."""
+    stated = _stated.get()
+    if stated is not None and stated.of(wi, wo):
+        stated.pairs.append(guarded)
+
+
 def half_angles(wi: Direction, wo: Direction) -> HalfAngles:
     """h, cosθ_d and sin²θ_h of two unit directions; the normal where they are opposite, where cosθ_d is 0.
 
@@ -29,6 +67,9 @@ def half_angles(wi: Direction, wo: Direction) -> HalfAngles:
     two lengths differ by more than rounding (single-precision directions handed over in double) is wi·h taken to the
     letter, as renderers do: it is longer by (|wi|² − |wo|²)/(2|wi + wo|).
     """
+    stated = _stated.get()
+    if stated is not None and stated.of(wi, wo):
+        return stated.half
     dtype = jnp.result_type(wi.x, wo.x)
     up = grazing_scale(dtype)
     x, y, z = ((a + b) * up for a, b in zip(wi, wo, strict=True))

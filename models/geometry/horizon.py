@@ -8,6 +8,7 @@ from jaxtyping import Array, Bool
 
 from gonio.models.arrays import Scalar
 from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.half_vector import stands_for
 from gonio.models.geometry.sides import EVERYWHERE as EVERYWHERE
 from gonio.models.geometry.sides import HORIZON as HORIZON
 from gonio.models.geometry.sides import TWO_SIDED as TWO_SIDED
@@ -30,7 +31,9 @@ def guarded_pair(
     """
     if hemispheres == Hemispheres.REFLECTION:
         # Each by its own cosine: along the rows of a grid, one direction is then selected once
-        return above_horizon(wi, wo), _selected(wi.z > HORIZON, wi, 1.0), _selected(wo.z > HORIZON, wo, 1.0)
+        pair = _selected(wi.z > HORIZON, wi, 1.0), _selected(wo.z > HORIZON, wo, 1.0)
+        stands_for(pair, wi, wo)
+        return above_horizon(wi, wo), *pair
     mask = jnp.minimum(jnp.abs(wi.z), jnp.abs(wo.z)) > HORIZON
     if hemispheres != EVERYWHERE:
         front_i, front_o = wi.z > 0, wo.z > 0
@@ -41,7 +44,9 @@ def guarded_pair(
         }
         mask = mask & functools.reduce(operator.or_, (case for one, case in cases.items() if one in hemispheres))
     side = -1.0 if hemispheres == Hemispheres.TRANSMISSION else 1.0
-    return mask, _selected(mask, wi, 1.0), _selected(mask, wo, side)
+    pair = _selected(mask, wi, 1.0), _selected(mask, wo, side)
+    stands_for(pair, wi, wo)
+    return mask, *pair
 
 
 def lit(hemispheres: Hemispheres, wi: Direction) -> tuple[Bool[Array, ""] | bool, Direction]:
