@@ -30,7 +30,8 @@ HIDDEN = 2e-11
 """Share that no two orders may tell apart: at the horizon, shadowing by narrow lobes (α < 1e-3) turns within α."""
 
 ALGEBRAIC = 1 / 8
-"""Of the change before, that may remain where kinks inside the panels make rules converge by a factor an order."""
+"""Of the change before, that may remain where kinks inside the panels make rules converge by a factor an order; all of
+it where the slope is infinite at them."""
 
 
 class Estimate(NamedTuple):
@@ -193,7 +194,7 @@ def _terms_integrals(
     parts: tuple[AbstractBRDF, ...], side: float, theta: np.ndarray, phi: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """(value, bound, evaluations) of the sum of terms; only what misses its tolerance goes on to the next order."""
-    terms = [_Term(theta.size, part.kinked) for part in parts]
+    terms = [_Term(theta.size, 1.0 if p.totally_reflects else ALGEBRAIC if p.kinked else 0.0) for p in parts]
     evaluations = 0
     for order in ORDERS[1:] if _costly(parts) else ORDERS:
         some = [i for i, term in enumerate(terms) if term.unmet.any()]
@@ -215,8 +216,8 @@ def _terms_integrals(
 class _Term:
     """The integrals of a term at some incidences, with the last changes, by which their errors are bounded."""
 
-    def __init__(self, count: int, kinked: bool = False) -> None:
-        self.remains = ALGEBRAIC if kinked else 0.0
+    def __init__(self, count: int, remains: float = 0.0) -> None:
+        self.remains = remains  # of the change before, where rules converge by no more than a factor an order
         self.unmet = np.ones(count, bool)
         self.value, self.bound, self.step = (np.full(count, np.nan) for _ in range(3))
 

@@ -19,7 +19,7 @@ from gonio.models.arrays import Channels, Scalar
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.horizon import Hemispheres, guarded_pair, lit
-from gonio.models.parameters import ParameterInfo, known_equal, parameter
+from gonio.models.parameters import ParameterInfo, known_equal, known_total_reflection, parameter
 from gonio.models.warps.hemisphere import cosine_pdf, cosine_sample
 
 Sample = tuple[Direction, Bool[Array, ""] | bool]
@@ -72,6 +72,14 @@ class AbstractBRDF(eqx.Module):
     def kinked(self) -> bool:
         """Whether the lobe map leaves kinks inside its panels: rules of higher order then gain a fixed factor alone."""
         return False
+
+    @property
+    def totally_reflects(self) -> bool:
+        """Whether light is reflected totally from some angle on, as beyond an index below 1 that hardly absorbs.
+
+        Two orders may agree by accident there: the slope of f is infinite at that angle.
+        """
+        return known_total_reflection(getattr(self, "eta", None), getattr(self, "k", None))
 
     @property
     def isotropic(self) -> bool:
@@ -256,6 +264,10 @@ class Scaled(AbstractBRDF):
     @property
     def kinked(self) -> bool:
         return self.base.kinked
+
+    @property
+    def totally_reflects(self) -> bool:
+        return self.base.totally_reflects
 
     @property
     def isotropic(self) -> bool:

@@ -35,6 +35,10 @@ class Folded(AbstractBRDF):
     def kinked(self) -> bool:
         return self.base.kinked
 
+    @property
+    def totally_reflects(self) -> bool:
+        return self.base.totally_reflects
+
     def terms(self) -> tuple[AbstractBRDF, ...]:
         """Those of the base that send light from that side to this one, each seen so; none where it is dark."""
         way = Hemispheres.REFLECTION if self.light == self.detector else Hemispheres.TRANSMISSION

@@ -55,6 +55,15 @@ def parameters_of(model_class: type) -> dict[str, ParameterInfo]:
     return {f.name: f.metadata["parameter"] for f in fields if "parameter" in f.metadata}
 
 
+def known_total_reflection(eta: Any, k: Any) -> bool:
+    """Whether light is reflected totally beyond some angle, by the index, in any channel; no under JAX."""
+    if eta is None or any(isinstance(v, Tracer) for v in (eta, k)):
+        return False
+    index, absorbed = np.broadcast_arrays(np.asarray(eta, float), np.asarray(0.0 if k is None else k, float))
+    # The root of η² − k² − sin²θ + 2iηk is 0, or nearly, at an angle where k < η < 1; of metals it is nowhere.
+    return bool(np.any((index < 1) & (absorbed < index)))
+
+
 def known_equal(a: Any, b: Any) -> bool:
     """Whether two parameters are the same in every channel, None like None: a question to values, so no under JAX."""
     if a is None or b is None:

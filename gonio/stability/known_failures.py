@@ -37,9 +37,6 @@ KNOWN = (
         "gradient", "he_torrance", "sigma=20", "orders of waves that cancel leave √g = 900 roundings, 1e-13 of f"
     ),
     KnownFailure(
-        "integral", "rayleigh_rice", "eta=0.01", "total reflection sets in at sinθ = 0.01, a kink that no panel ends at"
-    ),
-    KnownFailure(
         "gradient", "kelemen", "alpha=0.0001", "a tabulated albedo's slope by alpha: its error over a width of 1e-4"
     ),
 )

@@ -8,7 +8,9 @@ from scipy.integrate import quad
 
 from gonio.models.albedo import directional_albedo, hemispherical_albedo
 from gonio.models.diffuse.lambert import Lambert
+from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
+from gonio.models.geometry.directions import Direction
 from gonio.models.microfacet.beckmann import Beckmann
 from gonio.models.microfacet.ggx import GGX
 from gonio.stability.problems import ALBEDOS
@@ -97,3 +99,21 @@ def test_many_incidences_of_terms_that_need_different_rules_are_those_of_each():
     together = directional_albedo(brdf, theta, 0.0, 1e-7).value
     apart = [directional_albedo(brdf, theta[k : k + 9], 0.0, 1e-7).value for k in (0, 9)]
     np.testing.assert_allclose(together, np.concatenate(apart), atol=2e-7)
+
+
+def test_bounds_hold_where_light_is_reflected_totally():
+    """∫ over direction cosines in polar coordinates, which ends at the kink, sinθ = η, and runs to it as a square."""
+    eta = 0.01
+    brdf = build(f"rayleigh_rice(wavelength=0.55, eta={eta}, a=0.01, b=100, c=2.5)")
+    x, w = np.polynomial.legendre.leggauss(80)
+    x, w, true = 0.5 * (1 + x), 0.5 * w, 0.0
+    up = Direction(*(np.zeros(160), np.zeros(160), np.ones(160)))
+    for low, high in ((0.0, eta), (eta, 1.0)):
+        # From both ends as squares: the root at the kink, and the cosine at the rim, are smooth then.
+        half = 0.5 * (high - low)
+        rho = np.concatenate([low + half * x**2, high - half * x**2])
+        weight = np.tile(2 * half * x * w, 2)
+        wo = Direction(rho, np.zeros(160), np.sqrt(1 - rho * rho))
+        true += float(np.sum(evaluate(brdf, up, wo) * weight * 2 * np.pi * rho))
+    e = directional_albedo(brdf, 0.0, tolerance=2.5e-7)
+    assert abs(float(e.value) - true) <= float(e.bound)
