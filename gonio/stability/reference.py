@@ -18,6 +18,8 @@ STEP, TABLED_STEP = mpf(10) ** -14, mpf(10) ** -4
 LEAST_STEP = mpf(10) ** -36
 FINER = 10**12
 """Factor between the two steps whose quotients differ where a slope is infinite."""
+JUMP = 10**8
+"""Factor between the usual step and the one beside a jump: less than directions in double precision are apart."""
 
 
 class Inputs(NamedTuple):
@@ -80,8 +82,14 @@ class Reference:
         """Whether ∂f/∂parameter is infinite, in however small a term of f: quotients grow as the step shrinks."""
         if self.tabled:
             return False
-        coarse, fine = (self._quotient(name, inputs, finer) for finer in (1, FINER if self.costly else FINER**2))
+        coarse, fine = (self._quotient(name, inputs, finer) for finer in (1, FINER**2))
         return bool(abs(fine) > 10 * abs(coarse))
+
+    def slope_beside(self, name: str, inputs: Inputs) -> mpf | None:
+        """∂f/∂parameter by a step that a jump of f, which lies nearer than the usual one, does not fall into."""
+        if self.tabled:
+            return self.slope(name, inputs)
+        return self._quotient(name, inputs, JUMP)
 
     def _quotient(self, name: str, inputs: Inputs, finer: int) -> mpf:
         center, info = inputs.params[name], self.domains[name]

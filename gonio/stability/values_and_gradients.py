@@ -183,7 +183,11 @@ def _slope_judgements(
         # Slopes that a fit cannot feel: the rounding of a millionth of the largest slope at the same incidence.
         floor += NEGLIGIBLE * case.eps * float(np.max(np.abs(np.nan_to_num(slopes[parameter]))))
         spread = functools.partial(_slope_spread, reference, parameter, inputs, exact)
-        yield case.judge(value, exact, inputs, floor, spread)
+        judged = case.judge(value, exact, inputs, floor, spread)
+        beside = reference.slope_beside(parameter, inputs) if judged.verdict == SILENT else exact
+        if beside is not None and abs(beside - exact) > abs(exact) / 2:  # the step of `exact` fell across a jump of f
+            judged = case.judge(value, beside, inputs, floor, spread)
+        yield judged
 
 
 def _slope_spread(reference: Reference, parameter: str, inputs: Inputs, exact: mpf) -> mpf:

@@ -27,6 +27,12 @@ def _stirling_rest(inverse_m: Scalar) -> Scalar:
     return inverse_m * (1 / 12 - s * (1 / 360 - s * (1 / 1260 - s * (1 / 1680 - s * (1 / 1188 - s * 691 / 360360)))))
 
 
+def _stirling_fall(inverse_m: Scalar) -> Scalar:
+    """What `_stirling_rest` falls by in a step of m: less its derivative by m."""
+    s = inverse_m * inverse_m
+    return s * (1 / 12 - s * (1 / 120 - s * (1 / 252 - s * (1 / 240 - s * (1 / 132 - s * 691 / 32760)))))
+
+
 @functools.lru_cache
 def _first_orders() -> tuple[np.ndarray, np.ndarray]:
     m = np.arange(1, NODES + 1, dtype=float)
@@ -108,5 +114,10 @@ def _terms(
     excess = jnp.where(near, 2.0 * x2 * (1.0 / (1.0 + x) + x * odd), far_log - above * inverse_m)
     # g^(m−1) e^(−g)/(m! m) with Stirling's m!.
     term = jnp.exp(log_ratio - m * excess - rest - b * inverse_m) * (inverse_m * inverse_m * jnp.sqrt(inverse_m))
-    by_g = jnp.where(spread, (above - 1.0) * inverse_g, (m - 1.0) * inverse_g - 1.0)
+    # Of a hump, Σ ∂term/∂m = 0: less that, Σ term (m − g − 1)/g has no terms left that cancel over its width, √g.
+    rise = jnp.where(near, 2.0 * x2 * (1.0 / (1.0 - x) - x * odd), above * inverse_g - far_log)
+    hump = (
+        rise - inverse_g - 1.5 * inverse_m + _stirling_fall(jnp.minimum(inverse_m, 0.125)) + b * inverse_m * inverse_m
+    )
+    by_g = jnp.where(spread, hump, (m - 1.0) * inverse_g - 1.0)
     return term, term * by_g, -term * inverse_m

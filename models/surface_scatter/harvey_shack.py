@@ -63,8 +63,8 @@ class ABg(AbstractDiscLobe):
 
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         rho2 = projected_distance2(wi, wo)
-        # Nearer than rounding is at the mirror: a cusp's slope there would overflow.
-        away = rho2 > 8 * jnp.finfo(rho2.dtype).eps ** 2
+        # Nearer than this, far below rounding, is at the mirror: a cusp's slope there would overflow.
+        away = rho2 > float(jnp.finfo(rho2.dtype).tiny) ** 0.5
         power = jnp.exp(0.5 * self.g * jnp.log(jnp.where(away, rho2, 1.0)))
         power = jnp.where(away, power, jnp.where(self.g > 0, 0.0, 1.0))
         return self.a / (self.b + power)

@@ -2,15 +2,18 @@
 
 import re
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from gonio.models.albedo import directional_albedo
 from gonio.models.evaluation import evaluate
+from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.surface_scatter.abc_smooth import ABCSmooth
 from gonio.models.surface_scatter.harvey_shack import ABg, HarveyShack
+from gonio.stability.precision import cast
 from support import helpers
 
 MU = np.array([1.0, 0.8, 0.3, 0.02, 1e-3])
@@ -86,3 +89,15 @@ def test_a_cusp_has_its_height_in_the_mirror_direction():
     m = Direction(-w.x, w.y, w.z)
     assert ABg(0.01, 1e-4, 0.5).f(w, m) == pytest.approx(100.0)
     assert ABg(0.01, 1.0, 0.0).f(w, m) == pytest.approx(0.005)
+
+
+def test_a_narrow_abg_keeps_its_digits_to_the_mirror_direction():
+    """Directions in single precision lie closer to the mirror than the roundings of 1, where its digits are those of
+    their difference."""
+    brdf = cast(build("abg(a=0.01, b=1e-12, g=1.5)"), np.float32)
+    x = np.float32(0.5)
+    beside = -np.nextafter(x, np.float32(1))
+    with jax.enable_x64(False):
+        f = evaluate(brdf, Direction(x, 0, x), Direction(beside, 0, x))
+    exact = 0.01 / (np.float32(1e-12) + float(abs(x + beside)) ** 1.5)
+    assert float(f) == pytest.approx(exact, rel=1e-5)

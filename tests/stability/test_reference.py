@@ -24,3 +24,19 @@ def test_a_slope_at_forty_digits():
         n, c = mp.mpf(3), mp.mpf(0.8)
         exact = c**n / (2 * mp.pi) * (1 + (n + 2) * mp.log(c))
         assert float(reference.slope("n", reference.inputs(wi, wo))) == pytest.approx(float(exact), rel=1e-12)
+
+
+def test_a_slope_beside_a_jump():
+    """A lobe of exponent 0 jumps at its edge, here 1e-15 away: steps of its weights fall across."""
+    wi, wo = (0.6, 0.0, 0.8), (0.8, 0.0, 0.6 + 1e-15)
+    reference = Reference("lafortune(c_x=-1, c_y=-1, c_z=1, n=0)", np.float64)
+    with mp.workdps(DIGITS):
+        inputs = reference.inputs(wi, wo)
+        assert abs(reference.slope("c_x", inputs)) > 1e10 and reference.slope_beside("c_x", inputs) == 0
+
+
+def test_the_slope_of_a_white_half_space_is_infinite_even_at_grazing():
+    wi = wo = (0.6, 0.8, 1e-15)
+    with mp.workdps(DIGITS):
+        reference = Reference("chandrasekhar(w=1)", np.float64)
+        assert reference.infinite("w", reference.inputs(wi, wo))
