@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable, Iterator
 
 from gonio.models.errors import GonioError
+from gonio.models.subsurface.catalog import BSSRDFS
 from gonio.stability.outcome import HARD, SAYS_SO, SILENT, Cell
 from gonio.stability.precision import PRECISIONS
 
@@ -27,7 +28,9 @@ Job = tuple[str, str]
 
 def jobs(models: tuple[str, ...]) -> list[Job]:
     """The jobs of an atlas of these models, the longest first."""
-    every = [(m, method) for method in ("gradient", "value", "fit", "integral", "sampler") for m in models]
+    methods = ("gradient", "value", "fit", "integral", "sampler")
+    # Light below the surface is drawn by no method.
+    every = [(m, method) for method in methods for m in models if not (m in BSSRDFS and method == "sampler")]
     return [(HARD, "fit"), *every] if len(models) > 1 else every
 
 
@@ -44,6 +47,8 @@ def settings_for(name: str, method: str, precision: str, quick: bool) -> list[st
 def cells_of(job: Job, quick: bool, key: str = "") -> list[Cell]:
     """All cells of one method of one model; with a cell's key, those of the setting that the key names."""
     name, method = job
+    if name in BSSRDFS:
+        return _profile_cells(job, quick, key)
     if method == "fit":
         from gonio.stability.fits import fit_cells, hard_cells
 
@@ -54,6 +59,22 @@ def cells_of(job: Job, quick: bool, key: str = "") -> list[Cell]:
         for setting in settings_for(name, method, precision, quick):
             if key.startswith(f"{method}/{setting}/") or not key:
                 cells += _guarded(job, setting, precision, lambda s=setting, p=precision: compute(name, s, p))
+    return cells
+
+
+def _profile_cells(job: Job, quick: bool, key: str) -> list[Cell]:
+    """`cells_of` of a model of light below the surface."""
+    from gonio.stability import profiles
+
+    name, method = job
+    if method == "fit":
+        return _guarded(job, "both coefficients", "", lambda: profiles.fit_cells(name))
+    cells = []
+    for precision in ("float64",) if method == "integral" else PRECISIONS:
+        for setting in profiles.settings(name)[:: 3 if quick else 1]:
+            if key.startswith(f"{method}/{setting}/") or not key:
+                compute = functools.partial(profiles.cells, method, name, setting, precision)
+                cells += _guarded(job, setting, precision, compute)
     return cells
 
 

@@ -11,10 +11,12 @@ from gonio.data.files import new_file
 from gonio.models.catalog import MODELS
 from gonio.models.deprecation import old_keywords
 from gonio.models.errors import GonioError, nearest
+from gonio.models.subsurface.catalog import BSSRDFS
 from gonio.stability.outcome import HARD, METHODS, VERDICTS, Cell
 from gonio.stability.result import Atlas
 from gonio.stability.run import QUICK, atlas, cells_of
 
+EVERY = (*MODELS, *BSSRDFS)
 PAGE, TABLE = "index.html", "stress.csv"
 
 
@@ -31,7 +33,8 @@ def stress(
     """Computes the stability atlas of some models: where each method fails, and whether it says so.
 
     Values and gradients are compared with textbook forms at forty digits, samplers with their density, hemisphere
-    integrals with rings about the lobe, and fits with the parameters that made the readings. Each cell is right, wrong
+    integrals with rings about the lobe, and fits with the parameters that made the readings; of light below a surface
+    profiles, their totals and fits to them. Each cell is right, wrong
     but says so, or silently wrong.
 
     Args:
@@ -48,7 +51,7 @@ def stress(
     names = (models,) if isinstance(models, str) else tuple(models)
     for name in names:
         _require_model(name)
-    names = names or (tuple(n for n in QUICK if n in MODELS) if quick else tuple(MODELS))
+    names = names or (tuple(n for n in QUICK if n in MODELS) if quick else EVERY)
     if output is not None:
         _require_folder(output, force)
     began = time.perf_counter()
@@ -94,8 +97,8 @@ def write(result: Atlas, output: str | os.PathLike[str], force: bool = False) ->
 
 
 def _require_model(name: str) -> None:
-    if name not in MODELS:
-        raise GonioError(f"Unknown model '{name}'; {nearest(name, MODELS)}")
+    if name not in EVERY:
+        raise GonioError(f"Unknown model '{name}'; {nearest(name, EVERY)}")
 
 
 def _require_folder(output: str | os.PathLike[str], force: bool) -> None:

@@ -24,7 +24,7 @@ def second_moment(eta: Channels) -> Channels:
 
     def node(v: jax.Array, weight: jax.Array) -> Channels:
         mu = v * v
-        inside = jnp.sqrt(1.0 - (1.0 - mu * mu) / (eta * eta))
+        inside = jnp.sqrt((eta - 1.0) * (eta + 1.0) + mu * mu) / eta
         return 2.0 * v * weight * (1.0 - fresnel_dielectric(mu, eta)) * inside * mu
 
     return 1.0 - 3.0 / (eta * eta) * jnp.sum(jax.vmap(node)(v, weight), 0)

@@ -6,7 +6,7 @@ from gonio.models.arrays import Channels, Scalar
 from gonio.models.subsurface.base import (
     AbstractBSSRDF,
 )
-from gonio.models.volume_scatter.chandrasekhar_h import absorption_root, h_isotropic
+from gonio.models.volume_scatter.chandrasekhar_h import half_space_albedo
 
 
 class NormalisedDiffusion(AbstractBSSRDF):
@@ -24,7 +24,7 @@ class NormalisedDiffusion(AbstractBSSRDF):
     def _shape(self) -> tuple[Channels, Channels]:
         """(A, s)."""
         w = self.scattering / self.extinction
-        share = 1.0 - absorption_root(w) * h_isotropic(jnp.ones((), w.dtype), w)
+        share = half_space_albedo(jnp.ones((), w.dtype), w)
         return share, (1.85 - share + 7.0 * jnp.abs(share - 0.8) ** 3) * self.extinction
 
     def profile(self, r: Scalar) -> Channels:

@@ -42,7 +42,22 @@ def h_isotropic(mu: Scalar, w: Channels) -> Channels:
 
     ln H = −(μ/π) ∫₀^∞ ln(1 − w arctan(t)/t)/(1 + μ²t²) dt. Near t = 0 the logarithm's argument is
     (3γ² + t²)/(3 + t²) to the order of t² for every w, and that part integrates to ln((1 + √3 μ)/(1 + √3 γ μ)); what
-    is left is smooth in ln t. The logarithms depend on w alone: the loop over nodes keeps them out of the directions'.
+    is left is smooth in ln t.
+    """
+    return (1.0 + SQRT3 * mu) / (1.0 + SQRT3 * absorption_root(w) * mu) * jnp.exp(-_correction(mu, w))
+
+
+def half_space_albedo(mu: Scalar, w: Channels) -> Channels:
+    """1 − √(1 − w) H(μ), what a half space of isotropic scatterers reflects, with all digits as w goes to 0."""
+    root = absorption_root(w)
+    level = 1.0 / (1.0 + SQRT3 * root * mu)
+    return level * (w / (1.0 + root) - root * (1.0 + SQRT3 * mu) * jnp.expm1(-_correction(mu, w)))
+
+
+def _correction(mu: Scalar, w: Channels) -> Channels:
+    """The smooth rest of −ln H(μ), in proportion to w where that is small.
+
+    The logarithms depend on w alone: the loop over nodes keeps them out of the directions'.
     """
     rule = _rule(jnp.result_type(mu, w) == jnp.float64)
     dtype = jnp.result_type(mu, w)
@@ -52,7 +67,7 @@ def h_isotropic(mu: Scalar, w: Channels) -> Channels:
 
     def log_rest(t_j: Scalar, bend_j: Scalar, weight_j: Scalar) -> Scalar:
         t2 = t_j * t_j
-        return weight_j * jnp.log((white + w * bend_j) * (3.0 + t2) / (3.0 * white + t2))
+        return weight_j * jnp.log1p(w * (bend_j * (3.0 + t2) - t2) / (3.0 * white + t2))
 
     logs = jax.vmap(log_rest)(t, bend, weight)
 
@@ -61,5 +76,4 @@ def h_isotropic(mu: Scalar, w: Channels) -> Channels:
         far = mu * t_j
         return total + log_j * (far / (1.0 + far * far)), None
 
-    correction, _ = jax.lax.scan(node, jnp.zeros(jnp.shape(w), dtype), (t, logs), unroll=8)
-    return (1.0 + SQRT3 * mu) / (1.0 + SQRT3 * absorption_root(w) * mu) * jnp.exp(-correction)
+    return jax.lax.scan(node, jnp.zeros(jnp.shape(w), dtype), (t, logs), unroll=8)[0]

@@ -56,9 +56,9 @@ class WayKriging:
         near = self.system.covariances(*pairs_of(self.way, angles)).T
         solved = solve_triangular(self.system.lower, near, lower=True, check_finite=False)
         whole = np.exp(self.system.law[8]) * (1 + np.exp(self.system.law[6]))
-        return np.clip(whole - np.sum(solved**2, axis=0), 0.0, LARGEST) * self.surprise(angles)
+        return np.clip(whole - np.sum(solved**2, axis=0), 0.0, LARGEST) * self.left_out_ratio(angles)
 
-    def surprise(self, angles: np.ndarray) -> np.ndarray:
+    def left_out_ratio(self, angles: np.ndarray) -> np.ndarray:
         """Squares (n,) of the errors of the nearest readings left out, over what they are expected to be."""
         here, samples = self.system.here, self.system.samples
         there = places(*pairs_of(self.way, angles), self.system.law, samples.symmetry, np)
@@ -91,7 +91,7 @@ class Offers:
         here = [places(*p, law, symmetry, np) for p in both]
         self._across = variance * correlation(here[0], here[1], remainder, np) - near[0].T @ near[1]
         self._among = variance * correlation(here[1], here[1], remainder, np) - near[1].T @ near[1]
-        self._across *= np.sqrt(kriging.surprise(judged))[:, None]
+        self._across *= np.sqrt(kriging.left_out_ratio(judged))[:, None]
         self._noise = kriging.noise(offered) + np.exp(law[7] + law[8])
         self.angles = offered
         self.falls = self._falls()
