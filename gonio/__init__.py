@@ -50,6 +50,7 @@ _PUBLIC = {  # public name: where it is defined; `__init__.pyi` has the same for
     "reduce": "gonio.data.reduction.coarsest_table:reduce_table",
     "repair": "gonio.checks.repairs.nearest_table:repair",
     "report": "gonio.reports.build:report",
+    "scan": "gonio.instrument.scans:scan",
     "stress": "gonio.stability:stress",
 }
 

@@ -20,6 +20,7 @@ from gonio.fitting.subsurface.result import ProfileFit as ProfileFit
 from gonio.instrument.instrument import Instrument as Instrument
 from gonio.instrument.measurement import measure as measure
 from gonio.instrument.offsets_scan import measure_profile as measure_profile
+from gonio.instrument.scans import scan as scan
 from gonio.metrology.fit_with_errors import fit as fit
 from gonio.metrology.quantities import quantities as quantities
 from gonio.models.errors import GonioError as GonioError
@@ -62,5 +63,6 @@ __all__ = [
     "reduce",
     "repair",
     "report",
+    "scan",
     "stress",
 ]  # without `open`: a star import leaves Python's own

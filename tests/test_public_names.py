@@ -36,6 +36,7 @@ VERBS = [
     "reduce",
     "repair",
     "report",
+    "scan",
     "stress",
 ]
 CLASSES = [

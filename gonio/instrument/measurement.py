@@ -19,6 +19,8 @@ from gonio.data.table import Table
 from gonio.instrument.instrument import Instrument
 from gonio.instrument.reader import Reader
 from gonio.instrument.scans import (
+    SIDES,
+    ScanOptions,
     default_hemisphere,
     default_name,
     hemisphere_remark,
@@ -50,8 +52,8 @@ def measure(
     Args:
         material: any subject (see `gonio.data.subject.SubjectLike`); a table is interpolated.
         instrument: ideal by default.
-        scan: a layout, or a name or a file that `gonio.instrument.scan` takes; by default isotropic by 5° up to 85°,
-            or spherical by 10° where the material is anisotropic.
+        scan: a layout, such as `gonio.scan` makes, or a name or a file that it takes; by default isotropic by 5° up to
+            85°, or spherical by 10° where the material is anisotropic.
         output: a file to be written in blocks, for tables of any size; the same call goes on where one was killed.
         seed: of the noise and the systematic errors, in [0, 2^64).
         progress: shows a progress bar of a long measurement, in a terminal or a notebook.
@@ -70,7 +72,10 @@ def measure(
 
     Raises:
         GonioError: for an unknown material or scan, a table too large for memory, an output that exists.
+        TypeError: for an option that there is not, or that the scan takes.
     """
+    if misplaced := [name for name in options if name in ScanOptions.__annotations__ and name not in SIDES]:
+        raise TypeError(f"{misplaced[0]} is an option of the scan; give scan=gonio.scan(NAME, {misplaced[0]}=...)")
     settings = settings_of(MeasureSettings, "measure", options, OLD_NAMES)
     log = settings.log or functools.partial(warnings.warn, stacklevel=2)
     if settings.output is not None and isinstance(material, str | os.PathLike):

@@ -172,7 +172,19 @@ SCANS: dict[str, tuple[Callable[..., Layout], tuple[str, ...]]] = {
 
 
 def scan(name: str | os.PathLike[str], **options: Unpack[ScanOptions]) -> Layout:
-    """The layout of a named scan, or of a CSV file of directions; angles in radians.
+    """The layout of a named scan, or of a CSV file of directions.
+
+    Args:
+        name: "isotropic", "spherical", "half-difference", "merl", "in-plane", or the path of a file.
+        step: of all angles, radians.
+        phi_step: of azimuths, radians; by default `step`.
+        theta_max: the largest polar angle, radians.
+        theta_i: polar angles of the light in the plane of incidence, radians.
+        hemisphere: where the detector goes: "reflection" (the light's side), "transmission" or "both".
+        lit: the sides that the light goes to: "front", "back" or "both".
+
+    Returns:
+        The layout: what `gonio.measure` takes as its scan.
 
     Raises:
         GonioError: for an unknown name, an option that the scan does not have, an angle out of range, and more than

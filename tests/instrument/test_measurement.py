@@ -242,6 +242,8 @@ def test_remarks_and_the_rate_are_logged_and_the_old_name_of_the_option_works():
     assert len(warned) == 1 and len(lines) == 3
     with pytest.raises(TypeError, match="measure has no option 'seeds'; did you mean 'seed'"):
         measure("lambert(rho=0.5)", scan=SMALL, seeds=3)
+    with pytest.raises(TypeError, match="step is an option of the scan"):
+        measure("lambert(rho=0.5)", scan="isotropic", step=0.1)  # pyright: ignore[reportCallIssue]
 
 
 def test_no_bar_is_written_where_no_terminal_is(capfd):
