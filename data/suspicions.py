@@ -22,6 +22,8 @@ LEAST_RATIO = 0.1
 PAIR_CELL = math.radians(0.02)
 TURNED_RATIO = 3.0
 """Of the brightest readings back to the light and to the mirror side, from which their places may be exchanged."""
+USUAL = 0.75
+"""Share of all readings that the brightest ones must outshine."""
 QUANTITY_REMEDY = "if these are reflectance factors (π f), state --quantity reflectance_factor, else --quantity brdf"
 """What a sentence on too bright readings ends in."""
 MIRROR_ANGLE = math.radians(10)
@@ -101,7 +103,11 @@ def _turned_azimuth(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray,
     """Whether the light comes back to its source where it should go to the mirror side."""
     near = (theta_i >= MIRROR_ANGLE) & (np.abs(theta_o - theta_i) <= MIRROR_ANGLE)
     mirror, back = near & (np.cos(delta) < -0.95), near & (np.cos(delta) > 0.95)
-    if not mirror.any() or not back.any() or float(f[back].max()) < TURNED_RATIO * float(f[mirror].max()):
+    if not mirror.any() or not back.any():
+        return []
+    # Readings of the dark, and of a diffuser, have no brightest direction: noise must not be taken for one.
+    usual = float(np.quantile(np.abs(f), USUAL))
+    if float(f[back].max()) <= TURNED_RATIO * max(float(f[mirror].max()), usual):
         return []
     return [
         "the brightest readings go back to the light, and few to the mirror side: unless this surface returns light to "

@@ -214,7 +214,7 @@ def stepwise_selection(
         cells: the readings to select by; without, a sample of them.
 
     Raises:
-        GonioError: too few readings.
+        GonioError: too few readings, or no light in any.
     """
     if cells is None:
         cells = coarse_cells(readings, SAMPLE, seed)
@@ -222,6 +222,8 @@ def stepwise_selection(
     channels = evenly_spaced(count, MAX_CHANNELS)
     subset = readings.part(cells)
     f, valid = subset.f[:, channels], subset.valid[:, channels]
+    if not f[valid].any():
+        raise GonioError(f"all {int(valid.sum())} readings are 0: they tell no model from another; name one")
     weight = valid.astype(float)
     if sigma is not None:
         known = np.where(valid, sigma[cells][:, channels], 1.0)

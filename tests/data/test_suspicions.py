@@ -57,6 +57,16 @@ def test_small_angles_are_suspected_to_be_radians_once():
     assert suspicions(whole_table_of_values(small, np.full(small.shape, 0.1))) == []
 
 
+def test_the_dark_has_no_brightest_direction():
+    """Neither zeros nor noise about zero go back to the light: directions at random, few of them near either mirror."""
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        polar, azimuths = rng.uniform(0, 1.4, (2, 150)), rng.uniform(0, 2 * np.pi, (2, 150))
+        somewhere = layouts.scattered(polar[0], azimuths[0], polar[1], azimuths[1])
+        for f in (np.zeros(150), rng.normal(0, 1e-5, 150)):
+            assert suspicions(whole_table_of_values(somewhere, f)) == []
+
+
 def test_light_that_comes_back_is_told():
     assert "off by 180" in of(lobe(0.2, 0.1, 0.5, back=True))[0]
 

@@ -101,3 +101,9 @@ def test_a_single_reading_is_refused():
     table = whole_table_of_values(layouts.in_plane([0.5], [0.1]), np.full((1, 1, 1), 0.1), channels=Channels.grey())
     with pytest.raises(GonioError, match="too few"):
         fit(table)
+
+
+def test_readings_without_light_tell_no_model_from_another():
+    layout = layouts.in_plane(np.radians([30.0]), np.radians(np.r_[-80.0:81:10]))
+    with pytest.raises(GonioError, match="all 17 readings are 0"):
+        fit(whole_table_of_values(layout, np.zeros((1, 17, 1)), channels=Channels.grey()))
