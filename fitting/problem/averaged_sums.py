@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from gonio.fitting.problem.channel_parts import channel_parts
 from gonio.fitting.problem.compiled_sums import LOCK, Sums, kept, pairs_of_rows, rows_of_lobes, squares_of_pairs
 from gonio.fitting.problem.disc_averages import disc_rules
 from gonio.fitting.problem.lobes import Lobes, lobes_at_sample
@@ -49,12 +50,16 @@ class AveragedReadings(NamedTuple):
 class _Programs:
     """The programs of one model and loss."""
 
-    def __init__(self, s: Parameterisation, loss: str, leaves: Sequence[np.ndarray], tree: Any) -> None:
+    def __init__(self, whole: Parameterisation, loss: str, leaves: Sequence[np.ndarray], tree: Any) -> None:
+        self.parts = channel_parts(whole)
+        s, leaves = self.parts.parameterisation, self.parts.leaves(leaves, 0)
         self._s, self._leaves, self._tree, self.size, self.channels = s, leaves, tree, 1 + len(s.free), s.channels
         up = Direction(*NORMAL)
         fixed = jax.tree.unflatten(tree, leaves)[0]
         self._shapes = jax.eval_shape(lambda p: lobes_at_sample(s, p, fixed, up, up), np.zeros(s.size))
         self.lobes = sum(int(np.prod(a.shape)) for a in self._shapes)
+        # Where no shape differs between channels, lobes are those of all parts.
+        self.averaged_parts = len(self.parts.channels) if self._shapes.values.shape[1] > 1 else 1
 
         def rows(leaves: Sequence[Any], *elements: Array) -> Array:
             p = jnp.stack(elements[: s.size]) if s.size else jnp.zeros(0)
@@ -67,7 +72,7 @@ class _Programs:
             )
             return rows_of_lobes(s, loss, p, (fixed, floor), lobes, (cosine, rest[self.lobes :]))
 
-        self.rows = Rows(rows, leaves, s.size, (1,) * (2 + self.lobes) + (s.channels,) * (2 * s.channels))
+        self.rows = Rows(rows, leaves, s.size, (1,) * (2 + self.lobes) + (whole.channels,) * (2 * s.channels))
         self.averages, self.sums = functools.cache(self._averages), functools.cache(self._sums)
 
     def _averages(self, cut: tuple[bool, bool]) -> AddingProgram:
@@ -140,7 +145,8 @@ class BoundAverages:
     def __init__(self, programs: _Programs, leaves: list[np.ndarray], readings: AveragedReadings) -> None:
         """Of the programs, the numbers that they do not take as free, and the readings."""
         self._programs, self._readings = programs, readings
-        self._parameters = functools.cache(lambda rows: rows.trace.parameters(leaves))
+        of_parts = [programs.parts.leaves(leaves, m) for m in range(len(programs.parts.channels))]
+        self._parameters = functools.cache(lambda rows, part: rows.trace.parameters(of_parts[part]))
         self._pieces = [
             _piece(readings, int(rule), cells[first : first + CHUNK])
             for rule in np.unique(readings.rules)
@@ -167,8 +173,10 @@ class BoundAverages:
         workers.share(work, len(p) * len(pieces), 1)
         if any(part is None for row in sums for part in row):
             return None
-        total = np.array(sums, float).reshape(len(p), len(pieces), programs[1].products).sum(axis=1)
-        return Sums(squares_of_pairs(total, 1 + full, self._readings.weight.shape[1]), f)
+        parts = self._programs.parts
+        total = np.array(sums, float).reshape(len(p), len(pieces), -1).sum(axis=1)
+        squares = squares_of_pairs(total.reshape(-1, programs[1].products), 1 + full, self._programs.channels)
+        return Sums(parts.joined_squares(squares.reshape(len(p), -1, *squares.shape[1:])), f)
 
     def _averages(self, rule: int) -> AddingProgram:
         counts = disc_rules(self._readings.half_angles).counts[rule]
@@ -178,25 +186,23 @@ class BoundAverages:
         self, piece: _Piece, programs: tuple[AddingProgram, SumsProgram], p: np.ndarray, f: np.ndarray | None
     ) -> np.ndarray | None:
         averages, total = programs
-        nodes, free = _nodes(self._readings.half_angles, piece.rule), p.ctypes.data + 8 * np.arange(p.size)
-        count, channels = piece.target.shape
-        addresses = np.concatenate([free, _rows_of(nodes), _rows_of(piece.axes)]).astype(np.uintp)
-        lobes = averages(self._parameters(averages.rows), addresses, (nodes.shape[1], count))
-        if lobes is None:
-            return None
-        values = np.zeros((count, channels))
-        strided = [a.ctypes.data + 8 * c for a in (piece.target, piece.weight) for c in range(channels)]
-        places = [
-            piece.cosine.ctypes.data,
-            *_rows_of(lobes),
-            *strided,
-            *([values.ctypes.data] if f is not None else []),
-        ]
-        addresses = np.concatenate([free, places]).astype(np.uintp)
-        sums = total(self._parameters(total.rows), addresses[None], count)
+        nodes, parts = _nodes(self._readings.half_angles, piece.rule), self._programs.parts
+        sums, values, lobes = [], np.zeros((len(parts.channels), len(piece.target), self._programs.channels)), None
+        for m, numbers in enumerate(parts.numbers):
+            free = p.ctypes.data + 8 * numbers
+            if m < self._programs.averaged_parts:
+                addresses = np.concatenate([free, _rows_of(nodes), _rows_of(piece.axes)]).astype(np.uintp)
+                sizes = nodes.shape[1], len(piece.target)
+                lobes = averages(self._parameters(averages.rows, m), addresses, sizes)
+            if lobes is None:
+                return None
+            strided = [a.ctypes.data + 8 * parts.channels[m] for a in (piece.target, piece.weight)]
+            places = [piece.cosine.ctypes.data], _rows_of(lobes), *strided, [values[m].ctypes.data] * (f is not None)
+            addresses = np.concatenate([free, *places]).astype(np.uintp)
+            sums.append(total(self._parameters(total.rows, m), addresses[None], len(piece.target)))
         if f is not None:
-            f[piece.cells] = values[: piece.cells.size]
-        return None if sums is None else sums[0]
+            f[piece.cells] = parts.joined_values(values)[: piece.cells.size]
+        return None if any(a is None for a in sums) else np.concatenate(sums, axis=1)[0]
 
 
 def _rows_of(a: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from gonio.fitting.problem.channel_parts import channel_parts
 from gonio.fitting.problem.disc_averages import Samples
 from gonio.fitting.problem.lobes import Lobes, lobes_at_sample, rows_of, strengths_of, sum_of_lobes
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
@@ -43,10 +44,12 @@ class Sums(NamedTuple):
 class _Programs:
     """The programs of one model and loss: sums alone, and the score covariance and the model's f with them."""
 
-    def __init__(self, s: Parameterisation, loss: str, leaves: Sequence[np.ndarray], tree: Any) -> None:
+    def __init__(self, whole: Parameterisation, loss: str, leaves: Sequence[np.ndarray], tree: Any) -> None:
+        self.parts = channel_parts(whole)
+        s = self.parts.parameterisation
         self.size, self.channels = 1 + len(s.free), s.channels
-        steps, shapes = (1,) * 6 + (s.channels,) * (2 * s.channels), [a.shape for a in leaves]
-        known = sum(a.size for a in leaves)
+        shapes = [(s.channels,) if a.shape == (whole.channels,) else a.shape for a in leaves]
+        steps, known = (1,) * 6 + (whole.channels,) * (2 * s.channels), sum(math.prod(shape) for shape in shapes)
 
         def rows(_: Sequence[Any], *elements: Array) -> Array:
             p = jnp.stack(elements[: s.size]) if s.size else jnp.zeros(0)
@@ -56,7 +59,7 @@ class _Programs:
                 rest.append(jnp.stack(of_leaf).reshape(shape) if shape else of_leaf[0])
             return _rows(s, loss, p, jax.tree.unflatten(tree, rest), list(numbers))
 
-        name = program_name("sums", s.frames, s.free, s.channels, loss, str(tree), shapes)
+        name = program_name("sums", s.frames, s.free, s.channels, whole.channels, loss, str(tree), shapes)
         self.rows = Rows(rows, [], s.size + known, steps, name=name)
         self.plain  # noqa: B018  (where it is unsupported, all is)
 
@@ -131,7 +134,7 @@ def _programs_of(
 ) -> tuple[list[np.ndarray], _Programs | None]:
     """The programs of a model and a loss, and what they take beside free numbers and samples."""
     leaves, tree = jax.tree.flatten((fixed, np.asarray(floor, float)))
-    leaves = [np.asarray(a, float) for a in leaves]
+    leaves = [np.ascontiguousarray(a, float) for a in leaves]
     key = (s, loss, tree, tuple(a.shape for a in leaves))
     return leaves, kept(_programs, key, lambda: _Programs(s, loss, leaves, tree))
 
@@ -161,34 +164,38 @@ def compile_sums(s: Parameterisation, loss: str, fixed: FixedValues) -> bool:
 class BoundSums:
     """The sums of one problem's samples."""
 
-    def __init__(self, programs: _Programs, known: np.ndarray, samples: Samples, number: int) -> None:
+    def __init__(self, programs: _Programs, leaves: Sequence[np.ndarray], samples: Samples, number: int) -> None:
         """Of the programs, the numbers that are not free, and samples, at points, so many in use."""
         self._programs, self._number = programs, number
-        self._count = int(samples.blocks) * samples.weight.shape[1]
-        self._shape = samples.weight.shape
+        self._count, self._shape = int(samples.blocks) * samples.weight.shape[1], samples.weight.shape
         arrays = [np.asarray(a, float) for a in (*samples.wi, *samples.wo, samples.target, samples.weight)]
-        places = [a.ctypes.data for a in arrays]
-        numbers = (known.ctypes.data + 8 * k for k in range(known.size))
-        of_channels = (a + 8 * c for a in places[6:] for c in range(self._shape[-1]))
-        self._kept, self._places = (known, arrays), [*numbers, *places[:6], *of_channels]
+        channels, places = programs.parts.channels, [a.ctypes.data for a in arrays]
+        known = map(programs.parts.addresses, leaves)
+        directions = np.broadcast_to(places[:6], (len(channels), 6))
+        self._places = np.hstack([*known, directions, *(place + 8 * channels for place in places[6:])])
+        self._kept = (leaves, arrays)
 
     def __call__(self, p: Float[np.ndarray, "s p"], full: bool) -> Sums | None:
         """The sums at S vectors of free numbers, `full` with f of one of them; None where XLA has to compute them."""
-        programs = self._programs
+        programs, (parts, numbers) = self._programs, self._programs.parts.numbers.shape
         try:
             program = programs.full if full else programs.plain
         except Unsupported:
             return None
-        p, f = np.ascontiguousarray(p, float), np.zeros(self._shape if full else 0)
-        places = [*self._places, f.ctypes.data] if full else self._places
-        addresses = np.empty((len(p), p.shape[1] + len(places)), np.uintp)
-        addresses[:, : p.shape[1]] = p.ctypes.data + 8 * np.arange(p.size).reshape(p.shape)
-        addresses[:, p.shape[1] :] = places
-        sums = program(NOTHING, addresses, self._count)
+        p = np.ascontiguousarray(p, float)
+        f = np.zeros((parts, math.prod(self._shape[:-1]), programs.channels) if full else 0)
+        addresses = np.empty((len(p), parts, numbers + self._places.shape[1] + full), np.uintp)
+        of_p = np.arange(len(p))[:, None, None] * p.shape[1] + programs.parts.numbers
+        addresses[:, :, :numbers] = p.ctypes.data + 8 * of_p
+        addresses[:, :, numbers : numbers + self._places.shape[1]] = self._places
+        if full:
+            addresses[:, :, -1] = f.ctypes.data + f.strides[0] * np.arange(parts)
+        sums = program(NOTHING, addresses.reshape(len(p) * parts, -1), self._count)
         if sums is None:
             return None
-        f = f.reshape(-1, self._shape[-1])[: self._number]
-        return Sums(squares_of_pairs(sums, 1 + full, self._shape[-1]), f if full else None)
+        squares = squares_of_pairs(sums, 1 + full, programs.channels)
+        squares = programs.parts.joined_squares(squares.reshape(len(p), parts, *squares.shape[1:]))
+        return Sums(squares, programs.parts.joined_values(f[:, : self._number]) if full else None)
 
 
 def bound_sums(s: Parameterisation, loss: str, fixed: FixedValues, samples: Samples, number: int) -> BoundSums | None:
@@ -198,5 +205,4 @@ def bound_sums(s: Parameterisation, loss: str, fixed: FixedValues, samples: Samp
     leaves, programs = _programs_of(s, loss, fixed, samples.floor)
     if programs is None:
         return None
-    known = np.concatenate([a.ravel() for a in leaves])
-    return BoundSums(programs, known, samples, number)
+    return BoundSums(programs, leaves, samples, number)
