@@ -19,12 +19,12 @@ from gonio.checks.table.statistics.counts import (
     family_p,
     normal_p,
     sidak,
-    sum_p,
 )
 from gonio.checks.table.statistics.differences import LARGEST, parts_of
 from gonio.checks.table.statistics.pair_tests import PairTests, Rows, SizesOfPairs
 from gonio.checks.table.statistics.quantiles import median
 from gonio.checks.table.statistics.region_sums import Region, RegionSums
+from gonio.checks.table.statistics.sum_tests import Counted, sums_p
 
 DARK = 2.0
 """Relative difference of a reading and of one that is dark."""
@@ -92,23 +92,32 @@ class LevelTests:
                 return known.of_readings(pair), known.of_readings(pair + column.a.size)
 
             self.single.finish(channel, sizes)
-            self._tested += [(r, channel, self._p_of(r, column, sizes)) for r in self._sums.finish()]
+            regions = self._sums.finish()
+            self._tested += zip(regions, [channel] * len(regions), self._p_of(regions, column, sizes), strict=True)
 
-    def _p_of(self, region: Region, column: Column, sizes: SizesOfPairs) -> float:
-        """The p-value of the mean of the signed standardised differences of a region."""
-        if abs(region.beyond) <= LIKELY:
-            return float(normal_p(np.asarray(region.beyond)))
-        some = np.flatnonzero(np.isin(self._sums.number, region.sectors))
+    def _p_of(self, regions: list[Region], column: Column, sizes: SizesOfPairs) -> np.ndarray:
+        """The p-values (R,) of the means of the signed standardised differences of regions."""
+        z = np.array([region.beyond for region in regions])
+        p = normal_p(z)
+        for batch in self._sums.batches([k for k in range(z.size) if abs(z[k]) > LIKELY], regions):
+            pairs = [self._usable(regions[k], column) for k in batch]
+            pair = np.concatenate(pairs)
+            rows, (q_a, q_b) = column.rows(pair), sizes(pair)
+            a, b = Counted(rows.a, rows.u_a, q_a), Counted(rows.b, rows.u_b, q_b)
+            if self._sums.sign is not None:
+                b_larger = self._sums.sign[pair] < 0
+                a, b = (
+                    Counted(*(np.where(b_larger, y, x) for x, y in zip(*two, strict=True))) for two in ((a, b), (b, a))
+                )
+            p[batch] = sums_p(z[batch], np.array([pair.size for pair in pairs]), a, b)
+        return p
+
+    def _usable(self, region: Region, column: Column) -> np.ndarray:
+        """Numbers of the pairs of a region that can be tested."""
+        some = self._sums.pairs_of(region)
         a, b, u_a, u_b, _ = column.rows(some)
         variance = u_a**2 + u_b**2
-        usable = np.isfinite(a) & np.isfinite(b) & np.isfinite(variance) & (variance > 0)
-        pair = some[usable]
-        q_a, q_b = sizes(pair)
-        b_larger = np.zeros(pair.size, bool) if self._sums.sign is None else self._sums.sign[pair] < 0
-        ends = ((a[usable], b[usable]), (u_a[usable], u_b[usable]), (q_a, q_b))
-        f_up, u_up, q_up = (np.where(b_larger, y, x) for x, y in ends)
-        f_down, u_down, q_down = (np.where(b_larger, x, y) for x, y in ends)
-        return sum_p(region.beyond, (f_up, u_up, q_up), (f_down, u_down, q_down))
+        return some[np.isfinite(a) & np.isfinite(b) & np.isfinite(variance) & (variance > 0)]
 
     def _add(self, channel: int, column: Column, start: int) -> None:
         a, b, u_a, u_b, error = column

@@ -6,8 +6,6 @@ is large: they come from the cumulant generating function of the counts [Luganna
 correction of Daniels 1987].
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.special import exprel, gammainc, log_ndtr, ndtr, ndtri
 
@@ -21,15 +19,6 @@ FARTHEST = 36.0
 
 RARE = 10.0
 """Counts of so many standard deviations each, a hundredth of one expected in all, have the tail of Poisson's law."""
-
-COARSE = 0.1
-"""Standard deviations of a sum that one count makes, above which its tail has steps."""
-
-STEPS = 100
-"""Five or six are usual, 50 the most that are needed."""
-
-ENOUGH = 1e-9
-"""Of the tilt of a sum, at which its tail is stationary."""
 
 NEARLY = 0.3
 """Share of a count by which the size of a count may be too large."""
@@ -105,12 +94,12 @@ def _tail(
     of_rare = gammainc(counts, np.divide(u_up, q_up, out=np.ones_like(x), where=rare) ** 2)
     x = np.minimum(x / sigma, FARTHEST)
     q_up, q_down = (np.minimum(q, RARE * sigma) for q in (q_up, q_down))
-    v, q = _standard_counts(u_up, u_down, q_up, q_down, mean)
+    v, q = standard_counts(u_up, u_down, q_up, q_down, mean)
     q_up, q_down = q[0], q[2]
     # Where counts can only fall no tilt reaches x, and the last one stands for it.
     last = 600 / np.maximum(np.maximum(q_up, q_down), 1e-3)
     t = bracketed_root(_tilted, np.zeros(x.shape), last, (x, *v, *q))
-    k = t**2 * sum(w * _second(y * t) for w, y in zip(v, q, strict=True))
+    k = t**2 * sum(w * second_order(y * t) for w, y in zip(v, q, strict=True))
     second = sum(w * np.exp(y * t) for w, y in zip(v, q, strict=True))
     w = np.sqrt(np.maximum(2 * (t * x - k), 1e-12))
     u = t * np.sqrt(second) * exprel(-np.maximum(q_up, q_down) * t)
@@ -118,7 +107,7 @@ def _tail(
     return np.where(rare, of_rare, many)
 
 
-def _standard_counts(
+def standard_counts(
     u_up: np.ndarray, u_down: np.ndarray, q_up: np.ndarray, q_down: np.ndarray, mean: np.ndarray
 ) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
     """Variances and sizes of the counts of a difference, in its standard deviations; half of the sizes are falls."""
@@ -131,64 +120,12 @@ def _standard_counts(
     return v, (q_up, -q_up, q_down, -q_down)
 
 
-def sum_p(
-    z: float, up: tuple[np.ndarray, np.ndarray, np.ndarray], down: tuple[np.ndarray, np.ndarray, np.ndarray]
-) -> float:
-    """Two-sided p-value of the sum of n standardised differences of readings that are expected to be the same.
-
-    Where a single count makes much of the sum it is Chernoff's bound, elsewhere the normal tail or the saddlepoint's.
-
-    Args:
-        z: the sum, over the root of n.
-        up, down: readings, their standard uncertainties and the sizes of a count, (n,) each, of the reading that
-            counts upwards in its difference and of the other one.
-    """
-    if abs(z) <= LIKELY:
-        return float(normal_p(np.asarray(z)))
-    (a, u_a, q_a), (b, u_b, q_b) = up, down
-    mean = np.maximum((a * u_b**2 + b * u_a**2) / (u_a**2 + u_b**2), 0.0)
-    tails = _sum_tail(abs(z), u_a, u_b, q_a, q_b, mean) + _sum_tail(abs(z), u_b, u_a, q_b, q_a, mean)
-    return float(np.clip(tails, normal_p(np.asarray(z)), 1.0))
-
-
-def _sum_tail(
-    z: float, u_up: np.ndarray, u_down: np.ndarray, q_up: np.ndarray, q_down: np.ndarray, mean: np.ndarray
-) -> float:
-    v, q = (np.stack(a) for a in _standard_counts(u_up, u_down, q_up, q_down, mean))
-    root = np.sqrt(mean.size)
-    v, q = v / mean.size, q / root  # of the sum over its standard deviation
-    largest = float(q.max())
-    x = z if largest > COARSE else min(z, FARTHEST)
-    last = 600 / max(largest, 1e-3)
-    t = _root(lambda t: (t * float(np.sum(v * exprel(q * t))) - x, float(np.sum(v * np.exp(q * t)))), z, last)
-    w2 = max(2 * (t * x - t**2 * float(np.sum(v * _second(q * t)))), 1e-12)
-    if largest > COARSE:
-        return float(np.exp(-w2 / 2))
-    w, u = np.sqrt(w2), t * np.sqrt(float(np.sum(v * np.exp(q * t))))
-    return float(ndtr(-w) + np.exp(-w2 / 2) / np.sqrt(2 * np.pi) * (1 / u - 1 / w))
-
-
-def _root(function: Callable[[float], tuple[float, float]], start: float, most: float) -> float:
-    """Where an increasing function of known slope is 0, in [0, most]: by Newton's steps while each is half the last."""
-    low, high, t, step = 0.0, most, min(start, most), most
-    for _ in range(STEPS):
-        value, slope = function(t)
-        low, high = (t, high) if value < 0 else (low, t)
-        newton = -value / slope if 0 < slope < np.inf else np.inf
-        fast = low < t + newton < high and 2 * abs(newton) <= abs(step)
-        step = newton if fast else (low + high) / 2 - t
-        t += step
-        if abs(step) <= ENOUGH * abs(t):
-            break
-    return t
-
-
 def _tilted(t: np.ndarray, x: np.ndarray, *v_and_q: np.ndarray) -> np.ndarray:
     """The slope of the cumulant generating function at t, minus x."""
     return t * sum(v * exprel(q * t) for v, q in zip(v_and_q[:4], v_and_q[4:], strict=True)) - x
 
 
-def _second(y: np.ndarray) -> np.ndarray:
+def second_order(y: np.ndarray) -> np.ndarray:
     """(exp y − 1 − y)/y²."""
     small = np.abs(y) < 1e-3
     safe = np.where(small, 1.0, y)

@@ -1,5 +1,7 @@
 """Sums over the regions of pairs of readings that should be equal, channel by channel."""
 
+import functools
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -7,6 +9,9 @@ import numpy as np
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import SIDE, places
 from gonio.checks.table.statistics.pair_tests import Rows
+
+MOST_ROWS = 1 << 17
+"""Pairs whose counts are held in memory at a time; a region of more is tested alone."""
 
 
 class Region(NamedTuple):
@@ -41,6 +46,28 @@ class RegionSums:
         self.sign = None if signed.all() and (sign > 0).all() else sign.astype(np.int8)
         """(n,), or None where all are positive."""
         self._sums = np.zeros((4, self._sectors.size + 1))
+
+    @functools.cached_property
+    def _by_sector(self) -> tuple[np.ndarray, np.ndarray]:
+        """(numbers of all pairs, sector by sector; where each sector begins among them)."""
+        order = np.argsort(self.number, kind="stable").astype(np.int32)
+        return order, np.searchsorted(self.number[order], np.arange(self._sectors.size + 1))
+
+    def pairs_of(self, region: Region) -> np.ndarray:
+        """Numbers (n,) of the pairs of a region, of those that were added and those that could not be."""
+        order, starts = self._by_sector
+        return np.concatenate([order[starts[k] : starts[k + 1]] for k in region.sectors])
+
+    def batches(self, some: list[int], regions: list[Region]) -> Iterator[list[int]]:
+        """Some of the regions in turn, so many that they have at most `MOST_ROWS` pairs together; one at least."""
+        batch: list[int] = []
+        for k in some:
+            if batch and sum(regions[m].count for m in batch) + regions[k].count > MOST_ROWS:
+                yield batch
+                batch = []
+            batch.append(k)
+        if batch:
+            yield batch
 
     def add(self, rows: Rows, certain: bool) -> None:
         """Some pairs of the present channel; `certain`: none of them is uncertain but by noise."""

@@ -3,7 +3,8 @@ import pytest
 from scipy.stats import norm, skellam
 
 from gonio.checks.table.statistics.count_sizes import quantum
-from gonio.checks.table.statistics.counts import difference_p, family_p, sidak, sum_p
+from gonio.checks.table.statistics.counts import difference_p, family_p, sidak
+from gonio.checks.table.statistics.sum_tests import Counted, sums_p
 
 
 def one(*values):
@@ -59,9 +60,10 @@ def test_sums_of_counts_have_tails_no_lighter_than_their_law(expected, pairs):
     root, ones, nothing = (np.full(pairs, v) for v in (np.sqrt(expected), 1.0, 0.0))
     total = np.ceil(4.5 * np.sqrt(2 * pairs * expected))
     z = total / np.sqrt(2 * expected * pairs)
-    readings = nothing + expected, root, ones
+    readings = Counted(nothing + expected, root, ones)
     exact = 2 * skellam.sf(total - 1, pairs * expected, pairs * expected)
-    assert 0.8 * exact <= sum_p(z, readings, readings) <= 20 * exact
+    (p,) = sums_p(np.array([z]), np.array([pairs]), readings, readings)
+    assert 0.8 * exact <= p <= 20 * exact
 
 
 @pytest.mark.parametrize("expected", [0.005, 0.1, 1.0, 30.0])
