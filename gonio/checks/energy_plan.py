@@ -3,18 +3,17 @@
 import dataclasses
 import os
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gonio.checks.albedos import Albedos
 from gonio.checks.certificate import UNDECIDED, Property
-from gonio.checks.hidden_lobes import SAME_LIGHT
+from gonio.checks.deciding_directions import Ways, deciding_directions
 from gonio.checks.properties import PROPERTIES
-from gonio.checks.table.albedos.two_sided import bend_of, summed
+from gonio.checks.table.albedos.two_sided import summed
 from gonio.checks.table.energy import deciding_by_side, table_energy
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.further_readings import joined
+from gonio.checks.table.further_readings import joined, require_alike
 from gonio.data import layouts
 from gonio.data.layouts import Layout
 from gonio.data.serialise import finite
@@ -22,21 +21,17 @@ from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
 from gonio.instrument.instrument import Instrument
 from gonio.instrument.pace import AXES
+from gonio.models.brdf import AbstractBRDF
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
+from gonio.models.folded import seen_from
 from gonio.models.geometry.directions import from_spherical
-from gonio.planning.candidates import readable
+from gonio.models.geometry.sides import FRONT
 from gonio.planning.shots import Shots, ordered, write_shots
 
-BETWEEN = (1 / 2, 1 / 8, 1 / 32)
-"""Of the step, from the mirror direction: where a lobe that the nodes do not resolve is read."""
-STEP = np.radians(1.0)
-"""Of lists, which have none."""
-WELL_KNOWN = 1e-3
-"""Bound of an albedo that needs no further reading."""
-AROUND = np.radians(0.5) * np.arange(1, 41)
-"""How far a reading may be from the mirror direction where the detector's shadow is on it."""
+if TYPE_CHECKING:
+    from gonio.fitting.result import FitResult
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -93,11 +88,13 @@ def plan_energy(
     model: str = "auto",
     tolerance: float | None = None,
     feature_width: float = 0.0,
+    further: Table | None = None,
+    fitted: "FitResult | None" = None,
 ) -> EnergyPlan:
     """The readings that would decide on the energy of a table which leaves it open.
 
-    The mirror directions of incidences that left them out; where the nodes do not resolve a lobe, readings beside it.
-    `gonio.check(table, further=...)` takes what was read there.
+    The mirror directions of incidences that left them out; of lobes that the table does not resolve, readings at
+    several levels below the peak. `gonio.check(table, further=...)` takes what was read there.
 
     Args:
         subject: a table, or what gives one.
@@ -105,6 +102,8 @@ def plan_energy(
         model: as of `gonio.check`: what carries the verdict, and says what will be read.
         tolerance: of energy, as of `gonio.check`.
         feature_width: radians, as of `gonio.check`.
+        further: what was read of a plan before, where that left energy open; the plan is of readings beside those.
+        fitted: the fit of the model to the table and the further readings, where it was made before.
 
     Raises:
         GonioError: a table whose energy is decided, or that no reading decides; directions that cannot be read.
@@ -112,7 +111,10 @@ def plan_energy(
     table = resolve_subject(subject).require_table()
     limit = PROPERTIES["energy"].table_tolerance if tolerance is None else tolerance
     assert limit is not None
-    evidence = TableEvidence(table, feature_width=feature_width, model=model)
+    if further is not None:
+        require_alike(table, further)
+        table, further = (table, further) if table.layout.gridded else (joined(table, further), None)
+    evidence = TableEvidence(table, feature_width=feature_width, model=model, further=further, made=fitted)
     before = table_energy(evidence, limit)
     name = table.name or "the table"
     if before.verdict != UNDECIDED:
@@ -123,9 +125,16 @@ def plan_energy(
         raise GonioError(f"no few readings decide on the energy of {name}: {albedos}")
     instrument = instrument or Instrument()
     open_ = np.flatnonzero(~np.all(albedos.value + albedos.above <= 1 + limit, axis=1) & ~albedos.partial)
+    fitted = evidence.fitted
+    assert fitted is not None
+    brdf = fitted.brdf
+
+    def model_of(sides: tuple[int, int]) -> AbstractBRDF:
+        return brdf if table.sides == FRONT else seen_from(brdf, *sides)
+
     angles = np.concatenate(
         [
-            _directions(Ways(table, *sides), of_side, albedos.theta_i[open_], instrument)
+            deciding_directions(Ways(table, *sides), model_of(sides), of_side, albedos.theta_i[open_], instrument)
             for sides, of_side in by_side.items()
             if not isinstance(of_side, str)
         ],
@@ -133,56 +142,16 @@ def plan_energy(
     )
     if not angles.size:
         raise GonioError(f"no few readings decide on the energy of {name}: {before.detail}")
-    fitted = evidence.fitted
-    assert fitted is not None
     shots = ordered(Shots(angles, np.full(angles.shape[1], instrument.seconds)), instrument.pace)
-    further = _as_the_model_says(table, fitted.brdf, shots.angles)
-    more = {"further": further} if table.layout.gridded else {"table": joined(table, further)}
+    read = _as_the_model_says(table, brdf, shots.angles)
+    if table.layout.gridded:
+        more = {"further": read if further is None else joined(further, read)}
+    else:
+        more = {"table": joined(table, read)}
     after = table_energy(dataclasses.replace(evidence, made=fitted, **more), limit)
     hours = instrument.pace.path_seconds(shots.angles, shots.seconds) / 3600
     theta = np.unique(np.round(np.degrees(albedos.theta_i[open_]), 3)).tolist()
     return EnergyPlan(name, shots, hours, theta, fitted.expression, before, after)
-
-
-class Ways(NamedTuple):
-    """A table's readings with light and detector on these sides, 1 in front and −1 behind."""
-
-    table: Table
-    light: int
-    detector: int
-
-
-def _directions(ways: Ways, albedos: Albedos, open_theta: np.ndarray, instrument: Instrument) -> np.ndarray:
-    """Readable directions (4, n) at or beside where the lobes of some incidences go, where these are seen too little.
-
-    The albedos are those of `ways`, with angles of incidence from the light's normal; `open_theta` from the front's.
-    """
-    table, light_side, detector_side = ways
-    bend = bend_of(*ways)
-    from_front = albedos.theta_i if light_side > 0 else np.pi - albedos.theta_i
-    which = np.flatnonzero(np.any(np.abs(from_front[:, None] - open_theta) < SAME_LIGHT, axis=1) & ~albedos.partial)
-    # What is integrated well enough on this side leaves nothing open.
-    enough = np.all(albedos.above <= WELL_KNOWN, axis=1)
-    which = which[~enough[which]]
-    axis = table.layout.axes.get("theta_o", np.zeros(0)) if table.layout.gridded else np.zeros(0)
-    step = float(np.median(np.diff(axis))) if axis.size > 1 else STEP
-    isotropic, chosen = not table.layout.has_azimuth_of_light, []
-    for k in which:
-        theta, phi = float(albedos.theta_i[k]), float(albedos.phi_i[k])
-        offsets = np.zeros(1) if albedos.unseen[k] else np.array(BETWEEN) * step
-        for offset in offsets:
-            # The nearest to it that the detector's shadow and the axes leave free.
-            lobe = theta if bend == 1.0 else float(np.arcsin(min(bend * np.sin(theta), 1.0)))
-            polar = lobe + offset + np.concatenate([[0.0], AROUND, -AROUND])
-            polar = polar[np.argsort(np.abs(polar - lobe - offset), kind="stable")]
-            theta_o, turned = np.abs(polar), np.where(polar < 0, 0.0, np.pi)
-            light = np.full_like(polar, theta), np.full_like(polar, phi)
-            every = np.stack([*light, theta_o, (phi + turned) % (2 * np.pi)])[:, theta_o < np.pi / 2]
-            every[0], every[2] = (
-                a if side > 0 else np.pi - a for a, side in ((every[0], light_side), (every[2], detector_side))
-            )
-            chosen.append(readable(every, instrument, isotropic)[:, :1])
-    return np.unique(np.concatenate(chosen, axis=1), axis=1) if chosen else np.zeros((4, 0))
 
 
 def _as_the_model_says(table: Table, brdf: Any, angles: np.ndarray) -> Table:

@@ -124,7 +124,12 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
 def deciding_by_side(evidence: TableEvidence) -> dict[tuple[int, int], Albedos | str]:
     """The albedos that leave energy undecided, by the sides of light and detector; of a model, if one helps."""
     assisted = "no model" if evidence.model is None else _assisted_by_side(evidence)
-    return albedos_by_side(evidence.table, evidence.feature_width) if isinstance(assisted, str) else assisted
+    if not isinstance(assisted, str) and not any(isinstance(of_side, str) for of_side in assisted.values()):
+        return assisted
+    alone = albedos_by_side(evidence.table, evidence.feature_width)
+    return (
+        alone if isinstance(assisted, str) else {k: alone[k] if isinstance(a, str) else a for k, a in assisted.items()}
+    )
 
 
 def _assisted(evidence: TableEvidence) -> Albedos | str:

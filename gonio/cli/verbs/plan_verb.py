@@ -106,16 +106,18 @@ def run(args: argparse.Namespace) -> int:
 def _run_energy(args: argparse.Namespace) -> int:
     """Plans the readings that would decide on the energy of a table, prints what they promise, and writes them."""
     from gonio.checks.energy_plan import plan_energy
+    from gonio.data.subject import resolve_subject
     from gonio.figures.paths import write_path
     from gonio.instrument.description import read_instrument
 
     others = {"budget": args.budget, "target": args.target, "range": args.ranges, "against": args.against}
-    if named := [f"--{name}" for name, value in (others | {"continue": args.continued}).items() if value]:
+    if named := [f"--{name}" for name, value in others.items() if value]:
         raise GonioError(f"a plan for energy has no {named[0]}: it names the fewest readings; leave it out")
     if args.material is None:
         raise GonioError("a plan for energy needs the table whose energy is open; name its file")
     instrument = None if args.instrument is None else read_instrument(args.instrument)
-    planned = plan_energy(as_stated(args.material, args), instrument, model=args.model or "auto")
+    further = None if args.continued is None else resolve_subject(args.continued).require_table()
+    planned = plan_energy(as_stated(args.material, args), instrument, model=args.model or "auto", further=further)
     title = f"{planned.name}: {planned.shots.seconds.size} readings for energy in {planned.hours:.3g} h"
     with writing_json(args, planned.to_dict() | {"written": args.output}):
         if args.picture:

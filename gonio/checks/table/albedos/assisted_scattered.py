@@ -2,7 +2,8 @@
 
 The light of the fitted model is followed into the hemisphere. Where it goes the surface is taken to be to the model as
 at the nearest reading, and the bound takes that ratio to be off by as much as it changes to the readings around. A
-little light is added everywhere to both, so that the ratio is defined where the model is dark.
+little light is added everywhere to both, so that the ratio is defined where the model is dark. Of a lobe whose shape no
+reading tests the family is unknown, and the light with it (`untested_lobes`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,6 +19,7 @@ from gonio.checks.table.albedos.model_light import FAST, NOISE, ORDER, albedos_a
 from gonio.checks.table.albedos.on_grid import FLOOR, MOST_MISSING
 from gonio.checks.table.albedos.ratio_fields import HalfVectorField, NearestField, half_vector_field, nearest_field
 from gonio.checks.table.albedos.two_sided import Part
+from gonio.checks.table.albedos.untested_lobes import Lobe, LobeReadings, lobe_tests, values_at
 from gonio.data.material import Material
 from gonio.fitting.result import FitResult
 from gonio.models.brdf import AbstractBRDF
@@ -33,6 +35,9 @@ WINDOW, PARTS = 12, 50
 
 LITTLE = 1e-12
 """Weight, sr, of readings that count in an albedo, of which no more is taken for granted."""
+
+CARRIED = 0.5
+"""Of a lobe's light, that the nearest readings of a lobe that they resolve may move elsewhere."""
 
 SAME_TILT = np.radians(10.0)
 """Readings whose angle of difference is so near to an incidence limit the lobes that may hide there."""
@@ -115,9 +120,10 @@ def assisted_by_nearest(part: Part, fitted: FitResult, features: Features) -> Al
 
     spread = 2.0 * np.nan_to_num(fitted.propagated(missed, by_channel=True), nan=np.inf)
     limit = credible(_left_to_lobes(readings), most)
+    untested = _untested(brdf, field, incidences, channels)
     rows = [
-        light.row._replace(bound=light.row.bound + s, hidden=_hidden(field, i, limit, features))
-        for light, s, i in zip(lights, spread, incidences, strict=True)
+        light.row._replace(bound=light.row.bound + s + t, hidden=_hidden(field, i, limit, features))
+        for light, s, t, i in zip(lights, spread, untested, incidences, strict=True)
     ]
     method = (
         f"Model-assisted: the light of {fitted.requested}, fitted to the table, times the ratio of the readings to it; "
@@ -161,6 +167,27 @@ def _lights(brdf: AbstractBRDF, readings: _Readings, incidences: list[tuple[floa
         partial = bool(gap[added].mean() > MOST_MISSING)
         bound = missed.sum(axis=0) + error + 2 * noise
         yield _Light(numbers, weight, Incidence(*incidence, value, bound, noise, partial=partial))
+
+
+def _untested(
+    brdf: AbstractBRDF, field: NearestField | HalfVectorField, incidences: list[tuple[float, float]], channels: int
+) -> np.ndarray:
+    """What the albedos of a model may be off by because of lobes that no reading tests, (incidences, C)."""
+
+    def resolved(lobe: Lobe) -> np.ndarray:
+        at_readings, shares = values_at(lobe.term, field.angles).mean(axis=1), []
+        for incidence, (wo, light, f) in zip(incidences, lobe.samples, strict=True):
+            lit = light.sum(axis=1) > 0
+            theta_o, phi_o = np.arccos(np.clip(wo.z[lit], 0, 1)), np.arctan2(wo.y[lit], wo.x[lit])
+            number, _, gap = field.nearest(incidence, theta_o, phi_o)
+            off = np.minimum(np.abs(at_readings[number] / f[lit].mean(axis=1) - 1), 1.0)
+            of_light = np.sum(light[lit] * np.where(gap, 1.0, off)[:, None], axis=0)
+            shares.append(np.broadcast_to(of_light <= CARRIED * light.sum(axis=0), channels))
+        return np.stack(shares)
+
+    readings = LobeReadings(field.angles, field.f, field.u).thinned
+    tests = lobe_tests(brdf, np.array(incidences), readings, resolved)
+    return sum((t.off for t in tests), np.zeros((len(incidences), channels)))
 
 
 def _directions(

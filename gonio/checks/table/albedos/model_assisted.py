@@ -19,8 +19,9 @@ from gonio.checks.hidden_lobes import Features, Further, credible
 from gonio.checks.table.albedos.model_light import FAST, NOISE, ORDER, albedos_at, light_of
 from gonio.checks.table.albedos.on_grid import HemisphereGrid, filled, floor_of, hemisphere_grid
 from gonio.checks.table.albedos.two_sided import Part
-from gonio.checks.table.albedos.untested_lobes import untested_light
+from gonio.checks.table.albedos.untested_lobes import VISIBLE, Lobe, LobeReadings, LobeTest, lobe_tests
 from gonio.data.flags import Flag
+from gonio.data.material import Material
 from gonio.data.table import Table
 from gonio.fitting.result import FitResult
 from gonio.models.brdf import AbstractBRDF
@@ -77,10 +78,15 @@ def _at_nodes(brdf: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.nda
     return np.broadcast_to(f.reshape(*shape, -1), (*shape, channels))
 
 
-def _difference(brdf: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.ndarray:
-    """What the grid misses of a model's albedos at all incidences, (n, C)."""
-    return albedos_at(brdf, _lights(grid), FAST, channels) - np.sum(
-        grid.weights * _at_nodes(brdf, grid, channels), axis=(1, 2)
+def _differences(brdf: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.ndarray:
+    """What the grid misses of the albedos of a model's terms at all incidences, (terms, n, C)."""
+    lights = _lights(grid)
+    return np.stack(
+        [
+            albedos_at(term, lights, FAST, channels)
+            - np.sum(grid.weights * _at_nodes(term, grid, channels), axis=(1, 2))
+            for term in brdf.terms()
+        ]
     )
 
 
@@ -107,43 +113,121 @@ def assisted_albedos(part: Part, fitted: FitResult, features: Features) -> Albed
         return grid
     if not fitted.converged:
         return "the fit of the model did not converge"
-    channels = len(table.channels)
     brdf = part.folded(fitted.brdf)
     if features.further is not None:
         features = features._replace(further=_left_of(features.further, brdf))
-    spread = fitted.propagated(lambda m: _difference(part.folded(m.brdf), grid, channels), True, linear=True)
     method = (
         f"Model-assisted: the albedo of {fitted.requested}, fitted to the table, and the grid's integral of readings − "
         "model; between the nodes the surface is taken to follow the model as it does at the nodes around."
     )
-    return albedos_of(_incidences(part, grid, brdf, spread, features), method, features)
+    return albedos_of(_incidences(part, grid, brdf, fitted, features), method, features)
 
 
 def _incidences(
-    part: Part, grid: HemisphereGrid, brdf: AbstractBRDF, spread: np.ndarray, features: Features
+    part: Part, grid: HemisphereGrid, brdf: AbstractBRDF, fitted: FitResult, features: Features
 ) -> Iterator[Incidence]:
     table, channels = part.table, len(part.table.channels)
-    at_nodes, exact = _at_nodes(brdf, grid, channels), albedos_at(brdf, _lights(grid), FAST, channels)
-    untested = untested_light(brdf, grid, _uncertainties(table, grid), features.further)
+    terms = [_at_nodes(term, grid, channels) for term in brdf.terms()]
+    at_nodes, exact = sum(terms), albedos_at(brdf, _lights(grid), FAST, channels)
+    tests = _lobe_tests(table, grid, brdf, terms, features.further)
+    whole = _Sides(grid, terms, np.ones((len(terms), len(exact)), bool), tests)
+    both = [whole, whole.beside_lobes()]
+    weights = np.stack([side.carried for side in both]).astype(float)
+
+    def missed(material: Material) -> np.ndarray:
+        return np.einsum("stn,tnc->snc", weights, _differences(part.folded(material.brdf), grid, channels))
+
+    spreads = 2.0 * np.nan_to_num(fitted.propagated(missed, by_channel=True), nan=np.inf)
     for k, (number, theta_i, phi_i) in enumerate(grid.incidences):
         block = table.read_values(number * grid.stored, (number + 1) * grid.stored)
         f, u, valid = (block[name][grid.cells] for name in ("f", "u_f", "flag"))
         valid = valid == Flag.VALID
         wi = Direction(*(jnp.asarray(c) for c in from_spherical(theta_i, phi_i, np)))
-        shares = _shares(brdf, grid, wi, channels)
-        row = _estimate(grid, (f.astype(float), u.astype(float), valid), at_nodes[k], shares)
-        error = np.abs(np.sum(shares.near, axis=(0, 1)) - exact[k])
-        bound = row.bound + 2.0 * error + 2.0 * np.nan_to_num(spread[k], nan=np.inf) + untested[k]
+        each = [_shares(term, grid, wi, channels) for term in brdf.terms()]
+        readings = f.astype(float), u.astype(float), valid
+        rows = [side.estimate(k, readings, each) for side in both[: 1 + bool(np.any(~both[1].carried[:, k]))]]
+        row = _least(row._replace(bound=row.bound + s[k]) for row, s in zip(rows, spreads, strict=False))
+        error = np.abs(np.sum([s.near for s in each], axis=(0, 1, 2)) - exact[k])
+        bound = row.bound + 2.0 * error
         partial = grid.missing(valid)
         limit = np.where(valid, credible(_left_to_lobes(f, u, at_nodes[k]), row.value), np.inf)
         hidden = None if partial else grid.hidden((theta_i, phi_i), limit, features, part.bend)
         yield row._replace(theta_i=theta_i, phi_i=phi_i, bound=bound, partial=partial, hidden=hidden)
 
 
-def _uncertainties(table: Table, grid: HemisphereGrid) -> np.ndarray:
-    """Standard uncertainties at the nodes of all incidences, (n, θo, azimuth, C); 0 where none is stored."""
-    blocks = (table.read_values(n * grid.stored, (n + 1) * grid.stored)["u_f"] for n, _, _ in grid.incidences)
-    return np.nan_to_num(np.stack([u[grid.cells] for u in blocks]).astype(float))
+def _least(rows: Iterator[Incidence]) -> Incidence:
+    """Of each channel the estimate with the smallest bound."""
+    best = next(rows)
+    for row in rows:
+        pairs = ((getattr(best, name), getattr(row, name)) for name in ("value", "bound", "noise"))
+        value, bound, noise = (np.where(row.bound < best.bound, b, a) for a, b in pairs)
+        best = best._replace(value=value, bound=bound, noise=noise)
+    return best
+
+
+class _Sides(NamedTuple):
+    """A way to the albedos: of which terms of the model the light is carried by the nodes, and of which it is taken.
+
+    Attributes:
+        terms: the model's at the nodes, (n, θo, azimuth, C) each.
+        carried: whether the nodes carry the light of each term at each incidence, (terms, n). That of the other terms
+            is known by what was read on them, whatever the nodes tell.
+        tests: of lobes.
+    """
+
+    grid: HemisphereGrid
+    terms: list[np.ndarray]
+    carried: np.ndarray
+    tests: list[LobeTest]
+
+    def beside_lobes(self) -> "_Sides":
+        """That where the nodes carry no lobe that is tested."""
+        carried = self.carried.copy()
+        for test in self.tests:
+            carried[test.lobe.number] &= ~test.tested
+        return self._replace(carried=carried)
+
+    def estimate(self, k: int, readings: tuple[np.ndarray, np.ndarray, np.ndarray], shares: list[_Shares]) -> Incidence:
+        """The albedo of one incidence, of its readings (f, u, valid) and the light of each term."""
+        carried, (f, u, valid) = self.carried[:, k], readings
+        at_nodes, none = [m[k] for m in self.terms], np.zeros_like(self.terms[0][k])
+        others = sum((m for m, c in zip(at_nodes, carried, strict=True) if c), none)
+        lobes = sum((m for m, c in zip(at_nodes, carried, strict=True) if not c), none)
+        # Nodes are compared with what else the model sends where the lobes are dark; on them they follow those around.
+        beside = valid & (lobes <= VISIBLE * others)
+        ratio = filled(np.where(beside, (f - lobes) / np.maximum(others, np.finfo(float).tiny), 0.0), beside)
+        f = np.where(beside | ~valid, f - lobes, ratio * others)
+        light = [s for s, c in zip(shares, carried, strict=True) if c]
+        row = _estimate(self.grid, (f, np.where(beside, u, 0.0), valid), others, _sum_of([_Shares(none, none), *light]))
+        of_lobes = sum((s.near.sum(axis=(0, 1)) for s, c in zip(shares, carried, strict=True) if not c), 0.0)
+        off = (t.off[k] if carried[t.lobe.number] else t.by_readings[k] for t in self.tests)
+        return row._replace(value=row.value + of_lobes, bound=row.bound + sum(off))
+
+
+def _sum_of(shares: list[_Shares]) -> _Shares:
+    return _Shares(*(np.sum(parts, axis=0) for parts in zip(*shares, strict=True)))
+
+
+def _lobe_tests(
+    table: Table, grid: HemisphereGrid, brdf: AbstractBRDF, terms: list[np.ndarray], further: Further | None
+) -> list[LobeTest]:
+    """Of the lobes of a model, with their values at the nodes, (n, θo, azimuth, C), what the readings tell of them."""
+    incidences = np.array([(t, p) for _, t, p in grid.incidences])
+    shape = terms[0].shape[:3]
+    axes = (*(a[:, None, None] for a in incidences.T), grid.theta_o[:, None], grid.azimuth)
+    nodes = np.stack([np.broadcast_to(a, shape) for a in axes], axis=-1).reshape(-1, 4)
+    blocks = [table.read_values(n * grid.stored, (n + 1) * grid.stored) for n, _, _ in grid.incidences]
+    f, u, flag = (np.stack([b[name][grid.cells] for b in blocks]).reshape(len(nodes), -1) for name in blocks[0])
+    use = (flag == Flag.VALID).all(axis=1)
+    readings = LobeReadings(nodes[use], f[use].astype(float), np.nan_to_num(u[use].astype(float))).thinned
+    if further is not None:
+        readings = readings.joined(LobeReadings(further.angles, further.f, further.u))
+
+    def resolved(lobe: Lobe) -> np.ndarray:
+        pairs = zip(terms[lobe.number], lobe.light(f.shape[1]), strict=True)
+        return np.stack([grid.resolves(*pair) for pair in pairs])
+
+    return lobe_tests(brdf, incidences, readings, resolved)
 
 
 def _left_of(further: Further, brdf: AbstractBRDF) -> Further:

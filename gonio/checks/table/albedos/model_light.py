@@ -1,6 +1,7 @@
 """The light that a model sends into the hemisphere, in the directions of its own lobe maps."""
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,23 +20,39 @@ NOISE = 2.0 * 1.22
 """Standard uncertainties of a reading that a difference of two may be without being structure."""
 
 
+class LobeSamples(NamedTuple):
+    """Directions (n,) in which a term sends light, how much of it, and f of the term there, (n, C or 1) each."""
+
+    wo: Direction
+    light: np.ndarray
+    f: np.ndarray
+
+
 @kept_jit
-def _samples(term: AbstractBRDF, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Channels]:
-    def one(a: Scalar, b: Scalar) -> tuple[Direction, Channels]:
+def _samples(term: AbstractBRDF, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Channels, Channels]:
+    def one(a: Scalar, b: Scalar) -> tuple[Direction, Channels, Channels]:
         wo, jacobian = term.lobe_map(wi, a, b)
-        return wo, term.f(wi, wo) * (jnp.maximum(wo.z, 0.0) * jacobian)
+        f = term.f(wi, wo)
+        return wo, f * (jnp.maximum(wo.z, 0.0) * jacobian), f
 
     return jax.vmap(one)(u1, u2)
 
 
+def lobe_samples(term: AbstractBRDF, wi: Direction, order: int) -> LobeSamples:
+    """The light that a term with a lobe map sends from wi, by a rule of an order."""
+    u1, u2, weight = panel_rule(order)
+    # In parts of one size: one program for all rules.
+    parts = [_samples(term, wi, u1[k : k + PART], u2[k : k + PART]) for k in range(0, u1.size, PART)]
+    wo = Direction(*(np.concatenate([np.asarray(w[k]) for w, _, _ in parts]) for k in range(3)))
+    light, f = (np.concatenate([np.asarray(p[k]).reshape(PART, -1) for p in parts]) for k in (1, 2))
+    return LobeSamples(wo, light * weight[:, None], f)
+
+
 def light_of(brdf: AbstractBRDF, wi: Direction, order: int) -> Iterator[tuple[Direction, np.ndarray]]:
     """Directions (n,) in which each term sends light from wi, and how much of it (n, C or 1)."""
-    u1, u2, weight = panel_rule(order)
     for term in brdf.terms():
-        # In parts of one size: one program for all rules.
-        parts = [_samples(term, wi, u1[k : k + PART], u2[k : k + PART]) for k in range(0, u1.size, PART)]
-        wo = Direction(*(np.concatenate([np.asarray(w[k]) for w, _ in parts]) for k in range(3)))
-        yield wo, np.concatenate([np.asarray(a).reshape(PART, -1) for _, a in parts]) * weight[:, None]
+        wo, light, _ = lobe_samples(term, wi, order)
+        yield wo, light
 
 
 def albedos_at(brdf: AbstractBRDF, wi: Direction, order: int, channels: int) -> np.ndarray:

@@ -35,6 +35,9 @@ FLOOR = 1e-3
 WIDEST_GAP, WIDEST_CAP, LEAST_RIM = np.radians([46.0, 30.0, 60.0])
 """Largest step in azimuth, largest polar angle of the first ring, smallest of the last."""
 
+UNRESOLVED, COARSELY = 0.1, 0.3
+"""Of a lobe's light, that all nodes and every second one may miss of a lobe that they resolve."""
+
 MOST_MISSING = 0.2
 """Share of the hemisphere's projected solid angle without readings beyond which there is no albedo."""
 
@@ -115,6 +118,15 @@ class HemisphereGrid:
             nodes, limit = nodes.joined(beside), np.concatenate([limit, theirs])
         lobes = REFLECTED if bend == 1.0 else refracted(incidence[0], bend)
         return hidden_energy(nodes, limit, self.isotropic, lobes)
+
+    def resolves(self, f: np.ndarray, albedo: np.ndarray) -> np.ndarray:
+        """Whether it integrates f (theta_o, azimuth, C) of an albedo (C,): itself, and every second node of it too.
+
+        One node may by chance have the light of a lobe that it does not resolve.
+        """
+        off = np.abs(np.sum(self.weights * f, axis=(0, 1)) - albedo)
+        coarse = np.max([np.abs(half.integral(f) - albedo) for half in self.halves], axis=0)
+        return (off <= UNRESOLVED * albedo) & (coarse <= COARSELY * albedo)
 
     def missing(self, valid: np.ndarray) -> bool:
         """Whether too much of the hemisphere has no reading; `valid` (theta_o, azimuth, channels)."""

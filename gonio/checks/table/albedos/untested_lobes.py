@@ -1,85 +1,188 @@
-"""Lobes of a fitted model whose shape the readings do not test: what the model says between them is a guess.
+"""Lobes of a fitted model whose shape the readings do not test, or show to be another: their light is a guess.
 
 A height and a width are two numbers. A lobe narrower than the grid shows its peak, and perhaps its foot at one node:
 every family of lobes agrees with both, each with another width, and up to three times another's light. A third level,
-between or beyond them, shows whether the family is right.
+between or beyond them, shows whether the family is right; a family of more numbers needs as many more.
 """
 
+import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
 import numpy as np
 
-from gonio.checks.hidden_lobes import Further
-from gonio.checks.table.albedos.model_light import FAST, albedos_at, light_of
-from gonio.checks.table.albedos.on_grid import HemisphereGrid
+from gonio.checks.table.albedos.model_light import FAST, LobeSamples, lobe_samples
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction, from_spherical
 
 LEVELS = 3
-"""E-folds below a lobe's peak at which it is read, different ones, from which on its shape is tested."""
+"""E-folds below a lobe's peak at which it is read, different ones, from which on the shape of one width is tested."""
 VISIBLE = 0.05
 """Share of f from which on a lobe counts as read; noise may ask for more."""
 NOISE = 3.0
 """Standard uncertainties of a reading that a lobe exceeds where it counts as read."""
-UNRESOLVED = 0.1
-"""Of a lobe's light, that the grid's own rule misses."""
 FACTOR = 3.0
 """Of its light, by which a lobe of another family may differ that has the same peak and foot: one that falls as
 exp(−rᵖ) to e⁻⁷ has 0.3 of a Gaussian's light at p = 1 and 2.3 times it at p = 4."""
+ANOTHER = 0.1
+"""Misfit of readings on a lobe that shows another family: between the levels read it may then be off twice as much."""
+STEP, DEEPEST = 0.5, 40.0
+"""E-folds of one class of readings, and below which nothing matters."""
+SAME_LIGHT = np.radians(0.05)
+MOST = 1 << 16
+"""Readings that are looked at, evenly spaced among all."""
+SHAPES = frozenset({"width", "inverse_width", "roughness", "shoulder", "hot_spot", "exponent"})
+"""Roles of the numbers that give a lobe its shape."""
 
 
-def untested_light(brdf: AbstractBRDF, grid: HemisphereGrid, u: np.ndarray, further: Further | None) -> np.ndarray:
-    """What the albedos of a model may be off by, because nothing read tests its lobes, (incidences, C).
+class LobeReadings(NamedTuple):
+    """What tests the lobes of a model: angles (n, 4), radians, f and its standard uncertainty (n, C); 0 if unknown."""
+
+    angles: np.ndarray
+    f: np.ndarray
+    u: np.ndarray
+
+    def joined(self, other: "LobeReadings") -> "LobeReadings":
+        """Both."""
+        return LobeReadings(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
+
+    @property
+    def thinned(self) -> "LobeReadings":
+        """At most `MOST` of them, evenly spaced."""
+        step = -(-len(self.f) // MOST)
+        return LobeReadings(*(a[::step] for a in self))
+
+
+class Lobe(NamedTuple):
+    """One term of a model, its number among them, and what it sends where at each of the incidences."""
+
+    number: int
+    term: AbstractBRDF
+    samples: list[LobeSamples]
+
+    def light(self, channels: int) -> np.ndarray:
+        """Its albedo, (incidences, C)."""
+        return np.stack([np.broadcast_to(s.light.sum(axis=0), channels) for s in self.samples])
+
+
+Resolved = Callable[[Lobe], np.ndarray]
+"""Whether the readings' own rule integrates a lobe at each of the incidences, (incidences, C)."""
+
+
+class LobeTest(NamedTuple):
+    """What the readings tell of a lobe that their own rule does not integrate.
+
+    Attributes:
+        lobe: the lobe.
+        off: what its light may be off by at each incidence, (incidences, C), the noise apart; 0 where the rule does
+            integrate it.
+        by_readings: the same with the noise of the readings on it, whatever the uncertainty of the fit.
+        tested: whether its shape is tested, and it is read at each incidence itself near its peak and below it.
+    """
+
+    lobe: Lobe
+    off: np.ndarray
+    by_readings: np.ndarray
+    tested: np.ndarray
+
+
+def lobe_tests(
+    brdf: AbstractBRDF, incidences: np.ndarray, readings: LobeReadings, resolved: Resolved
+) -> list[LobeTest]:
+    """Of each lobe of a model that needs a test, whether it has one, and what it may be off by.
 
     Args:
         brdf: the fitted model.
-        grid: of the readings.
-        u: their standard uncertainties, (incidences, θo, azimuth, C); 0 where unknown.
-        further: further readings to which the model was fitted.
+        incidences: theta_i, phi_i, radians, (incidences, 2).
+        readings: all to which the model was fitted.
+        resolved: what needs no test.
     """
-    incidences = np.array([(t, p) for _, t, p in grid.incidences])
-    shape = (len(incidences), grid.theta_o.size, grid.azimuth.size)
-    nodes = np.stack(
-        [
-            *(np.broadcast_to(a[:, None, None], shape) for a in incidences.T),
-            *(np.broadcast_to(a, shape) for a in (grid.theta_o[:, None], grid.azimuth)),
-        ],
-        axis=-1,
-    ).reshape(-1, 4)
-    channels = u.shape[-1]
-    angles, noise = nodes, u.reshape(-1, channels).max(axis=1)
-    if further is not None:
-        angles, noise = np.concatenate([angles, further.angles]), np.concatenate([noise, further.u.max(axis=1)])
-    f = _f(brdf, angles)
-    of_light = np.argmin(np.abs(angles[:, :1] - incidences[:, 0]), axis=1)
-    total = np.zeros((len(incidences), channels))
-    for term in brdf.terms():
-        there = _f(term, angles)
-        read = (there > VISIBLE * f) & (there > NOISE * noise) & (there > 0)
-        below = np.log(_peaks(term, incidences)[of_light[read]] / there[read])
-        if np.unique(np.floor(np.maximum(below, 0.0))).size >= LEVELS:
+    terms = brdf.terms()
+    values = [values_at(term, readings.angles) for term in terms]
+    left = np.abs(readings.f - sum(values))
+    whole, noise, tests = sum(values).mean(axis=1), NOISE * readings.u.max(axis=1), []
+    for number, (term, value) in enumerate(zip(terms, values, strict=True)):
+        lobe = Lobe(number, term, [lobe_samples(term, _light_from(i), FAST) for i in incidences])
+        unresolved, there = ~resolved(lobe), value.mean(axis=1)
+        if not unresolved.any():
             continue
-        light = albedos_at(term, from_spherical(incidences[:, 0], incidences[:, 1], np), FAST, channels)
-        by_grid = np.sum(grid.weights[..., 0] * there[: len(nodes)].reshape(shape), axis=(1, 2))
-        missed = np.abs(by_grid[:, None] - light.mean(axis=1, keepdims=True)) > UNRESOLVED * light
-        total += np.where(missed, FACTOR * light, 0.0)
-    return total
+        read = (there > VISIBLE * whole) & (there > noise) & (there > 0)
+        below, beside = _below_peak(lobe, incidences, readings.angles[read], there[read])
+        tested = np.zeros(len(incidences), bool)
+        known = np.full((len(incidences), readings.f.shape[1]), np.inf)
+        if np.unique(np.floor(below)).size < LEVELS - 1 + max(shape_numbers(term), 1):
+            off = FACTOR * lobe.light(readings.f.shape[1])
+        else:
+            limits = (np.maximum(left + sign * NOISE * readings.u, 0.0)[read] / there[read, None] for sign in (-1, 1))
+            levels = [_by_level(below, beside, limit) for limit in limits]
+            off, known = (np.stack([_carried(s, misfit) for s in lobe.samples]) for misfit in levels)
+            same = np.abs(readings.angles[read, 0] - incidences[beside, 0]) < SAME_LIGHT
+            for k in range(len(incidences)):
+                there_below = below[same & (beside == k)]
+                tested[k] = bool(np.any(there_below < 1)) and bool(np.any(there_below >= 1))
+        tests.append(LobeTest(lobe, np.where(unresolved, off, 0.0), known, tested))
+    return tests
 
 
-def _f(brdf: AbstractBRDF, angles: np.ndarray) -> np.ndarray:
-    """f, the mean of the channels, at angles (n, 4)."""
+def shape_numbers(module: Any) -> int:
+    """How many numbers give a lobe, or what it is made of, its shape."""
+    if not isinstance(module, eqx.Module):
+        return 0
+    fields = [(f, getattr(module, f.name)) for f in dataclasses.fields(module)]
+    own = (f.metadata["parameter"].role in SHAPES for f, v in fields if "parameter" in f.metadata and v is not None)
+    return sum(own) + sum(shape_numbers(v) for _, v in fields)
+
+
+def _light_from(incidence: np.ndarray) -> Direction:
+    return Direction(*(np.asarray(c) for c in from_spherical(*incidence, np)))
+
+
+def values_at(brdf: AbstractBRDF, angles: np.ndarray) -> np.ndarray:
+    """f (n, C or 1) at angles (n, 4)."""
     wi, wo = (from_spherical(angles[:, k], angles[:, k + 1], np) for k in (0, 2))
-    return np.asarray(evaluate(brdf, wi, wo)).reshape(len(angles), -1).mean(axis=1)
+    return np.asarray(evaluate(brdf, wi, wo)).reshape(len(angles), -1)
 
 
-def _peaks(term: AbstractBRDF, incidences: np.ndarray) -> np.ndarray:
-    """The largest f of a term at each incidence (n,), among the directions of its lobe map and the mirror one."""
-    peaks = []
-    for theta, phi in incidences:
-        wi = Direction(*(np.asarray(c) for c in from_spherical(theta, phi, np)))
-        ((wo, _),) = light_of(term, wi, FAST)
-        up = np.asarray(wo.z) > 0
-        polar = np.append(np.arccos(np.clip(np.asarray(wo.z)[up], 0, 1)), theta)
-        azimuth = np.append(np.arctan2(np.asarray(wo.y)[up], np.asarray(wo.x)[up]), phi + np.pi)
-        light = np.broadcast_to([theta, phi], (polar.size, 2))
-        peaks.append(np.max(_f(term, np.column_stack([light, polar, azimuth]))))
-    return np.maximum(np.array(peaks), np.finfo(float).tiny)
+def _below_peak(
+    lobe: Lobe, incidences: np.ndarray, angles: np.ndarray, there: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """E-folds (n,) by which a lobe is below its peak at readings, and the number of the incidence nearest to each."""
+    peaks = np.array([s.f.mean(axis=1).max() for s in lobe.samples])
+    turned = np.abs(np.mod(angles[:, 1:2] - incidences[:, 1] + np.pi, 2 * np.pi) - np.pi)
+    distance = np.abs(angles[:, :1] - incidences[:, 0]) + 1e-3 * turned
+    beside = np.argmin(distance, axis=1)
+    peak, other = peaks[beside], np.abs(angles[:, 0] - incidences[beside, 0]) > SAME_LIGHT
+    if other.any():
+        theta_i, phi_i = angles[other, 0], angles[other, 1]
+        peak[other] = values_at(lobe.term, np.stack([theta_i, phi_i, theta_i, phi_i + np.pi], -1)).mean(axis=1)
+    return np.clip(np.log(np.maximum(peak, there) / there), 0.0, DEEPEST), beside
+
+
+def _by_level(below: np.ndarray, beside: np.ndarray, misfit: np.ndarray) -> np.ndarray:
+    """How far a lobe is off, in e-folds, at the levels k · `STEP` below its peak, (levels, C).
+
+    Of readings of one incidence and level the rms counts; between levels the larger, and more the worse the family is.
+    """
+    levels, channels = int(DEEPEST / STEP) + 1, misfit.shape[1]
+    _, group = np.unique(np.stack([beside, np.floor(below / STEP)]), axis=1, return_inverse=True)
+    group, level = group.ravel(), np.zeros(group.max() + 1, int)
+    level[group] = np.floor(below / STEP)
+    squares = np.stack([np.bincount(group, c) for c in (misfit**2).T], -1) / np.bincount(group)[:, None]
+    off = np.full((levels, channels), -np.inf)
+    rms = np.sqrt(squares)
+    np.maximum.at(off, level, np.log1p(rms) * (1 + rms / ANOTHER))
+    read = np.flatnonzero(off[:, 0] >= 0)
+    every = np.arange(levels)
+    before = read[np.clip(np.searchsorted(read, every, side="right") - 1, 0, None)]
+    after = read[np.clip(np.searchsorted(read, every), None, read.size - 1)]
+    return np.maximum(off[before], off[after])
+
+
+def _carried(samples: LobeSamples, misfit: np.ndarray) -> np.ndarray:
+    """The light (C,) that a lobe may have too much or too little."""
+    f = samples.f.mean(axis=1)
+    lit = f > 0
+    below = np.minimum(np.log(f.max() / np.maximum(f[lit], 1e-300)), DEEPEST)
+    return np.sum(samples.light[lit] * np.expm1(misfit[np.floor(below / STEP).astype(int)]), axis=0)
