@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gonio.checks.albedos import Albedos
 from gonio.checks.certificate import UNDECIDED, Property
 from gonio.checks.deciding_directions import Ways, deciding_directions
 from gonio.checks.properties import PROPERTIES
@@ -127,31 +128,37 @@ def plan_energy(
     open_ = np.flatnonzero(~np.all(albedos.value + albedos.above <= 1 + limit, axis=1) & ~albedos.partial)
     fitted = evidence.fitted
     assert fitted is not None
-    brdf = fitted.brdf
-
-    def model_of(sides: tuple[int, int]) -> AbstractBRDF:
-        return brdf if table.sides == FRONT else seen_from(brdf, *sides)
-
-    angles = np.concatenate(
-        [
-            deciding_directions(Ways(table, *sides), model_of(sides), of_side, albedos.theta_i[open_], instrument)
-            for sides, of_side in by_side.items()
-            if not isinstance(of_side, str)
-        ],
-        axis=1,
-    )
+    angles = _deciding(table, fitted.brdf, by_side, (albedos.theta_i[open_], instrument))
     if not angles.size:
         raise GonioError(f"no few readings decide on the energy of {name}: {before.detail}")
     shots = ordered(Shots(angles, np.full(angles.shape[1], instrument.seconds)), instrument.pace)
-    read = _as_the_model_says(table, brdf, shots.angles)
+    read = _as_the_model_says(table, fitted.brdf, shots.angles)
     if table.layout.gridded:
-        more = {"further": read if further is None else joined(further, read)}
+        evidence = dataclasses.replace(evidence, further=read if further is None else joined(further, read))
     else:
-        more = {"table": joined(table, read)}
-    after = table_energy(dataclasses.replace(evidence, made=fitted, **more), limit)
+        evidence = dataclasses.replace(evidence, table=joined(table, read))
+    after = table_energy(dataclasses.replace(evidence, made=fitted), limit)
     hours = instrument.pace.path_seconds(shots.angles, shots.seconds) / 3600
     theta = np.unique(np.round(np.degrees(albedos.theta_i[open_]), 3)).tolist()
     return EnergyPlan(name, shots, hours, theta, fitted.expression, before, after)
+
+
+def _deciding(
+    table: Table,
+    brdf: AbstractBRDF,
+    by_side: dict[tuple[int, int], Albedos | str],
+    terms: tuple[np.ndarray, Instrument],
+) -> np.ndarray:
+    """Directions (4, n) that decide at incidences, of all sides that are integrated; `terms`: those, the instrument."""
+    theta, instrument = terms
+    each = [
+        deciding_directions(
+            Ways(table, *sides), brdf if table.sides == FRONT else seen_from(brdf, *sides), albedos, theta, instrument
+        )
+        for sides, albedos in by_side.items()
+        if not isinstance(albedos, str)
+    ]
+    return np.concatenate(each, axis=1)
 
 
 def _as_the_model_says(table: Table, brdf: Any, angles: np.ndarray) -> Table:

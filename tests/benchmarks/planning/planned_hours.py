@@ -6,7 +6,9 @@ For each material and purpose (all numbers; the albedo): the median error of est
 planned, on the best regular scan and on the best of some random ones, all of equal hours; the hours that regular and
 random scans need for the plan's promised uncertainty (each scan's counting time is scaled: the best of all steps and
 numbers counts); the scatter of the estimates over what was promised; the hours lost by plans made at a third and at
-thrice the true α, and with that range stated; the Kiefer-Wolfowitz residual.
+thrice the true α, and with that range stated; the Kiefer-Wolfowitz residual. `no plan`: how many times fewer hours than
+a regular or random scan the best of all designs would need that spent no time on the way; where photons are the limit
+that is little. Without measurements (0) none is simulated.
 """
 
 import sys
@@ -20,6 +22,7 @@ from gonio.instrument import Instrument, measure
 from gonio.instrument.pace import scan_order
 from gonio.instrument.scans import in_plane, isotropic, spherical
 from gonio.planning.candidates import readable, space_filling
+from gonio.planning.design import Problem, covariance, gram, optimal_design
 from gonio.planning.planned import plan
 from gonio.planning.planner import PLANE_STEPS, REGULAR_STEPS, Planner
 from gonio.planning.prior import prior_of
@@ -63,6 +66,14 @@ def gain(planner: Planner, covariance: np.ndarray) -> float:
     """A plan's variance by its own criterion, in the mean over the numbers."""
     loss = planner.loss(covariance)
     return float(np.exp(loss / (planner.size if planner.wanted is None else 1)))
+
+
+def least(planner: Planner, budget: float) -> float:
+    """The least variance that any shots of so many seconds have, were there no way between them [Kiefer-Wolfowitz]."""
+    times = planner.candidates.best_seconds(0.0, budget)
+    rows = planner.candidates.rows(times) * np.sqrt(budget / times)[:, None, None]
+    design = optimal_design(Problem(rows, planner.before, planner.size, planner.wanted))
+    return gain(planner, covariance(gram(rows[:1], design.shares) + planner.before, planner.size)[0][0])
 
 
 def equal(planner: Planner, angles: np.ndarray, budget: float, promised: float) -> tuple[float, float, Shots]:
@@ -136,17 +147,20 @@ def main(number: int, budget: float) -> None:
             planned = plan(truth, INSTRUMENT, budget=budget, wanted=wanted)
             planner = Planner(prior, INSTRUMENT, wanted=q and (q.slopes / q.values[:, None])[None])
             promised = gain(planner, planner.covariance(planned.shots))
-            errors = {"planned": simulated(truth, planned.shots, planner, number)}
-            hours = {}
+            shots = {"planned": planned.shots}
+            hours, most, limit = {}, {}, least(planner, budget)
             for kind in ("regular", "random"):
                 each = {k: equal(planner, a, budget, promised) for k, a in scans(planner, kind == "random").items()}
                 best = min(each, key=lambda k: each[k][0])
                 hours[kind] = min(h for _, h, _ in each.values()) / budget
-                errors[f"{kind} ({best})"] = simulated(truth, each[best][2], planner, number)
-            scatter = np.sqrt(np.mean(errors["planned"][2] ** 2))
+                most[kind] = min(equal(planner, a, budget, limit)[1] for a in scans(planner, kind == "random").values())
+                shots[f"{kind} ({best})"] = each[best][2]
+            errors = {k: simulated(truth, v, planner, number) for k, v in shots.items()} if number else {}
+            scatter = np.sqrt(np.mean(errors["planned"][2] ** 2)) if number else np.nan
             print(
                 f"{name}, for {purpose}: {planned.shots.seconds.size} shots; hours at equal uncertainty: regular × "
-                f"{hours['regular']:.1f}, random × {hours['random']:.1f}; scatter/promised {scatter:.2f}; "
+                f"{hours['regular']:.1f} (no plan × {most['regular'] / budget:.1f}), random × {hours['random']:.1f} "
+                f"(no plan × {most['random'] / budget:.1f}); scatter/promised {scatter:.2f}; "
                 f"Kiefer-Wolfowitz {planned.residual / planned.scale:.1e} p",
                 flush=True,
             )

@@ -28,6 +28,7 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction, from_spherical
 
+MOST_COVERED = 0.2  # of the light of the rest of a model, where lobes cover it, beyond which the rest is not known
 BETWEEN = 0.5  # of a node's prediction error, where resolved, that the ratio may be off by between: twice the theory's
 
 
@@ -78,6 +79,11 @@ def _at_nodes(brdf: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.nda
     return np.broadcast_to(f.reshape(*shape, -1), (*shape, channels))
 
 
+def _terms(brdf: AbstractBRDF) -> tuple[AbstractBRDF, ...]:
+    """Those of a model; itself where it is dark between these sides."""
+    return brdf.terms() or (brdf,)
+
+
 def _differences(brdf: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.ndarray:
     """What the grid misses of the albedos of a model's terms at all incidences, (terms, n, C)."""
     lights = _lights(grid)
@@ -85,7 +91,7 @@ def _differences(brdf: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.
         [
             albedos_at(term, lights, FAST, channels)
             - np.sum(grid.weights * _at_nodes(term, grid, channels), axis=(1, 2))
-            for term in brdf.terms()
+            for term in _terms(brdf)
         ]
     )
 
@@ -127,8 +133,8 @@ def _incidences(
     part: Part, grid: HemisphereGrid, brdf: AbstractBRDF, fitted: FitResult, features: Features
 ) -> Iterator[Incidence]:
     table, channels = part.table, len(part.table.channels)
-    terms = [_at_nodes(term, grid, channels) for term in brdf.terms()]
-    at_nodes, exact = sum(terms), albedos_at(brdf, _lights(grid), FAST, channels)
+    terms = [_at_nodes(term, grid, channels) for term in _terms(brdf)]
+    at_nodes, exact = np.sum(terms, axis=0), albedos_at(brdf, _lights(grid), FAST, channels)
     tests = _lobe_tests(table, grid, brdf, terms, features.further)
     whole = _Sides(grid, terms, np.ones((len(terms), len(exact)), bool), tests)
     both = [whole, whole.beside_lobes()]
@@ -143,7 +149,7 @@ def _incidences(
         f, u, valid = (block[name][grid.cells] for name in ("f", "u_f", "flag"))
         valid = valid == Flag.VALID
         wi = Direction(*(jnp.asarray(c) for c in from_spherical(theta_i, phi_i, np)))
-        each = [_shares(term, grid, wi, channels) for term in brdf.terms()]
+        each = [_shares(term, grid, wi, channels) for term in _terms(brdf)]
         readings = f.astype(float), u.astype(float), valid
         rows = [side.estimate(k, readings, each) for side in both[: 1 + bool(np.any(~both[1].carried[:, k]))]]
         row = _least(row._replace(bound=row.bound + s[k]) for row, s in zip(rows, spreads, strict=False))
@@ -190,18 +196,35 @@ class _Sides(NamedTuple):
     def estimate(self, k: int, readings: tuple[np.ndarray, np.ndarray, np.ndarray], shares: list[_Shares]) -> Incidence:
         """The albedo of one incidence, of its readings (f, u, valid) and the light of each term."""
         carried, (f, u, valid) = self.carried[:, k], readings
-        at_nodes, none = [m[k] for m in self.terms], np.zeros_like(self.terms[0][k])
-        others = sum((m for m, c in zip(at_nodes, carried, strict=True) if c), none)
-        lobes = sum((m for m, c in zip(at_nodes, carried, strict=True) if not c), none)
+        at_nodes, none = np.stack([m[k] for m in self.terms]), np.zeros_like(self.terms[0][k])
+        others, lobes = np.sum(at_nodes[carried], axis=0), np.sum(at_nodes[~carried], axis=0)
         # Nodes are compared with what else the model sends where the lobes are dark; on them they follow those around.
         beside = valid & (lobes <= VISIBLE * others)
-        ratio = filled(np.where(beside, (f - lobes) / np.maximum(others, np.finfo(float).tiny), 0.0), beside)
-        f = np.where(beside | ~valid, f - lobes, ratio * others)
-        light = [s for s, c in zip(shares, carried, strict=True) if c]
-        row = _estimate(self.grid, (f, np.where(beside, u, 0.0), valid), others, _sum_of([_Shares(none, none), *light]))
+        ratio = np.where(beside, (f - lobes) / np.maximum(others, np.finfo(float).tiny), 0.0)
+        f = np.where(beside | ~valid, f - lobes, filled(ratio, beside) * others)
+        light = _sum_of([_Shares(none, none), *(s for s, c in zip(shares, carried, strict=True) if c)])
+        row = _estimate(self.grid, (f, np.where(beside, u, 0.0), valid), others, light)
         of_lobes = sum((s.near.sum(axis=(0, 1)) for s, c in zip(shares, carried, strict=True) if not c), 0.0)
-        off = (t.off[k] if carried[t.lobe.number] else t.by_readings[k] for t in self.tests)
-        return row._replace(value=row.value + of_lobes, bound=row.bound + sum(off))
+        off = sum(t.off[k] if carried[t.lobe.number] else t.by_readings[k] for t in self.tests)
+        guessed = 0.0 if carried.all() else _guessed(light.near, ratio, beside, valid, others)
+        return row._replace(value=row.value + of_lobes, bound=row.bound + off + guessed)
+
+
+def _guessed(
+    light: np.ndarray, ratio: np.ndarray, beside: np.ndarray, valid: np.ndarray, model: np.ndarray
+) -> np.ndarray:
+    """What of the light (C,) of some nodes that the lobes cover is guessed: it follows the ratio of the others.
+
+    That is as sure as the ratio is even among these; where they are few nothing is.
+    """
+    total = light.sum(axis=(0, 1))
+    covered = np.sum(np.where(valid & ~beside, light, 0.0), axis=(0, 1))
+    counts = beside & (model > floor_of(total))
+    high = np.max(np.where(counts, ratio, -np.inf), axis=(0, 1))
+    low = np.min(np.where(counts, ratio, np.inf), axis=(0, 1))
+    sure = (covered <= MOST_COVERED * total) & (low > 0) & np.isfinite(low)
+    uneven = np.where(sure, high, 1.0) / np.where(sure, low, 1.0) - 1
+    return np.where(sure, covered * uneven, np.where(total > 0, np.inf, 0.0))
 
 
 def _sum_of(shares: list[_Shares]) -> _Shares:

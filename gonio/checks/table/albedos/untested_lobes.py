@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import numpy as np
 
+from gonio.checks.grid_resolution import LARGEST
 from gonio.checks.table.albedos.model_light import FAST, LobeSamples, lobe_samples
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate
@@ -100,9 +101,12 @@ def lobe_tests(
         resolved: what needs no test.
     """
     terms = brdf.terms()
+    if not terms:
+        return []
     values = [values_at(term, readings.angles) for term in terms]
-    left = np.abs(readings.f - sum(values))
-    whole, noise, tests = sum(values).mean(axis=1), NOISE * readings.u.max(axis=1), []
+    model = np.sum(np.broadcast_arrays(*values), axis=0)
+    misfits, whole, noise = np.abs(readings.f - model), model.mean(axis=1), NOISE * readings.u.max(axis=1)
+    tests: list[LobeTest] = []
     for number, (term, value) in enumerate(zip(terms, values, strict=True)):
         lobe = Lobe(number, term, [lobe_samples(term, _light_from(i), FAST) for i in incidences])
         unresolved, there = ~resolved(lobe), value.mean(axis=1)
@@ -115,7 +119,9 @@ def lobe_tests(
         if np.unique(np.floor(below)).size < LEVELS - 1 + max(shape_numbers(term), 1):
             off = FACTOR * lobe.light(readings.f.shape[1])
         else:
-            limits = (np.maximum(left + sign * NOISE * readings.u, 0.0)[read] / there[read, None] for sign in (-1, 1))
+            limits = (
+                np.maximum(misfits + sign * NOISE * readings.u, 0.0)[read] / there[read, None] for sign in (-1, 1)
+            )
             levels = [_by_level(below, beside, limit) for limit in limits]
             off, known = (np.stack([_carried(s, misfit) for s in lobe.samples]) for misfit in levels)
             same = np.abs(readings.angles[read, 0] - incidences[beside, 0]) < SAME_LIGHT
@@ -131,12 +137,15 @@ def shape_numbers(module: Any) -> int:
     if not isinstance(module, eqx.Module):
         return 0
     fields = [(f, getattr(module, f.name)) for f in dataclasses.fields(module)]
-    own = (f.metadata["parameter"].role in SHAPES for f, v in fields if "parameter" in f.metadata and v is not None)
-    return sum(own) + sum(shape_numbers(v) for _, v in fields)
+    count = sum(
+        f.metadata["parameter"].role in SHAPES for f, v in fields if "parameter" in f.metadata and v is not None
+    )
+    return count + sum(shape_numbers(v) for _, v in fields)
 
 
 def _light_from(incidence: np.ndarray) -> Direction:
-    return Direction(*(np.asarray(c) for c in from_spherical(*incidence, np)))
+    theta, phi = incidence
+    return Direction(*(np.asarray(c) for c in from_spherical(theta, phi, np)))
 
 
 def values_at(brdf: AbstractBRDF, angles: np.ndarray) -> np.ndarray:
@@ -172,7 +181,8 @@ def _by_level(below: np.ndarray, beside: np.ndarray, misfit: np.ndarray) -> np.n
     squares = np.stack([np.bincount(group, c) for c in (misfit**2).T], -1) / np.bincount(group)[:, None]
     off = np.full((levels, channels), -np.inf)
     rms = np.sqrt(squares)
-    np.maximum.at(off, level, np.log1p(rms) * (1 + rms / ANOTHER))
+    between = np.minimum(np.log1p(rms) * (1 + rms / ANOTHER), np.log1p(FACTOR))
+    np.maximum.at(off, level, np.minimum(np.maximum(np.log1p(rms), between), LARGEST))
     read = np.flatnonzero(off[:, 0] >= 0)
     every = np.arange(levels)
     before = read[np.clip(np.searchsorted(read, every, side="right") - 1, 0, None)]
