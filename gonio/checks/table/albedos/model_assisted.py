@@ -10,6 +10,7 @@ do not test the family is unknown, and the light with it (`untested_lobes`).
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -84,16 +85,10 @@ def _terms(brdf: AbstractBRDF) -> tuple[AbstractBRDF, ...]:
     return brdf.terms() or (brdf,)
 
 
-def _differences(brdf: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.ndarray:
-    """What the grid misses of the albedos of a model's terms at all incidences, (terms, n, C)."""
-    lights = _lights(grid)
-    return np.stack(
-        [
-            albedos_at(term, lights, FAST, channels)
-            - np.sum(grid.weights * _at_nodes(term, grid, channels), axis=(1, 2))
-            for term in _terms(brdf)
-        ]
-    )
+def _difference(term: AbstractBRDF, grid: HemisphereGrid, channels: int) -> np.ndarray:
+    """What the grid misses of the albedos of a term at all incidences, (n, C)."""
+    by_grid = np.sum(grid.weights * _at_nodes(term, grid, channels), axis=(1, 2))
+    return albedos_at(term, _lights(grid), FAST, channels) - by_grid
 
 
 def _lights(grid: HemisphereGrid) -> Direction:
@@ -140,8 +135,12 @@ def _incidences(
     both = [whole, whole.beside_lobes()]
     weights = np.stack([side.carried for side in both]).astype(float)
 
+    known = [_difference(term, grid, channels) for term in _terms(brdf)]
+
     def missed(material: Material) -> np.ndarray:
-        return np.einsum("stn,tnc->snc", weights, _differences(part.folded(material.brdf), grid, channels))
+        both = zip(_terms(part.folded(material.brdf)), _terms(brdf), known, strict=True)
+        each = [k if eqx.tree_equal(t, base) else _difference(t, grid, channels) for t, base, k in both]
+        return np.einsum("stn,tnc->snc", weights, each)
 
     spreads = 2.0 * np.nan_to_num(fitted.propagated(missed, by_channel=True), nan=np.inf)
     for k, (number, theta_i, phi_i) in enumerate(grid.incidences):
