@@ -1,6 +1,7 @@
 """Models over arrays of directions: the one place where `vmap` adds axes to their scalar formulas."""
 
 import math
+import warnings
 
 import equinox as eqx
 import jax
@@ -25,6 +26,10 @@ SIZES = (64, 256, 1024, 4096, 8192, 16384, 32768, 65536, BLOCK)
 LOST, NOWHERE = (0.0, 0.0, -1.0), (float("nan"),) * 3
 """What stands for the direction of light that does not leave the surface: against the normal, where pdf is 0 then; of
 surfaces that transmit, whose light may leave there, no number."""
+FEW_DRAWS = 2048
+"""Drawn directions in single precision whose density is looked at beside them."""
+LARGEST_CHANGE, MOST_COARSE = 0.1, 0.005
+"""Relative change of a density between neighbouring numbers, and the share of directions that may have more."""
 
 
 @wide_jit
@@ -162,7 +167,28 @@ def sampled_directions(brdf: AbstractBRDF, wi: Direction, u1: np.ndarray, u2: np
     """
     dtype = jnp.result_type(float)
     w = Direction(*(jnp.broadcast_to(jnp.asarray(c, dtype), np.shape(u1)) for c in wi))
-    return Direction(*_samples(brdf, w, jnp.asarray(u1, dtype), jnp.asarray(u2, dtype)))
+    wo = Direction(*_samples(brdf, w, jnp.asarray(u1, dtype), jnp.asarray(u2, dtype)))
+    if dtype == jnp.float32 and (note := rounding_of_draws(brdf, w, wo)):
+        warnings.warn(note, stacklevel=2)
+    return wo
+
+
+def rounding_of_draws(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> str:
+    """A sentence where drawn directions are rounded so coarsely that their density is another one; else nothing.
+
+    wi and wo have components (n,): `FEW_DRAWS` of them are moved by a rounding.
+    """
+    some = slice(None, None, max(wi.z.size // FEW_DRAWS, 1))
+    wi, wo = (Direction(*(c[some] for c in w)) for w in (wi, wo))
+    beside = Direction(*(jnp.nextafter(c, jnp.full_like(c, 2.0)) for c in wo))
+    here, there = (np.asarray(_densities(brdf, wi, w), float) for w in (wo, beside))
+    share = float(np.mean(np.abs(there - here) > LARGEST_CHANGE * here))
+    if share <= MOST_COARSE:
+        return ""
+    return (
+        f"the density of {100 * share:.2g} % of the drawn directions changes by more than a tenth between neighbouring"
+        " numbers of single precision: this lobe is too narrow for it, draw in double precision"
+    )
 
 
 def sampling_density(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> jax.Array:

@@ -27,7 +27,8 @@ from gonio.models.kept_jit import kept_jit
 
 AIM = 1e-9  # the aim; a fit counts as stationary from 1e-6 on
 NEARLY, LITTLE = 1e-7, 1e-13  # or this near, where the next step promises no more than this share of the cost
-WORTHWHILE = 1e-3  # of the cost: what a projection must promise
+WORTHWHILE = 1e-3  # of what is left to gain, and of the cost: what a projection must promise
+GROWTH = 2.0  # of the step's size where a projection is taken
 CLOSE = 1e-5  # or this near, where steps are seen to shrink so fast that the next one will do
 IN_SINGLE = {"stationary": 3e-6, "nearly": 3e-5, "little": 1e-9, "close": 1e-3}  # the same in single precision
 MAX_STEPS = 200
@@ -168,10 +169,12 @@ def _decide(
     state = jax.tree.map(lambda _: lane.step_size, jax.eval_shape(search.init, y, quadratic))
     step_size, accept, _, _ = search.step(lane.first, y, lane.trial, quadratic, evaluated(cost), state)
     # A projected trial is no step of the quadratic model: it counts by its cost. Where that is lower the step's size
-    # stays; else the step that it came from was too long, whatever the model promised of the projection.
-    better = cost < (1.0 - 0.5 * WORTHWHILE) * before.cost
+    # grows; else the step that it came from was too long, whatever the model promised of the projection.
+    worthwhile = WORTHWHILE * jnp.maximum(jnp.minimum(before.cost, before.promised), 2.0 * rounding / WORTHWHILE)
+    better = cost < before.cost - 0.5 * worthwhile
     accept = jnp.where(lane.projected, better, accept)
-    shorter = jnp.where(better, 1.0, search.low_constant) * lane.step_size
+    # Along a valley that bends, steps grow by projections alone: what they come from is refused at any length.
+    shorter = jnp.where(better, GROWTH, search.low_constant) * lane.step_size
     step_size = jnp.where(lane.projected, shorter, step_size)
     # Below its own rounding the cost says nothing, while the gradient still does: there a step counts by that.
     by_gradient = (cost <= before.cost + rounding) & (trial.stationarity < 0.9 * before.stationarity)
@@ -179,7 +182,7 @@ def _decide(
     step_size = jnp.where(by_gradient, 10.0 * lane.step_size, step_size)
     accept = (accept | by_gradient) & finite
     project = ~accept & finite & ~lane.first & ~lane.projected
-    project &= trial.cost - trial.gain < (1.0 - WORTHWHILE) * before.cost
+    project &= trial.cost - trial.gain < before.cost - worthwhile
     return _Decision(accept, project, jnp.where(project, lane.step_size, step_size))
 
 

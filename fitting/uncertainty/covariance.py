@@ -174,7 +174,11 @@ def at_bounds_covariance(
         free[k] = True
         around = estimate.covariance(free)
         if around.undetermined[k] and np.isnan(around.matrix[k, k]):
-            reach[k] = np.inf
+            # Rounding sees it as free: alone, or in a combination with others, which are known no better.
+            if np.isnan(np.diagonal(around.matrix)[others]).sum() > np.isnan(np.diagonal(spread.matrix)[others]).sum():
+                active[k], spread = False, around
+            else:
+                reach[k] = np.inf
             continue
         beyond, limit = beyond_bound(estimate.matrix, gradient, around.matrix, k, others)
         if around.undetermined[k] and beyond < PUSHED:

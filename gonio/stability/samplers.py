@@ -16,6 +16,7 @@ from scipy import special
 
 from gonio.checks.table.statistics.counts import sidak
 from gonio.models.brdf import AbstractBRDF, Sample
+from gonio.models.evaluation import FEW_DRAWS, rounding_of_draws
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.horizon import Hemispheres
@@ -187,6 +188,15 @@ def _whole_and_p(counts: Counts) -> tuple[float, float]:
     return float(counts.shares.sum()), p_value(counts) if np.isfinite(counts.shares).all() else 0.0
 
 
+def _rounding(brdf: AbstractBRDF, theta: float, seed: int) -> str:
+    """What single precision says of its own draws."""
+    u1, u2 = np.random.default_rng(seed).random((2, FEW_DRAWS)).astype(np.float32)
+    wi = cast_directions(np.tile(unit_vector(theta), (FEW_DRAWS, 1)), np.float32)
+    wo, _ = _sampled(brdf, Direction(*(c[0] for c in wi)), jnp.asarray(u1), jnp.asarray(u2))
+    note = rounding_of_draws(brdf, wi, wo)
+    return note and f"; {note}"
+
+
 def sampler_cells(name: str, expression: str, precision: str, number: int) -> list[Cell]:
     """One cell for each incidence: the p-value of χ² against the level of one test, and ∫ of the density."""
     dtype = PRECISIONS[precision]
@@ -202,11 +212,13 @@ def sampler_cells(name: str, expression: str, precision: str, number: int) -> li
         counts, (whole, p) = min(tested, key=lambda t: t[1][1])
         error = max(c.off for c, _ in tested)
         detail = f"p = {p:.3g} (level {level:.2g}) of {number:,} directions; the density adds up to {whole:.7g}"
+        note = "" if precision == "float64" else max(_rounding(part, theta, seed) for part in parts)
         if counts.not_finite:
             verdict, detail = SAYS_SO, f"{counts.not_finite:.2g} of the directions drawn are not finite"
         elif counts.error > most:
             verdict, detail = SAYS_SO, f"{detail}, which is known to {counts.error:.1g} only"
         else:
-            verdict = RIGHT if p >= level and error <= most else SILENT
+            right = p >= level and error <= most
+            verdict, detail = (RIGHT if right else SAYS_SO if note else SILENT), detail if right else detail + note
         cells.append(Cell("sampler", name, expression, column, precision, verdict, error, most, detail))
     return cells

@@ -1,12 +1,18 @@
 """Samplers: honest ones are believed, a density that is not theirs is not."""
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from gonio.models.empirical.phong import Phong
+from gonio.models.evaluation import sampled_directions
 from gonio.models.expression.builder import build
+from gonio.models.geometry.directions import Direction
 from gonio.stability import samplers
+from gonio.stability.directions import unit_vector
 from gonio.stability.outcome import RIGHT
+from gonio.stability.precision import cast
 
 
 def test_a_density_that_is_not_the_samplers_is_seen():
@@ -43,3 +49,13 @@ def test_refraction_that_fails_about_the_lobes_middle_is_held_against_cells_abou
     assert middle.lost == 0 and middle.off > samplers.WHOLE["float64"] > 10 * normal.off
     cells = samplers.sampler_cells("rough_dielectric", "rough_dielectric(eta=1.5, alpha=1)", "float64", 20_000)
     assert {c.verdict for c in cells} == {RIGHT}
+
+
+def test_single_precision_says_where_its_draws_are_rounded_too_coarsely():
+    """A core of 1e-8 at a rim 1e-4 away; a lobe of 0.1 says nothing, and warnings are errors."""
+    rng, at_89 = np.random.default_rng(0), Direction(*np.float32(unit_vector(np.radians(89.0))))
+    with jax.enable_x64(False):
+        u1, u2 = rng.random((2, 4096)).astype(np.float32)
+        with pytest.warns(UserWarning, match="draw in double precision"):
+            sampled_directions(cast(build("abg(a=0.01, b=1e-12, g=1.5)"), np.float32), at_89, u1, u2)
+        sampled_directions(cast(build("abg(a=0.01, b=0.001, g=1.5)"), np.float32), at_89, u1, u2)

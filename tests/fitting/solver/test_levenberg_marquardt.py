@@ -41,6 +41,41 @@ class Exponential:
         return NormalEquations(cost, np.einsum("snp,sn->sp", rows, r), matrix)
 
 
+@dataclasses.dataclass
+class Valley:
+    """s·(f + (1 − f)·c) to readings y (n,), s ≥ 0 linear and f in [0, 1]: c so small that s·f alone is well known."""
+
+    y: np.ndarray
+    c: np.ndarray
+
+    domains = Domains(np.array([LINEAR, LINEAR]), np.array([0.0, 0.0]), np.array([1e3, 1.0]))
+    linear, order = np.array([True, False]), np.arange(2)
+
+    @property
+    def target_norm_squared(self):
+        return float(np.sum(self.y**2))
+
+    def normal_equations(self, p, active=None):
+        s, f = p[:, :1], p[:, 1:]
+        shape = f + (1 - f) * self.c
+        rows, r = np.stack([shape, s * (1 - self.c)], axis=-1), s * shape - self.y
+        matrix = Arrow.dense(np.einsum("snp,snq->spq", rows, rows))
+        return NormalEquations(0.5 * np.sum(r * r, axis=1), np.einsum("snp,sn->sp", rows, r), matrix)
+
+
+@pytest.mark.parametrize("tilt", [1.0, -1.0])
+def test_a_valley_that_bends_is_followed_to_its_end(tilt):
+    """The best s of each f is a quotient of sums: the end is known without a descent."""
+    c = np.linspace(0, 1, 400) ** 3 * 1e-3
+    y = 0.6 * (0.1 + 0.9 * c) + 1e-2 * np.cos(1e3 * np.arange(400.0) ** 2) + tilt * 2e-1 * (c - c.mean())
+    ends = minimise(Valley(y, c), np.array([[2.0, 0.04], [0.2, 0.7]]))
+    f = np.linspace(0, 1, 20001)
+    shape = f[:, None] + (1 - f[:, None]) * c
+    best = 0.5 * np.min(y @ y - (shape @ y) ** 2 / np.sum(shape**2, axis=1))
+    assert all(e.successful for e in ends)
+    np.testing.assert_allclose([e.cost for e in ends], best, rtol=1e-9)
+
+
 DECAY = 0.7 * np.exp(-np.arange(30) / 4.0)
 
 
