@@ -23,7 +23,6 @@ def table():
         lambda table, path: gonio.convert(SHEET, path / "t.binary"),
         lambda table, path: gonio.convert(table, path / "t.bsdf"),
         lambda table, path: gonio.convert(SHEET, path / "t.bsdf"),
-        lambda table, path: gonio.repair(table),
     ],
 )
 def test_what_knows_reflection_alone_refuses_what_transmits(table, method, tmp_path):

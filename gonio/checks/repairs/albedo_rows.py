@@ -7,6 +7,7 @@ from gonio.checks.table.albedos.half_difference import half_vector_grid
 from gonio.checks.table.albedos.on_grid import filled, hemisphere_grid
 from gonio.data.flags import Flag
 from gonio.data.table import Table
+from gonio.models.geometry.sides import FRONT
 
 Row = tuple[np.ndarray, np.ndarray]
 """Numbers of cells and their weights."""
@@ -15,10 +16,10 @@ Row = tuple[np.ndarray, np.ndarray]
 def albedo_rows(table: Table, channel: int) -> sparse.csr_array:
     """(incidences, cells): times the readings of a channel, the albedos that `gonio check` integrates.
 
-    No rows where the layout has no albedo (readings in a plane) or the grid does not cover the hemisphere.
+    R + T of a table of both sides of a sample. No rows where the layout has no albedo (readings in a plane) or the grid
+    does not cover the hemisphere.
     """
-    valid = (table.read_values()["flag"][:, channel] == Flag.VALID).reshape(table.layout.shape)
-    rows = _half_rows(table, valid) if table.layout.in_half_vectors else _grid_rows(table, valid)
+    rows = list((_rows(table, channel) if table.sides == FRONT else _two_sided_rows(table, channel)).values())
     if not rows:
         return sparse.csr_array((0, table.layout.size))
     number = np.concatenate([np.full(cells.size, k) for k, (cells, _) in enumerate(rows)])
@@ -26,16 +27,37 @@ def albedo_rows(table: Table, channel: int) -> sparse.csr_array:
     return sparse.csr_array((weights, (number, cells)), shape=(len(rows), table.layout.size))
 
 
-def _grid_rows(table: Table, valid: np.ndarray) -> list[Row]:
+def _rows(table: Table, channel: int) -> dict[int, Row]:
+    """Those of a table of one side, by the numbers of their incidences."""
+    valid = (table.read_values()["flag"][:, channel] == Flag.VALID).reshape(table.layout.shape)
+    if table.layout.in_half_vectors:
+        return dict(enumerate(_half_rows(table, valid)))
+    return _grid_rows(table, valid)
+
+
+def _two_sided_rows(table: Table, channel: int) -> dict[tuple[int, int], Row]:
+    """What is reflected and what is transmitted of an incidence, by the side of the light and its number there."""
+    whole, rows = np.arange(table.layout.size).reshape(table.layout.shape), {}
+    for (light, detector), part in table.parts().items():
+        cells = whole[table.layout.folded(light, detector)[1]].ravel()
+        for number, (of_part, weights) in _rows(part, channel).items():
+            before = rows.get((light, number), (np.zeros(0, int), np.zeros(0)))
+            rows[light, number] = tuple(
+                np.concatenate(pair) for pair in zip(before, (cells[of_part], weights), strict=True)
+            )
+    return rows
+
+
+def _grid_rows(table: Table, valid: np.ndarray) -> dict[int, Row]:
     grid = hemisphere_grid(table.layout)
     if isinstance(grid, str):
-        return []
-    rows = []
+        return {}
+    rows = {}
     for number, *_ in grid.incidences:
         cells = (number * grid.stored + grid.cells)[..., None]
         ok = valid.ravel()[cells]
         if not grid.missing(ok):
-            rows.append((filled(cells, ok).ravel(), grid.weights.ravel()))
+            rows[number] = (filled(cells, ok).ravel(), grid.weights.ravel())
     return rows
 
 

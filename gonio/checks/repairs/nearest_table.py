@@ -15,7 +15,7 @@ from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.reflection_only import require_reflection
 from gonio.data.subject import SubjectLike, resolve_subject
-from gonio.data.table import Table, whole_table_of_values
+from gonio.data.table import MEDIA, Table, whole_table_of_values
 from gonio.models.display import Displayed, percent
 from gonio.models.errors import GonioError
 
@@ -60,6 +60,9 @@ def repair(
 ) -> Repaired:
     """The table nearest to `table` whose pairs are equal and whose albedos, as its grid integrates them, are at most 1.
 
+    Of a table of both sides of a sample pairs are equal over the squared index of the exit's medium, as light from
+    behind goes back the way of light from the front, and R + T are at most 1.
+
     Distance is in units of the stored uncertainties, or, where those are not known, of each pair's mean reading. Only
     valid readings move; `nonnegative` lets none be negative either. A table that brings its own interpolant (RGL's) is
     first read on an isotropic grid of `step` degrees (5). `tolerances`, `feature_width` and `level` are those of the
@@ -70,8 +73,10 @@ def repair(
     """
     from gonio.checks.certify import check
 
-    table, remark = _on_a_grid(_table(table), step)
-    require_reflection(table, table.name or "the table", "a repair")
+    table = _table(table)
+    if table.interpolant is not None:
+        require_reflection(table, table.name or "the table", "a repair of a file that interpolates by its own rule")
+    table, remark = _on_a_grid(table, step)
     readings = [_Channel.of(table, c) for c in range(len(table.channels))]
     if not any(channel.valid.any() for channel in readings):
         raise GonioError("the table holds no valid reading; there is nothing to repair")
@@ -81,30 +86,35 @@ def repair(
 
     before = certified(table)  # refuses wrong tolerances and levels before there is work to lose
     partner = _partners(table)
-    repaired = [channel.repaired(partner, albedo_rows(table, c), nonnegative) for c, channel in enumerate(readings)]
+    repaired = [
+        channel.repaired(partner, (albedo_rows(table, c) * channel.exit2).tocsr(), nonnegative)
+        for c, channel in enumerate(readings)
+    ]
     f, u = (np.stack(column, axis=-1).reshape(table.f.shape) for column in (list(zip(*repaired, strict=True)))[:2])
     f = f.astype(np.asarray(table.f[:0]).dtype)
     moved = _distance(readings, f, [run for *_, run in repaired])
-    provenance = {
-        "repaired": {
-            "by": "nearest reciprocal table whose albedos are at most 1",
-            "nonnegative": nonnegative,
-            "moved": moved,
-            "remark": remark,
-            "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        },
-        "from": table.provenance,
-    }
     new = dataclasses.replace(
         table,
         f=f,
         u_f=None if table.u_f is None else u,
         flag=np.asarray(table.flag[...]),
         interpolant=None,
-        provenance=provenance,
+        provenance=_provenance(table, moved, nonnegative=nonnegative, remark=remark),
         name=f"{table.name} (repaired)".strip(),
     )
     return Repaired(new, before, certified(new), moved, remark)
+
+
+def _provenance(table: Table, moved: dict[str, Any], **about: Any) -> dict[str, Any]:
+    """That of a repaired table: how it was made, of what, between which media."""
+    made = {
+        "by": "nearest reciprocal table whose albedos are at most 1",
+        **about,
+        "moved": moved,
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }
+    media = {MEDIA: table.provenance[MEDIA]} if MEDIA in table.provenance else {}
+    return {"repaired": made, "from": table.provenance, **media}
 
 
 def _table(what: SubjectLike) -> Table:
@@ -152,16 +162,19 @@ def _partners(table: Table) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class _Channel:
-    """The readings of one channel, (cells,)."""
+    """The readings of one channel, (cells,), over the squared index of the medium that the light goes out into."""
 
     f: np.ndarray
     u: np.ndarray
     valid: np.ndarray
+    exit2: np.ndarray
 
     @classmethod
     def of(cls, table: Table, c: int) -> Self:
         f, u, flag = (values[:, c] for values in table.read_values().values())
-        return cls(np.array(f, float), np.array(u, float), flag == Flag.VALID)
+        front, behind = (float(n[c]) for n in table.media)
+        exit2 = np.where(table.layout.cosines(0, table.layout.size)[1] < 0, behind, front) ** 2
+        return cls(np.array(f, float) / exit2, np.array(u, float) / exit2, flag == Flag.VALID, exit2)
 
     def weights(self, group: np.ndarray) -> np.ndarray:
         """The weight of each valid reading: by its uncertainty, or by the mean size of its pair."""
@@ -192,12 +205,13 @@ class _Channel:
         f[cells] = run.point[group]
         # NaN where one of the two is unknown.
         u[cells] = np.sqrt(np.bincount(group, (each * self.u[cells]) ** 2) / weight**2)[group]
-        return f, u, run
+        return self.exit2 * f, self.exit2 * u, run
 
 
 def _distance(readings: list[_Channel], f: np.ndarray, runs: list[Projection]) -> dict[str, Any]:
     """How far the readings moved: relative to themselves, in 1/sr, in their uncertainties; and how it was reached."""
-    valid, before, u = (np.stack([getattr(c, k) for c in readings], -1) for k in ("valid", "f", "u"))
+    valid = np.stack([c.valid for c in readings], -1)
+    before, u = (np.stack([c.exit2 * getattr(c, k) for c in readings], -1) for k in ("f", "u"))
     change = np.abs(f.reshape(before.shape) - before)[valid]
     before, u = np.abs(before[valid]), u[valid]
     known, lit = np.isfinite(u) & (u > 0), before > 0

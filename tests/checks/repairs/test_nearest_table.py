@@ -140,3 +140,27 @@ def test_a_table_between_directions_is_repaired_on_a_grid_of_the_step_asked_for(
             repair(warped, step=step)
     with pytest.raises(GonioError, match="grid of its own"):
         repair(table, step=5)
+
+
+@pytest.mark.parametrize(
+    ("levels", "index2"), [((0.4, 0.45, 0.5), 1.0), ((0.28, 0.28, 0.28), 2.25)], ids=["sheet", "interface"]
+)
+def test_light_from_both_sides_becomes_reciprocal_and_no_more_than_arrives(levels, index2):
+    """f over the squared index of the exit is that of exchanged light, R + T ≤ 1, and what is lawful stays."""
+    polar = np.radians(np.arange(0, 90, 15.0))
+    both = np.append(polar, np.pi - polar[::-1])
+    layout = layouts.isotropic(both, both, np.radians(np.arange(0, 360, 30.0)))
+    behind, exit2 = (c < 0 for c in layout.cosines()), np.where(layout.cosines()[1] < 0, index2, 1.0)
+    level = np.array(levels)[sum(b.astype(int) for b in behind)]  # reflected, transmitted, reflected behind
+    truth = (level / np.pi * exit2).reshape(layout.shape)
+    about = {"media": [1.0, index2**0.5]}
+    noise = np.random.default_rng(0).standard_normal(layout.shape)
+    noisy = whole_table_of_values(layout, 1.3 * truth * (1 + 0.2 * noise), provenance=about)
+    repaired = gonio.repair(noisy)
+    f, cells = repaired.table.f.reshape(-1), np.arange(layout.size)
+    np.testing.assert_allclose(f / exit2, (f / exit2)[layout.exchanged(cells)], rtol=1e-12)
+    before, after = (np.max(c["energy"].series["albedo"]) for c in (repaired.before, repaired.after))
+    assert before > 1.05 and after <= 1 + 1e-9
+    assert repaired.after["reciprocity"].verdict == "pass" and repaired.table.media[1] == index2**0.5
+    even = whole_table_of_values(layout, truth, provenance=about)
+    assert gonio.repair(even).moved["relative_rms"] < 1e-12
