@@ -10,7 +10,6 @@ first call traces and compiles; kept is that of a process which finds the progra
 an LLVM library (Debian: libllvm19, DRJIT_LIBLLVM_PATH).
 """
 
-import contextlib
 import ctypes
 import glob
 import os
@@ -223,9 +222,14 @@ def model_line(expression, known):
 def beside_mitsuba():
     library = os.environ.get("DRJIT_LIBLLVM_PATH") or next(iter(sorted(glob.glob("/usr/lib/*/libLLVM.so.19*"))), None)
     if not library:
+        print("\nnot beside Mitsuba: its LLVM variant needs libLLVM (19 will do, 15 will not): DRJIT_LIBLLVM_PATH")
         return
     os.environ["DRJIT_LIBLLVM_PATH"] = library
-    import mitsuba as mi
+    try:
+        import mitsuba as mi
+    except ImportError:
+        print("\nnot beside Mitsuba: pip install mitsuba")
+        return
 
     mi.set_variant("llvm_ad_rgb")
     count, flat = layouts.merl().size, pairs(np.float32)
@@ -247,8 +251,7 @@ def main() -> None:
     print(f"{layouts.merl().size:,} pairs; million evaluations a core second, float32 / float64")
     for expression in [LIMIT, *(example(n).strip("'") for n in sys.argv[2:] or MODELS)]:
         model_line(expression, known)
-    with contextlib.suppress(ImportError):
-        beside_mitsuba()
+    beside_mitsuba()
 
 
 if __name__ == "__main__":
