@@ -4,6 +4,8 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 
 from gonio.models.brdf import AbstractBRDF, Channels, Direction, ParameterInfo, Scalar, parameter
 from gonio.models.geometry.guards import positive
@@ -11,6 +13,9 @@ from gonio.models.geometry.half_vector import half_angles
 from gonio.models.warps.hemisphere import beside
 
 ALPHA = ParameterInfo(0.01, 1.0, "1", "width: the inverse of the sine's power", start=0.3, role="width", log=True)
+
+SMOOTH = 4.0
+"""Powers of sinθh from which on rules for integrals see no point in it where h is the normal."""
 
 # Estevez & Kulla 2017, table 1: the fit of the masking at widths 0 and 1.
 AT_0 = (25.3245, 3.32435, 0.16801, -1.27393, -4.85967)
@@ -33,6 +38,11 @@ class Charlie(AbstractBRDF):
 
     alpha: Channels = parameter(ALPHA)
     visibility: str = eqx.field(static=True, default="fitted", metadata={"choices": ("fitted", "ashikhmin")})
+
+    @property
+    def kinked(self) -> bool:
+        """Wide ones: sinθh to a small power has a point like a cone's where h is the normal."""
+        return isinstance(self.alpha, Tracer) or bool(np.any(np.asarray(self.alpha) > 1 / SMOOTH))
 
     def formula(self, wi: Direction, wo: Direction) -> Channels:
         h, _, across2 = half_angles(wi, wo)

@@ -8,6 +8,7 @@ from gonio.models.albedo import directional_albedo
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import from_spherical
 from gonio.models.microfacet.charlie import Charlie
+from gonio.stability.albedos import reference_albedo
 
 pytestmark = pytest.mark.quick_compilation
 
@@ -18,6 +19,15 @@ def test_the_albedo_at_normal_incidence(alpha):
     p = 1 / alpha
     found = directional_albedo(Charlie(jnp.asarray(alpha), "ashikhmin"), 0.0)
     assert found.value == pytest.approx(2 ** (-p / 2) / (p + 4), abs=2e-9)
+
+
+@pytest.mark.parametrize("alpha", [1.0, 0.37])
+def test_bounds_of_albedos_hold_for_wide_ones(alpha):
+    """Against rings about the mirror direction, where sinθh to a small power has a point."""
+    brdf = Charlie(jnp.asarray(alpha))
+    for theta in np.radians([80.0, 89.9]):
+        e, true = directional_albedo(brdf, theta, tolerance=1e-6), reference_albedo(brdf, theta)
+        assert abs(float(e.value) - true.value) <= float(e.bound) + true.uncertainty
 
 
 def test_the_fitted_masking_by_its_own_words():
