@@ -60,12 +60,13 @@ class RegionSums:
 
     def batches(self, some: list[int], regions: list[Region]) -> Iterator[list[int]]:
         """Some of the regions in turn, so many that they have at most `MOST_ROWS` pairs together; one at least."""
-        batch: list[int] = []
+        batch, rows = list[int](), 0.0
         for k in some:
-            if batch and sum(regions[m].count for m in batch) + regions[k].count > MOST_ROWS:
+            if batch and rows + regions[k].count > MOST_ROWS:
                 yield batch
-                batch = []
+                batch, rows = [], 0.0
             batch.append(k)
+            rows += regions[k].count
         if batch:
             yield batch
 

@@ -32,6 +32,10 @@ def sums_p(z: np.ndarray, sizes: np.ndarray, up: Counted, down: Counted) -> np.n
         z: each sum, over the root of its number of differences, (R,).
         sizes: how many differences each sum has, at least 1, (R,): the first sum has the first ones.
         up, down: the reading that counts upwards in each difference, and the other one.
+
+    References:
+        Lugannani & Rice 1980, Adv. Appl. Probab. 12, 475, for the saddlepoint's tail; Chernoff 1952, Ann. Math. Stat.
+        23, 493, for the bound.
     """
     (a, u_a, q_a), (b, u_b, q_b) = up, down
     mean = np.maximum((a * u_b**2 + b * u_a**2) / (u_a**2 + u_b**2), 0.0)
