@@ -150,10 +150,18 @@ class RoughSlab(AbstractComposite):
     cosθ times its slope, and the far side by 2η cosθ′: the widths add in squares [as in Dai et al. 2009]. The shares
     are those of a flat sheet with all its internal bounces: the narrower the lobes, the nearer R + T to 1 where nothing
     is absorbed; what bounces is as wide as what does not. `clear` is the transmittance of the inside along the normal.
-    Left out: masking of what passes, and what a thick sheet displaces sideways.
+    Left out: masking of what passes, what a thick sheet displaces sideways, and polarisation between the faces (a flat
+    sheet of η = 1.5 passes 0.848 at 60°, this one 0.836).
+
+    Beside rays followed between two such faces of η = 1.5, R and T are within 0.003 to 30° for α ≤ 0.1, within 0.01 for
+    0.2. At 60° R is 0.05 and T 0.03 low for α = 0.1, 0.11 and 0.08 for 0.2: what a lobe loses beyond the horizon here,
+    a sheet keeps inside, and sends out elsewhere.
     """
 
-    loses_energy: ClassVar[str] = "Wide lobes lose what falls beyond the horizon: a third at 60° for α = 0.3, η = 1.5."
+    loses_energy: ClassVar[str] = (
+        "Wide lobes lose what falls beyond the horizon: a third at 60° for α = 0.3, η = 1.5, where rays between two "
+        "such faces lose a sixth to masking."
+    )
 
     alpha: Channels = parameter(ALPHA)
     alpha_behind: Channels | None = parameter(ALPHA_BEHIND, default=None)

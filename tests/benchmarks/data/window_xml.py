@@ -59,7 +59,7 @@ def main() -> None:
         kinds = {"reflection front": (side == 1).all(axis=1), "reflection back": (side == -1).all(axis=1)}
         for name in BLOCKS:
             normal, largest, difference = hemispherical(bsdf, path, name)
-            a, b = (v[kinds.get(name, side.prod(axis=1) < 0), 0] for v in (pairs.a, pairs.b))
+            a, b, *_ = pairs.column(0).rows(kinds.get(name, side.prod(axis=1) < 0))
             seen = (a > 1e-4) & (b > 1e-4)
             unequal = 100 * np.abs(a - b)[seen] / np.maximum(a, b)[seen]
             print(
