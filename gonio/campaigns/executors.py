@@ -6,35 +6,45 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from typing import Any
 
-from gonio.campaigns.perform import Unfinished
-from gonio.campaigns.store import Record
+from gonio.campaigns.engine import Message
+from gonio.campaigns.perform import Outcome, Unfinished
 from gonio.campaigns.tasks import Task
 from gonio.environment import jax_environment, one_thread
 from gonio.models.errors import GonioError
 
-AHEAD = 4
-"""Tasks that are handed out for each worker: the next one is there when a worker is free."""
+AHEAD = 2
+"""Messages that are handed out for each worker: the next one is there when a worker is free."""
 JOINING = 60.0
 """Seconds in which a first worker has to come."""
 MOST_STARTS = 10
 """Times that the processes of this machine are begun again, after all of them were ended."""
+QUIET = {
+    "distributed.comm.timeouts.connect": "10s",
+    "distributed.worker.daemon": False,
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "500ms",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.admin.system-monitor.gil.enabled": False,
+    "distributed.scheduler.active-memory-manager.start": False,
+}
+"""Of Dask: what watches its own processes takes some percent of a processor, and nobody looks at it here."""
 LOST = "what is done is kept: run it again to go on"
 
 
 class ThisProcess:
-    """Does one task at a time, here."""
+    """Does one message at a time, here."""
 
     window = 1
 
-    def submit(self, function: Callable[[Task, str], Record], task: Task, folder: str) -> "Future[Record]":
+    def submit(self, function: Message, tasks: Sequence[Task], folder: str) -> "Future[list[Outcome]]":
         """Does it, and returns when it is done."""
-        future: Future[Record] = Future()
+        future: Future[list[Outcome]] = Future()
         try:
-            future.set_result(function(task, folder))
+            future.set_result(function(tasks, folder))
         except Exception as error:
             future.set_exception(error)
         return future
@@ -55,16 +65,16 @@ class DaskCluster:
         self.waiting_since: float | None = None
         self.window = AHEAD
 
-    def submit(self, function: Callable[[Task, str], Record], task: Task, folder: str) -> "Future[Record]":
+    def submit(self, function: Message, tasks: Sequence[Task], folder: str) -> "Future[list[Outcome]]":
         """Hands it to the scheduler."""
-        future: Future[Record] = Future()
-        remote = self.client.submit(function, task, folder, pure=False)
+        future: Future[list[Outcome]] = Future()
+        remote = self.client.submit(function, tasks, folder, pure=False)
         future.set_running_or_notify_cancel()
         remote.add_done_callback(lambda done: _pass_on(done, future))
         return future
 
     def require_alive(self) -> None:
-        """Takes as many tasks as there are workers for. Raises GonioError where scheduler or workers are lost."""
+        """Takes as many messages as there are workers for. Raises GonioError where scheduler or workers are lost."""
         if self.client.status != "running":
             raise GonioError(f"the connection to the scheduler was lost; {LOST}")
         if self.processes is not None:
@@ -80,15 +90,19 @@ class DaskCluster:
 
     def died(self, error: BaseException) -> bool:
         """Whether the scheduler gave a task up because of the workers that died with it."""
-        return type(error).__name__ == "KilledWorker"
+        return isinstance(error, ResultLost) or type(error).__name__ == "KilledWorker"
 
 
-def _pass_on(done: Any, future: "Future[Record]") -> None:
+class ResultLost(Exception):
+    """What came back was lost with its worker; its files are there."""
+
+
+def _pass_on(done: Any, future: "Future[list[Outcome]]") -> None:
     if done.status == "finished":
         try:
             future.set_result(done.result())
-        except Exception as error:  # the result was lost with its worker: its file is there, so that is quickly redone
-            future.set_exception(error)
+        except Exception as error:
+            future.set_exception(ResultLost(str(error)))
     elif done.status == "error":
         future.set_exception(done.exception())
     else:
@@ -150,13 +164,12 @@ def dask_cluster(workers: int, scheduler: str | None) -> Iterator[DaskCluster]:
     from gonio.campaigns.workers import Prepare
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
-    settings = {"distributed.comm.timeouts.connect": "10s", "distributed.worker.daemon": False}
-    with configured(settings), contextlib.ExitStack() as stack:
+    with configured(QUIET), contextlib.ExitStack() as stack:
         if scheduler is None:
             options: dict[str, Any] = {
                 "n_workers": 0,
                 "processes": True,
-                "dashboard_address": "127.0.0.1:0",
+                "dashboard_address": None,
                 "protocol": "tcp",
             }
             cluster: Any = stack.enter_context(

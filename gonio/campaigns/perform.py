@@ -1,18 +1,71 @@
-"""One task from its inputs to its files: run in this process or in a worker, and safe to be run again."""
+"""Tasks from their inputs to their files: run in this process or in a worker, and safe to be run again."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from gonio import __version__
 from gonio.campaigns.keys import digest_of
 from gonio.campaigns.store import DONE, REFUSED, Record, Store
 from gonio.campaigns.tasks import Task
-from gonio.models.errors import GonioError
+from gonio.models.errors import GonioError, one_line
 
 
 class Unfinished(GonioError):
     """A task that could not be ended for a reason that is not its own: no room on the disk, a file that has changed."""
+
+
+class Fault(NamedTuple):
+    """A task that ended in an error of the program, with a sentence about it; nothing is recorded."""
+
+    key: str
+    why: str
+
+
+Outcome = Record | Fault
+
+
+def perform_all(tasks: Sequence[Task], folder: str) -> list[Outcome]:
+    """Does tasks one after another; what has its record from a worker that died meanwhile is not done again.
+
+    Args:
+        tasks: in an order in which each comes behind what it needs.
+        folder: of the campaign.
+
+    Returns:
+        What became of each, without those that need one of these tasks which has no result.
+
+    Raises:
+        Unfinished: one could not be ended for a reason that is not its own; those before it have their records.
+    """
+    store = Store(Path(folder))
+    outcomes: list[Outcome] = []
+    without_result: set[str] = set()
+    for task in tasks:
+        if without_result.intersection(task.needs):
+            without_result.add(task.key)
+            continue
+        outcome = store.record(task.key) or _performed(task, folder)
+        outcomes.append(outcome)
+        if isinstance(outcome, Fault) or outcome.status != DONE:
+            without_result.add(task.key)
+    return outcomes
+
+
+def _performed(task: Task, folder: str) -> Outcome:
+    try:
+        return perform(task, folder)
+    except Unfinished:
+        raise
+    except Exception as error:
+        return Fault(task.key, fault_of(error))
+
+
+def fault_of(error: BaseException) -> str:
+    """Why a task ended without a record, as a sentence."""
+    first = (str(error).splitlines() or [""])[0]
+    return one_line(f"a fault of gonio ({type(error).__name__}: {first}); please report it", 300)
 
 
 def perform(task: Task, folder: str) -> Record:

@@ -82,6 +82,12 @@ class Store:
         content = {"gonio_campaign_record": RECORD_FORMAT, **plain(dataclasses.asdict(record))}
         self._write_json(self.folder / RECORDS / f"{record.key}.json", content)
 
+    def forget(self, key: str) -> None:
+        """Removes the record of a task, which is to be done again."""
+        path = self.folder / RECORDS / f"{key}.json"
+        with output_errors(path):
+            path.unlink(missing_ok=True)
+
     def write_plan(self, recipe: str, keys: list[str]) -> None:
         """Keeps the name of the last recipe with its keys: the catalogue tells what is of it."""
         self._write_json(self.folder / PLAN, {"gonio_campaign_plan": RECORD_FORMAT, "recipe": recipe, "keys": keys})

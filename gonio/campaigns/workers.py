@@ -31,8 +31,12 @@ class Prepare(WorkerPlugin):
 
 async def serve(address: str, count: int) -> None:
     """Runs worker processes of one thread each for a scheduler, until this process' standard input ends."""
+    from dask.config import set as configured
     from distributed import Nanny
 
+    from gonio.campaigns.executors import QUIET
+
+    configured(QUIET)
     options: dict[str, Any] = {"nthreads": 1, "memory_limit": 0, "dashboard": False, "death_timeout": 30}
     nannies = [Nanny(address, **options) for _ in range(count)]
     ended = asyncio.Event()

@@ -59,7 +59,7 @@ def test_a_second_run_does_nothing_and_a_changed_recipe_adds(runs, monkeypatch):
     folder, _ = runs
     before = files(folder)
     with monkeypatch.context() as patch:
-        patch.setattr("gonio.campaigns.engine.perform", lambda *_: pytest.fail("it was done again"))
+        patch.setattr("gonio.campaigns.perform.perform", lambda *_: pytest.fail("it was done again"))
         again = gonio.campaign(RECIPE, folder, workers=0)
     assert again.tally.kept.total() == 12 and not again.tally.done and files(folder) == before
     fewer = RECIPE | {"check": False, "measure": [RECIPE["measure"][0] | {"seeds": [1, 2], "photons": [1e6]}]}

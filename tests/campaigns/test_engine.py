@@ -7,7 +7,7 @@ from concurrent.futures import Future
 import pytest
 
 from gonio.campaigns.engine import MOST_DEATHS, Run
-from gonio.campaigns.perform import Unfinished
+from gonio.campaigns.perform import Fault, Unfinished
 from gonio.campaigns.store import DONE, REFUSED, Record, Store
 from gonio.campaigns.tasks import LABELS, Task
 from gonio.models.errors import GonioError
@@ -22,21 +22,30 @@ class Cluster:
 
     def __init__(self, window=3, deaths=None, outcomes=None):
         self.window, self.deaths, self.outcomes = window, dict(deaths or {}), outcomes or {}
-        self.order = []
+        self.order, self.messages = [], []
 
-    def submit(self, function, task, folder):
-        future = Future()
-        if self.deaths.get(task.key, 0) > 0:
-            self.deaths[task.key] -= 1
-            future.set_exception(KilledWorker())
-            return future
-        self.order.append(task.key)
-        outcome = self.outcomes.get(task.key, Record(task.key, task.kind, DONE, True, task.labels, {}))
-        if isinstance(outcome, Exception):
-            future.set_exception(outcome)
-        else:
-            Store_of[folder].write_record(outcome)
-            future.set_result(outcome)
+    def submit(self, function, tasks, folder):
+        future, outcomes, without = Future(), [], set()
+        self.messages.append([task.key for task in tasks])
+        for task in tasks:
+            if self.deaths.get(task.key, 0) > 0:
+                self.deaths[task.key] -= 1
+                future.set_exception(KilledWorker())
+                return future
+            if without.intersection(task.needs):
+                without.add(task.key)
+                continue
+            self.order.append(task.key)
+            outcome = self.outcomes.get(task.key, Record(task.key, task.kind, DONE, True, task.labels, {}, seconds=0.1))
+            if isinstance(outcome, Exception):
+                future.set_exception(outcome)
+                return future
+            if isinstance(outcome, Record):
+                Store_of[folder].write_record(outcome)
+            if outcome.__class__ is Fault or outcome.status != DONE:
+                without.add(task.key)
+            outcomes.append(outcome)
+        future.set_result(outcomes)
         return future
 
     def require_alive(self):
@@ -119,3 +128,32 @@ def test_records_of_strangers_are_not_believed(store):
         assert store.record("m1") is None
     store.write_record(dataclasses.replace(record, key="m2", file=None, kind="nothing"))
     assert store.record("m2") is None and list(store.records()) == []
+
+
+def test_short_tasks_go_many_in_a_message_and_the_last_ones_few(store):
+    cluster = Cluster(2)
+    assert run([t for n in range(100) for t in subject(n)], store, cluster).done.total() == 400
+    sizes = [len(message) for message in cluster.messages]
+    assert sizes[0] == 1 and max(sizes) == 10 and sizes[-1] == 1 and len(sizes) < 90  # of .1 s each, one second
+    assert all(len(message) == 1 for message in Cluster(2).messages)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_every_task_ends_once_whatever_happens_on_the_way(store, seed):
+    rng = random.Random(seed)
+    tasks = [t for n in range(30) for t in subject(n)]
+    some = rng.sample(tasks, 20)
+    deaths = {t.key: rng.randint(1, MOST_DEATHS + 1) for t in some[:8]}
+    outcomes = {t.key: Fault(t.key, "a fault") for t in some[8:14]}
+    outcomes |= {t.key: Record(t.key, t.kind, REFUSED, False, t.labels, {}, "no") for t in some[14:]}
+    ended = []
+    whole = Run(tasks, store, lambda task, record: ended.append(record.key))
+    whole.keep(False)
+    whole.work(Cluster(rng.randint(1, 5), deaths, outcomes))
+    by_name = {t.name: t.key for t in tasks}
+    faults = [by_name[name] for name in whole.tally.faults]
+    assert sorted(ended + faults) == sorted(t.key for t in tasks)  # each once
+    assert set(ended) == store.keys() and not whole.handed and not whole.ready
+    lost = {t.key for t in some[8:14]} | {key for key, times in deaths.items() if times > MOST_DEATHS}
+    followers = {f"{kind}{key[1:]}" for key in lost for kind in {"m": "fcr", "f": "c"}.get(key[0], "")}
+    assert set(faults) <= lost | followers

@@ -3,8 +3,9 @@
     python local_workers.py [TABLES [WORKERS,WORKERS,...]]
 
 On a machine that is shared wall times say little: processor time of a task, that of everything beside the tasks, and
-the share of the workers' time in tasks are compared. Efficiency: processor time of the tasks with one worker over that
-with n, times the share of time that the workers were busy between their first and last task.
+the share of the workers' time in tasks are compared. What is beside them is split into the start (imports of every
+process, catalogue and page: a campaign of four tables) and what each task adds. Efficiency: processor time of the tasks
+with one worker over that with n, times the share of time that the workers were busy between their first and last task.
 """
 
 import json
@@ -21,6 +22,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 
 from support.process import gonio, python
 
+os.environ["PYTHONDONTWRITEBYTECODE"] = ""  # as users have it: modules are compiled once
 RECIPE = """gonio_campaign = 1
 fit = ["lambert + ggx(f0=0.04)"]
 fit_options = {{starts = 2}}
@@ -43,8 +45,9 @@ def records(folder: pathlib.Path) -> list[tuple[dict, float]]:
     return [(json.loads(p.read_text()), p.stat().st_mtime) for p in (folder / "records").glob("*.json")]
 
 
-def campaign(folder: pathlib.Path, runs: str, *words: str) -> tuple[float, float]:
+def campaign(folder: pathlib.Path, tables: int, runs: str, *words: str) -> tuple[float, float]:
     """Wall and processor seconds of a command and all that it began."""
+    (folder / "r.toml").write_text(RECIPE.format(tables=tables))
     began, worked = time.perf_counter(), processor_seconds()
     done = subprocess.run(
         [*gonio(), "campaign", "r.toml", "-o", runs, *words], cwd=folder, capture_output=True, text=True
@@ -53,8 +56,9 @@ def campaign(folder: pathlib.Path, runs: str, *words: str) -> tuple[float, float
     return time.perf_counter() - began, processor_seconds() - worked
 
 
-def two_clusters(folder: pathlib.Path) -> tuple[float, float]:
+def two_clusters(folder: pathlib.Path, tables: int, runs: str) -> tuple[float, float]:
     """Two schedulers with a worker each do half of the subjects at the same time, into one folder."""
+    (folder / "r.toml").write_text(RECIPE.format(tables=tables))
     began, worked = time.perf_counter(), processor_seconds()
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     helpers, commands = [], []
@@ -69,7 +73,7 @@ def two_clusters(folder: pathlib.Path) -> tuple[float, float]:
     for k in range(2):
         while socket.socket().connect_ex(("127.0.0.1", PORT + k)):
             time.sleep(0.2)
-        words = ["-o", "clusters", "--scheduler", f"tcp://127.0.0.1:{PORT + k}", "--part", f"{k + 1}/2"]
+        words = ["-o", runs, "--scheduler", f"tcp://127.0.0.1:{PORT + k}", "--part", f"{k + 1}/2"]
         commands.append(subprocess.Popen([*gonio(), "campaign", "r.toml", *words], cwd=folder, **quiet))
     assert [c.wait() for c in commands] == [0, 0]
     wall = time.perf_counter() - began
@@ -79,41 +83,41 @@ def two_clusters(folder: pathlib.Path) -> tuple[float, float]:
     return wall, processor_seconds() - worked
 
 
+def beside(folder: pathlib.Path, tables: int, runs: str, workers: str) -> tuple[float, float, float]:
+    """Wall seconds of a campaign, its processor seconds, and those that are not in its tasks."""
+    wall, cpu = (
+        two_clusters(folder, tables, runs)
+        if workers == "clusters"
+        else campaign(folder, tables, runs, "--workers", workers)
+    )
+    return wall, cpu, cpu - sum(r["cpu_seconds"] for r, _ in records(folder / runs))
+
+
 def main() -> None:
     tables = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
-    counts = [int(w) for w in sys.argv[2].split(",")] if len(sys.argv) > 2 else [1, 2, 4]
+    counts = sys.argv[2].split(",") if len(sys.argv) > 2 else ["1", "2", "4"]
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        (folder / "r.toml").write_text(RECIPE.format(tables=4))
-        campaign(folder, "warm", "--workers", "1")  # programs are compiled
-        starts = campaign(folder, "start", "--workers", "1")[1] - sum(
-            r["cpu_seconds"] for r, _ in records(folder / "start")
-        )
-        (folder / "r.toml").write_text(RECIPE.format(tables=tables))
+        campaign(folder, 4, "warm", "--workers", "1")  # programs are compiled
         print(f"{tables} tables, each measured and fitted; load of the machine {os.getloadavg()[0]:.1f}")
-        print(f"a start with one worker beside its tasks: {starts:.1f} s of processor time, which is in overhead/task")
-        print("workers     wall s  tables/s  CPU/task ms  overhead/task ms  busy  efficiency   same bytes")
+        print("          tables/s  CPU/task ms  start s  overhead/task ms: with start, without  busy  efficiency")
         alone, first = None, None
-        for label in [*map(str, counts), "clusters"]:
-            if label == "clusters":
-                wall, cpu = two_clusters(folder)
-            else:
-                wall, cpu = campaign(folder, label, "--workers", label)
+        for label in [*counts, "clusters"]:
+            start = beside(folder, 4, f"start_{label}", label)[2]
+            wall, _, more = beside(folder, tables, label, label)
             kept = records(folder / label)
             workers = 2 if label == "clusters" else int(label)
-            tasks = len(kept)
             # From when the workers are warm: the first tasks of each load programs.
             warm = sorted(kept, key=lambda item: item[1])[4 * workers :]
             each = sum(r["cpu_seconds"] for r, _ in warm) / len(warm)
-            span = warm[-1][1] - warm[0][1]
-            busy = sum(r["seconds"] for r, _ in warm[1:]) / (workers * span)
+            busy = sum(r["seconds"] for r, _ in warm[1:]) / (workers * (warm[-1][1] - warm[0][1]))
             alone = alone or each
-            beside = (cpu - sum(r["cpu_seconds"] for r, _ in kept)) / tasks
             results = {p.name: p.read_bytes() for f in ("tables", "fits") for p in (folder / label / f).iterdir()}
             first = first or results
             print(
-                f"{label:9} {wall:8.1f} {tables / wall:9.2f} {1e3 * each:12.1f} {1e3 * beside:17.1f} {busy:5.2f}"
-                f" {busy * alone / each:11.2f}   {results == first}, load {os.getloadavg()[0]:.1f}",
+                f"{label:9} {tables / wall:8.2f} {1e3 * each:12.1f} {start:8.1f} {1e3 * more / len(kept):29.1f}"
+                f" {1e3 * (more - start) / len(kept):8.1f} {busy:5.2f} {busy * alone / each:11.2f}"
+                f"   same bytes: {results == first}, {wall:.0f} s, load {os.getloadavg()[0]:.1f}",
                 flush=True,
             )
 
