@@ -34,6 +34,7 @@ class Judge:
             each = [
                 resolution(whole.only(some.tolist()) if parts > 1 else whole, check._replace(f=f))
                 for some, f in zip(names, values, strict=True)
+                if parts == 1 or f.any()
             ]
             return cls(check, tolerance, None, max(each, key=lambda r: r.error), parts)
         name = one_line(str(whole.provenance["material"].get("name") or "the material"), 80)

@@ -20,9 +20,16 @@ SHEET = "thin_sheet(rho=[0.5, 0.3], tau=[0.02, 0.1]) + 0.1 * transmitted(base=gg
 SCENE = "matte_room"
 
 
-def measured(lit="both", step=20.0):
+OPAQUE = "lambert(rho=0.5) + 0.1 * transmitted(base=ggx(alpha=0.6))"
+"""Dark where it is lit and seen from behind."""
+SKY = Range((np.radians(91), np.pi), (0.0, 2 * np.pi), 1.0, fills=True)
+ROOM = Range((0.0, 1.0), (0.0, 2 * np.pi), 0.3)
+CURTAIN = Scene("curtain", 0.05, (SKY, ROOM), (Range((0.0, 1.2), (0.0, 2 * np.pi), 1.0),))
+
+
+def measured(lit="both", step=20.0, sheet=SHEET):
     grid = scans.isotropic(np.radians(step), hemisphere="both", lit=lit)
-    return gonio.measure(SHEET, scan=grid, log=lambda text: None)
+    return gonio.measure(sheet, scan=grid, log=lambda text: None)
 
 
 def errors(table, pairs):
@@ -44,9 +51,7 @@ def test_each_pair_of_sides_keeps_the_tolerance_however_faint():
 
 def test_light_from_behind_and_in_front_keeps_the_tolerance_together_and_side_by_side():
     """By values that the reduction did not make: the sheet's own radiance under both."""
-    sky = Range((np.radians(91), np.pi), (0.0, 2 * np.pi), 1.0, fills=True)
-    room = Range((0.0, 1.0), (0.0, 2 * np.pi), 0.3)
-    scene = Scene("curtain", 0.05, (sky, room), (Range((0.0, 1.2), (0.0, 2 * np.pi), 1.0),))
+    scene = CURTAIN
     whole = measured()
     reduced = gonio.reduce(whole, scene)
     pairs = scene.pairs(20_000)
@@ -56,6 +61,15 @@ def test_light_from_behind_and_in_front_keeps_the_tolerance_together_and_side_by
     assert max(errors(reduced.table, pairs.mirrored())) <= 0.05
     with pytest.raises(GonioError, match="'curtain' looks at transmission, lit from behind, which front does not hold"):
         gonio.reduce(dataclasses.replace(measured("front"), name="front"), scene)
+
+
+def test_a_table_that_names_no_material_is_promised_what_its_nodes_show_though_a_side_is_dark():
+    whole = measured(sheet=OPAQUE, step=30.0)
+    del whole.provenance["material"]
+    reduced = gonio.reduce(whole, CURTAIN, 0.2)
+    pairs = CURTAIN.pairs(20_000)
+    f, truth = (evaluate_in_blocks(b, pairs.wi, pairs.wo) for b in (as_material(reduced.table), build(OPAQUE)))
+    assert 0 < reduced.whole.error < 0.2 and pairs.error(f, truth) <= reduced.promised <= 0.2
 
 
 def test_a_part_of_a_table_is_held_against_the_material_as_it_sees_it():
