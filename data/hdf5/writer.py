@@ -9,6 +9,7 @@ import contextlib
 import hashlib
 import json
 import os
+from collections.abc import Iterable, Mapping
 from io import FileIO
 from pathlib import Path
 from typing import Self
@@ -237,11 +238,19 @@ def write_table(path: str | os.PathLike[str], table: Table, force: bool = False)
     )  # fmt: skip
     constant = _constant_uncertainty(table)
     with new_file(path, force) as temporary:
-        locations = schema.create(temporary, header, constant)
-        with temporary.open("r+b", buffering=0) as file:
-            for start, stop in table.blocks():
-                locations.write(file, start, table.read_values(start, stop))
+        blocks = ((start, table.read_values(start, stop)) for start, stop in table.blocks())
+        write_cells(temporary, header, constant, blocks)
     return Path(path)
+
+
+def write_cells(
+    path: Path, header: TableHeader, u_f: float | None, blocks: Iterable[tuple[int, Mapping[str, np.ndarray | None]]]
+) -> None:
+    """Writes a file from blocks of cells, each with the number of its first one. `u_f`: a number for all, or None."""
+    locations = schema.create(path, header, u_f)
+    with path.open("r+b", buffering=0) as file:
+        for start, values in blocks:
+            locations.write(file, start, values)
 
 
 def write_compared(path: str | os.PathLike[str], table: Table, force: bool = False) -> RoundTrip:

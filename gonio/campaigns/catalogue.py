@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from gonio.campaigns.store import CATALOGUE, Record, Store
+from gonio.campaigns.store import CATALOGUE, PART, Record, Store
 from gonio.campaigns.tasks import LABELS
 from gonio.data.files import new_file
 from gonio.models.errors import GonioError
@@ -21,7 +21,7 @@ TEXTS = ("sentence", "expression", "remarks")
 def rows_of(records: Iterable[Record], planned: Sequence[str]) -> list[dict[str, Any]]:
     """Rows of the catalogue: names, status, verdicts, numbers with their uncertainties as `NAME` and `u(NAME)`."""
     current, rows = set(planned), []
-    for r in records:
+    for r in (r for r in records if r.kind != PART):
         row: dict[str, Any] = {"key": r.key, "kind": r.kind, "current": r.key in current, **r.labels}
         row |= {"status": r.status, "good": r.good, "verdict": r.row.get("verdict")}
         row |= {name: r.row.get(name) for name in (*NUMBERS, *TEXTS)} | {"of": r.row.get("of")}

@@ -105,6 +105,10 @@ class Run:
                 self._timed(record)
                 self.ended.add(key)
                 self.failed |= {key} if record.status != DONE else set()
+        for task in self.tasks.values():
+            if task.parts and task.key in self.ended and task.key not in self.failed:
+                self.store.discard_parts(task.parts)
+                self.ended.update(task.parts)
         for key, task in self.tasks.items():
             if key in self.ended:
                 continue
@@ -222,6 +226,8 @@ class Run:
         self.tally.count(record, True)
         self._timed(record)
         self.over(task, record)
+        if task.parts and record.status == DONE:
+            self.store.discard_parts(task.parts)
         self._end(task, record.status == DONE)
 
     def _timed(self, record: Record) -> None:

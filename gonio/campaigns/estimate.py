@@ -6,13 +6,15 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 from typing import Any
 
-from gonio.campaigns.choices import USUAL_SCAN
 from gonio.campaigns.recipe import MeasureBlock, Recipe
-from gonio.campaigns.store import DONE, Store
+from gonio.campaigns.store import DONE, PART, Store
+from gonio.campaigns.table_parts import layout_of, scan_name
 from gonio.campaigns.tasks import KINDS, Task
 from gonio.data.layouts import Layout
+from gonio.data.subject import load_material
+from gonio.instrument.scans import listed_seconds
 
-USUAL_SECONDS = {"measure": 0.1, "fit": 0.7, "check": 1.0, "reduce": 3.0, "report": 4.0}
+USUAL_SECONDS = {"part": 2.0, "measure": 0.1, "fit": 0.7, "check": 1.0, "reduce": 3.0, "report": 4.0}
 """Of a task of 5,000 readings on one core, where the folder has no results of the kind yet."""
 
 
@@ -42,8 +44,10 @@ def estimate(recipe: Recipe, tasks: Sequence[Task], store: Store) -> Estimate:
         record = store.record(key)
         if record is not None and record.status == DONE:
             known[record.kind].append(record.cpu_seconds)
+    there |= {part for task in tasks if task.key in there for part in task.parts}
     waiting = Counter(task.kind for task in tasks if task.key not in there)
-    each = {kind: statistics.median(known[kind]) if known[kind] else USUAL_SECONDS[kind] for kind in KINDS}
+    kinds = (PART, *KINDS)
+    each = {kind: statistics.median(known[kind]) if known[kind] else USUAL_SECONDS[kind] for kind in kinds}
     seconds = sum(each[kind] * count for kind, count in waiting.items())
     cells = size = 0
     hours = 0.0
@@ -51,7 +55,7 @@ def estimate(recipe: Recipe, tasks: Sequence[Task], store: Store) -> Estimate:
         new = _of_block(block)
         cells, size, hours = cells + new[0], size + new[1], hours + new[2]
     return Estimate(
-        {k: counts[k] for k in KINDS if counts[k]}, sum(t.key in there for t in tasks), cells, size, hours, seconds,
+        {k: counts[k] for k in kinds if counts[k]}, sum(t.key in there for t in tasks), cells, size, hours, seconds,
         all(known[kind] for kind in waiting),
     )  # fmt: skip
 
@@ -75,11 +79,5 @@ def _of_block(block: MeasureBlock) -> tuple[int, int, float]:
 
 
 def _layout(material: Any, options: dict[str, Any]) -> tuple[Layout, Any]:
-    from gonio.data.subject import load_material
-    from gonio.instrument.scans import default_hemisphere, default_name, listed_seconds, scan
-
     brdf = load_material(material).brdf
-    given = {key: value for key, value in options.items() if key != "name"}
-    name = default_name(brdf) if options["name"] == USUAL_SCAN else options["name"]
-    given.setdefault("hemisphere", default_hemisphere(name, brdf))
-    return scan(name, **given), listed_seconds(name)
+    return layout_of(brdf, options), listed_seconds(scan_name(brdf, options["name"]))

@@ -169,7 +169,8 @@ def dask_cluster(workers: int, scheduler: str | None) -> Iterator[DaskCluster]:
             options: dict[str, Any] = {
                 "n_workers": 0,
                 "processes": True,
-                "dashboard_address": None,
+                "dashboard_address": "127.0.0.1:0",
+                "scheduler_kwargs": {"dashboard": False},
                 "protocol": "tcp",
             }
             cluster: Any = stack.enter_context(

@@ -103,9 +103,12 @@ def refused(task: Task, reason: str) -> Record:
 
 def _computed(task: Task, store: Store) -> tuple[dict[str, Any], Any]:
     from gonio.campaigns.steps import STEPS
+    from gonio.campaigns.table_parts import LostPart
 
     try:
         product = STEPS[task.kind](task, store)
+    except LostPart as error:
+        raise Unfinished(str(error)) from None
     except GonioError as error:
         return {"status": REFUSED, "good": False, "row": {}, "error": str(error)}, None
     return {"status": DONE, "good": product.good, "row": product.row}, product.write

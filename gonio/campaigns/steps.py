@@ -1,12 +1,10 @@
 """What each kind of task does: from its inputs to a result that can be written, and its row of the catalogue."""
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gonio.campaigns.choices import USUAL_SCAN
-from gonio.campaigns.store import Store
+from gonio.campaigns.store import PART, Store
 from gonio.campaigns.tasks import CHECK, FIT, MEASURE, REDUCE, REPORT, Task
 from gonio.data.serialise import unboxed
 
@@ -24,27 +22,40 @@ class Product(NamedTuple):
 
 def measured(task: Task, store: Store) -> Product:
     """A table, as `gonio.measure` gives it."""
+    from gonio.campaigns.table_parts import assembled, layout_of, scan_name, without_place
     from gonio.data.hdf5.writer import write_table
     from gonio.data.subject import load_material
     from gonio.instrument.measurement import measure
-    from gonio.instrument.scans import default_hemisphere, default_name, listed_seconds, scan
+    from gonio.instrument.scans import listed_seconds
 
     inputs = task.inputs
+    if task.parts:
+        row, write = assembled(inputs, store)
+        return Product(row, True, write)
     material = load_material(_subject(inputs))
-    options: dict[str, Any] = dict(inputs["scan"])
-    name = options.pop("name")
-    name = default_name(material.brdf) if name == USUAL_SCAN else name
-    options.setdefault("hemisphere", default_hemisphere(name, material.brdf))
+    layout, name = layout_of(material.brdf, inputs["scan"]), scan_name(material.brdf, inputs["scan"]["name"])
     remarks: list[str] = []
     table = measure(
-        material, inputs["instrument"], scan(name, **options), seed=inputs["seed"], seconds=listed_seconds(name),
-        log=remarks.append,
-    )  # fmt: skip
-    table.provenance.pop("created", None)
-    if "file" in table.provenance["material"]:  # by its name: in which folder it lies changes nothing
-        table.provenance["material"]["file"] = os.path.basename(table.provenance["material"]["file"])
+        material, inputs["instrument"], layout, seed=inputs["seed"], seconds=listed_seconds(name), log=remarks.append
+    )
+    table.provenance = without_place(table.provenance)
     row = {"readings": table.layout.size, "channels": len(table.channels), "remarks": "; ".join(remarks[:-1])}
     return Product(row, True, lambda path: write_table(path, table, force=True))
+
+
+def measured_part(task: Task, store: Store) -> Product:
+    """Some cells of a table that is put together when all are there."""
+    import numpy as np
+
+    from gonio.campaigns.table_parts import read_part
+
+    row, values = read_part(task.inputs)
+
+    def write(path: Path) -> None:
+        with path.open("wb") as file:
+            np.savez(file, allow_pickle=False, **values)
+
+    return Product(row, True, write)
 
 
 def fitted(task: Task, store: Store) -> Product:
@@ -115,7 +126,7 @@ def reported(task: Task, store: Store) -> Product:
 
 
 STEPS: dict[str, Callable[[Task, Store], Product]] = {
-    MEASURE: measured, FIT: fitted, CHECK: checked, REDUCE: reduced, REPORT: reported,
+    MEASURE: measured, PART: measured_part, FIT: fitted, CHECK: checked, REDUCE: reduced, REPORT: reported,
 }  # fmt: skip
 
 

@@ -1,6 +1,7 @@
 """The folder of a campaign: one file for each result, one record beside it, written whole or not at all.
 
     runs/tables/KEY.h5    runs/fits/KEY.fit.toml    runs/checks/KEY.json    runs/reduced/KEY.h5    runs/reports/KEY.html
+    runs/parts/KEY.npz                    parts of large tables that are not whole yet
     runs/records/KEY.json                 what was done, when it is done: status, numbers for the catalogue, seconds
     runs/plan.json                        the keys of the last recipe
     runs/catalogue.parquet, index.html    made from the records
@@ -13,7 +14,7 @@ import dataclasses
 import json
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,11 @@ from gonio.data.serialise import plain
 from gonio.models.errors import GonioError
 
 RECORD_FORMAT = 1
+PART = "part"
+"""The kind of a task that measures a part of a large table: its file is there until the table is."""
 FILES = {"measure": "tables/{}.h5", "fit": "fits/{}.fit.toml", "check": "checks/{}.json", "reduce": "reduced/{}.h5",
-         "report": "reports/{}.html"}  # fmt: skip
+         "report": "reports/{}.html",
+         PART: "parts/{}.npz"}  # fmt: skip
 """Where the result of each kind of task goes, by its key."""
 RECORDS, PLAN, CATALOGUE, PAGE = "records", "plan.json", "catalogue.parquet", "index.html"
 DONE, REFUSED = "done", "refused"
@@ -63,8 +67,9 @@ class Store:
             folder = self.folder / name
             if self.folder.exists() and not self.folder.is_dir():
                 raise GonioError(f"{self.folder} is a file; name a folder for the results")
-            with output_errors(folder / "result"):
-                folder.mkdir(parents=True, exist_ok=True)
+            if folder != self.path(PART, "").parent:
+                with output_errors(folder / "result"):
+                    folder.mkdir(parents=True, exist_ok=True)
             with contextlib.suppress(OSError):
                 for entry in os.scandir(folder):
                     if entry.name.endswith(".tmp") and time.time() - entry.stat().st_mtime > STALE:
@@ -73,6 +78,8 @@ class Store:
     def write(self, kind: str, key: str, write: Callable[[Path], object]) -> str:
         """Writes the result of a task by `write`, which takes a temporary path; its name within the folder."""
         path = self.path(kind, key)
+        with output_errors(path):
+            path.parent.mkdir(exist_ok=True)
         with new_file(path, force=True) as temporary:
             write(temporary)
         return path.relative_to(self.folder).as_posix()
@@ -87,6 +94,15 @@ class Store:
         path = self.folder / RECORDS / f"{key}.json"
         with output_errors(path):
             path.unlink(missing_ok=True)
+
+    def discard_parts(self, keys: Iterable[str]) -> None:
+        """Removes parts of a table that is there."""
+        for key in keys:
+            with contextlib.suppress(OSError):
+                (self.folder / RECORDS / f"{key}.json").unlink(missing_ok=True)
+                self.path(PART, key).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            self.path(PART, "").parent.rmdir()  # where it is empty
 
     def write_plan(self, recipe: str, keys: list[str]) -> None:
         """Keeps the name of the last recipe with its keys: the catalogue tells what is of it."""

@@ -1,13 +1,16 @@
 """The tasks of a recipe: each has a key by everything that determines its result, and knows what it waits for."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from gonio import __version__
 from gonio.campaigns.choices import USUAL_SCAN, Choice, instrument_spec
 from gonio.campaigns.keys import key_of
 from gonio.campaigns.recipe import MeasureBlock, Recipe, Work
+from gonio.campaigns.store import PART
+from gonio.campaigns.table_parts import layout_of, part_ranges
+from gonio.data.subject import load_material
 from gonio.instrument.instrument import Instrument
 
 MEASURE, FIT, CHECK, REDUCE, REPORT = KINDS = ("measure", "fit", "check", "reduce", "report")
@@ -19,7 +22,7 @@ class Task:
     """One result to be made.
 
     Attributes:
-        kind: measure, fit, check, reduce or report.
+        kind: measure, fit, check, reduce or report; part: of a large table that is measured.
         key: digest of what determines the result, the name of its file.
         inputs: what the work takes, with paths of files.
         labels: names for the catalogue.
@@ -39,6 +42,11 @@ class Task:
     version: str = __version__
 
     @property
+    def parts(self) -> tuple[str, ...]:
+        """Keys of the parts of which a large table is put together."""
+        return tuple(self.inputs.get("parts", ()))
+
+    @property
     def name(self) -> str:
         """What the task is, for a line of text."""
         labels = self.labels
@@ -48,6 +56,8 @@ class Task:
         ]
         words += [f"{labels['photons']:g} photons"] if labels["photons"] else []
         words += [f"seed {labels['seed']}"] if labels["seed"] is not None else []
+        if "cells" in self.inputs:
+            words.append("cells {:,} to {:,}".format(*self.inputs["cells"]))
         return ", ".join([" ".join(words[:2]), *words[2:]])
 
 
@@ -118,6 +128,13 @@ def _measured(block: MeasureBlock) -> Iterator[list[Task]]:
         for photons in block.photons
     }
     specs = {which: instrument_spec(instrument) for which, instrument in instruments.items()}
+    ranges = {
+        (material.label, scan.label): part_ranges(
+            layout_of(load_material(material.value).brdf, scan.value), material.channels
+        )
+        for material in block.materials
+        for scan in block.scans
+    }
     for material in block.materials:
         for i, choice in enumerate(block.instruments):
             for scan in block.scans:
@@ -128,8 +145,21 @@ def _measured(block: MeasureBlock) -> Iterator[list[Task]]:
                     labels |= {"scan": scan.label, "photons": instrument.photons}
                     for seed in block.seeds:
                         task = _measure(material, instrument, scan, spec | {"seed": seed}, labels | {"seed": seed})
+                        parts = _parts(task, spec | {"seed": seed}, ranges[material.label, scan.label])
+                        if parts:
+                            keys = tuple(part.key for part in parts)
+                            task = dataclasses.replace(task, inputs=task.inputs | {"parts": list(keys)}, needs=keys)
                         table = _Table({"key": task.key}, {"key": task.key}, task.labels, {}, (task.key,))
-                        yield [task, *_work_on(table, block.work)]
+                        yield [*parts, task, *_work_on(table, block.work)]
+
+
+def _parts(table: Task, spec: dict[str, Any], ranges: Sequence[tuple[int, int]]) -> list[Task]:
+    """Tasks that measure the parts of a large table; none for one of a single range."""
+    return [
+        Task(PART, key_of(PART, spec | {"cells": cells}), table.inputs | {"cells": cells}, table.labels, table.digests)
+        for cells in ranges
+        if len(ranges) > 1
+    ]
 
 
 def _measure(

@@ -1,5 +1,6 @@
 """Measuring: an instrument reads a material in the directions of a scan, block by block."""
 
+import dataclasses
 import functools
 import importlib.util
 import os
@@ -14,6 +15,7 @@ from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingC
 
 from gonio.data.files import refuse_outputs
 from gonio.data.layouts import Layout
+from gonio.data.material import Material
 from gonio.data.subject import SubjectLike, load_material
 from gonio.data.table import Table
 from gonio.instrument.instrument import Instrument
@@ -80,18 +82,9 @@ def measure(
     log = settings.log or functools.partial(warnings.warn, stacklevel=2)
     if settings.output is not None and isinstance(material, str | os.PathLike):
         refuse_outputs([settings.output], [material], force=True)  # whether it may exist the sink decides
-    subject = load_material(material)
-    layout = _layout(scan, subject.brdf, settings)
-    unread = None if settings.hemisphere else hemisphere_remark(layout, subject.brdf)
-    unreached = out_of_reach(layout, instrument or Instrument())
-    unseen = None if isinstance(scan, Layout) else mirror_remark(layout)
-    for remark in (isotropy_remark(layout, subject.brdf), unread, unreached, unseen):
-        if remark:
-            log(remark)
-    seconds = settings.seconds
-    if seconds is None and scan is not None and not isinstance(scan, Layout):
-        seconds = listed_seconds(scan)
-    reader = Reader(subject, instrument or Instrument(), layout, int(settings.seed), _counting(seconds, layout))
+    logged = dataclasses.replace(settings, log=log)
+    reader = open_reader(load_material(material), instrument or Instrument(), scan, logged)
+    layout = reader.layout
     with open_sink(reader, settings) as sink:
         if sink.remark:
             log(sink.remark)
@@ -108,6 +101,25 @@ def measure(
     if settings.log is not None:
         log(count.summary(reader.channels))
     return table
+
+
+def open_reader(
+    material: Material,
+    instrument: Instrument,
+    scan: Layout | str | os.PathLike[str] | None,
+    settings: MeasureSettings,
+) -> Reader:
+    """What reads the cells of a measurement, in any order; the settings' `log` takes what a user should know first."""
+    layout = _layout(scan, material.brdf, settings)
+    unread = None if settings.hemisphere else hemisphere_remark(layout, material.brdf)
+    unseen = None if isinstance(scan, Layout) else mirror_remark(layout)
+    for remark in (isotropy_remark(layout, material.brdf), unread, out_of_reach(layout, instrument), unseen):
+        if remark and settings.log is not None:
+            settings.log(remark)
+    seconds = settings.seconds
+    if seconds is None and scan is not None and not isinstance(scan, Layout):
+        seconds = listed_seconds(scan)
+    return Reader(material, instrument, layout, int(settings.seed), _counting(seconds, layout))
 
 
 def _layout(scan: Layout | str | os.PathLike[str] | None, brdf: AbstractBRDF, settings: MeasureSettings) -> Layout:

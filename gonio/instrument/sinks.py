@@ -82,6 +82,14 @@ class CellBlock(NamedTuple):
     stop: int
 
 
+def header_of(reader: Reader, settings: MeasureSettings) -> TableHeader:
+    """All of a measured table but its values."""
+    layout, material = reader.layout, reader.material
+    source, receiver = reader.instrument.solid_angles()
+    dtype, about = np.dtype(settings.dtype or reader.dtype), provenance_of(reader, settings.command)
+    return TableHeader(layout, material.channels, dtype, about, material.name, source, receiver)
+
+
 class Sink(abc.ABC):
     """A context that takes the readings of blocks and makes a table of them."""
 
@@ -92,10 +100,7 @@ class Sink(abc.ABC):
     """What a user should know before it begins."""
 
     def __init__(self, reader: Reader, settings: MeasureSettings) -> None:
-        layout, material = reader.layout, reader.material
-        source, receiver = reader.instrument.solid_angles()
-        dtype, about = np.dtype(settings.dtype or reader.dtype), provenance_of(reader, settings.command)
-        self.header = TableHeader(layout, material.channels, dtype, about, material.name, source, receiver)
+        self.header = header_of(reader, settings)
         self.block_cells = reader.block_cells
 
     def __enter__(self) -> Self:

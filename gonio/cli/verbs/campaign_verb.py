@@ -26,7 +26,10 @@ OPTIONS: Options = {
     "--retry": "do again what was refused",
     "--dry-run": "say how many tasks, hours on a real instrument, bytes and seconds it takes, and do nothing",
 }
-KINDS = {"measure": "tables", "fit": "fits", "check": "checks", "reduce": "reductions", "report": "pages"}
+KINDS = {
+    "part": "table parts", "measure": "tables", "fit": "fits", "check": "checks", "reduce": "reductions",
+    "report": "pages",
+}  # fmt: skip
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
