@@ -9,7 +9,7 @@ correction of Daniels 1987].
 import numpy as np
 from scipy.special import exprel, gammainc, log_ndtr, ndtr, ndtri
 
-from gonio.checks.table.statistics.bracketed_root import bracketed_root
+from gonio.checks.table.statistics.cumulants import Generating, standard_counts, tilts
 
 LIKELY = 2.5
 """Differences of fewer standard deviations take the normal tail."""
@@ -96,40 +96,12 @@ def _tail(
     q_up, q_down = (np.minimum(q, RARE * sigma) for q in (q_up, q_down))
     v, q = standard_counts(u_up, u_down, q_up, q_down, mean)
     q_up, q_down = q[0], q[2]
-    # Where counts can only fall no tilt reaches x, and the last one stands for it.
-    last = 600 / np.maximum(np.maximum(q_up, q_down), 1e-3)
-    t = bracketed_root(_tilted, np.zeros(x.shape), last, (x, *v, *q))
-    k = t**2 * sum(w * second_order(y * t) for w, y in zip(v, q, strict=True))
-    second = sum(w * np.exp(y * t) for w, y in zip(v, q, strict=True))
-    w = np.sqrt(np.maximum(2 * (t * x - k), 1e-12))
-    u = t * np.sqrt(second) * exprel(-np.maximum(q_up, q_down) * t)
+    whole = Generating(np.ones(x.size, int), np.stack(v), np.stack(q))
+    t = tilts(whole, x)
+    w = np.sqrt(np.maximum(2 * (t * x - whole.value(t)), 1e-12))
+    u = t * np.sqrt(whole.tilted(t)[1]) * exprel(-np.maximum(q_up, q_down) * t)
     many = ndtr(-w) + np.exp(-(w**2) / 2) / np.sqrt(2 * np.pi) * (1 / u - 1 / w)
     return np.where(rare, of_rare, many)
-
-
-def standard_counts(
-    u_up: np.ndarray, u_down: np.ndarray, q_up: np.ndarray, q_down: np.ndarray, mean: np.ndarray
-) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-    """Variances and sizes of the counts of a difference, in its standard deviations; half of the sizes are falls."""
-    sigma = np.hypot(u_up, u_down)
-    mean = mean / sigma
-    q_up, q_down = q_up / sigma, q_down / sigma
-    v_up, v_down = (u_up / sigma) ** 2, (u_down / sigma) ** 2
-    s_up, s_down = np.minimum(v_up, q_up * mean), np.minimum(v_down, q_down * mean)
-    v = (s_up + (v_up - s_up) / 2, (v_up - s_up) / 2, (v_down - s_down) / 2, s_down + (v_down - s_down) / 2)
-    return v, (q_up, -q_up, q_down, -q_down)
-
-
-def _tilted(t: np.ndarray, x: np.ndarray, *v_and_q: np.ndarray) -> np.ndarray:
-    """The slope of the cumulant generating function at t, minus x."""
-    return t * sum(v * exprel(q * t) for v, q in zip(v_and_q[:4], v_and_q[4:], strict=True)) - x
-
-
-def second_order(y: np.ndarray) -> np.ndarray:
-    """(exp y − 1 − y)/y²."""
-    small = np.abs(y) < 1e-3
-    safe = np.where(small, 1.0, y)
-    return np.where(small, 0.5 + y / 6 + y**2 / 24, (np.expm1(safe) - safe) / safe**2)
 
 
 def deviates(p: np.ndarray) -> np.ndarray:
