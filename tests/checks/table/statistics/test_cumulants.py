@@ -23,7 +23,10 @@ def test_sums_of_unlike_counts_have_the_tilts_that_another_solver_finds():
     t = tilts(whole, x)
     for k, (start, size) in enumerate(zip(starts, sizes, strict=True)):
         own_v, own_q = v[:, start : start + size], q[:, start : start + size]
-        slope = lambda t, v=own_v, q=own_q, x=x[k]: np.sum(v * np.expm1(q * t) / q) - x
+
+        def slope(t, v=own_v, q=own_q, x=x[k]):
+            return np.sum(v * np.expm1(q * t) / q) - x
+
         np.testing.assert_allclose(t[k], brentq(slope, 0, 600 / own_q.max(), xtol=1e-300, rtol=1e-14), rtol=1e-9)
 
 
