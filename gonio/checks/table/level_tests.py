@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gonio.checks.certificate import place_of
+from gonio.checks.table.dark_regions import light_of_open_regions
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs.pairs import Column, Pairs
 from gonio.checks.table.regions import region_place
@@ -55,9 +56,16 @@ class _Regions:
     """Half of the width of the interval of the violation, at the level."""
     least: np.ndarray
     """The least violation that explains the readings at the level; 0 where none is needed."""
+    absolute: np.ndarray
+    """What readings may differ by on average at the level, 1/sr."""
     channel: np.ndarray
     where: list[dict[str, Any]]
     """What a certificate calls them."""
+
+    @property
+    def largest(self) -> np.ndarray:
+        """The upper ends of the intervals."""
+        return np.abs(self.estimate) + self.half
 
     @property
     def family(self) -> float:
@@ -155,7 +163,7 @@ class LevelTests:
         All weights come from the uncertainties, none from readings, so that no noise is in them.
         """
         regions = [region for region, _, _ in self._tested]
-        count, z, weight, error = np.array([r[3:] for r in regions]).reshape(-1, 4).T
+        count, z, weight, sharpness, _, error = np.array([r[3:] for r in regions]).reshape(-1, 6).T
         estimate, one, error = z / weight, np.sqrt(count) / weight, error / weight
         estimate = np.sign(estimate) * np.maximum(np.abs(estimate) - error, 0)
         p = np.array([p for *_, p in self._tested])
@@ -166,7 +174,9 @@ class LevelTests:
             region_place(r.size, r.number, self._evidence.channel(channel))
             for r, channel in zip(regions, channels, strict=True)
         ]
-        return _Regions(p, estimate, half + error, least, np.array(channels, int), where)
+        half = half + error
+        absolute = (np.abs(estimate) + half) * weight / sharpness
+        return _Regions(p, estimate, half, least, absolute, np.array(channels, int), where)
 
     def everywhere(self) -> Violation:
         """Without signs: the root mean square violation that the mean of z² leaves, and its limit (normal in n)."""
@@ -200,11 +210,26 @@ class LevelTests:
             return 0.0, self._place(*self.single.first)
         return alone, self._place(int(self.single.significant.pair[k]), int(self.single.significant.channel[k]))
 
-    def widest(self) -> Violation:
-        """The largest violation that is not excluded: of a region, or of a pair that needs one."""
+    def dark(self, tolerance: float) -> tuple[float, float]:
+        """What regions that are open at a tolerance may hide: see `light_of_open_regions`; (0, 0) where none is."""
+        tested, regions = self._tested, self.regions
+        worst = [(0.0, 0.0)]
+        for channel in np.unique(regions.channel[regions.largest > tolerance]):
+            some = np.flatnonzero(regions.channel == channel)
+            of_channel = light_of_open_regions(
+                [tested[k][0] for k in some], regions.largest[some] > tolerance, regions.absolute[some]
+            )
+            worst.append(of_channel.worst(tolerance))
+        return max(worst)
+
+    def widest(self, most: float = np.inf) -> Violation:
+        """The largest violation that is not excluded: of a region, or of a pair that needs one.
+
+        `most`: regions where more is not excluded are left out.
+        """
         widest = self.everywhere()
-        if self.regions.p.size:
-            k = int(np.argmax(np.abs(self.regions.estimate) + self.regions.half))
+        if (some := np.flatnonzero(self.regions.largest <= most)).size:
+            k = int(some[np.argmax(self.regions.largest[some])])
             widest = Violation(float(abs(self.regions.estimate[k])), float(self.regions.half[k]), self.regions.where[k])
         pairs = self.single.significant
         least, half = pairs.violations(self.single.threshold)

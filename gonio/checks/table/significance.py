@@ -19,7 +19,8 @@ from gonio.models.display import percent
 def judged_by_level(name: str, tests: LevelTests, tolerance: float, compared: str) -> Property:
     """The property that a family of tests of all pairs and regions decides at the level of the evidence.
 
-    fail: more than the tolerance is needed to explain the readings; pass: no region may differ by more; else undecided.
+    fail: more than the tolerance is needed to explain the readings; pass: no region may differ by more, or those that
+    may are so dark that all of it is within the tolerance of the light (`dark_regions`); else undecided.
     `compared`: what was compared with what, and how.
     """
     family, strongest_p, strongest_at = tests.strongest()
@@ -45,7 +46,12 @@ def judged_by_level(name: str, tests: LevelTests, tolerance: float, compared: st
         "strongest_p": strongest_p,
     }
     verdict = verdict_of(residual, bound, tolerance)
-    detail = f"{compared} {_statement(facts, least_where)}{_reason(verdict, facts, widest, tolerance)}"
+    reason = _reason(verdict, facts, widest, tolerance)
+    if verdict == UNDECIDED and not facts["significant"] and (dark := _light_of_dark_regions(tests, tolerance)):
+        decided, facts["open_in_the_dark"] = tests.widest(tolerance), dark
+        residual, bound, where, verdict = decided.estimate, decided.largest - decided.estimate, decided.where, PASS
+        reason = _in_the_dark(widest, decided, dark)
+    detail = f"{compared} {_statement(facts, least_where)}{reason}"
     squares, p = tests.single.p_map()
     shown = {"theta_deg": [(i + 0.5) * BAND for i in squares], "p": p.tolist()}
     return Property(name, verdict, residual, bound, tolerance, where, detail, facts, {"p_map": shown})
@@ -79,6 +85,21 @@ def _reason(verdict: str, facts: dict[str, Any], widest: Violation, tolerance: f
         )
     most = percent(widest.largest, 3)
     return f" Whether it exceeds the tolerance of {percent(tolerance)} the noise leaves open (up to {most})."
+
+
+def _light_of_dark_regions(tests: LevelTests, tolerance: float) -> float:
+    """The share of the light that open regions may change, if that is all that is open, and within the tolerance."""
+    of_allowed, of_light = tests.dark(tolerance)
+    return of_light if of_allowed <= 1 and tests.widest(tolerance).largest <= tolerance else 0.0
+
+
+def _in_the_dark(widest: Violation, decided: Violation, dark: float) -> str:
+    """What is said where all but dark regions are decided."""
+    return (
+        f" Where there is light no region differs by more than {percent(decided.largest, 3)}. Darker ones are too noisy"
+        f" to tell, such as {_words(widest.where)} (up to {percent(widest.largest, 3)} of themselves): all that is not"
+        f" excluded there is within {percent(dark)} of what the sample scatters at that incidence."
+    )
 
 
 def _words(where: dict[str, Any]) -> str:

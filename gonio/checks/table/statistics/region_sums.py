@@ -26,6 +26,10 @@ class Region(NamedTuple):
     """Of the signed differences in standard deviations."""
     weight: float
     """Of the mean readings in standard deviations."""
+    sharpness: float
+    """Of one over the standard deviations, sr."""
+    light: float
+    """Of the mean readings with their signs, 1/sr."""
     uncertain: float
     """Of what is uncertain otherwise, in standard deviations."""
 
@@ -45,7 +49,7 @@ class RegionSums:
         """(n,): the sector of each pair; one more for those of unknown sign."""
         self.sign = None if signed.all() and (sign > 0).all() else sign.astype(np.int8)
         """(n,), or None where all are positive."""
-        self._sums = np.zeros((4, self._sectors.size + 1))
+        self._sums = np.zeros((6, self._sectors.size + 1))
 
     @functools.cached_property
     def _by_sector(self) -> tuple[np.ndarray, np.ndarray]:
@@ -75,6 +79,7 @@ class RegionSums:
         number = self.number[rows.pair]
         z = (rows.a - rows.b) / rows.sigma
         weights = [None, z if self.sign is None else z * self.sign[rows.pair], rows.mean / rows.sigma]
+        weights += [1 / rows.sigma, (rows.a + rows.b) / 2]
         weights += [] if certain else [rows.uncertain / rows.sigma]
         for sums, weight in zip(self._sums, weights, strict=False):
             sums += np.bincount(number, weight, sums.size)
