@@ -55,6 +55,29 @@ def difference(predicted: np.ndarray, f: np.ndarray, u_f: np.ndarray | float = 0
     return np.abs(f - predicted) / size, u_f / size
 
 
+def readings_needed(counts: np.ndarray, errors: np.ndarray, goal: float) -> float:
+    """Readings at which an error falls to `goal`, if it falls on as in the last two halvings of their number.
+
+    The power of the number by which it falls is that between the medians of both; infinite where it does not fall, and
+    0 where it is there.
+
+    Args:
+        counts: readings so far at each error (n,), in ascending order.
+        errors: relative ones (n,).
+        goal: a relative error.
+    """
+    last = counts > counts[-1] / 2
+    before = ~last & (counts > counts[-1] / 4)
+    if errors[-1] <= goal or not before.any():
+        return 0.0
+    middles = [(np.median(np.log(counts[half])), np.median(np.log(errors[half]))) for half in (before, last)]
+    (n_before, e_before), (n_last, e_last) = middles
+    power = (e_before - e_last) / (n_last - n_before)
+    if power <= 0:
+        return math.inf
+    return math.exp(min(n_last + max(e_last - math.log(goal), 0.0) / power, 700.0))
+
+
 class Error(NamedTuple):
     """An rms error, and the bound that it is below with a stated probability; from so many readings."""
 

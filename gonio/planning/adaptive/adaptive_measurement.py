@@ -19,7 +19,16 @@ from gonio.instrument.scans import is_isotropic
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.models.expression.parser import parse
-from gonio.planning.adaptive.accuracy import FLOOR, LEVEL, MEASURE, Error, difference, random_directions, shown
+from gonio.planning.adaptive.accuracy import (
+    FLOOR,
+    LEVEL,
+    MEASURE,
+    Error,
+    difference,
+    random_directions,
+    readings_needed,
+    shown,
+)
 from gonio.planning.adaptive.model_strategy import ModelPrediction
 from gonio.planning.adaptive.prediction import Prediction
 from gonio.planning.adaptive.session import KEY, Session
@@ -39,6 +48,8 @@ EAGER = 0.75
 """Of the target that is expected before it is checked: a bound is larger than the error."""
 STALLED, STUCK = 0.9, 0.7
 """Of the error expected before, and shown before, that a model hardly betters."""
+HOPELESS = 0.25
+"""Of the readings that a table may hold, from which on a target without a budget may be out of reach of more."""
 RATIOS = (0.5, 4.0)
 """Of an error to what was expected."""
 STRATEGIES: dict[str, Callable[[Session, float], Prediction]] = {
@@ -198,9 +209,11 @@ class _Loop:
         expected = predicted if isinstance(prediction, ModelPrediction) else predicted * self._ratio()
         possible, checks = self._affordable()
         facts = {**prediction.facts(), "predicted": predicted, "expected_error": expected}
+        hopeless = self._needed(predicted) > MOST
         due = self.target is not None and (expected <= EAGER * self.target or self._stalled(prediction, predicted))
-        if possible <= checks or due:
-            self._check(prediction, min(checks, possible), possible <= checks, facts, rng)
+        if possible <= checks or due or hopeless:
+            facts |= {"out_of_reach": True} if hopeless else {}
+            self._check(prediction, min(checks, possible), possible <= checks or hopeless, facts, rng)
             return
         spare = (
             math.inf if self.budget is None else self.budget - session.seconds() * (1 + FEWEST_CHECKS / session.count)
@@ -230,6 +243,17 @@ class _Loop:
         """The error that the last check showed, over what was expected then."""
         checks = [r for r in self.session.rounds if r["purpose"] == "check"]
         return float(np.clip(checks[-1]["error"] / max(checks[-1]["predicted"], 1e-12), *RATIOS)) if checks else 1.0
+
+    def _needed(self, predicted: float) -> float:
+        """Readings that a target without a budget would take, as far as many readings tell; 0 where nothing does."""
+        session = self.session
+        if self.target is None or self.budget is not None or session.count < HOPELESS * MOST:
+            return 0.0
+        if session.about["strategy"] != "table":  # a model ends where it is stuck
+            return 0.0
+        before = [(r["readings"][0], r["predicted"]) for r in session.rounds if "predicted" in r]
+        counts, errors = np.array([*before, (session.count, predicted)]).T
+        return readings_needed(counts, errors, EAGER * self.target)
 
     def _affordable(self) -> tuple[int, int]:
         """(readings that time and size allow, those of a check)."""
@@ -298,6 +322,11 @@ class _Loop:
         session = self.session
         if reached:
             what = "target shown"
+        elif session.rounds[-1].get("out_of_reach"):
+            what = (
+                f"out of reach: as the error fell so far, {percent(float(self.target or 0))} would take more than the "
+                f"{MOST} readings that such a table holds (a budget reads on; the strategy 'model' may take few)"
+            )
         elif self._stuck():
             what = "no larger model found that does better"
         else:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gonio.instrument.instrument import Instrument
-from gonio.planning.adaptive.accuracy import FLOOR, difference, random_directions, shown
+from gonio.planning.adaptive.accuracy import FLOOR, difference, random_directions, readings_needed, shown
 from gonio.planning.candidates import readable
 
 SMALL = 1e-4
@@ -42,3 +42,12 @@ def test_the_bound_holds_as_often_as_it_says(spread):
 @pytest.mark.parametrize("squares", [np.zeros(0), np.ones(1), np.full(30, 4.0)])
 def test_few_or_impossible_squares_show_nothing(squares):
     assert shown(squares).bound == 1.0
+
+
+def test_readings_that_a_target_takes_follow_from_the_power_by_which_the_error_falls():
+    counts = np.array([60, 90, 130, 180, 260, 350, 480])
+    falls = 3.0 * counts**-0.8
+    assert readings_needed(counts, falls, 0.005) == pytest.approx((3.0 / 0.005) ** (1 / 0.8), rel=0.02)
+    assert readings_needed(counts, falls, 0.03) == 0.0  # it is there
+    assert readings_needed(counts, falls[::-1], 0.005) == np.inf
+    assert readings_needed(counts[-2:], falls[-2:], 0.005) == 0.0  # too few tell nothing

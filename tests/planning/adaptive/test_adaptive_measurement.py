@@ -12,6 +12,7 @@ from gonio.data.subject import load_material
 from gonio.instrument.instrument import Instrument
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import from_spherical
+from gonio.planning.adaptive import adaptive_measurement
 from gonio.planning.adaptive.accuracy import difference, random_directions
 from gonio.planning.ways import ways_of
 
@@ -156,6 +157,16 @@ def test_without_a_model_each_side_is_shown_by_readings_that_were_not_used():
         wi, wo = (from_spherical(*angles[k : k + 2], np) for k in (0, 2))
         values = [np.asarray(evaluate(b, wi, wo)).reshape(500, -1) for b in brdfs]
         assert np.sqrt(np.mean(difference(*values)[0] ** 2)) < 0.08
+
+
+def test_a_target_that_no_table_of_readings_reaches_ends_early_and_says_so(monkeypatch):
+    monkeypatch.setattr(adaptive_measurement, "MOST", 200)
+    table = gonio.adapt("rough_dielectric(alpha=0.2, eta=1.5)", target=0.02, hemisphere="transmission")
+    kept = table.provenance["adaptive"]
+    assert not kept["shown"] and kept["error"] > 0.02 and table.layout.size < 200
+    assert kept["verdict"].startswith(
+        "out of reach: as the error fell so far, 2 % would take more than the 200 readings"
+    )
 
 
 def test_sides_that_are_not_there_are_refused():
