@@ -123,7 +123,7 @@ def _figures(s: ReportSubject, e: Evaluation | None, fits: list[dict[str, Any]])
     of_lobes = profile_figures.figures(s)
     if e is None:
         return _Drawn(fits, of_lobes, [])
-    of_lobes += reading_figures.figures(s) + lobe_figures.figures(s, e) + scatter_figures.figures(s)
+    of_lobes += reading_figures.figures(s) + lobe_figures.figures(s, e) + scatter_figures.figures(s, e)
     return _Drawn(fits, of_lobes, fit_figures.figures(s, fits))
 
 

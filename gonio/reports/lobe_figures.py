@@ -28,7 +28,7 @@ def figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
     made = [figure for make in makers for figure in make(s, e)]
     if e.behind is None:
         return made
-    turned = (_plane_figures, _space_figures, _map_figures, _slice_figures)
+    turned = (_plane_figures, _space_figures, _map_figures, _sphere_figures, _slice_figures)
     return made + [_of_light_behind(figure) for make in turned for figure in make(s, e.behind)]
 
 
@@ -245,11 +245,13 @@ def _sphere_figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
         return []
     matrix, words = channel_colour(s.channels)
     colour = words if matrix is not None else f"{s.in_channel} as grey ({words})"
-    caption = f"Lit spheres, {colour}; white is a perfect diffuser that faces the light, and what is brighter is "
+    caption = (
+        f"Lit spheres, {colour}{e.lit}; white is a perfect diffuser that faces the light, and what is brighter is "
+    )
     caption += "cut off." + " Pale: not read." * any(np.isnan(p).any() for _, values in sources for p in values.spheres)
     pixels = [[spheres.sphere_pixels(p) for p in values.spheres] for _, values in sources]
     names = [name for name, _ in sources]
     rows = list(zip(names if len(names) > 1 else [""], pixels, strict=True))
     data = {"lights_deg": [{"from_the_eye": p, "raised": h} for p, h in spheres.LIGHTS], "rows": names}
-    image = picture(f"Lit spheres of {s.name}", spheres.draw_spheres, rows, size=spheres.spheres_size(len(rows)))
+    image = picture(f"Lit spheres of {s.name}{e.lit}", spheres.draw_spheres, rows, size=spheres.spheres_size(len(rows)))
     return [ReportFigure("spheres", caption, image, data)]

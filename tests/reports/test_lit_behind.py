@@ -6,7 +6,9 @@ import pytest
 import gonio
 from gonio.data import layouts
 from gonio.models.errors import GonioError
+from gonio.reports import scatter_figures
 from gonio.reports.document import assemble
+from gonio.reports.evaluation import evaluate_subject
 from gonio.reports.subject import subject_of
 from support.fit_tables import table_of
 
@@ -48,6 +50,15 @@ def test_a_table_lit_from_both_sides_shows_both():
     np.testing.assert_allclose(np.pi * f, np.where(np.abs(angles) < 90, 0.0, 0.1), rtol=1e-5)
 
 
+def test_the_law_of_scatter_is_of_each_side_about_its_own_direction():
+    sheet = subject_of("ggx(alpha=0.3) + transmitted(base=ggx(alpha=0.1))", 0)
+    figures = {f.slug: f for f in scatter_figures.figures(sheet, evaluate_subject(sheet))}
+    assert list(figures) == ["scatter", "scatter-through", "scatter-through-lit-behind"]  # the back reflects nothing
+    reflected, through = (figures[slug].data["sets"][0] for slug in ("scatter", "scatter-through"))
+    assert np.max(through["f_per_sr"]) > 3 * np.max(reflected["f_per_sr"])
+    assert "transmission, lit from behind" in figures["scatter-through-lit-behind"].caption
+
+
 def test_a_table_lit_from_behind_alone_has_lobes_of_that_light_alone():
     table = table_of(SHEET, layouts.isotropic(BEHIND, THETA, PHI))
     figures = figures_of(table)
@@ -67,6 +78,8 @@ def test_models_have_lobes_from_behind_where_these_differ():
     glass = figures_of("rough_dielectric(alpha=0.3, eta=1.5)")
     front, behind = (sides_of(glass[slug]) for slug in ("lobe", "lobe-lit-behind"))
     assert all(side.max() > 0 for side in (*front[:2], *behind[:2])) and front[0].max() != behind[0].max()
+    # What it refracts leaves the straight direction, which the law of scatter is about.
+    assert {"spheres-lit-behind", "scatter-lit-behind"} < set(glass) and "scatter-through" not in glass
     assert not any("light" in f["caption"].split(";")[0] for f in [figures_of("ggx(alpha=0.3)")["lobe"]])
 
 
