@@ -144,7 +144,8 @@ def new_file(path: str | os.PathLike[str], force: bool = False) -> Iterator[Path
         except BaseException as error:
             temporary.unlink(missing_ok=True)
             if isinstance(error, GonioError) and str(temporary) in str(error):  # what was written cannot be read again
-                raise GonioError(str(error).replace(str(temporary), f"{path}, which is not written:")) from error
+                text = str(error).replace(f"for {temporary};", f"for {path};")
+                raise GonioError(text.replace(str(temporary), f"{path}, which is not written:")) from error
             raise
 
 

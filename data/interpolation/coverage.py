@@ -99,14 +99,12 @@ def on_grid(
     for name, x in coordinates.items():
         if name in layout.axes:
             inside &= _between_nodes(layout, name, x, beyond)
-    valid = (np.asarray(table.flag[...]) == Flag.VALID).any(axis=-1)
-    if valid.all():
-        return inside
+    flag = table.flag if hasattr(table.flag, "numbers") else np.asarray(table.flag[...])  # or `StoredCells`
     brackets = [interpolation_axis(layout, name).bracket(coordinates[name], np) for name in layout.axes]
     known = np.zeros(inside_layout.shape)
     for corner in np.ndindex(*[2] * len(brackets)):
         index = tuple(nodes[side] for (nodes, _), side in zip(brackets, corner, strict=True))
-        share = valid[index].astype(float)
+        share = (flag[index] == Flag.VALID).any(axis=-1).astype(float)
         for (_, weights), side in zip(brackets, corner, strict=True):
             share *= weights[side]
         known += share

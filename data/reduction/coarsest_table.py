@@ -2,8 +2,9 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,9 +14,10 @@ from gonio.data.interpolation.multilinear import as_material
 from gonio.data.layouts.base import Layout
 from gonio.data.reduction.judge import Judge
 from gonio.data.reduction.stacked_sides import StackedSides
-from gonio.data.reduction.table_resolution import Resolution
-from gonio.data.reduction.thin_grid import SceneValues, StartGrid, Thinning
-from gonio.data.scene import Scene, load_scene
+from gonio.data.reduction.stored_cells import coarse_table, is_stored, some_channels, with_stored_cells
+from gonio.data.reduction.table_resolution import Resolution, whole_grid
+from gonio.data.reduction.thin_grid import SceneValues, StartGrid, Thinning, interpolated
+from gonio.data.scene import Scene, ScenePairs, load_scene
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Channels, Table, index_of
 from gonio.models.brdf import AbstractBRDF
@@ -29,6 +31,7 @@ from gonio.models.geometry.sides import FRONT
 RANKING, SEARCH, CHECK = 1000, 6000, 30_000  # pairs of directions that rank nodes, judge trials, and measure the error
 HALF_DIFFERENCE = (45, 30, 24)  # nodes of theta_h, theta_d, phi_d where a table is laid out anew
 MAX_TURNS = 8  # azimuths of the light over which an anisotropic table is averaged
+STARTS = (1 << 21, 1 << 24)  # readings from which the search begins, of a table larger than memory
 ISOTROPY, BILATERAL, RECIPROCITY = "isotropy", "bilateral symmetry", "reciprocity"
 SHARED = (1.0, 0.6)  # of the tolerance: for each pair of sides, until that of their sum is kept
 TIGHTER = (0.97, 0.85, 0.6, 0.3)  # of the tolerance: targets of the search, until the measured error is within it
@@ -113,12 +116,12 @@ def reduce_table(
     Raises:
         GonioError: the table does not answer for what the scene sees, or no smaller table is within the tolerance.
     """
-    table, scene = resolve_subject(table).require_table(), load_scene(scene)
+    table, scene = resolve_subject(table, blockwise=True).require_table(), load_scene(scene)
     tolerance = scene.tolerance if tolerance is None else tolerance
     scene.require_sides(table.sides if scene.sides != FRONT else FRONT, table.name or "the table")
     if table.sides != FRONT:
         return _reduced_sides(table, scene, tolerance, log)
-    return _coarsest(table, scene, tolerance, log)
+    return _coarsest(with_stored_cells(table), scene, tolerance, log)
 
 
 def _reduced_sides(table: Table, scene: Scene, tolerance: float, log: Callable[[str], None]) -> Reduction:
@@ -156,42 +159,91 @@ def _coarsest(table: Table, scene: Scene, tolerance: float, log: Callable[[str],
     """The reduction; of `parts` groups of channels each keeps the tolerance, and no grid mixes them."""
     whole, left_out = table, ()
     if (names := scene.channels_of(table.channels.names)) and len(names) < len(table.channels):
-        whole, count = table.only(names), len(table.channels)
+        whole, count = some_channels(table, names), len(table.channels)
         left_out = (f"{count - len(names)} of {count} channels, which the scene does not see",)
-    interpolant = as_material(whole)
+    values_of = interpolant_of(whole)
     ranking, search, check = (
-        SceneValues(pairs, evaluate_in_blocks(interpolant, pairs.wi, pairs.wo))
+        SceneValues(pairs, values_of(pairs))
         for pairs in (scene.pairs(count, index_of(whole)).mirrored() for count in (RANKING, SEARCH, CHECK))
     )
     _require_values(table, scene, search, check)
     judge = Judge.of(whole, check, tolerance, parts)
     weight = _balance(search, parts)
     search, ranking = (s._replace(f=s.f * weight) for s in (search, ranking))
-    grids = [
-        replace(g, f=g.f * weight)
-        for g in start_grids(whole, interpolant)
-        if parts == 1 or not g.layout.in_half_vectors
-    ]
-    for share in TIGHTER:
-        thinned = _smallest(grids, search, ranking, share * judge.allowed, log, grey=parts == 1)
-        if thinned is None:
-            break
-        if parts > 1:
-            thinned = replace(thinned, f=thinned.f / weight)
-        reduced, words = _reduced(whole, thinned)
-        f = evaluate_in_blocks(as_material(reduced), check.pairs.wi, check.pairs.wo)
-        error, promised = judge.errors(np.broadcast_to(f, check.f.shape))
-        if error <= tolerance and (promised <= tolerance or not judge.keeps):
-            if reduced.f.nbytes + reduced.flag.nbytes >= _bytes(table):
-                break
-            cells = (table.layout.size * len(table.channels), reduced.layout.size * len(reduced.channels))
-            return Reduction(reduced, error, judge.whole, promised, tolerance, (*left_out, *words), cells)
+    judged = _Judged(whole, search, ranking, judge, weight)
+    for start in starts_of(whole, ranking):
+        reduction = _within(judged, start, _bytes(table), log)
+        if reduction is not None:
+            cells = (table.layout.size * len(table.channels), reduction.cells[1])
+            return replace(reduction, left_out=(*left_out, *reduction.left_out), cells=cells)
     of = f"{percent(tolerance, 3)} of " + ("the surface" if judge.keeps else "it")
     itself = f", and the whole one is up to {percent(judge.whole.error)} off the surface" if judge.keeps else ""
     raise GonioError(
         f"no smaller table than {table.name or 'this one'} is within {of} in the scene '{scene.name}'{itself}; "
         "allow a larger tolerance, or keep the table"
     )
+
+
+class _Judged(NamedTuple):
+    """A whole table, its values in a scene by which trials are judged, and the weights of its channels."""
+
+    whole: Table
+    search: SceneValues
+    ranking: SceneValues
+    judge: Judge
+    weight: np.ndarray
+
+
+def _within(judged: _Judged, start: Table, most: int, log: Callable[[str], None]) -> Reduction | None:
+    """The smallest reduction within the tolerance, thinned from the nodes of `start`, of less than `most` bytes."""
+    whole, search, ranking, judge, weight = judged
+    parts, tolerance = judge.parts, judge.tolerance
+    grids = [
+        replace(g, f=np.asarray(g.f) * weight)
+        for g in start_grids(start, as_material(start))
+        if parts == 1 or not g.layout.in_half_vectors
+    ]
+    pairs = judge.check.pairs
+    for share in TIGHTER:
+        thinned = _smallest(grids, search, ranking, share * judge.allowed, log, grey=parts == 1)
+        if thinned is None:
+            return None
+        if parts > 1:
+            thinned = replace(thinned, f=np.asarray(thinned.f) / weight)
+        reduced, words = _reduced(whole, thinned)
+        f = evaluate_in_blocks(as_material(reduced), pairs.wi, pairs.wo)
+        error, promised = judge.errors(np.broadcast_to(f, judge.check.f.shape))
+        if error <= tolerance and (promised <= tolerance or not judge.keeps):
+            if reduced.f.nbytes + reduced.flag.nbytes >= most:
+                return None
+            if start.layout.shape != whole.layout.shape:
+                words = [_before_the_search(whole, start), *words]
+            cells = (whole.layout.size * len(whole.channels), reduced.layout.size * len(reduced.channels))
+            return Reduction(reduced, error, judge.whole, promised, tolerance, tuple(words), cells)
+    return None
+
+
+def starts_of(whole: Table, ranking: SceneValues) -> Iterator[Table]:
+    """The tables from whose nodes a search begins: the whole one, or some nodes of one too large for memory."""
+    if not is_stored(whole):
+        yield whole
+        return
+    trials = Thinning(whole_grid(whole), ranking)
+    for readings in STARTS:
+        yield coarse_table(whole, readings, trials.error)
+
+
+def _before_the_search(whole: Table, start: Table) -> str:
+    counts = zip(whole.layout.axes, start.layout.shape, whole.layout.shape, strict=True)
+    return f"large, so thinned evenly before the search: {', '.join(f'{n} {a} of {b}' for n, a, b in counts)} nodes"
+
+
+def interpolant_of(whole: Table) -> Callable[[ScenePairs], np.ndarray]:
+    """What gives f (N, C) of a table at a scene's pairs; of one too large for memory from the cells that these need."""
+    if is_stored(whole):
+        return lambda pairs: interpolated(whole_grid(whole), pairs)
+    interpolant = as_material(whole)
+    return lambda pairs: evaluate_in_blocks(interpolant, pairs.wi, pairs.wo)
 
 
 def _balance(scene: SceneValues, parts: int) -> np.ndarray:
@@ -227,7 +279,7 @@ def _reduced(whole: Table, thinned: StartGrid) -> tuple[Table, list[str]]:
     f = np.where(flag == Flag.VALID, thinned.f, np.nan).astype(np.float32)
     words = [f"by {', '.join(thinned.simplified_by)}"] if thinned.simplified_by else []
     words += thinned.left_out
-    words += ["single precision"] if np.asarray(whole.f[:0]).dtype != np.float32 else []
+    words += ["single precision"] if np.dtype(whole.f.dtype) != np.float32 else []
     words += ["standard uncertainties"] if whole.u_f is not None else []
     channels = Channels.grey() if f.shape[-1] < len(whole.channels) else whole.channels
     return Table(layout, f, flag, channels, provenance=whole.provenance | {"reduced": words}, name=whole.name), words

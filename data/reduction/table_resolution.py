@@ -15,6 +15,7 @@ from gonio.data.flags import Flag
 from gonio.data.interpolation.coverage import covered
 from gonio.data.interpolation.multilinear import as_material, coarsened, interpolation_axis
 from gonio.data.layouts.base import Layout
+from gonio.data.reduction.stored_cells import ValidCells, coarse_table, is_stored
 from gonio.data.reduction.thin_grid import SceneValues, StartGrid, Thinning
 from gonio.data.scene import ScenePairs
 from gonio.data.table import FOLDED, Table
@@ -38,6 +39,8 @@ ISOLATED = 2.0
 """Ratio of a step to those beside it from which on it is a hole."""
 UNREAD = 0.01
 """Share of the light that may come from, or go to, directions about which nothing was read."""
+NOISE_READINGS = 1 << 20
+"""Of a table larger than memory, from which the noise is taken."""
 DRAWS = 8
 """Of the noise: the largest of their errors counts."""
 MARGIN, PARTS, SAMPLING = 3.0, 16, 0.1
@@ -134,11 +137,12 @@ def _judged(change: float, factor: float, beyond: float, noise: float) -> Resolu
 
 
 def _of_grid(table: Table, scene: SceneValues, rms: float) -> Resolution:
-    f = np.asarray(table.f[...], float)
-    valid = (np.asarray(table.flag[...]) == Flag.VALID) & np.isfinite(f)
-    thinning = Thinning(StartGrid(table.layout, np.where(valid, f, 0.0), valid), scene)
+    thinning = Thinning(whole_grid(table), scene)
     halved, quartered = (c / rms for c in _changes(thinning))
-    noise = _noise(thinning, _uncertainty(table, thinning.grid), table.u_f is not None) / rms
+    # The noise of an interpolated value hardly depends on the step of the nodes: of a large table some tell it.
+    some = coarse_table(table, NOISE_READINGS) if is_stored(table) else table
+    grid = thinning.grid if some is table else whole_grid(some)
+    noise = _noise(grid, thinning.pairs, _uncertainty(some, grid), table.u_f is not None) / rms
     if table.u_f is not None:
         # What is noise changes by as much whatever the step.
         halved, quartered = (
@@ -154,6 +158,15 @@ def _of_grid(table: Table, scene: SceneValues, rms: float) -> Resolution:
         return Resolution(math.inf, words)
     factor = max(factor, MOST * isolation)
     return _judged(float(halved), factor, _beyond(thinning) / rms, float(noise[0]))
+
+
+def whole_grid(table: Table) -> StartGrid:
+    """All nodes of a table; of one with stored cells none is read yet."""
+    if is_stored(table):
+        return StartGrid(table.layout, table.f, ValidCells(table.f, table.flag))
+    f = np.asarray(table.f[...], float)
+    valid = (np.asarray(table.flag[...]) == Flag.VALID) & np.isfinite(f)
+    return StartGrid(table.layout, np.where(valid, f, 0.0), valid)
 
 
 def _every(count: int, step: int, first: int) -> np.ndarray:
@@ -199,9 +212,9 @@ def _uncertainty(table: Table, grid: StartGrid) -> np.ndarray:
     return least
 
 
-def _noise(thinning: Thinning, u: np.ndarray, stored: bool) -> np.ndarray:
+def _noise(grid: StartGrid, pairs: ScenePairs, u: np.ndarray, stored: bool) -> np.ndarray:
     """rms radiance of the noise of the readings, and of the changes that it makes, by draws of their uncertainties."""
-    grid, scene = thinning.grid, SceneValues(thinning.pairs, np.zeros_like(thinning.truth))
+    scene = SceneValues(pairs, np.zeros((pairs.view.size, u.shape[-1])))
     largest, changes = 0.0, np.zeros(2)
     for draw in range(DRAWS if u.any() else 0):
         noisy = Thinning(dataclasses.replace(grid, f=u * np.random.default_rng(draw).standard_normal(u.shape)), scene)

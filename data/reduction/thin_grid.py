@@ -14,14 +14,13 @@ import numpy as np
 from gonio.data.interpolation.grid_coordinates import grid_coordinates
 from gonio.data.interpolation.multilinear import interpolation_axis
 from gonio.data.layouts import Layout
+from gonio.data.reduction.stored_cells import Nodes, StoredCells, ValidCells
 from gonio.data.scene import ScenePairs
 from gonio.models.geometry.directions import Direction
 
 MAX_BRACKETS = 256
 SHARES = (0.5, 0.25, 0.1)  # of the nodes of an axis that one step tries to remove
 
-Nodes = tuple[np.ndarray, ...]
-"""Numbers of the kept nodes of each axis, increasing."""
 Bracket = tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """(Lower, upper) numbers of nodes, and their weights."""
 
@@ -31,8 +30,8 @@ class StartGrid:
     """A grid to thin: values (*shape, C), validity of the same shape, the simplifications that led to it, in words."""
 
     layout: Layout
-    f: np.ndarray
-    valid: np.ndarray
+    f: np.ndarray | StoredCells
+    valid: np.ndarray | ValidCells
     simplified_by: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     """What else the whole table has, in words."""
@@ -66,6 +65,12 @@ class SceneValues(NamedTuple):
     f: np.ndarray
 
 
+def interpolated(grid: StartGrid, pairs: ScenePairs) -> np.ndarray:
+    """f (N, C) of the interpolant of a grid at a scene's pairs; NaN where its layout has no such directions."""
+    thinning = Thinning(grid, SceneValues(pairs, np.zeros((pairs.view.size, grid.f.shape[-1]))))
+    return np.where(thinning.covered[:, None], thinning.values(grid.nodes), np.nan)
+
+
 class Thinning:
     """Errors of the subgrids of one grid under one scene.
 
@@ -79,7 +84,7 @@ class Thinning:
         self.grid, (self.pairs, self.truth) = grid, scene
         self.guide = self if guide is None else Thinning(grid, guide)
         wi, wo = (Direction(*(np.asarray(c, float) for c in w)) for w in (self.pairs.wi, self.pairs.wo))
-        self.coordinates, _ = grid_coordinates(type(grid.layout), wi, wo)
+        self.coordinates, self.covered = grid_coordinates(type(grid.layout), wi, wo)
         self._brackets: dict[tuple[str, bytes], Bracket] = {}
         self._ranking: tuple[tuple[bytes, ...], np.ndarray] = ((), np.empty(0))
 

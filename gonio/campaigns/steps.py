@@ -120,7 +120,7 @@ def reported(task: Task, store: Store) -> Product:
 
     paths = [store.path(FIT, key) for key in task.inputs["fits"]]
     fits = [path for path in paths if path.exists()]
-    page = report([_table(task, store)], fits=fits, title=task.name.removeprefix("report, "))
+    page = report([_table(task, store, blockwise=False)], fits=fits, title=task.name.removeprefix("report, "))
     text = str(page)
     return Product({"fits": len(fits)}, True, lambda path: path.write_bytes(text.encode(errors="backslashreplace")))
 
@@ -134,14 +134,14 @@ def _subject(inputs: dict[str, Any]) -> Any:
     return Path(inputs["material"]) if inputs["file"] else inputs["material"]
 
 
-def _table(task: Task, store: Store) -> Any:
-    """The table of a task, named after its file where it has no name."""
+def _table(task: Task, store: Store, blockwise: bool = True) -> Any:
+    """The table of a task, named after its file where it has no name; the values of a large one stay in its file."""
     from gonio.data.files import stem
     from gonio.data.formats.registry import read
 
     inputs = task.inputs
     path = store.path(MEASURE, inputs["key"]) if "key" in inputs else Path(inputs["table"])
-    table = read(path)
+    table = read(path, blockwise=blockwise)
     table.name = table.name or stem(path)
     return table
 

@@ -156,8 +156,11 @@ def reading_options(args: argparse.Namespace) -> dict[str, Any]:
     return {name: value for name, value in options.items() if value is not None}
 
 
-def read_table(path: str, args: argparse.Namespace) -> "Table":
-    """The table of a file, named after the file where it has no name of its own; its warnings go to standard error."""
+def read_table(path: str, args: argparse.Namespace, blockwise: bool = False) -> "Table":
+    """The table of a file, named after the file where it has no name of its own; its warnings go to standard error.
+
+    `blockwise`: the values of a large one stay in the file, as they are read in blocks anyway.
+    """
     from gonio.data.files import stem
     from gonio.data.formats.registry import is_there, read
 
@@ -165,7 +168,7 @@ def read_table(path: str, args: argparse.Namespace) -> "Table":
         from gonio.data.subject import resolve_subject
 
         resolve_subject(path).require_table()  # says what the name is instead, and what to do
-    table = read(path, **reading_options(args))
+    table = read(path, blockwise=blockwise, **reading_options(args))
     table.name = table.name or stem(path)
     for warning in table.provenance.get("warnings", []):
         log(f"gonio: {path}: {warning}")

@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     from gonio.data.scene import load_scene
 
     scene = load_scene(args.scene)
-    table = read_table(args.table, args)
+    table = read_table(args.table, args, blockwise=True)
     reduced = reduce_table(table, scene, args.tolerance, log)
     write_table(args.output, reduced.table, force=args.force)
     before, after = (Path(p).stat().st_size for p in (args.table, args.output))

@@ -3,6 +3,7 @@
     python kills.py [TABLES [KILLS_OF_WORKERS [KILLS_OF_SCHEDULERS [SEED]]]]
 
 A scheduler is killed with the command that it is part of; and one of its own, to which the command was told to go.
+Workers are killed as fast as results come: one after each that is new. A disk is filled where a tmpfs can be mounted.
 """
 
 import pathlib
@@ -69,12 +70,20 @@ def forget(folder: pathlib.Path, rng: random.Random) -> None:
             path.unlink()
 
 
+def records(folder: pathlib.Path) -> int:
+    """How many results have a record."""
+    return sum(p.suffix == ".json" and p.name[0] != "." for p in (folder / "runs" / "records").iterdir())
+
+
 def kill_workers(folder: pathlib.Path, kills: int, rng: random.Random) -> tuple[int, int]:
     """(kills of workers that had done a task, commands that ended well meanwhile)."""
     done = ended = 0
     child = begin(folder)
     while done < kills:
-        time.sleep(rng.uniform(0.2, 2.0))
+        there = records(folder)
+        while child.poll() is None and records(folder) <= there:
+            time.sleep(0.05)
+        time.sleep(rng.uniform(0.0, 1.0))
         if child.poll() is not None:
             out = child.stdout.read()
             assert child.returncode == 1 and "not done" not in out, out  # a diffuser alone is a failed fit of a lobe
@@ -99,8 +108,28 @@ def kill_commands(folder: pathlib.Path, kills: int, rng: random.Random) -> list[
         time.sleep(rng.uniform(5.0, 25.0))
         child.send_signal(signal.SIGKILL)
         child.wait()
-        there.append(len(list((folder / "runs" / "records").iterdir())))
+        there.append(records(folder))
     return there
+
+
+def fill_disk(folder: pathlib.Path) -> str:
+    """What a campaign says on a disk that is too small, and whether it goes on to the same results on a larger one."""
+    disk = folder / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=600k", "tmpfs", str(disk)]
+    if subprocess.run(mount, capture_output=True).returncode:
+        return "not tried: no tmpfs can be mounted here"
+    try:
+        shutil.copy(folder / "r.toml", disk)
+        child = begin(disk)
+        out = child.communicate()[0].strip()
+        before = records(disk)
+        subprocess.run(["mount", "-o", "remount,size=64m", str(disk)], check=True)
+        begin(disk).communicate()
+        same = results(disk / "runs") == results(folder / "runs")
+        return f"status {child.returncode}, {before} results: {out}; with room, bit for bit the same: {same}"
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
 
 
 def wait_for(port: int) -> None:
@@ -156,6 +185,7 @@ def main() -> None:
         whole = results(folder / "runs")
         assert len(whole) == 2 * tables
         print(f"undisturbed: {len(whole)} results", flush=True)
+        print(f"full disk: {fill_disk(folder)}", flush=True)
         shutil.rmtree(folder / "runs" / "fits")
         done, ended = kill_workers(folder, of_workers, rng)
         same = results(folder / "runs") == whole
