@@ -29,7 +29,7 @@ def figures(s: ReportSubject, e: Evaluation) -> list[ReportFigure]:
 def _sides(s: ReportSubject, e: Evaluation) -> list[tuple[int, int]]:
     """Of light from the front, and from behind where that differs; not of what is refracted, nowhere straight on."""
     if s.table is not None:
-        present, (in_front, behind) = s.table.sides, s.table.media
+        present, (index_front, index_behind) = s.table.sides, s.table.media
         refracts = bool(np.any(index_front != index_behind))
     else:
         into = s.model.hemispheres
