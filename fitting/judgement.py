@@ -66,7 +66,8 @@ def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
         good.append(f"reduced χ² {chi2:.3g}")
     if rms is not None:
         good.append(f"relative rms {rms:.3g}")
-    good += {"noise": ["its residuals are noise"], "exact": ["its residuals are rounding"]}.get(str(structure), [])
+    if chi2 is None or chi2 <= NOISE:  # larger ones are no noise of the readings, even or not
+        good += {"noise": ["its residuals are noise"], "exact": ["its residuals are rounding"]}.get(str(structure), [])
     if albedo is not None and albedo <= 1 + ALBEDO_TOLERANCE:
         good.append(f"largest albedo about {albedo:.2g}")
     reasons = "; ".join([*failed, *poor, *fair] or ["it converged"])

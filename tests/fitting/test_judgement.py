@@ -28,6 +28,14 @@ def test_the_worst_that_is_known_decides(metrics, verdict, words):
     assert judgement.verdict == verdict and words in judgement.sentence
 
 
+def test_residuals_above_the_noise_are_not_called_noise():
+    noisy = {**FACTS, "residuals": {"noisiness": {"verdict": "noise"}}}
+    sentences = [
+        judge_fit({**noisy, "metrics": {**FACTS["metrics"], "reduced_chi2": c}}).sentence for c in (1.0, 900.0)
+    ]
+    assert ["its residuals are noise" in sentence for sentence in sentences] == [True, False]
+
+
 def test_a_fit_that_did_not_converge_has_failed_whatever_its_numbers_are():
     assert judge_fit({**FACTS, "converged": False, "reason": "the cost is not finite"}).verdict == "failed"
 
