@@ -249,7 +249,11 @@ def _lobe_tests(
         pairs = zip(terms[lobe.number], lobe.light(f.shape[1]), strict=True)
         return np.stack([grid.resolves(*pair) for pair in pairs])
 
-    return lobe_tests(brdf, incidences, readings, resolved)
+    def at_nodes(lobe: Lobe, k: int) -> tuple[np.ndarray, np.ndarray]:
+        weight = np.broadcast_to(grid.weights, (*shape[1:], 1))
+        return terms[lobe.number][k].reshape(-1, f.shape[1]), weight.ravel()
+
+    return lobe_tests(brdf, incidences, readings, resolved, at_nodes)
 
 
 def _left_of(further: Further, brdf: AbstractBRDF) -> Further:

@@ -31,6 +31,8 @@ ANOTHER = 0.1
 """Misfit of readings on a lobe that shows another family: between the levels read it may then be off twice as much."""
 STEP, DEEPEST = 0.5, 40.0
 """E-folds of one class of readings, and below which nothing matters."""
+APART = 0.01
+"""E-folds by which readings are at several depths of a lobe, not mirror images of each other."""
 SAME_LIGHT = np.radians(0.05)
 MOST = 1 << 16
 """Readings that are looked at, evenly spaced among all."""
@@ -72,6 +74,9 @@ Resolved = Callable[[Lobe], np.ndarray]
 """Whether the readings' own rule integrates a lobe at each of the incidences, (incidences, C)."""
 
 
+Nodes = Callable[[Lobe, int], tuple[np.ndarray, np.ndarray]]
+
+
 class LobeTest(NamedTuple):
     """What the readings tell of a lobe that their own rule does not integrate.
 
@@ -90,7 +95,7 @@ class LobeTest(NamedTuple):
 
 
 def lobe_tests(
-    brdf: AbstractBRDF, incidences: np.ndarray, readings: LobeReadings, resolved: Resolved
+    brdf: AbstractBRDF, incidences: np.ndarray, readings: LobeReadings, resolved: Resolved, nodes: Nodes | None = None
 ) -> list[LobeTest]:
     """Of each lobe of a model that needs a test, whether it has one, and what it may be off by.
 
@@ -99,6 +104,8 @@ def lobe_tests(
         incidences: theta_i, phi_i, radians, (incidences, 2).
         readings: all to which the model was fitted.
         resolved: what needs no test.
+        nodes: of a lobe at an incidence f (n, C) at the nodes of its rule, and their projected solid angles (n,), sr;
+            None where the rule is none of nodes.
     """
     terms = brdf.terms()
     if not terms:
@@ -122,9 +129,12 @@ def lobe_tests(
             limits = (
                 np.maximum(misfits + sign * NOISE * readings.u, 0.0)[read] / there[read, None] for sign in (-1, 1)
             )
-            levels = [_by_level(below, beside, limit) for limit in limits]
-            off, known = (np.stack([_carried(s, misfit) for s in lobe.samples]) for misfit in levels)
             same = np.abs(readings.angles[read, 0] - incidences[beside, 0]) < SAME_LIGHT
+            levels = [_by_level(below, np.where(same, beside, -1 - beside), limit) for limit in limits]
+            each = [[_of_incidence(k, by_level) for k in range(len(incidences))] for by_level in levels]
+            pairs = enumerate(zip(lobe.samples, *each, strict=True))
+            both = [(_missed(s, m, nodes and nodes(lobe, k)), _missed(s, n, None)) for k, (s, m, n) in pairs]
+            off, known = (np.stack(of_all) for of_all in zip(*both, strict=True))
             for k in range(len(incidences)):
                 there_below = below[same & (beside == k)]
                 tested[k] = bool(np.any(there_below < 1)) and bool(np.any(there_below >= 1))
@@ -169,30 +179,90 @@ def _below_peak(
     return np.clip(np.log(np.maximum(peak, there) / there), 0.0, DEEPEST), beside
 
 
-def _by_level(below: np.ndarray, beside: np.ndarray, misfit: np.ndarray) -> np.ndarray:
-    """How far a lobe is off, in e-folds, at the levels k · `STEP` below its peak, (levels, C).
+class _ByLevel(NamedTuple):
+    """How far a lobe is off, in e-folds, at the levels k · `STEP` below its peak.
+
+    Attributes:
+        worst: by the readings of all incidences, (levels, C).
+        beside: of each group of readings of one level its incidence, (groups,); −1 − k of readings nearest to the k-th.
+        level: of each group its level.
+        off: of each group by itself, (groups, C).
+        depths: of each group the least and the most of its e-folds below the peak, (groups, 2).
+    """
+
+    worst: np.ndarray
+    beside: np.ndarray
+    level: np.ndarray
+    off: np.ndarray
+    depths: np.ndarray
+
+
+def _by_level(below: np.ndarray, beside: np.ndarray, misfit: np.ndarray) -> _ByLevel:
+    """How far a lobe is off by its readings.
 
     Of readings of one incidence and level the rms counts; between levels the larger, and more the worse the family is.
     """
     levels, channels = int(DEEPEST / STEP) + 1, misfit.shape[1]
-    _, group = np.unique(np.stack([beside, np.floor(below / STEP)]), axis=1, return_inverse=True)
-    group, level = group.ravel(), np.zeros(group.max() + 1, int)
-    level[group] = np.floor(below / STEP)
+    groups, group = np.unique(np.stack([beside, np.floor(below / STEP)]), axis=1, return_inverse=True)
+    group, level = group.ravel(), groups[1].astype(int)
     squares = np.stack([np.bincount(group, c) for c in (misfit**2).T], -1) / np.bincount(group)[:, None]
-    off = np.full((levels, channels), -np.inf)
     rms = np.sqrt(squares)
+    off = np.minimum(np.log1p(rms), LARGEST)
     between = np.minimum(np.log1p(rms) * (1 + rms / ANOTHER), np.log1p(FACTOR))
-    np.maximum.at(off, level, np.minimum(np.maximum(np.log1p(rms), between), LARGEST))
-    read = np.flatnonzero(off[:, 0] >= 0)
+    worst = np.full((levels, channels), -np.inf)
+    np.maximum.at(worst, level, np.maximum(off, between))
+    read = np.flatnonzero(worst[:, 0] >= 0)
     every = np.arange(levels)
     before = read[np.clip(np.searchsorted(read, every, side="right") - 1, 0, None)]
     after = read[np.clip(np.searchsorted(read, every), None, read.size - 1)]
-    return np.maximum(off[before], off[after])
+    depths = np.tile([np.inf, -np.inf], (level.size, 1))
+    np.minimum.at(depths[:, 0], group, below)
+    np.maximum.at(depths[:, 1], group, below)
+    return _ByLevel(np.maximum(worst[before], worst[after]), groups[0].astype(int), level, off, depths)
 
 
-def _carried(samples: LobeSamples, misfit: np.ndarray) -> np.ndarray:
-    """The light (C,) that a lobe may have too much or too little."""
-    f = samples.f.mean(axis=1)
-    lit = f > 0
-    below = np.minimum(np.log(f.max() / np.maximum(f[lit], 1e-300)), DEEPEST)
-    return np.sum(samples.light[lit] * np.expm1(misfit[np.floor(below / STEP).astype(int)]), axis=0)
+class _Misfit(NamedTuple):
+    """How far a lobe is off at an incidence, in e-folds, (levels, C), and of which levels its own readings tell."""
+
+    off: np.ndarray
+    closely: np.ndarray
+
+
+def _of_incidence(number: int, of: _ByLevel) -> _Misfit:
+    """How far a lobe is off at an incidence: where that was read closely it tells, and elsewhere the others do.
+
+    Closely: at several depths within a level and those next to it. All of these count, because a residual may cross
+    zero at one by luck; nothing is between them of which another family could make more.
+    """
+    off, these = of.worst.copy(), of.beside == number
+    closely, level, depths = np.zeros(len(off), bool), of.level[these], of.depths[these]
+    for k in range(len(off)):
+        near = np.abs(level - k) <= 1
+        around = near.any() and level[near].min() <= k <= level[near].max()
+        closely[k] = around and np.ptp(depths[near]) > APART
+        if closely[k]:
+            off[k] = of.off[these][near].max(axis=0)
+    return _Misfit(off, closely)
+
+
+def _missed(samples: LobeSamples, misfit: _Misfit, nodes: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray:
+    """The light (C,) that a lobe may have too much or too little.
+
+    Of a level that was read closely nodes miss as much of the misfit as of the lobe's own light, up to twice.
+    """
+    top = samples.f.mean(axis=1).max()
+    light = _light_by_level(samples.f, samples.light, top)
+    if nodes is not None:
+        f, weight = nodes
+        missed = 2 * np.abs(_light_by_level(f, weight[:, None] * f, top) - light)
+        light = np.where(misfit.closely[:, None], np.minimum(light, missed), light)
+    return np.sum(light * np.expm1(misfit.off), axis=0)
+
+
+def _light_by_level(f: np.ndarray, light: np.ndarray, top: float) -> np.ndarray:
+    """Light (n, C) by the level of f (n, C) below the peak, (levels, C)."""
+    size = f.mean(axis=1)
+    lit = size > 0
+    below = np.clip(np.log(top / np.maximum(size[lit], 1e-300)), 0.0, DEEPEST)
+    level, count = np.floor(below / STEP).astype(int), int(DEEPEST / STEP) + 1
+    return np.stack([np.bincount(level, c, count) for c in light[lit].T], axis=-1)

@@ -13,17 +13,17 @@ NARROW = build("lambert(rho=0.3) + 0.5 * beckmann(alpha=0.02)")
 LIGHT = np.radians([[20.0, 0.0], [60.0, 0.0]])
 
 
-def read(levels, brightness=1.0, noise=0.0):
-    """Readings at 20° so many e-folds below the peak, where the lobe is as much brighter."""
+def read(levels, brightness=1.0, noise=0.0, light=0):
+    """Readings so many e-folds below the peak, where the lobe is as much brighter; at 20°, or at another light."""
     tilt = 0.02 * np.sqrt(np.array(levels))
-    theta_o = LIGHT[0, 0] - 2 * tilt
-    angles = np.stack([np.full(tilt.size, LIGHT[0, 0]), 0 * tilt, theta_o, np.full(tilt.size, np.pi)], -1)
+    theta_o = LIGHT[light, 0] - 2 * tilt
+    angles = np.stack([np.full(tilt.size, LIGHT[light, 0]), 0 * tilt, theta_o, np.full(tilt.size, np.pi)], -1)
     lobe = values_at(NARROW.terms()[1], angles)
     return LobeReadings(angles, values_at(NARROW, angles) + (brightness - 1) * lobe, noise * lobe)
 
 
-def test_of(readings, resolved=False):
-    tests = lobe_tests(NARROW, LIGHT, readings, lambda lobe: np.full((2, 1), resolved or lobe.number == 0))
+def test_of(readings, resolved=False, nodes=None):
+    tests = lobe_tests(NARROW, LIGHT, readings, lambda lobe: np.full((2, 1), resolved or lobe.number == 0), nodes)
     return tests[0] if tests else None
 
 
@@ -46,6 +46,25 @@ def test_a_third_level_tests_a_lobe_and_then_its_light_is_as_sure_as_the_reading
     assert np.max(noisy.off / light) < 1e-9
     np.testing.assert_allclose(noisy.by_readings / light, 4e-3, rtol=0.05)
     assert test_of(read([0.0]), resolved=True) is None
+
+
+def test_where_an_incidence_was_read_closely_its_own_readings_tell_of_its_lobe():
+    elsewhere = read([0.0, 1.3, 2.4], brightness=1.5, light=1)
+    few = test_of(read([0.0, 1.3, 2.4]).joined(elsewhere))
+    assert np.min(few.off / few.lobe.light(1)) > 0.5
+    close = read(np.arange(0, 9, 0.2), brightness=1.001)
+    many = test_of(close.joined(elsewhere))
+    np.testing.assert_allclose(many.off[0] / many.lobe.light(1)[0], 1e-3, rtol=0.1)
+    assert many.off[1] / many.lobe.light(1)[1] > 0.5
+
+    def exact(lobe, k):
+        """Nodes that miss nothing of a lobe."""
+        samples = lobe.samples[k]
+        return samples.f, samples.light[:, 0] / np.maximum(samples.f[:, 0], 1e-300)
+
+    carried = test_of(close.joined(elsewhere), nodes=exact)
+    assert carried.off[0] < 1e-3 * many.off[0]
+    np.testing.assert_allclose(carried.by_readings, many.by_readings)
 
 
 @pytest.mark.parametrize(
