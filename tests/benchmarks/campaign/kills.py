@@ -75,14 +75,19 @@ def records(folder: pathlib.Path) -> int:
     return sum(p.suffix == ".json" and p.name[0] != "." for p in (folder / "runs" / "records").iterdir())
 
 
+def wait_for_result(folder: pathlib.Path, child: subprocess.Popen[str]) -> None:
+    """Waits until a command has a new result, or has ended."""
+    there = records(folder)
+    while child.poll() is None and records(folder) <= there:
+        time.sleep(0.05)
+
+
 def kill_workers(folder: pathlib.Path, kills: int, rng: random.Random) -> tuple[int, int]:
     """(kills of workers that had done a task, commands that ended well meanwhile)."""
     done = ended = 0
     child = begin(folder)
     while done < kills:
-        there = records(folder)
-        while child.poll() is None and records(folder) <= there:
-            time.sleep(0.05)
+        wait_for_result(folder, child)
         time.sleep(rng.uniform(0.0, 1.0))
         if child.poll() is not None:
             out = child.stdout.read()
@@ -105,7 +110,8 @@ def kill_commands(folder: pathlib.Path, kills: int, rng: random.Random) -> list[
     forget(folder, rng)
     for _ in range(kills):
         child = begin(folder)
-        time.sleep(rng.uniform(5.0, 25.0))
+        wait_for_result(folder, child)
+        time.sleep(rng.uniform(0.0, 1.0))
         child.send_signal(signal.SIGKILL)
         child.wait()
         there.append(records(folder))
@@ -164,7 +170,8 @@ def kill_schedulers(folder: pathlib.Path, kills: int, rng: random.Random) -> lis
         workers = subprocess.Popen([*python(), "-m", "distributed.cli.dask_worker", address, *options], **quiet)
         wait_for(18786 + k)
         child = begin(folder, "--scheduler", address)
-        time.sleep(rng.uniform(8.0, 25.0))
+        wait_for_result(folder, child)
+        time.sleep(rng.uniform(0.0, 2.0))
         scheduler.send_signal(signal.SIGKILL)
         out = child.communicate()[0]
         said.append(f"status {child.returncode}: {out.strip().splitlines()[-1] if out.strip() else ''}")
