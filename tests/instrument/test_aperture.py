@@ -12,6 +12,8 @@ from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.solid_angle import projected_cap
 
+pytestmark = pytest.mark.quick_compilation
+
 GLOSSY = build("lambert(rho=[.1,.2,.4]) + [1,.8,.6]*ggx(alpha=.2, eta=1.5)")
 
 
@@ -114,12 +116,12 @@ def test_a_perfect_diffuser_reads_the_same_through_any_discs():
 @pytest.mark.parametrize(("s_i", "s_o"), [(1.0, 1.0), (1.0, 0.0), (0.0, 1.0)])
 def test_readings_converge_to_the_analytic_value_at_second_order(s_i, s_o):
     exact = np.asarray(evaluate(GLOSSY, WI, WO))[:, :1]
-    sizes = np.radians([2.0, 1.0, 0.5, 0.25])
+    sizes = np.radians([1.0, 0.5, 0.25])
     off = np.array([average(GLOSSY, WI, WO, s * s_i, s * s_o, relative(1e-9))[0][:, :1] - exact for s in sizes])
     curved = np.abs(off[0] / exact) > 1e-4
     assert curved.sum() >= 4, "there is something to converge"
     ratio = off[:-1, curved] / off[1:, curved]
-    assert np.abs(ratio[1:] - 4).max() < 0.08
+    assert np.abs(ratio - 4).max() < 0.08
     assert np.abs(ratio[-1] - 4).max() < 0.02
 
 
@@ -132,12 +134,11 @@ def test_equal_discs_read_reciprocally_and_alike_in_mirrored_geometries():
     np.testing.assert_allclose(average(GLOSSY, *flipped, s, s, relative(1e-6))[0], there, rtol=1e-12)
 
 
-@pytest.mark.parametrize("expression", ["beckmann(alpha=0.004)", "ggx(alpha=0.004)"])
-def test_a_peak_between_the_rays_is_not_missed(expression):
+def test_a_peak_between_the_rays_is_not_missed():
     """Mirror reflection near the rim of the discs: a lobe far narrower than the spacing of the first rays."""
     s = math.radians(2.5)
     wi, wo = directions(np.array([20.0, 20.0]), np.zeros(2)), directions(np.array([22.0, 24.0]), np.full(2, 180.0))
-    values, error = average(build(expression), wi, wo, s, s, relative(1e-3))
+    values, error = average(build("beckmann(alpha=0.004)"), wi, wo, s, s, relative(1e-3))
     # All light of the lens that both discs share reaches the detector: for a narrow lobe, whose masking is 1,
     # reading ≈ lens/(source disc) / (∫cosθo dωo), the lens of two circles of radius s, their centres d apart.
     d = np.radians([2.0, 4.0])
@@ -180,12 +181,12 @@ def test_polynomials_are_averaged_to_rounding():
 
 def test_a_values_bits_do_not_depend_on_its_neighbours():
     rng = np.random.default_rng(2)
-    n = 160
+    n = 60
     wi = directions(rng.uniform(0, 88, n), rng.uniform(0, 360, n))
     wo = directions(rng.uniform(0, 88, n), rng.uniform(0, 360, n))
     s = math.radians(3)
     whole, error = average(GLOSSY, wi, wo, s, s, relative(1e-4))
-    for a, b in ((0, 1), (1, 53), (53, n)):
+    for a, b in ((0, 1), (1, 23), (23, n)):
         part = [Direction(*(c[a:b] for c in w)) for w in (wi, wo)]
         values, e = average(GLOSSY, *part, s, s, relative(1e-4))
         np.testing.assert_array_equal(values, whole[a:b])

@@ -8,6 +8,8 @@ from scipy import stats
 
 from gonio.instrument.noise import log_probability, poisson
 
+pytestmark = pytest.mark.quick_compilation
+
 N = 1 << 16
 
 

@@ -19,7 +19,7 @@ def one():
 
 
 def draws_of(table, stated, **options):
-    b = quantities(table, budget=True, only=["reflectance"], uncertainty=stated, monte_carlo=4000, **options).budget
+    b = quantities(table, budget=True, only=["reflectance"], uncertainty=stated, monte_carlo=2000, **options).budget
     return b, b.simulated
 
 
@@ -28,7 +28,7 @@ def test_normal_errors_come_out_as_the_linear_budget_says(one):
     assert s["standard_uncertainty"] == pytest.approx(b.standard, rel=0.05) and s["linear_agrees"].all()
     assert s["interval_95.45_percent"][:, 1] == pytest.approx(2 * b.standard, rel=0.12)
     again = quantities(
-        one, budget=True, only=["reflectance"], uncertainty={"gain": "1 %", "solid_angle": "0.5 %"}, monte_carlo=4000
+        one, budget=True, only=["reflectance"], uncertainty={"gain": "1 %", "solid_angle": "0.5 %"}, monte_carlo=2000
     )
     assert again.budget.simulated["shift"] == pytest.approx(s["shift"], abs=0)
 
@@ -49,7 +49,7 @@ def test_fits_are_made_anew_and_tilt_widens_a_lobe_to_second_order():
     model = "lambert(rho=0.3) + 0.5 * ggx(alpha=0.2)"
     grid = scan("isotropic", step=math.radians(15), theta_max=math.radians(75))
     table = measure(model, Instrument(photons=1e6, misalignment=math.radians(0.5)), grid, seed=1)
-    b = quantities(table, budget=True, only=["reflectance"], fit="lambert + ggx", monte_carlo=150, seed=2).budget
+    b = quantities(table, budget=True, only=["reflectance"], fit="lambert + ggx", monte_carlo=80, seed=2).budget
     alpha = b.size - 7
     assert b.simulated["standard_uncertainty"][alpha] == pytest.approx(b.standard[alpha], rel=0.4)
     assert b.simulated["shift"][alpha] > 0 and np.isfinite(b.simulated["interval_95.45_percent"]).all()

@@ -58,7 +58,7 @@ def test_reflectance_factors_are_those_of_a_lambertian(result):
 
 def test_the_noise_is_what_repeated_measurements_scatter_by(matt, result):
     instrument = Instrument(photons=1e6, dark=500.0, noise=1e-3)
-    repeats = [quantities(measure(f"lambert(rho={RHO})", instrument, GRID, seed=s), only=["albedo"]) for s in range(60)]
+    repeats = [quantities(measure(f"lambert(rho={RHO})", instrument, GRID, seed=s), only=["albedo"]) for s in range(30)]
     values = np.array([[q.value for q in r.quantities] for r in repeats])
     basic = [not q.geometry for q in result.quantities]
     noise = {c.name: c.values for c in result.budget.contributions if c.name in ("source", "counting", "background")}

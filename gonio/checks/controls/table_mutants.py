@@ -31,9 +31,9 @@ class TableMutant(NamedTuple):
 
 
 def grid() -> Layout:
-    """An isotropic grid by 5° that resolves the lobe of `material`."""
+    """An isotropic grid by 5°, and 10° in azimuth, that resolves the lobe of `material`."""
     polar = np.radians(np.arange(0, 86, 5.0))
-    return isotropic(polar, polar, np.radians(np.arange(0, 360, 5.0)))
+    return isotropic(polar, polar, np.radians(np.arange(0, 360, 10.0)))
 
 
 def material() -> AbstractBRDF:
@@ -68,7 +68,7 @@ MISTAKES: dict[str, tuple[str, Mistake]] = {
     "azimuths off by two steps": ("symmetry", lambda f, *_: np.roll(f, 2, axis=2)),
     "a dark level subtracted that was not there": ("positivity", lambda f, *_: f - 1.2 * f.min()),
     "a saturated lobe": (TRUTH, lambda f, *_: np.minimum(f, 0.2)),
-    "azimuth differences counted from the mirror direction": (TRUTH, lambda f, *_: np.roll(f, 36, axis=2)),
+    "azimuth differences counted from the mirror direction": (TRUTH, lambda f, *_: np.roll(f, 18, axis=2)),
     "readings scaled by one half": (TRUTH, lambda f, *_: f / 2),
 }  # fmt: skip
 """Each mistake once: the property that fails, and the readings that it makes."""

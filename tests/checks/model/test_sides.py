@@ -30,7 +30,7 @@ def test_a_sheet_transmits_the_same_both_ways():
 def test_what_is_reflected_and_transmitted_is_counted_together_from_both_sides(foreign):
     """0.2 + 0.4 in front, and 0.7 + 0.4 behind."""
     sheet = build("thin_sheet(rho=0.2, tau=0.4, rho_behind=0.7)")
-    judged = model_energy(ModelEvidence(transmitting(sheet) if foreign else sheet), 1e-6)
+    judged = model_energy(ModelEvidence(transmitting(sheet) if foreign else sheet), 1e-3 if foreign else 1e-6)
     assert judged.verdict == "fail" and judged.residual == pytest.approx(0.1, abs=1e-4)
     assert judged.where["theta_i"] > 90 and judged.detail.startswith("Light from behind: ")
     assert judged.facts["absorbed_at_0"] == pytest.approx([-0.1], abs=1e-4)

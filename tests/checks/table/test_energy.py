@@ -42,9 +42,16 @@ def test_a_mirror_between_the_nodes_of_a_flat_table_is_not_overlooked():
     assert table_energy(TableEvidence(table, feature_width=np.radians(0.8 * least)), 0.01).verdict == "undecided"
 
 
-@pytest.mark.parametrize("layout", [outgoing_grid(5.0), outgoing_grid(10.0), MERL], ids=["5", "10", "merl"])
-@pytest.mark.parametrize("expression", ["ggx(alpha=0.3)", "0.5 * beckmann(alpha=1) + lambert(rho=0.3)"])
-def test_the_claimed_interval_holds_the_truth(layout, expression):
+@pytest.mark.parametrize(
+    ("expression", "layout"),
+    [
+        ("ggx(alpha=0.3)", outgoing_grid(5.0)),
+        ("ggx(alpha=0.3)", MERL),
+        ("0.5 * beckmann(alpha=1) + lambert(rho=0.3)", outgoing_grid(10.0)),
+    ],
+    ids=["5", "merl", "10"],
+)
+def test_the_claimed_interval_holds_the_truth(expression, layout):
     series = energy_of(expression, layout).series
     theta = np.radians(series["theta_i_deg"])
     truth = directional_albedo(build(expression), theta, tolerance=1e-6).value
@@ -91,14 +98,13 @@ def test_a_plane_or_a_cap_has_no_albedo():
         assert energy.verdict == "undecided" and energy.residual is None
 
 
-@pytest.mark.parametrize("counts", [(6, 6, 12), (30, 30, 60)], ids=["15°", "3°"])
 @pytest.mark.parametrize(
-    "expression",
+    ("expression", "counts"),
     [
-        "0.9068 * eon(rho=0.8, r=0.8828) + 1.2636 * ggx(alpha=0.2941, eta=1.5)",
-        "0.8895 * eon(rho=0.8, r=0.9976) + 1.954 * ggx(alpha=0.5655, eta=1.5)",
-        "0.6 * lambert(rho=1) + 0.7 * ggx(alpha=0.12, eta=1.76)",
-        "0.05 * eon(rho=0.83, r=0.8) + 0.63 * beckmann(alpha=0.0976, eta=1.93)",
+        ("0.9068 * eon(rho=0.8, r=0.8828) + 1.2636 * ggx(alpha=0.2941, eta=1.5)", (30, 30, 60)),
+        ("0.8895 * eon(rho=0.8, r=0.9976) + 1.954 * ggx(alpha=0.5655, eta=1.5)", (6, 6, 12)),
+        ("0.6 * lambert(rho=1) + 0.7 * ggx(alpha=0.12, eta=1.76)", (30, 30, 60)),
+        ("0.05 * eon(rho=0.83, r=0.8) + 0.63 * beckmann(alpha=0.0976, eta=1.93)", (6, 6, 12)),
     ],
 )
 def test_bounds_of_coarse_half_difference_tables_hold_at_every_incidence(expression, counts):

@@ -19,6 +19,8 @@ from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 
+pytestmark = pytest.mark.quick_compilation
+
 PAINT = "lambert(rho=[0.3, 0.1, 0.05]) + ggx(alpha=0.2, f0=0.04)"
 BRUSHED = "ggx(alpha_x=0.2, alpha_y=0.5, eta=0.2, k=3)"
 SPECTRAL = "aluminium"

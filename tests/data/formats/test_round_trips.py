@@ -17,7 +17,7 @@ from gonio.data.layouts import LAYOUTS
 from gonio.data.table import Table
 from support.tables import assert_same
 
-QUICK = settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
+QUICK = settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
 SUFFIXES = [known.suffixes[0] for known in FORMATS if known.write]
 PRINTABLE = st.characters(codec="utf-8", exclude_categories=["Cc", "Cf", "Cs", "Zl", "Zp"])
 PLAIN = st.none() | st.integers(-9, 9) | st.floats(allow_nan=False, width=32) | st.text(PRINTABLE, max_size=5)

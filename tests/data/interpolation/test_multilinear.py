@@ -18,6 +18,8 @@ from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 from support import helpers
 
+pytestmark = pytest.mark.quick_compilation
+
 TURN = 2 * np.pi
 
 

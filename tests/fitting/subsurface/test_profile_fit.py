@@ -11,6 +11,8 @@ from gonio.fitting.subsurface.profile_fit import fit_profile
 from gonio.instrument.offsets_scan import measure_profile
 from gonio.models.errors import GonioError
 
+pytestmark = pytest.mark.quick_compilation
+
 TRUTH = {"sigma_a": 0.02, "sigma_s": 1.5}
 MATERIAL = "dipole(sigma_a=0.02, sigma_s=1.5, eta=1.3)"
 OFFSETS = np.array([-6.0, -2.0, -0.5, 0.0, 0.5, 2.0, 6.0, 12.0])
@@ -56,7 +58,7 @@ def test_noisy_profiles_are_within_their_uncertainties(exact):
 
 def test_a_model_that_does_not_follow_an_exact_profile_is_not_called_good():
     """The same dipole by another index: its residuals are not noise, and what was assumed is said."""
-    profile = measure_profile(MATERIAL, gonio.Instrument(**SPOTS), np.geomspace(0.1, 20, 40))
+    profile = measure_profile(MATERIAL, gonio.Instrument(**SPOTS), np.geomspace(0.1, 20, 20))
     wrong = fit_profile(profile, "dipole")
     assert wrong.judgement.verdict != "good" and "structure" in wrong.judgement.sentence
     assert any("eta is taken as 1" in note for note in wrong.notes)

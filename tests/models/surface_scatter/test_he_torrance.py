@@ -13,6 +13,8 @@ from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.surface_scatter.he_torrance import HeTorrance
 from support import helpers
 
+pytestmark = pytest.mark.quick_compilation
+
 RGB = np.array([0.645, 0.526, 0.444])
 FORMS = {"He": "1991", "HeWestin": "westin", "HeHolzschuch": "errata"}
 
@@ -101,7 +103,7 @@ def test_against_an_independent_implementation(name):
             np.testing.assert_allclose(ours[away][gentle], theirs[gentle], rtol=2e-9)
 
 
-@pytest.mark.parametrize("sigma", [0.002, 0.03, 0.2])
+@pytest.mark.parametrize("sigma", [0.03, 0.2])
 def test_the_scattered_share_at_normal_incidence(sigma):
     # All but exp(−(4πσ/λ)²) leaves the specular beam of a surface whose waves are long [Davies 1954].
     found = directional_albedo(model(sigma, 200.0, 0.55, "westin"), 0.0)
@@ -133,4 +135,4 @@ def test_normal_and_retro_are_limits():
 def test_where_it_gains():
     # As `breaks` says.
     assert directional_albedo(model(0.2, 50.0, 0.5, "1991"), 0.0, 0.0, 1e-2).value == pytest.approx(158, rel=1e-2)
-    assert directional_albedo(model(0.2, 2.0, 0.5, "westin"), 0.0).value == pytest.approx(1.0001, abs=5e-5)
+    assert directional_albedo(model(0.2, 2.0, 0.5, "westin"), 0.0, 0.0, 1e-5).value == pytest.approx(1.0001, abs=5e-5)
