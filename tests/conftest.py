@@ -1,5 +1,6 @@
 """All tests run in double precision, rank promotion is an error; processes of one run share compiled programs."""
 
+import gc
 import os
 import shutil
 import tempfile
@@ -36,6 +37,9 @@ from hypothesis import settings  # noqa: E402
 
 settings.register_profile("untimed", deadline=None)  # a first call compiles, and machines are shared
 settings.load_profile("untimed")
+
+# Compiled programs are many objects that live as long as the run: to look through them often takes long.
+gc.set_threshold(50_000, 20, 100)
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")

@@ -12,8 +12,6 @@ from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.solid_angle import projected_cap
 
-pytestmark = pytest.mark.quick_compilation
-
 GLOSSY = build("lambert(rho=[.1,.2,.4]) + [1,.8,.6]*ggx(alpha=.2, eta=1.5)")
 
 

@@ -16,8 +16,6 @@ from gonio.models.microfacet.ggx import GGX
 from gonio.stability.problems import ALBEDOS
 from support import helpers
 
-pytestmark = pytest.mark.quick_compilation
-
 THETA = np.radians([0, 30, 60, 80, 89])
 
 

@@ -13,8 +13,6 @@ from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 from support import helpers
 
-pytestmark = pytest.mark.quick_compilation
-
 CODES = {np.dtype(name): code for code, name in DTYPES.items()}
 FILES = ("acrylic_felt_pink_rgb", "acrylic_felt_white_rgb", "cardboard_rgb", "cc_ibiza_sunset_rgb")
 

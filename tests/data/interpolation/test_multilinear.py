@@ -18,8 +18,6 @@ from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 from support import helpers
 
-pytestmark = pytest.mark.quick_compilation
-
 TURN = 2 * np.pi
 
 

@@ -15,8 +15,6 @@ from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import from_spherical, rotate_z
 
-pytestmark = pytest.mark.quick_compilation
-
 GLOSSY = build("lambert(rho=[0.05, 0.4]) + 0.5 * ggx(alpha=0.1)")
 BRUSHED = build("0.8 * ggx(alpha_x=0.1, alpha_y=0.3)")
 

@@ -11,8 +11,6 @@ from gonio.fitting.subsurface.profile_fit import fit_profile
 from gonio.instrument.offsets_scan import measure_profile
 from gonio.models.errors import GonioError
 
-pytestmark = pytest.mark.quick_compilation
-
 TRUTH = {"sigma_a": 0.02, "sigma_s": 1.5}
 MATERIAL = "dipole(sigma_a=0.02, sigma_s=1.5, eta=1.3)"
 OFFSETS = np.array([-6.0, -2.0, -0.5, 0.0, 0.5, 2.0, 6.0, 12.0])

@@ -10,8 +10,6 @@ from hypothesis import strategies as st
 from gonio.models.geometry import directions as g
 from gonio.models.geometry.directions import Direction
 
-pytestmark = pytest.mark.quick_compilation
-
 RNG = np.random.default_rng(3)
 
 

@@ -16,8 +16,6 @@ from gonio.planning.adaptive import adaptive_measurement
 from gonio.planning.adaptive.accuracy import difference, random_directions
 from gonio.planning.ways import ways_of
 
-pytestmark = pytest.mark.quick_compilation
-
 SATIN = "lambert(rho=0.3) + ggx(alpha=0.3, f0=0.04)"
 
 

@@ -21,8 +21,6 @@ from gonio.models.expression.builder import build
 from support import radiance
 from support.window_xml import QUARTER, document, numbers, scattering
 
-pytestmark = pytest.mark.quick_compilation
-
 QUICK = settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck))
 
 

@@ -18,8 +18,6 @@ from gonio.models.geometry.directions import Direction
 from support import radiance
 from support.window_xml import QUARTER, document, numbers, scattering
 
-pytestmark = pytest.mark.quick_compilation
-
 NEEDS_RADIANCE = pytest.mark.skipif(not radiance.installed(), reason="Radiance's own reader is not installed")
 
 
