@@ -49,7 +49,7 @@ def test_fits_are_made_anew_and_tilt_widens_a_lobe_to_second_order():
     model = "lambert(rho=0.3) + 0.5 * ggx(alpha=0.2)"
     grid = scan("isotropic", step=math.radians(15), theta_max=math.radians(75))
     table = measure(model, Instrument(photons=1e6, misalignment=math.radians(0.5)), grid, seed=1)
-    b = quantities(table, budget=True, only=["reflectance"], fit="lambert + ggx", monte_carlo=80, seed=2).budget
+    b = quantities(table, budget=True, only=["reflectance"], fit="lambert + ggx", monte_carlo=100, seed=2).budget
     alpha = b.size - 7
     assert b.simulated["standard_uncertainty"][alpha] == pytest.approx(b.standard[alpha], rel=0.4)
     assert b.simulated["shift"][alpha] > 0 and np.isfinite(b.simulated["interval_95.45_percent"]).all()

@@ -38,12 +38,12 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def paint(folder):
-    return folder / "paint.bsdf", write(folder / "paint.bsdf", load_material(PAINT), channel_bytes=4096)
+    return folder / "paint.bsdf", write(folder / "paint.bsdf", load_material(PAINT), channel_bytes=8192)
 
 
 @pytest.fixture(scope="module")
 def brushed(folder):
-    return folder / "brushed.bsdf", write(folder / "brushed.bsdf", load_material(BRUSHED), channel_bytes=1024)
+    return folder / "brushed.bsdf", write(folder / "brushed.bsdf", load_material(BRUSHED), channel_bytes=2048)
 
 
 def mitsubas(path, wi, wo, wavelengths=None):
@@ -91,7 +91,7 @@ def test_mitsubas_sampler_reflects_the_albedo(paint):
 
 def test_wavelengths_are_a_spectrum(folder):
     material = load_material(SPECTRAL)
-    trip = write(folder / "s.bsdf", material, channel_bytes=1024)
+    trip = write(folder / "s.bsdf", material, channel_bytes=2048)
     fields, nodes = read_tensors(folder / "s.bsdf"), material.channels.wavelengths_nm
     np.testing.assert_array_equal(fields["wavelengths"], np.array(nodes, np.float32))
     assert fields["spectra"].shape[2] == len(nodes) and trip.lost == 0
@@ -127,7 +127,7 @@ def test_a_scanned_table_is_written_as_its_model(tmp_path, paint):
     polar, around = np.radians(np.arange(0, 86, 5.0)), np.radians(np.arange(0, 181, 10.0))
     grid = layouts.isotropic(polar, polar, around)
     table = whole_table_of_values(grid, grid_values(load_material(PAINT).brdf, grid), Channels.rgb(), name="scan")
-    trip = write(tmp_path / "t.bsdf", table, channel_bytes=2048)
+    trip = write(tmp_path / "t.bsdf", table, channel_bytes=4096)
     assert trip.lost == 0 and trip.compared == 3 * table.layout.readable().sum()
     assert "have no reading" in trip.note  # beyond 85 degrees
     data = read_rgl_data(tmp_path / "t.bsdf")
