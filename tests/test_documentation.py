@@ -14,6 +14,7 @@ from sybil import Example, Sybil
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 
 from gonio.cli.program import main, parsed
+from gonio.models.catalog import MODELS
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 NOTEBOOK = ROOT / "tests" / "support" / "first_day.ipynb"
@@ -58,6 +59,11 @@ def test_every_block_of_the_readme_runs(tmp_path, monkeypatch, capsys):
     fences = re.findall(r"^```(\w+)$", (ROOT / "README.md").read_text(encoding="utf-8"), re.M)
     assert len(examples) == len(fences) >= 8
     assert {"plastic.h5", "plastic.html", "report.html", "mine.h5"} <= {p.name for p in tmp_path.iterdir()}
+
+
+def test_the_readme_names_every_model():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert [name for name in MODELS if not re.search(rf"\b{name}\b", text)] == []
 
 
 def test_the_notebook_of_the_first_day_runs_with_public_names_alone(tmp_path, monkeypatch, capsys):
