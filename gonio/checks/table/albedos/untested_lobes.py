@@ -123,7 +123,9 @@ def lobe_tests(
         below, beside = _below_peak(lobe, incidences, readings.angles[read], there[read])
         tested = np.zeros(len(incidences), bool)
         known = np.full((len(incidences), readings.f.shape[1]), np.inf)
-        if np.unique(np.floor(below)).size < LEVELS - 1 + max(shape_numbers(term), 1):
+        levels_read = np.unique(np.floor(below))
+        in_body = levels_read <= _body_depth(lobe)
+        if np.count_nonzero(in_body) < LEVELS - 1 + max(shape_numbers(term), 1):
             off = FACTOR * lobe.light(readings.f.shape[1])
         else:
             limits = (
@@ -140,6 +142,22 @@ def lobe_tests(
                 tested[k] = bool(np.any(there_below < 1)) and bool(np.any(there_below >= 1))
         tests.append(LobeTest(lobe, np.where(unresolved, off, 0.0), known, tested))
     return tests
+
+
+def _body_depth(lobe: Lobe) -> float:
+    """E-folds below its peak beyond which a lobe has less than `VISIBLE` of its light, where it has the most there.
+
+    What was read deeper tells its tail, which other families share whatever their body is.
+    """
+    deepest = 0.0
+    for samples in lobe.samples:
+        f = samples.f.mean(axis=1)
+        order = np.argsort(f)
+        share = np.cumsum(np.maximum(samples.light.mean(axis=1), 0.0)[order])
+        if share[-1] > 0:
+            edge = f[order][np.searchsorted(share, VISIBLE * share[-1])]
+            deepest = max(deepest, float(np.log(f.max() / max(edge, 1e-300))))
+    return min(deepest, DEEPEST)
 
 
 def shape_numbers(module: Any) -> int:

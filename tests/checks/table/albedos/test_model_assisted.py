@@ -66,10 +66,13 @@ def test_lobes_whose_shape_nothing_read_tests_decide_nothing():
     error = np.abs(albedos.value - true)
     assert error.max() > 0.02
     assert (error <= np.minimum(albedos.above, albedos.below)).all()
-    tailed = "lambert(rho=0.3) + 0.6 * ggx(alpha=0.01)"  # as narrow; its tails are read at many levels
-    table = model_table(tailed, layout)
-    albedos = assisted_albedos(Part(table), gonio.fit(table, "lambert + ggx"), Features(1e-3))
-    assert albedos.above.max() < 0.01
+    for alpha, known in (
+        (0.01, False),
+        (0.05, True),
+    ):  # of the narrower one peak and tail were read, not where its light is
+        table = model_table(f"lambert(rho=0.3) + 0.6 * ggx(alpha={alpha})", layout)
+        albedos = assisted_albedos(Part(table), gonio.fit(table, "lambert + ggx"), Features(1e-3))
+        assert (albedos.above.max() < 0.01) == known
 
 
 def test_what_it_cannot_help_is_said():

@@ -35,6 +35,8 @@ def test_a_third_level_tests_a_lobe_and_then_its_light_is_as_sure_as_the_reading
     light = peak_and_foot.lobe.light(1)
     np.testing.assert_allclose(peak_and_foot.off, FACTOR * light)
     assert not peak_and_foot.tested.any()
+    tail = test_of(read([0.0, 7.5, 8.6]))  # two levels where the lobe has next to none of its light
+    np.testing.assert_allclose(tail.off, FACTOR * light)
     tested = test_of(read([0.0, 1.3, 2.4]))
     assert np.max(tested.off / light) < 1e-9
     assert tested.tested.tolist() == [True, False]  # at 60° nothing on the lobe was read
