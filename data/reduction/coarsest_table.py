@@ -273,10 +273,10 @@ def _bytes(table: Table) -> int:
 
 def _reduced(whole: Table, thinned: StartGrid) -> tuple[Table, list[str]]:
     """The table of a thinned grid, single precision, and what of the whole one it leaves out, in words."""
-    layout = thinned.layout
-    flag = np.where(thinned.valid, np.uint8(Flag.VALID), np.uint8(Flag.NOT_MEASURED))
+    layout, (f, valid) = thinned.layout, thinned.arrays
+    flag = np.where(valid, np.uint8(Flag.VALID), np.uint8(Flag.NOT_MEASURED))
     flag[~layout.readable().reshape(layout.shape)] = Flag.BELOW_HORIZON
-    f = np.where(flag == Flag.VALID, thinned.f, np.nan).astype(np.float32)
+    f = np.where(flag == Flag.VALID, f, np.nan).astype(np.float32)
     words = [f"by {', '.join(thinned.simplified_by)}"] if thinned.simplified_by else []
     words += thinned.left_out
     words += ["single precision"] if np.dtype(whole.f.dtype) != np.float32 else []
@@ -303,8 +303,8 @@ def _smallest(
                 continue
             thinned = start.part(nodes)
             names = ", ".join(grid.simplified_by) or grid.layout.name
-            log(f"{names}{', grey' if colourless else ''}: {thinned.f.size} values")
-            if smallest is None or thinned.f.size < smallest.f.size:
+            log(f"{names}{', grey' if colourless else ''}: {thinned.size} values")
+            if smallest is None or thinned.size < smallest.size:
                 smallest = thinned
             if colourless:
                 break

@@ -197,13 +197,14 @@ def _uncertainty(table: Table, grid: StartGrid) -> np.ndarray:
 
     Of the axes that where the readings vary least from node to node.
     """
+    values, known = grid.arrays
     if table.u_f is not None:
-        return np.where(grid.valid, np.nan_to_num(np.asarray(table.u_f[...], float), posinf=0.0), 0.0)
-    least, smallest = np.zeros(grid.f.shape), math.inf
+        return np.where(known, np.nan_to_num(np.asarray(table.u_f[...], float), posinf=0.0), 0.0)
+    least, smallest = np.zeros(values.shape), math.inf
     for k, count in enumerate(grid.layout.shape):
         if count < 3:
             continue
-        f, valid = (np.moveaxis(a, k, 0) for a in (grid.f, grid.valid))
+        f, valid = (np.moveaxis(a, k, 0) for a in (values, known))
         off = np.where(valid[:-2] & valid[1:-1] & valid[2:], f[1:-1] - (f[:-2] + f[2:]) / 2, 0.0)
         u = np.abs(np.concatenate([off[:1], off, off[-1:]])) / math.sqrt(1.5)
         total = float(np.sum(u**2))

@@ -41,11 +41,23 @@ class StartGrid:
         """All nodes of each axis."""
         return tuple(np.arange(n) for n in self.layout.shape)
 
+    @property
+    def size(self) -> int:
+        """Number of its values."""
+        return math.prod(self.f.shape)
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, np.ndarray]:
+        """f, and whether it is valid, of a grid that is in memory."""
+        assert isinstance(self.f, np.ndarray) and isinstance(self.valid, np.ndarray)
+        return self.f, self.valid
+
     def grey(self) -> "StartGrid":
         """The mean over the channels, valid where all of them are."""
-        f = np.mean(np.where(self.valid, self.f, 0.0), axis=-1, keepdims=True)
-        words = f"colour: one channel in place of {self.f.shape[-1]}"
-        return dataclasses.replace(self, f=f, valid=self.valid.all(-1, keepdims=True), left_out=(words,))
+        f, valid = self.arrays
+        mean = np.mean(np.where(valid, f, 0.0), axis=-1, keepdims=True)
+        words = f"colour: one channel in place of {f.shape[-1]}"
+        return dataclasses.replace(self, f=mean, valid=valid.all(-1, keepdims=True), left_out=(words,))
 
     def part(self, nodes: Nodes) -> "StartGrid":
         """The grid of these nodes of each axis."""

@@ -113,11 +113,11 @@ def test_a_terminal_of_few_characters_gets_the_names_of_symbols(here):
 
 
 STOPPED = """
-import os, signal, sys
+import os, signal, sys, time
 import gonio.cli.verbs.materials_verb as verb
 from gonio.cli.program import command
 verb.kept = lambda args: "half of it is kept: run it again to go on"
-verb.run = lambda args: os.kill(os.getpid(), int(sys.argv.pop()))
+verb.run = lambda args: (os.kill(os.getpid(), int(sys.argv.pop())), time.sleep(50))
 command()
 """
 

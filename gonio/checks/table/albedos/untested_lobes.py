@@ -27,6 +27,8 @@ NOISE = 3.0
 FACTOR = 3.0
 """Of its light, by which a lobe of another family may differ that has the same peak and foot: one that falls as
 exp(−rᵖ) to e⁻⁷ has 0.3 of a Gaussian's light at p = 1 and 2.3 times it at p = 4."""
+FLAT = float(np.sqrt(np.pi) / 2)
+"""Light of a lobe that falls as exp(−r⁴) to e⁻ᵈ at its foot, over its peak, the area up to there, and d^(−½)."""
 ANOTHER = 0.1
 """Misfit of readings on a lobe that shows another family: between the levels read it may then be off twice as much."""
 STEP, DEEPEST = 0.5, 40.0
@@ -126,7 +128,8 @@ def lobe_tests(
         levels_read = np.unique(np.floor(below))
         in_body = levels_read <= _body_depth(lobe)
         if np.count_nonzero(in_body) < LEVELS - 1 + max(shape_numbers(term), 1):
-            off = FACTOR * lobe.light(readings.f.shape[1])
+            light = lobe.light(readings.f.shape[1])
+            off = np.maximum(FACTOR * light, _flat_light(lobe, incidences, readings.angles[:, 0], there, whole) - light)
         else:
             limits = (
                 np.maximum(misfits + sign * NOISE * readings.u, 0.0)[read] / there[read, None] for sign in (-1, 1)
@@ -142,6 +145,28 @@ def lobe_tests(
                 tested[k] = bool(np.any(there_below < 1)) and bool(np.any(there_below >= 1))
         tests.append(LobeTest(lobe, np.where(unresolved, off, 0.0), known, tested))
     return tests
+
+
+def _flat_light(
+    lobe: Lobe, incidences: np.ndarray, theta_i: np.ndarray, there: np.ndarray, whole: np.ndarray
+) -> np.ndarray:
+    """The light (incidences, C) of a lobe with a flat top, the same peak, and what was read next to it; 0 if nothing.
+
+    Where the lobe is not seen there it may be all that is not seen. A lobe with tails, such as GGX, has a hundredth of
+    this light where its foot is 12 e-folds down.
+    """
+    flat = np.zeros((len(incidences), max(s.f.shape[1] for s in lobe.samples)))
+    for k, samples in enumerate(lobe.samples):
+        f = samples.f.mean(axis=1)
+        top = int(np.argmax(f))
+        beside = np.flatnonzero((np.abs(theta_i - incidences[k, 0]) < SAME_LIGHT) & (there < f[top] / np.e))
+        if beside.size and f[top] > 0:
+            foot = beside[np.argmax(there[beside])]
+            depth = np.log(f[top] / max(there[foot], VISIBLE * whole[foot], 1e-300))
+            inside = (f >= there[foot]) & (f > 0)
+            area = np.sum(samples.light.mean(axis=1)[inside] / f[inside])
+            flat[k] = FLAT * samples.f[top] * area / np.sqrt(max(depth, 1.0))
+    return flat
 
 
 def _body_depth(lobe: Lobe) -> float:
