@@ -1,4 +1,5 @@
 # make demo: set up and do the whole job on bundled materials.   make test: set up and pass the tests.
+# make thorough: all of them, the long ones too.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -6,7 +7,7 @@ BIN := $(VENV)/bin
 PIP := PIP_CONSTRAINT=constraints.txt PIP_BUILD_CONSTRAINT=constraints.txt \
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test lint types clean
+.PHONY: demo test thorough lint types clean
 
 demo: $(VENV)/.installed
 	$(BIN)/gonio demo
@@ -14,6 +15,10 @@ demo: $(VENV)/.installed
 # One thread of linear algebra for each worker: those of several wait for each other in turns, ten times as long.
 test: $(VENV)/.installed-tests
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal
+
+# All tests, with those that take many seconds each.
+thorough: $(VENV)/.installed-tests
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal -m ''
 
 lint: $(VENV)/.installed-tests types
 	$(BIN)/ruff check .

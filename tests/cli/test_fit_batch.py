@@ -60,6 +60,7 @@ def test_a_file_that_cannot_be_fitted_costs_no_other(folder, capsys):
     assert len(list((folder / "out").iterdir())) == 3
 
 
+@pytest.mark.thorough
 def test_a_killed_batch_leaves_whole_results(folder):
     for k in range(3, 40):
         (folder / "in" / f"t{k}.h5").write_bytes((folder / "in" / "t0.h5").read_bytes())

@@ -63,6 +63,7 @@ def test_an_output_that_exists_or_cannot_be_is_refused(tmp_path, capsys):
     assert [p.name for p in tmp_path.iterdir()] == ["t.h5"]
 
 
+@pytest.mark.thorough
 def test_a_killed_measurement_goes_on_to_the_same_bits(tmp_path):
     command = [
         sys.executable, "-m", "gonio", "measure", "0.5*beckmann(alpha=0.02) + lambert(rho=[0.1, 0.3])",

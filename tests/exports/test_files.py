@@ -191,7 +191,9 @@ def shares_written(target: str, description) -> tuple[np.ndarray, np.ndarray]:
     return (1 - factor) * base, factor * np.array(through["diffuseTransmissionColorFactor"])
 
 
-@pytest.mark.parametrize("target", ["pbrt", "materialx", "gltf", "blender"])
+@pytest.mark.parametrize(
+    "target", ["pbrt", "blender", *(pytest.param(name, marks=pytest.mark.thorough) for name in ("materialx", "gltf"))]
+)
 def test_a_sheet_reflects_and_transmits_its_colours(target):
     sought = appearance_of(gonio.material(f"thin_sheet(rho={RHO.tolist()}, tau={TAU.tolist()})"))
     expression = nearest(TARGETS[target].forms(sought), sought)

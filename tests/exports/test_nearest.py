@@ -106,7 +106,10 @@ SURFACES = {
 }
 
 
-@pytest.mark.parametrize(("sought", "name"), SURFACES.items())
+@pytest.mark.parametrize(
+    ("sought", "name"),
+    [pytest.param(*s, marks=pytest.mark.thorough if s[0].startswith("dipole") else ()) for s in SURFACES.items()],
+)
 def test_no_export_is_further_than_a_diffuser_or_one_lobe_from_a_coarse_search(sought, name):
     """The best of all Lambertians is that of the surface's bihemispherical albedo."""
     appearance = appearance_of(load_material(sought))

@@ -10,7 +10,17 @@ from support.scans import layout_of, table_of_problem
 pytestmark = pytest.mark.quick_compilation
 
 
-@pytest.mark.parametrize("problem", tagged(RECOVERIES, "exact"), ids=lambda problem: problem.name)
+LONG = ("he_torrance", "coat over a sum")
+"""Problems whose programs take longest to compile."""
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        pytest.param(p, marks=pytest.mark.thorough if p.name in LONG else (), id=p.name)
+        for p in tagged(RECOVERIES, "exact")
+    ],
+)
 def test_the_parameters_come_back(problem):
     result = fit(table_of_problem(problem, 0), problem.model)
     assert result.converged and result.exact

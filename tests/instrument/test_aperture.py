@@ -177,6 +177,7 @@ def test_polynomials_are_averaged_to_rounding():
     assert len(terms(Cosine())) == 1
 
 
+@pytest.mark.thorough
 def test_a_values_bits_do_not_depend_on_its_neighbours():
     rng = np.random.default_rng(2)
     n = 60

@@ -45,6 +45,7 @@ def test_few_degrees_of_freedom_widen_as_students_law_does(one):
     assert s["interval_95.45_percent"][:, 1] == pytest.approx(2.65 * b.standard, rel=0.15)
 
 
+@pytest.mark.thorough
 def test_fits_are_made_anew_and_tilt_widens_a_lobe_to_second_order():
     model = "lambert(rho=0.3) + 0.5 * ggx(alpha=0.2)"
     grid = scan("isotropic", step=math.radians(15), theta_max=math.radians(75))

@@ -101,6 +101,7 @@ def test_many_incidences_of_terms_that_need_different_rules_are_those_of_each():
     np.testing.assert_allclose(together, np.concatenate(apart), atol=2e-7)
 
 
+@pytest.mark.thorough
 def test_bounds_hold_where_light_is_reflected_totally():
     """∫ over direction cosines in polar coordinates, which ends at the kink, sinθ = η, and runs to it as a square."""
     eta = 0.01

@@ -44,6 +44,7 @@ def test_a_scaled_mirror_fails_by_its_scale():
     assert energy_of(build("1.2 * ggx(alpha=0.001)")).residual == pytest.approx(0.2, abs=1e-5)
 
 
+@pytest.mark.thorough
 def test_a_narrow_lobe_from_outside_is_never_judged_wrongly():
     honest, gaining = (energy_of(Foreign(build(f"{scale} * beckmann(alpha=0.003)"))) for scale in (1, 1.3))
     assert honest.verdict != "fail" and gaining.verdict == "fail"

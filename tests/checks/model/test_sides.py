@@ -26,7 +26,9 @@ def test_a_sheet_transmits_the_same_both_ways():
     assert model_reciprocity(ModelEvidence(build(f"lambert(rho=0.2) + {SHEET}")), 1e-9).verdict == "pass"
 
 
-@pytest.mark.parametrize("foreign", [False, True], ids=["by its map", "by cubature"])
+@pytest.mark.parametrize(
+    "foreign", [False, pytest.param(True, marks=pytest.mark.thorough)], ids=["by its map", "by cubature"]
+)
 def test_what_is_reflected_and_transmitted_is_counted_together_from_both_sides(foreign):
     """0.2 + 0.4 in front, and 0.7 + 0.4 behind."""
     sheet = build("thin_sheet(rho=0.2, tau=0.4, rho_behind=0.7)")

@@ -80,6 +80,7 @@ def test_a_long_list_of_names_is_cut(tmp_path):
         load_material(f"{path}:zzz")
 
 
+@pytest.mark.thorough
 def test_every_published_fit_is_read_and_finite():
     """All 1,302 entries of the collection; one in five at pairs of every kind."""
     folder = helpers.shared("data", "published_fits")

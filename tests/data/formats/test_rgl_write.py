@@ -60,7 +60,7 @@ def mitsubas(path, wi, wo, wavelengths=None):
     return np.array(values)
 
 
-@pytest.mark.parametrize("kind", ["paint", "brushed"])
+@pytest.mark.parametrize("kind", ["paint", pytest.param("brushed", marks=pytest.mark.thorough)])
 def test_mitsuba_reads_the_model(kind, request):
     path, _ = request.getfixturevalue(kind)
     wi, wo = directions(400, 1), directions(400, 2)
@@ -123,6 +123,7 @@ def test_no_value_is_negative_above_the_horizon(paint):
     assert np.asarray(evaluate(material, wi, wo)).min() >= 0
 
 
+@pytest.mark.thorough
 def test_a_scanned_table_is_written_as_its_model(tmp_path, paint):
     polar, around = np.radians(np.arange(0, 86, 5.0)), np.radians(np.arange(0, 181, 10.0))
     grid = layouts.isotropic(polar, polar, around)

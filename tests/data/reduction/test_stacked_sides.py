@@ -51,6 +51,7 @@ def test_each_pair_of_sides_keeps_the_tolerance_however_faint():
     assert max(errors(reduced.table, load_scene(SCENE).pairs(20_000))) <= reduced.promised <= 0.05
 
 
+@pytest.mark.thorough
 def test_light_from_behind_and_in_front_keeps_the_tolerance_together_and_side_by_side():
     """By values that the reduction did not make: the sheet's own radiance under both."""
     scene = CURTAIN

@@ -63,6 +63,7 @@ def test_known_uncertainty_is_the_yardstick():
     assert selection.result.dispersion == pytest.approx(1, abs=0.1) and selection.result.design_effect < 1.2
 
 
+@pytest.mark.thorough
 def test_what_neighbours_share_does_not_buy_numbers():
     """A gain that drifts from one incidence to the next is no noise of single readings: lobes must not follow it."""
     table = table_of(ONE, noise=0.01)

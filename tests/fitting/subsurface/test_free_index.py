@@ -15,6 +15,7 @@ def profile_of(photons):
     return gonio.measure_profile("dipole(sigma_a=0.02, sigma_s=1.5, eta=1.4)", instrument, OFFSETS, seed=2)
 
 
+@pytest.mark.thorough
 def test_intervals_hold_what_a_free_index_leaves_open():
     """With few photons any index follows, which the fit names; intervals are wider than at one index, and hold the
     truth."""

@@ -54,6 +54,7 @@ def test_noisy_profiles_are_within_their_uncertainties(exact):
     assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.5 and np.abs(z).max() < 4.5
 
 
+@pytest.mark.thorough
 def test_a_model_that_does_not_follow_an_exact_profile_is_not_called_good():
     """The same dipole by another index: its residuals are not noise, and what was assumed is said."""
     profile = measure_profile(MATERIAL, gonio.Instrument(**SPOTS), np.geomspace(0.1, 20, 20))

@@ -133,6 +133,7 @@ def test_total_reflection_is_a_mask():
     assert (np.asarray(wo.z)[np.asarray(leaves)] > 0).all()
 
 
+@pytest.mark.thorough
 def test_what_a_polished_base_mirrors_leaves_a_coat_but_for_what_the_coat_reflects():
     """T(μ)² of the base's image at the refracted angle; without the coat's reflection the whole of it."""
     base = "rayleigh_rice(wavelength=0.6328, eta=4.05, k=0.05, a=0.001, b=20, c=2)"

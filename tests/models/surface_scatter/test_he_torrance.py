@@ -132,6 +132,7 @@ def test_normal_and_retro_are_limits():
         assert np.all(f > 0)
 
 
+@pytest.mark.thorough
 def test_where_it_gains():
     # As `breaks` says.
     assert directional_albedo(model(0.2, 50.0, 0.5, "1991"), 0.0, 0.0, 1e-2).value == pytest.approx(158, rel=1e-2)

@@ -90,10 +90,11 @@ def two_sided_grid(light, step):
 @pytest.mark.parametrize(
     ("truth", "model", "size"),
     [
-        (
+        pytest.param(
             "thin_sheet(rho=0.3, tau=0.4) + 0.2*transmitted(base=ggx(alpha=0.15))",
             "thin_sheet + transmitted(base=ggx)",
             3e-3,
+            marks=pytest.mark.thorough,
         ),
         ("lambert(rho=0.6) + cosine_power_transmission(n=20, tau=0.3)", "lambert + cosine_power_transmission", 3e-3),
         ("thin_sheet(rho=0.3, tau=0.4) + 0.2*transmitted(base=ggx(alpha=0.15))", "thin_sheet", 1.0),
