@@ -114,6 +114,7 @@ def test_a_terminal_of_few_characters_gets_the_names_of_symbols(here):
 
 STOPPED = """
 import os, signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background starts with it ignored
 import gonio.cli.verbs.materials_verb as verb
 from gonio.cli.program import command
 verb.kept = lambda args: "half of it is kept: run it again to go on"
