@@ -83,7 +83,10 @@ class CovarianceEstimate:
         inverse = inverse / np.outer(lengths, lengths)
         if self.scores is not None:
             small = self.residuals / max(self.residuals - int(index.size) - self.others, 1)
-            inverse = inverse @ self.scores[np.ix_(index, index)] @ inverse * small
+            # By a root of the scores, so that no variance is negative by rounding.
+            sizes, axes = np.linalg.eigh(self.scores[np.ix_(index, index)])
+            half = inverse @ (axes * np.sqrt(np.maximum(sizes, 0.0)))
+            inverse = half @ half.T * small
         touched = (np.abs(vectors[:, lost]) > 0.1).any(axis=1)
         inverse[touched, :] = inverse[:, touched] = np.nan
         full[np.ix_(index, index)] = inverse
