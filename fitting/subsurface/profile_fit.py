@@ -33,7 +33,10 @@ LEVEL = 0.01
 """Chance of calling residuals more than noise that are noise."""
 LEAST = 1e-12
 """1/mm: an absorption that is 0."""
-NO_INDEX = "no index was given, and 1 is taken: the numbers depend on it, so give it, such as eta=1.3"
+NO_INDEX = (
+    "no index was given, and eta is taken as 1, matched to the outside: a profile does not tell it and the numbers "
+    "depend on it, so give it, such as eta=1.3"
+)
 ONLY_REDUCED = "only the combination sigma_s·(1 − g) is determined by a profile: sigma_s and g are not; give g"
 
 
@@ -199,10 +202,6 @@ def _result(profile: Profile, model: str, request: Request, solved: Solved) -> P
                 f"the residuals{'' if name is None else f' of {name}'} are more than the stored noise: the model does "
                 f"not follow the profile, and its intervals are {np.sqrt(o.cost / dof):.2g} times as wide"
             )
-    if "eta" not in request.call.values:
-        notes.append(
-            "eta is taken as 1, matched to the outside, which a profile does not tell: give it, such as eta=1.3"
-        )
     if "g" in request.call.values and _is_free(request.call.values["g"]):
         undetermined.append(ONLY_REDUCED)
         parameters = [

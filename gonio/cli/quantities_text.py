@@ -56,9 +56,11 @@ def shown_rows(result: "Quantities", groups: list[str]) -> list[int]:
 
 def plain_list(result: "Quantities", groups: list[str], geometry: bool) -> list[str]:
     """The quantities as lines; `geometry`: with what is integrated, else with the standard's name alone."""
+    from gonio.metrology.azimuths import fewer_azimuths
     from gonio.metrology.standards.colour import COORDINATES
 
-    rows, channels = [result.quantities[k] for k in shown_rows(result, groups)], shown_channels(result)
+    rows = fewer_azimuths([result.quantities[k] for k in shown_rows(result, groups)])
+    channels = shown_channels(result)
     by_name: dict[tuple[str, str], list[Quantity]] = {}
     for q in rows:
         if not (q.name in COORDINATES and not q.channel):

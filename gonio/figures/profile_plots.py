@@ -12,7 +12,9 @@ from gonio.figures.style import log_axis, positive_range
 from gonio.text import without_zeros
 
 ROOM = 1.35
-"""Factor of room beside the first and the last distance."""
+"""Factor of room beside the first and the last distance, and the least and the greatest R."""
+READING_DECADES = 20.0
+"""Readings are seen down to here: a profile falls far."""
 AT_ZERO = 2.2
 """A reading at no distance is drawn so many times nearer than the first other one."""
 RESIDUAL_LIMIT = 3.0
@@ -43,7 +45,8 @@ class Curve:
 def draw_profile(ax: Axes, points: Sequence[ProfilePoints], curves: Sequence[Curve]) -> None:
     """R of each channel with bars of one standard uncertainty, and models through them, on logarithmic axes."""
     values = np.concatenate([*(p.value for p in points), *(c.y for c in curves)])
-    log_axis(ax, *positive_range(values, 2.0, 1.5))
+    low, high = positive_range(values, 2.0, 1.5, READING_DECADES if points else style.DECADES)
+    log_axis(ax, low / ROOM, high * ROOM)
     r = np.concatenate([*(p.r for p in points), *(c.x for c in curves)])
     _distances(ax, r, bool((r == 0).any()))
     nearest = float(np.min(r[r > 0], initial=np.inf))

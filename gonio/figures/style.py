@@ -262,13 +262,13 @@ def decades_between(low: float, high: float) -> list[float]:
     return [10.0**e for e in range(last - (last - first) // step * step, last + 1, step)]
 
 
-def positive_range(values: np.ndarray, least: float, widen: float) -> tuple[float, float]:
-    """Ends of a logarithmic scale, `DECADES` apart at most; widened where the positive values are within `least`."""
+def positive_range(values: np.ndarray, least: float, widen: float, decades: float = DECADES) -> tuple[float, float]:
+    """Ends of a logarithmic scale, some decades apart at most; widened where the positive values are within `least`."""
     positive = values[np.isfinite(values) & (values > 0)]
     if not positive.size:
         return 0.1, 1.0
     high = float(positive.max())
-    low = max(float(positive.min()), high * 10.0**-DECADES)
+    low = max(float(positive.min()), high * 10.0**-decades)
     return (low, high) if high / low >= least else (low / widen, high * widen)
 
 

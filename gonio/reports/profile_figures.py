@@ -64,7 +64,8 @@ def _profile(s: ReportSubject, p: Profile, fits: list[AbstractBSSRDF]) -> Report
             curves.append(Curve(fine, _of(mean, c), label, colour, dash))
     labels = [q.label for q in points] + [c.label for c in curves if c.label != "_"]
     image = picture(f"R of {s.name} by the distance of the spots", draw_profile, points, curves, size=size_for(labels))
-    both = " Readings on both sides are drawn over each other." if np.unique(np.sign(p.offsets)).size > 2 else ""
+    two_sided = bool((p.offsets < 0).any() and (p.offsets > 0).any())
+    both = " Readings on both sides are drawn over each other." if two_sided else ""
     missing = int(np.count_nonzero(p.valid & ~(p.value > 0)))
     below = f" {missing} readings at or below 0 have no place on a logarithmic axis." if missing else ""
     lines = " Lines: the fits as these spots read them." if fits else ""

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from gonio.data.profile import Profile
+from gonio.metrology.azimuths import fewer_azimuths
 from gonio.metrology.profile_quantities import BY_READINGS, quantities_of_fits
 from gonio.metrology.quantities import Quantities, quantities
 from gonio.metrology.quantity import Quantity
@@ -33,7 +34,7 @@ def quantities_of(s: ReportSubject) -> dict[str, Any] | None:
     else:  # integrals over half vectors take seconds for each channel
         made = quantities(s.table.only([s.channel]) if s.table.layout.in_half_vectors else s.table)
     rows = [q for q in made.quantities if q.group in LISTED and q.channel in (s.channel, "")]
-    rows = [q for q in rows if not (q.name in COORDINATES and "D65" not in q.place)]
+    rows = fewer_azimuths([q for q in rows if not (q.name in COORDINATES and "D65" not in q.place)])
     groups = [{"name": g, "rows": [_row(q) for q in rows if q.group == g]} for g in LISTED]
     groups = [g for g in groups if g["rows"]]
     elsewhere = [] if s.table is None else s.table.provenance.get("warnings", [])  # on the page
