@@ -15,7 +15,7 @@ def albedos(theta, by_azimuth, name="albedo"):
 
 
 def test_alike_azimuths_are_one_row_and_others_are_the_least_and_the_most():
-    alike = albedos(30.0, {p: (0.5, 0.4) for p in (0.0, 90.0, 180.0, 270.0)})
+    alike = albedos(30.0, dict.fromkeys((0.0, 90.0, 180.0, 270.0), (0.5, 0.4)))
     turned = albedos(60.0, {0.0: (0.5, 0.2), 90.0: (0.4, 0.4), 180.0: (0.5, 0.1), 270.0: (0.1, 0.4)})
     other = [Quantity("8°:di", "", "R", 0.3, 0.0)]
     rows = fewer_azimuths([*alike, *other, *turned])
@@ -28,5 +28,5 @@ def test_alike_azimuths_are_one_row_and_others_are_the_least_and_the_most():
 
 @pytest.mark.parametrize("azimuths", [(0.0,), (0.0, 90.0, 180.0)])
 def test_few_azimuths_are_listed_each(azimuths):
-    rows = albedos(30.0, {p: (0.5,) for p in azimuths})
+    rows = albedos(30.0, dict.fromkeys(azimuths, (0.5,)))
     assert fewer_azimuths(rows) == rows
