@@ -8,6 +8,7 @@ Beyond its outermost nodes an axis is held constant; azimuths are periodic. Scat
 import dataclasses
 import itertools
 import math
+from collections.abc import Iterator
 from functools import partial
 from types import ModuleType
 from typing import Any
@@ -67,6 +68,10 @@ class InterpolationAxis(eqx.Module):
         return (low, high), (1.0 - w, w)
 
 
+_Corner = tuple[tuple[np.ndarray, ...], np.ndarray]
+"""The numbers of a node on each axis, (n,) each, and its weight, (n,)."""
+
+
 class Tabulated(AbstractBRDF):
     """The multilinear interpolant of a gridded table. Out of the plane of an in-plane table f is NaN: nobody looked."""
 
@@ -102,19 +107,43 @@ class Tabulated(AbstractBRDF):
             return None
         values, valid = np.asarray(self.values), np.asarray(self.valid)
         total, weight = (np.zeros((wi.z.size, a.shape[-1]), values.dtype) for a in (values, valid))
-        shown = np.flatnonzero(np.minimum(wi.z, wo.z) > HORIZON)
-        wi, wo = (Direction(*(c[shown] for c in w)) for w in (wi, wo))
-        coordinates, covered = grid_coordinates(self.kind, wi, wo)
-        brackets = [axis.bracket(coordinates[name], np) for axis, name in zip(self.axes, self.names, strict=True)]
-        for corner in itertools.product((0, 1), repeat=len(brackets)):
-            index = tuple(nodes[side] for (nodes, _), side in zip(brackets, corner, strict=True))
-            share = math.prod((weights[side] for (_, weights), side in zip(brackets, corner, strict=True)), start=1.0)
-            share = np.where(valid[index], np.asarray(share)[:, None], 0.0)
+        shown, covered, corners = self._corners(wi, wo)
+        for index, share in corners:
+            share = np.where(valid[index], share[:, None], 0.0)
             total[shown] += share * values[index]
             weight[shown] += share
         f = np.where(weight > 0, total / np.where(weight > 0, weight, 1.0), 0.0).astype(values.dtype)
         f[shown[~covered]] = np.nan
         return f
+
+    def ends(self, wi: Direction, wo: Direction) -> tuple[np.ndarray, np.ndarray]:
+        """The least and the greatest, (n, C) each, of the readings that are interpolated at directions (n,); NaN: none.
+
+        No monotone function between the nodes leaves them.
+        """
+        values, valid = np.asarray(self.values), np.asarray(self.valid)
+        least, most = (np.full((wi.z.size, values.shape[-1]), v) for v in (np.inf, -np.inf))
+        shown, _, corners = self._corners(wi, wo)
+        for index, share in corners:
+            use = valid[index] & (share > 0)[:, None]
+            least[shown] = np.minimum(least[shown], np.where(use, values[index], np.inf))
+            most[shown] = np.maximum(most[shown], np.where(use, values[index], -np.inf))
+        none = most < least
+        return np.where(none, np.nan, least), np.where(none, np.nan, most)
+
+    def _corners(self, wi: Direction, wo: Direction) -> tuple[np.ndarray, np.ndarray, Iterator[_Corner]]:
+        """Which directions are above the horizon, which of these the layout can hold, and the nodes around them."""
+        shown = np.flatnonzero(np.minimum(wi.z, wo.z) > HORIZON)
+        wi, wo = (Direction(*(c[shown] for c in w)) for w in (wi, wo))
+        coordinates, covered = grid_coordinates(self.kind, wi, wo)
+        brackets = [axis.bracket(coordinates[name], np) for axis, name in zip(self.axes, self.names, strict=True)]
+
+        def corner(sides: tuple[int, ...]) -> _Corner:
+            index = tuple(nodes[side] for (nodes, _), side in zip(brackets, sides, strict=True))
+            weights = (of[side] for (_, of), side in zip(brackets, sides, strict=True))
+            return index, np.asarray(math.prod(weights, start=1.0))
+
+        return shown, covered, map(corner, itertools.product((0, 1), repeat=len(brackets)))
 
 
 def as_material(table: Table) -> AbstractBRDF:

@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from gonio.models.brdf import AbstractBRDF
@@ -36,3 +37,15 @@ class TwoSided(AbstractBRDF):
             here = (light * wi.z > 0) & (detector * wo.z > 0)
             total = total + jnp.where(here, part.formula(mirrored[0], mirrored[1]), 0.0)
         return total
+
+    def ends(self, wi: Direction, wo: Direction) -> tuple[np.ndarray, np.ndarray]:
+        """The least and the greatest, (n, C) each, of the readings that are interpolated at directions (n,)."""
+        light, detector = (np.where(np.asarray(w.z) > 0, 1, -1) for w in (wi, wo))
+        wi, wo = (Direction(*(np.asarray(c) for c in (w.x, w.y, np.abs(w.z)))) for w in (wi, wo))
+        made: list[np.ndarray] = []
+        for part, sides in zip(self.parts, self.sides, strict=True):
+            here = (light == sides[0]) & (detector == sides[1])
+            of_part = np.stack(part.ends(*(Direction(*(c[here] for c in w)) for w in (wi, wo))))
+            made = made or [np.full((2, light.size, of_part.shape[-1]), np.nan)]
+            made[0][:, here] = of_part
+        return made[0][0], made[0][1]

@@ -1,8 +1,8 @@
 """Verdicts on random tables whose truth is known: honest ones, planted violations of reciprocity, too much energy.
 
-    python random_tables.py [TABLES [FIRST]]
+    python random_tables.py [TABLES [FIRST [KIND,...]]]
 
-Table k is made from the seed k alone. A verdict is WRONG where it fails what holds within the tolerance, or passes what
+Table k is made from the seed k and the kinds (all by default; "isotropic,holes": some) alone. A verdict is WRONG where it fails what holds within the tolerance, or passes what
 does not; where noise is stored, 1 % of honest tables may fail (the level). Undecided and untestable ones are counted by
 kind. A surface is scaled to a largest albedo that is known to 1e-6; a planted violation multiplies f in a region by
 1 + v, never in the exchanged region, so that readings there differ by 2v/(2 + v).
@@ -28,7 +28,7 @@ from gonio.models.expression.builder import build  # noqa: E402
 
 RECIPROCITY, ENERGY = 0.05, 0.01  # the tolerances of `gonio check`
 THETA = np.radians([0, 10, 20, 30, 40, 50, 60, 65, 70, 75, 80, 83, 85, 87, 89])
-GRIDS = ("isotropic", "spherical", "in-plane", "half-difference")
+GRIDS = ("isotropic", "spherical", "in-plane", "half-difference", "coarse light", "coarse azimuths")
 LISTS = ("random", "clustered", "in-plane list", "repeated", "grid as list", "few incidences", "one incidence", "holes")
 NOISES = ("none", "stored", "photons", "unsaid")
 
@@ -74,6 +74,15 @@ def grid(kind: str, rng: np.random.Generator) -> layouts.Layout:
     if kind == "in-plane":
         incident = np.sort(rng.choice(polar[1:], min(int(rng.integers(2, 8)), polar.size - 1), replace=False))
         return layouts.in_plane(incident, np.concatenate([-polar[:0:-1], polar]))
+    if kind == "coarse light":
+        incident = np.radians(np.arange(0, 80.01, rng.choice([7.5, 10, 15, 20, 30])))
+        step, offset = float(rng.choice([3, 5, 7.5, 10])), float(rng.choice([0, 0, 0.5]))
+        polar = np.radians(np.arange(offset * step, 85.01, step))
+        return layouts.isotropic(incident, polar, np.radians(np.arange(0, 360, rng.choice([5.0, 10.0, 15.0, 30.0]))))
+    if kind == "coarse azimuths":
+        incident, of_light = np.arange(0, 80.01, rng.choice([15, 20, 30])), rng.choice([30.0, 45.0, 90.0])
+        polar, azimuth = np.radians(np.arange(0, 85.01, 10.0)), np.radians(np.arange(0, 360, 15.0))
+        return layouts.spherical(np.radians(incident), np.radians(np.arange(0, 360, of_light)), polar, azimuth)
     if kind == "spherical":
         polar, azimuth = np.radians(np.arange(0, 85.01, 17.0)), np.radians(np.arange(0, 360, 30.0))
         return layouts.spherical(polar, azimuth, polar, azimuth)
@@ -119,10 +128,10 @@ def region_of(rng: np.random.Generator, angles: np.ndarray) -> tuple[np.ndarray,
     return inside & (np.abs(turn - middle) < half), where
 
 
-def random_table(seed: int) -> tuple[str, str, str, Truth, gonio.Table]:
+def random_table(seed: int, kinds: tuple[str, ...]) -> tuple[str, str, str, Truth, gonio.Table]:
     """(kind, noise, what is wrong, truth, table) of one seed."""
     rng = np.random.default_rng(seed)
-    kind, noise = str(rng.choice(GRIDS + LISTS)), str(rng.choice(NOISES))
+    kind, noise = str(rng.choice(kinds)), str(rng.choice(NOISES))
     wrong = str(rng.choice(["nothing", "reciprocity", "energy"], p=[0.4, 0.35, 0.25]))
     wrong = "energy" if wrong == "reciprocity" and kind == "half-difference" else wrong
     # What a planted violation adds at most doubles the albedo.
@@ -175,15 +184,16 @@ def print_counts(counts: dict[tuple[str, str], collections.Counter]) -> None:
     for name in ("reciprocity", "energy", "overall"):
         print(f"\n{name:<20}{'tables':>8}{'right':>8}{'WRONG':>8}{'undecided':>11}{'other':>8}")
         for kind in GRIDS + LISTS:
-            c = counts[name, kind]
+            if not (c := counts[name, kind]):
+                continue
             known = [c[outcome] for outcome in ("right", "WRONG", "undecided")]
             print(f"{kind:<20}{c.total():8}{known[0]:8}{known[1]:8}{known[2]:11}{c.total() - sum(known):8}")
 
 
-def main(tables: int, first: int) -> None:
+def main(tables: int, first: int, kinds: tuple[str, ...]) -> None:
     counts, seconds, noisy, alarms = collections.defaultdict(collections.Counter), [], 0, 0
     for seed in range(first, first + tables):
-        kind, noise, wrong, truth, table = random_table(seed)
+        kind, noise, wrong, truth, table = random_table(seed, kinds)
         began = time.perf_counter()
         certificate = gonio.check(table, name=f"{kind} {seed}")
         seconds.append(time.perf_counter() - began)
@@ -202,4 +212,6 @@ def main(tables: int, first: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 2000, int(sys.argv[2]) if len(sys.argv) > 2 else 0)
+    numbers = [int(a) for a in sys.argv[1:3]]
+    named = tuple(sys.argv[3].replace("_", " ").split(",")) if len(sys.argv) > 3 else GRIDS + LISTS
+    main(*(numbers + [2000, 0][len(numbers) :]), named)

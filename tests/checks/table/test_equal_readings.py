@@ -47,6 +47,26 @@ def test_grids_that_differ_are_compared_through_interpolation_with_its_error():
     assert reciprocity.verdict == "pass" and reciprocity.facts["interpolation_error"] > 0
 
 
+@pytest.mark.parametrize("surface", ["0.4 * ggx(alpha=0.25)", "0.4 * phong(n=30)", "0.15 * ward(alpha=0.05)"])
+@pytest.mark.parametrize(
+    "layout",
+    [
+        layouts.isotropic(degrees(0, 81, 30), degrees(0, 85, 5), degrees(0, 360, 15)),
+        layouts.isotropic(degrees(0, 81, 15), degrees(1.5, 85, 3), degrees(0, 360, 15)),
+        layouts.spherical(degrees(0, 81, 20), degrees(0, 360, 90), degrees(0, 85, 10), degrees(0, 360, 15)),
+    ],
+    ids=["far incidences", "other nodes", "far azimuths of the light"],
+)
+def test_interpolation_between_far_readings_does_not_fail_what_is_reciprocal(layout, surface):
+    """A lobe that falls between two incidences differs from the line between its readings by any amount."""
+    honest = model_table(f"lambert(rho=0.3) + {surface}", layout)
+    assert verdict(table_reciprocity, honest) != "fail"
+    violated = model_table(
+        f"lambert(rho=0.3) + {surface}", layout, lambda f, i, _, o, __: f * (1 + 0.2 * np.sign(o - i))
+    )
+    assert verdict(table_reciprocity, violated) == "fail"
+
+
 def test_known_noise_is_not_taken_for_a_violated_law():
     known, unknown = (
         table_reciprocity(TableEvidence(model_table("lambert(rho=0.5)", noise=0.1, stated=stated)), 0.05)

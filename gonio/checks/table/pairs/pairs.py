@@ -43,6 +43,8 @@ class Pairs:
     """How the partners came about, in words."""
     errors: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))
     """Relative errors of all values b that interpolation makes; the others have none."""
+    around: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
+    """(m, channels): of the last pairs, whose values b are interpolated, by how much the readings around b differ."""
     merged: np.ndarray | None = None
     """(m, 4), radians: all readings once their repeats are merged, where there may be repeats."""
     exchanged: bool = True
@@ -106,6 +108,17 @@ class Pairs:
             self, angles=self.angles[number], column=lambda channel: column(channel).rows(number)
         )
 
+    def within_readings(self) -> "Pairs":
+        """The same pairs, interpolated values known to lie between the readings around them, and no better."""
+        first = len(self) - len(self.around)
+
+        def change(channel: int, column: Column) -> Column:
+            error = np.broadcast_to(np.asarray(column.error, float), column.a.shape).copy()
+            error[first:] = np.fmax(error[first:], self.around[:, channel])
+            return column._replace(error=error)
+
+        return self.changed(change) if len(self.around) else self
+
     def changed(self, change: Callable[[int, Column], Column]) -> "Pairs":
         """The same pairs with other readings, by the channel."""
         column = self.column
@@ -130,6 +143,7 @@ def joined(first: Pairs, second: Pairs) -> Pairs:
         column,
         f"{first.how} and {len(second):,} {second.how}",
         np.concatenate([first.errors, second.errors]),
+        second.around,
     )
 
 

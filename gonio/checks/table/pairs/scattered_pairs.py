@@ -1,7 +1,7 @@
 """Pairs of readings where no grid has them: near partners, the format's own warp, or interpolation with its error."""
 
 import itertools
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import numpy as np
@@ -221,10 +221,12 @@ def interpolated_pairs(table: Table, cells: np.ndarray) -> Pairs:
     """Readings of some cells with interpolated values of the exchanged directions, where the grid reaches these.
 
     The error is what every second node of each axis changes: of a second-order rule on a grid that resolves f, three
-    times its own.
+    times its own. Where a grid does not resolve f that is no bound; the readings around, `Pairs.around`, are one of
+    whatever is monotone between them.
     """
     from gonio.data.interpolation.grid_coordinates import grid_coordinates
-    from gonio.data.interpolation.multilinear import as_material, coarsened
+    from gonio.data.interpolation.multilinear import Tabulated, as_material, coarsened
+    from gonio.data.interpolation.two_sided import TwoSided
 
     if cells.size > INTERPOLATED:
         cells = np.sort(np.random.default_rng(0).choice(cells, INTERPOLATED, replace=False))
@@ -240,8 +242,12 @@ def interpolated_pairs(table: Table, cells: np.ndarray) -> Pairs:
     if not within.any():
         none = np.zeros((0, len(table.channels)))
         return Pairs.of_arrays((none, none, none, none), np.zeros((0, 4)), cells.size, how)
-    partner, rough = (values(as_material(t), wo, wi) for t in (table, coarsened(table)))
+    material = as_material(table)
+    partner, rough = values(material, wo, wi), values(as_material(coarsened(table)), wo, wi)
     f, u = readings_of(table, cells[within])
     error = relative_difference(partner, rough)
     partner = np.where(error <= STEEPEST, partner, np.nan)
-    return Pairs.of_arrays((f, partner, u, u), pair_angles(wi, wo), cells.size, how, error)
+    least, most = cast(Tabulated | TwoSided, material).ends(wo, wi)
+    around = 2 * (most - least) / np.maximum(np.abs(f) + np.abs(partner), 1e-300)
+    readings, angles = (f, partner, u, u), pair_angles(wi, wo)
+    return Pairs.of_arrays(readings, angles, cells.size, how, error, around=around)
