@@ -2,10 +2,11 @@
 
     python random_tables.py [TABLES [FIRST [KIND,...]]]
 
-Table k is made from the seed k and the kinds (all by default; "isotropic,holes": some) alone. A verdict is WRONG where it fails what holds within the tolerance, or passes what
-does not; where noise is stored, 1 % of honest tables may fail (the level). Undecided and untestable ones are counted by
-kind. A surface is scaled to a largest albedo that is known to 1e-6; a planted violation multiplies f in a region by
-1 + v, never in the exchanged region, so that readings there differ by 2v/(2 + v).
+Table k is made from the seed k and the kinds (all by default; "isotropic,coarse_light": some) alone. A verdict is
+WRONG where it fails what holds within the tolerance, or passes what does not; where noise is stored, 1 % of honest
+tables may fail (the level). Undecided and untestable ones are counted by kind. A surface is scaled to a largest albedo
+that is known to 1e-6; a planted violation multiplies f in a region by 1 + v, never in the exchanged region, so that
+readings there differ by 2v/(2 + v).
 """
 
 import collections
