@@ -68,4 +68,4 @@ def slit(incidence: float, off: float, size: tuple[float, float]) -> Aperture:
         total = joined(parts)
         solid = float(total.weight.sum())
         rules.append(total._replace(weight=total.weight / solid))
-    return Aperture(*rules, images=() if off else ((angle, 1 / solid),), mirror=not off)
+    return Aperture(*rules, images=() if off else ((angle, 1 / solid),), mirror=not off, moves=True)

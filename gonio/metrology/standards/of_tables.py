@@ -188,7 +188,7 @@ def _content(integral: Aperture) -> tuple:
         b"" if rule is None else b"".join(np.asarray(a, float).tobytes() for a in (*rule.wi, *rule.wo, rule.weight))
         for rule in (integral.fine, integral.coarse)
     )
-    return (*parts, integral.mirror, integral.back, integral.angles)
+    return (*parts, integral.mirror, integral.moves, integral.back, integral.angles)
 
 
 def following(rule: Rule, nodes: np.ndarray) -> Rule:
@@ -288,21 +288,26 @@ class Part:
             first, *others = [next(places) for _ in self._rules(integral)]
             gathered = [self._gathered(first, integral.mirror, integral.back), *map(self._gathered, others)]
             failed = next((r for r in gathered[: 1 if integral.coarse is None else 2] if isinstance(r, str)), None)
-            made[integral] = self._joined([r for r in gathered if isinstance(r, Row)]) if failed is None else failed
+            usable, moves = [r for r in gathered if isinstance(r, Row)], integral.mirror or integral.moves
+            made[integral] = self._joined(usable, -1 if moves else 0) if failed is None else failed
         return made
 
     def _rules(self, integral: Aperture) -> list[Rule]:
-        """The integral, the same by fewer nodes, and with the light at the nodes of the grid where a lobe moves."""
+        """The integral, the same by fewer nodes, and with the light at the nodes of the grid, as a lobe moves."""
         layout, fine = self.table.layout, integral.fine
-        moves = integral.mirror and {"theta_i", "theta_o"} <= layout.axes.keys() and layout.axes["theta_i"].size > 1
-        nodes = [following(fine, np.sort(np.abs(layout.axes["theta_i"])))] if moves else []
+        between = {"theta_i", "theta_o"} <= layout.axes.keys() and layout.axes["theta_i"].size > 1
+        nodes = [following(fine, np.sort(np.abs(layout.axes["theta_i"])))] if between else []
         return [fine, *([] if integral.coarse is None else [integral.coarse]), *nodes]
 
-    def _joined(self, ways: list[Row]) -> Row:
-        """The last of several ways to compute an integral; their differences are in the bound of the first."""
+    def _joined(self, ways: list[Row], number: int) -> Row:
+        """One of several ways to compute an integral, by its number; their differences are in the bound of the first.
+
+        Between two incidences f may stay as it is, or go along with the mirror direction: their difference shows how
+        far apart the incidences are for this f.
+        """
         sums = [r.weight @ np.nan_to_num(self.f[r.cells]) for r in ways]
         bound = ways[0].bound + sum((np.abs(sums[0] - s) for s in sums[1:]), np.zeros(sums[0].size))
-        best = ways[-1]
+        best = ways[number]
         return Row(self.numbers[best.cells], best.weight, bound)
 
     def _places(self, rules: list[Rule]) -> "list[Places]":

@@ -20,6 +20,7 @@ class Aperture:
         coarse: the same by fewer nodes, whose difference from it bounds its error; None of single directions.
         images: polar angles of incidence, radians, and weights: what a mirrored image (`AbstractBRDF.specular`) adds.
         mirror: whether the mirror direction, or what goes straight through, lies within, where narrow lobes are.
+        moves: whether it is so near to the mirror direction that a lobe moves along with it.
         back: whether it is so near to the light's own direction that a lobe back to it may hide.
         angles: of single directions their polar angles and azimuth difference, radians.
     """
@@ -28,6 +29,7 @@ class Aperture:
     coarse: Rule | None = None
     images: tuple[tuple[float, float], ...] = ()
     mirror: bool = False
+    moves: bool = False
     back: bool = False
     angles: tuple[float, float, float] | None = None
 
