@@ -13,6 +13,7 @@ from gonio.checks.table.evidence import LEVEL, TableEvidence
 from gonio.checks.table.further_readings import joined, require_alike
 from gonio.data.profile_files import profile_of
 from gonio.data.subject import Subject, SubjectLike, resolve_subject
+from gonio.data.table import Table
 from gonio.instrument.instrument import Instrument
 from gonio.instrument.media import with_media
 from gonio.models.brdf import AbstractBRDF
@@ -67,7 +68,8 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
             without readings in the mirror direction may be judged.
         level: for tables that store uncertainties, the chance of calling an honest one significantly wrong, in
             (0, 0.5].
-        against: the truth, where one is known: agreement with it is then judged too.
+        against: the truth, where one is known, or a table of the same surface: agreement with it is then judged too,
+            with a table where it was read, by no more than its readings show between them.
         model: tables: an expression with free numbers as in `gonio.fit`, or "auto"; where the readings alone leave
             energy undecided, the model is fitted and its exact albedo carries the verdict, with a bound by how far the
             readings follow it.
@@ -92,7 +94,7 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
     if judged.material is not None and isinstance(judged.material.brdf, WideSpots):
         _refuse_options_of_tables(settings, "light below a surface")
         return check_bssrdf(judged.material.brdf.bssrdf, judged.channels, settings.name or judged.name, given)
-    reference = None if settings.against is None else resolve_subject(settings.against).brdf
+    reference = None if settings.against is None else _compared_with(resolve_subject(settings.against))
     evidence = _evidence(judged, settings, reference)
     properties = []
     for key, spec in PROPERTIES.items():
@@ -105,8 +107,13 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
     return Certificate(settings.name or judged.name, judged.kind, properties, settings.strict, notes)
 
 
+def _compared_with(other: Subject) -> AbstractBRDF | Table:
+    """A truth, or the readings of a table."""
+    return other.brdf if other.table is None else other.table
+
+
 def _evidence(
-    judged: Subject, settings: CheckSettings, reference: AbstractBRDF | None
+    judged: Subject, settings: CheckSettings, reference: AbstractBRDF | Table | None
 ) -> ModelEvidence | TableEvidence:
     if judged.table is None:
         if settings.further is not None:
@@ -115,6 +122,8 @@ def _evidence(
             raise GonioError(f"{judged.name} is a model and knows its media; leave the instrument out")
         if settings.model is not None:
             raise GonioError(f"{judged.name} is a model; another one helps tables only: leave the option out")
+        if isinstance(reference, Table):
+            return ModelEvidence(judged.brdf, judged.channels.names, readings=reference)
         return ModelEvidence(judged.brdf, judged.channels.names, reference)
     if settings.model not in (None, "auto"):
         with_defaults(parse(settings.model))  # refused whether it is needed or not

@@ -7,14 +7,26 @@ from gonio.checks.direction_search import pair, pair_angles, precision, refuse_o
 from gonio.checks.model.evidence import ModelEvidence
 from gonio.checks.model.reciprocity import difference_property, worst_difference
 from gonio.checks.model.sides import on_every_side
+from gonio.checks.properties import PROPERTIES
+from gonio.checks.table.agreement import table_agreement
+from gonio.checks.table.evidence import TableEvidence
 
 
-@on_every_side
 def model_agreement(evidence: ModelEvidence, tolerance: float) -> Property:
-    """The largest relative difference between f and the reference's that a search of the closed hemisphere finds.
+    """The largest relative difference between f and a truth's, or beside the readings of a table, at these alone.
 
     Raises GonioError where the two have different numbers of channels, neither of them one.
     """
+    if evidence.readings is None:
+        return _agreement_with_model(evidence, tolerance)
+    # Between readings nothing is known as well as a model's tolerance asks.
+    of_table = TableEvidence(evidence.readings, reference=evidence.brdf)
+    return table_agreement(of_table, max(tolerance, PROPERTIES["agreement"].table_tolerance))
+
+
+@on_every_side
+def _agreement_with_model(evidence: ModelEvidence, tolerance: float) -> Property:
+    """The largest relative difference that a search of the closed hemisphere finds."""
     brdf, reference = evidence.brdf, evidence.reference
     if reference is None:
         return without_residual("agreement", NOT_APPLICABLE, tolerance, "Not testable: no truth is stated.")

@@ -6,6 +6,7 @@ import functools
 import numpy as np
 
 from gonio.checks.direction_search import pair_angles
+from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 
 
@@ -16,6 +17,8 @@ class ModelEvidence:
     brdf: AbstractBRDF
     channels: tuple[str, ...] = ()
     reference: AbstractBRDF | None = None
+    readings: Table | None = None
+    """Those of the same surface, beside which the model is judged in place of a truth."""
 
     @functools.cached_property
     def angles(self) -> np.ndarray:

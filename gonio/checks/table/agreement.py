@@ -1,16 +1,26 @@
 """Agreement of a table with a stated truth: readings beside a reference's values, by the region that differs most."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from gonio.checks.certificate import NOT_APPLICABLE, UNDECIDED, Property, without_residual
+from gonio.checks.certificate import FAIL, NOT_APPLICABLE, PASS, UNDECIDED, Property, without_residual
 from gonio.checks.direction_search import refuse_other_channels, values
-from gonio.checks.table.comparison import compare
+from gonio.checks.table.comparison import compare, only_surely
 from gonio.checks.table.evidence import TableEvidence
+from gonio.checks.table.pairs.between_readings import between_readings, change_across_gaps
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import pair_angles
+from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
 from gonio.data.flags import Flag
+from gonio.data.table import Table
+from gonio.models.brdf import AbstractBRDF
+from gonio.models.display import percent
+from gonio.models.geometry.directions import Direction
 
 MOST_READINGS = 200_000
+MOST_SURELY = 20_000
+"""Readings by which it is seen whether what differs may lie between those of another table."""
 
 
 def table_agreement(evidence: TableEvidence, tolerance: float) -> Property:
@@ -28,12 +38,77 @@ def table_agreement(evidence: TableEvidence, tolerance: float) -> Property:
     if np.isfinite(f).sum(axis=0).max(initial=0) < FEWEST:
         detail = f"Only {number} readings can be compared; at least {FEWEST} are needed."
         return without_residual("agreement", UNDECIDED, tolerance, detail)
-    truth = values(evidence.reference, block.wi, block.wo)
-    refuse_other_channels(f.shape[-1], truth.shape[-1])
-    truth, u = np.broadcast_to(truth, f.shape), np.asarray(block.u_f, float)
-    angles, exact = pair_angles(block.wi, block.wo), np.zeros(f.shape)
-    pairs = Pairs.of_arrays((f, truth, u, exact), angles, len(f), "each with the reference", exchanged=False)
-    compared = compare(evidence, pairs, np.ones(len(f)))
-    judged = compared.judged("agreement", evidence, tolerance, "The table's readings and the reference's values")
+    readings = _Readings(block.wi, block.wo, f, np.asarray(block.u_f, float))
+    judged = (
+        _with_readings(evidence, evidence.reference, readings, tolerance)
+        if isinstance(evidence.reference, Table)
+        else _with_model(evidence, evidence.reference, readings, tolerance)
+    )
     judged.facts = {"readings": number} | judged.facts
     return judged
+
+
+class _Readings(NamedTuple):
+    """Directions (n,), f, NaN where it is not valid, and its uncertainty, (n, C)."""
+
+    wi: Direction
+    wo: Direction
+    f: np.ndarray
+    u: np.ndarray
+
+    def thinned(self, most: int) -> "_Readings":
+        """At most so many of them, evenly."""
+        some = np.unique(np.linspace(0, len(self.f) - 1, min(most, len(self.f))).astype(int))
+        wi, wo = (Direction(*(np.asarray(c)[some] for c in w)) for w in (self.wi, self.wo))
+        return _Readings(wi, wo, self.f[some], self.u[some])
+
+
+def _with_model(evidence: TableEvidence, truth: AbstractBRDF, readings: _Readings, tolerance: float) -> Property:
+    f = readings.f
+    true = values(truth, readings.wi, readings.wo)
+    refuse_other_channels(f.shape[-1], true.shape[-1])
+    angles = pair_angles(readings.wi, readings.wo)
+    known = (f, np.broadcast_to(true, f.shape), readings.u, np.zeros(f.shape))
+    pairs = Pairs.of_arrays(known, angles, len(f), "each with the reference", exchanged=False)
+    compared = compare(evidence, pairs, np.ones(len(f)))
+    return compared.judged("agreement", evidence, tolerance, "The table's readings and the reference's values")
+
+
+def _with_readings(evidence: TableEvidence, other: Table, readings: _Readings, tolerance: float) -> Property:
+    """By what is known of the other table between its readings: no better than these show it, and not beyond them."""
+    f, angles = readings.f, pair_angles(readings.wi, readings.wo)
+    refuse_other_channels(f.shape[-1], len(other.channels))
+    pairs, what = _pairs(readings, other), "The table's readings and those of the other table, interpolated between,"
+    compared = compare(evidence, pairs, np.ones(len(f)))
+    if compared.differences.by_channel.max(initial=0) < FEWEST:
+        number = int(compared.differences.comparable.sum())
+        detail = (
+            f"Of {len(f):,} readings {number:,} lie where the other table was read closely enough; at least {FEWEST} "
+            "are needed."
+        )
+        return without_residual("agreement", UNDECIDED, tolerance, detail)
+    judged = compared.judged("agreement", evidence, tolerance, what)
+    if judged.verdict == FAIL:
+        some = readings.thinned(MOST_SURELY)
+        isotropic = not evidence.table.layout.has_azimuth_of_light
+        gaps = change_across_gaps(pair_angles(some.wi, some.wo), some.f, other, isotropic)
+        within = compare(evidence, _pairs(some, other, gaps).within_readings(), np.ones(len(some.f)))
+        judged = only_surely(judged, within.judged("agreement", evidence, tolerance, what))
+    read = angles[np.isfinite(f).any(axis=1)]
+    share, where = uncovered(read, angles[compared.differences.comparable], every=True)
+    if share > 0:
+        judged.detail += f" The other table says nothing of {percent(share)} of them, {where}: undecided there."
+        judged.verdict = UNDECIDED if judged.verdict == PASS and share > MOST_UNCOVERED else judged.verdict
+    return judged
+
+
+def _pairs(readings: _Readings, other: Table, gaps: np.ndarray | float = 0.0) -> Pairs:
+    """The readings with values of the other table; `gaps` (n, C), 1/sr: what may lie between its readings."""
+    f = readings.f
+    value, error, around, u = (np.broadcast_to(a, f.shape) for a in between_readings(other, readings.wi, readings.wo))
+    size = np.maximum((np.abs(f) + np.abs(value)) / 2, 1e-300)
+    around = np.where(around > 0, np.fmax(around, gaps), 0.0) / size
+    return Pairs.of_arrays(
+        (f, value, readings.u, u), pair_angles(readings.wi, readings.wo), len(f), "each with the other table", error,
+        around=around, exchanged=False,
+    )  # fmt: skip

@@ -17,11 +17,11 @@ from gonio.checks.certificate import (
     Property,
     without_residual,
 )
-from gonio.checks.table.comparison import Compared, compare
+from gonio.checks.table.comparison import Compared, compare, only_surely
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import pair_angles
-from gonio.checks.table.regions import uncovered
+from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
 from gonio.data.interpolation.scattering_blocks import sheet_of
 from gonio.models.display import percent
 from gonio.models.geometry.sides import Sides
@@ -32,10 +32,6 @@ SCATTER = (0.8, 1.25)
 MOST_READINGS = 200_000
 LEAST_FACTOR = 0.05
 """|log| of a factor between transmission from the front and from behind that is worth a word."""
-MOST_UNCOVERED = 0.05
-"""Share of the readings, by squares of polar angles in which nothing was compared, above which nothing passes."""
-
-BETWEEN_READINGS = " Between readings so far apart f may change by as much: no reading shows a violation."
 
 
 def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
@@ -53,10 +49,8 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
         return without_residual("reciprocity", NOT_TESTABLE, tolerance, reason, pairs=0, method=pairs.how)
     judged = _judged("reciprocity", evidence, compared, tolerance, what)
     if judged.verdict == FAIL and len(pairs.around):
-        surely = _judged("reciprocity", evidence, compare(evidence, pairs.within_readings(), sign), tolerance, what)
-        if surely.verdict != FAIL:
-            judged.verdict = UNDECIDED
-            judged.detail += BETWEEN_READINGS
+        within = compare(evidence, pairs.within_readings(), sign)
+        judged = only_surely(judged, _judged("reciprocity", evidence, within, tolerance, what))
     if evidence.table.interpolant is not None and sheet_of(evidence.table) is None:
         judged.verdict = UNDECIDED if judged.verdict == PASS else judged.verdict
         edge = np.degrees(np.max(pairs.angles[:, [0, 2]]))

@@ -39,7 +39,8 @@ def reciprocal_pairs(table: Table) -> Pairs | str:
 
 
 def _exchanged(table: Table) -> Pairs | str:
-    from gonio.checks.table.pairs.scattered_pairs import interpolated_pairs, scattered_pairs, warped_pairs
+    from gonio.checks.table.pairs.interpolated_pairs import interpolated_pairs
+    from gonio.checks.table.pairs.scattered_pairs import scattered_pairs, warped_pairs
 
     if (sheet := sheet_of(table)) is not None:
         from gonio.checks.table.sheet import sheet_pairs
@@ -75,7 +76,8 @@ class TableEvidence:
     table: Table
     level: float = LEVEL
     feature_width: float = 0.0
-    reference: AbstractBRDF | None = None
+    reference: AbstractBRDF | Table | None = None
+    """What the table is compared with: the truth, or readings of the same surface."""
     model: str | None = None
     further: Table | None = None
     """Readings of the same surface beside those of the table, which energy takes into account."""

@@ -25,6 +25,8 @@ from gonio.checks.table.statistics.quantiles import median
 from gonio.models.display import percent
 
 ENOUGH = 0.1
+MOST_UNCOVERED = 0.05
+"""Share of the readings, by squares of polar angles in which nothing was compared, above which nothing passes."""
 
 OUTLYING = 6.0
 """Noise, in standard deviations, beyond which a pair differs surely."""
@@ -82,7 +84,7 @@ def regions_of(angles: np.ndarray) -> Regions:
     return regions
 
 
-def uncovered(angles: np.ndarray, compared: np.ndarray) -> tuple[float, str]:
+def uncovered(angles: np.ndarray, compared: np.ndarray, every: bool = False) -> tuple[float, str]:
     """The share of readings in squares of polar angles where too few were compared, and where these are.
 
     Enough are `FEWEST` pairs, or as many as take in `ENOUGH` of a square's readings.
@@ -90,8 +92,9 @@ def uncovered(angles: np.ndarray, compared: np.ndarray) -> tuple[float, str]:
     Args:
         angles: (m, 4), radians, of all readings.
         compared: (n, 4), radians, of the pairs.
+        every: whether readings of θo = θi count, which are their own partners of exchanged directions, or mirrored.
     """
-    angles = angles[np.abs(angles[:, 0] - angles[:, 2]) > SAME_POLAR]  # the others are their own partners, or mirrored
+    angles = angles if every else angles[np.abs(angles[:, 0] - angles[:, 2]) > SAME_POLAR]
     square = places(angles).square
     readings, pairs = (np.bincount(v, minlength=SIDE * SIDE) for v in (square, places(compared).square))
     missing = ((pairs < FEWEST) & (2 * pairs < ENOUGH * readings))[square]

@@ -1,7 +1,6 @@
 """Pairs of readings where no grid has them: near partners, the format's own warp, or interpolation with its error."""
 
-import itertools
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -10,11 +9,10 @@ from gonio.checks.certificate import relative_difference
 from gonio.checks.direction_search import directions, everywhere, values
 from gonio.checks.table.pairs.columns import readings_of
 from gonio.checks.table.pairs.pairs import Pairs
-from gonio.checks.table.pairs.places import SAME_POLAR, angles_of, pair_angles
+from gonio.checks.table.pairs.places import angles_of
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.display import percent
-from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 NEAR = np.radians(2.0)
@@ -47,9 +45,6 @@ LEAF = 16
 
 WARPED = 16384
 """Random pairs where a warp answers anywhere."""
-
-INTERPOLATED = 20_000
-"""Of more readings without a partner so many are compared with interpolated ones, chosen at random."""
 
 WIDEST = np.radians(70.0)
 """Polar angle to which a format's warp is read: beyond, it answers where little or nothing was measured."""
@@ -204,50 +199,3 @@ def warped_pairs(table: Table) -> Pairs:
     unknown = np.full_like(a, np.nan)
     how = "random pairs, read by the format's own warp"
     return Pairs.of_arrays((a, b, unknown, unknown), angles, len(a), how, error)
-
-
-def _reached(nodes: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Whether angles lie among the nodes of an axis; of polar angles among those on their side of the horizon."""
-    reached = np.zeros(angle.shape, bool)
-    # Signed angles in a plane count from −180°: the horizon is at ±90°.
-    edges = np.array([-np.pi, -np.pi / 2, np.pi / 2, np.pi])
-    for low, high in itertools.pairwise(edges):
-        if (there := nodes[(nodes >= low) & (nodes <= high)]).size:
-            reached |= (angle >= there[0] - SAME_POLAR) & (angle <= there[-1] + SAME_POLAR)
-    return reached
-
-
-def interpolated_pairs(table: Table, cells: np.ndarray) -> Pairs:
-    """Readings of some cells with interpolated values of the exchanged directions, where the grid reaches these.
-
-    The error is what every second node of each axis changes: of a second-order rule on a grid that resolves f, three
-    times its own. Where a grid does not resolve f that is no bound; the readings around, `Pairs.around`, are one of
-    whatever is monotone between them.
-    """
-    from gonio.data.interpolation.grid_coordinates import grid_coordinates
-    from gonio.data.interpolation.multilinear import Tabulated, as_material, coarsened
-    from gonio.data.interpolation.two_sided import TwoSided
-
-    if cells.size > INTERPOLATED:
-        cells = np.sort(np.random.default_rng(0).choice(cells, INTERPOLATED, replace=False))
-    layout = table.layout
-    wi, wo = layout.directions_at(cells)
-    exchanged, _ = grid_coordinates(type(layout), wo, wi)
-    within = layout.are_readable(wi.z, wo.z)
-    for name, nodes in layout.axes.items():
-        if layout.periods[name] is None and name not in layout.mirrored_axes:
-            within &= _reached(nodes, exchanged[name])
-    wi, wo = (Direction(*(c[within] for c in w)) for w in (wi, wo))
-    how = "readings whose partners were interpolated"
-    if not within.any():
-        none = np.zeros((0, len(table.channels)))
-        return Pairs.of_arrays((none, none, none, none), np.zeros((0, 4)), cells.size, how)
-    material = as_material(table)
-    partner, rough = values(material, wo, wi), values(as_material(coarsened(table)), wo, wi)
-    f, u = readings_of(table, cells[within])
-    error = relative_difference(partner, rough)
-    partner = np.where(error <= STEEPEST, partner, np.nan)
-    least, most = cast(Tabulated | TwoSided, material).ends(wo, wi)
-    around = 2 * (most - least) / np.maximum(np.abs(f) + np.abs(partner), 1e-300)
-    readings, angles = (f, partner, u, u), pair_angles(wi, wo)
-    return Pairs.of_arrays(readings, angles, cells.size, how, error, around=around)

@@ -1,0 +1,58 @@
+"""Agreement of tables, and of models, with a table of the same surface or of another one."""
+
+import numpy as np
+import pytest
+
+import gonio
+from gonio.data import layouts
+from support.check_tables import degrees, model_table
+
+PAINT = "lambert(rho=0.3) + 0.3 * ggx(alpha=0.12, f0=0.5)"
+FINE = layouts.isotropic(degrees(0, 81, 5), degrees(0, 81, 5), degrees(0, 360, 15))
+COARSE = layouts.isotropic(degrees(0, 81, 20), degrees(0, 81, 10), degrees(0, 360, 30))
+APART = layouts.isotropic(degrees(0, 81, 10), degrees(2, 81, 7), degrees(0, 360, 30))
+
+
+def as_list(table):
+    wi, wo = table.layout.directions_at(np.arange(table.layout.size))
+    angles = (np.arccos(wi.z), np.arctan2(wi.y, wi.x), np.arccos(wo.z), np.arctan2(wo.y, wo.x))
+    return gonio.Table.from_arrays(*angles, np.asarray(table.f).ravel())
+
+
+@pytest.mark.parametrize("other", ["grid", "list"])
+@pytest.mark.parametrize("layout", [COARSE, APART], ids=["coarse", "other nodes"])
+def test_a_table_does_not_fail_beside_a_coarser_one_of_the_same_surface(layout, other):
+    """Between the readings of the coarser one a lobe is anywhere; what both read is compared as it is."""
+    coarse, fine = model_table(PAINT, layout), model_table(PAINT, FINE)
+    coarse = as_list(coarse) if other == "list" else coarse
+    assert gonio.check(fine, against=coarse)["agreement"].verdict != "fail"
+    brighter = model_table(f"1.25 * ({PAINT})", FINE)
+    assert gonio.check(brighter, against=coarse)["agreement"].verdict == "fail"
+
+
+def test_readings_of_the_same_directions_are_compared_without_interpolation():
+    coarse, fine = model_table(PAINT, COARSE), model_table(PAINT, FINE)
+    agreement = gonio.check(coarse, against=fine)["agreement"]
+    assert agreement.verdict == "pass" and agreement.residual < 1e-12
+
+
+def test_nothing_is_said_where_the_other_table_was_not_read():
+    narrow = model_table(PAINT, layouts.isotropic(degrees(0, 41, 5), degrees(0, 41, 5), degrees(0, 360, 15)))
+    agreement = gonio.check(model_table(PAINT, FINE), against=narrow)["agreement"]
+    assert agreement.verdict == "undecided" and "says nothing of" in agreement.detail
+
+
+def test_a_model_is_judged_by_the_readings_of_a_table():
+    table = model_table(PAINT, COARSE)
+    assert gonio.check(PAINT, against=table)["agreement"].verdict == "pass"
+    other = gonio.check(PAINT.replace("0.12", "0.2"), against=table)["agreement"]
+    assert other.verdict == "fail" and other.where
+
+
+@pytest.mark.parametrize(("stated", "verdict"), [(0.03, "pass"), (0.003, "fail")])
+def test_noise_of_both_tables_counts(stated, verdict):
+    def noise(seed):
+        return lambda f, *_: f * (1 + 0.03 * np.random.default_rng(seed).normal(size=f.shape))
+
+    one, two = (model_table(PAINT, FINE, noise(seed), stated=stated) for seed in (0, 1))
+    assert gonio.check(one, against=two)["agreement"].verdict == verdict
