@@ -117,7 +117,7 @@ class Tabulated(AbstractBRDF):
         return f
 
     def ends(self, wi: Direction, wo: Direction) -> tuple[np.ndarray, np.ndarray]:
-        """The least and the greatest, (n, C) each, of the readings that are interpolated at directions (n,); NaN: none.
+        """The least and the greatest, (n, C) each, of the readings around directions (n,); NaN where one is missing.
 
         No monotone function between the nodes leaves them.
         """
@@ -125,10 +125,11 @@ class Tabulated(AbstractBRDF):
         least, most = (np.full((wi.z.size, values.shape[-1]), v) for v in (np.inf, -np.inf))
         shown, _, corners = self._corners(wi, wo)
         for index, share in corners:
-            use = valid[index] & (share > 0)[:, None]
-            least[shown] = np.minimum(least[shown], np.where(use, values[index], np.inf))
-            most[shown] = np.maximum(most[shown], np.where(use, values[index], -np.inf))
-        none = most < least
+            counts = (share > 0)[:, None]
+            f = np.where(valid[index], values[index], np.nan)
+            least[shown] = np.where(counts, np.minimum(least[shown], f), least[shown])
+            most[shown] = np.where(counts, np.maximum(most[shown], f), most[shown])
+        none = ~np.isfinite(least)
         return np.where(none, np.nan, least), np.where(none, np.nan, most)
 
     def _corners(self, wi: Direction, wo: Direction) -> tuple[np.ndarray, np.ndarray, Iterator[_Corner]]:

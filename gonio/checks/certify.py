@@ -72,7 +72,8 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
             with a table where it was read, by no more than its readings show between them.
         model: tables: an expression with free numbers as in `gonio.fit`, or "auto"; where the readings alone leave
             energy undecided, the model is fitted and its exact albedo carries the verdict, with a bound by how far the
-            readings follow it.
+            readings follow it; where they leave reciprocity open for want of exchanged directions, their ratio to the
+            model is interpolated there.
         further: tables only: more readings of the same surface, such as `gonio.plan_energy` names. A list is judged
             with them; of a grid energy takes them into account.
         instrument: tables only: its `media` are those in front of the sample and behind it, where the table does not

@@ -105,9 +105,10 @@ def _with_readings(evidence: TableEvidence, other: Table, readings: _Readings, t
 def _pairs(readings: _Readings, other: Table, gaps: np.ndarray | float = 0.0) -> Pairs:
     """The readings with values of the other table; `gaps` (n, C), 1/sr: what may lie between its readings."""
     f = readings.f
-    value, error, around, u = (np.broadcast_to(a, f.shape) for a in between_readings(other, readings.wi, readings.wo))
+    between = between_readings(other, readings.wi, readings.wo)
+    value, error, around, u = (np.broadcast_to(a, f.shape) for a in between[:4])
     size = np.maximum((np.abs(f) + np.abs(value)) / 2, 1e-300)
-    around = np.where(around > 0, np.fmax(around, gaps), 0.0) / size
+    around = np.where(around == 0, 0.0, np.maximum(around, gaps)) / size
     return Pairs.of_arrays(
         (f, value, readings.u, u), pair_angles(readings.wi, readings.wo), len(f), "each with the other table", error,
         around=around, exchanged=False,

@@ -19,11 +19,13 @@ from gonio.checks.certificate import (
 )
 from gonio.checks.table.comparison import Compared, compare, only_surely
 from gonio.checks.table.evidence import TableEvidence
+from gonio.checks.table.pairs.assisted_pairs import assisted_pairs
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import pair_angles
 from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
 from gonio.data.interpolation.scattering_blocks import sheet_of
 from gonio.models.display import percent
+from gonio.models.errors import GonioError
 from gonio.models.geometry.sides import Sides
 
 SCATTER = (0.8, 1.25)
@@ -35,8 +37,42 @@ LEAST_FACTOR = 0.05
 
 
 def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
-    """f(wi, wo) = f(wo, wi); not applicable where the layout stores one value for both."""
-    pairs, what = evidence.pairs("exchanged"), "f(wi, wo) and f(wo, wi)"
+    """f(wi, wo) = f(wo, wi); not applicable where the layout stores one value for both.
+
+    Where the readings leave it open and the evidence has a model, the exchanged directions are read between the
+    readings as the model goes on there.
+    """
+    judged = _reciprocity(evidence, evidence.pairs("exchanged"), tolerance)
+    if judged.verdict not in (UNDECIDED, NOT_TESTABLE) or evidence.model is None:
+        return judged
+    return _assisted(judged, evidence, tolerance)
+
+
+def _assisted(alone: Property, evidence: TableEvidence, tolerance: float) -> Property:
+    """The property with the help of the model; a violation is left to the readings."""
+    try:
+        fitted = evidence.fitted
+    except GonioError as error:  # too few readings for the model
+        alone.detail += f" A model does not help: {error}."
+        return alone
+    assert fitted is not None
+    pairs = assisted_pairs(evidence.table, fitted.brdf) if fitted.converged else "its fit did not converge"
+    if isinstance(pairs, str):
+        alone.detail += f" A model does not help: {pairs}."
+        return alone
+    helped = _reciprocity(evidence, pairs, tolerance)
+    if helped.verdict == FAIL:
+        helped.verdict = UNDECIDED
+        helped.detail += " Between the readings the model may be wrong: it shows no violation."
+    elif helped.verdict == PASS:
+        helped.assumes = f"between the readings the surface follows {fitted.requested} as it does at them"
+    helped.facts |= {"assisted_by": fitted.expression}
+    helped.detail += f" Without the model it is {alone.verdict}: {alone.detail}"
+    return helped
+
+
+def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) -> Property:
+    what = "f(wi, wo) and f(wo, wi)"
     if isinstance(pairs, str):
         return _equal("reciprocity", evidence, pairs, None, tolerance, what)
     untestable = _lit_from_one_side(evidence.table.sides)

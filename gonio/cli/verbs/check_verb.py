@@ -32,9 +32,9 @@ OPTIONS: Options = {
     "--feature-width DEG": "tables: no lobe is narrower than this (full width at half maximum at normal incidence: "
     "about 190 alpha), so that readings which leave out the mirror direction bound what hides there",
     "--level P": "tables with stored uncertainties: chance of calling an honest one significantly wrong (0.01)",
-    "--against FILE|MATERIAL": "the truth, if known, or another table of the same surface, as far as its readings tell: "
+    "--against FILE|MATERIAL": "the truth, if known, or another table of the surface, as far as its readings tell: "
     "agreement with it counts too",
-    "--model MODEL": "tables: where the grid alone leaves energy undecided, fit this model (or "
+    "--model MODEL": "tables: where the readings alone leave energy or reciprocity undecided, fit this model (or "
     "'auto') and assume that between the readings the surface follows it, as far as they do",
     "--with FILE": {
         "dest": "further",

@@ -118,3 +118,22 @@ def test_measured_materials_are_judged_as_known(name, expected):
     reciprocity = table_reciprocity(TableEvidence(table), 0.05)
     assert reciprocity.verdict == expected
     assert reciprocity.residual > 0.16 if expected == "fail" else reciprocity.residual < 0.03
+
+
+@pytest.mark.parametrize(("model", "expected"), [("lambert + ggx", "pass"), ("lambert + beckmann", "undecided")])
+def test_a_model_reads_the_exchanged_directions_as_far_as_the_readings_follow_it(model, expected):
+    layout = layouts.isotropic(degrees(0, 81, 20), degrees(0, 81, 5), degrees(0, 360, 15))
+    surface = "lambert(rho=0.3) + ggx(alpha=0.2, f0=0.5)"
+    evidence = TableEvidence(model_table(surface, layout), model=model)
+    reciprocity = table_reciprocity(evidence, 0.05)
+    assert reciprocity.verdict == expected and "Without the model it is undecided" in reciprocity.detail
+    assert bool(reciprocity.assumes) == (expected == "pass")
+
+
+def test_a_model_passes_nothing_that_readings_contradict():
+    layout = layouts.isotropic(degrees(0, 81, 20), degrees(2.5, 81, 5), degrees(0, 360, 15))
+    surface = "lambert(rho=0.3) + ggx(alpha=0.2, f0=0.5)"
+    lie = model_table(surface, layout, lambda f, i, _, o, __: f * np.where((o > i) & (o > 1), 1.07, 1))
+    assert table_reciprocity(TableEvidence(lie, model="lambert + ggx"), 0.05).verdict != "pass"
+    not_reciprocal = TableEvidence(model_table(surface, layout), model="lambert + ggx(energy=turquin)")
+    assert "the model is not reciprocal" in table_reciprocity(not_reciprocal, 0.05).detail

@@ -29,14 +29,17 @@ class Between(NamedTuple):
 
     Attributes:
         error: relative, by half of the readings: of a grid that resolves f three times its own.
-        around: by how much the readings around differ, 1/sr: a bound of whatever is monotone between them.
+        around: by how much the readings around differ, 1/sr: a bound of whatever is monotone between them; 0 where
+            there is a reading, NaN where one around is missing.
         u: standard uncertainties, NaN where none is stored.
+        gap: (n,), about radians, to the nearest reading of a list; 0 of a grid.
     """
 
     value: np.ndarray
     error: np.ndarray
     around: np.ndarray
     u: np.ndarray
+    gap: np.ndarray
 
 
 def between_readings(table: Table, wi: Direction, wo: Direction) -> Between:
@@ -50,6 +53,7 @@ def between_readings(table: Table, wi: Direction, wo: Direction) -> Between:
     u = np.full(value.shape, np.nan)
     if table.u_f is not None and table.interpolant is None:
         u = values(as_material(dataclasses.replace(table, f=table.u_f)), wi, wo)
+    gap = np.zeros(len(value))
     if table.interpolant is not None:
         around = error * np.abs(value)
     elif table.layout.gridded:
@@ -57,14 +61,14 @@ def between_readings(table: Table, wi: Direction, wo: Direction) -> Between:
         around = most - least
         error = np.where(around == 0, 0.0, error)
     else:
-        value, error, around = _between_scattered(table, pair_angles(wi, wo), value, error)
-    return Between(np.where(inside[:, None] & (error <= STEEPEST), value, np.nan), error, around, u)
+        value, error, around, gap = _between_scattered(table, pair_angles(wi, wo), value, error)
+    return Between(np.where(inside[:, None] & (error <= STEEPEST), value, np.nan), error, around, u, gap)
 
 
 def _between_scattered(
     table: Table, angles: np.ndarray, value: np.ndarray, error: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(value, error, around) by the nearest readings: a reading that is there counts itself."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(value, error, around, gap) by the nearest readings: a reading that is there counts itself."""
     cells = np.arange(table.layout.size)
     of_readings, f = angles_of(table.layout, cells), readings_of(table, cells)[0]
     use = table.layout.readable() & np.isfinite(f).all(axis=1)
@@ -74,7 +78,8 @@ def _between_scattered(
     mean = np.sum(np.where(same, f[near], 0.0), axis=1) / np.maximum(same.sum(axis=1), 1)
     exact = same[:, 0]
     around = np.maximum(f[near].max(axis=1), value) - np.minimum(f[near].min(axis=1), value)
-    return np.where(exact, mean, value), np.where(exact, 0.0, error), np.where(exact, 0.0, around)
+    known = (np.where(exact, a, b) for a, b in ((mean, value), (0.0, error), (0.0, around)))
+    return (*known, distance[:, 0])
 
 
 def change_across_gaps(angles: np.ndarray, f: np.ndarray, other: Table, isotropic: bool) -> np.ndarray:

@@ -44,7 +44,8 @@ class Pairs:
     errors: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0))
     """Relative errors of all values b that interpolation makes; the others have none."""
     around: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
-    """(m, channels): of the last pairs, whose values b are interpolated, by how much the readings around b differ."""
+    """(m, channels): of the last pairs, whose values b are interpolated, by how much the readings around b differ,
+    relative to both; NaN where one is missing."""
     merged: np.ndarray | None = None
     """(m, 4), radians: all readings once their repeats are merged, where there may be repeats."""
     exchanged: bool = True
@@ -109,13 +110,17 @@ class Pairs:
         )
 
     def within_readings(self) -> "Pairs":
-        """The same pairs, interpolated values known to lie between the readings around them, and no better."""
+        """The same pairs, interpolated values known to lie between the readings around them, and no better.
+
+        Where such a reading is missing nothing is compared.
+        """
         first = len(self) - len(self.around)
 
         def change(channel: int, column: Column) -> Column:
             error = np.broadcast_to(np.asarray(column.error, float), column.a.shape).copy()
             error[first:] = np.fmax(error[first:], self.around[:, channel])
-            return column._replace(error=error)
+            known = np.concatenate([np.ones(first, bool), np.isfinite(self.around[:, channel])])
+            return column._replace(b=np.where(known, column.b, np.nan), error=error)
 
         return self.changed(change) if len(self.around) else self
 
