@@ -83,14 +83,14 @@ class Counts(NamedTuple):
 
 
 def _counted(brdf: AbstractBRDF, theta: float, number: int, dtype: Any, seed: int, most: float) -> Counts:
-    """The counts in cells about the lobe's middle; of refraction that fails there, in cells about the normal.
+    """The counts in cells about the lobe's middle; what fails there, in cells about the normal.
 
-    A failure needs more than one reference: where facets that stand upright refract to, the density jumps on a circle
-    about the normal, which crosses the cells about another middle, and their rule is off by more than it claims. About
-    the normal that circle is a ring, and so is the horizon.
+    A failure needs more than one reference: the rule in cells about another middle may be off by more than it claims,
+    as where the horizon crosses them, or, of refraction, the circle on which upright facets end the density. About the
+    normal both are rings.
     """
     counts = count_and_expect(brdf, theta, number, dtype, seed)
-    if counts.off <= most or Hemispheres.TRANSMISSION not in brdf.hemispheres:
+    if counts.off <= most:
         return counts
     return min(counts, count_and_expect(brdf, theta, number, dtype, seed, about_normal=True), key=lambda c: c.off)
 
@@ -100,7 +100,8 @@ def count_and_expect(
 ) -> Counts:
     """Counts and expected shares of a number of directions that are drawn for light from one incidence, radians.
 
-    `about_normal`: in cells about the normal, whatever the lobe's middle is.
+    `about_normal`: in cells about the normal, whatever the lobe's middle is. In single precision what a reflector sends
+    below the horizon is lost: next to the direction straight on, half vectors have no digits there.
     """
     rng = np.random.default_rng(seed)
     wi = cast_directions(unit_vector(theta), dtype)
@@ -109,6 +110,8 @@ def count_and_expect(
     sampled, leaves = _sampled(brdf, wi, *(jnp.asarray(c) for c in u))
     w = np.stack([np.asarray(c, float) for c in sampled], -1)[np.asarray(leaves)]
     good = np.isfinite(w).all(axis=1)
+    upper = np.dtype(dtype) == np.float32 and Hemispheres.TRANSMISSION not in brdf.hemispheres
+    w, good = (a[~(upper & (w[:, 2] <= 0))] for a in (w, good))
     lost = number - len(w)
     w = w[good] / np.linalg.norm(w[good], axis=1, keepdims=True)
     frames = _frames(np.array([float(c) for c in wi]))
@@ -123,7 +126,8 @@ def count_and_expect(
     def integrand(beta: np.ndarray, psi: np.ndarray) -> np.ndarray:
         s = np.sin(beta)
         local = np.stack([s * np.cos(psi), s * np.sin(psi), np.cos(beta)], -1).reshape(-1, 3)
-        density = _density(brdf, wi, cast_directions(local @ frame, dtype))
+        wo = local @ frame
+        density = np.where(upper & (wo[:, 2] <= 0), 0.0, _density(brdf, wi, cast_directions(wo, dtype)))
         return np.asarray(density, float).reshape(beta.shape) * s
 
     rims = _rims_of_refraction(brdf, np.array([float(c) for c in wi]), frame)
