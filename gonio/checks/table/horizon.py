@@ -1,4 +1,4 @@
-"""The rim of a table: the last ring of readings against the two before it."""
+"""The rim of a table: the last ring of readings against those before it."""
 
 import math
 from typing import Any
@@ -15,6 +15,10 @@ from gonio.models.geometry.sides import side_in_words
 
 LIGHT_MAX = np.radians(70)
 RIM = np.radians(75)
+RINGS = 4
+"""The last ones: a line through two shows a jump of the next, and the bend of the one before."""
+BENDS = 2.0
+"""How much more log f may bend at the last ring than at the one before."""
 BLOCK = 1 << 19
 """Readings that are looked at together."""
 MEDIAN_OF_NORMAL = 0.6745
@@ -24,8 +28,10 @@ MEDIAN_OF_NORMAL = 0.6745
 def table_horizon(evidence: TableEvidence, tolerance: float) -> Property:
     """How far the last ring of readings is from the extrapolation of the two before, in e-folds: the median below 70°.
 
-    A jump there is the sign of a sample too small for the beam, of a blocked arm, or of a shifted axis. Of both sides
-    of a sample the one with the larger jump decides; what goes through may end at an angle of its own.
+    In the flank of a narrow lobe log f bends everywhere, and more so towards the horizon: the bound is twice what the
+    ring before it is off those before itself. A jump there is the sign of a sample too small for the beam, of a blocked
+    arm, or of a shifted axis. Of both sides of a sample the one with the larger jump decides; what goes through may end
+    at an angle of its own.
     """
     judged = []
     for (light, detector), part in evidence.table.parts().items():
@@ -51,23 +57,24 @@ def _rim(table: Table, tolerance: float, evidence: TableEvidence) -> Property:
             "horizon", NOT_APPLICABLE, tolerance, "Not testable: the grid has no rings of polar angles."
         )
     theta_o, theta_i = grid.theta_o, grid.theta_i
-    rings = np.flatnonzero(theta_o < np.pi / 2 - 1e-9)[-3:]
+    rings = np.flatnonzero(theta_o < np.pi / 2 - 1e-9)[-RINGS:]
     lit = int(np.count_nonzero(theta_i < LIGHT_MAX))
-    if rings.size < 3:
-        detail = "Not testable: the grid has no three rings above the horizon."
+    if rings.size < RINGS:
+        detail = f"Not testable: the grid has fewer than {RINGS} rings above the horizon."
         return without_residual("horizon", NOT_APPLICABLE, tolerance, detail)
-    step = float((theta_o[rings[2]] - theta_o[rings[1]]) / (theta_o[rings[1]] - theta_o[rings[0]]))
+    apart = np.diff(theta_o[rings])
+    steps = apart[1:] / apart[:-1]
     together = max(1, BLOCK * theta_o.size // (rings.size * math.prod(table.shape[1:])))
     parts = [slice(k, min(k + together, lit)) for k in range(0, lit, together)]
-    blocks = [_jumps(table, part, rings, step) for part in parts]
-    jump, noise = (np.concatenate(values) for values in zip(*blocks, strict=True)) if blocks else np.zeros((2, 0))
+    blocks = [_jumps(table, part, rings, steps) for part in parts]
+    jump, bend, noise = (np.concatenate(v) for v in zip(*blocks, strict=True)) if blocks else np.zeros((3, 0))
     number = np.count_nonzero(np.isfinite(jump))
     if number < FEWEST or theta_o[rings[-1]] < RIM:
         detail = "Not testable: too few positive readings beyond 75°."
         return without_residual("horizon", NOT_APPLICABLE, tolerance, detail)
-    residual, bound = median(jump), 0.0
+    residual, bound = median(jump), BENDS * median(bend)
     if np.isfinite(noise).any():
-        bound = MEDIAN_OF_NORMAL * median(noise)
+        bound += MEDIAN_OF_NORMAL * median(noise)
     worst = np.unravel_index(np.nanargmax(jump), jump.shape)
     rim = float(np.degrees(theta_o[rings[-1]]))
     where: dict[str, Any] = {"theta_i": float(np.degrees(theta_i[worst[0]])), "theta_o": rim}
@@ -75,15 +82,16 @@ def _rim(table: Table, tolerance: float, evidence: TableEvidence) -> Property:
         where["channel"] = channel
     detail = (
         f"The ring of {rim:.4g}° is off the two before by {residual:.2g} e-folds at the median, by {jump[worst]:.2g} at"
-        " the most."
+        f" the most; the ring before it is off by {median(bend):.2g}."
     )
     return Property("horizon", verdict_of(residual, bound, tolerance), residual, bound, tolerance, where, detail)
 
 
-def _jumps(table: Table, lit: slice, rings: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """How far the last ring is off the two before, in e-folds, NaN where a reading is not positive, and its noise.
+def _jumps(table: Table, lit: slice, rings: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How far the last ring is off the two before, in e-folds, NaN where a reading is not positive; how far the ring
+    before it is off those before itself; and the noise of the first.
 
-    Both in single precision, of the shape of the table's readings at these incidences but for its polar angles.
+    All in single precision, of the shape of the table's readings at these incidences but for its polar angles.
     """
     axis = table.layout.dims.index("theta_o")
     place = (lit, *[slice(None)] * (axis - 1), slice(rings[0], rings[-1] + 1))
@@ -93,11 +101,12 @@ def _jumps(table: Table, lit: slice, rings: np.ndarray, step: float) -> tuple[np
 
     f = by_ring(table.f).astype(float)
     ok = ((by_ring(table.flag) == Flag.VALID) & (f > 0)).all(axis=0)
-    a, b, c = (np.log(np.where(ok, ring, 1.0)) for ring in f)
-    jump, noise = np.where(ok, np.abs(c - b - step * (b - a)), np.nan), np.full(ok.shape, np.nan)
+    slopes = np.diff(np.log(np.where(ok, f, 1.0)), axis=0)
+    bend, jump = (np.where(ok, np.abs(slopes[k + 1] - steps[k] * slopes[k]), np.nan) for k in (0, 1))
+    noise, step = np.full(ok.shape, np.nan), float(steps[1])
     if table.u_f is not None:
         with np.errstate(all="ignore"):
-            r = by_ring(table.u_f) / f
+            r = (by_ring(table.u_f) / f)[1:]
             noise = np.where(ok, np.sqrt(r[2] ** 2 + ((1 + step) * r[1]) ** 2 + (step * r[0]) ** 2), np.nan)
     noise[np.isinf(noise)] = np.nan
-    return jump.astype(np.float32), noise.astype(np.float32)
+    return jump.astype(np.float32), bend.astype(np.float32), noise.astype(np.float32)

@@ -1,9 +1,10 @@
 """Verdicts on energy of tables on grids of 1°, 2°, 5° and 10°, with a node on the mirror direction and without, of
 lobes of any width that conserve energy or do not, against the truth: how many are wrong, and how many undecided.
 
-    python table_verdicts.py [--model]
+    python table_verdicts.py [--model | --planned]
 
-With `--model`, what is undecided is judged again with the help of a model that is fitted to the table.
+With `--model`, what is undecided is judged again with the help of a model that is fitted to the table; with
+`--planned` then with the few further readings that `gonio plan --for energy` names, twice at the most.
 """
 
 import collections
@@ -14,6 +15,7 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 import numpy as np  # noqa: E402
+from random_mixtures import verdict  # noqa: E402
 
 from gonio.checks.table.energy import table_energy  # noqa: E402
 from gonio.checks.table.evidence import TableEvidence  # noqa: E402
@@ -32,7 +34,8 @@ TOLERANCE = 0.01
 
 
 def main() -> None:
-    counts, wrong, assisted, undecided = collections.Counter(), [], "--model" in sys.argv[1:], []
+    counts, wrong, undecided = collections.Counter(), [], []
+    assisted, planned = (name in sys.argv[1:] for name in ("--model", "--planned"))
     print(f"{'step':>5} {'alpha':>6} " + "".join(f"{m.replace('{a}', 'α'):>42}" for m in MATERIALS))
     for step in STEPS:
         for alpha in ALPHAS:
@@ -49,6 +52,8 @@ def main() -> None:
                     energy = table_energy(TableEvidence(table), TOLERANCE)
                     if assisted and energy.verdict == "undecided":
                         energy = table_energy(TableEvidence(table, model="auto"), TOLERANCE)
+                    if planned and energy.verdict == "undecided":
+                        energy = verdict(table, brdf, "auto")[1]
                     right = energy.verdict == ("pass" if lawful else "fail")
                     outcome = "undecided" if energy.verdict == "undecided" else "right" if right else "WRONG"
                     if outcome == "undecided":
@@ -69,7 +74,7 @@ def main() -> None:
             f"{step:4g}°: {right} right, {bad} wrong, {open_} undecided ({open_ / (right + open_ + bad):.0%}), "
             f"{unread} of them without a node in the mirror direction"
         )
-    for one in undecided if assisted else ():
+    for one in undecided if assisted or planned else ():
         print("undecided", *one)
     for one in wrong:
         print("WRONG", *one)

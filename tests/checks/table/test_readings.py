@@ -24,6 +24,12 @@ def test_negative_readings_are_counted_and_judged_beyond_their_noise():
     assert table_positivity(TableEvidence(table), 0.001).verdict == "pass"
 
 
+@pytest.mark.parametrize("surface", ["rough_slab(alpha=0.037)", "lambert(rho=0.01) + beckmann(alpha=0.2)"])
+def test_the_steep_flank_of_a_lobe_is_no_jump_at_the_horizon(surface):
+    layout = layouts.isotropic(degrees(0, 81, 20), degrees(0, 83, 7.5), degrees(7.5, 360, 15))
+    assert table_horizon(TableEvidence(model_table(surface, layout)), 0.5).verdict != "fail"
+
+
 def test_a_ring_that_is_off_shows_at_the_horizon():
     assert table_horizon(TableEvidence(model_table(PAINT, TO_85)), 0.5).verdict == "pass"
     blocked = model_table(PAINT, TO_85, lambda f, ti, pi, to, po: np.where(to > np.radians(84), 0.3 * f, f))
