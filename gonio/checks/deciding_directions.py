@@ -102,7 +102,7 @@ def _at_levels(ways: Ways, brdf: AbstractBRDF, incidence: tuple[float, float]) -
     values = [values_at(term, angles).mean(axis=1) for term in brdf.terms()]
     wanted = []
     for value in values:
-        below = np.log(np.maximum(value.max(), 1e-300) / np.maximum(value, 1e-300))
+        below = np.log(max(value.max(), 1e-300)) - np.log(np.maximum(value, 1e-300))
         if np.min(np.abs(fan[below > 1.0]), initial=np.inf) > WIDE * ways.step:
             continue
         visible = value > VISIBLE * sum(values)

@@ -1,8 +1,9 @@
 """The energy that a lobe in the mirror direction may have where no reading of a table shows it.
 
 A table that leaves out the mirror direction excludes no lobe that is narrow enough, but it bounds those of a given
-width: their tails are at most what was read. The lobes are those of Gaussian distributions of facets (Beckmann); all
-other distributions in use, GGX and the power laws of polished surfaces, have heavier tails, and hide less.
+width: their tails are at most what was read. The lobes are those of Gaussian distributions of facets (Beckmann), and
+mixtures of them; all other distributions in use, GGX and the power laws of polished surfaces, have heavier tails, and
+hide less.
 
 Light that an interface refracts has such a lobe too, about the direction that Snell's law gives it.
 
@@ -11,7 +12,6 @@ References:
     the lobe of what is refracted.
 """
 
-import functools
 import math
 from typing import NamedTuple
 
@@ -157,6 +157,8 @@ class Lobes(NamedTuple):
     largest: float = 1e12
 
 
+WEIGHTS = (0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 0.98)
+"""Of one of two limits."""
 REFLECTED = Lobes(ALPHAS, np.ones(ALPHAS.size))
 MOST_FACETS = 2.0
 """Of total reflection: what facets send on where more than that is lawless below that angle too, and judged there."""
@@ -178,33 +180,65 @@ def refracted(theta_i: float, bend: float) -> Lobes:
 def hidden_energy(nodes: NearMirror, limit: np.ndarray, isotropic: bool, lobes: Lobes = REFLECTED) -> np.ndarray:
     """The most that an integral over the nodes misses of lobes that are at least as wide as each of `ALPHAS`, (K, C).
 
+    Of any number of lobes together: a narrow one may make the reading in the mirror direction, and a wider one those
+    around it.
+
     Args:
         nodes: those about the mirror direction of an incidence.
-        limit: (n, C), 1/sr: what a lobe may be at each node at the most; infinite where nothing was read.
+        limit: (n, C), 1/sr: what lobes may be at each node at the most; infinite where nothing was read.
         isotropic: whether the surface is; else distributions of facets are elongated too.
         lobes: what lobes those are, where not reflected.
     """
     shapes = (
         [(1.0, 0.0)] if isotropic else [(a, k * np.pi / TURNS) for a in ASPECTS for k in range(TURNS if a > 1 else 1)]
     )
-    missed = functools.reduce(np.maximum, (_missed(nodes, limit, lobes, *shape) for shape in shapes))
-    return np.maximum.accumulate(missed[::-1], axis=0)[::-1]
+    each = [_lobes_at(nodes, lobes, *shape) for shape in shapes]
+    unit, missed = (np.stack(parts) for parts in zip(*each, strict=True))
+    energy = np.stack([_most_of_mixtures(unit, missed, of_channel) for of_channel in limit.T], axis=1)
+    return np.minimum(energy, lobes.largest * np.max(missed, axis=0)[:, None])
 
 
-def _missed(nodes: NearMirror, limit: np.ndarray, lobes: Lobes, aspect: float, turn: float) -> np.ndarray:
+def _lobes_at(nodes: NearMirror, lobes: Lobes, aspect: float, turn: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lobes of energy 1 at the nodes (K, n), 1/sr, and what an integral over the nodes misses of each (K,)."""
     slope = np.tan(nodes.theta_h)
     along, across = slope * np.cos(nodes.phi_h - turn), slope * np.sin(nodes.phi_h - turn) / aspect
     alpha2 = lobes.alpha[:, None] ** 2
     density = np.exp(-(along**2 + across**2) / alpha2) / (np.pi * aspect * alpha2 * np.cos(nodes.theta_h) ** 4)
-    unit = density / (4 * nodes.cosines)  # (K, n): the lobe of energy 1
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        ratio = np.nan_to_num(limit / unit[..., None], nan=np.inf, posinf=np.inf)
-    energy = np.min(ratio, axis=1, initial=lobes.largest)
-    unseen = np.maximum(lobes.share - unit @ nodes.weight, 0.0)[:, None]
+    unit = density / (4 * nodes.cosines)
     # Where the nearest node is within half of the lobe's width it shows the lobe, and the grid's own bound holds: a
     # node that counts, for a reading beside the table shows no more than its limit.
     nearest = slope[nodes.weight > 0].min(initial=np.inf)
-    return np.where(lobes.alpha[:, None] * math.sqrt(math.log(2)) < nearest, energy * unseen, 0.0)
+    hides = lobes.alpha * math.sqrt(math.log(2)) < nearest
+    return unit, np.where(hides, np.maximum(lobes.share - unit @ nodes.weight, 0.0), 0.0)
+
+
+def _most_of_mixtures(unit: np.ndarray, missed: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """The most that is missed of mixtures of lobes that are at least as wide as each, (K,), of one channel.
+
+    A bound by the dual of that linear programme: weights w of the limits, of sum 1, with which the lobes' energies are
+    at most 1 / (w · unit/limit) together, whatever the mixture. Tried are pairs of the limits that are the tightest for
+    some lobe. A power law, such as GGX's, is such a mixture.
+
+    Args:
+        unit: (S, K, n), 1/sr, lobes of energy 1 at the nodes, of S shapes and K widths.
+        missed: (S, K), what is missed of each.
+        limit: (n,), 1/sr.
+    """
+    read = np.isfinite(limit)
+    used = unit[..., read] / np.maximum(limit[read], 1e-300)  # share of each limit that a lobe of energy 1 takes
+    if not used.shape[-1]:
+        return np.where(np.maximum.accumulate(np.max(missed, axis=0)[::-1])[::-1] > 0, np.inf, 0.0)
+    tightest = np.unique(np.argmax(np.max(used, axis=0), axis=-1))
+    best = np.full(missed.shape[1], np.inf)
+    for k, first in enumerate(tightest):
+        pairs = tightest[k:] if tightest.size > 1 else tightest
+        for w in WEIGHTS:
+            together = w * used[..., first, None] + (1 - w) * used[..., pairs]
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                most = np.where(missed[..., None] > 0, missed[..., None] / together, 0.0).max(axis=0)
+            wider = np.maximum.accumulate(most[::-1], axis=0)[::-1]
+            best = np.minimum(best, wider.min(axis=1))
+    return best
 
 
 def at_width(hidden: np.ndarray, width: float) -> np.ndarray:

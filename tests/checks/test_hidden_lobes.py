@@ -48,6 +48,22 @@ def test_the_readings_of_a_lobe_allow_at_least_the_energy_that_it_has(seed):
     assert elongated >= hidden - 1e-12
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_narrow_and_a_wide_lobe_together_have_no_more_than_the_readings_allow(seed):
+    """Readings at and beside the mirror direction: the narrow one makes the first of them, the wide one the others."""
+    rng = np.random.default_rng(seed)
+    theta_i, (narrow, wide) = np.radians(rng.choice([0.0, 20.0, 40.0])), rng.uniform([0.002, 0.01], [0.008, 0.022])
+    near, theta, phi = nodes_of(theta_i, np.radians(5), 0.0, 2 * STEP)
+    beside = theta_i + np.radians([0.0, 0.7, 1.5, 3.0])
+    further = NearMirror.of((theta_i, 0.0), beside, np.full(beside.size, np.pi), np.zeros(beside.size))
+    theta, phi = (np.append(a[near.number], b) for a, b in ((theta, beside[further.number]), (phi, [np.pi] * 4)))
+    share = rng.uniform(0.2, 0.8)
+    limit = share * lobe_at(narrow, theta_i, theta, phi) + (1 - share) * lobe_at(wide, theta_i, theta, phi)
+    seen = near.joined(further)
+    hidden = hidden_energy(seen, credible(limit, np.ones(1)), isotropic=True).max()
+    assert seen.weight @ limit[:, 0] + hidden >= 0.99
+
+
 @pytest.mark.parametrize("seed", range(16))
 def test_the_readings_of_refracted_light_allow_at_least_the_energy_that_it_has(seed):
     """From either side of an interface, and beyond the angle of total reflection."""
