@@ -68,6 +68,8 @@ class InterpolationAxis(eqx.Module):
         return (low, high), (1.0 - w, w)
 
 
+AT_NODE = 1e-9
+"""Weight of a node below which directions lie at the others, but for rounding."""
 _Corner = tuple[tuple[np.ndarray, ...], np.ndarray]
 """The numbers of a node on each axis, (n,) each, and its weight, (n,)."""
 
@@ -125,7 +127,7 @@ class Tabulated(AbstractBRDF):
         least, most = (np.full((wi.z.size, values.shape[-1]), v) for v in (np.inf, -np.inf))
         shown, _, corners = self._corners(wi, wo)
         for index, share in corners:
-            counts = (share > 0)[:, None]
+            counts = (share > AT_NODE)[:, None]
             f = np.where(valid[index], values[index], np.nan)
             least[shown] = np.where(counts, np.minimum(least[shown], f), least[shown])
             most[shown] = np.where(counts, np.maximum(most[shown], f), most[shown])

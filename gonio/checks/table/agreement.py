@@ -9,7 +9,7 @@ from gonio.checks.direction_search import refuse_other_channels, values
 from gonio.checks.table.comparison import compare, only_surely
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs.between_readings import between_readings, change_across_gaps
-from gonio.checks.table.pairs.pairs import FEWEST, Pairs
+from gonio.checks.table.pairs.pairs import FEWEST, ROUNDING, Pairs
 from gonio.checks.table.pairs.places import pair_angles
 from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
 from gonio.data.flags import Flag
@@ -64,11 +64,11 @@ class _Readings(NamedTuple):
 
 
 def _with_model(evidence: TableEvidence, truth: AbstractBRDF, readings: _Readings, tolerance: float) -> Property:
-    f = readings.f
     true = values(truth, readings.wi, readings.wo)
-    refuse_other_channels(f.shape[-1], true.shape[-1])
+    refuse_other_channels(readings.f.shape[-1], true.shape[-1])
+    f, true, u = np.broadcast_arrays(readings.f, true, readings.u)
     angles = pair_angles(readings.wi, readings.wo)
-    known = (f, np.broadcast_to(true, f.shape), readings.u, np.zeros(f.shape))
+    known = (f, true, u, np.zeros(f.shape))
     pairs = Pairs.of_arrays(known, angles, len(f), "each with the reference", exchanged=False)
     compared = compare(evidence, pairs, np.ones(len(f)))
     return compared.judged("agreement", evidence, tolerance, "The table's readings and the reference's values")
@@ -104,12 +104,13 @@ def _with_readings(evidence: TableEvidence, other: Table, readings: _Readings, t
 
 def _pairs(readings: _Readings, other: Table, gaps: np.ndarray | float = 0.0) -> Pairs:
     """The readings with values of the other table; `gaps` (n, C), 1/sr: what may lie between its readings."""
-    f = readings.f
     between = between_readings(other, readings.wi, readings.wo)
-    value, error, around, u = (np.broadcast_to(a, f.shape) for a in between[:4])
+    f, u_f, value, error, around, u = np.broadcast_arrays(readings.f, readings.u, *between[:4])
+    dark = np.fmax(np.abs(f), np.abs(value)) <= ROUNDING * np.nanmax(np.abs(f), axis=0, initial=0.0)
+    f, value = (np.where(dark, 0.0, v) for v in (f, value))
     size = np.maximum((np.abs(f) + np.abs(value)) / 2, 1e-300)
     around = np.where(around == 0, 0.0, np.maximum(around, gaps)) / size
     return Pairs.of_arrays(
-        (f, value, readings.u, u), pair_angles(readings.wi, readings.wo), len(f), "each with the other table", error,
+        (f, value, u_f, u), pair_angles(readings.wi, readings.wo), len(f), "each with the other table", error,
         around=around, exchanged=False,
     )  # fmt: skip

@@ -36,6 +36,23 @@ def test_readings_of_the_same_directions_are_compared_without_interpolation():
     assert agreement.verdict == "pass" and agreement.residual < 1e-12
 
 
+SIDES = layouts.isotropic(degrees(0, 76, 15), np.append(degrees(0, 76, 15), degrees(105, 181, 15)), degrees(0, 360, 15))
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        model_table("rough_slab(alpha=0.1)", SIDES),
+        model_table(PAINT, layouts.merl(counts=(6, 6, 12))),
+        as_list(model_table(PAINT, COARSE)),
+    ],
+    ids=["both sides", "half vectors", "list"],
+)
+def test_a_table_agrees_with_itself(table):
+    agreement = gonio.check(table, against=table)["agreement"]
+    assert agreement.verdict == "pass" and agreement.residual < 1e-9
+
+
 def test_nothing_is_said_where_the_other_table_was_not_read():
     narrow = model_table(PAINT, layouts.isotropic(degrees(0, 41, 5), degrees(0, 41, 5), degrees(0, 360, 15)))
     agreement = gonio.check(model_table(PAINT, FINE), against=narrow)["agreement"]
@@ -56,3 +73,9 @@ def test_noise_of_both_tables_counts(stated, verdict):
 
     one, two = (model_table(PAINT, FINE, noise(seed), stated=stated) for seed in (0, 1))
     assert gonio.check(one, against=two)["agreement"].verdict == verdict
+
+
+def test_a_grey_table_is_held_against_every_channel_of_the_other():
+    grey, three = (model_table(f"lambert(rho={rho})", COARSE) for rho in ("0.5", "[0.5, 0.5, 0.9]"))
+    for other in (three, gonio.material("lambert(rho=[0.5, 0.5, 0.9])")):
+        assert gonio.check(grey, against=other)["agreement"].residual == pytest.approx(0.4 / 0.7, rel=1e-6)

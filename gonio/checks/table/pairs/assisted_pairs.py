@@ -68,8 +68,9 @@ def _over_model(table: Table, brdf: AbstractBRDF) -> Table | str:
     up = table.layout.are_readable(wi.z, wo.z)
     wi, wo = (Direction(*(c[up] for c in w)) for w in (wi, wo))
     model, exchanged = values(brdf, wi, wo), values(brdf, wo, wi)
-    front, behind = (np.where(np.asarray(w.z)[:, None] > 0, *table.media) ** 2 for w in (wi, wo))
-    if np.max(relative_difference(model / behind, exchanged / front)) > RECIPROCAL:
+    index = np.broadcast_to(np.asarray(brdf.index_behind, float), len(table.channels))
+    light, detector = (np.where(np.asarray(w.z)[:, None] > 0, 1.0, index) ** 2 for w in (wi, wo))
+    if np.max(relative_difference(model / detector, exchanged / light)) > RECIPROCAL:
         return "the model is not reciprocal"
     m = np.full((table.layout.size, len(table.channels)), np.nan)
     m[up] = np.where(model > DARKEST * np.max(model, axis=0), model, np.nan)

@@ -48,14 +48,16 @@ def between_readings(table: Table, wi: Direction, wo: Direction) -> Between:
     Raises GonioError where the table cannot be interpolated.
     """
     inside = covered(table, wi, wo)
-    value, rough = (values(as_material(t), wi, wo) for t in (table, coarsened(table)))
+    value = values(as_material(table), wi, wo)
+    # What a format reads by a rule of its own is what it states.
+    rough = value if table.interpolant is not None else values(as_material(coarsened(table)), wi, wo)
     error = relative_difference(value, rough)
     u = np.full(value.shape, np.nan)
     if table.u_f is not None and table.interpolant is None:
         u = values(as_material(dataclasses.replace(table, f=table.u_f)), wi, wo)
     gap = np.zeros(len(value))
     if table.interpolant is not None:
-        around = error * np.abs(value)
+        around = np.zeros(value.shape)
     elif table.layout.gridded:
         least, most = cast(Tabulated | TwoSided, as_material(table)).ends(wi, wo)
         around = most - least
