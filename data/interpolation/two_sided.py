@@ -1,5 +1,7 @@
 """A table of both sides of a sample as a material: each of its parts is interpolated by itself, never across."""
 
+from typing import Any, cast
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -45,7 +47,8 @@ class TwoSided(AbstractBRDF):
         made: list[np.ndarray] = []
         for part, sides in zip(self.parts, self.sides, strict=True):
             here = (light == sides[0]) & (detector == sides[1])
-            of_part = np.stack(part.ends(*(Direction(*(c[here] for c in w)) for w in (wi, wo))))
+            light_here, detector_here = (Direction(*(c[here] for c in w)) for w in (wi, wo))
+            of_part = np.stack(cast(Any, part).ends(light_here, detector_here))
             made = made or [np.full((2, light.size, of_part.shape[-1]), np.nan)]
             made[0][:, here] = of_part
         return made[0][0], made[0][1]

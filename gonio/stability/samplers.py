@@ -111,7 +111,9 @@ def count_and_expect(
     w = np.stack([np.asarray(c, float) for c in sampled], -1)[np.asarray(leaves)]
     good = np.isfinite(w).all(axis=1)
     upper = np.dtype(dtype) == np.float32 and Hemispheres.TRANSMISSION not in brdf.hemispheres
-    w, good = (a[~(upper & (w[:, 2] <= 0))] for a in (w, good))
+    if upper:
+        kept = np.flatnonzero(~(w[:, 2] <= 0))
+        w, good = w[kept], good[kept]
     lost = number - len(w)
     w = w[good] / np.linalg.norm(w[good], axis=1, keepdims=True)
     frames = _frames(np.array([float(c) for c in wi]))

@@ -9,7 +9,7 @@ import dataclasses
 import numpy as np
 
 from gonio.checks.certificate import relative_difference
-from gonio.checks.direction_search import values
+from gonio.checks.direction_search import directions, values
 from gonio.checks.table.pairs.between_readings import between_readings
 from gonio.checks.table.pairs.columns import readings_of
 from gonio.checks.table.pairs.equal_pairs import cells_without_partner, exchanged_pairs, squares_of
@@ -20,7 +20,7 @@ from gonio.checks.table.pairs.scattered_pairs import scattered_pairs
 from gonio.data.flags import Flag
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.geometry.directions import Direction, from_spherical
+from gonio.models.geometry.directions import Direction
 
 RECIPROCAL = 1e-6
 """Relative difference of a model's two values of a pair above which it is not reciprocal."""
@@ -44,8 +44,8 @@ def assisted_pairs(table: Table, brdf: AbstractBRDF) -> Pairs | str:
         return measured
     cells = _unpaired(table, measured)
     between = interpolated_pairs(ratio, cells) if table.layout.gridded else _between_lists(ratio, cells)
-    directions_of = (from_spherical(*between.angles[:, k : k + 2].T, np) for k in (0, 2))
-    model = values(brdf, *directions_of)
+    wi, wo = (directions(between.angles[:, k], between.angles[:, k + 1]) for k in (0, 2))
+    model = values(brdf, wi, wo)
 
     def in_f(channel: int, column: Column) -> Column:
         m = model[:, channel % model.shape[1]]

@@ -80,8 +80,9 @@ def _between_scattered(
     mean = np.sum(np.where(same, f[near], 0.0), axis=1) / np.maximum(same.sum(axis=1), 1)
     exact = same[:, 0]
     around = np.maximum(f[near].max(axis=1), value) - np.minimum(f[near].min(axis=1), value)
-    known = (np.where(exact, a, b) for a, b in ((mean, value), (0.0, error), (0.0, around)))
-    return (*known, distance[:, 0])
+    value = np.where(exact, mean, value)
+    error, around = (np.where(exact, 0.0, a) for a in (error, around))
+    return value, error, around, distance[:, 0]
 
 
 def change_across_gaps(angles: np.ndarray, f: np.ndarray, other: Table, isotropic: bool) -> np.ndarray:
