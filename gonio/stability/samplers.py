@@ -109,11 +109,10 @@ def count_and_expect(
     u = np.minimum(u, np.nextafter(dtype(1), dtype(0)))
     sampled, leaves = _sampled(brdf, wi, *(jnp.asarray(c) for c in u))
     w = np.stack([np.asarray(c, float) for c in sampled], -1)[np.asarray(leaves)]
-    good = np.isfinite(w).all(axis=1)
     upper = np.dtype(dtype) == np.float32 and Hemispheres.TRANSMISSION not in brdf.hemispheres
     if upper:
-        kept = np.flatnonzero(~(w[:, 2] <= 0))
-        w, good = w[kept], good[kept]
+        w = w[~(w[:, 2] <= 0)]
+    good = np.isfinite(w).all(axis=1)
     lost = number - len(w)
     w = w[good] / np.linalg.norm(w[good], axis=1, keepdims=True)
     frames = _frames(np.array([float(c) for c in wi]))
