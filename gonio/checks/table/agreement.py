@@ -8,7 +8,7 @@ from gonio.checks.certificate import FAIL, NOT_APPLICABLE, PASS, UNDECIDED, Prop
 from gonio.checks.direction_search import refuse_other_channels, values
 from gonio.checks.table.comparison import compare, only_surely
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.pairs.between_readings import between_readings, change_across_gaps
+from gonio.checks.table.pairs.between_readings import between_readings, change_across_gaps, uncertainty_between
 from gonio.checks.table.pairs.pairs import FEWEST, ROUNDING, Pairs
 from gonio.checks.table.pairs.places import pair_angles
 from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
@@ -105,7 +105,8 @@ def _with_readings(evidence: TableEvidence, other: Table, readings: _Readings, t
 def _pairs(readings: _Readings, other: Table, gaps: np.ndarray | float = 0.0) -> Pairs:
     """The readings with values of the other table; `gaps` (n, C), 1/sr: what may lie between its readings."""
     between = between_readings(other, readings.wi, readings.wo)
-    f, u_f, value, error, around, u = np.broadcast_arrays(readings.f, readings.u, *between[:4])
+    u = uncertainty_between(other, readings.wi, readings.wo)
+    f, u_f, value, error, around, u = np.broadcast_arrays(readings.f, readings.u, *between[:3], u)
     dark = np.fmax(np.abs(f), np.abs(value)) <= ROUNDING * np.nanmax(np.abs(f), axis=0, initial=0.0)
     f, value = (np.where(dark, 0.0, v) for v in (f, value))
     size = np.maximum((np.abs(f) + np.abs(value)) / 2, 1e-300)

@@ -31,14 +31,12 @@ class Between(NamedTuple):
         error: relative, by half of the readings: of a grid that resolves f three times its own.
         around: by how much the readings around differ, 1/sr: a bound of whatever is monotone between them; 0 where
             there is a reading, NaN where one around is missing.
-        u: standard uncertainties, NaN where none is stored.
         gap: (n,), about radians, to the nearest reading of a list; 0 of a grid.
     """
 
     value: np.ndarray
     error: np.ndarray
     around: np.ndarray
-    u: np.ndarray
     gap: np.ndarray
 
 
@@ -48,23 +46,28 @@ def between_readings(table: Table, wi: Direction, wo: Direction) -> Between:
     Raises GonioError where the table cannot be interpolated.
     """
     inside = covered(table, wi, wo)
-    value = values(as_material(table), wi, wo)
+    material = as_material(table)
+    value = values(material, wi, wo)
     # What a format reads by a rule of its own is what it states.
     rough = value if table.interpolant is not None else values(as_material(coarsened(table)), wi, wo)
     error = relative_difference(value, rough)
-    u = np.full(value.shape, np.nan)
-    if table.u_f is not None and table.interpolant is None:
-        u = values(as_material(dataclasses.replace(table, f=table.u_f)), wi, wo)
     gap = np.zeros(len(value))
     if table.interpolant is not None:
         around = np.zeros(value.shape)
     elif table.layout.gridded:
-        least, most = cast(Tabulated | TwoSided, as_material(table)).ends(wi, wo)
+        least, most = cast(Tabulated | TwoSided, material).ends(wi, wo)
         around = most - least
         error = np.where(around == 0, 0.0, error)
     else:
         value, error, around, gap = _between_scattered(table, pair_angles(wi, wo), value, error)
-    return Between(np.where(inside[:, None] & (error <= STEEPEST), value, np.nan), error, around, u, gap)
+    return Between(np.where(inside[:, None] & (error <= STEEPEST), value, np.nan), error, around, gap)
+
+
+def uncertainty_between(table: Table, wi: Direction, wo: Direction) -> np.ndarray:
+    """Standard uncertainties (n, C) of such values, as if those of the readings around were one; NaN: not stored."""
+    if table.u_f is None or table.interpolant is not None:
+        return np.full((wi.z.size, len(table.channels)), np.nan)
+    return values(as_material(dataclasses.replace(table, f=table.u_f)), wi, wo)
 
 
 def _between_scattered(
