@@ -107,7 +107,7 @@ def _pairs(readings: _Readings, other: Table, gaps: np.ndarray | float = 0.0) ->
     between = between_readings(other, readings.wi, readings.wo)
     u = uncertainty_between(other, readings.wi, readings.wo)
     f, u_f, value, error, around, u = np.broadcast_arrays(readings.f, readings.u, *between[:3], u)
-    dark = np.fmax(np.abs(f), np.abs(value)) <= ROUNDING * np.nanmax(np.abs(f), axis=0, initial=0.0)
+    dark = np.maximum(np.abs(f), np.abs(value)) <= ROUNDING * np.nanmax(np.abs(f), axis=0, initial=0.0)
     f, value = (np.where(dark, 0.0, v) for v in (f, value))
     size = np.maximum((np.abs(f) + np.abs(value)) / 2, 1e-300)
     around = np.where(around == 0, 0.0, np.maximum(around, gaps)) / size
