@@ -20,6 +20,8 @@ MOST_READINGS = 200_000
 """Of a table, in which the one that is nearest is looked for."""
 ACROSS = 2.0
 """Distance to the nearest reading in those between the readings on both sides of a direction."""
+FARTHEST, TOGETHER = np.radians(45.0), 512
+"""Of those readings; directions that are looked at together, each of which may have many."""
 NEIGHBOURS = 6
 """Scattered readings around a direction, which show how much f changes there."""
 
@@ -99,11 +101,13 @@ def change_across_gaps(angles: np.ndarray, f: np.ndarray, other: Table, isotropi
     isotropic |= _isotropic(other)
     mirrored = isotropic and (one_sided(angles) or one_sided(of_other))
     here, there = (pair_points(a, isotropic, mirrored) for a in (angles, of_other))
-    gap, _ = KDTree(there, LEAF).query(here)
-    near = KDTree(here, LEAF).query_ball_point(here, ACROSS * np.asarray(gap) + EXACT)
-    number, ends = np.concatenate([np.asarray(n, int) for n in near]), np.cumsum([0, *map(len, near)])[:-1]
-    ordered = f[number]
-    return np.nan_to_num(np.fmax.reduceat(ordered, ends) - np.fmin.reduceat(ordered, ends))
+    gap, tree, change = np.asarray(KDTree(there, LEAF).query(here)[0]), KDTree(here, LEAF), np.empty(f.shape)
+    for start in range(0, len(f), TOGETHER):
+        part = slice(start, start + TOGETHER)
+        near = tree.query_ball_point(here[part], np.minimum(ACROSS * gap[part], FARTHEST) + EXACT)
+        number, ends = np.concatenate([np.asarray(n, int) for n in near]), np.cumsum([0, *map(len, near)])[:-1]
+        change[part] = np.fmax.reduceat(f[number], ends) - np.fmin.reduceat(f[number], ends)
+    return np.nan_to_num(change)
 
 
 def _nearest(table: Table, readings: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
