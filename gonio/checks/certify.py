@@ -99,7 +99,10 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
     evidence = _evidence(judged, settings, reference)
     properties = []
     for key, spec in PROPERTIES.items():
-        path, tolerance = getattr(spec, judged.kind), getattr(spec, f"{judged.kind}_tolerance")
+        path = getattr(spec, judged.kind)
+        # Between the readings of another table nothing is known as well as a model's tolerance asks.
+        by_readings = judged.kind == "table" or (spec.needs_reference and isinstance(reference, Table))
+        tolerance = spec.table_tolerance if by_readings else spec.model_tolerance
         if path is not None and (reference is not None or not spec.needs_reference):
             judge = pkgutil.resolve_name(f"gonio.checks.{path}")
             properties.append(judge(evidence, given.get(key, tolerance)))
@@ -124,7 +127,7 @@ def _evidence(
         if settings.model is not None:
             raise GonioError(f"{judged.name} is a model; another one helps tables only: leave the option out")
         if isinstance(reference, Table):
-            return ModelEvidence(judged.brdf, judged.channels.names, readings=reference)
+            return ModelEvidence(judged.brdf, judged.channels.names, readings=reference, level=settings.level)
         return ModelEvidence(judged.brdf, judged.channels.names, reference)
     if settings.model not in (None, "auto"):
         with_defaults(parse(settings.model))  # refused whether it is needed or not

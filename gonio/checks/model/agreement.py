@@ -7,7 +7,6 @@ from gonio.checks.direction_search import pair, pair_angles, precision, refuse_o
 from gonio.checks.model.evidence import ModelEvidence
 from gonio.checks.model.reciprocity import difference_property, worst_difference
 from gonio.checks.model.sides import on_every_side
-from gonio.checks.properties import PROPERTIES
 from gonio.checks.table.agreement import table_agreement
 from gonio.checks.table.evidence import TableEvidence
 
@@ -19,9 +18,7 @@ def model_agreement(evidence: ModelEvidence, tolerance: float) -> Property:
     """
     if evidence.readings is None:
         return _agreement_with_model(evidence, tolerance)
-    # Between readings nothing is known as well as a model's tolerance asks.
-    of_table = TableEvidence(evidence.readings, reference=evidence.brdf)
-    return table_agreement(of_table, max(tolerance, PROPERTIES["agreement"].table_tolerance))
+    return table_agreement(TableEvidence(evidence.readings, evidence.level, reference=evidence.brdf), tolerance)
 
 
 @on_every_side

@@ -6,6 +6,7 @@ import functools
 import numpy as np
 
 from gonio.checks.direction_search import pair_angles
+from gonio.checks.table.evidence import LEVEL
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 
@@ -19,6 +20,8 @@ class ModelEvidence:
     reference: AbstractBRDF | None = None
     readings: Table | None = None
     """Those of the same surface, beside which the model is judged in place of a truth."""
+    level: float = LEVEL
+    """Of the tests against the uncertainties of these."""
 
     @functools.cached_property
     def angles(self) -> np.ndarray:

@@ -78,7 +78,7 @@ def _with_readings(evidence: TableEvidence, other: Table, readings: _Readings, t
     """By what is known of the other table between its readings: no better than these show it, and not beyond them."""
     f, angles = readings.f, pair_angles(readings.wi, readings.wo)
     refuse_other_channels(f.shape[-1], len(other.channels))
-    pairs, what = _pairs(readings, other), "The table's readings and those of the other table, interpolated between,"
+    pairs, what = _pairs(readings, other), "The table's readings and the other table's, interpolated,"
     compared = compare(evidence, pairs, np.ones(len(f)))
     if compared.differences.by_channel.max(initial=0) < FEWEST:
         number = int(compared.differences.comparable.sum())

@@ -62,6 +62,9 @@ def test_nothing_is_said_where_the_other_table_was_not_read():
 def test_a_model_is_judged_by_the_readings_of_a_table():
     table = model_table(PAINT, COARSE)
     assert gonio.check(PAINT, against=table)["agreement"].verdict == "pass"
+    brighter = f"1.03 * ({PAINT})"
+    for tolerance, verdict in ((None, "pass"), (0.01, "fail")):
+        assert gonio.check(brighter, against=table, tolerances={"agreement": tolerance})["agreement"].verdict == verdict
     other = gonio.check(PAINT.replace("0.12", "0.2"), against=table)["agreement"]
     assert other.verdict == "fail" and other.where
 
