@@ -6,7 +6,7 @@ import numpy as np
 
 from gonio.checks.certificate import FAIL, NOT_APPLICABLE, PASS, UNDECIDED, Property, without_residual
 from gonio.checks.direction_search import refuse_other_channels, values
-from gonio.checks.table.comparison import compare, only_surely
+from gonio.checks.table.comparison import MAY_BE_INTERPOLATION, compare, only_surely
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs.between_readings import between_readings, change_across_gaps, uncertainty_between
 from gonio.checks.table.pairs.pairs import FEWEST, ROUNDING, Pairs
@@ -94,6 +94,8 @@ def _with_readings(evidence: TableEvidence, other: Table, readings: _Readings, t
         gaps = change_across_gaps(pair_angles(some.wi, some.wo), some.f, other, isotropic)
         within = compare(evidence, _pairs(some, other, gaps).within_readings(), np.ones(len(some.f)))
         judged = only_surely(judged, within.judged("agreement", evidence, tolerance, what))
+    elif judged.verdict == UNDECIDED:
+        judged.detail += MAY_BE_INTERPOLATION
     read = angles[np.isfinite(f).any(axis=1)]
     share, where = uncovered(read, angles[compared.differences.comparable], every=True)
     if share > 0:

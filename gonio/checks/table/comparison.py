@@ -12,6 +12,7 @@ from gonio.checks.table.regions import judged_by_regions
 from gonio.checks.table.significance import judged_by_level
 from gonio.checks.table.statistics.differences import Differences
 
+MAY_BE_INTERPOLATION = " Some of that may come of interpolating between readings that are far apart."
 BETWEEN_READINGS = " Between readings so far apart f may change by as much: no reading shows a violation."
 
 

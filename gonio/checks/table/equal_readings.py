@@ -17,7 +17,7 @@ from gonio.checks.certificate import (
     Property,
     without_residual,
 )
-from gonio.checks.table.comparison import Compared, compare, only_surely
+from gonio.checks.table.comparison import MAY_BE_INTERPOLATION, Compared, compare, only_surely
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs.assisted_pairs import assisted_pairs
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
@@ -87,6 +87,8 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
     if judged.verdict == FAIL and len(pairs.around):
         within = compare(evidence, pairs.within_readings(), sign)
         judged = only_surely(judged, _judged("reciprocity", evidence, within, tolerance, what))
+    elif judged.verdict == UNDECIDED and len(pairs.around):
+        judged.detail += MAY_BE_INTERPOLATION
     if evidence.table.interpolant is not None and sheet_of(evidence.table) is None:
         judged.verdict = UNDECIDED if judged.verdict == PASS else judged.verdict
         edge = np.degrees(np.max(pairs.angles[:, [0, 2]]))
