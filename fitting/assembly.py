@@ -16,7 +16,7 @@ from gonio.fitting.residuals.energy import LargestAlbedo, bounded_largest_albedo
 from gonio.fitting.residuals.metrics import metrics
 from gonio.fitting.residuals.summary import Evidence
 from gonio.fitting.result import FitResult
-from gonio.fitting.solver.levenberg_marquardt import eps, is_double
+from gonio.fitting.solver.lm_step import eps, is_double
 from gonio.fitting.uncertainty.bootstrap import bootstrap, bootstrap_summary
 from gonio.fitting.uncertainty.clusters import with_clusters
 from gonio.fitting.uncertainty.identifiability import MOST_ALIKE, listed, undetermined_sentences

@@ -32,17 +32,13 @@ from gonio.fitting.problem.readings import (
     residual_weights,
 )
 from gonio.fitting.refinement import Refinement, noise_of
+from gonio.fitting.solver.compiled_steps import compile_steps
 from gonio.fitting.solver.curvature import completed
 from gonio.fitting.solver.disc_choice import DiscAverages, choose_rules
-from gonio.fitting.solver.levenberg_marquardt import (
-    NEAR,
-    Descent,
-    compile_step,
-    minimise,
-    padded_sizes,
-)
+from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, minimise
 from gonio.fitting.solver.multistart import search
 from gonio.fitting.solver.robust_weights import KINDS as ROBUST_KINDS
+from gonio.fitting.solver.xla_steps import padded_sizes
 from gonio.fitting.uncertainty.bootstrap import KINDS as BOOTSTRAP_KINDS
 from gonio.fitting.uncertainty.optimum import Optimum, optimum_at
 from gonio.models.deprecation import renamed, renamed_options
@@ -235,7 +231,7 @@ def compile_ahead(terms: tuple[Term, ...], loss: str, channels: int, per_channel
     s, fixed, _ = parameters(terms, channels)
     if s.size:
         sizes = padded_sizes(s.sizes)
-        ahead(("step", sizes), lambda: compile_step(sizes))
+        ahead(("step", sizes), lambda: compile_steps(sizes))
     ahead((s, loss), lambda: compile_sums(s, loss, fixed) or compile_page_program(s, loss, fixed))
 
 

@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 from gonio.fitting.problem.readings import AnyArray
 
 WHOLE = 32  # numbers up to which a matrix is cheaper as a whole
+UNROLLED = 8  # numbers up to which a program has every step of an elimination by itself
 
 
 class Sizes(NamedTuple):
@@ -63,11 +64,13 @@ class Arrow(NamedTuple):
     def diagonal(self) -> Float[AnyArray, "*b p"]:
         """The diagonal."""
         if not self.blocks.size:
-            return self.corner.diagonal(axis1=-2, axis2=-1)
-        return joined(*(a.diagonal(axis1=-2, axis2=-1) for a in (self.corner, self.blocks)))
+            return _diagonal_of(self.corner)
+        return joined(*(_diagonal_of(a) for a in (self.corner, self.blocks)))
 
     def mv(self, v: Float[AnyArray, "*b p"]) -> Float[AnyArray, "*b p"]:
         """The matrix times a vector."""
+        if not self.blocks.size:
+            return (self.corner @ v[..., None])[..., 0]
         shared, each = self.parts(v)
         return joined(
             (self.corner @ shared[..., None])[..., 0] + _sum_over_channels(self.border @ each[..., None])[..., 0],
@@ -92,11 +95,12 @@ class Arrow(NamedTuple):
         shared, each = map(_diagonal_matrix, self.parts(added))
         return Arrow(self.corner + shared, self.border, self.blocks + each)
 
-    def restricted(self, kept: np.ndarray) -> "Arrow":
+    def restricted(self, kept: AnyArray) -> "Arrow":
         """The matrix with a unit row and column for every number that is not kept."""
-        if kept.all():
+        if isinstance(kept, np.ndarray) and kept.all():
             return self
-        return self.scaled(np.where(kept, 1.0, 0.0)).plus_diagonal(np.where(kept, 0.0, 1.0))
+        xp = module_of(kept)
+        return self.scaled(xp.where(kept, 1.0, 0.0)).plus_diagonal(xp.where(kept, 0.0, 1.0))
 
     def solved(self, v: Float[AnyArray, "*b p"]) -> Float[AnyArray, "*b p"]:
         """Solution x of the positive definite system `self x = v`; NaN where there is none."""
@@ -153,6 +157,13 @@ def _transposed(a: AnyArray) -> AnyArray:
     return a.swapaxes(-1, -2)
 
 
+def _diagonal_of(a: Float[AnyArray, "*b n n"]) -> Float[AnyArray, "*b n"]:
+    if isinstance(a, np.ndarray):
+        return a.diagonal(axis1=-2, axis2=-1)
+    # JAX's own chooses by the platform when it runs.
+    return a.reshape(*a.shape[:-2], -1)[..., :: a.shape[-1] + 1]
+
+
 def _diagonal_matrix(a: Float[AnyArray, "*b n"]) -> Float[AnyArray, "*b n n"]:
     return a[..., None] * _like(_unit(a.shape[-1]), a.ndim + 1)
 
@@ -191,8 +202,24 @@ def solve_by_elimination(
     numbers = _like(np.arange(size)[:, None], right.ndim)
     rows = xp.concatenate([xp.broadcast_to(matrix, (*right.shape[:-2], size, size)), right], axis=-1)
     if xp is jnp:
-        return jax.lax.fori_loop(0, size, eliminate, rows)[..., size:]
+        return _unrolled(rows) if size <= UNROLLED else jax.lax.fori_loop(0, size, eliminate, rows)[..., size:]
     with np.errstate(all="ignore"):
         for k in range(size):
             rows = eliminate(k, rows)
     return rows[..., size:]
+
+
+def _unrolled(rows: AnyArray) -> AnyArray:
+    """The same of a matrix with its right sides beside it: elimination downwards, then substitution upwards."""
+    upper, solved = [], []
+    for _ in range(rows.shape[-2]):
+        pivot = rows[..., 0, :1]
+        row = rows[..., 0, 1:] / jnp.where(pivot > 0, pivot, jnp.nan)
+        upper.append(row)
+        rows = rows[..., 1:, 1:] - rows[..., 1:, :1] * row[..., None, :]
+    for number, row in enumerate(reversed(upper)):
+        value = row[..., number:]
+        for k, x in enumerate(reversed(solved)):
+            value = value - row[..., k, None] * x
+        solved.append(value)
+    return jnp.stack(solved[::-1], axis=-2)

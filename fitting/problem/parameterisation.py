@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from gonio.fitting.problem.arrow import Sizes
+from gonio.fitting.problem.arrow import Sizes, module_of
+from gonio.fitting.problem.readings import AnyArray
 from gonio.models.expression.builder import Frame, frame, number_label
 from gonio.models.expression.parser import FACTOR, ParameterRef, Term, Value, changed, numbers
 from gonio.models.parameters import ParameterInfo
@@ -100,9 +101,9 @@ def to_unconstrained(d: Domains, p: np.ndarray) -> np.ndarray:
     return np.arcsin(np.sqrt(np.clip(share, 1e-12, 1.0 - 1e-6)))
 
 
-def at_bounds(d: Domains, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def at_bounds(d: Domains, p: AnyArray) -> tuple[Any, Any]:
     """Which parameters lie on their lower, and which on their upper bound (to 1e-9 of the domain's size there)."""
-    span = np.minimum(d.high - d.low, 1.0)
+    span = module_of(d.low).minimum(d.high - d.low, 1.0)
     return p - d.low <= 1e-9 * span, d.high - p <= 1e-9 * span
 
 

@@ -12,7 +12,8 @@ from gonio.fitting.problem.arrow import WHOLE, Arrow
 from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import Domains
 from gonio.fitting.problem.readings import LANES
-from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, LeastSquares, minimise, stationarity
+from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, LeastSquares, minimise
+from gonio.fitting.solver.lm_step import stationarity
 
 STEP = 1e-4  # of the change of a number that alone changes the residuals by as much as there is
 ROUNDS = 3

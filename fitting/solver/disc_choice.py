@@ -15,7 +15,7 @@ from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import Domains
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import transform, uses_cosine
-from gonio.fitting.solver.levenberg_marquardt import stationarity
+from gonio.fitting.solver.lm_step import stationarity
 from gonio.models.geometry.directions import Direction
 
 ALLOWED = 0.3  # of a standard uncertainty: what all that is neglected may move a number by, at worst

@@ -16,7 +16,8 @@ from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import Domains, Parameterisation, evenly
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import LANES, coarse_cells
-from gonio.fitting.solver.levenberg_marquardt import Descent, Stopping, eps, minimise
+from gonio.fitting.solver.levenberg_marquardt import Descent, Stopping, minimise
+from gonio.fitting.solver.lm_step import eps
 
 COARSE = 512
 EACH, FEW = 48, 4  # samples for each free number, where these are many, of so many channels

@@ -9,7 +9,8 @@ from gonio.fitting.problem.arrow import WHOLE, Arrow, Sizes
 from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import LINEAR, Domains
 from gonio.fitting.problem.readings import LANES
-from gonio.fitting.solver.levenberg_marquardt import Descent, LeastSquares, Stopping, minimise, padded_sizes
+from gonio.fitting.solver.levenberg_marquardt import Descent, LeastSquares, Stopping, minimise
+from gonio.fitting.solver.xla_steps import padded_sizes
 
 
 @dataclasses.dataclass(frozen=True)

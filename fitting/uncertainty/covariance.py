@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.fitting.problem.parameterisation import LINEAR, LOG, Domains
-from gonio.fitting.solver.levenberg_marquardt import eps
+from gonio.fitting.solver.lm_step import eps
 
 NORMAL_95 = 1.959963984540054
 LOST = 1e-13  # eigenvalue of the scaled normal matrix below which double precision sees a combination as free

@@ -12,7 +12,7 @@ from gonio.fitting.problem.parameterisation import Domains, Parameterisation, at
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import Readings, chunks
 from gonio.fitting.solver.disc_choice import DiscAverages
-from gonio.fitting.solver.levenberg_marquardt import EXACT, eps, is_exact, stationarity, stationary_limit
+from gonio.fitting.solver.lm_step import EXACT, eps, is_exact, stationarity, stationary_limit
 from gonio.fitting.solver.robust_weights import DownweightedReadings
 from gonio.fitting.uncertainty.covariance import NORMAL_95, open_from
 from gonio.fitting.uncertainty.joint_covariance import Combination, JointCovariance, JointEstimate

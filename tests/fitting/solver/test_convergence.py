@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from gonio.fitting.fit_table import fit
-from gonio.fitting.solver.levenberg_marquardt import EXACT, STATIONARY, is_exact, stationary_limit
+from gonio.fitting.solver.lm_step import EXACT, STATIONARY, is_exact, stationary_limit
 from support.fit_tables import free, table_of
 
 TRUTH = "lambert(rho=0.2) + 0.5*ggx(alpha=0.3, f0=0.6)"
