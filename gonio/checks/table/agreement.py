@@ -1,5 +1,6 @@
 """Agreement of a table with a stated truth: readings beside a reference's values, by the region that differs most."""
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +9,7 @@ from gonio.checks.certificate import FAIL, NOT_APPLICABLE, PASS, UNDECIDED, Prop
 from gonio.checks.direction_search import refuse_other_channels, values
 from gonio.checks.table.comparison import MAY_BE_INTERPOLATION, compare, only_surely
 from gonio.checks.table.evidence import TableEvidence
+from gonio.checks.table.one_azimuth import is_taken_as_isotropic, turned_to
 from gonio.checks.table.pairs.between_readings import between_readings, change_across_gaps, uncertainty_between
 from gonio.checks.table.pairs.pairs import FEWEST, ROUNDING, Pairs
 from gonio.checks.table.pairs.places import pair_angles
@@ -19,6 +21,10 @@ from gonio.models.display import percent
 from gonio.models.geometry.directions import Direction
 
 MOST_READINGS = 200_000
+OTHER_AZIMUTHS = (
+    " But they were read with the light at other azimuths: a brushed or woven surface differs like that, and no"
+    " readings at normal incidence say that it is isotropic."
+)
 MOST_SURELY = 20_000
 """Readings by which it is seen whether what differs may lie between those of another table."""
 
@@ -89,11 +95,7 @@ def _with_readings(evidence: TableEvidence, other: Table, readings: _Readings, t
         return without_residual("agreement", UNDECIDED, tolerance, detail)
     judged = compared.judged("agreement", evidence, tolerance, what)
     if judged.verdict == FAIL:
-        some = readings.thinned(MOST_SURELY)
-        isotropic = not evidence.table.layout.has_azimuth_of_light
-        gaps = change_across_gaps(pair_angles(some.wi, some.wo), some.f, other, isotropic)
-        within = compare(evidence, _pairs(some, other, gaps).within_readings(), np.ones(len(some.f)))
-        judged = only_surely(judged, within.judged("agreement", evidence, tolerance, what))
+        judged = _surely(judged, evidence, other, readings.thinned(MOST_SURELY), tolerance)
     elif judged.verdict == UNDECIDED:
         judged.detail += MAY_BE_INTERPOLATION
     read = angles[np.isfinite(f).any(axis=1)]
@@ -102,6 +104,34 @@ def _with_readings(evidence: TableEvidence, other: Table, readings: _Readings, t
         judged.detail += f" The other table says nothing of {percent(share)} of them, {where}: undecided there."
         judged.verdict = UNDECIDED if judged.verdict == PASS and share > MOST_UNCOVERED else judged.verdict
     return judged
+
+
+def _surely(failed: Property, evidence: TableEvidence, other: Table, some: _Readings, tolerance: float) -> Property:
+    """What fails by interpolated values, judged by what the readings of the other table allow.
+
+    Pairs that are turned about the normal count where either table is that of an isotropic surface.
+    """
+    what, angles = "The table's readings and the other table's, around them,", pair_angles(some.wi, some.wo)
+    gaps = change_across_gaps(angles, some.f, other, not evidence.table.layout.has_azimuth_of_light)
+    pairs = _pairs(some, other, gaps).within_readings()
+
+    def judged(some_of: np.ndarray) -> Property:
+        compared = compare(evidence, pairs.where(some_of), np.ones(np.count_nonzero(some_of)))
+        return compared.judged("agreement", evidence, tolerance, what)
+
+    surely = only_surely(failed, judged(np.ones(len(pairs), bool)))
+    turned = turned_to(other, angles)
+    if surely.verdict != FAIL or not turned.any():
+        return surely
+    both = evidence, dataclasses.replace(evidence, table=other)
+    if any(is_taken_as_isotropic(dataclasses.replace(surely), one, tolerance) for one in both):
+        return surely
+    alike = judged(~turned) if np.count_nonzero(~turned) >= FEWEST else None
+    if alike is None or alike.verdict != FAIL:
+        surely.verdict = UNDECIDED
+        surely.detail += OTHER_AZIMUTHS
+        return surely
+    return alike
 
 
 def _pairs(readings: _Readings, other: Table, gaps: np.ndarray | float = 0.0) -> Pairs:

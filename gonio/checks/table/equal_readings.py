@@ -19,6 +19,12 @@ from gonio.checks.certificate import (
 )
 from gonio.checks.table.comparison import MAY_BE_INTERPOLATION, Compared, compare, only_surely
 from gonio.checks.table.evidence import TableEvidence
+from gonio.checks.table.one_azimuth import (
+    is_taken_as_isotropic,
+    isotropy_at_normal_incidence,
+    one_azimuth,
+    unturned,
+)
 from gonio.checks.table.pairs.assisted_pairs import assisted_pairs
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import pair_angles
@@ -89,6 +95,8 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
         judged = only_surely(judged, _judged("reciprocity", evidence, within, tolerance, what))
     elif judged.verdict == UNDECIDED and len(pairs.around):
         judged.detail += MAY_BE_INTERPOLATION
+    if judged.verdict == FAIL and one_azimuth(evidence.table):
+        judged = _as_isotropic(judged, evidence, pairs, sign, tolerance)
     if evidence.table.interpolant is not None and sheet_of(evidence.table) is None:
         judged.verdict = UNDECIDED if judged.verdict == PASS else judged.verdict
         edge = np.degrees(np.max(pairs.angles[:, [0, 2]]))
@@ -107,6 +115,23 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
     if share > 0:
         judged.detail += f" Nothing exchanged was read for {percent(share)} of the readings, {where}: undecided there."
     return judged
+
+
+def _as_isotropic(
+    failed: Property, evidence: TableEvidence, pairs: Pairs, sign: np.ndarray, tolerance: float
+) -> Property:
+    """What pairs that are turned about the normal fail: it stands for isotropic surfaces alone."""
+    if is_taken_as_isotropic(failed, evidence, tolerance):
+        return failed
+    alike = unturned(pairs, evidence.table.layout.gridded)
+    some = pairs.where(alike).within_readings()
+    if len(some) >= FEWEST:
+        what = "f(wi, wo) and f(wo, wi), without turning the surface,"
+        surely = _judged("reciprocity", evidence, compare(evidence, some, sign[alike]), tolerance, what)
+        if surely.verdict == FAIL:
+            return surely
+    failed.verdict = UNDECIDED
+    return failed
 
 
 def _of_media(pairs: Pairs) -> str:
@@ -157,7 +182,17 @@ def table_symmetry(evidence: TableEvidence, tolerance: float) -> Property:
 
 
 def table_isotropy(evidence: TableEvidence, tolerance: float) -> Property:
-    """Readings beside those with both directions turned by about a quarter, where a grid has both."""
+    """Readings beside those with both directions turned by about a quarter, where a grid has both.
+
+    Where the light has one azimuth only, those at normal incidence may show that a surface is not isotropic.
+    """
+    if one_azimuth(evidence.table):
+        judged = isotropy_at_normal_incidence(evidence, tolerance)
+        if judged.verdict != PASS:
+            return judged
+        most = percent((judged.residual or 0.0) + (judged.bound or 0.0), 2)
+        reason = f"Not testable: the light has one azimuth only. At normal incidence f is isotropic to {most}."
+        return without_residual("isotropy", NOT_APPLICABLE, tolerance, reason, **judged.facts)
     return _equal("isotropy", evidence, evidence.pairs("turned"), None, tolerance, "f, and f turned about the normal")
 
 

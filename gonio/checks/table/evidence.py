@@ -15,6 +15,7 @@ from gonio.checks.table.pairs.equal_pairs import (
     squares_of,
     turned_pairs,
 )
+from gonio.checks.table.pairs.normal_incidence import normal_incidence_pairs
 from gonio.checks.table.pairs.pairs import Pairs, joined, without_radiance_factor
 from gonio.checks.table.pairs.places import places
 from gonio.data.interpolation.scattering_blocks import sheet_of
@@ -65,6 +66,7 @@ PAIRS: dict[str, Callable[[Table], Pairs | str]] = {
     "mirrored": mirrored_pairs,
     "turned": turned_pairs,
     "pole": pole_pairs,
+    "normal incidence": normal_incidence_pairs,
 }
 """What makes the pairs of readings that should be equal, or says why a table has none."""
 

@@ -82,3 +82,18 @@ def test_a_grey_table_is_held_against_every_channel_of_the_other():
     grey, three = (model_table(f"lambert(rho={rho})", COARSE) for rho in ("0.5", "[0.5, 0.5, 0.9]"))
     for other in (three, gonio.material("lambert(rho=[0.5, 0.5, 0.9])")):
         assert gonio.check(grey, against=other)["agreement"].residual == pytest.approx(0.4 / 0.7, rel=1e-6)
+
+
+def of_azimuth(surface, phi_i):
+    layout = layouts.spherical(degrees(0, 81, 20), [phi_i], degrees(0, 81, 10), degrees(0, 360, 30))
+    return model_table(surface, layout)
+
+
+def test_a_brushed_surface_lit_from_another_azimuth_is_not_another_surface():
+    brushed = "lambert(rho=0.2) + ggx(alpha_x=0.3, alpha_y=0.12, f0=0.8)"
+    along, across, every = of_azimuth(brushed, 0.0), of_azimuth(brushed, np.pi / 2), model_table(brushed, COARSE)
+    agreement = gonio.check(along, against=across)["agreement"]
+    assert agreement.verdict == "undecided" and "other azimuths" in agreement.detail
+    assert gonio.check(every, against=along)["agreement"].verdict != "fail"  # the same azimuth
+    paint = model_table(f"1.25 * ({PAINT})", COARSE)
+    assert gonio.check(of_azimuth(PAINT, np.pi / 2), against=paint)["agreement"].verdict == "fail"

@@ -21,7 +21,8 @@ def reciprocity_of(table, level=LEVEL):
 def table(violation=0.0, relative=0.02, photons=None, seed=0):
     rng = np.random.default_rng(seed)
     theta_i, _, theta_o, phi = ANGLES
-    f = 0.1 + 0.3 * np.exp(-((theta_i - theta_o) ** 2 + 0.3 * (1 + np.cos(phi))) / 0.1)
+    beside = np.sin(theta_i) * np.sin(theta_o) * (1 + np.cos(phi))  # the same at all azimuths at normal incidence
+    f = 0.1 + 0.3 * np.exp(-((theta_i - theta_o) ** 2 + beside) / 0.1)
     f = f * (1 + violation * np.sign(theta_i - theta_o) / 2)
     u, reading = relative * f, f * (1 + relative * rng.standard_normal(f.shape))
     if photons:

@@ -76,13 +76,16 @@ def turned_pairs(table: Table) -> Pairs | str:
 
 
 def pole_pairs(table: Table) -> Pairs | str:
-    """Readings at the normal with those half of the azimuths further on; or why there are none."""
+    """Readings at the normal with those half of the azimuths further on, which are of one geometry; or why none."""
     layout = table.layout
     if table.provenance.get(COPIED):
         return "one reading of the normal stands for all azimuths"
     steps = dict(zip(layout.dims, np.cumprod([1, *layout.shape[:0:-1]])[::-1], strict=True))
     cells, partners = [], []
     for polar, azimuth in layout.pole_axes:
+        # At normal incidence a difference of azimuths is the detector's azimuth: f is the same on isotropic surfaces.
+        if polar == "theta_i" and azimuth != "phi_i":
+            continue
         half = layout.axes[azimuth].size // 2
         for node in layout.pole_nodes(polar) if half else []:
             # The normal of both directions is one reading many times.
@@ -142,7 +145,7 @@ def _pairs_once(table: Table, partner_of: Partner, how: str) -> Pairs:
         eligible += int(np.count_nonzero(partner != some))
         cells.append(some[use])
         partners.append(partner[use])
-    return _pairs(table, np.concatenate(cells), np.concatenate(partners), eligible, how)
+    return pairs_of_cells(table, np.concatenate(cells), np.concatenate(partners), eligible, how)
 
 
 def _comparable(table: Table, related: Iterator[tuple[np.ndarray, np.ndarray]]) -> Pairs | str:
@@ -155,10 +158,11 @@ def _comparable(table: Table, related: Iterator[tuple[np.ndarray, np.ndarray]]) 
     chosen = np.concatenate(cells)
     if chosen.size < FEWEST:
         return "too few readings of the grid can be compared"
-    return dataclasses.replace(_pairs(table, chosen, np.concatenate(partners), chosen.size), exchanged=False)
+    return dataclasses.replace(pairs_of_cells(table, chosen, np.concatenate(partners), chosen.size), exchanged=False)
 
 
-def _pairs(table: Table, cells: np.ndarray, partner: np.ndarray, eligible: int, how: str = "measured") -> Pairs:
+def pairs_of_cells(table: Table, cells: np.ndarray, partner: np.ndarray, eligible: int, how: str = "measured") -> Pairs:
+    """The readings of some cells with those of their partners, (n,) each."""
     size, layout = table.layout.size, table.layout
     read = None if size <= 4 * cells.size else _different(np.concatenate([cells, partner]))
     columns = ReadingColumns(table, read)

@@ -6,6 +6,7 @@ import numpy as np
 
 from gonio.checks.table.pairs.between_readings import between_readings
 from gonio.checks.table.pairs.columns import readings_of
+from gonio.checks.table.pairs.next_nodes import change_to_next_nodes
 from gonio.checks.table.pairs.pairs import Pairs
 from gonio.checks.table.pairs.places import SAME_POLAR, pair_angles
 from gonio.data.interpolation.grid_coordinates import grid_coordinates
@@ -32,7 +33,8 @@ def interpolated_pairs(table: Table, cells: np.ndarray) -> Pairs:
 
     The error is what every second node of each axis changes: of a second-order rule on a grid that resolves f, three
     times its own. Where a grid does not resolve f that is no bound; the readings around, `Pairs.around`, are one of
-    whatever is monotone between them.
+    whatever is monotone between them, with the change from the reading itself to the next nodes one of peaks that the
+    grid does not resolve.
     """
     if cells.size > INTERPOLATED:
         cells = np.sort(np.random.default_rng(0).choice(cells, INTERPOLATED, replace=False))
@@ -50,6 +52,10 @@ def interpolated_pairs(table: Table, cells: np.ndarray) -> Pairs:
         return Pairs.of_arrays((none, none, none, none), np.zeros((0, 4)), cells.size, how)
     f, u = readings_of(table, cells[within])
     partner = between_readings(table, wo, wi)
-    around = partner.around * 2 / np.maximum(np.abs(f) + np.abs(partner.value), 1e-300)
+    around = (
+        (partner.around + change_to_next_nodes(table, cells[within]))
+        * 2
+        / np.maximum(np.abs(f) + np.abs(partner.value), 1e-300)
+    )
     readings, angles = (f, partner.value, u, u), pair_angles(wi, wo)
     return Pairs.of_arrays(readings, angles, cells.size, how, partner.error, around=around)

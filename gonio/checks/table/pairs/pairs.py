@@ -101,12 +101,19 @@ class Pairs:
         return float(np.mean([ordered[k] if k >= 0 else 0.0 for k in (int(np.floor(middle)), int(np.ceil(middle)))]))
 
     def where(self, some: np.ndarray) -> "Pairs":
-        """Those of the pairs, (n,) truth values; of pairs without errors."""
+        """Those of the pairs, (n,) truth values."""
         number, column = np.flatnonzero(some), self.column
         if number.size == len(self):
             return self
+        last = np.flatnonzero(some[len(self) - len(self.around) :])
+        with_error = self.errors.size // self.channels
+        errors = self.errors.reshape(with_error, self.channels)[some[len(self) - with_error :]]
         return dataclasses.replace(
-            self, angles=self.angles[number], column=lambda channel: column(channel).rows(number)
+            self,
+            angles=self.angles[number],
+            column=lambda channel: column(channel).rows(number),
+            errors=errors.ravel(),
+            around=self.around[last],
         )
 
     def within_readings(self) -> "Pairs":
