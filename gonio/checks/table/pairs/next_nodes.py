@@ -13,12 +13,12 @@ def change_to_next_nodes(table: Table, cells: np.ndarray) -> np.ndarray:
     the nodes.
     """
     layout, most = table.layout, np.zeros((cells.size, len(table.channels)))
-    own, nodes = readings_of(table, cells)[0], np.unravel_index(cells, layout.shape)
+    reading, nodes = readings_of(table, cells)[0], np.unravel_index(cells, layout.shape)
     for axis, (name, size) in enumerate(zip(layout.dims, layout.shape, strict=True)):
         for step in (-1, 1) if size > 1 else ():
             moved = nodes[axis] + step
             moved = moved % size if layout.periods[name] is not None else np.clip(moved, 0, size - 1)
             other = np.ravel_multi_index([moved if k == axis else n for k, n in enumerate(nodes)], layout.shape)
             some, back = np.unique(other, return_inverse=True)
-            most = np.fmax(most, np.abs(readings_of(table, some)[0][back] - own))
+            most = np.fmax(most, np.abs(readings_of(table, some)[0][back] - reading))
     return most
