@@ -3,9 +3,10 @@
 A candidate k gives, in a unit of time, the information M_k = Σ_c r_kc r_kcᵀ about P numbers (its rows r, one a
 channel); a systematic error that all readings share shifts it by s_kc standard uncertainties. A weighted fit then has
 the covariance C = M⁻¹ + M⁻¹ B Bᵀ M⁻¹ of M = Σ w_k M_k and B = Σ w_k r_k s_kᵀ. The design maximises the mean, over draws
-of a prior, of −log det C, or of −log tr(L C Lᵀ) for combinations L, over shares w ≥ 0 that sum to 1. Without systematic
-errors both are concave, so that the gradient d certifies: no design is better by more than max_k d_k − Σ w_k d_k
-[Kiefer & Wolfowitz 1960; Fedorov 1972]. With them the same number says that no small exchange is better.
+of a prior and by what each counts for, of −log det C, or of −log tr(L C Lᵀ) for combinations L, over shares w ≥ 0 that
+sum to 1. Without systematic errors both are concave, so that the gradient d certifies: no design is better by more than
+max_k d_k − Σ w_k d_k [Kiefer & Wolfowitz 1960; Fedorov 1972]. With them the same number says that no small exchange is
+better.
 """
 
 from typing import NamedTuple
@@ -46,13 +47,15 @@ class Problem(NamedTuple):
     """What a design is to be optimal for.
 
     `rows` in a unit of time; `fixed`: Gram matrix of what is read in any case; `size`: P; `wanted` (draws,
-    combinations, P): whose variances are to be small together, or None for all numbers, by log det.
+    combinations, P): whose variances are to be small together, or None for all numbers, by log det; `of_draws`: what
+    each draw counts for (draws,), or None for all alike.
     """
 
     rows: Rows
     fixed: Gram
     size: int
     wanted: Float[np.ndarray, "s l p"] | None = None
+    of_draws: Float[np.ndarray, " s"] | None = None
 
     def part(self, which: np.ndarray) -> "Problem":
         """The same with some of the candidates."""
@@ -107,17 +110,18 @@ def criterion(problem: Problem, shares: np.ndarray) -> Criterion:
     except np.linalg.LinAlgError:
         return Criterion(-np.inf, np.zeros(shares.size))
     if wanted is None:
-        value, slope = -np.mean(np.linalg.slogdet(c)[1]), np.linalg.inv(c)
+        value, slope = -np.average(np.linalg.slogdet(c)[1], weights=problem.of_draws), np.linalg.inv(c)
     else:
         traces = np.einsum("slp,spq,slq->s", wanted, c, wanted)
-        value, slope = -np.mean(np.log(traces)), np.swapaxes(wanted, 1, 2) @ wanted / traces[:, None, None]
+        value = -np.average(np.log(traces), weights=problem.of_draws)
+        slope = np.swapaxes(wanted, 1, 2) @ wanted / traces[:, None, None]
     flat = rows.reshape(rows.shape[0], -1, rows.shape[-1])
     r, s = flat[..., :size], flat[..., size:]
     towards = slope @ inverse
     each = np.sum((r @ (inverse @ towards)) * r, axis=-1)
     if s.shape[-1]:
         each += 2 * np.sum((r @ moved - s) * (r @ np.swapaxes(np.swapaxes(moved, 1, 2) @ towards, 1, 2)), axis=-1)
-    return Criterion(float(value), each.reshape(rows.shape[:3]).sum(-1).mean(0))
+    return Criterion(float(value), np.average(each.reshape(rows.shape[:3]).sum(-1), axis=0, weights=problem.of_draws))
 
 
 def optimal_design(problem: Problem) -> Design:
@@ -175,4 +179,4 @@ def _scaled(problem: Problem) -> Problem:
     if wanted is not None:  # the optimum for few combinations may be singular in the others: stay a little inside
         wanted = wanted / scale[:size]
         fixed = fixed + FEW * gram(rows, np.full(rows.shape[1], 1 / rows.shape[1]))
-    return Problem(rows, fixed, size, wanted)
+    return problem._replace(rows=rows, fixed=fixed, wanted=wanted)

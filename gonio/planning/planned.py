@@ -19,6 +19,7 @@ from gonio.instrument.instrument import Instrument
 from gonio.instrument.pace import AXES
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
+from gonio.planning.limit import least_variance
 from gonio.planning.planner import Planner, Schedule
 from gonio.planning.prior import Prior, prior_of
 from gonio.planning.shots import Shots, Sites, counting, write_shots
@@ -72,6 +73,9 @@ class Plan(Displayed):
         regular: the best regular scan of equal hours, which `numbers` compares with.
         advantage: its variance over the plan's, by the plan's criterion: of all numbers the P-th root of the
             determinants' ratio, which shares of correlated numbers count in; NaN where no regular scan fits in.
+        limit: share of the plan's variance, by its criterion, that no choice of its candidates of equal hours goes
+            below, even if these numbers were known beforehand and no time passed on the way; NaN where systematic
+            errors or another model are in it.
         residual, scale: Kiefer-Wolfowitz residual max d − Σ w d of the design, and Σ w d: the number of parameters.
         space_filling: share of the time for directions that fill the range evenly.
         over: least and largest value of the numbers over which the plan is good, as far as it was made for several.
@@ -85,6 +89,7 @@ class Plan(Displayed):
     separation: float | None
     regular: str
     advantage: float
+    limit: float
     residual: float
     scale: float
     space_filling: float
@@ -262,8 +267,11 @@ def _result(planner: Planner, schedule: Schedule, q: Quantities) -> Plan:
                 PlannedNumber(n, *vu, theirs.get(n, (0, float("nan")))[1]) for n, vu in ours.items() if n not in listed
             ]
     advantage = float("nan") if regular is None else planner.advantage(shots, regular[1])
+    limit = float("nan")
+    if not rival:
+        limit = least_variance(planner, seconds) / planner.mean_variance(planner.covariance(shots))
     name = "none fits in" if regular is None else regular[0]
     return Plan(
-        prior.name, shots, seconds / 3600, way / 3600, known, separation, name, advantage,
+        prior.name, shots, seconds / 3600, way / 3600, known, separation, name, advantage, limit,
         design.residual, design.scale, planner.space_filling, {} if rival else prior.spread,
     )  # fmt: skip

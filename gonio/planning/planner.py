@@ -100,7 +100,7 @@ class Planner:
             share = self.space_filling if filling.seconds.size else 0.0
             many = budget * (1 - share) / (times + overhead)
             rate = self.candidates.rows(times) * np.sqrt(many)[:, None, None]
-            problem = Problem(rate, self.before + spread, self.size, self.wanted)
+            problem = Problem(rate, self.before + spread, self.size, self.wanted, self.prior.shares)
             if self.rival is None:
                 design = optimal_design(problem)
             else:
@@ -130,12 +130,15 @@ class Planner:
             return float(np.linalg.slogdet(covariance)[1])
         return float(np.log(np.einsum("qi,ij,qj->", self.wanted[0], covariance, self.wanted[0])))
 
+    def mean_variance(self, covariance: np.ndarray) -> float:
+        """What a covariance loses, as a variance: of all numbers their geometric mean, but for correlation."""
+        return float(np.exp(self.loss(covariance) / (self.size if self.wanted is None else 1)))
+
     def advantage(self, shots: Shots, others: Shots) -> float:
         """Variance of other shots over that of some, by the criterion of the plan: of all numbers their mean ratio."""
         if self.rival is not None:
             return float((self.separation(shots) / self.separation(others)) ** 2)
-        difference = self.loss(self.covariance(others)) - self.loss(self.covariance(shots))
-        return float(np.exp(difference / (self.size if self.wanted is None else 1)))
+        return self.mean_variance(self.covariance(others)) / self.mean_variance(self.covariance(shots))
 
     def regular(self, budget: float) -> tuple[str, Shots] | None:
         """The best regular scan of so many seconds, and its name; None where none fits in."""

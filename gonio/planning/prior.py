@@ -1,6 +1,7 @@
 """What is known before measuring: a model with free numbers, their values, and how uncertain these are."""
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -24,7 +25,9 @@ from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 BLOCK = 1024
 DRAWS = 8
-"""Of the prior: of a fit's covariance, or of ranges."""
+"""Of a fit's covariance; the likeliest numbers, among them, are one of so many."""
+MOST_CORNERS = 8
+"""Of the box of ranges; more numbers than three take some of its corners."""
 MOST_NUMBERS = 48
 KNOWN_ROLES = ("fresnel", "index", "extinction", "masking", "phase", "length", "wavelength")
 """Roles of numbers that an expression's value holds, unless -m frees them."""
@@ -36,7 +39,10 @@ UNLIKE = 2.5
 
 @dataclasses.dataclass(frozen=True)
 class Prior:
-    """A model with P free numbers at their likeliest values (P,), and at draws (S, P), the first of which these are."""
+    """A model with P free numbers at their likeliest values (P,), and at draws (S, P), the first of which these are.
+
+    `shares` (S,): what each draw counts for in a plan; their sum is 1.
+    """
 
     name: str
     terms: tuple[Term, ...]
@@ -44,6 +50,7 @@ class Prior:
     fixed: FixedValues
     p: np.ndarray
     draws: np.ndarray
+    shares: np.ndarray
     channels: Channels
 
     @property
@@ -89,8 +96,9 @@ def prior_of(subject: SubjectLike, model: str | None, ranges: Mapping[str, tuple
         subject: a fit (its model, numbers and covariance), a table (which is fitted), a material or an expression:
             the numbers written in it are free but for refractive indices and the like, and so is every lobe's scale.
         model: what will be fitted, as `gonio.fit` takes it; by default the subject's own.
-        ranges: low and high ends of numbers by name, such as {"ggx.alpha": (0.05, 0.3)}: the prior is even in there.
-            Widths that come from no fit are within a factor of `USUAL_FACTOR` otherwise.
+        ranges: low and high ends of numbers by name, such as {"ggx.alpha": (0.05, 0.3)}: half of what a plan is good
+            for is the likeliest numbers, the other half the corners of these ranges. Widths that come from no fit are
+            within a factor of `USUAL_FACTOR` otherwise.
 
     Raises:
         GonioError: a number that the model does not have, no free number, or more than can be planned for.
@@ -159,14 +167,17 @@ def _of_terms(
             f"{material.name} has {s.size} free numbers; plans take at most {MOST_NUMBERS}: share them between "
             "channels, as in -m 'lambert(rho=shared) + shared * ggx'"
         )
-    prior = Prior(material.name, terms, s, fixed, p, p[None], material.channels)
+    prior = Prior(material.name, terms, s, fixed, p, p[None], np.ones(1), material.channels)
     stated = dict(ranges or {})
     if covariance is None:
         stated = _usual_ranges(prior, stated) | stated
     if covariance is None and not stated:
         return prior
     draws = _draws(prior, covariance, stated)
-    return dataclasses.replace(prior, p=draws[0], draws=draws)
+    others = len(draws) - 1
+    shares = np.full(others + 1, 0.5 / others) if stated else np.full(others + 1, 1.0 / (others + 1))
+    shares[0] = 1.0 - shares[1:].sum()
+    return dataclasses.replace(prior, p=draws[0], draws=draws, shares=shares)
 
 
 def _usual_ranges(prior: Prior, stated: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
@@ -182,18 +193,21 @@ def _usual_ranges(prior: Prior, stated: Mapping[str, tuple[float, float]]) -> di
 
 
 def _draws(prior: Prior, covariance: np.ndarray | None, ranges: Mapping[str, tuple[float, float]]) -> np.ndarray:
-    """Draws of the prior, even over ranges and normal by the covariance elsewhere, within the domains."""
+    """Draws of the prior within the domains: normal by the covariance, and corners of the ranges."""
     s, names = prior.parameterisation, [name for name, _ in prior.parameterisation.labels]
     short = {name.rsplit(".", 1)[-1]: name for name in names if sum(n.endswith(name.rsplit(".", 1)[-1]) for n in names)}
-    u = low_discrepancy(DRAWS - 1, 2 * s.size)
-    # Box and Muller's normal numbers, two sequences for each number.
-    normal = np.sqrt(-2 * np.log(np.maximum(u[:, : s.size], 1e-12))) * np.cos(2 * np.pi * u[:, s.size :])
-    draws = np.repeat(prior.p[None], DRAWS, axis=0)
+    corners = _corners(len(ranges))
+    others = len(corners)
     if covariance is not None:
+        others = DRAWS - 1 if not ranges else MOST_CORNERS
+    draws = np.repeat(prior.p[None], 1 + others, axis=0)
+    if covariance is not None:
+        # Box and Muller's normal numbers, two sequences for each number.
+        u = low_discrepancy(others, 2 * s.size)
+        normal = np.sqrt(-2 * np.log(np.maximum(u[:, : s.size], 1e-12))) * np.cos(2 * np.pi * u[:, s.size :])
         values, vectors = np.linalg.eigh(covariance)
         draws[1:] += np.clip(normal, -UNLIKE, UNLIKE) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
     d = s.domains
-    shares = low_discrepancy(DRAWS - 1, len(ranges)) if ranges else np.zeros((0, 0))
     for number, (given, (low, high)) in enumerate(ranges.items()):
         name = short.get(given, given)
         which = [k for k, n in enumerate(names) if n == name or prior.names[k] == name]
@@ -204,8 +218,19 @@ def _draws(prior: Prior, covariance: np.ndarray | None, ranges: Mapping[str, tup
             raise GonioError(f"the range of {given} is {low:g} to {high:g}; give two ends in {domain}")
         kind = d.kind[which]
         ends = [mapped(kind, np.full(len(which), end)) for end in (low, high)]
-        share = shares[:, number, None] if len(ranges) > 1 else (np.arange(DRAWS - 1) + 0.5)[:, None] / (DRAWS - 1)
-        draws[1:, which] = unmapped(kind, ends[0] + (ends[1] - ends[0]) * share)
+        draws[1:, which] = np.where(np.resize(corners[:, number], others)[:, None] > 0, high, low)
         inside = (draws[0, which] >= low) & (draws[0, which] <= high)
         draws[0, which] = np.where(inside, draws[0, which], unmapped(kind, (ends[0] + ends[1]) / 2))
     return np.clip(draws, np.maximum(d.low, np.where(prior.p > 0, 0.05 * prior.p, d.low)), d.high)
+
+
+def _corners(number: int) -> np.ndarray:
+    """Corners ±1 of a box of so many edges: all of them, or the lowest, the highest and some between.
+
+    A plan that is good there is good inside, for what is learnt changes steadily with the numbers; draws inside alone
+    leave the corners out, where what is thought beforehand is most wrong.
+    """
+    if 2**number <= MOST_CORNERS:
+        return np.array(list(itertools.product((-1.0, 1.0), repeat=number)))
+    between = np.sign(low_discrepancy(MOST_CORNERS - 2, number) - 0.5)
+    return np.concatenate([-np.ones((1, number)), np.ones((1, number)), between])

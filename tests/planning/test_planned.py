@@ -14,6 +14,7 @@ from gonio.instrument import Instrument, Pace, measure
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
 from gonio.planning.design import gram
+from gonio.planning.limit import least_variance
 from gonio.planning.planner import Planner
 from gonio.planning.prior import prior_of
 from gonio.planning.shots import Shots, ordered
@@ -194,3 +195,23 @@ def test_radiance_through_a_sheet_is_wanted_by_its_transmittance(tmp_path):
 def test_what_a_plan_cannot_take_of_what_transmits_is_said(subject, options, message):
     with pytest.raises(GonioError, match=message):
         gonio.plan(subject, budget=300.0, **options)
+
+
+def test_no_design_goes_below_the_limit_and_a_lambertians_is_known():
+    # One number: the best is to count all the time where a second tells most, in one shot.
+    planner = Planner(prior_of("lambert(rho=0.4)", None), COUNTING)
+    one = [planner.mean_variance(planner.covariance(Shots(a[:, None], np.array([60.0 - COUNTING.pace.settling]))))
+           for a in planner.candidates.angles.T[::50]]  # fmt: skip
+    limit = least_variance(planner, 60.0)
+    assert 0.98 * min(one) <= limit <= min(one) * (1 + 1e-9)
+    assert np.isnan(least_variance(Planner(planner.prior, dataclasses.replace(COUNTING, calibration=0.02)), 60.0))
+
+
+def test_a_plan_is_good_for_the_corners_of_its_ranges():
+    prior = prior_of("0.8 * ggx(alpha_x=0.06, alpha_y=0.3)", None, {"alpha_x": (0.03, 0.1)})
+    corners = {tuple(np.round(d, 9)) for d in prior.draws[1:]}
+    assert prior.spread == {"ggx.alpha_x": (0.03, 0.1), "ggx.alpha_y": (pytest.approx(0.1), pytest.approx(0.9))}
+    assert len(corners) == 4 and prior.shares[0] == 0.5 and prior.shares.sum() == pytest.approx(1)
+    many = prior_of(" + ".join(f"0.1 * ggx(alpha={a})" for a in (0.05, 0.1, 0.2, 0.3)), None)
+    widths = many.draws[:, [n.endswith("alpha") for n in many.names]]
+    assert len(widths) == 9 and (widths[1] < widths[0]).all() and (widths[2] > widths[0]).all()

@@ -158,6 +158,14 @@ def summary(p: "Plan") -> list[str]:
             if math.isfinite(p.advantage)
             else []
         ),
+        *(
+            [
+                f"no choice of these candidates has less than {percent(p.limit)} of this plan's variance in equal "
+                "hours, even with these numbers known before and no time on the way"
+            ]
+            if math.isfinite(p.limit)
+            else []
+        ),
         f"certificate (Kiefer-Wolfowitz): max d − Σ w d = {number(p.residual, 2)} of {number(p.scale, 3)}: no shares "
         f"of the time gain more than {percent(p.residual / p.scale)} in the criterion",
     ]

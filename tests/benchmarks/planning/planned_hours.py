@@ -1,14 +1,16 @@
 """Planned measurements against regular and random ones: errors at equal hours, and hours at equal error.
 
-    python tests/benchmarks/planning/planned_hours.py [MEASUREMENTS] [MINUTES]
+    python tests/benchmarks/planning/planned_hours.py [MEASUREMENTS [MINUTES [MATERIAL]]]
 
 For each material and purpose (all numbers; the albedo): the median error of estimates from simulated measurements,
 planned, on the best regular scan and on the best of some random ones, all of equal hours; the hours that regular and
 random scans need for the plan's promised uncertainty (each scan's counting time is scaled: the best of all steps and
-numbers counts); the scatter of the estimates over what was promised; the hours lost by plans made at a third and at
-thrice the true α, and with that range stated; the Kiefer-Wolfowitz residual. `no plan`: how many times fewer hours than
-a regular or random scan the best of all designs would need that spent no time on the way; where photons are the limit
-that is little. Without measurements (0) none is simulated.
+numbers counts), for plans as they are by default and for those without a space-filling share; `no plan`: how many times
+fewer hours than a regular or random scan the best of all designs would need that knew the numbers beforehand and spent
+no time on the way, over `DENSER` times as many directions as a plan's: where photons are the limit that is little; the
+scatter of the estimates over what was promised, with its interval of 95 %; the hours lost by plans made at a third and
+at thrice the true α, and with that range stated; the Kiefer-Wolfowitz residual. Without measurements (0) none is
+simulated.
 """
 
 import sys
@@ -21,8 +23,9 @@ from gonio.data import layouts
 from gonio.instrument import Instrument, measure
 from gonio.instrument.pace import scan_order
 from gonio.instrument.scans import in_plane, isotropic, spherical
+from gonio.planning import candidates
 from gonio.planning.candidates import readable, space_filling
-from gonio.planning.design import Problem, covariance, gram, optimal_design
+from gonio.planning.limit import least_variance
 from gonio.planning.planned import plan
 from gonio.planning.planner import PLANE_STEPS, REGULAR_STEPS, Planner
 from gonio.planning.prior import prior_of
@@ -39,6 +42,7 @@ MATERIALS = {
 }
 PURPOSES = {"numbers": [], "albedo": ["albedo"]}
 RANDOM = (30, 100, 300, 1000)
+DENSER = 10
 INSTRUMENT = Instrument(photons=1e5, shadow=np.radians(3))
 
 
@@ -62,18 +66,24 @@ def space(planner: Planner, count: int) -> np.ndarray:
     return chosen[:, np.argsort(chosen[0])]
 
 
-def gain(planner: Planner, covariance: np.ndarray) -> float:
-    """A plan's variance by its own criterion, in the mean over the numbers."""
-    loss = planner.loss(covariance)
-    return float(np.exp(loss / (planner.size if planner.wanted is None else 1)))
-
-
 def least(planner: Planner, budget: float) -> float:
-    """The least variance that any shots of so many seconds have, were there no way between them [Kiefer-Wolfowitz]."""
-    times = planner.candidates.best_seconds(0.0, budget)
-    rows = planner.candidates.rows(times) * np.sqrt(budget / times)[:, None, None]
-    design = optimal_design(Problem(rows, planner.before, planner.size, planner.wanted))
-    return gain(planner, covariance(gram(rows[:1], design.shares) + planner.before, planner.size)[0][0])
+    """The least variance of any shots of so many seconds, in `DENSER` times as many directions as a plan's."""
+    numbers = {name: getattr(candidates, name) for name in ("ANYWHERE", "NEAR_MIRROR", "IN_PLANE")}
+    try:
+        for name, number in numbers.items():
+            setattr(candidates, name, number * (DENSER if name != "IN_PLANE" else 3))
+        return least_variance(Planner(planner.prior, INSTRUMENT, wanted=planner.wanted), budget)
+    finally:
+        for name, number in numbers.items():
+            setattr(candidates, name, number)
+
+
+def interval(z: np.ndarray) -> tuple[float, float]:
+    """The interval of 95 % of the rms of z (measurements, P), by resampling whole measurements."""
+    rng = np.random.default_rng(1)
+    rms = [np.sqrt(np.mean(z[rng.integers(0, len(z), len(z))] ** 2)) for _ in range(2000)]
+    low, high = np.quantile(rms, [0.025, 0.975])
+    return float(low), float(high)
 
 
 def equal(planner: Planner, angles: np.ndarray, budget: float, promised: float) -> tuple[float, float, Shots]:
@@ -82,7 +92,7 @@ def equal(planner: Planner, angles: np.ndarray, budget: float, promised: float) 
     # A second in each direction: variances of counts go with one over the time.
     second = Shots(angles, np.ones(angles.shape[1]))
     try:
-        variance = gain(planner, planner.covariance(second))
+        variance = planner.mean_variance(planner.covariance(second))
     except np.linalg.LinAlgError:
         return np.inf, np.inf, second
     counting = max((budget - way) / angles.shape[1], 1e-9)
@@ -126,52 +136,64 @@ def lost(truth: str, budget: float) -> list[float]:
         if "alpha" in name:
             widths.append(k)
     judge = Planner(prior, INSTRUMENT)
-    best = gain(judge, judge.covariance(plan(truth, INSTRUMENT, budget=budget).shots))
+    best = judge.mean_variance(judge.covariance(plan(truth, INSTRUMENT, budget=budget).shots))
     losses = []
     for factor in (1 / 3, 3.0):
         p = prior.p.copy()
         p[widths] = np.minimum(p[widths] * factor, 0.9)
         wrong = plan(prior.brdf(p), INSTRUMENT, budget=budget)
-        losses.append(gain(judge, judge.covariance(wrong.shots)) / best)
+        losses.append(judge.mean_variance(judge.covariance(wrong.shots)) / best)
     ranges = {prior.names[k]: (prior.p[k] / 3, min(3 * prior.p[k], 0.9)) for k in widths}
     robust = plan(truth, INSTRUMENT, budget=budget, ranges=ranges)
-    return [*losses, gain(judge, judge.covariance(robust.shots)) / best]
+    return [*losses, judge.mean_variance(judge.covariance(robust.shots)) / best]
 
 
-def main(number: int, budget: float) -> None:
+def main(number: int, budget: float, only: str | None) -> None:
     print(f"{number} simulated measurements, {budget / 60:g} min each")
     for name, truth in MATERIALS.items():
+        if only not in (None, name):
+            continue
         for purpose, wanted in PURPOSES.items():
-            prior = prior_of(truth, None)
-            q = quantities(prior, prior.p, wanted) if wanted else None
-            planned = plan(truth, INSTRUMENT, budget=budget, wanted=wanted)
-            planner = Planner(prior, INSTRUMENT, wanted=q and (q.slopes / q.values[:, None])[None])
-            promised = gain(planner, planner.covariance(planned.shots))
-            shots = {"planned": planned.shots}
-            hours, most, limit = {}, {}, least(planner, budget)
-            for kind in ("regular", "random"):
-                each = {k: equal(planner, a, budget, promised) for k, a in scans(planner, kind == "random").items()}
-                best = min(each, key=lambda k: each[k][0])
-                hours[kind] = min(h for _, h, _ in each.values()) / budget
-                most[kind] = min(equal(planner, a, budget, limit)[1] for a in scans(planner, kind == "random").values())
-                shots[f"{kind} ({best})"] = each[best][2]
-            errors = {k: simulated(truth, v, planner, number) for k, v in shots.items()} if number else {}
-            scatter = np.sqrt(np.mean(errors["planned"][2] ** 2)) if number else np.nan
-            print(
-                f"{name}, for {purpose}: {planned.shots.seconds.size} shots; hours at equal uncertainty: regular × "
-                f"{hours['regular']:.1f} (no plan × {most['regular'] / budget:.1f}), random × {hours['random']:.1f} "
-                f"(no plan × {most['random'] / budget:.1f}); scatter/promised {scatter:.2f}; "
-                f"Kiefer-Wolfowitz {planned.residual / planned.scale:.1e} p",
-                flush=True,
-            )
-            for k, (numbers, albedo, _) in errors.items():
-                print(f"    {k}: numbers {numbers:.2e}, albedo {albedo:.2e}", flush=True)
+            row(number, budget, f"{name}, for {purpose}", truth, wanted)
         print(
             "    hours lost by α/3, 3α, and with the range stated: "
             + ", ".join(f"× {x:.2f}" for x in lost(truth, budget))
         )
 
 
+def row(number: int, budget: float, title: str, truth: str, wanted: list[str]) -> None:
+    """Prints what is shown of one material and purpose."""
+    prior = prior_of(truth, None)
+    q = quantities(prior, prior.p, wanted) if wanted else None
+    planned, bare = (plan(truth, INSTRUMENT, budget=budget, wanted=wanted, space_filling=share) for share in (0.2, 0.0))
+    planner = Planner(prior, INSTRUMENT, wanted=q and (q.slopes / q.values[:, None])[None])
+    variances = [planner.mean_variance(planner.covariance(p.shots)) for p in (planned, bare)]
+    variances.append(least(planner, budget))
+    shots, hours = {"planned": planned.shots}, {}
+    for kind in ("regular", "random"):
+        every = scans(planner, kind == "random")
+        of_each = [{k: equal(planner, a, budget, v) for k, a in every.items()} for v in variances]
+        best = min(every, key=lambda k: of_each[0][k][0])
+        hours[kind] = [min(h for _, h, _ in each.values()) / budget for each in of_each]
+        shots[f"{kind} ({best})"] = of_each[0][best][2]
+    errors = {k: simulated(truth, v, planner, number) for k, v in shots.items()} if number else {}
+    counts = (f"{k} × {a:.1f} ({b:.1f} without filling; no plan × {c:.1f})" for k, (a, b, c) in hours.items())
+    print(
+        f"{title}: {planned.shots.seconds.size} shots; hours at equal uncertainty: {', '.join(counts)}; "
+        f"least variance / plan's {variances[2] / variances[0]:.2f}; "
+        f"Kiefer-Wolfowitz {planned.residual / planned.scale:.1e} p",
+        flush=True,
+    )
+    for k, (numbers, albedo, z) in errors.items():
+        low, high = interval(z)
+        print(
+            f"    {k}: numbers {numbers:.2e}, albedo {albedo:.2e}, scatter/promised "
+            f"{np.sqrt(np.mean(z**2)):.2f} ({low:.2f} to {high:.2f})",
+            flush=True,
+        )
+
+
 if __name__ == "__main__":
     jax.config.update("jax_enable_x64", True)
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 50, 60 * float(sys.argv[2]) if len(sys.argv) > 2 else 1200.0)
+    count, minutes, material = [*sys.argv[1:], *("50", "20", "")[len(sys.argv) - 1 :]][:3]
+    main(int(count), 60 * float(minutes), material or None)
