@@ -76,7 +76,7 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
         active_bounds=[p.label for p in free if p.status.startswith("at ")], seconds=seconds,
         theta_max=settings.theta_max, table=task.table, counts=task.counts,
         notes=[*notes, *sorted({n for e in optima for n in e.notes}), *_model_notes(task.terms, brdf)],
-        floor=[float(e.problem.samples.floor) for e in optima], robust=settings.robust,
+        floor=[e.problem.floor for e in optima], robust=settings.robust,
         apertures=apertures, evidence=_evidence(task, optima, f, cost), bootstrap=_bootstrap(task, optima, labels),
     )  # fmt: skip
 
@@ -106,7 +106,7 @@ def _unexplained(optima: list[Optimum]) -> float:
         n, number = e.model_f.shape
         channels = evenly_spaced(number, max(1, MOST_COMPARED // n))
         some = slice(None) if channels.size == number else channels
-        loss, floor, weight = e.problem.loss, e.problem.samples.floor, e.problem.weight[:, some]
+        loss, floor, weight = e.problem.loss, e.problem.floor, e.problem.weight[:, some]
         target, used = e.problem.targets[:, some], weight > 0
         y = np.where(used, e.readings.f[:, some], 0.0)
         cosine = e.readings.cos_i[:, None] if uses_cosine(loss) else 1.0
@@ -173,7 +173,7 @@ def _evidence(task: FitTask, optima: list[Optimum], f: np.ndarray, cost: float) 
         robust = dataclasses.replace(robust, kept=kept)
     return Evidence(
         task.readings, f, np.concatenate([e.problem.weight for e in optima], axis=1), task.loss,
-        np.array([float(e.problem.samples.floor) for e in optima]), task.likelihood, all(e.exact for e in optima),
+        np.array([e.problem.floor for e in optima]), task.likelihood, all(e.exact for e in optima),
         sum(e.p.size for e in optima), 2.0 * cost if task.likelihood else None, robust, task.layout,
         task.settings.seed,
     )  # fmt: skip

@@ -14,7 +14,7 @@ from gonio.fitting.solver.robust_weights import ROUNDS, DownweightedReadings, ro
 REWEIGHTINGS = 30
 SETTLED = 1e-8  # relative change of the numbers from which on relative weights have settled
 CHOICES = 4  # of how finely to average, each on the numbers that the one before led to
-STEADY = 0.02  # relative change of numbers and noise, up to which the choice stands
+STEADY = 0.02  # relative change of numbers, and fall of the noise, up to which the choice stands
 
 
 class Refined(NamedTuple):
@@ -112,8 +112,8 @@ class Refinement:
 
 
 def _settled(before: np.ndarray, after: np.ndarray, louder: float, noise: float) -> bool:
-    """Whether a choice made with these numbers and noise stands for those that it led to."""
-    return max(_moved(before, after), abs(louder / noise - 1.0)) < STEADY
+    """Whether a choice made with these numbers and noise stands for those that it led to: more noise notices less."""
+    return max(_moved(before, after), louder / noise - 1.0) < STEADY
 
 
 def _moved(before: np.ndarray, after: np.ndarray) -> float:

@@ -148,10 +148,9 @@ class BoundAverages:
         of_parts = [programs.parts.leaves(leaves, m) for m in range(len(programs.parts.channels))]
         self._parameters = functools.cache(lambda rows, part: rows.trace.parameters(of_parts[part]))
         self._pieces = [
-            _piece(readings, int(rule), cells[first : first + CHUNK])
-            for rule in np.unique(readings.rules)
-            for cells in [np.flatnonzero(readings.rules == rule)]
-            for first in range(0, cells.size, CHUNK)
+            piece
+            for rule in np.unique(readings.rules).tolist()
+            for piece in _pieces(readings, rule, np.flatnonzero(readings.rules == rule))
         ]
 
     def __call__(self, p: Float[np.ndarray, "s p"], full: bool) -> Sums | None:
@@ -210,17 +209,16 @@ def _rows_of(a: np.ndarray) -> np.ndarray:
     return a.ctypes.data + a.strides[0] * np.arange(len(a))
 
 
-def _piece(r: AveragedReadings, rule: int, cells: np.ndarray) -> _Piece:
-    extra = -cells.size % 16
-    axes = np.array(
-        [
-            np.append(np.asarray(c)[cells], np.full(extra, e))
-            for w in (r.wi, r.wo)
-            for c, e in zip(w, NORMAL, strict=True)
-        ]
-    )
-    target, weight = (np.pad(a[cells], ((0, extra), (0, 0))) for a in (r.target, r.weight))
-    return _Piece(rule, cells, axes, np.abs(axes[2]), target, weight)
+def _pieces(r: AveragedReadings, rule: int, cells: np.ndarray) -> list[_Piece]:
+    """The readings of one rule in pieces: parts of arrays that are laid out once."""
+    n, channels = cells.size, r.target.shape[1]
+    size = n + -n % 16
+    axes, target, weight = np.empty((6, size)), np.zeros((size, channels)), np.zeros((size, channels))
+    for row, c, fill in zip(axes, (*r.wi, *r.wo), (*NORMAL, *NORMAL), strict=True):
+        row[:n], row[n:] = np.asarray(c)[cells], fill
+    target[:n], weight[:n] = r.target[cells], r.weight[cells]
+    cosine, parts = np.abs(axes[2]), [slice(first, min(first + CHUNK, size)) for first in range(0, size, CHUNK)]
+    return [_Piece(rule, cells[s], axes[:, s], cosine[s], target[s], weight[s]) for s in parts]
 
 
 _kept: dict[Hashable, _Programs | None] = {}

@@ -48,11 +48,11 @@ class FitProblem:
         domains: closed domains of the free numbers.
         readings: directions (n,) and values y (n, C), 1/sr.
         weight: w of each residual (n, C), 0 where there is no reading.
-        samples: the same in blocks, as compiled programs take them.
+        targets: T(y c) of the readings, (n, C).
+        floor: of the loss.
         target_norm_squared: Σ(w T(y c))².
         rules: number of the rule (n,) by which the model is averaged over the discs of each reading, see
             `disc_averages`; None: at their centres.
-        lanes: where the readings are laid in blocks; None: one after another.
     """
 
     parameters: Parameterisation
@@ -61,10 +61,10 @@ class FitProblem:
     domains: Domains
     readings: Readings
     weight: np.ndarray
-    samples: Samples
+    targets: np.ndarray
+    floor: float
     target_norm_squared: float
     rules: np.ndarray | None = None
-    lanes: Lanes | None = None
 
     @classmethod
     def create(
@@ -79,28 +79,22 @@ class FitProblem:
     ) -> "FitProblem":
         """The problem of some readings with weights (n, C) and a loss with this floor."""
         n, channels = readings.f.shape
-        lanes = None
-        if rules is not None and rules.any():
-            lanes = Lanes.of(rules, readings.half_angles, block_of(channels))
-        number = n if lanes is None else lanes.source.size
-        shape = block_shape(number, channels)
-        wi, wo = (_in_blocks(w, lanes, shape) for w in (readings.wi, readings.wo))
-        f, laid_weight = (a if lanes is None else lanes.values(a) for a in (readings.f, weight))
-        target = in_blocks(f, (*shape, channels), fresh=loss not in IDENTITIES)
-        weights = in_blocks(laid_weight, (*shape, channels))
-        cosine = np.abs(wi.z.reshape(-1))[:, None] if uses_cosine(loss) else None
-        flat, norm_squared = target.reshape(-1, channels), 0.0
-        for some in chunks(number, channels):
-            compared = flat[some] if cosine is None else flat[some] * cosine[some]
+        targets, weight = _laid(readings.f, fresh=loss not in IDENTITIES), _laid(weight)
+        cosine = np.abs(np.asarray(readings.wi.z))[:, None] if uses_cosine(loss) else None
+        norm_squared = 0.0
+        for some in chunks(n, channels):
+            compared = targets[some] if cosine is None else targets[some] * cosine[some]
             if loss not in IDENTITIES:
-                flat[some] = transformed(loss, compared, floor)
-            norm_squared += float(np.sum((weights.reshape(-1, channels)[some] * flat[some]) ** 2))
-        if lanes is None:
-            weight = weights.reshape(-1, channels)[:n]  # one array for both
-        blocks, used = block_rules(lanes, shape[0]), -(-number // shape[1])
-        discs = disc_rules(readings.half_angles)
-        samples = Samples(wi, wo, target, weights, np.asarray(used), np.asarray(float(floor)), blocks, discs)
-        return cls(parameters, fixed, loss, parameters.domains, readings, weight, samples, norm_squared, rules, lanes)
+                targets[some] = transformed(loss, compared, floor)
+            norm_squared += float(np.sum((weight[some] * targets[some]) ** 2))
+        shape = block_shape(n, channels)
+        wi, wo = (
+            Direction(*(c.reshape(-1)[:n] for c in _in_blocks(w, None, shape))) for w in (readings.wi, readings.wo)
+        )
+        readings = dataclasses.replace(readings, wi=wi, wo=wo)
+        return cls(
+            parameters, fixed, loss, parameters.domains, readings, weight, targets, float(floor), norm_squared, rules
+        )
 
     @property
     def linear(self) -> np.ndarray:
@@ -112,11 +106,32 @@ class FitProblem:
         """Index, among the free numbers, of each number of the arrow (P,)."""
         return self.parameters.order
 
+    @functools.cached_property
+    def lanes(self) -> Lanes | None:
+        """Where the readings are laid in blocks; None: one after another."""
+        if self.rules is None or not self.rules.any():
+            return None
+        return Lanes.of(self.rules, self.readings.half_angles, block_of(self.parameters.channels))
+
     @property
-    def targets(self) -> np.ndarray:
-        """T(y c) of the readings, (n, C)."""
-        flat = np.asarray(self.samples.target).reshape(-1, self.parameters.channels)
-        return flat[: self.weight.shape[0]] if self.lanes is None else flat[self.lanes.place]
+    def size(self) -> int:
+        """Samples in the blocks that are in use, their padding included."""
+        number = self.weight.shape[0] if self.lanes is None else self.lanes.source.size
+        block = block_of(self.parameters.channels)
+        return -(-number // block) * block
+
+    @functools.cached_property
+    def samples(self) -> Samples:
+        """The readings in blocks, as XLA's programs take them."""
+        lanes, channels, readings = self.lanes, self.parameters.channels, self.readings
+        shape = block_shape(self.weight.shape[0] if lanes is None else lanes.source.size, channels)
+        wi, wo = (_in_blocks(w, lanes, shape) for w in (readings.wi, readings.wo))
+        target, weight = (
+            in_blocks(a if lanes is None else lanes.values(a), (*shape, channels)) for a in (self.targets, self.weight)
+        )
+        blocks, used = block_rules(lanes, shape[0]), self.size // shape[1]
+        discs = disc_rules(readings.half_angles)
+        return Samples(wi, wo, target, weight, np.asarray(used), np.asarray(self.floor), blocks, discs)
 
     @functools.cached_property
     def _pages(self) -> list[Samples]:
@@ -141,39 +156,40 @@ class FitProblem:
         readings, weight = self.readings, self.weight
         if cells is not None:
             readings, weight, rules = readings.part(cells), weight[cells], None if rules is None else rules[cells]
-        floor = float(self.samples.floor)
-        return FitProblem.create(self.parameters, self.fixed, self.loss, readings, weight, floor, rules)
+        if rules is None:
+            return FitProblem.create(self.parameters, self.fixed, self.loss, readings, weight, self.floor)
+        if cells is None:
+            return dataclasses.replace(self, rules=rules)
+        targets = self.targets[cells]
+        norm_squared = float(np.sum((weight * targets) ** 2))
+        return dataclasses.replace(
+            self, readings=readings, weight=weight, targets=targets, target_norm_squared=norm_squared, rules=rules
+        )
 
     def reweighted(self, weight: np.ndarray) -> "FitProblem":
         """The same problem with other weights (n, C); no array changes its shape, and nothing compiles again."""
-        laid = self._in_lanes(weight)
-        norm_squared = float(np.sum((laid * self.samples.target) ** 2))
-        samples = self.samples._replace(weight=laid)
-        return dataclasses.replace(self, weight=weight, samples=samples, target_norm_squared=norm_squared)
+        norm_squared = float(np.sum((weight * self.targets) ** 2))
+        return dataclasses.replace(self, weight=_laid(weight), target_norm_squared=norm_squared)
 
     def retargeted(self, target: np.ndarray) -> "FitProblem":
         """The same problem with other targets T(y c), (n, C)."""
-        laid = self._in_lanes(target)
-        norm_squared = float(np.sum((laid * self.samples.weight) ** 2))
-        return dataclasses.replace(self, samples=self.samples._replace(target=laid), target_norm_squared=norm_squared)
-
-    def _in_lanes(self, a: np.ndarray) -> np.ndarray:
-        return in_blocks(a if self.lanes is None else self.lanes.values(a), self.samples.weight.shape)
+        norm_squared = float(np.sum((self.weight * target) ** 2))
+        return dataclasses.replace(self, targets=_laid(target), target_norm_squared=norm_squared)
 
     def linearised(self) -> "FitProblem":
         """The problem of f itself, its residuals to first order in f − y: for `normal_equations(plain=True)`."""
         cosine = self.readings.cos_i[:, None] if uses_cosine(self.loss) else 1.0
         with np.errstate(all="ignore"):
-            slope = transform(self.loss, self.readings.f * cosine, self.samples.floor, np)[1]
+            slope = transform(self.loss, self.readings.f * cosine, self.floor, np)[1]
             return self.retargeted(self.readings.f).reweighted(self.weight * slope * cosine)
 
     def compared(self, f: np.ndarray) -> np.ndarray:
         """T(f c), (n, C), of values f (n, C) at the readings' directions."""
-        return compared(self.readings, self.loss, self.samples.floor, f)
+        return compared(self.readings, self.loss, self.floor, f)
 
     def residuals(self, f: np.ndarray) -> np.ndarray:
         """w (T(f c) − T(y c)), (n, C), for the model's values f; 0 where there is no reading."""
-        return weighted_residuals(self.readings, self.loss, self.samples.floor, self.weight, f)
+        return weighted_residuals(self.readings, self.loss, self.floor, self.weight, f)
 
     def normal_equations(self, p: np.ndarray, active: np.ndarray | None = None, plain: bool = False) -> NormalEquations:
         """The normal equations at up to `LANES` vectors p (S, P); of the active ones, zero for the others.
@@ -240,11 +256,11 @@ class FitProblem:
         return self._bound("linear")
 
     def _bound(self, loss: str) -> BoundSums | BoundAverages | None:
-        if self.rules is None or self.lanes is None:
+        if self.rules is None or not self.rules.any():
             return bound_sums(self.parameters, loss, self.fixed, self.samples, self.weight.shape[0])
         readings, half_angles = self.readings, self.readings.half_angles
         of = AveragedReadings(readings.wi, readings.wo, self.targets, self.weight, self.rules, half_angles)
-        return bound_averages(self.parameters, loss, self.fixed, self.samples.floor, of)
+        return bound_averages(self.parameters, loss, self.fixed, self.floor, of)
 
     def _run(
         self, p: np.ndarray, active: np.ndarray | None = None, scores: bool = False, plain: bool = False
@@ -262,6 +278,12 @@ class FitProblem:
             if len(waiting) == UNDER_WAY:
                 yield waiting.popleft()
         yield from waiting
+
+
+def _laid(a: np.ndarray, fresh: bool = False) -> np.ndarray:
+    """Values (n, C) where `in_blocks` takes them without a copy."""
+    n, channels = a.shape
+    return in_blocks(a, (*block_shape(n, channels), channels), fresh=fresh).reshape(-1, channels)[:n]
 
 
 def _in_blocks(w: Direction, lanes: Lanes | None, shape: tuple[int, int]) -> Direction:

@@ -147,7 +147,7 @@ def choose_rules(problem: FitProblem, p: np.ndarray, noise: float) -> DiscChoice
 def _weight(problem: FitProblem, f: np.ndarray) -> np.ndarray:
     """Slope (n, C) of each weighted residual by the model's value, at values f (n, C)."""
     c = problem.readings.cos_i[:, None] if uses_cosine(problem.loss) else 1.0
-    return problem.weight * transform(problem.loss, f * c, problem.samples.floor, np)[1] * c
+    return problem.weight * transform(problem.loss, f * c, problem.floor, np)[1] * c
 
 
 def _cut(problem: FitProblem) -> np.ndarray:

@@ -53,7 +53,7 @@ def with_clusters(e: Optimum, seed: int, noise_known: bool) -> tuple[Optimum, st
     if np.count_nonzero(some) < FEWEST:
         return (e, None) if noise_known else (_with_cells(e, some), None)
     weight = weight[:, channels]
-    residual, used = weighted_residuals(readings, e.problem.loss, e.problem.samples.floor, weight, f), weight > 0
+    residual, used = weighted_residuals(readings, e.problem.loss, e.problem.floor, weight, f), weight > 0
     scaled, wi, wo = residual / scales(residual, f, used), readings.wi, readings.wo
     orders = (neighbour_order(wi, wo), neighbour_order(wi, wo, by_incidence=True))
     if all(noise_tests(scaled[o], used[o], None, n, False).verdict != "structure" for o in orders):

@@ -179,7 +179,7 @@ def _searches(e: Optimum, k: int) -> list[_Search]:
 
 def _follow(e: Optimum, searches: list[_Search], budget: float) -> float:
     """Bring the searches to their ends, all of them side by side; evaluations of the model that are left."""
-    samples = int(e.problem.samples.blocks) * e.problem.samples.wi.z.shape[1] * max(1.0, e.parameters.channels / FEW)
+    samples = e.problem.size * max(1.0, e.parameters.channels / FEW)
     d = e.domains
     while pending := [s for s in searches if not s.done]:
         for some in (pending[first : first + LANES] for first in range(0, len(pending), LANES)):
