@@ -56,6 +56,8 @@ OPTIONS: Options = {
     "--continue T.h5": {"dest": "continued", "help": "a table of what was read already: the plan adds to it"},
     "--picture FILE": "also draw the path (png, svg, pdf)",
 }
+LEAST_SHARE = 1e-6
+"""That is printed of a residual; the solver's own is no better."""
 MOST_RANGES, SEEN = 4, 0.01
 """Ranges of numbers that are printed, and the least share of a number that one is wide."""
 
@@ -160,14 +162,14 @@ def summary(p: "Plan") -> list[str]:
         ),
         *(
             [
-                f"no choice of these candidates has less than {percent(p.limit)} of this plan's variance in equal "
-                "hours, even with these numbers known before and no time on the way"
+                "no measurement of equal hours in the directions that it chose from has less than "
+                f"{percent(p.limit)} of the plan's variance, even with the numbers known before and no time on the way"
             ]
             if math.isfinite(p.limit)
             else []
         ),
         f"certificate (Kiefer-Wolfowitz): max d − Σ w d = {number(p.residual, 2)} of {number(p.scale, 3)}: no shares "
-        f"of the time gain more than {percent(p.residual / p.scale)} in the criterion",
+        f"of the time gain more than {percent(max(p.residual / p.scale, LEAST_SHARE))} in the criterion",
     ]
 
 
