@@ -35,8 +35,9 @@ CLEAR = ParameterInfo(
 )
 NOT_CLEAR = 0.98
 GAIN = (
-    "a clear sheet gains 0.1 % at 60° for α = 0.3, η = 1.05 (up to 0.7 % for η = 1.01): what its lobes pass is "
-    "a flat one's share, and its faces reflect as rough ones do"
+    "a clear sheet gains 0.1 % at 60° for α = 0.3, η = 1.05 (up to 0.7 % for η = 1.01), one of unlike faces 0.4 % at "
+    "36° (α = 0.24 and 0.05, η = 1.47): what its lobes pass is a flat one's share, and its faces reflect as rough "
+    "ones do"
 )
 TAIL = 8.0
 """Half exponent of the tail that directions are drawn with: nearly Gaussian, a little heavier."""
@@ -155,7 +156,9 @@ class RoughSlab(AbstractComposite):
 
     Beside rays followed between two such faces of η = 1.5, R and T are within 0.003 to 30° for α ≤ 0.1, within 0.01 for
     0.2. At 60° R is 0.05 and T 0.03 low for α = 0.1, 0.11 and 0.08 for 0.2: what a lobe loses beyond the horizon here,
-    a sheet keeps inside, and sends out elsewhere.
+    a sheet keeps inside, and sends out elsewhere. Over 120 random sheets (both α from 0.02 to 0.4, η 1.2 to 2, `clear`
+    0.5 to 1, θ to 80°) the error of R is 0.042 rms, at most 0.17, that of T 0.031 and 0.12: beyond 45°, trust the
+    shapes of the lobes before their light.
     """
 
     loses_energy: ClassVar[str] = (
