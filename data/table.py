@@ -305,17 +305,22 @@ class Table(Displayed):
         order = None if rising else np.argsort(cells, kind="stable")
         sorted_cells = cells if order is None else cells[order]
         values = {k: np.empty((cells.size, *v.shape[1:]), v.dtype) for k, v in self.read_values(0, 0).items()}
+        every = dict(values)
+        if self.u_f is None:
+            every["u_f"] = np.broadcast_to(np.nan, values.pop("u_f").shape)
         for start, stop in self.blocks():
             first, last = np.searchsorted(sorted_cells, (start, stop))
             if first < last:
                 whole = last - first == stop - start and bool(sorted_cells[first] == start)
-                for name, block in self.read_values(start, stop).items():
-                    if whole and order is None:
-                        values[name][first:last] = block
-                        continue
-                    put = slice(first, last) if order is None else order[first:last]
-                    values[name][put] = block[sorted_cells[first:last] - start]
-        return values
+                read = self.read_values(start, stop)
+                for name, into in values.items():
+                    if order is not None:
+                        into[order[first:last]] = read[name][sorted_cells[first:last] - start]
+                    elif whole:
+                        into[first:last] = read[name]
+                    else:
+                        read[name].take(sorted_cells[first:last] - start, axis=0, out=into[first:last], mode="clip")
+        return every
 
     def counts(self) -> dict[str, int]:
         """Number of `cells`; of readings (cells × channels): those of each flag, and the `negative` valid."""

@@ -27,6 +27,7 @@ from jaxtyping import Array
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout
 from gonio.data.table import Block, Table
+from gonio.fitting.problem.inverse_weights import InverseWeights
 from gonio.models.compiled.dispatch import usable
 from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.program import Program
@@ -97,7 +98,8 @@ class Readings:
         """The readings of some of the cells."""
         wi, wo = (Direction(*(np.asarray(c)[cells] for c in w)) for w in (self.wi, self.wo))
         cell_weight = None if self.cell_weight is None else self.cell_weight[cells]
-        return Readings(wi, wo, self.f[cells], self.u_f[cells], self.valid[cells], cell_weight, self.half_angles)
+        f, u_f, valid = (rows_of(a, cells) for a in (self.f, self.u_f, self.valid))
+        return Readings(wi, wo, f, u_f, valid, cell_weight, self.half_angles)
 
     def channel(self, c: int) -> "Readings":
         """The readings of one channel."""
@@ -110,6 +112,14 @@ class Readings:
         return dataclasses.replace(self, f=self.f[:, these], u_f=self.u_f[:, these], valid=self.valid[:, these])
 
 
+def rows_of(a: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Some rows, by number or as booleans, of values (n, C); one number that stands for all takes no memory."""
+    if not any(a.strides):
+        number = np.count_nonzero(cells) if cells.dtype == bool else cells.size
+        return np.broadcast_to(a[:1, :1], (number, a.shape[1]))
+    return a[cells] if cells.dtype == bool else a.take(cells, axis=0)
+
+
 def evenly_spaced(channels: int, most: int) -> np.ndarray:
     """Indices of at most so many channels, the first and the last among them."""
     return np.unique(np.linspace(0, channels - 1, min(channels, most)).astype(int))
@@ -117,6 +127,10 @@ def evenly_spaced(channels: int, most: int) -> np.ndarray:
 
 def readings_of(table: Table, limit: int | None = None, theta_max: float | None = None, seed: int = 0) -> Readings:
     """The valid readings of a table (both directions nearer to a normal than `theta_max`, radians)."""
+    if limit is None and not isinstance(table.f, np.ndarray):
+        cells = table.valid_cells(theta_max)
+        if cells.size == table.layout.size:
+            return _all_readings(table)
     block: Block = table.samples(limit=limit, theta_max=theta_max, seed=seed)
     n, channels = block.f.shape
     shape = block_shape(n, channels)
@@ -130,6 +144,33 @@ def readings_of(table: Table, limit: int | None = None, theta_max: float | None 
     f = block.f if valid.all() else np.where(valid, block.f, 0.0)
     f = in_blocks(np.asarray(f), (*shape, channels)).reshape(-1, channels)[:n]
     return Readings(wi, wo, f, np.asarray(block.u_f, float), valid)
+
+
+def _all_readings(table: Table) -> Readings:
+    """The readings of all cells of a table that is read block by block: no array of it exists twice."""
+    n, channels = table.layout.size, len(table.channels)
+    shape = block_shape(n, channels)
+
+    def empty(fill: float, *more: int) -> np.ndarray:
+        return in_blocks(np.full((1, *more), fill), (*shape, *more), fill).reshape(-1, *more)[:n]
+
+    wi, wo = (Direction(*(empty(e) for e in NORMAL)) for _ in range(2))
+    f, valid, known = empty(0.0, channels), np.empty((n, channels), bool), table.u_f is not None
+    u_f = empty(0.0, channels) if known else np.broadcast_to(np.nan, f.shape)
+    for start, stop in table.blocks():
+        rows, values = slice(start, stop), table.read_values(start, stop)
+        for w, part in zip((wi, wo), table.layout.directions(start, stop), strict=True):
+            for c, of_block in zip(w, part, strict=True):
+                np.asarray(c)[rows] = of_block
+        valid[rows] = (values["flag"] == Flag.VALID) & np.isfinite(values["f"])
+        f[rows] = np.where(valid[rows], values["f"], 0.0)
+        if table.u_f is not None:
+            u_f[rows] = values["u_f"]
+            known = known and bool((valid[rows] & np.isfinite(u_f[rows]) & (u_f[rows] > 0)).all())
+    if known:
+        np.divide(1.0, u_f, out=u_f)
+    uncertainty: Any = InverseWeights(u_f) if known else u_f
+    return Readings(wi, wo, f, uncertainty, valid)
 
 
 def count_readings(table: Table, readings: Readings) -> dict[str, int]:
@@ -299,6 +340,8 @@ def sigma_of(readings: Readings) -> np.ndarray | None:
 
     Unknown (NaN) and exact (0) cells among known ones get the median: they then weigh as an ordinary cell.
     """
+    if isinstance(readings.u_f, InverseWeights):
+        return readings.u_f  # all are known
     known = readings.valid & np.isfinite(readings.u_f) & (readings.u_f > 0)
     if not known.any():
         return None
@@ -317,12 +360,20 @@ def residual_weights(readings: Readings, loss: str, sigma: np.ndarray | None) ->
     """Weight of each residual (n, C): 0 where there is no reading, 1/σ with the loss `sigma`, times √cell_weight."""
     if loss == "sigma" and sigma is None:
         raise GonioError(NO_UNCERTAINTY)
-    weight = np.ones(readings.valid.shape) if loss != "sigma" or sigma is None else np.divide(1.0, sigma)
+    if isinstance(sigma, InverseWeights) and loss == "sigma" and readings.cell_weight is None:
+        return sigma.weight  # the same array
+    n, channels = readings.valid.shape
+    # Laid out at once where the problem wants them.
+    weight = in_blocks(np.ones((1, channels)), (*block_shape(n, channels), channels)).reshape(-1, channels)[:n]
+    if loss != "sigma" or sigma is None:
+        weight[:] = 1.0
+    else:
+        np.divide(1.0, sigma, out=weight)
     if not readings.valid.all():
-        weight = np.where(readings.valid, weight, 0.0)
+        weight[~readings.valid] = 0.0
     if readings.cell_weight is not None:
         share = readings.cell_weight / np.mean(readings.cell_weight)
-        weight = weight * np.sqrt(share)[:, None]
+        weight *= np.sqrt(share)[:, None]
     return weight
 
 

@@ -33,8 +33,8 @@ def is_batch(files: Sequence[str]) -> bool:
 
 
 def table_of(file: str | Path, args: argparse.Namespace) -> "Table":
-    """The table of a file, with the channels that the command line names."""
-    table = read_table(str(file), args)
+    """The table of a file, with the channels that the command line names; a fit goes through large ones in blocks."""
+    table = read_table(str(file), args, blockwise=not args.nuisance)
     return table.only(args.channel) if args.channel else table
 
 

@@ -7,13 +7,18 @@ import numpy as np
 import pytest
 
 from gonio.data import layouts
+from gonio.data.hdf5.reader import open_table
 from gonio.data.table import whole_table_of_values
+from gonio.fitting.problem.inverse_weights import InverseWeights
 from gonio.fitting.problem.readings import (
     LOSSES,
     floor_of,
     inverse_cube_root,
     loss_floor,
     readings_of,
+    residual_weights,
+    rows_of,
+    sigma_of,
     transform,
     uses_cosine,
 )
@@ -78,3 +83,30 @@ def test_its_slope_and_other_precisions():
     np.testing.assert_allclose(slope, -(np.array([0.3, 5.0, 2e-9]) ** (-4 / 3)) / 3, rtol=1e-14)
     single = inverse_cube_root(jnp.asarray(8.0, jnp.float32))
     assert single.dtype == jnp.float32 and abs(float(single) - 0.5) < 1e-7
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_table_that_stays_in_its_file_gives_the_same_readings(tmp_path, known):
+    grid = layouts.isotropic(np.radians([5.0, 40, 70]), np.radians([0.0, 30]), np.array([0.0, 1, 2]))
+    rng = np.random.default_rng(4)
+    f = rng.random((*grid.shape, 2)) + 0.1
+    u_f = np.where(known | (rng.random(f.shape) < 0.5), 0.01 * f, np.nan)
+    whole_table_of_values(grid, f, u_f=u_f).save(tmp_path / "t.h5")
+    stored, whole = (readings_of(open_table(tmp_path / "t.h5", lazy_bytes=size)) for size in (0, 1 << 20))
+    assert isinstance(stored.u_f, InverseWeights) == known
+    some = np.array([3, 1])
+    for mine, reference in ((stored, whole), (stored.part(some), whole.part(some))):
+        parts = ((*r.wi, *r.wo, r.f, r.valid) for r in (mine, reference))
+        assert all(np.array_equal(a, b) for a, b in zip(*parts, strict=True))
+        np.testing.assert_allclose(mine.u_f, reference.u_f, rtol=1e-15)
+    weights = [residual_weights(r, "sigma", sigma_of(r)) for r in (stored, whole)]
+    np.testing.assert_allclose(*weights, rtol=1e-15)
+    assert ((stored.u_f > 0) == (whole.u_f > 0)).all() and np.isfinite(stored.u_f).sum() == np.isfinite(whole.u_f).sum()
+
+
+def test_what_one_number_stands_for_is_not_multiplied():
+    same = np.broadcast_to(np.nan, (5, 3))
+    assert rows_of(same, np.array([4, 0])).strides == (0, 0)
+    assert rows_of(same, np.array([True, False, False, True, True])).shape == (3, 3)
+    values = np.arange(15.0).reshape(5, 3)
+    assert np.array_equal(rows_of(values, np.array([4, 0])), values[[4, 0]])
