@@ -38,7 +38,6 @@ from gonio.fitting.solver.disc_choice import DiscAverages, choose_rules
 from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, minimise
 from gonio.fitting.solver.multistart import search
 from gonio.fitting.solver.robust_weights import KINDS as ROBUST_KINDS
-from gonio.fitting.solver.xla_steps import padded_sizes
 from gonio.fitting.uncertainty.bootstrap import KINDS as BOOTSTRAP_KINDS
 from gonio.fitting.uncertainty.optimum import Optimum, optimum_at
 from gonio.models.deprecation import renamed, renamed_options
@@ -230,7 +229,7 @@ def compile_ahead(terms: tuple[Term, ...], loss: str, channels: int, per_channel
         terms, channels = of_channel(terms, 0), 1
     s, fixed, _ = parameters(terms, channels)
     if s.size:
-        sizes = padded_sizes(s.sizes)
+        sizes = s.sizes
         ahead(("step", sizes), lambda: compile_steps(sizes))
     ahead((s, loss), lambda: compile_sums(s, loss, fixed) or compile_page_program(s, loss, fixed))
 

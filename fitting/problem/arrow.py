@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from gonio.fitting.problem.readings import AnyArray
 
 WHOLE = 32  # numbers up to which a matrix is cheaper as a whole
-UNROLLED = 8  # numbers up to which a program has every step of an elimination by itself
+UNROLLED = 12  # numbers up to which a program has every step of an elimination by itself
 
 
 class Sizes(NamedTuple):
@@ -210,14 +210,14 @@ def solve_by_elimination(
 
 
 def _unrolled(rows: AnyArray) -> AnyArray:
-    """The same of a matrix with its right sides beside it: elimination downwards, then substitution upwards."""
-    upper, solved = [], []
-    for _ in range(rows.shape[-2]):
-        pivot = rows[..., 0, :1]
-        row = rows[..., 0, 1:] / jnp.where(pivot > 0, pivot, jnp.nan)
-        upper.append(row)
-        rows = rows[..., 1:, 1:] - rows[..., 1:, :1] * row[..., None, :]
-    for number, row in enumerate(reversed(upper)):
+    """The same of a matrix with its right sides beside it, of which the lower half is not looked at."""
+    upper, reduced, solved = [rows[..., k, k:] for k in range(rows.shape[-2])], [], []
+    while upper:
+        (first, *others), pivot = upper, upper[0][..., :1]
+        row = first[..., 1:] / jnp.where(pivot > 0, pivot, jnp.nan)
+        reduced.append(row)
+        upper = [other - first[..., k + 1, None] * row[..., k:] for k, other in enumerate(others)]
+    for number, row in enumerate(reversed(reduced)):
         value = row[..., number:]
         for k, x in enumerate(reversed(solved)):
             value = value - row[..., k, None] * x

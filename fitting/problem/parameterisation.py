@@ -64,7 +64,7 @@ def _known_span(kind: bytes, low: bytes, high: bytes) -> tuple[np.ndarray, np.nd
     return u_low, u_high - u_low
 
 
-def _span(d: Domains, xp: ModuleType) -> tuple[np.ndarray, np.ndarray]:
+def span(d: Domains, xp: ModuleType) -> tuple[np.ndarray, np.ndarray]:
     """(low end, width) of the domains in the coordinates in which they are even."""
     if xp is np and d.low.ndim == 1 and d.low.dtype == d.high.dtype == float and d.kind.dtype == np.int64:
         return _known_span(*(a.tobytes() for a in d))
@@ -74,13 +74,13 @@ def _span(d: Domains, xp: ModuleType) -> tuple[np.ndarray, np.ndarray]:
 
 def evenly(d: Domains, share: np.ndarray) -> np.ndarray:
     """The parameters (P,) at shares, 0 to 1, of the way through their domains."""
-    u_low, width = _span(d, np)
+    u_low, width = span(d, np)
     return unmapped(d.kind, u_low + width * share)
 
 
-def to_parameters(d: Domains, x: Any, xp: ModuleType = jnp) -> Mapped:
-    """The parameters at unconstrained coordinates x (..., P)."""
-    u_low, width = _span(d, xp)
+def to_parameters(d: Domains, x: Any, xp: ModuleType = jnp, known: tuple[Any, Any] | None = None) -> Mapped:
+    """The parameters at unconstrained coordinates x (..., P); `known`: the `span` of the domains."""
+    u_low, width = span(d, xp) if known is None else known
     sine, cosine = xp.sin(x), xp.cos(x)
     u = u_low + width * sine * sine
     by_u = xp.exp(xp.where(d.kind == LINEAR, 0.0, u))
@@ -156,6 +156,12 @@ class Parameterisation:
         """Index of each number in the order of an `Arrow`: those that channels share, then channel by channel."""
         each = np.array([g.per_channel for g in self.free], bool)
         return np.concatenate([self.columns[0, ~each], self.columns[:, each].ravel()])
+
+    @functools.cached_property
+    def kinds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places of shared free parameters, and of those of each channel, in a row of residual and derivatives."""
+        each = np.array([g.per_channel for g in self.free], bool)
+        return 1 + np.flatnonzero(~each), 1 + np.flatnonzero(each)
 
     @property
     def sizes(self) -> Sizes:

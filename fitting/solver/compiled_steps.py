@@ -1,23 +1,23 @@
 """Steps of several descents side by side by one compiled loop, whose elements are the descents.
 
-For up to 8 numbers, on the processor, in double precision: what `StepsByXLA` computes, from JAX's own trace of it, many
-times as fast. What it does not take is XLA's.
+For up to 12 numbers, on the processor, in double precision: what `StepsByXLA` computes, from JAX's own trace of it,
+many times as fast. What it does not take is XLA's.
 """
 
 import functools
 import itertools
 import threading
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from gonio.fitting.problem.arrow import UNROLLED, Arrow, Sizes
+from gonio.fitting.problem.arrow import UNROLLED, WHOLE, Arrow, Sizes
 from gonio.fitting.problem.normal_equations import NormalEquations
-from gonio.fitting.problem.parameterisation import LINEAR, Domains, to_parameters
+from gonio.fitting.problem.parameterisation import LINEAR, Domains, Mapped, span, to_parameters
 from gonio.fitting.problem.readings import LANES
 from gonio.fitting.solver.lm_step import Lane, Normal, evaluated, step
 from gonio.fitting.solver.xla_steps import Descents, Points, Report, StepsByXLA, compile_step, padded_sizes
@@ -26,93 +26,129 @@ from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.sums import Rows, SumsProgram
 from gonio.models.fingerprint import program_name
 
-SIZE = UNROLLED
-"""Numbers of each descent; those beyond a problem's own act on nothing."""
-EQUATIONS = 1 + SIZE + SIZE * SIZE
-"""Numbers of normal equations: cost, gradient, matrix."""
+SIZES = (8, UNROLLED)
+"""Numbers of the descents that there are loops for; those beyond a problem's own act on nothing."""
+KNOWN = 4
+"""Of an evaluation: cost, stationarity, whether it is exact, what a Newton step promises."""
 NOTHING = np.zeros(0)
 LOCK = threading.Lock()
 
 
+class Layout(NamedTuple):
+    """Where the numbers of a descent stand, of so many parameters.
+
+    A row has the numbers of its `Lane`, then of an evaluation, then of the next point: parameters, and first and second
+    derivatives by the coordinates. What is given has cost, gradient, matrix, then kinds, low and high ends of the
+    domains, which are linear, and low ends and widths in even coordinates.
+    """
+
+    size: int
+    kinds: list[np.ndarray]
+    tree: Any
+
+    @property
+    def lane(self) -> int:
+        """Numbers of a lane."""
+        return sum(a.size for a in self.kinds)
+
+    @property
+    def row(self) -> int:
+        """Numbers of a row."""
+        return self.lane + KNOWN + 3 * self.size
+
+    @property
+    def equations(self) -> int:
+        """Numbers of normal equations."""
+        return 1 + self.size + self.size**2
+
+    @property
+    def given(self) -> int:
+        """Numbers of what is given."""
+        return self.equations + 6 * self.size
+
+    def lane_of(self, numbers: Any) -> Lane:
+        """Descents of their numbers (..., K); truth is a number above 0."""
+        edges = np.cumsum([0, *(a.size for a in self.kinds)])
+        parts = [numbers[..., a:b] for a, b in itertools.pairwise(edges)]
+        leaves = [part.reshape(*part.shape[:-1], *a.shape) for part, a in zip(parts, self.kinds, strict=True)]
+        leaves = [v > 0 if a.dtype == bool else v for v, a in zip(leaves, self.kinds, strict=True)]
+        return jax.tree.unflatten(self.tree, leaves)
+
+    def places(self) -> Lane:
+        """Where in a row each part of a lane stands."""
+        edges = np.cumsum([0, *(a.size for a in self.kinds)]).tolist()
+        places = [first + np.arange(a.size) for first, a in zip(edges, self.kinds, strict=False)]
+        return jax.tree.unflatten(self.tree, places)
+
+
+@functools.cache
+def layout_of(size: int) -> Layout:
+    """The layout of descents of so many numbers."""
+    no, none, zeros = np.zeros((), bool), np.zeros(()), np.zeros(size)
+    normal = Normal(none, zeros, Arrow.dense(np.zeros((size, size))), none, no, none, zeros, none)
+    kinds, tree = jax.tree.flatten(Lane(no, no, no, zeros, zeros, normal, zeros, none, none, no, no, no))
+    return Layout(size, kinds, tree)
+
+
 def steps_of(descents: Descents, sizes: Sizes) -> "StepsByLoop | StepsByXLA":
     """The steps of descents whose numbers have these sizes."""
-    padded = padded_sizes(sizes)
-    program = _program() if padded == (SIZE, 0, 0) and usable() else None
+    program = _program_of(sizes)
     return StepsByXLA(descents, sizes) if program is None else StepsByLoop(program, descents, sizes)
 
 
 def compile_steps(sizes: Sizes) -> None:
-    """Compile what takes the steps of descents of these padded sizes, before there are any."""
-    if sizes != (SIZE, 0, 0) or not usable() or _program() is None:
-        compile_step(sizes)
+    """Compile what takes the steps of descents of numbers of these sizes, before there are any."""
+    if _program_of(sizes) is None:
+        compile_step(padded_sizes(sizes))
 
 
-def _program() -> SumsProgram | None:
+def _program_of(sizes: Sizes) -> SumsProgram | None:
+    size = next((size for size in SIZES if size >= sizes.total), None)
+    if size is None or (sizes.per_channel and sizes.total > WHOLE) or not usable():
+        return None
     with LOCK:
-        return _compiled_program()
+        return _program(size)
 
 
 @functools.cache
-def _compiled_program() -> SumsProgram | None:
-    here, given = _length() + 4 + SIZE, EQUATIONS + 4 * SIZE
-    name = program_name("steps", SIZE)
+def _program(size: int) -> SumsProgram | None:
+    of, name = layout_of(size), program_name("steps", size)
+    steps = (of.row,) * (of.lane + 3 * size) + (of.given,) * of.given
     try:
-        rows = Rows(_rows, [], 2, (here,) * _length() + (given,) * given, name=name)
-        return SumsProgram(rows, [], range(here))
+        return SumsProgram(Rows(functools.partial(_rows, of), [], 2, steps, name=name), [], range(of.row))
     except Unsupported:
         return None
 
 
-@functools.cache
-def _kinds() -> tuple[list[np.ndarray], Any]:
-    """Arrays as those of one descent, and how they make a `Lane`."""
-    no, none, zeros = np.zeros((), bool), np.zeros(()), np.zeros(SIZE)
-    normal = Normal(none, zeros, Arrow.dense(np.zeros((SIZE, SIZE))), none, no, none, zeros, none)
-    return jax.tree.flatten(Lane(no, no, no, zeros, zeros, normal, zeros, none, none, no, no, no))
-
-
-def _length() -> int:
-    """Numbers of a descent."""
-    return sum(a.size for a in _kinds()[0])
-
-
-def _lane_of(numbers: Any) -> Lane:
-    """Descents of their numbers (..., K); truth is a number above 0."""
-    kinds, tree = _kinds()
-    edges = np.cumsum([0, *(a.size for a in kinds)])
-    parts = [numbers[..., a:b] for a, b in itertools.pairwise(edges)]
-    leaves = [part.reshape(*part.shape[:-1], *a.shape) for part, a in zip(parts, kinds, strict=True)]
-    leaves = [v > 0 if a.dtype == bool else v for v, a in zip(leaves, kinds, strict=True)]
-    return jax.tree.unflatten(tree, leaves)
-
-
-@functools.cache
-def _places() -> Lane:
-    """Where in the numbers of a descent each of its parts stands."""
-    kinds, tree = _kinds()
-    edges = np.cumsum([0, *(a.size for a in kinds)]).tolist()
-    return jax.tree.unflatten(tree, [first + np.arange(a.size) for first, a in zip(edges, kinds, strict=False)])
-
-
-def _rows(_: Sequence[Any], target_norm_squared: Array, rough: Array, *elements: Array) -> Array:
-    """One descent a step on: its numbers, what was evaluated, and its next parameters, in one row."""
-    numbers = jnp.stack(elements)
-    state, given = numbers[: _length()], numbers[_length() :]
-    matrix, lane = given[1 + SIZE : EQUATIONS].reshape(SIZE, SIZE), _lane_of(state)
-    equations = NormalEquations(given[0], given[1 : 1 + SIZE], _symmetric(matrix))
+def _rows(of: Layout, _: Sequence[Any], target_norm_squared: Array, rough: Array, *elements: Array) -> Array:
+    """One descent a step on: its row, from the row before, and what is given."""
+    numbers, size = jnp.stack(elements), of.size
+    lane, given = of.lane_of(numbers[: of.lane]), numbers[of.lane + 3 * size :]
+    mapped = Mapped(*numbers[of.lane : of.lane + 3 * size].reshape(3, size))
+    matrix = given[1 + size : of.equations].reshape(size, size)
+    equations = NormalEquations(given[0], given[1 : 1 + size], _symmetric(matrix))
     lane = lane._replace(normal=lane.normal._replace(hessian=_symmetric(lane.normal.hessian.corner)))
-    kind, low, high, linear = given[EQUATIONS:].reshape(4, SIZE)
+    kind, low, high, linear, *known = given[of.equations :].reshape(6, size)
     d = Domains(kind, low, high)
-    latest = evaluated(d, to_parameters(d, lane.trial), equations, target_norm_squared, linear > 0)
+    latest = evaluated(d, mapped, equations, target_norm_squared, linear > 0)
     after = step(lane, latest, target_norm_squared, rough)
-    known = (latest.cost, latest.stationarity, latest.exact, latest.promised)
-    parts = [*jax.tree.leaves(after), *known, to_parameters(d, after.trial).p]
+    what = (latest.cost, latest.stationarity, latest.exact, latest.promised)
+    parts = [*jax.tree.leaves(after), *what, *to_parameters(d, after.trial, jnp, tuple(known))]
     return jnp.concatenate([jnp.ravel(a).astype(float) for a in parts if a.size])
+
+
+def _fill(matrix: np.ndarray, arrow: Arrow) -> None:
+    """Writes the upper half of arrows into matrices (S, SIZE, SIZE)."""
+    shared, channels, each = arrow.sizes
+    matrix[:, :shared, :shared] = arrow.corner
+    for c in range(channels if each else 0):
+        these = slice(shared + c * each, shared + (c + 1) * each)
+        matrix[:, :shared, these], matrix[:, these, these] = arrow.border[:, c], arrow.blocks[:, c]
 
 
 def _symmetric(matrix: Array) -> Arrow:
     """A matrix whose lower half is not looked at: it is the same numbers."""
-    return Arrow.dense(jnp.where(np.tri(SIZE, k=-1, dtype=bool), matrix.T, matrix))
+    return Arrow.dense(jnp.where(np.tri(len(matrix), k=-1, dtype=bool), matrix.T, matrix))
 
 
 class StepsByLoop:
@@ -120,49 +156,68 @@ class StepsByLoop:
 
     def __init__(self, program: SumsProgram, descents: Descents, sizes: Sizes) -> None:
         """Of the program, and descents whose numbers have these sizes."""
-        (number, size), length, lanes = descents.start.shape, _length(), program.rows.lanes
+        (number, size), lanes = descents.start.shape, program.rows.lanes
+        of = self.layout = layout_of(next(s for s in SIZES if s >= size))
         self.program, self.descents, self.sizes, self.number, self.size = program, descents, sizes, number, size
         self.count = -(-number // lanes) * lanes
         rows = max(LANES, lanes)
-        self.numbers, self.after = np.zeros((2, rows, length + 4 + SIZE))
-        self.given = np.zeros((rows, EQUATIONS + 4 * SIZE))
-        start, places = _lane_of(self.numbers[:, :length]), _places()
-        start.y[:number, :size] = start.trial[:number, :size] = descents.start
-        self.numbers[:, places.first], self.numbers[:, places.shrinks] = 1.0, 1.0
-        self.numbers[:, places.step_size] = descents.step_size
-        domains = self.given[:, EQUATIONS:].reshape(rows, 4, SIZE)
-        domains[:] = np.array([LINEAR, 0.0, 1.0, 0.0])[:, None]
-        for k, part in enumerate((*descents.domains, descents.linear)):
-            domains[:number, k, :size] = part
-        self.p = to_parameters(descents.domains, descents.start, np).p
+        self.numbers, self.after = np.zeros((2, rows, of.row))
+        self.given = np.zeros((rows, of.given))
+        self.matrix = self.given[:, 1 + of.size : of.equations].reshape(rows, of.size, of.size)
+        self._begin()
+        self.p = self.numbers[:number, of.lane + KNOWN : of.lane + KNOWN + size].copy()
         self.scalars = np.array([descents.target_norm_squared, descents.rough])
-        places_of = [a.ctypes.data + 8 * np.arange(n) for a, n in (
-            (self.scalars, 2), (self.numbers, length), (self.given, EQUATIONS + 4 * SIZE), (self.after, 1)
-        )]  # fmt: skip
-        self.addresses = np.concatenate(places_of).astype(np.uintp)[None]
+        numbers = self.numbers.ctypes.data + 8 * np.arange(of.row)
+        numbers = np.delete(numbers, np.arange(of.lane, of.lane + KNOWN))
+        others = [a.ctypes.data + 8 * np.arange(n) for a, n in ((self.given, of.given), (self.after, 1))]
+        scalars = self.scalars.ctypes.data + 8 * np.arange(2)
+        self.addresses = np.concatenate([scalars, numbers, *others]).astype(np.uintp)[None]
         self.otherwise: StepsByXLA | None = None
+
+    def _begin(self) -> None:
+        """Fills in the descents before their first evaluation, and their domains."""
+        of, d, number, size = self.layout, self.descents, self.number, self.size
+        places, lane = of.places(), of.lane_of(self.numbers[:, : of.lane])
+        lane.y[:number, :size] = lane.trial[:number, :size] = d.start
+        self.numbers[:, places.first], self.numbers[:, places.shrinks] = 1.0, 1.0
+        self.numbers[:, places.step_size] = d.step_size
+        points = self.numbers[:, of.lane + KNOWN :].reshape(-1, 3, of.size)
+        known = span(d.domains, np)
+        for k, part in enumerate(to_parameters(d.domains, d.start, np, known)):
+            points[:number, k, :size] = part
+        domains = self.given[:, of.equations :].reshape(-1, 6, of.size)
+        domains[:] = np.array([LINEAR, 0.0, 1.0, 0.0, 0.0, 1.0])[:, None]
+        for k, part in enumerate((*d.domains, d.linear, *known)):
+            domains[:number, k, :size] = part
 
     def __call__(self, equations: NormalEquations, active: np.ndarray) -> Report:
         """A step of the active descents (S,), from what was evaluated at their points."""
-        number, size, length, places = self.number, self.size, _length(), _places()
-        given = self.given[:number]
-        given[:, 0], given[:, 1 : 1 + size] = equations.cost, equations.gradient
-        given[:, 1 + SIZE : EQUATIONS].reshape(number, SIZE, SIZE)[:, :size, :size] = equations.matrix.corner
+        number, size, of = self.number, self.size, self.layout
+        self.given[:number, 0], self.given[:number, 1 : 1 + size] = equations.cost, equations.gradient
+        _fill(self.matrix[:number], equations.matrix)
         if self.otherwise is None and self.program(NOTHING, self.addresses, self.count) is None:
             self.otherwise = self._by_xla()
         if self.otherwise is not None:
             return self.otherwise(equations, active)
-        after, evaluated_p = self.after[:number], self.p
-        cost, stationarity, exact, promised = after[:, length : length + 4].T.copy()
-        self.numbers[:number][active] = after[active]
-        now = self.numbers[:number]
-        self.p = np.where(active[:, None], now[:, length + 4 : length + 4 + size], self.p)
-        flags = (now[:, k[0]] > 0 for k in (places.accepted, places.finished, places.refused, places.near))
-        return Report(Points(evaluated_p, cost, stationarity, exact > 0, promised), self.p, *flags)
+        after, now, evaluated_p = self.after[:number], self.numbers[:number], self.p
+        cost, stationarity, exact, promised = after[:, of.lane : of.lane + KNOWN].T.copy()
+        now[active] = after[active]
+        self.p = now[:, of.lane + KNOWN : of.lane + KNOWN + size].copy()
+        lane = of.lane_of(now[:, : of.lane])
+        points = Points(evaluated_p, cost, stationarity, exact > 0, promised)
+        return Report(points, self.p, lane.accepted, lane.finished, lane.refused, lane.near)
 
     def _by_xla(self) -> StepsByXLA:
         """The same by XLA, from here on: for numbers of which the loop does not know that it is right."""
-        steps = StepsByXLA(self.descents, self.sizes)
-        steps.lanes = _lane_of(self.numbers[:LANES, : _length()].copy())
+        steps, sizes = StepsByXLA(self.descents, self.sizes), padded_sizes(self.sizes)
+        size, more = self.layout.size, sizes.total - self.layout.size
+
+        def padded(a: np.ndarray) -> np.ndarray:
+            return np.pad(a, [(0, 0), *((0, more) if n == size else (0, 0) for n in a.shape[1:])])
+
+        steps.lanes = jax.tree.map(padded, self.layout.lane_of(self.numbers[:LANES, : self.layout.lane].copy()))
+        if sizes.total > size:
+            hessian = Arrow.dense(np.asarray(steps.lanes.normal.hessian.corner))
+            steps.lanes = steps.lanes._replace(normal=steps.lanes.normal._replace(hessian=hessian))
         steps.trial = steps.lanes.trial[: self.number, : self.size]
         return steps

@@ -10,12 +10,11 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from gonio.fitting.problem.arrow import Arrow
 from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import Domains, to_parameters, to_unconstrained
 from gonio.fitting.problem.readings import LANES
 from gonio.fitting.solver.compiled_steps import steps_of
-from gonio.fitting.solver.xla_steps import Descents, Points, padded_sizes
+from gonio.fitting.solver.xla_steps import Descents, Points
 
 MAX_STEPS = 200
 UNDAMPED, DAMPED = 1e8, 100.0  # the first step's size from near a minimum, and from afar as MINPACK's
@@ -107,8 +106,6 @@ def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> l
     points: Points | None = None
     for _ in range(stopping.most):
         equations = problem.normal_equations(_unordered(p, order), active)
-        if equations.matrix.sizes.channels and not padded_sizes(equations.matrix.sizes).channels:
-            equations = equations._replace(matrix=Arrow.dense(equations.matrix.whole()))
         steps = steps or steps_of(descents, equations.matrix.sizes)
         report = steps(equations, active)
         p, now, taken = report.p, report.points, report.accepted & active

@@ -74,6 +74,8 @@ class StepsByXLA:
     def __call__(self, equations: NormalEquations, active: np.ndarray) -> Report:
         """A step of the active descents (S,), from what was evaluated at their points."""
         d, number = self.descents, len(self.trial)
+        if equations.matrix.sizes.channels and not self.sizes.channels:
+            equations = equations._replace(matrix=Arrow.dense(equations.matrix.whole()))
         mapped = to_parameters(d.domains, self.trial, np)
         normal = evaluated(d.domains, mapped, equations, d.target_norm_squared, d.linear)
         every = np.zeros(LANES, bool)

@@ -134,10 +134,9 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
     from gonio.fitting.fit_table import fit
     from gonio.fitting.problem.arrow import Sizes
     from gonio.fitting.solver.compiled_steps import compile_steps
-    from gonio.fitting.solver.xla_steps import padded_sizes
 
     # To load the program of a step takes as long as to read a large file; what goes into it is known already.
-    few = padded_sizes(Sizes(1, 0, 0))
+    few = Sizes(1, 0, 0)
     ahead(("step", few), lambda: compile_steps(few))
     options = _options(args)
     if not args.model or len(args.model) > 1:
