@@ -11,7 +11,7 @@ from gonio.fitting.apertures import aperture_facts
 from gonio.fitting.fit_model import FitTask
 from gonio.fitting.judgement import ALBEDO_TOLERANCE
 from gonio.fitting.problem.parameterisation import of_channel
-from gonio.fitting.problem.readings import evenly_spaced, transform_slope, transformed, uses_cosine
+from gonio.fitting.problem.readings import chunks, evenly_spaced, transform_slope, transformed, uses_cosine
 from gonio.fitting.residuals.energy import LargestAlbedo, bounded_largest_albedo, confirmed, largest_albedo
 from gonio.fitting.residuals.metrics import metrics
 from gonio.fitting.residuals.summary import Evidence
@@ -52,12 +52,12 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
                 "reach its limit"
             )
     cost = float(sum(e.cost for e in optima))
-    f = optima[0].model_f if len(optima) == 1 else np.concatenate([e.model_f for e in optima], axis=1)
+    f = _joined([e.model_f for e in optima])
     apertures = aperture_facts(optima, estimates)
     brdf = build(fitted := optima[0].parameters.filled(task.terms, [e.p for e in optima]))
     measures = metrics(f, readings)
     measures["unexplained"] = _unexplained(optima)
-    measures["largest_albedo"] = (albedo := _largest_albedo(optima, fitted)).value
+    measures["largest_albedo"] = (albedo := _largest_albedo(optima, fitted, brdf)).value
     if albedo.value > 1.0 + ALBEDO_TOLERANCE:
         notes.insert(0, _creates_energy(albedo, channels, Hemispheres.TRANSMISSION in brdf.hemispheres))
     if task.likelihood:
@@ -106,25 +106,29 @@ def _unexplained(optima: list[Optimum]) -> float:
         n, number = e.model_f.shape
         channels = evenly_spaced(number, max(1, MOST_COMPARED // n))
         some = slice(None) if channels.size == number else channels
-        loss, floor, weight = e.problem.loss, e.problem.floor, e.problem.weight[:, some]
-        target, used = e.problem.targets[:, some], weight > 0
-        y = np.where(used, e.readings.f[:, some], 0.0)
-        cosine = e.readings.cos_i[:, None] if uses_cosine(loss) else 1.0
-        with np.errstate(all="ignore"):
-            share = np.nan_to_num((weight * transform_slope(loss, y * cosine, floor) * cosine) ** 2, posinf=0.0)
-        mean = np.sum(share * y, axis=0) / np.maximum(np.sum(share, axis=0), 1e-300)
-        level = transformed(loss, mean * cosine, floor)
-        total += float(np.sum(np.where(used, weight * (level - target), 0.0) ** 2))
+        loss, floor, targets = e.problem.loss, e.problem.floor, e.problem.targets
+        cosines = e.readings.cos_i[:, None] if uses_cosine(loss) else np.ones((n, 1))
+        shares = np.zeros((2, channels.size))
+        for rows in chunks(n, channels.size):
+            weight, cosine = e.problem.weight[rows, some], cosines[rows]
+            y = np.where(weight > 0, e.readings.f[rows, some], 0.0)
+            with np.errstate(all="ignore"):
+                share = np.nan_to_num((weight * transform_slope(loss, y * cosine, floor) * cosine) ** 2, posinf=0.0)
+            shares += np.sum(share * y, axis=0), np.sum(share, axis=0)
+        mean = shares[0] / np.maximum(shares[1], 1e-300)
+        for rows in chunks(n, channels.size):
+            weight, target, cosine = e.problem.weight[rows, some], targets[rows, some], cosines[rows]
+            level = transformed(loss, mean * cosine, floor)
+            total += float(np.sum(np.where(weight > 0, weight * (level - target), 0.0) ** 2))
+            if channels.size < number:
+                model = transformed(loss, e.model_f[rows, some] * cosine, floor)
+                remaining += float(np.sum(np.where(weight > 0, weight * (model - target), 0.0) ** 2))
         if channels.size == number:
             remaining += 2.0 * e.cost
-        else:
-            model = transformed(loss, e.model_f[:, some] * cosine, floor)
-            remaining += float(np.sum(np.where(used, weight * (model - target), 0.0) ** 2))
     return remaining / total if total > 0 else float("nan")
 
 
-def _largest_albedo(optima: list[Optimum], fitted: tuple[Term, ...]) -> LargestAlbedo:
-    brdf = build(fitted)
+def _largest_albedo(optima: list[Optimum], fitted: tuple[Term, ...], brdf: AbstractBRDF) -> LargestAlbedo:
     if Hemispheres.TRANSMISSION in brdf.hemispheres:
         return bounded_largest_albedo(brdf)
     each = [largest_albedo(functools.partial(e.problem.values_at, e.p), e.parameters.channels) for e in optima]
@@ -172,11 +176,16 @@ def _evidence(task: FitTask, optima: list[Optimum], f: np.ndarray, cost: float) 
         kept = np.concatenate([e.downweighted.kept for e in optima if e.downweighted], axis=1)
         robust = dataclasses.replace(robust, kept=kept)
     return Evidence(
-        task.readings, f, np.concatenate([e.problem.weight for e in optima], axis=1), task.loss,
+        task.readings, f, _joined([e.problem.weight for e in optima]), task.loss,
         np.array([e.problem.floor for e in optima]), task.likelihood, all(e.exact for e in optima),
         sum(e.p.size for e in optima), 2.0 * cost if task.likelihood else None, robust, task.layout,
         task.settings.seed,
     )  # fmt: skip
+
+
+def _joined(of_channels: list[np.ndarray]) -> np.ndarray:
+    """Columns (n, C) of each optimum side by side; no copy of a single one."""
+    return of_channels[0] if len(of_channels) == 1 else np.concatenate(of_channels, axis=1)
 
 
 def _widened(task: FitTask, optima: list[Optimum]) -> tuple[list[Optimum], list[str]]:

@@ -1,6 +1,7 @@
 """What a model's parameter is: its domain, unit and meaning, kept as data on the field that holds it."""
 
 import dataclasses
+import functools
 from typing import Any, Literal
 
 import equinox as eqx
@@ -51,6 +52,11 @@ def _as_parameter(value: Any) -> Any:
 
 def parameters_of(model_class: type) -> dict[str, ParameterInfo]:
     """The parameters of a model class by name, in the order of its fields."""
+    return dict(_known_parameters(model_class))
+
+
+@functools.lru_cache(maxsize=256)
+def _known_parameters(model_class: type) -> dict[str, ParameterInfo]:
     fields = dataclasses.fields(model_class)
     return {f.name: f.metadata["parameter"] for f in fields if "parameter" in f.metadata}
 

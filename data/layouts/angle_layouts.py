@@ -68,6 +68,11 @@ class ScatteredSamples(_FourAngles):
     name = "scattered"
     gridded = False
 
+    def cosines(self, start: int = 0, stop: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        first, last = self._range(start, stop)
+        cos_i, cos_o = (np.cos(self.axes[name][first:last]) for name in ("theta_i", "theta_o"))
+        return cos_i, cos_o
+
 
 class FrontSamples(ScatteredSamples):
     """Samples of the front alone, of which a warp has carried some below the horizon."""

@@ -327,7 +327,10 @@ class Layout(abc.ABC):
     ) -> tuple[np.ndarray, ...]:
         """Flat results of a function of the axes' trigonometry; whole rows are evaluated without an index."""
         start, stop = self._range(start, stop)
-        if not self.gridded or stop - start < self.row_size:
+        if not self.gridded:
+            trig = [(np.cos(a[start:stop]), np.sin(a[start:stop])) for a in self.axes.values()]
+            return tuple(np.broadcast_to(c, stop - start) for c in function(trig))
+        if stop - start < self.row_size:
             return tuple(np.broadcast_to(c, stop - start) for c in function(self._trig_at(np.arange(start, stop))))
         first, last = start // self.row_size, -(-stop // self.row_size)
         leading, *others = self.axes.values()

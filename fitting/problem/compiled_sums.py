@@ -77,6 +77,13 @@ class _Programs:
             pairs = [pair for first in (0, number) for pair in pairs_of_rows(self.channels, self.size, first)]
             return SumsProgram(self.rows, pairs, range(2 * number, 2 * number + self.channels))
 
+    @functools.cached_property
+    def values(self) -> SumsProgram:
+        """Of the model's values alone."""
+        first = 2 * self.channels * self.size
+        with LOCK:
+            return SumsProgram(self.rows, [], range(first, first + self.channels))
+
 
 def _rows(s: Parameterisation, loss: str, p: Array, rest: Sequence[Any], elements: Sequence[Array]) -> Array:
     wi, wo = Direction(*elements[:3]), Direction(*elements[3:6])
@@ -121,9 +128,14 @@ def squares_of_pairs(sums: np.ndarray, parts: int, channels: int) -> np.ndarray:
     of_pairs = sums.reshape(len(sums), parts, channels, -1)
     size = (math.isqrt(8 * of_pairs.shape[-1] + 1) - 1) // 2
     squares = np.zeros((len(sums), 2, channels, size, size))
-    i, j = np.triu_indices(size)
+    i, j = _upper(size)
     squares[:, :parts, :, i, j] = squares[:, :parts, :, j, i] = of_pairs
     return squares
+
+
+@functools.cache
+def _upper(size: int) -> tuple[np.ndarray, np.ndarray]:
+    return np.triu_indices(size)
 
 
 _programs: dict[Hashable, _Programs | None] = {}
@@ -177,25 +189,39 @@ class BoundSums:
 
     def __call__(self, p: Float[np.ndarray, "s p"], full: bool) -> Sums | None:
         """The sums at S vectors of free numbers, `full` with f of one of them; None where XLA has to compute them."""
-        programs, (parts, numbers) = self._programs, self._programs.parts.numbers.shape
+        programs = self._programs
         try:
             program = programs.full if full else programs.plain
         except Unsupported:
             return None
-        p = np.ascontiguousarray(p, float)
-        f = np.zeros((parts, math.prod(self._shape[:-1]), programs.channels) if full else 0)
-        addresses = np.empty((len(p), parts, numbers + self._places.shape[1] + full), np.uintp)
-        of_p = np.arange(len(p))[:, None, None] * p.shape[1] + programs.parts.numbers
-        addresses[:, :, :numbers] = p.ctypes.data + 8 * of_p
-        addresses[:, :, numbers : numbers + self._places.shape[1]] = self._places
-        if full:
-            addresses[:, :, -1] = f.ctypes.data + f.strides[0] * np.arange(parts)
-        sums = program(NOTHING, addresses.reshape(len(p) * parts, -1), self._count)
+        sums, f = self._run(program, p, full)
         if sums is None:
             return None
         squares = squares_of_pairs(sums, 1 + full, programs.channels)
-        squares = programs.parts.joined_squares(squares.reshape(len(p), parts, *squares.shape[1:]))
-        return Sums(squares, programs.parts.joined_values(f[:, : self._number]) if full else None)
+        squares = programs.parts.joined_squares(squares.reshape(len(p), -1, *squares.shape[1:]))
+        return Sums(squares, programs.parts.joined_values(f) if full else None)
+
+    def values(self, p: Float[np.ndarray, " p"]) -> Float[np.ndarray, "n c"] | None:
+        """f of the samples at a vector of free numbers; None where XLA has to compute it."""
+        try:
+            sums, f = self._run(self._programs.values, p[None], True)
+        except Unsupported:
+            return None
+        return None if sums is None else self._programs.parts.joined_values(f)
+
+    def _run(self, program: SumsProgram, p: np.ndarray, stores: bool) -> tuple[np.ndarray | None, np.ndarray]:
+        """What a program sums at each vector and part, and f of each part (M, n, K) if it `stores` that."""
+        programs, (parts, numbers) = self._programs, self._programs.parts.numbers.shape
+        p = np.ascontiguousarray(p, float)
+        f = np.empty((parts, math.prod(self._shape[:-1]) if stores else 0, programs.channels))
+        addresses = np.empty((len(p), parts, numbers + self._places.shape[1] + stores), np.uintp)
+        of_p = np.arange(len(p))[:, None, None] * p.shape[1] + programs.parts.numbers
+        addresses[:, :, :numbers] = p.ctypes.data + 8 * of_p
+        addresses[:, :, numbers : numbers + self._places.shape[1]] = self._places
+        if stores:
+            addresses[:, :, -1] = f.ctypes.data + f.strides[0] * np.arange(parts)
+        sums = program(NOTHING, addresses.reshape(len(p) * parts, -1), self._count)
+        return sums, f[:, : self._number]
 
 
 def bound_sums(s: Parameterisation, loss: str, fixed: FixedValues, samples: Samples, number: int) -> BoundSums | None:

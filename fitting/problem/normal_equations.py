@@ -32,8 +32,7 @@ class Evaluation:
 
 def summed(s: Parameterisation, squares: Float[np.ndarray, "S C g g"]) -> NormalEquations:
     """The normal equations over all free numbers, from channel-wise products of residuals and derivatives."""
-    shared, each = (1 + np.flatnonzero([g.per_channel == kind for g in s.free]) for kind in (False, True))
-    total = squares.sum(axis=1)
+    total, (shared, each) = squares.sum(axis=1), s.kinds
     gradient = np.asarray(joined(total[:, 0, shared], squares[:, :, 0, each]))
     border, blocks = (squares[:, :, rows[:, None], each] for rows in (shared, each))
     matrix = Arrow(total[:, shared[:, None], shared], border, blocks)

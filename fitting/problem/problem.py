@@ -28,6 +28,7 @@ from gonio.fitting.problem.readings import (
     block_shape,
     chunks,
     in_blocks,
+    rows_of,
     transform,
     transformed,
     uses_cosine,
@@ -155,7 +156,8 @@ class FitProblem:
         """The same problem with the model averaged by these rules (n,), on some of the cells if given."""
         readings, weight = self.readings, self.weight
         if cells is not None:
-            readings, weight, rules = readings.part(cells), weight[cells], None if rules is None else rules[cells]
+            readings, weight = readings.part(cells), rows_of(weight, cells)
+            rules = None if rules is None else rules[cells]
         if rules is None:
             return FitProblem.create(self.parameters, self.fixed, self.loss, readings, weight, self.floor)
         if cells is None:
@@ -211,7 +213,8 @@ class FitProblem:
 
     def model_values(self, p: np.ndarray) -> np.ndarray:
         """The model's f (n, C) at the readings' directions, for free numbers p (P,)."""
-        return self.evaluate(p, scores=False).f
+        values = self._loop.values(p) if isinstance(self._loop, BoundSums) else None
+        return self.evaluate(p, scores=False).f if values is None else values
 
     def values_at(self, p: np.ndarray, wi: Direction, wo: Direction) -> np.ndarray:
         """The model's f (n, C) at other directions (n,), by the same compiled program."""

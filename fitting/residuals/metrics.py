@@ -34,11 +34,21 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
     # Of very many the median is one of numbers in single precision.
     kind = np.float64 if readings.f.size <= MANY else np.float32
     sums, relative, known = np.zeros(7), np.empty(readings.f.size, kind), 0
+    complete, buffer = bool(readings.valid.all()), np.zeros(0)
     for chunk in chunks(*readings.f.shape):
-        y, m = (np.where(readings.valid[chunk], a[chunk], 0.0) for a in (readings.f, model_f))
-        cos_i, cos_o = (np.abs(np.asarray(w.z)[chunk, None]) for w in (readings.wi, readings.wo))
-        added, share = _sums(*(np.broadcast_to(a, y.shape).ravel() for a in (y, m, cos_i, cos_i * cos_o)))
-        share = share[y.ravel() != 0]
+        rows = readings.f[chunk].shape
+        count = -(-rows[0] * rows[1] // PADDED) * PADDED
+        if buffer.shape != (5, count):
+            buffer = np.zeros((5, count))
+        y, m, cos_i, cosines = (a[: rows[0] * rows[1]].reshape(rows[::-1]) for a in buffer[:4])
+        y[:], m[:] = readings.f[chunk].T, model_f[chunk].T
+        if not complete:
+            for a in (y, m):
+                a[~readings.valid[chunk].T] = 0.0
+        cos_i[:] = np.abs(np.asarray(readings.wi.z)[chunk])
+        np.multiply(cos_i, np.abs(np.asarray(readings.wo.z)[chunk]), out=cosines)
+        added, share = _sums(buffer, y.size)
+        share = share if complete and y.all() else share[y.ravel() != 0]
         sums += added
         relative[known : known + share.size] = share
         known += share.size
@@ -55,28 +65,25 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
     }
 
 
-def _sums(y: np.ndarray, m: np.ndarray, cos_i: np.ndarray, cosines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sums over readings (n,), and |m−y|/|y| of each.
+def _sums(arrays: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Sums over so many readings of `arrays` (5, n): y, m, cosθi, cosθi cosθo, and room; and |m−y|/|y| of each.
 
     The sums are those of squares of m − y, of y, of both times the cosines, of the difference of log(1 + f) and of that
-    of the cube roots, and that of m − y.
+    of the cube roots, and that of m − y. Beyond the readings y and m are 0.
     """
     program = _program() if usable() else None
     if program is None:
+        y, m, cos_i, cosines = arrays[:4, :number]
         off = m - y
         logs = np.sign(m) * np.log1p(np.abs(m)) - np.sign(y) * np.log1p(np.abs(y))
         roots = np.cbrt(m * cos_i) - np.cbrt(y * cos_i)
         squares = [np.sum(a * a) for a in (off, y, off * cosines, y * cosines, logs, roots)]
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.array([*squares, off.sum()]), np.abs(off / y)
-    count = -(-y.size // PADDED) * PADDED
-    arrays = np.zeros((5, count))
-    for row, a in zip(arrays, (y, m, cos_i, cosines), strict=False):
-        row[: y.size] = a
     addresses = np.array([[row.ctypes.data for row in arrays]], np.uintp)
-    sums = program(np.zeros(0), addresses, count)
+    sums = program(np.zeros(0), addresses, arrays.shape[1])
     assert sums is not None  # nothing in the formula asks for XLA
-    return sums[0], arrays[4, : y.size]
+    return sums[0], arrays[4, :number]
 
 
 @functools.cache

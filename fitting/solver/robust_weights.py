@@ -6,6 +6,7 @@ grows with it.
 """
 
 import dataclasses
+import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -86,15 +87,14 @@ def scales(residual: np.ndarray, model: np.ndarray, valid: np.ndarray, least: fl
     edges = [0]
     while size.size - edges[-1] >= 2 * CLASS:
         edges.append(edges[-1] + (size.size - edges[-1]) // 2)
-    ordered = np.sort(level)
+    order = np.argsort(level)
+    ordered = level[order]
     starts = np.searchsorted(ordered, ordered[edges])  # what is equally bright stays together
     starts = starts[1:][np.diff(starts) >= CLASS]
-    kind = np.searchsorted(ordered[starts], level, side="right")
     floor = max(least, 0.01 * NORMAL_MAD * float(np.median(size)), np.finfo(float).tiny ** 0.5)
-    within = np.empty(size.size)
-    for k in range(starts.size + 1):
-        alike = kind == k
-        within[alike] = max(NORMAL_MAD * float(np.median(size[alike])), floor)
+    within, by_level = np.empty(size.size), size[order]
+    for first, last in itertools.pairwise([0, *starts.tolist(), size.size]):
+        within[order[first:last]] = max(NORMAL_MAD * float(np.median(by_level[first:last])), floor)
     scale[valid] = within
     return scale
 

@@ -13,7 +13,7 @@ from scipy.special import stdtrit
 from gonio.fitting.problem.arrow import Arrow
 from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.problem import FitProblem, weighted_residuals
-from gonio.fitting.problem.readings import Readings, evenly_spaced
+from gonio.fitting.problem.readings import Readings, evenly_spaced, rows_of
 from gonio.fitting.residuals.noise_tests import noise_tests
 from gonio.fitting.residuals.pair_angles import neighbour_order
 from gonio.fitting.solver.robust_weights import scales
@@ -47,8 +47,8 @@ def with_clusters(e: Optimum, seed: int, noise_known: bool) -> tuple[Optimum, st
     n = e.model_f.shape[0]
     cells = np.sort(rng.choice(n, MOST_CELLS, replace=False)) if n > MOST_CELLS else np.arange(n)
     channels = evenly_spaced(e.model_f.shape[1], max(1, MOST_READINGS // cells.size))
-    readings, f = e.readings.of_channels(channels).part(cells), e.model_f[np.ix_(cells, channels)]
-    weight = e.problem.weight[cells]
+    readings, f = e.readings.part(cells).of_channels(channels), rows_of(e.model_f, cells)[:, channels]
+    weight = rows_of(e.problem.weight, cells)
     some = np.any(weight > 0, axis=1)
     if np.count_nonzero(some) < FEWEST:
         return (e, None) if noise_known else (_with_cells(e, some), None)
@@ -56,7 +56,7 @@ def with_clusters(e: Optimum, seed: int, noise_known: bool) -> tuple[Optimum, st
     residual, used = weighted_residuals(readings, e.problem.loss, e.problem.floor, weight, f), weight > 0
     scaled, wi, wo = residual / scales(residual, f, used), readings.wi, readings.wo
     orders = (neighbour_order(wi, wo), neighbour_order(wi, wo, by_incidence=True))
-    if all(noise_tests(scaled[o], used[o], None, n, False).verdict != "structure" for o in orders):
+    if all(noise_tests(rows_of(scaled, o), rows_of(used, o), None, n, False).verdict != "structure" for o in orders):
         return e, None
     block, kind = _clusters(readings, scaled, some)
     clusters = int(block.max()) + 1

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.fitting.residuals.pair_angles import neighbour_order, pair_angles
+from gonio.fitting.residuals.pair_angles import _spread, neighbour_order, pair_angles
 from gonio.models.geometry.directions import from_spherical
 
 
@@ -26,3 +26,10 @@ def test_neighbours_follow_each_other():
     steps = [np.median(np.linalg.norm(np.diff(points[:, o], axis=1), axis=0)) for o in (np.arange(3000), order)]
     # 3000 points in four dimensions are a seventh of the box apart, and the curve jumps now and then.
     assert steps[1] < 2 * steps[0] / 3000**0.25
+
+
+def test_bits_are_spread_as_their_digits():
+    level = np.random.default_rng(0).integers(0, 1 << 15, 50)
+    for step in (2, 4):
+        digits = [int(("0" * (step - 1)).join(f"{n:015b}"), 2) for n in level.tolist()]
+        assert _spread(level.astype(np.uint64), step).tolist() == digits
