@@ -31,7 +31,7 @@ from gonio.metrology.monte_carlo import Simulation, require_draws, simulated
 from gonio.metrology.polished_quantities import polished_quantities
 from gonio.metrology.profile_quantities import fit_of_profile, profile_quantities, quantities_of_fits
 from gonio.metrology.quantity import Quantity, to_row
-from gonio.metrology.remarks import of_numbers, of_reach, of_uncertainties
+from gonio.metrology.remarks import of_numbers, of_reach, of_symmetry, of_uncertainties
 from gonio.metrology.sources import sources_of
 from gonio.metrology.standards import scatter_law
 from gonio.metrology.standards.catalog import Wanted, standard_quantities
@@ -216,6 +216,7 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
     notes = [*table.provenance.get("warnings", []), *measurands.notes, *remarks]
     undecided = _without_albedo(measurands, wanted) + measurands.standards.undecided
     notes += [] if settings.budget else of_uncertainties(table)
+    notes += of_symmetry(table)
     notes += of_reach(undecided) if settings.fit is None else []
     fitted = None if settings.fit is None else _fitted(table, settings.fit)
     if not settings.budget:

@@ -4,9 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gonio.checks.certificate import FAIL
+from gonio.checks.table.evidence import TableEvidence
+from gonio.checks.table.one_azimuth import isotropy_at_normal_incidence, one_azimuth, taken_as_mirrored
 from gonio.data.table import Table
 from gonio.metrology.fit_numbers import FitNumbers
 from gonio.metrology.standards.evaluation import Undecided
+from gonio.models.display import percent
 
 NO_UNCERTAINTY = "No uncertainties are stored: U is of the integral alone, and a single reading has none."
 INDEPENDENT = (
@@ -21,7 +25,17 @@ FIT_REACHES = (
     "What readings do not reach a fit of them does, as far as its model holds: gonio fit TABLE -o FIT.toml, "
     "then gonio quantities FIT.toml."
 )
+NOT_ISOTROPIC = (
+    "At normal incidence f depends on the detector's azimuth, by {size}: the surface is not isotropic. Albedos are "
+    "those of light from the azimuth that was read; quantities of light from all sides take it as isotropic{side}."
+)
+ONE_SIDE = (
+    "The detector was on one side of the plane of incidence: the other is taken as its mirror image, and no readings "
+    "at normal incidence say that the surface is isotropic."
+)
 INTEGRALS = ("albedo", "reflectance", "gloss")
+ISOTROPIC = 0.05
+"""By how much f at normal incidence may depend on the azimuth."""
 SAMPLE = 1000
 """Readings that are looked at for uncertainties."""
 
@@ -32,6 +46,18 @@ def of_uncertainties(table: Table) -> list[str]:
         return []
     few = None if table.u_f is None else np.asarray(table.values_at(table.valid_cells()[:SAMPLE])["u_f"])
     return [NO_UNCERTAINTY if few is None or not np.isfinite(few).any() else INDEPENDENT]
+
+
+def of_symmetry(table: Table) -> list[str]:
+    """What is taken of a surface lit from one azimuth, or read on one side, where its readings do not show it."""
+    if not one_azimuth(table):
+        return []
+    isotropy, mirrored = isotropy_at_normal_incidence(TableEvidence(table), ISOTROPIC), taken_as_mirrored(table)
+    if isotropy.verdict == FAIL:
+        side = ", and all of them take the side that was not read as a mirror image" if mirrored else ""
+        return [NOT_ISOTROPIC.format(size=percent(isotropy.residual or 0.0), side=side)]
+    shown = isotropy.facts.get("largest_violation", np.inf) <= ISOTROPIC
+    return [ONE_SIDE] if mirrored and not shown else []
 
 
 def of_numbers(numbers: FitNumbers | None) -> list[str]:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import gonio
-from gonio.data.table import Table
+from gonio.data import layouts
+from gonio.data.table import Table, whole_table_of_values
 
 ANGLES = np.arange(0.0, 85.0, 5.0)
 
@@ -36,3 +37,15 @@ def test_what_the_fit_reaches_says_that_a_calibration_is_not_in_it(plane):
 
 def test_exact_models_have_no_such_remark():
     assert not any("calibration" in note for note in gonio.quantities("lambert(rho=0.4)", only=["albedo"]).notes)
+
+
+def test_what_one_azimuth_of_the_light_does_not_show_is_told():
+    brushed = gonio.material("lambert(rho=0.2) + ggx(alpha_x=0.4, alpha_y=0.15, f0=0.8)")
+    turned = np.radians(50.0)
+    for first, note in ((0, "the surface is not isotropic"), (20, "taken as its mirror image")):
+        theta = np.radians(np.arange(first, 61, 20.0))
+        layout = layouts.isotropic(theta, np.radians(np.arange(0, 86, 5.0)), np.radians(np.arange(0, 181, 15.0)))
+        theta_i, phi_i, theta_o, phi_o = layout.angles()
+        f = brushed.f(theta_i, phi_i + turned, theta_o, phi_o + turned).reshape(layout.shape)
+        notes = gonio.quantities(whole_table_of_values(layout, f), only=["albedo"]).notes
+        assert sum(note in n for n in notes) == 1

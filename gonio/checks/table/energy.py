@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gonio.checks.albedos import Albedos, energy_property, with_hemispherical
-from gonio.checks.certificate import PASS, UNDECIDED, Property, without_residual
+from gonio.checks.certificate import FAIL, PASS, UNDECIDED, Property, without_residual
 from gonio.checks.hidden_lobes import NARROWEST, Features, at_width
 from gonio.checks.table.albedos.two_sided import Part, albedos_of_parts, summed, two_sided_albedos
 from gonio.checks.table.energy_words import degrees_up, incidences_judged, least_width, remedy, series_of, what_may_hide
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.further_readings import FurtherBySide
+from gonio.checks.table.one_azimuth import isotropy_at_normal_incidence, taken_as_mirrored
 from gonio.checks.table.statistics.counts import critical, sidak
 from gonio.data.interpolation.scattering_blocks import sheet_of
 from gonio.data.table import Table
@@ -21,6 +22,16 @@ from gonio.models.geometry.sides import FRONT
 if TYPE_CHECKING:
     from gonio.fitting.result import FitResult
 
+MIRRORED = 0.05
+"""By how much f at normal incidence may depend on the azimuth for the side that was read to stand for both."""
+CONTRADICTED = (
+    " But at normal incidence f depends on the detector's azimuth: the surface is not isotropic, and the side of the"
+    " plane of incidence that was not read may differ from the other."
+)
+ONE_SIDE = (
+    " But one side of the plane of incidence was read, and no readings at normal incidence say that the surface is"
+    " isotropic: a brushed or leaning one may send less to the other side."
+)
 STANDARD_UNCERTAINTIES = 2.0
 """How many of the readings' noise the bounds of albedos hold."""
 
@@ -95,6 +106,34 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
     The level of the evidence: chance that the readings' stored noise alone exceeds its share of the bounds at any
     incidence.
     """
+    judged = _by_readings_or_model(evidence, tolerance)
+    return _of_both_sides(judged, evidence) if taken_as_mirrored(evidence.table) else judged
+
+
+def _of_both_sides(judged: Property, evidence: TableEvidence) -> Property:
+    """What is decided by readings on one side of the plane of incidence, for a surface that need not be symmetric.
+
+    It stands where the readings at normal incidence are those of an isotropic surface. Else nothing fails but what one
+    side alone sends back too much of; and a pass takes the surface as symmetric, unless those readings speak against.
+    """
+    if judged.verdict == UNDECIDED or judged.residual is None or judged.bound is None or judged.tolerance is None:
+        return judged
+    isotropy = isotropy_at_normal_incidence(evidence, MIRRORED)
+    judged.facts["isotropy_at_normal_incidence"] = isotropy.verdict
+    if isotropy.facts.get("largest_violation", np.inf) <= MIRRORED:
+        return judged
+    one_side = (1 + judged.residual - judged.bound) / 2
+    if judged.verdict == FAIL and one_side > 1 + judged.tolerance:
+        judged.detail += " The side that was read does so alone."
+    elif isotropy.verdict != FAIL and judged.verdict == PASS:
+        judged.assumes = "; ".join(filter(None, [judged.assumes, "the surface is mirror symmetric"]))
+    else:
+        judged.verdict = UNDECIDED
+        judged.detail += CONTRADICTED if isotropy.verdict == FAIL else ONE_SIDE
+    return judged
+
+
+def _by_readings_or_model(evidence: TableEvidence, tolerance: float) -> Property:
     albedos = table_albedos(evidence.table, evidence.feature_width, evidence.further)
     if isinstance(albedos, str):
         detail = f"The albedo of this table cannot be integrated: {albedos}."

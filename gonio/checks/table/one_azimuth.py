@@ -7,7 +7,7 @@ from gonio.checks.table.comparison import compare
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import SAME_POLAR
-from gonio.checks.table.pairs.scattered_pairs import isotropic_light
+from gonio.checks.table.pairs.scattered_pairs import isotropic_light, one_sided
 from gonio.data.table import Table
 from gonio.models.display import percent
 
@@ -34,6 +34,17 @@ def one_azimuth(table: Table) -> bool:
     if table.interpolant is not None or layout.in_half_vectors:
         return False
     return (not layout.has_azimuth_of_light or layout.one_light_azimuth) if layout.gridded else isotropic_light(table)
+
+
+def taken_as_mirrored(table: Table) -> bool:
+    """Whether the detector was on one side of the plane of incidence, so that the other side is its mirror image."""
+    if table.interpolant is not None or table.layout.in_half_vectors:
+        return False
+    if table.layout.gridded:
+        return bool(table.layout.mirrored_axes)
+    angles = np.stack(table.layout.angles(), axis=-1)[table.layout.readable()]
+    beside = np.sin(angles[:, 0]) * np.sin(angles[:, 2]) * np.sin(angles[:, 3] - angles[:, 1])
+    return isotropic_light(table) and one_sided(angles) and bool(np.abs(beside).max(initial=0.0) > NO_TURN)
 
 
 def isotropy_at_normal_incidence(evidence: TableEvidence, tolerance: float) -> Property:

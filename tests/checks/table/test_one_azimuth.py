@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+from gonio.checks.direction_search import directions, values
+from gonio.checks.table.energy import table_energy
 from gonio.checks.table.equal_readings import table_isotropy, table_pole, table_reciprocity
 from gonio.checks.table.evidence import TableEvidence
 from gonio.data import layouts
 from gonio.data.table import COPIED, Table
+from gonio.models.expression.builder import build
 from support.check_tables import SQUARE, degrees, model_table
 
 BRUSHED = "lambert(rho=0.2) + ggx(alpha_x=0.3, alpha_y=0.12, f0=0.8)"
@@ -85,3 +88,33 @@ def test_peaks_that_a_grid_does_not_resolve_violate_nothing():
     surface = "lambert(rho=0.2) + 0.4 * grating(wavelength=0.55, period=2, depth=0.25, azimuth=58.6, width=0.025)"
     table = model_table(surface, layout, noise=0.003, stated=0.003)
     assert table_reciprocity(TableEvidence(table), 0.05).verdict == "undecided"
+
+
+def turned_by(angle, surface):
+    brdf = build(surface)
+
+    def change(f, theta_i, phi_i, theta_o, phi_o):
+        wi, wo = (directions(*(np.ravel(a) for a in w)) for w in ((theta_i, phi_i + angle), (theta_o, phi_o + angle)))
+        return values(brdf, wi, wo)
+
+    return change
+
+
+@pytest.mark.parametrize("of", [lambda t: t, listed], ids=["grid", "list"])
+def test_the_side_that_was_not_read_is_the_mirror_image_of_an_isotropic_surface_alone(of):
+    """Brushed at 50° to the plane of incidence the side that was read has most of the light, or least of it."""
+
+    def energy(surface, first, angle=0.0):
+        half = layouts.isotropic(degrees(first, 61, 20), degrees(0, 86, 4), degrees(0, 181, 12))
+        return table_energy(TableEvidence(of(model_table(surface, half, turned_by(angle, surface)))), 0.01)
+
+    brushed = "lambert(rho=0.3) + ggx(alpha_x=0.7, alpha_y=0.25, f0=0.7)"  # albedo .92, .76, .55 at θi 0, 30, 60°
+    assert energy(brushed, 0, 2.3).verdict == "undecided"
+    assert energy(f"1.5 * ({brushed})", 0, 2.3).verdict == "undecided"
+    isotropic = "lambert(rho=0.3) + ggx(alpha=0.5, f0=0.7)"
+    assert energy(f"1.5 * ({isotropic})", 0).verdict == "fail"
+    assert energy(f"1.5 * ({isotropic})", 20).verdict == "undecided"
+    assert "does so alone" in energy(f"4 * ({isotropic})", 20).detail
+    passed = energy(f"0.8 * ({isotropic})", 20)
+    assert passed.verdict == "pass" and passed.assumes == "the surface is mirror symmetric"
+    assert not energy(f"0.8 * ({isotropic})", 0).assumes
