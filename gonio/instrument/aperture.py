@@ -18,6 +18,7 @@ import numpy as np
 
 from gonio.instrument.aperture_rays import Disc, disc_rule, disc_sums
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.folded import seen_from
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.solid_angle import projected_cap
 
@@ -68,6 +69,27 @@ def average(
     cells, values, error = (np.concatenate(a) for a in zip(*pieces, strict=True))
     order = np.argsort(cells)
     return values[order], error[order]
+
+
+def average_on_sides(
+    brdf: AbstractBRDF, wi: Direction, wo: Direction, half_angles: tuple[float, float], tolerance: Tolerance
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `average`, for light and detector on either side of the sample; `half_angles` of source and detector."""
+    signs = np.where(np.stack([wi.z, wo.z]) < 0, -1, 1)
+    kinds, kind = np.unique(signs, axis=1, return_inverse=True)
+    every, parts = [], []
+    for number, (light, detector) in enumerate(kinds.T.tolist()):
+        cells = np.flatnonzero(np.ravel(kind) == number)
+        pair = [Direction(w.x[cells], w.y[cells], s * w.z[cells]) for w, s in ((wi, light), (wo, detector))]
+
+        def allowed(f: np.ndarray, k: np.ndarray, cells: np.ndarray = cells) -> np.ndarray:
+            return tolerance(f, cells[k])
+
+        every.append(cells)
+        parts.append(average(seen_from(brdf, light, detector), pair[0], pair[1], *half_angles, allowed))
+    order = np.argsort(np.concatenate(every))
+    values, error = (np.concatenate(a)[order] for a in zip(*parts, strict=True))
+    return values, error
 
 
 def irradiance(cos_theta: np.ndarray, half_angle: float) -> np.ndarray:

@@ -16,6 +16,8 @@ from gonio.checks.table.pairs.places import pair_angles
 from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
 from gonio.data.flags import Flag
 from gonio.data.table import Table
+from gonio.fitting.apertures import half_angles_of
+from gonio.instrument.aperture import average_on_sides
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.display import percent
 from gonio.models.geometry.directions import Direction
@@ -25,6 +27,10 @@ OTHER_AZIMUTHS = (
     " But they were read with the light at other azimuths: a brushed or woven surface differs like that, and no"
     " readings at normal incidence say that it is isotropic."
 )
+MOST_AVERAGED = 20_000
+"""Readings that are held against averages over apertures, each an integral."""
+AVERAGED_TO = 1e-3
+"""Relative error allowed to these."""
 MOST_SURELY = 20_000
 """Readings by which it is seen whether what differs may lie between those of another table."""
 
@@ -64,20 +70,50 @@ class _Readings(NamedTuple):
 
     def thinned(self, most: int) -> "_Readings":
         """At most so many of them, evenly."""
-        some = np.unique(np.linspace(0, len(self.f) - 1, min(most, len(self.f))).astype(int))
+        return self.rows(np.unique(np.linspace(0, len(self.f) - 1, min(most, len(self.f))).astype(int)))
+
+    def valid(self) -> "_Readings":
+        """Those of which any channel is valid."""
+        return self.rows(np.flatnonzero(np.isfinite(self.f).any(axis=1)))
+
+    def rows(self, some: np.ndarray) -> "_Readings":
+        """Those of the numbers `some`."""
         wi, wo = (Direction(*(np.asarray(c)[some] for c in w)) for w in (self.wi, self.wo))
         return _Readings(wi, wo, self.f[some], self.u[some])
 
 
 def _with_model(evidence: TableEvidence, truth: AbstractBRDF, readings: _Readings, tolerance: float) -> Property:
-    true = values(truth, readings.wi, readings.wo)
+    """By the reference's values, averaged over the apertures that the table states, as its readings are."""
+    half_angles, what = half_angles_of(evidence.table), "The table's readings and the reference's values"
+    if any(half_angles):
+        readings = readings.valid().thinned(MOST_AVERAGED)
+        true, error = _averages(truth, readings, half_angles)
+        what += f", averaged over half-angles of {_in_degrees(half_angles)} (source, detector)"
+    else:
+        true = values(truth, readings.wi, readings.wo)
+        error = np.zeros(true.shape)
     refuse_other_channels(readings.f.shape[-1], true.shape[-1])
-    f, true, u = np.broadcast_arrays(readings.f, true, readings.u)
+    f, true, u, error = np.broadcast_arrays(readings.f, true, readings.u, error)
     angles = pair_angles(readings.wi, readings.wo)
     known = (f, true, u, np.zeros(f.shape))
-    pairs = Pairs.of_arrays(known, angles, len(f), "each with the reference", exchanged=False)
-    compared = compare(evidence, pairs, np.ones(len(f)))
-    return compared.judged("agreement", evidence, tolerance, "The table's readings and the reference's values")
+    pairs = Pairs.of_arrays(known, angles, len(f), "each with the reference", error, exchanged=False)
+    return compare(evidence, pairs, np.ones(len(f))).judged("agreement", evidence, tolerance, what)
+
+
+def _averages(
+    truth: AbstractBRDF, readings: _Readings, half_angles: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """(values, relative errors) of the reference over both apertures, (n, C) each."""
+
+    def allowed(f: np.ndarray, _: np.ndarray) -> np.ndarray:
+        return AVERAGED_TO * np.abs(f) + 1e-300
+
+    value, error = average_on_sides(truth, readings.wi, readings.wo, half_angles, allowed)
+    return value, error / np.maximum(np.abs(value), 1e-300)
+
+
+def _in_degrees(angles: tuple[float, float]) -> str:
+    return " and ".join(f"{np.degrees(angle):.3g}°" for angle in angles)
 
 
 def _with_readings(evidence: TableEvidence, other: Table, readings: _Readings, tolerance: float) -> Property:
