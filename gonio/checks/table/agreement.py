@@ -11,6 +11,7 @@ from gonio.checks.table.comparison import MAY_BE_INTERPOLATION, compare, only_su
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.one_azimuth import is_taken_as_isotropic, turned_to
 from gonio.checks.table.pairs.between_readings import between_readings, change_across_gaps, uncertainty_between
+from gonio.checks.table.pairs.displacement import cosine_error, misalignment, miscalibration
 from gonio.checks.table.pairs.pairs import FEWEST, ROUNDING, Pairs
 from gonio.checks.table.pairs.places import pair_angles
 from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
@@ -31,6 +32,12 @@ MOST_AVERAGED = 20_000
 """Readings that are held against averages over apertures, each an integral."""
 AVERAGED_TO = 1e-3
 """Relative error allowed to these."""
+MOST_MOVED = 4_000
+"""Readings by which it is seen whether the instrument's alignment explains a difference."""
+MAY_BE_OFF = (
+    " The instrument's alignment ({angle:.2g}°) or calibration ({share}), as stated, may explain it: k = 2, both"
+    " directions off."
+)
 MOST_SURELY = 20_000
 """Readings by which it is seen whether what differs may lie between those of another table."""
 
@@ -87,29 +94,61 @@ def _with_model(evidence: TableEvidence, truth: AbstractBRDF, readings: _Reading
     half_angles, what = half_angles_of(evidence.table), "The table's readings and the reference's values"
     if any(half_angles):
         readings = readings.valid().thinned(MOST_AVERAGED)
-        true, error = _averages(truth, readings, half_angles)
         what += f", averaged over half-angles of {_in_degrees(half_angles)} (source, detector)"
-    else:
-        true = values(truth, readings.wi, readings.wo)
-        error = np.zeros(true.shape)
-    refuse_other_channels(readings.f.shape[-1], true.shape[-1])
-    f, true, u, error = np.broadcast_arrays(readings.f, true, readings.u, error)
-    angles = pair_angles(readings.wi, readings.wo)
-    known = (f, true, u, np.zeros(f.shape))
-    pairs = Pairs.of_arrays(known, angles, len(f), "each with the reference", error, exchanged=False)
-    return compare(evidence, pairs, np.ones(len(f))).judged("agreement", evidence, tolerance, what)
+
+    def judged(some: _Readings, off: np.ndarray | float) -> Property:
+        true, error = _expected(truth, some, half_angles)
+        refuse_other_channels(some.f.shape[-1], true.shape[-1])
+        size = np.maximum((np.abs(some.f) + np.abs(true)) / 2, 1e-300)
+        f, true, u, error = np.broadcast_arrays(some.f, true, some.u, (error + off) / size)
+        known, angles = (f, true, u, np.zeros(f.shape)), pair_angles(some.wi, some.wo)
+        pairs = Pairs.of_arrays(known, angles, len(f), "each with the reference", error, exchanged=False)
+        return compare(evidence, pairs, np.ones(len(f))).judged("agreement", evidence, tolerance, what)
+
+    alone = judged(readings, 0.0)
+    angle, share = misalignment(evidence.table), miscalibration(evidence.table)
+    if alone.verdict != FAIL or not (angle or share):
+        return alone
+    some = readings.valid().thinned(MOST_MOVED)
+    off = share * np.abs(some.f) + _moved(truth, some, half_angles, angle)
+    return only_surely(alone, judged(some, off), MAY_BE_OFF.format(angle=np.degrees(angle), share=percent(share)))
 
 
-def _averages(
+def _expected(
     truth: AbstractBRDF, readings: _Readings, half_angles: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(values, relative errors) of the reference over both apertures, (n, C) each."""
+    """(values, errors) of the reference over both apertures, 1/sr, (n, C) each."""
+    if not any(half_angles):
+        value = values(truth, readings.wi, readings.wo)
+        return value, np.zeros(value.shape)
 
     def allowed(f: np.ndarray, _: np.ndarray) -> np.ndarray:
         return AVERAGED_TO * np.abs(f) + 1e-300
 
-    value, error = average_on_sides(truth, readings.wi, readings.wo, half_angles, allowed)
-    return value, error / np.maximum(np.abs(value), 1e-300)
+    return average_on_sides(truth, readings.wi, readings.wo, half_angles, allowed)
+
+
+def _moved(truth: AbstractBRDF, some: _Readings, half_angles: tuple[float, float], angle: float) -> np.ndarray:
+    """By how much the expected readings change where both directions are off by an angle, 1/sr (n, C)."""
+    here = _expected(truth, some, half_angles)[0]
+    total = np.abs(here) * cosine_error(some.wi.z, angle)[:, None]
+    for of_light in (True, False) if angle else ():
+        w = some.wi if of_light else some.wo
+        for axis in _across(w):
+            change = np.zeros(1)
+            for step in (-angle, angle):
+                turned = Direction(*(np.cos(step) * c + np.sin(step) * a for c, a in zip(w, axis, strict=True)))
+                there = some._replace(**{"wi" if of_light else "wo": turned})
+                change = np.fmax(change, np.abs(_expected(truth, there, half_angles)[0] - here))
+            total = total + change
+    return total
+
+
+def _across(w: Direction) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    """Unit vectors of growing polar angle and azimuth at directions (n,)."""
+    sine = np.hypot(w.x, w.y)
+    c, s = (np.where(sine > 0, a / np.maximum(sine, 1e-300), first) for a, first in ((w.x, 1.0), (w.y, 0.0)))
+    return (w.z * c, w.z * s, -sine), (-s, c, np.zeros_like(s))
 
 
 def _in_degrees(angles: tuple[float, float]) -> str:

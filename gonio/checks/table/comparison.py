@@ -42,10 +42,10 @@ def compare(evidence: TableEvidence, pairs: Pairs, sign: np.ndarray) -> Compared
     return Compared(pairs, sign, differences, tests)
 
 
-def only_surely(judged: Property, surely: Property) -> Property:
-    """What fails by interpolated values, judged again by what the readings around these allow."""
+def only_surely(judged: Property, surely: Property, reason: str = BETWEEN_READINGS) -> Property:
+    """What fails, unless what it is judged by a second time leaves it open, for a reason."""
     if surely.verdict == FAIL:
         return surely
     judged.verdict = UNDECIDED
-    judged.detail += BETWEEN_READINGS
+    judged.detail += reason
     return judged

@@ -17,7 +17,7 @@ from gonio.checks.certificate import (
     Property,
     without_residual,
 )
-from gonio.checks.table.comparison import MAY_BE_INTERPOLATION, Compared, compare, only_surely
+from gonio.checks.table.comparison import BETWEEN_READINGS, MAY_BE_INTERPOLATION, Compared, compare, only_surely
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.one_azimuth import (
     is_taken_as_isotropic,
@@ -26,6 +26,8 @@ from gonio.checks.table.one_azimuth import (
     unturned,
 )
 from gonio.checks.table.pairs.assisted_pairs import assisted_pairs
+from gonio.checks.table.pairs.displacement import displaced, displacement
+from gonio.checks.table.pairs.equal_pairs import some_of
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import pair_angles
 from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
@@ -38,6 +40,12 @@ SCATTER = (0.8, 1.25)
 """Scatter of the pairs, in their stated uncertainties, outside of which these are doubted."""
 
 MOST_READINGS = 200_000
+MOST_DISPLACED = 200_000
+"""Pairs by which it is seen whether the instrument's apertures and alignment explain a difference."""
+DISPLACED = (
+    " The instrument's unequal apertures or its alignment, as stated, may explain it: where f is steep it changes as"
+    " much over {angle:.2g}°."
+)
 LEAST_FACTOR = 0.05
 """|log| of a factor between transmission from the front and from behind that is worth a word."""
 
@@ -90,9 +98,8 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
         )
         return without_residual("reciprocity", NOT_TESTABLE, tolerance, reason, pairs=0, method=pairs.how)
     judged = _judged("reciprocity", evidence, compared, tolerance, what)
-    if judged.verdict == FAIL and len(pairs.around):
-        within = compare(evidence, pairs.within_readings(), sign)
-        judged = only_surely(judged, _judged("reciprocity", evidence, within, tolerance, what))
+    if judged.verdict == FAIL:
+        judged = _surely(judged, evidence, pairs, sign, tolerance)
     elif judged.verdict == UNDECIDED and len(pairs.around):
         judged.detail += MAY_BE_INTERPOLATION
     if judged.verdict == FAIL and one_azimuth(evidence.table):
@@ -115,6 +122,22 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
     if share > 0:
         judged.detail += f" Nothing exchanged was read for {percent(share)} of the readings, {where}: undecided there."
     return judged
+
+
+def _surely(failed: Property, evidence: TableEvidence, pairs: Pairs, sign: np.ndarray, tolerance: float) -> Property:
+    """What fails, judged by what the readings around interpolated values, and the instrument, allow."""
+    angle = displacement(evidence.table) if pairs.cells.size else 0.0
+    if not len(pairs.around) and not angle:
+        return failed
+    allowed = pairs.within_readings()
+    if angle:
+        some = np.zeros(len(pairs), bool)
+        some[some_of(len(pairs), MOST_DISPLACED) if len(pairs) > MOST_DISPLACED else slice(None)] = True
+        allowed, sign = displaced(evidence.table, allowed.where(some), angle), sign[some]
+    what = "f(wi, wo) and f(wo, wi)"
+    surely = _judged("reciprocity", evidence, compare(evidence, allowed, sign), tolerance, what)
+    reason = DISPLACED.format(angle=np.degrees(angle)) if angle else BETWEEN_READINGS
+    return only_surely(failed, surely, reason)
 
 
 def _as_isotropic(

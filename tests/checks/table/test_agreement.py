@@ -97,3 +97,31 @@ def test_a_brushed_surface_lit_from_another_azimuth_is_not_another_surface():
     assert gonio.check(every, against=along)["agreement"].verdict != "fail"  # the same azimuth
     paint = model_table(f"1.25 * ({PAINT})", COARSE)
     assert gonio.check(of_azimuth(PAINT, np.pi / 2), against=paint)["agreement"].verdict == "fail"
+
+
+READ = layouts.isotropic(degrees(0, 86, 5), degrees(0, 86, 5), degrees(0, 360, 30))
+SATIN = "lambert(rho=0.155) + 0.34 * ggx(alpha=0.044, f0=0.54)"
+
+
+@pytest.mark.parametrize(
+    ("instrument", "verdict"),
+    [
+        (gonio.Instrument(detector_half_angle=np.radians(3), photons=1e5), "pass"),
+        (gonio.Instrument(misalignment=np.radians(0.2)), "undecided"),
+    ],
+    ids=["apertures", "misaligned"],
+)
+def test_readings_of_an_instrument_are_not_those_of_another_surface(instrument, verdict):
+    """They are averages over discs, and may be off by what is stated of the arms: both as the reference is read."""
+    table = gonio.measure(SATIN, instrument, READ, seed=2)
+    made = gonio.check(table, against=SATIN)
+    assert made["agreement"].verdict == verdict
+    assert made["reciprocity"].verdict == "undecided" and "as stated, may explain it" in made["reciprocity"].detail
+    assert gonio.check(table, against=f"1.25 * ({SATIN})")["agreement"].verdict == "fail"
+
+
+def test_what_an_instrument_does_not_explain_still_fails():
+    table = gonio.measure(SATIN, gonio.Instrument(misalignment=np.radians(0.05)), READ, seed=2)
+    theta_i, _, theta_o, _ = (a.reshape(READ.shape)[..., None] for a in READ.angles())
+    table.f[...] = table.f * (1 + 0.2 * np.sign(theta_o - theta_i))
+    assert gonio.check(table)["reciprocity"].verdict == "fail"

@@ -176,4 +176,4 @@ def pairs_of_cells(table: Table, cells: np.ndarray, partner: np.ndarray, eligibl
 
     if size > _most(table):
         how += f", of {_most(table):,} of {size:,} cells, chosen at random"
-    return Pairs(len(table.channels), angles, eligible, column, how)
+    return Pairs(len(table.channels), angles, eligible, column, how, cells=cells)

@@ -58,4 +58,4 @@ def interpolated_pairs(table: Table, cells: np.ndarray) -> Pairs:
         / np.maximum(np.abs(f) + np.abs(partner.value), 1e-300)
     )
     readings, angles = (f, partner.value, u, u), pair_angles(wi, wo)
-    return Pairs.of_arrays(readings, angles, cells.size, how, partner.error, around=around)
+    return Pairs.of_arrays(readings, angles, cells.size, how, partner.error, around=around, cells=cells[within])

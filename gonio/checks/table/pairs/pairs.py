@@ -8,6 +8,7 @@ import numpy as np
 
 FEWEST = 12
 """Pairs below which a region is not judged alone, nor a table at all."""
+NO_CELLS = np.zeros(0, np.int64)
 ROUNDING = 1e-12
 """Of the largest reading: what is smaller is nothing, as where no light is refracted to."""
 
@@ -48,6 +49,8 @@ class Pairs:
     relative to both; NaN where one is missing."""
     merged: np.ndarray | None = None
     """(m, 4), radians: all readings once their repeats are merged, where there may be repeats."""
+    cells: np.ndarray = dataclasses.field(default_factory=lambda: NO_CELLS)
+    """(n,) C-order numbers of the cells of a, of a grid; empty elsewhere."""
     exchanged: bool = True
     """Whether b is of the exchanged directions, so that its light comes from where a has the detector."""
 
@@ -114,6 +117,7 @@ class Pairs:
             column=lambda channel: column(channel).rows(number),
             errors=errors.ravel(),
             around=self.around[last],
+            cells=self.cells[number] if self.cells.size else self.cells,
         )
 
     def within_readings(self) -> "Pairs":
@@ -156,6 +160,7 @@ def joined(first: Pairs, second: Pairs) -> Pairs:
         f"{first.how} and {len(second):,} {second.how}",
         np.concatenate([first.errors, second.errors]),
         second.around,
+        cells=np.concatenate([first.cells, second.cells]) if first.cells.size and second.cells.size else NO_CELLS,
     )
 
 
