@@ -69,7 +69,7 @@ def prior_of_fit(fitted: FitResult) -> Prior:
     if not 0 < s.size <= MOST_NUMBERS:
         raise GonioError(f"'{fitted.requested}' has {s.size} free numbers; a budget takes from 1 to {MOST_NUMBERS}")
     p = np.array([e.value for e in fitted.parameters if e.status != "fixed"])
-    return Prior(fitted.table, terms, s, fixed, p, p[None], fitted.channels)
+    return Prior(fitted.table, terms, s, fixed, p, p[None], np.ones(1), fitted.channels)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -13,9 +13,11 @@ from gonio.checks.table.energy_words import degrees_up, incidences_judged, least
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.further_readings import FurtherBySide
 from gonio.checks.table.one_azimuth import isotropy_at_normal_incidence, taken_as_mirrored
+from gonio.checks.table.pairs.displacement import cosine_error, misalignment, miscalibration
 from gonio.checks.table.statistics.counts import critical, sidak
 from gonio.data.interpolation.scattering_blocks import sheet_of
 from gonio.data.table import Table
+from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.models.geometry.sides import FRONT
 
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
 MIRRORED = 0.05
 """By how much f at normal incidence may depend on the azimuth for the side that was read to stand for both."""
+IN_BOUNDS = " Bounds hold what the instrument states of its alignment and calibration (k = 2, up to {most})."
 CONTRADICTED = (
     " But at normal incidence f depends on the detector's azimuth: the surface is not isotropic, and the side of the"
     " plane of incidence that was not read may differ from the other."
@@ -213,6 +216,8 @@ def _assisted_front(part: Part, fitted: "FitResult", features: Features) -> Albe
 def _judged(albedos: Albedos, evidence: TableEvidence, tolerance: float) -> Property:
     enough = critical(sidak(evidence.level, albedos.noise.size))
     more = (max(enough, STANDARD_UNCERTAINTIES) - STANDARD_UNCERTAINTIES) * albedos.noise
+    stated = _of_instrument(albedos, evidence.table)
+    more = more + stated
     names = evidence.table.channels.names if len(evidence.table.channels) > 1 else ()
     albedos = dataclasses.replace(albedos, above=albedos.above + more, below=albedos.below + more, channels=names)
     judged = with_hemispherical(energy_property(albedos, tolerance), albedos)
@@ -227,6 +232,9 @@ def _judged(albedos: Albedos, evidence: TableEvidence, tolerance: float) -> Prop
         "not_judged_theta_i_deg": np.unique(np.round(np.degrees(albedos.theta_i[albedos.partial]), 3)).tolist(),
     }
     judged.detail += incidences_judged(albedos)
+    if (most := float(np.nanmax(stated, initial=0.0))) > 0:
+        judged.facts["instrument_uncertainty_of_albedo"] = most
+        judged.detail += IN_BOUNDS.format(most=percent(most))
     if judged.verdict == UNDECIDED and passes_below > 1:
         judged.detail += f" Below θi {passes_below:.4g}° it passes."
     if albedos.unseen.any():
@@ -239,6 +247,15 @@ def _judged(albedos: Albedos, evidence: TableEvidence, tolerance: float) -> Prop
         if evidence.model is None and evidence.table.interpolant is None:
             judged.detail += " Or a model may carry the verdict, as far as the readings follow it: --model auto."
     return judged
+
+
+def _of_instrument(albedos: Albedos, table: Table) -> np.ndarray:
+    """What the instrument states of its alignment and calibration, in the albedos (n, C), k = 2.
+
+    Light that comes from beside where it should lights the sample by another cosine.
+    """
+    share = miscalibration(table) + cosine_error(np.cos(albedos.theta_i), misalignment(table))
+    return np.abs(albedos.value) * share[:, None]
 
 
 def _say_what_may_hide(judged: Property, albedos: Albedos, width: float) -> None:

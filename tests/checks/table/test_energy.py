@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+import gonio
 from gonio.checks.hidden_lobes import width_of
 from gonio.checks.table.energy import table_albedos, table_energy
 from gonio.checks.table.evidence import TableEvidence
@@ -131,3 +132,15 @@ def test_the_coarsest_half_difference_grid_that_covers_the_hemisphere_has_a_boun
     layout = layouts.half_difference(degrees(0, 90, 25), degrees(0, 90, 25), degrees(0, 180, 60))
     energy = energy_of("lambert(rho=0.5)", layout)
     assert energy.verdict == "undecided" or abs(1 + energy.residual - 0.5) <= energy.bound
+
+
+@pytest.mark.parametrize("stated", [{"misalignment": np.radians(0.3)}, {"calibration": 0.03}], ids=["arms", "factor"])
+def test_what_an_instrument_states_of_itself_is_in_the_bounds(stated):
+    """Light 0.3° beside 85° lights the sample by up to 6 % more; so do readings with a factor that is off."""
+    layout = layouts.isotropic(degrees(0, 86, 17), degrees(0, 86, 5), degrees(0, 360, 30))
+    tables = [gonio.measure("lambert(rho=0.98)", gonio.Instrument(**stated), layout, seed=k) for k in range(4)]
+    judged = [table_energy(TableEvidence(table), 0.01) for table in tables]
+    assert {"undecided"} <= {energy.verdict for energy in judged} <= {"undecided", "pass"}
+    assert all("states of its alignment" in energy.detail for energy in judged)
+    bright = gonio.measure("lambert(rho=1) + lambert(rho=0.5)", gonio.Instrument(**stated), layout)
+    assert table_energy(TableEvidence(bright), 0.01).verdict == "fail"
