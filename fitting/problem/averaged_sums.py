@@ -225,7 +225,7 @@ _kept: dict[Hashable, _Programs | None] = {}
 
 
 def bound_averages(
-    s: Parameterisation, loss: str, fixed: FixedValues, floor: AnyArray, readings: AveragedReadings
+    s: Parameterisation, loss: str, fixed: FixedValues, floor: AnyArray | float, readings: AveragedReadings
 ) -> BoundAverages | None:
     """The sums over readings that are averages; None where XLA has to compute them.
 

@@ -115,7 +115,7 @@ class Readings:
 def rows_of(a: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Some rows, by number or as booleans, of values (n, C); one number that stands for all takes no memory."""
     if not any(a.strides):
-        number = np.count_nonzero(cells) if cells.dtype == bool else cells.size
+        number = int(np.count_nonzero(cells)) if cells.dtype == bool else cells.size
         return np.broadcast_to(a[:1, :1], (number, a.shape[1]))
     return a[cells] if cells.dtype == bool else a.take(cells, axis=0)
 

@@ -8,7 +8,7 @@ import functools
 import itertools
 import threading
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +18,7 @@ from jaxtyping import Array
 from gonio.fitting.problem.arrow import UNROLLED, WHOLE, Arrow, Sizes
 from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import LINEAR, Domains, Mapped, span, to_parameters
-from gonio.fitting.problem.readings import LANES
+from gonio.fitting.problem.readings import LANES, AnyArray
 from gonio.fitting.solver.lm_step import Lane, Normal, evaluated, step
 from gonio.fitting.solver.xla_steps import Descents, Points, Report, StepsByXLA, compile_step, padded_sizes
 from gonio.models.compiled.dispatch import usable
@@ -123,7 +123,7 @@ def _program(size: int) -> SumsProgram | None:
 def _rows(of: Layout, _: Sequence[Any], target_norm_squared: Array, rough: Array, *elements: Array) -> Array:
     """One descent a step on: its row, from the row before, and what is given."""
     numbers, size = jnp.stack(elements), of.size
-    lane, given = of.lane_of(numbers[: of.lane]), numbers[of.lane + 3 * size :]
+    lane, given = of.lane_of(numbers[: of.lane]), cast(Any, numbers[of.lane + 3 * size :])
     mapped = Mapped(*numbers[of.lane : of.lane + 3 * size].reshape(3, size))
     matrix = given[1 + size : of.equations].reshape(size, size)
     equations = NormalEquations(given[0], given[1 : 1 + size], _symmetric(matrix))
@@ -146,7 +146,7 @@ def _fill(matrix: np.ndarray, arrow: Arrow) -> None:
         matrix[:, :shared, these], matrix[:, these, these] = arrow.border[:, c], arrow.blocks[:, c]
 
 
-def _symmetric(matrix: Array) -> Arrow:
+def _symmetric(matrix: AnyArray) -> Arrow:
     """A matrix whose lower half is not looked at: it is the same numbers."""
     return Arrow.dense(jnp.where(np.tri(len(matrix), k=-1, dtype=bool), matrix.T, matrix))
 
@@ -205,7 +205,8 @@ class StepsByLoop:
         self.p = now[:, of.lane + KNOWN : of.lane + KNOWN + size].copy()
         lane = of.lane_of(now[:, : of.lane])
         points = Points(evaluated_p, cost, stationarity, exact > 0, promised)
-        return Report(points, self.p, lane.accepted, lane.finished, lane.refused, lane.near)
+        flags = map(np.asarray, (lane.accepted, lane.finished, lane.refused, lane.near))
+        return Report(points, self.p, *flags)
 
     def _by_xla(self) -> StepsByXLA:
         """The same by XLA, from here on: for numbers of which the loop does not know that it is right."""

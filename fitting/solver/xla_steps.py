@@ -83,7 +83,8 @@ class StepsByXLA:
         self.lanes, report = advance(self.lanes, packed_up(normal, self.sizes), every, *self.limits)
         report = np.asarray(report)[:number]
         self.trial, flags = report[:, self.places], report[:, self.sizes.total :].T > 0
-        points = Points(mapped.p, equations.cost, normal.stationarity, normal.exact, normal.promised)
+        known = map(np.asarray, (normal.stationarity, normal.exact, normal.promised))
+        points = Points(mapped.p, equations.cost, *known)
         return Report(points, to_parameters(d.domains, self.trial, np).p, *flags)
 
 
