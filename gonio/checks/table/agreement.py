@@ -17,8 +17,6 @@ from gonio.checks.table.pairs.places import pair_angles
 from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
 from gonio.data.flags import Flag
 from gonio.data.table import Table
-from gonio.fitting.apertures import half_angles_of
-from gonio.instrument.aperture import average_on_sides
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.display import percent
 from gonio.models.geometry.directions import Direction
@@ -91,6 +89,8 @@ class _Readings(NamedTuple):
 
 def _with_model(evidence: TableEvidence, truth: AbstractBRDF, readings: _Readings, tolerance: float) -> Property:
     """By the reference's values, averaged over the apertures that the table states, as its readings are."""
+    from gonio.fitting.apertures import half_angles_of
+
     half_angles, what = half_angles_of(evidence.table), "The table's readings and the reference's values"
     if any(half_angles):
         readings = readings.valid().thinned(MOST_AVERAGED)
@@ -121,6 +121,8 @@ def _expected(
     if not any(half_angles):
         value = values(truth, readings.wi, readings.wo)
         return value, np.zeros(value.shape)
+
+    from gonio.instrument.aperture import average_on_sides
 
     def allowed(f: np.ndarray, _: np.ndarray) -> np.ndarray:
         return AVERAGED_TO * np.abs(f) + 1e-300

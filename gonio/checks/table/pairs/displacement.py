@@ -7,7 +7,6 @@ import numpy as np
 from gonio.checks.table.pairs.next_nodes import changes_to_next_nodes
 from gonio.checks.table.pairs.pairs import Column, Pairs
 from gonio.data.table import Table
-from gonio.fitting.apertures import half_angles_of
 from gonio.instrument.description import instrument_of
 from gonio.instrument.stated import TERMS
 
@@ -25,6 +24,8 @@ def displacement(table: Table) -> float:
     The difference of both apertures' half-angles, whose averages are exchanged only where these are equal, and the
     stated uncertainties of arm angles and tilts, of both readings.
     """
+    from gonio.fitting.apertures import half_angles_of
+
     source, detector = half_angles_of(table)
     return abs(source - detector) + math.sqrt(2) * misalignment(table)
 
