@@ -99,7 +99,7 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
         return without_residual("reciprocity", NOT_TESTABLE, tolerance, reason, pairs=0, method=pairs.how)
     judged = _judged("reciprocity", evidence, compared, tolerance, what)
     if judged.verdict == FAIL:
-        judged = _surely(judged, evidence, pairs, sign, tolerance)
+        judged = _surely(judged, evidence, pairs, sign, what)
     elif judged.verdict == UNDECIDED and len(pairs.around):
         judged.detail += MAY_BE_INTERPOLATION
     if judged.verdict == FAIL and one_azimuth(evidence.table):
@@ -124,7 +124,7 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
     return judged
 
 
-def _surely(failed: Property, evidence: TableEvidence, pairs: Pairs, sign: np.ndarray, tolerance: float) -> Property:
+def _surely(failed: Property, evidence: TableEvidence, pairs: Pairs, sign: np.ndarray, what: str) -> Property:
     """What fails, judged by what the readings around interpolated values, and the instrument, allow."""
     angle = displacement(evidence.table) if pairs.cells.size else 0.0
     if not len(pairs.around) and not angle:
@@ -134,8 +134,8 @@ def _surely(failed: Property, evidence: TableEvidence, pairs: Pairs, sign: np.nd
         some = np.zeros(len(pairs), bool)
         some[some_of(len(pairs), MOST_DISPLACED) if len(pairs) > MOST_DISPLACED else slice(None)] = True
         allowed, sign = displaced(evidence.table, allowed.where(some), angle), sign[some]
-    what = "f(wi, wo) and f(wo, wi)"
-    surely = _judged("reciprocity", evidence, compare(evidence, allowed, sign), tolerance, what)
+    assert failed.tolerance is not None
+    surely = _judged(failed.name, evidence, compare(evidence, allowed, sign), failed.tolerance, what)
     reason = DISPLACED.format(angle=np.degrees(angle)) if angle else BETWEEN_READINGS
     return only_surely(failed, surely, reason)
 
@@ -235,8 +235,8 @@ def _equal(
     if isinstance(pairs, str):
         return without_residual(name, NOT_APPLICABLE, tolerance, f"Not testable: {pairs}.")
     signs = np.zeros(len(pairs)) if sign is None else np.sign(np.round(sign, 9))
-    compared = compare(evidence, pairs, signs)
-    return _judged(name, evidence, compared, tolerance, what)
+    judged = _judged(name, evidence, compare(evidence, pairs, signs), tolerance, what)
+    return _surely(judged, evidence, pairs, signs, what) if judged.verdict == FAIL else judged
 
 
 def _judged(name: str, evidence: TableEvidence, compared: Compared, tolerance: float, what: str) -> Property:

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from gonio.checks.certificate import FAIL, NOT_APPLICABLE, Property, without_residual
+from gonio.checks.certificate import FAIL, NOT_APPLICABLE, UNDECIDED, Property, without_residual
 from gonio.checks.table.comparison import compare
 from gonio.checks.table.evidence import TableEvidence
+from gonio.checks.table.pairs.displacement import displaced, displacement
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import SAME_POLAR
 from gonio.checks.table.pairs.scattered_pairs import isotropic_light, one_sided
@@ -23,6 +24,9 @@ UNKNOWN = (
     " A brushed, woven or leaning surface differs like that and is reciprocal: the light has one azimuth, and no"
     " readings at normal incidence say that the surface is isotropic. What needs no turning shows no violation."
 )
+
+
+LISTED = " The instrument's alignment, as stated, may explain it: how steep f is there a list does not show."
 
 
 def one_azimuth(table: Table) -> bool:
@@ -53,12 +57,18 @@ def isotropy_at_normal_incidence(evidence: TableEvidence, tolerance: float) -> P
     if isinstance(pairs, str):
         reason = f"Not testable: the light has one azimuth only, and {pairs}."
         return without_residual("isotropy", NOT_APPLICABLE, tolerance, reason)
+    angle = displacement(evidence.table)
+    if angle:
+        pairs = displaced(evidence.table, pairs, angle)
     compared = compare(evidence, pairs, np.zeros(len(pairs)))
     if compared.differences.by_channel.max(initial=0) < FEWEST:
         reason = "Not testable: the light has one azimuth only, and too few readings at normal incidence are valid."
         return without_residual("isotropy", NOT_APPLICABLE, tolerance, reason)
     judged = compared.judged("isotropy", evidence, tolerance, WHAT)
     judged.facts = compared.differences.facts() | {"method": pairs.how} | judged.facts
+    if judged.verdict == FAIL and angle and not evidence.table.layout.gridded:
+        judged.verdict = UNDECIDED
+        judged.detail += LISTED
     return judged
 
 

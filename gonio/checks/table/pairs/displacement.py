@@ -53,7 +53,9 @@ def _expanded(table: Table, names: list[str]) -> float:
 
 
 def displaced(table: Table, pairs: Pairs, angle: float) -> Pairs:
-    """The pairs of a grid, with what such a displacement may change in the error of b."""
+    """The pairs of a grid, with what such a displacement may change in the error of b; those of a list as they are."""
+    if not table.layout.gridded:
+        return pairs
     most, off = np.zeros((len(pairs), len(table.channels))), misalignment(table)
     of_light = sum(cosine_error(np.cos(pairs.angles[:, k]), off) for k in (0, 2))
     for change, larger, distance in changes_to_next_nodes(table, pairs.cells):
