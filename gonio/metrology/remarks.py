@@ -6,7 +6,12 @@ import numpy as np
 
 from gonio.checks.certificate import FAIL
 from gonio.checks.table.evidence import TableEvidence
-from gonio.checks.table.one_azimuth import isotropy_at_normal_incidence, one_azimuth, taken_as_mirrored
+from gonio.checks.table.one_azimuth import (
+    ISOTROPIC,
+    isotropy_at_normal_incidence,
+    one_azimuth,
+    taken_as_mirrored,
+)
 from gonio.data.table import Table
 from gonio.metrology.fit_numbers import FitNumbers
 from gonio.metrology.standards.evaluation import Undecided
@@ -34,8 +39,6 @@ ONE_SIDE = (
     "at normal incidence say that the surface is isotropic."
 )
 INTEGRALS = ("albedo", "reflectance", "gloss")
-ISOTROPIC = 0.05
-"""By how much f at normal incidence may depend on the azimuth."""
 SAMPLE = 1000
 """Readings that are looked at for uncertainties."""
 

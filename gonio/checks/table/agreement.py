@@ -12,6 +12,7 @@ from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.one_azimuth import is_taken_as_isotropic, turned_to
 from gonio.checks.table.pairs.between_readings import between_readings, change_across_gaps, uncertainty_between
 from gonio.checks.table.pairs.displacement import cosine_error, misalignment, miscalibration
+from gonio.checks.table.pairs.equal_pairs import some_of
 from gonio.checks.table.pairs.pairs import FEWEST, ROUNDING, Pairs
 from gonio.checks.table.pairs.places import pair_angles
 from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
@@ -74,8 +75,8 @@ class _Readings(NamedTuple):
     u: np.ndarray
 
     def thinned(self, most: int) -> "_Readings":
-        """At most so many of them, evenly."""
-        return self.rows(np.unique(np.linspace(0, len(self.f) - 1, min(most, len(self.f))).astype(int)))
+        """At most so many of them, chosen at random: a step through a grid may meet the same azimuths again."""
+        return self if len(self.f) <= most else self.rows(some_of(len(self.f), most))
 
     def valid(self) -> "_Readings":
         """Those of which any channel is valid."""
@@ -93,8 +94,10 @@ def _with_model(evidence: TableEvidence, truth: AbstractBRDF, readings: _Reading
 
     half_angles, what = half_angles_of(evidence.table), "The table's readings and the reference's values"
     if any(half_angles):
-        readings = readings.valid().thinned(MOST_AVERAGED)
-        what += f", averaged over half-angles of {_in_degrees(half_angles)} (source, detector)"
+        every = readings.valid()
+        readings = every.thinned(MOST_AVERAGED)
+        chosen = f" of {len(every.f):,} readings {MOST_AVERAGED:,} chosen at random," * (len(every.f) > MOST_AVERAGED)
+        what += f", averaged over half-angles of {_in_degrees(half_angles)} (source, detector),{chosen}"
 
     def judged(some: _Readings, off: np.ndarray | float) -> Property:
         true, error = _expected(truth, some, half_angles)

@@ -12,7 +12,7 @@ from gonio.checks.table.albedos.two_sided import Part, albedos_of_parts, summed,
 from gonio.checks.table.energy_words import degrees_up, incidences_judged, least_width, remedy, series_of, what_may_hide
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.further_readings import FurtherBySide
-from gonio.checks.table.one_azimuth import isotropy_at_normal_incidence, taken_as_mirrored
+from gonio.checks.table.one_azimuth import ISOTROPIC, isotropy_at_normal_incidence, taken_as_mirrored
 from gonio.checks.table.pairs.displacement import cosine_error, misalignment, miscalibration
 from gonio.checks.table.statistics.counts import critical, sidak
 from gonio.data.interpolation.scattering_blocks import sheet_of
@@ -24,8 +24,6 @@ from gonio.models.geometry.sides import FRONT
 if TYPE_CHECKING:
     from gonio.fitting.result import FitResult
 
-MIRRORED = 0.05
-"""By how much f at normal incidence may depend on the azimuth for the side that was read to stand for both."""
 IN_BOUNDS = " Bounds hold what the instrument states of its alignment and calibration (k = 2, up to {most})."
 CONTRADICTED = (
     " But at normal incidence f depends on the detector's azimuth: the surface is not isotropic, and the side of the"
@@ -121,9 +119,9 @@ def _of_both_sides(judged: Property, evidence: TableEvidence) -> Property:
     """
     if judged.verdict == UNDECIDED or judged.residual is None or judged.bound is None or judged.tolerance is None:
         return judged
-    isotropy = isotropy_at_normal_incidence(evidence, MIRRORED)
+    isotropy = isotropy_at_normal_incidence(evidence, ISOTROPIC)
     judged.facts["isotropy_at_normal_incidence"] = isotropy.verdict
-    if isotropy.facts.get("largest_violation", np.inf) <= MIRRORED:
+    if isotropy.facts.get("largest_violation", np.inf) <= ISOTROPIC:
         return judged
     one_side = (1 + judged.residual - judged.bound) / 2
     if judged.verdict == FAIL and one_side > 1 + judged.tolerance:

@@ -136,7 +136,7 @@ def _surely(failed: Property, evidence: TableEvidence, pairs: Pairs, sign: np.nd
         allowed, sign = displaced(evidence.table, allowed.where(some), angle), sign[some]
     assert failed.tolerance is not None
     surely = _judged(failed.name, evidence, compare(evidence, allowed, sign), failed.tolerance, what)
-    reason = DISPLACED.format(angle=np.degrees(angle)) if angle else BETWEEN_READINGS
+    reason = (DISPLACED.format(angle=np.degrees(angle)) if angle else "") + BETWEEN_READINGS * bool(len(pairs.around))
     return only_surely(failed, surely, reason)
 
 

@@ -12,6 +12,8 @@ from gonio.checks.table.pairs.scattered_pairs import isotropic_light, one_sided
 from gonio.data.table import Table
 from gonio.models.display import percent
 
+ISOTROPIC = 0.05
+"""Relative dependence of f on the azimuth at normal incidence up to which a surface is taken as isotropic."""
 NO_TURN = 1e-6
 """Azimuth difference, radians, in units of the polar angles' sines, up to which a pair needs no turning."""
 WHAT = "f at normal incidence, by one azimuth of the detector and by another,"

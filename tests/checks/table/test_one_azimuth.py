@@ -14,6 +14,7 @@ from gonio.models.expression.builder import build
 from support.check_tables import SQUARE, degrees, model_table
 
 BRUSHED = "lambert(rho=0.2) + ggx(alpha_x=0.3, alpha_y=0.12, f0=0.8)"
+WOVEN = "lambert(rho=0.2) + 0.5 * ggx(alpha_x=0.4, alpha_y=0.1, f0=0.8) + 0.5 * ggx(alpha_x=0.1, alpha_y=0.4, f0=0.8)"
 PAINT = "lambert(rho=0.3) + 0.3 * ggx(alpha=0.3)"
 TILTED = layouts.isotropic(degrees(10, 86, 10), degrees(10, 86, 10), degrees(0, 360, 30))
 IN_PLANE = layouts.in_plane(degrees(0, 81, 10), degrees(-80, 81, 5))
@@ -47,11 +48,12 @@ def checks(table):
 
 
 @pytest.mark.parametrize("of", [lambda t: t, listed], ids=["grid", "list"])
-@pytest.mark.parametrize(("surface", "change"), [(BRUSHED, None), ("lambert(rho=0.3)", leaning)])
+@pytest.mark.parametrize(("surface", "change"), [(BRUSHED, None), (WOVEN, None), ("lambert(rho=0.3)", leaning)])
 def test_a_surface_that_is_not_isotropic_violates_nothing(surface, change, of):
     reciprocity, isotropy = checks(of(model_table(surface, SQUARE, change)))
     assert (reciprocity.verdict, isotropy.verdict) == ("undecided", "fail")
-    assert "At normal incidence f depends on the detector's azimuth" in reciprocity.detail
+    if surface != WOVEN:  # the list's repeats at normal incidence, whose azimuth is not looked at, leave that open too
+        assert "At normal incidence f depends on the detector's azimuth" in reciprocity.detail
     reciprocity, isotropy = checks(of(model_table(surface, TILTED, change)))
     assert (reciprocity.verdict, isotropy.verdict) == ("undecided", "not applicable")
     assert surface != BRUSHED or "brushed, woven or leaning" in reciprocity.detail

@@ -10,13 +10,15 @@ from gonio.checks.table.pairs.places import SAME_POLAR, angles_of
 from gonio.data.layouts import Layout
 from gonio.data.table import COPIED, Table
 
-WHOLE = 1.25 * np.pi
-"""Azimuths that reach further are taken to go round: a partner is a quarter of them further on, else half of them."""
+TURNED = 3 / 8 * np.pi
+"""Azimuth, radians, by which partners are apart, or less: a surface that is the same after a half turn, as a brushed
+one, a third or a quarter of one, as a woven one, shows itself by it."""
 SAME_AZIMUTH = 1e-6
+"""Difference of azimuths, radians, that are one."""
 
 
 def normal_incidence_pairs(table: Table) -> Pairs | str:
-    """Readings at normal incidence with those of the same polar angle, a quarter of a turn on; or why there are none.
+    """Readings at normal incidence with those of the same polar angle at another azimuth; or why there are none.
 
     Each reading is in one pair. Of an isotropic surface both are the same, whatever the azimuth of the light.
     """
@@ -58,9 +60,8 @@ def _normal_incidence(layout: Layout) -> np.ndarray:
 def _partners(azimuth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of the readings of a ring, in order of azimuth, and of those that they are compared with."""
     n = azimuth.size
-    step = n // 4 if n >= 4 and np.ptp(azimuth) > WHOLE else n // 2
-    if step == 0:
+    if n < 2:
         return np.zeros(0, int), np.zeros(0, int)
-    number = np.arange(n)
+    step, number = max(1, int(TURNED * (n - 1) / np.ptp(azimuth) + 1e-9)), np.arange(n)
     number = number[(number // step % 2 == 0) & (number + step < n)]
     return number, number + step
