@@ -178,7 +178,8 @@ def write_csv(path: str | os.PathLike[str], table: Table, force: bool = False) -
     ]
     cells = written_cells(table)
     angles = [a[cells] for a in table.layout.angles()]
-    f, u_f, flag = table.values_at(cells).values()
+    stored = table.values_at(cells)
+    f, u_f, flag = (stored[name] for name in ("f", "u_f", "flag"))
     valid = flag == Flag.VALID
     if not valid.any():
         raise GonioError(f"the table holds no valid reading; there is nothing to write to {path}")
