@@ -4,9 +4,7 @@ A region is a square of `BAND` × `BAND` in both polar angles with a sector of a
 the whole square, or the band of the larger polar angle. In a region a violation has a sign (the larger reading is on
 the same side), so that its mean and median keep it while noise averages out.
 
-Without stored uncertainties the noise is that of the pairs themselves, by the median of their deviations in the
-smallest region, and no less than both in the band of angles and at their brightness: a violation of up to half of the
-pairs does not change it. What differs by more than the
+Without stored uncertainties the noise is that of the pairs themselves (`pair_noise`). What differs by more than the
 tolerance and six of its noise is no noise; its share is part of the verdict.
 """
 
@@ -21,7 +19,9 @@ from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs.pairs import FEWEST, Column, Pairs
 from gonio.checks.table.pairs.places import BAND, SAME_POLAR, SECTOR, SIDE, places
 from gonio.checks.table.statistics.counts import critical, sidak
+from gonio.checks.table.statistics.pair_noise import Regions, noise_of_pairs
 from gonio.checks.table.statistics.quantiles import median
+from gonio.checks.table.statistics.shared_differences import least_shared
 from gonio.models.display import percent
 
 ENOUGH = 0.1
@@ -34,14 +34,14 @@ OUTLYING = 6.0
 MANY = 0.01
 """Share of pairs that differ surely from which the table fails; fewer leave it undecided."""
 
-BRIGHT = 48
-"""Pairs of like brightness from which their noise is taken."""
-
-MAD = 1.4826
-"""Standard deviations in a median absolute deviation of a normal law."""
+NOT_ALONE = 3
+"""Pairs that must differ surely for it: one or two may be a reading that went wrong."""
 
 MEDIAN = 1.2533
 """Standard errors of a mean in that of a median of normal deviates."""
+
+ALONE = " Neighbouring pairs do not surely differ alike: noise, which is not stated, may be all of it."
+"""Why what differs does not fail where the sign of a violation is not known."""
 
 LOPSIDED = 1.5
 """Ratio of the scatter of a region's pairs to their noise above which they are not alike."""
@@ -67,9 +67,6 @@ def region_place(level: str, number: int, channel: str | None) -> dict[str, Any]
     if level == "sector":
         place |= {"delta_phi_from": number % 100 * SECTOR, "delta_phi_to": (number % 100 + 1) * SECTOR}
     return place if channel is None else {**place, "channel": channel}
-
-
-Regions = list[tuple[str, int, np.ndarray]]
 
 
 def regions_of(angles: np.ndarray) -> Regions:
@@ -119,53 +116,23 @@ class _Differences:
     """Their numbers."""
     signed: np.ndarray
     regions: Regions
-    channel: int
+    angles: np.ndarray
+    """(n, 4), radians."""
+    tolerance: float
 
 
-def _differences(column: Column, pairs: Pairs, sign: np.ndarray, channel: int, whole: Regions | None) -> _Differences:
-    """Those of a channel; `whole`: the regions of all pairs, if known."""
+def _differences(column: Column, pairs: Pairs, sign: np.ndarray, whole: Regions, tolerance: float) -> _Differences:
+    """Those of a channel; `whole`: the regions of all pairs."""
     a, b, *_, error = column
     use = np.flatnonzero(np.isfinite(a) & np.isfinite(b))
     a, b, sign = a[use], b[use], sign[use]
-    regions = whole if whole is not None and use.size == len(pairs) else regions_of(pairs.angles[use])
+    angles = pairs.angles[use]
+    regions = whole if use.size == len(pairs) else regions_of(angles)
     size = np.maximum((np.abs(a) + np.abs(b)) / 2, 1e-300)
     d = np.where(sign < 0, -1.0, 1.0) * (a - b) / size
     error = (error[use] if isinstance(error, np.ndarray) else np.full(use.size, error)) + ROUNDING
-    noise = np.maximum(_local_noise(d, regions), np.minimum(_noise_by_brightness(d, size), _band_noise(d, regions)))
-    return _Differences(d, error, noise, use, sign != 0, regions, channel)
-
-
-def _deviation(d: np.ndarray) -> float:
-    return MAD * median(np.abs(d - median(d)))
-
-
-def _local_noise(d: np.ndarray, regions: Regions) -> np.ndarray:
-    # Of the smallest region that holds enough pairs: a violation that ends elsewhere is not taken for noise.
-    noise = np.zeros(d.size)
-    for _, _, group in reversed(regions):
-        noise[group] = _deviation(d[group])
-    return noise
-
-
-def _band_noise(d: np.ndarray, regions: Regions) -> np.ndarray:
-    noise = np.full(d.size, _deviation(d))
-    for size, _, group in regions:
-        if size == "band":
-            noise[group] = _deviation(d[group])
-    return noise
-
-
-def _noise_by_brightness(d: np.ndarray, size: np.ndarray) -> np.ndarray:
-    # Of equal groups in the order of brightness, the first of which have one pair more.
-    noise, order, groups = np.zeros(d.size), np.argsort(size, kind="stable"), max(1, d.size // BRIGHT)
-    few, more = divmod(d.size, groups)
-    split = more * (few + 1)
-    for some in (order[:split].reshape(more, few + 1), order[split:].reshape(groups - more, few)):
-        if some.size:
-            of_group = d[some]
-            off = np.abs(of_group - np.median(of_group, axis=1, keepdims=True))
-            noise[some] = MAD * np.median(off, axis=1, keepdims=True)
-    return noise
+    noise = noise_of_pairs(d, size, regions)
+    return _Differences(d, error, noise, use, sign != 0, regions, angles, tolerance)
 
 
 class _Estimate(NamedTuple):
@@ -199,9 +166,9 @@ def _estimates(rows: _Differences, level: float, channel: str | None) -> list[_E
         noise, scatter = float(np.sqrt(np.mean(rows.noise[group] ** 2))), float(np.std(d, ddof=1))
         error, where = float(np.mean(rows.error[group])), region_place(size, number, channel)
         half = critical(one) * noise / root
-        if not signed:  # noise and violation look alike, and both count
-            half = float(-stdtrit(group.size - 1, one / 2)) * float(np.std(np.abs(d), ddof=1)) / root
-            estimates.append(_Estimate(float(np.mean(np.abs(d))), half + error, where))
+        if not signed:
+            half = float(-stdtrit(group.size - 1, one / 2)) * float(np.std(np.abs(d), ddof=1)) / root + error
+            estimates.append(_without_sign(rows, group, half, one, where))
             continue
         most = float(np.max(np.abs(d) + rows.error[group]))
         estimates.append(_Estimate(abs(float(np.median(d))), MEDIAN * half + error, where, most))
@@ -209,6 +176,28 @@ def _estimates(rows: _Differences, level: float, channel: str | None) -> list[_E
             half = float(-stdtrit(group.size - 1, one / 2)) * scatter / root
         estimates.append(_Estimate(abs(float(np.mean(d))), half + error, where, most))
     return estimates
+
+
+def _without_sign(rows: _Differences, group: np.ndarray, half: float, level: float, where: dict[str, Any]) -> _Estimate:
+    """The mean size of the differences of a region, of which noise may be all that neighbouring pairs do not share."""
+    d = rows.d[group]
+    difference = float(np.mean(np.abs(d)))
+    most = difference + half
+    if difference - half > rows.tolerance:
+        half = max(half, difference - least_shared(d, rows.angles[group], level))
+    return _Estimate(difference, half, where, most)
+
+
+def _single_pairs(rows: _Differences, pairs: Pairs, channel: str | None) -> tuple[tuple[float, int], _Estimate]:
+    """The share and number of the pairs that differ surely, each by itself, and the one that does so most."""
+    # One interpolated partner proves nothing: what lies between near readings may be a peak.
+    measured = rows.error <= ROUNDING
+    beyond = np.where(measured, np.abs(rows.d) - OUTLYING * rows.noise, -1.0) - rows.error
+    k, sure = int(np.argmax(beyond)), int(np.sum(beyond > rows.tolerance))
+    worst = _Estimate(
+        abs(float(rows.d[k])), float(abs(rows.d[k]) - beyond[k]), place_of(pairs.angles[rows.pair[k]], channel)
+    )
+    return (sure / max(int(np.sum(measured)), 1), sure), worst
 
 
 def judged_by_regions(
@@ -230,22 +219,18 @@ def judged_by_regions(
     whole, noises = regions_of(pairs.angles), np.full((len(known), len(pairs)), np.nan, np.float32)
     estimates, shares, pairs_worst = [], [], []
     for channel, kept in zip(map(int, known), noises, strict=True):
-        rows = _differences(pairs.column(channel), pairs, sign, channel, whole)
+        rows = _differences(pairs.column(channel), pairs, sign, whole, tolerance)
         kept[: rows.noise.size] = rows.noise
         estimates += _estimates(rows, evidence.level / len(known), evidence.channel(channel))
-        # One interpolated partner proves nothing: what lies between near readings may be a peak.
-        measured = rows.error <= ROUNDING
-        beyond = np.where(measured, np.abs(rows.d) - OUTLYING * rows.noise, -1.0) - rows.error
-        k = int(np.argmax(beyond))
-        shares.append(float(np.sum(beyond > tolerance) / max(np.sum(measured), 1)))
-        place = place_of(pairs.angles[rows.pair[k]], evidence.channel(channel))
-        pairs_worst.append(_Estimate(abs(float(rows.d[k])), float(abs(rows.d[k]) - beyond[k]), place))
-    single, share = max(pairs_worst, key=lambda e: e.least), max(shares)
+        of_channel, worst = _single_pairs(rows, pairs, evidence.channel(channel))
+        shares.append(of_channel)
+        pairs_worst.append(worst)
+    single, share = max(pairs_worst, key=lambda e: e.least), max(shares)[0]
     surest = max(estimates, key=lambda e: e.least, default=single)
     widest = max(estimates, key=lambda e: (round(e.largest, 9), e.difference), default=single)
     if surest.least > tolerance:
         verdict, decides = FAIL, surest
-    elif share >= MANY:
+    elif any(of_channel >= MANY and sure >= NOT_ALONE for of_channel, sure in shares):
         verdict, decides = FAIL, single
     elif share > 0:
         verdict, decides = UNDECIDED, single
@@ -262,6 +247,8 @@ def judged_by_regions(
     }
     half = decides.half if verdict == FAIL else decides.largest - decides.difference
     detail = f"{compared}: {_sentence(decides._replace(half=half), tolerance, share, noise)}"
+    if verdict == UNDECIDED and decides.difference > max(tolerance, decides.least) and not sign.any():
+        detail += ALONE
     return Property(name, verdict, decides.difference, half, tolerance, decides.where, detail, facts)
 
 

@@ -1,11 +1,12 @@
 """Verdicts on tables of lawful surfaces that are not isotropic, and of instruments that state their errors.
 
-    python random_surfaces.py [TABLES [FIRST [KIND,...]]]     (120 0 turned,sides,instruments)
+    python random_surfaces.py [TABLES [FIRST [KIND,...]]]     (120 0 turned,sides,instruments,noises)
 
 turned: brushed, ruled, retro-reflecting and narrow surfaces on grids and lists, most of them lit from one azimuth, half
 without noise. sides: brushed and leaning surfaces at any angle to the plane of incidence, of which a half or the whole
 was read, scaled to a greatest albedo of .7 to 1.1. instruments: isotropic surfaces read by instruments with apertures,
-stated misalignment and photon noise, beside the surface itself too (agreement).
+stated misalignment and photon noise, beside the surface itself too (agreement). noises: isotropic surfaces with noise
+that no table states, of speckle (5-50 %) or of a detector in the dark, negative readings cut off in half of them.
 
 A verdict is WRONG where it fails what holds or passes what does not; a pass that names an assumption is counted apart.
 """
@@ -124,7 +125,25 @@ def instruments(rng: np.random.Generator) -> Judged:
     return judged(gonio.check(table, against=expression), holds)
 
 
-KINDS = {"turned": turned, "sides": sides, "instruments": instruments}
+def noises(rng: np.random.Generator) -> Judged:
+    alpha, f0, name = 10 ** rng.uniform(-1.7, -0.1), rng.uniform(0.05, 1), rng.choice(["ggx", "beckmann"])
+    expression = f"lambert(rho={rng.uniform(0.02, 0.4):.3f}) + 0.5 * {name}(alpha={alpha:.4f}, f0={f0:.2f})"
+    layout = layout_of(rng)
+    if rng.random() < 0.3:
+        layout = layouts.merl(counts=(12, 12, 24))
+    theta_i, phi_i, theta_o, phi_o = layout.angles()
+    above = np.isfinite(theta_i + theta_o) & (np.maximum(theta_i, theta_o) <= np.pi / 2)
+    f = gonio.material(expression).f(*(np.where(above, a, 0.0) for a in (theta_i, phi_i, theta_o, phi_o)))[..., 0]
+    sigma = rng.uniform(0.05, 0.5) * f
+    if rng.random() < 0.5:
+        sigma = np.full(f.shape, np.median(f) * 10 ** rng.uniform(-4, -1))
+    f = f + sigma * rng.standard_normal(f.shape)
+    f = np.maximum(f, 0) if rng.random() < 0.5 else f
+    table = whole_table_of_values(layout, f.reshape(layout.shape))
+    return judged(gonio.check(table), dict.fromkeys(("reciprocity", "symmetry", "isotropy", "pole"), True))
+
+
+KINDS = {"turned": turned, "sides": sides, "instruments": instruments, "noises": noises}
 
 
 def main(tables: int, first: int, kinds: list[str]) -> None:

@@ -102,3 +102,26 @@ def test_a_few_compared_pairs_do_not_stand_for_many_readings():
     reciprocity = gonio.check(gonio.Table.from_arrays(*angles, np.full(n + 40, 0.1)))["reciprocity"]
     assert reciprocity.facts["pairs"] >= 40 and reciprocity.verdict == "undecided"
     assert reciprocity.facts["share_not_compared"] > 0.5
+
+
+def with_noise(layout, expression, scatter, seed=1):
+    """A table of a material whose readings scatter by scatter(f), which it does not state."""
+    rng = np.random.default_rng(seed)
+    return model_table(expression, layout, lambda f, *_: f + scatter(f) * rng.standard_normal(f.shape))
+
+
+@pytest.mark.parametrize("name", ["isotropy", "pole"])
+def test_noise_that_is_not_stated_is_not_taken_for_a_dependence_on_the_azimuth(name):
+    ring = layouts.isotropic(degrees(0, 81, 10), degrees(0, 81, 10), degrees(0, 360, 15))
+    brushed = "lambert(rho=0.1) + 0.5 * ggx(alpha_x=0.2, alpha_y=0.6, f0=0.9)"
+    noisy = gonio.check(with_noise(ring, "lambert(rho=0.3)", lambda f: 0.3 * f))[name]
+    assert noisy.verdict == "undecided" and noisy.residual > 0.1
+    truly = gonio.check(with_noise(ring, brushed, lambda f: 0.03 * f))["isotropy"]
+    assert truly.verdict == "fail" and truly.residual - truly.bound > 0.05
+
+
+def test_the_noise_of_dark_readings_is_not_a_violation():
+    """A detector's noise does not become smaller with what it reads: pairs in the dark differ by all they are."""
+    satin = "lambert(rho=0.01) + 0.5 * ggx(alpha=0.15, f0=0.9)"
+    table = with_noise(layouts.merl(counts=(12, 12, 24)), satin, lambda f: np.full(f.shape, 0.002))
+    assert gonio.check(table)["symmetry"].verdict != "fail"
