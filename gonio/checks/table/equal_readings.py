@@ -126,7 +126,8 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
 
 def _surely(failed: Property, evidence: TableEvidence, pairs: Pairs, sign: np.ndarray, what: str) -> Property:
     """What fails, judged by what the readings around interpolated values, and the instrument, allow."""
-    angle = displacement(evidence.table) if pairs.cells.size else 0.0
+    listed = not evidence.table.layout.gridded and evidence.table.interpolant is None
+    angle = displacement(evidence.table) if pairs.cells.size or listed else 0.0
     if not len(pairs.around) and not angle:
         return failed
     allowed = pairs.within_readings()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.checks.certificate import FAIL, NOT_APPLICABLE, UNDECIDED, Property, without_residual
+from gonio.checks.certificate import FAIL, NOT_APPLICABLE, Property, without_residual
 from gonio.checks.table.comparison import compare
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs.displacement import displaced, displacement
@@ -26,9 +26,6 @@ UNKNOWN = (
     " A brushed, woven or leaning surface differs like that and is reciprocal: the light has one azimuth, and no"
     " readings at normal incidence say that the surface is isotropic. What needs no turning shows no violation."
 )
-
-
-LISTED = " The instrument's alignment, as stated, may explain it: how steep f is there a list does not show."
 
 
 def one_azimuth(table: Table) -> bool:
@@ -68,9 +65,6 @@ def isotropy_at_normal_incidence(evidence: TableEvidence, tolerance: float) -> P
         return without_residual("isotropy", NOT_APPLICABLE, tolerance, reason)
     judged = compared.judged("isotropy", evidence, tolerance, WHAT)
     judged.facts = compared.differences.facts() | {"method": pairs.how} | judged.facts
-    if judged.verdict == FAIL and angle and not evidence.table.layout.gridded:
-        judged.verdict = UNDECIDED
-        judged.detail += LISTED
     return judged
 
 

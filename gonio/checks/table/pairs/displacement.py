@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from gonio.checks.table.pairs.next_nodes import changes_to_next_nodes
+from gonio.checks.table.pairs.nearest_changes import changes_to_nearest_readings
+from gonio.checks.table.pairs.next_nodes import Change, changes_to_next_nodes
 from gonio.checks.table.pairs.pairs import Column, Pairs
 from gonio.data.table import Table
 from gonio.instrument.description import instrument_of
@@ -14,6 +15,8 @@ COVERAGE = 2.0
 """Of the standard uncertainties of an instrument's terms."""
 UNRESOLVED = 0.5
 """Relative change to the next node from which f may change as much over any smaller angle."""
+ALL = 2.0
+"""The largest relative difference of two readings."""
 STEEPER = 2.0
 """Slope of f in the one between two nodes, where it changes by less."""
 
@@ -53,17 +56,39 @@ def _expanded(table: Table, names: list[str]) -> float:
 
 
 def displaced(table: Table, pairs: Pairs, angle: float) -> Pairs:
-    """The pairs of a grid, with what such a displacement may change in the error of b; those of a list as they are."""
-    if not table.layout.gridded:
-        return pairs
-    most, off = np.zeros((len(pairs), len(table.channels))), misalignment(table)
+    """The pairs, with what such a displacement may change in the error of b.
+
+    f changes as it does to the next nodes of a grid, or to the nearest readings of a list.
+    """
+    off = misalignment(table)
     of_light = sum(cosine_error(np.cos(pairs.angles[:, k]), off) for k in (0, 2))
-    for change, larger, distance in changes_to_next_nodes(table, pairs.cells):
-        share = np.minimum(1.0, STEEPER * angle / np.maximum(distance, 1e-12))[:, None]
-        most += np.where(change > UNRESOLVED * larger, change, share * change)
+    most = _change_on_grid(table, pairs, angle) if table.layout.gridded else _change_in_list(table, pairs, angle)
 
     def change_of(channel: int, column: Column) -> Column:
         size = np.maximum((np.abs(column.a) + np.abs(column.b)) / 2, 1e-300)
-        return column._replace(error=column.error + of_light + most[:, channel] / size)
+        return column._replace(error=np.minimum(column.error + of_light + most[:, channel] / size, ALL))
 
     return pairs.changed(change_of)
+
+
+def _change_on_grid(table: Table, pairs: Pairs, angle: float) -> np.ndarray:
+    # Of all axes together.
+    most = np.zeros((len(pairs), len(table.channels)))
+    for change in changes_to_next_nodes(table, pairs.cells):
+        most += _over_angle(change, angle)
+    return most
+
+
+def _change_in_list(table: Table, pairs: Pairs, angle: float) -> np.ndarray:
+    # The steepest to the nearest readings of either of a pair, for each of both readings.
+    most = np.zeros((2, len(pairs), len(table.channels)))
+    for k, exchange in enumerate((False, pairs.exchanged)):
+        for change in changes_to_nearest_readings(table, pairs.angles[:, [2, 3, 0, 1]] if exchange else pairs.angles):
+            most[k] = np.fmax(most[k], _over_angle(change, angle))
+    return np.sum(most, axis=0)
+
+
+def _over_angle(change: Change, angle: float) -> np.ndarray:
+    """The part of changes (n, channels) that a displacement may make."""
+    share = np.minimum(1.0, STEEPER * angle / np.maximum(change.distance, 1e-12))[:, None]
+    return np.where(change.size > UNRESOLVED * change.larger, change.size, share * change.size)

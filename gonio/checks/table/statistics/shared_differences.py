@@ -5,7 +5,7 @@ product of neighbouring differences is the square of what is no noise.
 """
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from gonio.checks.table.statistics.counts import critical
 
@@ -37,8 +37,8 @@ def least_shared(d: np.ndarray, angles: np.ndarray, level: float) -> float:
     theta_i, phi_i, theta_o, phi_o = angles.T
     # By the azimuths themselves: at the normal, where they are no direction, the pair of the same azimuths is near.
     places = np.stack([theta_i, np.cos(phi_i), np.sin(phi_i), theta_o, np.cos(phi_o), np.sin(phi_o)], axis=1)
-    near = cKDTree(places).query(places, k=2)[1]
+    near = np.asarray(KDTree(places).query(places, 2)[1])
     other = np.where(near[:, 0] == np.arange(d.size), near[:, 1], near[:, 0])
-    correlation = float(np.sum(d * d[other]) / max(np.mean([square, np.mean(d[other] ** 2)]) * d.size, 1e-300))
+    correlation = 2 * float(np.sum(d * d[other])) / float(np.sum(d**2) + np.sum(d[other] ** 2))
     z = np.arctanh(np.clip(correlation, -0.999999, 0.999999)) - critical(level) / np.sqrt(products - 3)
     return float(np.sqrt(square * max(np.tanh(z), 0.0)))
