@@ -156,9 +156,12 @@ class RoughSlab(AbstractComposite):
 
     Beside rays followed between two such faces of η = 1.5, R and T are within 0.003 to 30° for α ≤ 0.1, within 0.01 for
     0.2. At 60° R is 0.05 and T 0.03 low for α = 0.1, 0.11 and 0.08 for 0.2: what a lobe loses beyond the horizon here,
-    a sheet keeps inside, and sends out elsewhere. Over 120 random sheets (both α from 0.02 to 0.4, η 1.2 to 2, `clear`
-    0.5 to 1, θ to 80°) the error of R is 0.042 rms, at most 0.17, that of T 0.031 and 0.12: beyond 45°, trust the
-    shapes of the lobes before their light.
+    a sheet keeps inside, and sends out elsewhere. Over 240 random sheets (both α from 0.02 to 0.4, η 1.2 to 2, `clear`
+    0.5 to 1) errors, light at θ from the normal: to 45°, R 0.010 rms, at most 0.073, T 0.014 and 0.063; 45° to 80°, R
+    0.071 and 0.25, T 0.046 and 0.14: there, trust the shapes of the lobes before their light. Where f is above a tenth
+    of its peak, half of what is transmitted within 30° of the normal is within 4 %, at 30° to 50° within 11 %, beyond
+    50° within 20 %; nine views in ten within 17 %, 58 % and 63 %, single ones off by a factor of five. Of what is
+    reflected, half is within 1 %, 2 % and 11 %.
     """
 
     loses_energy: ClassVar[str] = (
