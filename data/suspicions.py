@@ -1,4 +1,4 @@
-"""What the numbers of a table say against what they are taken for: radians, f cos(theta), reflectance factors."""
+"""What the numbers of a table say against what they are taken for: radians, f cos(theta), a saturated detector."""
 
 import math
 
@@ -26,6 +26,12 @@ USUAL = 0.75
 """Share of all readings that the brightest ones must outshine."""
 QUANTITY_REMEDY = "if these are reflectance factors (π f), state --quantity reflectance_factor, else --quantity brdf"
 """What a sentence on too bright readings ends in."""
+FEWEST_EQUAL = 5
+"""Geometries of one largest reading from which a detector may have been saturated."""
+NEXT_LARGEST = 5
+"""Readings below the largest that are as often equal, where they were rounded."""
+LOBE = 2.0
+"""Ratio of the largest to the median reading from which a peak may be cut off."""
 MIRROR_ANGLE = math.radians(10)
 """Least polar angle at which the mirror direction and the way back to the light are told apart."""
 
@@ -67,6 +73,7 @@ def _of_part(table: Table, reflection: bool, quantity_unknown: bool) -> list[str
     f = np.mean(values["f"], axis=1, where=values["flag"] == Flag.VALID)
     delta = (phi_o - phi_i) % (2 * math.pi)
     result = _turned_azimuth(theta_i, theta_o, delta, f) if reflection else []
+    result += _saturated(theta_i, theta_o, delta, np.where(values["flag"] == Flag.VALID, values["f"], np.nan))
     if quantity_unknown:
         result += _cosine_ratio(theta_i, theta_o, delta, f) or _too_bright(theta_i, theta_o, delta, f)
     return result
@@ -114,6 +121,24 @@ def _turned_azimuth(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray,
         "its source, an azimuth is off by 180° (state --mirror-azimuth 0 where azimuths differ by 0 at the mirror "
         "side), or a polar angle has the wrong sign"
     ]
+
+
+def _saturated(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray, f: np.ndarray) -> list[str]:
+    """Whether the peak of a channel, f (n, channels), is cut off: one largest value of many different geometries."""
+    polar, other = np.maximum(theta_i, theta_o), np.minimum(theta_i, theta_o)
+    turn = np.where(np.sin(theta_i) * np.sin(theta_o) > PAIR_CELL, np.minimum(delta, 2 * math.pi - delta), 0.0)
+    geometry = np.round(np.stack([polar, other, turn], axis=1) / PAIR_CELL)
+    for of_channel in f.T:
+        values = np.unique(of_channel[np.isfinite(of_channel)])[::-1][: NEXT_LARGEST + 1]
+        if values.size <= NEXT_LARGEST or values[0] <= LOBE * np.nanmedian(of_channel):
+            continue
+        count = [len(np.unique(geometry[of_channel == value], axis=0)) for value in values]
+        if count[0] >= FEWEST_EQUAL * max(1, *count[1:]):
+            return [
+                f"{int(np.sum(of_channel == values[0]))} readings share the largest value, {values[0]:.6g}, as where a "
+                "detector is saturated: leave these out of the file, unless the peak is flat"
+            ]
+    return []
 
 
 def _too_bright(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray, f: np.ndarray) -> list[str]:

@@ -16,6 +16,8 @@ NOISE = 1.2
 """Reduced χ² above which the residuals are more than the stored noise."""
 FAR_FROM_NOISE = 4.0
 """Reduced χ² above which a fit is poor: the residuals are twice the noise."""
+FAR_BELOW_NOISE = 0.25
+"""Reduced χ² below which the residuals are less than half of what is stored, as with what all readings share."""
 NO_FIT = 100.0
 """Reduced χ² above which a fit has failed: the residuals are ten times the noise."""
 GOOD, FAIR, POOR, FAILED = "good", "fair", "poor", "failed"
@@ -63,7 +65,8 @@ def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
     verdict = FAILED if failed else POOR if poor else FAIR if fair else GOOD
     good = []
     if chi2 is not None and chi2 <= NOISE:
-        good.append(f"reduced χ² {chi2:.3g}")
+        less = ", far less than the stored uncertainties: these, and what comes of them, may be stated too large"
+        good.append(f"reduced χ² {chi2:.3g}" + less * (chi2 < FAR_BELOW_NOISE))
     if rms is not None:
         good.append(f"relative rms {rms:.3g}")
     if chi2 is None or chi2 <= NOISE:  # larger ones are no noise of the readings, even or not

@@ -67,6 +67,14 @@ def test_the_dark_has_no_brightest_direction():
             assert suspicions(whole_table_of_values(somewhere, f)) == []
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_peak_that_is_cut_off_is_told_and_a_rounded_one_is_not(noise):
+    f = HONEST["black with a lobe"] * (1 + noise * np.random.default_rng(3).standard_normal(GRID.shape).ravel())
+    assert "saturated" in of(np.minimum(f, np.quantile(f, 0.97)))[0]
+    rounded = [float(f"{value:.1e}") for value in f]
+    assert of(np.array(rounded)) == of(np.round(f, 2)) == []
+
+
 def test_light_that_comes_back_is_told():
     assert "off by 180" in of(lobe(0.2, 0.1, 0.5, back=True))[0]
 

@@ -16,6 +16,7 @@ FACTS = {"converged": True, "metrics": {"relative_rms": 0.01, "reduced_chi2": 1.
     ("metrics", "verdict", "words"),
     [
         ({}, "good", "reduced χ² 1"),
+        ({"reduced_chi2": 0.01}, "good", "may be stated too large"),
         ({"reduced_chi2": 2.0}, "fair", "1.4 times the stored uncertainties"),
         ({"reduced_chi2": 20.0}, "poor", "4.5 times"),
         ({"reduced_chi2": 2140.0}, "failed", "46 times"),
