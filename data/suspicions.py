@@ -130,7 +130,10 @@ def _saturated(theta_i: np.ndarray, theta_o: np.ndarray, delta: np.ndarray, f: n
     geometry = np.round(np.stack([polar, other, turn], axis=1) / PAIR_CELL)
     for of_channel in f.T:
         values = np.unique(of_channel[np.isfinite(of_channel)])[::-1][: NEXT_LARGEST + 1]
+        rounded = np.array([float(f"{value:.2e}") for value in values])
         if values.size <= NEXT_LARGEST or values[0] <= LOBE * np.nanmedian(of_channel):
+            continue
+        if np.allclose(values, rounded, rtol=1e-6, atol=0):  # so few digits make equal readings themselves
             continue
         count = [len(np.unique(geometry[of_channel == value], axis=0)) for value in values]
         if count[0] >= FEWEST_EQUAL * max(1, *count[1:]):
