@@ -12,6 +12,12 @@ MOST_ROWS = 200_000
 """Readings that are looked at."""
 RADIANS_LIMIT = 3.15
 """Degrees: polar angles all below it are radians, or a scan of nothing but the normal."""
+FULL_TURN = 6.2833
+"""Degrees: azimuths all below it may be radians."""
+HALF_TURN = 0.005
+FEWEST_AZIMUTHS = 4
+"""Different azimuths, or half a turn of radians among them, from which they may be so."""
+ZERO = 1e-3
 TOO_BRIGHT = 1.25
 """π f of most directions, from which readings cannot be f of anything that makes no light."""
 WIDE = math.pi / 4
@@ -54,11 +60,26 @@ def suspicions(table: Table, angles_unknown: bool = False, quantity_unknown: boo
             f"no polar angle is above {math.degrees(largest):.4g}, taken as degrees: if these are radians, state "
             "--angles radians, else --angles degrees"
         ]
-    result = []
+    result = _azimuths_in_radians(table, cells, largest) if angles_unknown else []
     for sides, part in table.parts().items():
         where = "" if sides == (1, 1) else f"{side_in_words(*sides)}: "
         result += [where + sentence for sentence in _of_part(part, sides[0] == sides[1], quantity_unknown)]
     return result
+
+
+def _azimuths_in_radians(table: Table, cells: np.ndarray, largest: float) -> list[str]:
+    """Whether azimuths, taken as degrees, are within a turn of radians, while polar angles are degrees."""
+    azimuths = np.degrees(np.stack(table.layout.angles())[[1, 3]][:, cells])
+    away = np.abs(np.mod(azimuths + 180, 360) - 180)
+    different = np.unique(np.round(away[away > ZERO], 4))
+    widest = float(different.max(initial=0.0))
+    half_turn = bool(np.any(np.abs(different - math.pi) < HALF_TURN))
+    if (not half_turn and different.size < FEWEST_AZIMUTHS) or not 0 < widest < FULL_TURN < math.degrees(largest):
+        return []
+    return [
+        f"no azimuth is more than {widest:.4g} from 0, taken as degrees like the polar angles: if azimuths are "
+        "radians, write [rad] behind their names, else state --angles degrees"
+    ]
 
 
 def _of_part(table: Table, reflection: bool, quantity_unknown: bool) -> list[str]:

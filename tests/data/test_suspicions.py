@@ -57,6 +57,26 @@ def test_small_angles_are_suspected_to_be_radians_once():
     assert suspicions(whole_table_of_values(small, np.full(small.shape, 0.1))) == []
 
 
+@pytest.mark.parametrize("azimuths", [[0, 180], range(0, 360, 30)], ids=["in plane", "around"])
+def test_azimuths_in_radians_beside_polar_angles_in_degrees_are_suspected(azimuths):
+    polar, turn = np.radians([10, 30, 60]), np.radians(np.asarray(azimuths, float))
+    honest, wrong = (layouts.isotropic(polar, polar, a) for a in (turn, np.radians(turn)))
+    assert "write [rad]" in of(np.full(wrong.shape, 0.1), wrong)[0]
+    assert of(np.full(honest.shape, 0.1), honest) == suspicions(
+        whole_table_of_values(wrong, 0.1 * np.ones(wrong.shape))
+    )
+
+
+def test_a_file_that_ends_within_a_number_is_told(tmp_path):
+    rows = [f"30,0,{theta},180,{0.1 + theta / 700:.9f}" for theta in range(10)]
+    text = "\n".join(["theta_i,phi_i,theta_o,phi_o,f", *rows])
+    warnings = {}
+    for name, content in {"whole": text, "ended": text[:-6] + "\n", "cut": text[:-6]}.items():
+        (tmp_path / "t.csv").write_text(content)
+        warnings[name] = read_csv(tmp_path / "t.csv").provenance.get("warnings", [])
+    assert "cut off" in warnings["cut"][0] and warnings["whole"] == warnings["ended"] == []
+
+
 def test_the_dark_has_no_brightest_direction():
     """Neither zeros nor noise about zero go back to the light: directions at random, few of them near either mirror."""
     rng = np.random.default_rng(7)

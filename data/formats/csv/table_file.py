@@ -17,6 +17,7 @@ from gonio.data.channels import Channels
 from gonio.data.files import new_file, stem
 from gonio.data.flags import Flag
 from gonio.data.formats.csv.columns import CsvText, write_columns
+from gonio.data.formats.csv.cut_off import cut_off
 from gonio.data.formats.csv.directions import Directions, direction_columns, read_angles
 from gonio.data.formats.csv.header import ANGLES, LENGTHS_NM, VECTORS, value_names
 from gonio.data.formats.csv.listed_rows import SAME_DIRECTION, table_of_rows
@@ -92,10 +93,10 @@ def read_csv(
     table.name = stem(path)
     media = {} if media_of(stated := statements.json(MEDIA), len(channels)) is None else {MEDIA: stated}
     table.provenance |= provenance | media | {"understood": [*text.understood, *understood]}
-    if not statements.by_gonio and (
-        warnings := suspicions(table, not directions.unit_known, not values.quantity_known)
-    ):
-        table.provenance["warnings"] = warnings
+    warnings = cut_off(text)
+    if not statements.by_gonio:
+        warnings += suspicions(table, not directions.unit_known, not values.quantity_known)
+    table.provenance |= {"warnings": warnings} if warnings else {}
     return table
 
 
