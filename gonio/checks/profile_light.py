@@ -8,6 +8,8 @@ from gonio.data.profile import Profile
 from gonio.models.display import percent
 
 STEPS = 4000
+LAST = 4
+"""Part of the distances, the last of them, whose slope says what is beyond."""
 FEWEST = 3
 """Distances with light, of which an integral is made."""
 
@@ -59,24 +61,66 @@ def light_of_profile(side: ByDistance, c: int, factor: float) -> ProfileLight | 
     from scipy import integrate, interpolate  # a fifth of a second, which checks of tables and models do not need
 
     fine = np.linspace(r[0], r[-1], STEPS)
+    scale = np.min(np.diff(r))
 
-    def between(every: slice) -> np.ndarray:
-        x, y = r[every], np.log(value[every])
+    def between(every: slice, by_factors: bool = False) -> np.ndarray:
+        x, y, places = r[every], np.log(value[every]), fine
+        if by_factors:
+            x, places = np.log(x + scale), np.log(fine + scale)
         curve = interpolate.PchipInterpolator(x, y) if x.size > 2 else interpolate.interp1d(x, y, bounds_error=False)
-        exitance = 2 * np.pi * fine * np.exp(np.nan_to_num(curve(fine), nan=-np.inf))
+        exitance = 2 * np.pi * fine * np.exp(np.nan_to_num(curve(places), nan=-np.inf))
         return integrate.cumulative_trapezoid(exitance, fine, initial=0.0)
 
     inner, edge = between(slice(None)), np.pi * r[0] ** 2 * value[0]
     read = float(inner[-1])
-    coarse = float(between(slice((r.size - 1) % 2, None, 2))[-1]) if r.size > 4 else 0.0
-    first = np.clip(np.log(value[1] / value[0]) / np.log(r[1] / r[0]), -1.9, 0.0) if r[0] > 0 else 0.0
-    centre = float(2 * edge / (2 + first))
-    rate = float(np.log(value[-2] / value[-1]) / (r[-1] - r[-2]))
-    tail = 2 * np.pi * value[-1] * (r[-1] / rate + 1 / rate**2) if rate > 0 else np.inf
+    others = [between(slice(None), True)] + [between(slice((r.size - 1) % 2, None, 2))] * (r.size > 4)
+    off = max(abs(read - float(other[-1])) for other in others)
+    centre = edge * 2 / (2 - power) if (power := _first_power(r, value)) < 2 else edge
+    most_within = centre if power < 2 else np.inf
+    off = max(off, _most_beside_centre(r, value) - float(np.interp(r[1], fine, inner)) if r[0] == 0 else 0.0)
     noise = factor * float(np.sqrt(np.sum((2 * np.pi * r * np.gradient(r) * u) ** 2)))
-    bound = abs(read - coarse) + (centre - edge) + tail + noise
-    parts = [f"nothing was read beyond {r[-1]:.3g} mm ({percent(tail / max(read, 1e-300))} more by the last slope)"]
+    low, high = _tail(r, value, factor * u / value)
+    tail = (low + high) / 2 if np.isfinite(high) else low
+    bound = off + (most_within - edge) + (high - tail) + noise
+    parts = [f"nothing was read beyond {r[-1]:.3g} mm ({_more(low, high, max(read, 1e-300))})"]
     if r[0] > 0:
         parts.append(f"nor within {r[0]:.3g} mm ({percent(centre / max(read, 1e-300))})")
-    total = read + centre + (tail if np.isfinite(tail) else 0.0)
+    total = read + centre + tail
     return ProfileLight(float(total), float(bound), f"Not looked at: {', '.join(parts)}.", fine, centre + inner)
+
+
+def _first_power(r: np.ndarray, value: np.ndarray) -> float:
+    """The power of the distance by which R falls from the first distance on, and less nearer to the light."""
+    return max(float(np.log(value[0] / value[1]) / np.log(r[1] / r[0])), 0.0) if r[0] > 0 else 0.0
+
+
+def _most_beside_centre(r: np.ndarray, value: np.ndarray) -> float:
+    """The most light within the first distance beyond 0: of the power by which R falls there, as bright as at 0."""
+    power = max(float(np.log(value[1] / value[2]) / np.log(r[2] / r[1])), 0.0)
+    edges = r[1] * np.geomspace(1e-4, 1, STEPS)
+    return float(
+        np.pi * np.sum(np.diff(edges**2, prepend=0.0) * np.minimum(value[0], value[1] * (r[1] / edges) ** power))
+    )
+
+
+def _tail(r: np.ndarray, value: np.ndarray, relative: np.ndarray) -> tuple[float, float]:
+    """The least and the most light beyond the last distance, by the slope of the last readings, to their `relative`
+    errors.
+
+    Diffused light falls more slowly than an exponential that meets it, and faster than such a power of the distance:
+    its sources lie at all depths, and what travels farther is absorbed more. No bound where that power is 2 or less.
+    """
+    start = r.size - max(2, r.size // LAST)
+    start -= r[start] == 0
+    fall = float(np.log(value[start] / value[-1]))
+    error = float(np.hypot(relative[start], relative[-1]))
+    rate = (fall + error) / (r[-1] - r[start])
+    low = 2 * np.pi * value[-1] * (r[-1] / rate + 1 / rate**2) if rate > 0 else 0.0
+    power = (fall - error) / float(np.log(r[-1] / r[start])) if r[start] > 0 else 0.0
+    high = 2 * np.pi * value[-1] * r[-1] ** 2 / (power - 2) if power > 2 else np.inf
+    return float(low), float(max(high, low))
+
+
+def _more(low: float, high: float, read: float) -> str:
+    least = percent(low / read)
+    return f"{least} to {percent(high / read)} more by the last slope" if np.isfinite(high) else f"{least} more or any"

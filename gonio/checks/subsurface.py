@@ -141,10 +141,8 @@ def _profile_energy(profile: Profile, tolerance: float, level: float) -> Propert
     worst = int(np.argmax([light.total + light.bound for light in known]))
     light = known[worst]
     where = {"channel": profile.channels.names[worst]} if len(known) > 1 else {}
-    detail = (
-        f"∫∫R dA is {light.total:.4g} (±{light.bound:.2g}) of the light, as if it left with the same radiance in all "
-        f"directions. {light.unread}"
-    )
+    size = f"{light.total:.4g} (±{light.bound:.2g})" if np.isfinite(light.bound) else f"{light.total:.4g} or more"
+    detail = f"∫∫R dA is {size} of the light, as if it left with the same radiance in all directions. {light.unread}"
     return Property(
         "energy", verdict_of(light.total - 1, light.bound, tolerance), light.total - 1, light.bound, tolerance, where,
         detail,

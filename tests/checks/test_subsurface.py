@@ -66,6 +66,19 @@ def test_mistakes_are_caught(profile):
     assert gonio.check(negative)["positivity"].verdict == "fail"
 
 
+@pytest.mark.parametrize("farthest", [0.5, 2.0, 8.0])
+def test_what_leaves_beyond_the_last_offset_is_within_the_bound(farthest):
+    """A milky material whose light goes far: near readings alone do not say that it gives back less than it got."""
+    milky = "dipole(sigma_a=0.002, sigma_s=1.5)"
+    offsets = np.concatenate([[0.0], farthest * np.geomspace(0.05, 1, 16)])
+    read = measure_profile(milky, gonio.Instrument(illuminated_radius=0.02, viewed_radius=0.02), offsets)
+    total = float(np.asarray(gonio.material(milky).brdf.bssrdf.total())[0])
+    honest = gonio.check(read)["energy"]
+    assert abs(honest.residual + 1 - total) < honest.bound and honest.verdict != "fail"
+    liar = gonio.check(dataclasses.replace(read, value=1.2 / total * read.value))["energy"]
+    assert liar.verdict != "pass"
+
+
 def test_what_was_read_on_one_side_is_not_testable(profile):
     side = OFFSETS >= 0
     parts = {n: getattr(profile, n)[side] for n in ("offsets", "value", "u", "flag")}
