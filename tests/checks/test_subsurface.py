@@ -66,16 +66,16 @@ def test_mistakes_are_caught(profile):
     assert gonio.check(negative)["positivity"].verdict == "fail"
 
 
-@pytest.mark.parametrize("farthest", [0.5, 2.0, 8.0])
+@pytest.mark.parametrize("farthest", [0.3, 0.5, 8.0])
 def test_what_leaves_beyond_the_last_offset_is_within_the_bound(farthest):
     """A milky material whose light goes far: near readings alone do not say that it gives back less than it got."""
-    milky = "dipole(sigma_a=0.002, sigma_s=1.5)"
-    offsets = np.concatenate([[0.0], farthest * np.geomspace(0.05, 1, 16)])
-    read = measure_profile(milky, gonio.Instrument(illuminated_radius=0.02, viewed_radius=0.02), offsets)
-    total = float(np.asarray(gonio.material(milky).brdf.bssrdf.total())[0])
+    milky = "normalised_diffusion(albedo=0.9, mfp=1.3)"
+    offsets = farthest * np.linspace(0, 1, 15)
+    read = measure_profile(milky, gonio.Instrument(illuminated_radius=0.05, viewed_radius=0.1), offsets)
+    total = float(np.max(np.asarray(gonio.material(milky).brdf.bssrdf.total())))
     honest = gonio.check(read)["energy"]
     assert abs(honest.residual + 1 - total) < honest.bound and honest.verdict != "fail"
-    liar = gonio.check(dataclasses.replace(read, value=1.2 / total * read.value))["energy"]
+    liar = gonio.check(dataclasses.replace(read, value=1.3 / total * read.value))["energy"]
     assert liar.verdict != "pass"
 
 
