@@ -247,7 +247,7 @@ def judged_by_regions(
     }
     half = decides.half if verdict == FAIL else decides.largest - decides.difference
     detail = f"{compared}: {_sentence(decides._replace(half=half), tolerance, share, noise)}"
-    if verdict == UNDECIDED and decides.difference > max(tolerance, decides.least) and not sign.any():
+    if verdict == UNDECIDED and not share and decides.difference > tolerance and not sign.any():
         detail += ALONE
     return Property(name, verdict, decides.difference, half, tolerance, decides.where, detail, facts)
 

@@ -30,9 +30,10 @@ def noise_of_pairs(d: np.ndarray, size: np.ndarray, regions: Regions) -> np.ndar
         size: these means, (n,).
         regions: the regions of the pairs, the smallest first.
     """
-    by_brightness = _noise_by_brightness(d, size)
+    groups = _by_brightness(size)
+    by_brightness = _noise_by_brightness(d, groups)
     noise = np.maximum(_local_noise(d, regions), np.minimum(by_brightness, _band_noise(d, regions)))
-    return np.maximum(noise, _noise_of_dark(d, size))
+    return np.maximum(noise, _noise_of_dark(d, size, groups))
 
 
 def _deviation(d: np.ndarray) -> float:
@@ -64,22 +65,22 @@ def _by_brightness(size: np.ndarray) -> list[np.ndarray]:
     return [some for some in parts if some.size]
 
 
-def _noise_by_brightness(d: np.ndarray, size: np.ndarray) -> np.ndarray:
+def _noise_by_brightness(d: np.ndarray, groups: list[np.ndarray]) -> np.ndarray:
     noise = np.zeros(d.size)
-    for some in _by_brightness(size):
+    for some in groups:
         off = np.abs(d[some] - np.median(d[some], axis=1, keepdims=True))
         noise[some] = MAD * np.median(off, axis=1, keepdims=True)
     return noise
 
 
-def _noise_of_dark(d: np.ndarray, size: np.ndarray) -> np.ndarray:
+def _noise_of_dark(d: np.ndarray, size: np.ndarray, groups: list[np.ndarray]) -> np.ndarray:
     """That of readings whose noise does not become smaller with them.
 
     Noise has both signs and a violation has one: that of the quieter side is noise. The noise of a detector, of
     photons or of speckle, relative to the readings, is nowhere larger than where it is darker.
     """
     noise, least = np.zeros(d.size), np.inf
-    for some in _by_brightness(size):
+    for some in groups:
         quieter = np.minimum.accumulate(np.minimum(_quieter_side(d[some]), least), axis=0)
         least = float(quieter[-1, 0])
         middle = np.median(size[some], axis=1, keepdims=True)
@@ -89,11 +90,11 @@ def _noise_of_dark(d: np.ndarray, size: np.ndarray) -> np.ndarray:
 
 def _quieter_side(d: np.ndarray) -> np.ndarray:
     """The smaller of the deviations of the differences that are not negative and of those not positive, (groups, 1)."""
-    quieter = np.full((len(d), 1), np.inf)
-    for side in (d, -d):
-        some = np.sort(np.where(side >= 0, side, np.inf), axis=1)
-        count = np.count_nonzero(side >= 0, axis=1)[:, None]
-        middles = np.stack([np.maximum(count - 1, 0) // 2, count // 2]).clip(max=d.shape[1] - 1)
-        middle = np.mean([np.take_along_axis(some, k, axis=1) for k in middles], axis=0)
-        quieter = np.minimum(quieter, np.where(count > 0, MAD * middle, 0.0))
-    return np.where(np.isfinite(quieter), quieter, 0.0)
+    ordered, last = np.sort(d, axis=1), d.shape[1] - 1
+    below, above = (np.count_nonzero(side, axis=1)[:, None] for side in (ordered <= 0, ordered >= 0))
+    sides = []
+    for count, first in ((below, 0), (above, last + 1 - above)):
+        middle = [np.clip(first + k, 0, last) for k in ((count - 1) // 2, count // 2)]
+        value = np.mean([np.abs(np.take_along_axis(ordered, k, axis=1)) for k in middle], axis=0)
+        sides.append(np.where(count > 0, MAD * value, 0.0))
+    return np.minimum(*sides)
