@@ -18,6 +18,9 @@ BRIGHT = 48
 MAD = 1.4826
 """Standard deviations in a median absolute deviation of a normal law."""
 
+NOTHING = 1e-290
+"""The mean of two readings that are both zero, and the least of others."""
+
 MOST = 1.0
 """Noise relative to the mean of a pair, of two readings that know nothing of each other."""
 
@@ -30,7 +33,8 @@ def noise_of_pairs(d: np.ndarray, size: np.ndarray, regions: Regions) -> np.ndar
         size: these means, (n,).
         regions: the regions of the pairs, the smallest first.
     """
-    groups = _by_brightness(size)
+    lit = np.flatnonzero(size > NOTHING)  # two readings that were cut off at zero say nothing of the noise
+    groups = [lit[some] for some in _by_brightness(size[lit])]
     by_brightness = _noise_by_brightness(d, groups)
     noise = np.maximum(_local_noise(d, regions), np.minimum(by_brightness, _band_noise(d, regions)))
     return np.maximum(noise, _noise_of_dark(d, size, groups))
