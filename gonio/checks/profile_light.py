@@ -122,5 +122,6 @@ def _tail(r: np.ndarray, value: np.ndarray, relative: np.ndarray) -> tuple[float
 
 
 def _more(low: float, high: float, read: float) -> str:
-    least = percent(low / read)
-    return f"{least} to {percent(high / read)} more by the last slope" if np.isfinite(high) else f"{least} more or any"
+    if not np.isfinite(high):
+        return f"at least {percent(low / read)} more by the last slope, and no bound on it; read further out"
+    return f"{percent(low / read)} to {percent(high / read)} more by the last slope"
