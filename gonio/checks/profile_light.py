@@ -75,11 +75,12 @@ def light_of_profile(side: ByDistance, c: int, factor: float) -> ProfileLight | 
     read = float(inner[-1])
     others = [between(slice(None), True)] + [between(slice((r.size - 1) % 2, None, 2))] * (r.size > 4)
     off = max(abs(read - float(other[-1])) for other in others)
-    centre = edge * 2 / (2 - power) if (power := _first_power(r, value)) < 2 else edge
-    most_within = centre if power < 2 else np.inf
-    off = max(off, _most_beside_centre(r, value) - float(np.interp(r[1], fine, inner)) if r[0] == 0 else 0.0)
+    relative = factor * u / value
+    centre, most_within = _within_first(r, value, relative)
+    if r[0] == 0:
+        off = max(off, _most_beside_centre(r, value, relative) - float(np.interp(r[1], fine, inner)))
     noise = factor * float(np.sqrt(np.sum((2 * np.pi * r * np.gradient(r) * u) ** 2)))
-    low, high = _tail(r, value, factor * u / value)
+    low, high = _tail(r, value, relative)
     tail = (low + high) / 2 if np.isfinite(high) else low
     bound = off + (most_within - edge) + (high - tail) + noise
     parts = [f"nothing was read beyond {r[-1]:.3g} mm ({_more(low, high, max(read, 1e-300))})"]
@@ -89,18 +90,23 @@ def light_of_profile(side: ByDistance, c: int, factor: float) -> ProfileLight | 
     return ProfileLight(float(total), float(bound), f"Not looked at: {', '.join(parts)}.", fine, centre + inner)
 
 
-def _first_power(r: np.ndarray, value: np.ndarray) -> float:
-    """The power of the distance by which R falls from the first distance on, and less nearer to the light."""
-    return max(float(np.log(value[0] / value[1]) / np.log(r[1] / r[0])), 0.0) if r[0] > 0 else 0.0
+def _within_first(r: np.ndarray, value: np.ndarray, relative: np.ndarray) -> tuple[float, float]:
+    """The light within the first distance, and the most of it: nearer to the light R falls less steeply than there."""
+    edge = float(np.pi * r[0] ** 2 * value[0])
+    if r[0] == 0:
+        return 0.0, 0.0
+    fall, error = float(np.log(value[0] / value[1])), float(np.hypot(*relative[:2]))
+    likely, most = (max(f / float(np.log(r[1] / r[0])), 0.0) for f in (fall, fall + error))
+    return edge * 2 / (2 - likely) if likely < 2 else edge, edge * 2 / (2 - most) if most < 2 else np.inf
 
 
-def _most_beside_centre(r: np.ndarray, value: np.ndarray) -> float:
+def _most_beside_centre(r: np.ndarray, value: np.ndarray, relative: np.ndarray) -> float:
     """The most light within the first distance beyond 0: of the power by which R falls there, as bright as at 0."""
-    power = max(float(np.log(value[1] / value[2]) / np.log(r[2] / r[1])), 0.0)
+    fall = float(np.log(value[1] / value[2]) + np.hypot(*relative[1:3]))
+    power = max(fall / float(np.log(r[2] / r[1])), 0.0)
     edges = r[1] * np.geomspace(1e-4, 1, STEPS)
-    return float(
-        np.pi * np.sum(np.diff(edges**2, prepend=0.0) * np.minimum(value[0], value[1] * (r[1] / edges) ** power))
-    )
+    exitance = np.minimum(value[0], value[1] * (r[1] / edges) ** power)
+    return float(np.pi * np.sum(np.diff(edges**2, prepend=0.0) * exitance))
 
 
 def _tail(r: np.ndarray, value: np.ndarray, relative: np.ndarray) -> tuple[float, float]:
@@ -124,4 +130,5 @@ def _tail(r: np.ndarray, value: np.ndarray, relative: np.ndarray) -> tuple[float
 def _more(low: float, high: float, read: float) -> str:
     if not np.isfinite(high):
         return f"at least {percent(low / read)} more by the last slope, and no bound on it; read further out"
-    return f"{percent(low / read)} to {percent(high / read)} more by the last slope"
+    more = f"{percent(low / read)} to {percent(high / read)} more"
+    return f"{more}, if R falls on between the exponential and the power of its last slope"

@@ -81,11 +81,11 @@ def _change_on_grid(table: Table, pairs: Pairs, angle: float) -> np.ndarray:
 
 def _change_in_list(table: Table, pairs: Pairs, angle: float) -> np.ndarray:
     # The steepest to the nearest readings of either of a pair, for each of both readings.
-    most = np.zeros((2, len(pairs), len(table.channels)))
-    for k, exchange in enumerate((False, pairs.exchanged)):
-        for change in changes_to_nearest_readings(table, pairs.angles[:, [2, 3, 0, 1]] if exchange else pairs.angles):
-            most[k] = np.fmax(most[k], _over_angle(change, angle))
-    return np.sum(most, axis=0)
+    there = pairs.angles[:, [2, 3, 0, 1]] if pairs.exchanged else pairs.angles
+    most = np.zeros((2 * len(pairs), len(table.channels)))
+    for change in changes_to_nearest_readings(table, np.concatenate([pairs.angles, there])):
+        most = np.fmax(most, _over_angle(change, angle))
+    return most[: len(pairs)] + most[len(pairs) :]
 
 
 def _over_angle(change: Change, angle: float) -> np.ndarray:
