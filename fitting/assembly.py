@@ -131,7 +131,10 @@ def _unexplained(optima: list[Optimum]) -> float:
 def _largest_albedo(optima: list[Optimum], fitted: tuple[Term, ...], brdf: AbstractBRDF) -> LargestAlbedo:
     if Hemispheres.TRANSMISSION in brdf.hemispheres:
         return bounded_largest_albedo(brdf)
-    each = [largest_albedo(functools.partial(e.problem.values_at, e.p), e.parameters.channels) for e in optima]
+    each = [
+        largest_albedo(functools.partial(e.problem.values_at, e.p), e.parameters.channels, brdf.isotropic)
+        for e in optima
+    ]
     channel = int(np.argmax([a.value for a in each]))
     worst = each[channel] if len(each) == 1 else each[channel]._replace(channel=channel)
     count = max(len(each), optima[0].parameters.channels)

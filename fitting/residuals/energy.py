@@ -47,8 +47,8 @@ class Nodes(NamedTuple):
         return Nodes(wi, wo, weight * share[incidence], incidence)
 
 
-@functools.lru_cache(maxsize=1)
-def nodes() -> Nodes:
+@functools.lru_cache(maxsize=2)
+def nodes(isotropic: bool = False) -> Nodes:
     """Nodes about the mirror direction, back to the light and over the hemisphere, by the balance heuristic.
 
     Three rules, each of one density over the directions, share the integrand in the ratio of their densities
@@ -56,7 +56,7 @@ def nodes() -> Nodes:
     a narrow brushed lobe more than half may be missed.
     """
     columns: list[np.ndarray] = []
-    for index, (theta, phi) in enumerate((t, p) for t in INCIDENCES for p in AZIMUTHS):
+    for index, (theta, phi) in enumerate((t, p) for t in INCIDENCES for p in azimuths_of(isotropic)):
         wi = np.array(from_spherical(theta, phi, np))
         back = np.array([-wi[0], -wi[1], wi[2]])
         u, v = (g.ravel() for g in np.meshgrid(_midpoints(RADII), _midpoints(TURNS), indexing="ij"))
@@ -96,17 +96,25 @@ def _density(w: np.ndarray, wo: np.ndarray) -> np.ndarray:
     return np.where(slope < WIDEST, facets / (4.0 * np.maximum(w @ h, 1e-9)), 0.0)
 
 
-def largest_albedo(values: Callable[[Direction, Direction], np.ndarray], channels: int = 1) -> LargestAlbedo:
-    """The largest directional albedo of an isotropic model at `INCIDENCES` from two azimuths, to 2 %.
+def azimuths_of(isotropic: bool) -> np.ndarray:
+    """Azimuths of incidence that stand for all: one of an isotropic surface."""
+    return AZIMUTHS[:1] if isotropic else AZIMUTHS
+
+
+def largest_albedo(
+    values: Callable[[Direction, Direction], np.ndarray], channels: int = 1, isotropic: bool = False
+) -> LargestAlbedo:
+    """The largest directional albedo of a model of round lobes at `INCIDENCES` from two azimuths, to 2 %.
 
     Args:
         values: f (n, C), 1/sr, at directions of shape (n,).
         channels: C; the directions are taken in parts, and of many channels only a third of them.
+        isotropic: whether f is known to depend on the azimuths only by their difference: one azimuth is enough.
     """
-    n, rows = nodes(), max(LEAST_NODES, MOST_VALUES // channels)
+    n, rows = nodes(isotropic), max(LEAST_NODES, MOST_VALUES // channels)
     if channels > MANY:
         n = n.thinned()
-    albedo = np.zeros((INCIDENCES.size * AZIMUTHS.size, channels))
+    albedo = np.zeros((INCIDENCES.size * azimuths_of(isotropic).size, channels))
     for first in range(0, n.weight.size, rows):
         part = slice(first, first + rows)
         f = values(*(Direction(*(c[part] for c in w)) for w in (n.wi, n.wo)))
@@ -124,8 +132,11 @@ def confirmed(rough: LargestAlbedo, brdf: AbstractBRDF) -> LargestAlbedo:
 
 
 def bounded_largest_albedo(brdf: AbstractBRDF) -> LargestAlbedo:
-    """The largest directional albedo of a model at `INCIDENCES` from two azimuths, to 1e-4; with what it transmits."""
-    theta, phi = (a.ravel() for a in np.meshgrid(INCIDENCES, AZIMUTHS, indexing="ij"))
+    """The largest directional albedo of a model at `INCIDENCES`, to 1e-4; with what it transmits.
+
+    From two azimuths, of an isotropic one from one.
+    """
+    theta, phi = (a.ravel() for a in np.meshgrid(INCIDENCES, azimuths_of(brdf.isotropic), indexing="ij"))
     albedo = directional_albedo(brdf, theta, phi, 1e-4).value.reshape(theta.size, -1)
     if Hemispheres.TRANSMISSION in brdf.hemispheres:
         albedo = albedo + directional_transmittance(brdf, theta, phi, 1e-4).value.reshape(theta.size, -1)
@@ -134,5 +145,5 @@ def bounded_largest_albedo(brdf: AbstractBRDF) -> LargestAlbedo:
 
 def _largest(albedo: np.ndarray) -> LargestAlbedo:
     worst, channel = np.unravel_index(int(np.argmax(albedo)), albedo.shape)
-    theta, phi = divmod(int(worst), AZIMUTHS.size)
+    theta, phi = divmod(int(worst), len(albedo) // INCIDENCES.size)
     return LargestAlbedo(float(albedo[worst, channel]), float(INCIDENCES[theta]), float(AZIMUTHS[phi]), int(channel))
