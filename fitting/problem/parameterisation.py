@@ -21,6 +21,7 @@ from gonio.models.expression.parser import FACTOR, ParameterRef, Term, Value, ch
 from gonio.models.parameters import ParameterInfo
 
 LINEAR, LOG, LOG1P = 0, 1, 2
+FAR = 1e3  # coordinates from which on whole periods are taken off
 
 
 class Domains(NamedTuple):
@@ -78,9 +79,20 @@ def evenly(d: Domains, share: np.ndarray) -> np.ndarray:
     return unmapped(d.kind, u_low + width * share)
 
 
+def near_origin(x: Any, xp: ModuleType = jnp) -> Any:
+    """Unconstrained coordinates (..., P) of the same parameters, less whole periods where they are far away.
+
+    Where the map's slope nearly vanishes a step goes millions of periods away: there x is known to less than itself,
+    and sines are slow.
+    """
+    periods = xp.clip(x - np.pi * xp.round(x / np.pi), -2.0, 2.0)
+    return xp.where(xp.abs(x) > FAR, periods, x)
+
+
 def to_parameters(d: Domains, x: Any, xp: ModuleType = jnp, known: tuple[Any, Any] | None = None) -> Mapped:
     """The parameters at unconstrained coordinates x (..., P); `known`: the `span` of the domains."""
     u_low, width = span(d, xp) if known is None else known
+    x = near_origin(x, xp)
     sine, cosine = xp.sin(x), xp.cos(x)
     u = u_low + width * sine * sine
     by_u = xp.exp(xp.where(d.kind == LINEAR, 0.0, u))

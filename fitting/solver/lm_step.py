@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 
 from gonio.fitting.problem.arrow import Arrow, module_of
 from gonio.fitting.problem.normal_equations import NormalEquations
-from gonio.fitting.problem.parameterisation import Domains, Mapped, at_bounds
+from gonio.fitting.problem.parameterisation import Domains, Mapped, at_bounds, near_origin
 from gonio.fitting.problem.readings import AnyArray
 
 AIM = 1e-9  # the aim; a fit counts as stationary from 1e-6 on
@@ -201,7 +201,8 @@ def step(lane: Lane, latest: Normal, target_norm_squared: Float[AnyArray, ""], r
         4.0 * before.cost + jnp.sqrt(2.0 * jnp.maximum(before.cost, 0.0) * target_norm_squared)
     )
     accept, project, step_size = _decide(lane, latest, cost, finite, rounding)
-    y, normal = jax.tree.map(lambda a, b: jnp.where(accept, a, b), (lane.trial, latest), (lane.y, before))
+    there = near_origin(lane.trial), latest
+    y, normal = jax.tree.map(lambda a, b: jnp.where(accept, a, b), there, (lane.y, before))
     lengths = jnp.sqrt(jnp.maximum(normal.hessian.diagonal(), 0.0))
     scale = jnp.maximum(lane.scale, lengths)
     safe = jnp.where(scale > 0, scale, 1.0)

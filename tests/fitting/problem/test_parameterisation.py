@@ -6,7 +6,15 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gonio.fitting.problem.parameterisation import LINEAR, LOG, LOG1P, Domains, to_parameters, to_unconstrained
+from gonio.fitting.problem.parameterisation import (
+    LINEAR,
+    LOG,
+    LOG1P,
+    Domains,
+    near_origin,
+    to_parameters,
+    to_unconstrained,
+)
 
 D = Domains(np.array([LINEAR, LOG, LOG1P]), np.array([0.0, 1e-4, 0.0]), np.array([1.0, 1.0, 1e6]))
 
@@ -21,6 +29,17 @@ def test_every_coordinate_is_inside_the_domain(x):
 def test_both_bounds_are_reached_at_finite_coordinates():
     np.testing.assert_allclose(to_parameters(D, jnp.zeros(3))[0], D.low, rtol=1e-14)
     np.testing.assert_allclose(to_parameters(D, jnp.full(3, np.pi / 2))[0], D.high, rtol=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(1.001e3, 1e6) | st.floats(1e6, 1e18), st.sampled_from([-1.0, 1.0]))
+def test_whole_periods_away_a_coordinate_is_that_of_the_same_parameter(size, sign):
+    x = near_origin(np.full(3, sign * size), np)
+    assert np.all(np.abs(x) <= 2.0) and np.array_equal(near_origin(x, np), x)
+    far, near = to_parameters(D, np.full(3, sign * size), np), to_parameters(D, x, np)
+    assert all(np.array_equal(a, b) for a, b in zip(far, near, strict=True))
+    if size < 1e6:
+        np.testing.assert_allclose(np.sin(x) ** 2, np.sin(size) ** 2, rtol=0, atol=1e-9)
 
 
 def test_there_and_back():

@@ -63,6 +63,16 @@ def test_descents_that_have_ended_stay_where_they_are(by_loop):
     assert (report.p[[0, 2]] != p[[0, 2]]).any(axis=1).all()
 
 
+def test_a_step_many_periods_away_is_the_loops_and_comes_back(by_loop):
+    """Such steps came of slopes that nearly vanish; sines of what is so far away are not the loop's."""
+    of = by_loop.layout
+    far = of.lane_of(by_loop.numbers[:, : of.lane])
+    far.trial[0, :3] += 1e7 * np.pi
+    report = by_loop(equations_at(by_loop.p), np.ones(3, bool))
+    assert by_loop.otherwise is None and report.accepted[0]
+    assert np.abs(of.lane_of(by_loop.numbers[:, : of.lane]).y[0, :3]).max() <= 2.0
+
+
 def test_goes_on_by_xla_where_the_loop_is_not_sure(by_loop, monkeypatch):
     before = by_loop(equations_at(by_loop.p), np.ones(3, bool))
     monkeypatch.setattr(by_loop, "program", lambda *_: None)
