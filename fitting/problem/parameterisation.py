@@ -22,6 +22,8 @@ from gonio.models.parameters import ParameterInfo
 
 LINEAR, LOG, LOG1P = 0, 1, 2
 FAR = 1e3  # coordinates from which on whole periods are taken off
+_ROUGH = float(np.float32(np.pi))
+PERIOD = (_ROUGH, np.pi - _ROUGH + np.sin(np.pi))  # π to 30 digits; times up to 2²⁹ the first is exact
 
 
 class Domains(NamedTuple):
@@ -85,8 +87,9 @@ def near_origin(x: Any, xp: ModuleType = jnp) -> Any:
     Where the map's slope nearly vanishes a step goes millions of periods away: there x is known to less than itself,
     and sines are slow.
     """
-    periods = xp.clip(x - np.pi * xp.round(x / np.pi), -2.0, 2.0)
-    return xp.where(xp.abs(x) > FAR, periods, x)
+    number = xp.round(x / np.pi)
+    rest = (x - PERIOD[0] * number) - PERIOD[1] * number
+    return xp.where(xp.abs(x) > FAR, xp.clip(rest, -2.0, 2.0), x)
 
 
 def to_parameters(d: Domains, x: Any, xp: ModuleType = jnp, known: tuple[Any, Any] | None = None) -> Mapped:

@@ -39,7 +39,7 @@ def test_whole_periods_away_a_coordinate_is_that_of_the_same_parameter(size, sig
     far, near = to_parameters(D, np.full(3, sign * size), np), to_parameters(D, x, np)
     assert all(np.array_equal(a, b) for a, b in zip(far, near, strict=True))
     if size < 1e6:
-        np.testing.assert_allclose(np.sin(x) ** 2, np.sin(size) ** 2, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(np.sin(x) ** 2, np.sin(size) ** 2, rtol=0, atol=1e-12)
 
 
 def test_there_and_back():
