@@ -15,7 +15,7 @@
     media = [1.0, 1.5]              # refractive indices in front of the sample and behind it, of what the arms are in
     illuminated_radius = 5          # mm on the sample, for translucent ones; viewed_radius likewise
 
-    [uncertainty]                   # of single terms, see `gonio.instrument.stated`
+    [uncertainty]                   # of single terms, see `gonio.data.stated`
     gain = "0.5 %"
     tilt = "0.05 deg rectangular"
 
@@ -27,9 +27,9 @@ import os
 from typing import Any
 
 from gonio.data.files import check_keys, read_toml
+from gonio.data.stated import stated_uncertainties
 from gonio.instrument.instrument import ANGLES, EVERYWHERE, LIMITS, Instrument
 from gonio.instrument.pace import AXES, Pace
-from gonio.instrument.stated import stated_uncertainties
 from gonio.models.errors import GonioError
 
 LARGEST = 1 << 16  # bytes

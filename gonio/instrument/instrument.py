@@ -5,8 +5,8 @@ import math
 
 import numpy as np
 
+from gonio.data.stated import ANGLE_TERMS, TERMS, StatedUncertainty
 from gonio.instrument.pace import AXES, Angles, Pace
-from gonio.instrument.stated import ANGLE_TERMS, TERMS, StatedUncertainty
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction, from_spherical

@@ -10,12 +10,12 @@ import numpy as np
 from gonio.data.flags import Flag
 from gonio.data.interpolation.multilinear import as_material
 from gonio.data.interpolation.two_sided import TwoSided
+from gonio.data.stated import TERMS
 from gonio.data.table import Table
 from gonio.fitting.apertures import half_angles_of
 from gonio.instrument.aperture import irradiance
 from gonio.instrument.instrument import Instrument, Systematic
 from gonio.instrument.noise import variance_parts
-from gonio.instrument.stated import TERMS
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import Direction, normalize

@@ -12,6 +12,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from gonio.data.stated import BOTH_TILTS, TERMS
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
 from gonio.fitting.fit_model import FitOptions
@@ -21,7 +22,6 @@ from gonio.fitting.uncertainty.covariance import NORMAL_95, Covariance
 from gonio.fitting.uncertainty.joint_covariance import JointCovariance, View
 from gonio.fitting.uncertainty.optimum import ParameterEstimate
 from gonio.instrument.instrument import SYSTEMATIC_TERMS, Instrument
-from gonio.instrument.stated import BOTH_TILTS, TERMS
 from gonio.metrology.effects import Readings
 from gonio.metrology.fit_budget import FitBudget, Sums, fit_errors, inverse_of
 from gonio.metrology.sources import Source, Sources, sources_of

@@ -16,10 +16,10 @@ from gonio.checks.table.pairs.columns import readings_of
 from gonio.checks.table.pairs.places import angles_of
 from gonio.checks.table.pairs.scattered_pairs import merged
 from gonio.data.flags import Flag
+from gonio.data.stated import StatedUncertainty, stated_uncertainties
 from gonio.data.table import Table
 from gonio.instrument.description import instrument_of
 from gonio.instrument.instrument import SYSTEMATIC_TERMS, Instrument
-from gonio.instrument.stated import StatedUncertainty, stated_uncertainties
 from gonio.metrology.effects import noise_parts
 
 STORED, STATED, ESTIMATED = "stored", "stated", "estimated"

@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 
+from gonio.data.stated import TERMS
 from gonio.data.table import Table
 from gonio.fitting.apertures import half_angles_of
-from gonio.instrument.stated import TERMS
 from gonio.metrology.budget import Budget, Contribution
 from gonio.metrology.effects import Readings
 from gonio.metrology.measurands import TableMeasurands

@@ -9,11 +9,11 @@ import numpy as np
 
 from gonio.data.files import new_file
 from gonio.data.formats.csv.columns import write_columns
+from gonio.data.stated import TERMS
 from gonio.instrument.aperture import irradiance
 from gonio.instrument.instrument import Instrument, Systematic
 from gonio.instrument.noise import standard_uncertainty
 from gonio.instrument.pace import AXES, Pace
-from gonio.instrument.stated import TERMS
 from gonio.planning.prior import Prior
 
 STEP = 1e-4

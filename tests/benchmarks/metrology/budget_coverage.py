@@ -17,8 +17,8 @@ import jax
 import numpy as np
 
 import gonio
+from gonio.data.stated import stated_uncertainties
 from gonio.instrument.scans import scan
-from gonio.instrument.stated import stated_uncertainties
 
 jax.config.update("jax_enable_x64", True)
 

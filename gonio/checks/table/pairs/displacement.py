@@ -7,9 +7,9 @@ import numpy as np
 from gonio.checks.table.pairs.nearest_changes import changes_to_nearest_readings
 from gonio.checks.table.pairs.next_nodes import Change, changes_to_next_nodes
 from gonio.checks.table.pairs.pairs import Column, Pairs
+from gonio.data.stated import TERMS
 from gonio.data.table import Table
 from gonio.instrument.description import instrument_of
-from gonio.instrument.stated import TERMS
 
 COVERAGE = 2.0
 """Of the standard uncertainties of an instrument's terms."""

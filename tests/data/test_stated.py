@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from gonio.data.stated import SHAPES, StatedUncertainty, stated_uncertainties
 from gonio.instrument import Instrument
-from gonio.instrument.stated import SHAPES, StatedUncertainty, stated_uncertainties
 from gonio.models.errors import GonioError
 
 
