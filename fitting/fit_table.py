@@ -10,6 +10,7 @@ from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table, index_of
 from gonio.fitting.apertures import aperture_notes, half_angles_of, wide_notes
 from gonio.fitting.assembly import assemble_result
+from gonio.fitting.common_errors import common_error_note, common_errors
 from gonio.fitting.fit_model import FitOptions, FitSettings, FitTask, compile_ahead, fit_model
 from gonio.fitting.problem.readings import (
     NO_UNCERTAINTY,
@@ -175,6 +176,9 @@ def _fit_one(
     optima = fit_model(task)
     r = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
     r.notes.extend([*table.provenance.get("warnings", []), *aperture_notes(r.apertures), *wide_notes(table)])
+    if rows := common_errors(table, optima, [p for p in r.parameters if p.status != "fixed"]):
+        r = dataclasses.replace(r, common_errors=rows)
+        r.notes.extend([] if rows[0]["stated"] is not None else [common_error_note(rows)])
     if view is not None:
         promised = promise(table, r.brdf, view.scene, determined=not r.undetermined)
         note = view.note(r.brdf, task.readings, selection and selection.scene)

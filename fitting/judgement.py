@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gonio.fitting.common_errors import common_error_words
 from gonio.models.display import percent
 
 ALBEDO_TOLERANCE = 1e-3
@@ -38,7 +39,8 @@ def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
 
     Failed: not stationary, residuals ten times the known noise, or far off and hardly better than a perfect diffuser.
     Poor: residuals twice the known noise, or a model that reflects more than it receives. Fair: more than noise,
-    structure in the residuals, or numbers that the readings leave open.
+    structure in the residuals, numbers that the readings leave open, or stated errors that
+    their uncertainties leave out. What nothing states of errors that all readings share is said beside the verdict.
     """
     failed, poor, fair = [], [], []
     metrics = fit.get("metrics") or {}
@@ -62,6 +64,10 @@ def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
     if open_numbers := len(fit.get("undetermined") or []):
         plural = "combination" if open_numbers == 1 else "combinations"
         fair.append(f"the readings leave {open_numbers} {plural} of its numbers open")
+    shared = common_error_words(rows := fit.get("common_errors") or [])
+    if rows and rows[0].get("stated") is not None:
+        fair.append(shared)
+        shared = ""
     verdict = FAILED if failed else POOR if poor else FAIR if fair else GOOD
     good = []
     if chi2 is not None and chi2 <= NOISE:
@@ -73,7 +79,7 @@ def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
         good += {"noise": ["its residuals are noise"], "exact": ["its residuals are rounding"]}.get(str(structure), [])
     if albedo is not None and albedo <= 1 + ALBEDO_TOLERANCE:
         good.append(f"largest albedo about {albedo:.2g}")
-    reasons = "; ".join([*failed, *poor, *fair] or ["it converged"])
+    reasons = "; ".join([*([*failed, *poor, *fair] or ["it converged"]), *filter(None, [shared])])
     return FitJudgement(verdict, f"{OPENINGS[verdict]}: {reasons}" + (f" ({', '.join(good)})" if good else "") + ".")
 
 

@@ -28,7 +28,7 @@ from gonio.models.errors import printable
 CORRELATED = 0.95  # from which on a correlation is reported
 MOST_CORRELATED = 5
 MOST_IN_FULL = 64  # free numbers whose covariance files keep in full
-JUDGED = ("converged", "reason", "metrics", "undetermined")  # attributes
+JUDGED = ("converged", "reason", "metrics", "undetermined", "common_errors")  # attributes
 MOST_SHOWN = 7  # numbers in a repr
 
 
@@ -65,6 +65,7 @@ class FitResult(Displayed):
         alternatives: the other models, as plain data; `bootstrap`: what the refits gave.
         seconds: wall time by stage; `table`: name of the table; `scene`: what is promised in the scene of the fit.
         nuisance: errors of the instrument that were fitted too, with their uncertainties, where that was asked for.
+        common_errors: what all readings share and the standard uncertainties leave out; see `common_errors`.
         apertures: averages over the discs of light and detector, and what the numbers at their centres are off by.
     """
 
@@ -103,6 +104,7 @@ class FitResult(Displayed):
     scene: dict[str, Any] | None = None
     apertures: dict[str, Any] | None = None
     nuisance: list[dict[str, Any]] | None = None
+    common_errors: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     evidence: Evidence | None = dataclasses.field(default=None, repr=False, compare=False)
 
     asked = renamed_attribute("asked", "requested")

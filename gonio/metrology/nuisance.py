@@ -15,6 +15,7 @@ import numpy as np
 from gonio.data.stated import BOTH_TILTS, TERMS
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
+from gonio.fitting.common_errors import common_error_note
 from gonio.fitting.fit_model import FitOptions
 from gonio.fitting.fit_table import fit
 from gonio.fitting.result import FitResult
@@ -129,9 +130,14 @@ def _widened(result: FitResult, priors: Mapping[str, Source], step: Step) -> Fit
     ]
     notes = [f"nuisance: {row['sentence']}" for row in rows]
     covariance = [JointCovariance(joint.size, (view,), None)]
+    left_out = [row for row in result.common_errors if row["name"] not in priors]
+    kept = [n for n in result.notes if not (result.common_errors and n == common_error_note(result.common_errors))]
+    if left_out and left_out[0]["stated"] is None:
+        kept.append(common_error_note(left_out))
     return dataclasses.replace(
-        result, parameters=parameters, uncertainty=covariance, nuisance=rows, notes=[*result.notes, *notes]
-    )
+        result, parameters=parameters, uncertainty=covariance, nuisance=rows, notes=[*kept, *notes],
+        common_errors=left_out,
+    )  # fmt: skip
 
 
 def _with(p: ParameterEstimate, u: float) -> ParameterEstimate:

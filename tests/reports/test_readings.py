@@ -148,7 +148,11 @@ def test_several_fits_of_a_table_stand_side_by_side(fitted):
 def test_one_sentence_says_whether_a_fit_is_good(fitted):
     t, results = fitted
     good, failed = (f["judgement"] for f in section(t, results)[0]["fits"])
-    assert good["verdict"] == "good" and good["sentence"].startswith("A good fit: it converged (reduced χ²")
+    assert (
+        good["verdict"] == "good"
+        and good["sentence"].startswith("A good fit: it converged; ")
+        and "(reduced χ²" in good["sentence"]
+    )
     assert failed["verdict"] == "failed" and "times the stored uncertainties" in failed["sentence"]
     text = gonio.report(t, fits=results[:1], check=False)
     assert text.index(good["sentence"].split("(")[0]) < text.index("<h2 id=")

@@ -1,0 +1,123 @@
+"""Errors that all readings share: how far they move a fit's numbers, whose standard uncertainties leave them out.
+
+A calibration factor changes f by e f, a dark signal by e/(π cos θi), both with a share e of the same sign everywhere: a
+model follows them, and no residual shows them.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gonio.data.stated import TERMS, StatedUncertainty, stated_uncertainties
+from gonio.data.table import Table
+from gonio.fitting.problem.problem import FitProblem
+from gonio.fitting.problem.readings import evenly_spaced, transform, uses_cosine
+from gonio.fitting.solver.disc_choice import step_towards
+from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
+from gonio.models.errors import GonioError
+
+NOTEWORTHY = 0.5
+"""Standard uncertainties of a number that a stated error moves it by, from which on it is named."""
+USUAL = {"gain": 0.01, "dark": 0.001}
+"""What good instruments reach, as a share of a white diffuser's signal: what nothing states may be as large."""
+MOST_COMPARED = 1 << 14
+"""Readings that are looked at; of more, evenly spaced ones."""
+
+
+def common_errors(table: Table, optima: Sequence[Optimum], free: Sequence[ParameterEstimate]) -> list[dict[str, Any]]:
+    """What the standard uncertainties of a fit leave out although the readings share it, the worst first.
+
+    Args:
+        table: what was fitted; its provenance states the uncertainties of a simulated instrument.
+        optima: of all channels, or of each.
+        free: the free numbers of all of them.
+
+    Returns:
+        For each term `name`, `meaning`, `stated` (a share, or None where nothing states it), `number` that it moves
+        most, and `equal`: the share that moves this by one standard uncertainty. Nothing where all is known exactly.
+    """
+    stated = _stated(table)
+    if not stated or any(e.exact or not e.converged for e in optima):
+        return []
+    rows: list[dict[str, Any]] = []
+    moves = {acts: _moves(optima, free, acts) for acts in sorted({TERMS[name].acts for name in stated})}
+    for name, size in stated.items():
+        label, moved = moves[TERMS[name].acts]
+        if moved * (USUAL[name] if size is None else size) > (1.0 if size is None else NOTEWORTHY):
+            meaning = TERMS[name].meaning
+            rows.append({"name": name, "meaning": meaning, "stated": size, "number": label, "equal": 1.0 / moved})
+    return sorted(rows, key=lambda row: row["equal"] / (row["stated"] or USUAL.get(row["name"], 1.0)))
+
+
+def common_error_words(rows: Sequence[Mapping[str, Any]]) -> str:
+    """What is left out, in words; nothing for none. Rows may come from files, which leave out `stated` of None."""
+    if not rows:
+        return ""
+    worst, names = rows[0], ",".join(row["name"] for row in rows)
+    if worst.get("stated") is not None:
+        size, moved = 100 * worst["stated"], worst["stated"] / worst["equal"]
+        return (
+            f"its standard uncertainties leave out the stated {worst['meaning']}: ± {size:.3g} % moves "
+            f"{worst['number']} by {moved:.2g} of them; --nuisance {names} takes it in"
+        )
+    sizes = " or ".join(f"{100 * row['equal']:.2g} % ({row['name']}, {row['number']})" for row in rows)
+    return (
+        "its standard uncertainties hold the noise alone; an error that all readings share, which nothing states, "
+        f"moves a number by one of them where it is {sizes}"
+    )
+
+
+def common_error_note(rows: Sequence[Mapping[str, Any]]) -> str:
+    """What to do about terms that nothing states."""
+    sizes = ", ".join(f"{row['name']}={100 * USUAL[row['name']]:g} %" for row in rows)
+    names = ",".join(row["name"] for row in rows)
+    return (
+        f"{common_error_words(rows)}; give how well they are known, as in --uncertainty '{sizes}', to --nuisance "
+        f"{names} where readings have u_f, or to gonio quantities --budget --fit"
+    )
+
+
+def _stated(table: Table) -> dict[str, float | None]:
+    """Standard uncertainties, as shares, of factors and offsets; None of what nothing states."""
+    instrument = table.provenance.get("instrument")
+    if instrument == "ideal":
+        return {}
+    if not isinstance(instrument, dict):
+        return dict.fromkeys(USUAL, None)
+    try:
+        known: dict[str, StatedUncertainty] = stated_uncertainties(instrument.get("uncertainty", {}))
+    except (GonioError, AttributeError):
+        known = {}
+    calibration = instrument.get("calibration")
+    usual = {"gain": float(calibration)} if isinstance(calibration, int | float) else {}
+    given = {name: s.standard for name, s in known.items() if TERMS[name].acts in ("factor", "offset")}
+    return {name: size for name, size in (usual | given).items() if math.isfinite(size) and size > 0}
+
+
+def _moves(optima: Sequence[Optimum], free: Sequence[ParameterEstimate], acts: str) -> tuple[str, float]:
+    """The number that an error moves most, and by how many standard uncertainties for each unit of its share."""
+    label, largest, first = "", 0.0, 0
+    most = max(MOST_COMPARED // len(optima), 1)
+    for e in optima:
+        each = free[first : first + e.p.size]
+        first += e.p.size
+        step = _step(e, acts, most)
+        for p, d in zip(each, step, strict=True):
+            if p.status == "determined" and 0 < p.standard_uncertainty < math.inf and math.isfinite(d):
+                moved = abs(float(d)) / p.standard_uncertainty
+                label, largest = (p.label, moved) if moved > largest else (label, largest)
+    return label, largest
+
+
+def _step(e: Optimum, acts: str, most: int) -> np.ndarray:
+    """How far the numbers (P,) move for each unit of the share, to first order."""
+    cells = evenly_spaced(e.model_f.shape[0], most)
+    problem: FitProblem = e.problem.subset(cells)
+    f, cos_i = e.model_f[cells], np.abs(np.asarray(problem.readings.cos_i))[:, None]
+    shift = f if acts == "factor" else np.broadcast_to(1.0 / (math.pi * np.maximum(cos_i, 1e-6)), f.shape)
+    cosine = cos_i if uses_cosine(problem.loss) else 1.0
+    with np.errstate(all="ignore"):
+        slope = np.nan_to_num(transform(problem.loss, f * cosine, problem.floor, np)[1] * cosine, posinf=0.0)
+    return step_towards(problem.retargeted(problem.compared(f) + slope * shift), e.p)
