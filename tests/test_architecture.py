@@ -1,13 +1,16 @@
 """Imports go down only, from room to room; no room reaches up, and no module bears a public function's name."""
 
 import ast
-import pathlib
+import functools
+import graphlib
 import sys
 import tomllib
+from pathlib import Path
 
 import pytest
 
-ROOT = pathlib.Path(__file__).resolve().parents[1]
+from support.sources import ROOT, trees
+
 FLOORS = {"models": "gonio.models", "data": "gonio.data", "fitting": "gonio.fitting", "gonio": "gonio"}  # upwards
 ROOMS = (
     "instrument",
@@ -41,7 +44,7 @@ VERBS = {
 }
 
 
-def module_names() -> dict[str, pathlib.Path]:
+def module_names() -> dict[str, Path]:
     """Every module of gonio by its absolute name."""
     modules = {}
     for folder, package in FLOORS.items():
@@ -97,6 +100,7 @@ def rank(module: str) -> tuple[int, int] | None:
     return 3, (ROOMS.index(rest[0]) if rest[0] in ROOMS else -1)
 
 
+@functools.cache
 def room(module: str) -> str:
     """The folder of a module; a file that stands beside folders is a room of its own."""
     package = package_of(module)
@@ -104,8 +108,9 @@ def room(module: str) -> str:
     return module if inner else package
 
 
+@functools.cache
 def imports() -> dict[str, set[str]]:
-    return {m: imported(ast.parse(p.read_text(encoding="utf-8")), package_of(m)) for m, p in MODULES.items()}
+    return {m: imported(trees()[p.relative_to(ROOT).as_posix()], package_of(m)) for m, p in MODULES.items()}
 
 
 def test_every_folder_of_the_top_floor_is_a_room():
@@ -135,10 +140,10 @@ def test_rooms_form_no_circle():
     for module, names in imports().items():
         arrows.setdefault(room(module), set()).update(room(n) for n in names if n in MODULES and n != "gonio")
     arrows.pop("gonio", None)
-    reach = {r: to - {r} for r, to in arrows.items()}
-    for _ in range(len(reach)):
-        reach = {r: to.union(*(reach.get(t, set()) for t in to)) for r, to in reach.items()}
-    assert {r for r, to in reach.items() if r in to} == set()
+    try:
+        tuple(graphlib.TopologicalSorter({r: to - {r} for r, to in arrows.items()}).static_order())
+    except graphlib.CycleError as error:
+        pytest.fail(f"rooms that import each other in a circle: {error.args[1]}")
 
 
 def test_models_need_nothing_but_jax_equinox_llvm_and_numbers():
