@@ -225,10 +225,12 @@ class FitProblem:
     def _squares(self, p: np.ndarray, active: np.ndarray | None = None, plain: bool = False) -> np.ndarray:
         """Products of residuals and derivatives at vectors p (S, P): as of `page_program`; 0 for what is not active."""
         number = len(p)
-        use = np.flatnonzero(np.broadcast_to(True if active is None else active, (number,)))
-        sums = self._sums(p[use], plain)
+        use = None if active is None or active.all() else np.flatnonzero(active)
+        sums = self._sums(p if use is None else p[use], plain)
         if sums is None:
             return _total([page[0] for page in self._run(p, active, plain=plain)], number)
+        if use is None:
+            return sums.squares
         squares = np.zeros((number, *sums.squares.shape[1:]))
         squares[use] = sums.squares
         return squares

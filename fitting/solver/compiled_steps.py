@@ -4,11 +4,12 @@ For up to 12 numbers, on the processor, in double precision: what `StepsByXLA` c
 many times as fast. What it does not take is XLA's.
 """
 
+import dataclasses
 import functools
 import itertools
 import threading
 from collections.abc import Sequence
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -34,7 +35,8 @@ NOTHING = np.zeros(0)
 LOCK = threading.Lock()
 
 
-class Layout(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False)
+class Layout:
     """Where the numbers of a descent stand, of so many parameters.
 
     A row has the numbers of its `Lane`, then of an evaluation, then of the next point: parameters, and first and second
@@ -46,39 +48,52 @@ class Layout(NamedTuple):
     kinds: list[np.ndarray]
     tree: Any
 
-    @property
+    @functools.cached_property
+    def edges(self) -> list[int]:
+        """Where the parts of a lane begin, and where the last ends."""
+        return list(itertools.accumulate((a.size for a in self.kinds), initial=0))
+
+    @functools.cached_property
     def lane(self) -> int:
         """Numbers of a lane."""
-        return sum(a.size for a in self.kinds)
+        return self.edges[-1]
 
-    @property
+    @functools.cached_property
     def row(self) -> int:
         """Numbers of a row."""
         return self.lane + KNOWN + 3 * self.size
 
-    @property
+    @functools.cached_property
     def equations(self) -> int:
         """Numbers of normal equations."""
         return 1 + self.size + self.size**2
 
-    @property
+    @functools.cached_property
     def given(self) -> int:
         """Numbers of what is given."""
         return self.equations + 6 * self.size
 
+    @functools.cached_property
+    def evaluation(self) -> slice:
+        """Where in a row the numbers of an evaluation stand."""
+        return slice(self.lane, self.lane + KNOWN)
+
+    @functools.cached_property
+    def flags(self) -> np.ndarray:
+        """Where in a row it stands whether a descent accepted its trial, has finished, was refused, is near its end."""
+        lane = self.places()
+        return np.concatenate([lane.accepted, lane.finished, lane.refused, lane.near])
+
     def lane_of(self, numbers: Any) -> Lane:
         """Descents of their numbers (..., K); truth is a number above 0."""
-        edges = np.cumsum([0, *(a.size for a in self.kinds)])
-        parts = [numbers[..., a:b] for a, b in itertools.pairwise(edges)]
+        parts = [numbers[..., a:b] for a, b in itertools.pairwise(self.edges)]
         leaves = [part.reshape(*part.shape[:-1], *a.shape) for part, a in zip(parts, self.kinds, strict=True)]
         leaves = [v > 0 if a.dtype == bool else v for v, a in zip(leaves, self.kinds, strict=True)]
         return jax.tree.unflatten(self.tree, leaves)
 
     def places(self) -> Lane:
         """Where in a row each part of a lane stands."""
-        edges = np.cumsum([0, *(a.size for a in self.kinds)]).tolist()
-        places = [first + np.arange(a.size) for first, a in zip(edges, self.kinds, strict=False)]
-        return jax.tree.unflatten(self.tree, places)
+        return jax.tree.unflatten(self.tree, [np.arange(a, b) for a, b in itertools.pairwise(self.edges)])
 
 
 @functools.cache
@@ -200,13 +215,12 @@ class StepsByLoop:
         if self.otherwise is not None:
             return self.otherwise(equations, active)
         after, now, evaluated_p = self.after[:number], self.numbers[:number], self.p
-        cost, stationarity, exact, promised = after[:, of.lane : of.lane + KNOWN].T.copy()
-        now[active] = after[active]
-        self.p = now[:, of.lane + KNOWN : of.lane + KNOWN + size].copy()
-        lane = of.lane_of(now[:, : of.lane])
+        cost, stationarity, exact, promised = after[:, of.evaluation].T.copy()
+        np.copyto(now, after, where=active[:, None])
+        first = of.lane + KNOWN
+        self.p = now[:, first : first + size].copy()
         points = Points(evaluated_p, cost, stationarity, exact > 0, promised)
-        flags = map(np.asarray, (lane.accepted, lane.finished, lane.refused, lane.near))
-        return Report(points, self.p, *flags)
+        return Report(points, self.p, *(now.take(of.flags, axis=1).T > 0))
 
     def _by_xla(self) -> StepsByXLA:
         """The same by XLA, from here on: for numbers of which the loop does not know that it is right."""

@@ -109,9 +109,9 @@ def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> l
         steps = steps or steps_of(descents, equations.matrix.sizes)
         report = steps(equations, active)
         p, now, taken = report.p, report.points, report.accepted & active
-        points = now if points is None else Points(
-            *(np.where(taken.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(now, points, strict=True))
-        )  # fmt: skip
+        points = points or Points(*map(np.array, now))
+        for kept, latest in zip(points, now, strict=True):
+            np.copyto(kept, latest, where=taken if latest.ndim == 1 else taken[:, None])
         count += active
         active = active & ~(report.finished | (taken & (now.promised < stopping.enough)))
         if stopping.rivals:

@@ -122,14 +122,18 @@ class SumsProgram:
         vectors, lanes = count // self.rows.lanes, self.rows.lanes
         pieces = max(1, -(-count // PIECE))
         edges = [vectors * k // pieces * lanes for k in range(pieces + 1)]
+        addresses = np.ascontiguousarray(addresses, np.uintp)
         parts, length = np.zeros((len(addresses), pieces, self.products, lanes)), np.array([count], np.int64)
+        # Asked for once: that takes as long as a call.
+        first_address, first_part, of_all, of_length = (a.ctypes.data for a in (addresses, parts, parameters, length))
+        step, each, call = addresses.strides[0], parts.strides[1], self.code.call
 
         def work(first: int, last: int) -> int:
             status = 0
             for k in range(first, last):
                 s, piece = divmod(k, pieces)
-                places = parameters.ctypes.data, addresses[s].ctypes.data, parts[s, piece].ctypes.data
-                status |= self.code.call(*places, edges[piece], edges[piece + 1], length.ctypes.data)
+                places = of_all, first_address + step * s, first_part + each * k
+                status |= call(*places, edges[piece], edges[piece + 1], of_length)
             return status
 
         total = len(addresses) * pieces
