@@ -119,14 +119,15 @@ def sums_by_loops(term: AbstractBRDF, side: float, wi: Direction, order: int) ->
 
 def _xla_sums(brdf_terms: tuple[AbstractBRDF, ...], side: float, wi: Direction, order: int) -> list[np.ndarray]:
     # One compiled program for every order and number of incidences: nodes and incidences are padded to fixed blocks.
-    u1, u2, weight = panel_rule(order)
+    (u1, u2, weight), number = panel_rule(order), wi.z.size
+    wi = Direction(*(jnp.asarray(_padded(c, INCIDENCES_A_CALL, float(c[0]))) for c in wi))
     blocks, size = [], COSTLY_NODES_A_CALL if _costly(brdf_terms) else NODES_A_CALL
     for start in range(0, u1.size, size):
         block = (
             _padded(a[start : start + size], size, f) for a, f in zip((u1, u2, weight), (0.3, 0.3, 0.0), strict=True)
         )
         sums = _term_sums(brdf_terms, jnp.asarray(side), wi, *(jnp.asarray(a) for a in block))
-        blocks.append([np.stack([np.asarray(p) for p in pair]) for pair in sums])
+        blocks.append([np.stack([np.asarray(p)[:number] for p in pair]) for pair in sums])
     return [functools.reduce(np.add, sums) for sums in zip(*blocks, strict=True)]
 
 
@@ -201,12 +202,11 @@ def _terms_integrals(
         rows = np.flatnonzero(np.any([terms[i].unmet for i in some], axis=0)) if some else np.zeros(0, int)
         for start in range(0, rows.size, INCIDENCES_A_CALL):
             here = rows[start : start + INCIDENCES_A_CALL]
-            t, p = (_padded(a[here], INCIDENCES_A_CALL, float(a[here[0]])) for a in (theta, phi))
-            wi = Direction(*(jnp.asarray(c) for c in from_spherical(t, p, np)))
+            wi = from_spherical(theta[here], phi[here], np)
             sums = _rule_sums(tuple(parts[i] for i in some), side, wi, order)
             evaluations += 8 * order**2 * here.size * len(some)
             for i, (value, absolute) in zip(some, sums, strict=True):
-                terms[i].refine(here, value[: here.size], absolute[: here.size], tolerance / len(parts))
+                terms[i].refine(here, value, absolute, tolerance / len(parts))
     # Terms without channels broadcast against those that have some, so no array of them all can be made.
     pairs = [(term.value, term.bound) for term in terms]
     value, bound = (functools.reduce(np.add, [_channels_last(pair[k], pairs) for pair in pairs]) for k in (0, 1))

@@ -28,6 +28,7 @@ from gonio.fitting.problem.readings import (
     block_shape,
     chunks,
     in_blocks,
+    laid_directions,
     rows_of,
     transform,
     transformed,
@@ -88,10 +89,7 @@ class FitProblem:
             if loss not in IDENTITIES:
                 targets[some] = transformed(loss, compared, floor)
             norm_squared += float(np.sum((weight[some] * targets[some]) ** 2))
-        shape = block_shape(n, channels)
-        wi, wo = (
-            Direction(*(c.reshape(-1)[:n] for c in _in_blocks(w, None, shape))) for w in (readings.wi, readings.wo)
-        )
+        wi, wo = (laid_directions(w, channels) for w in (readings.wi, readings.wo))
         readings = dataclasses.replace(readings, wi=wi, wo=wo)
         return cls(
             parameters, fixed, loss, parameters.domains, readings, weight, targets, float(floor), norm_squared, rules
@@ -217,10 +215,16 @@ class FitProblem:
         return self.evaluate(p, scores=False).f if values is None else values
 
     def values_at(self, p: np.ndarray, wi: Direction, wo: Direction) -> np.ndarray:
-        """The model's f (n, C) at other directions (n,), by the same compiled program."""
-        none = np.zeros((wi.z.size, self.parameters.channels))
-        readings = Readings(wi, wo, none, none, none > 0)
-        return FitProblem.create(self.parameters, self.fixed, self.loss, readings, none, 1.0).model_values(p)
+        """The model's f (n, C) at other directions (n,), by the same compiled program.
+
+        They are read where they are, if they are laid out (`laid_directions`).
+        """
+        none = _laid(np.broadcast_to(0.0, (wi.z.size, self.parameters.channels)))
+        wi, wo = (laid_directions(w, self.parameters.channels) for w in (wi, wo))
+        elsewhere = dataclasses.replace(
+            self, readings=Readings(wi, wo, none, none, none > 0), weight=none, targets=none, rules=None
+        )
+        return elsewhere.model_values(p)
 
     def _squares(self, p: np.ndarray, active: np.ndarray | None = None, plain: bool = False) -> np.ndarray:
         """Products of residuals and derivatives at vectors p (S, P): as of `page_program`; 0 for what is not active."""

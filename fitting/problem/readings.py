@@ -135,10 +135,7 @@ def readings_of(table: Table, limit: int | None = None, theta_max: float | None 
     n, channels = block.f.shape
     shape = block_shape(n, channels)
     # Laid out at once where a fit on all readings wants them: the largest arrays then exist once.
-    wi, wo = (
-        Direction(*(in_blocks(np.asarray(c, float), shape, e).reshape(-1)[:n] for c, e in zip(w, NORMAL, strict=True)))
-        for w in (block.wi, block.wo)
-    )
+    wi, wo = (laid_directions(w, channels) for w in (block.wi, block.wo))
     valid = (np.asarray(block.flag) == Flag.VALID) & np.isfinite(block.f)
     # Reading f where it is masked would carry a NaN into sums: the value there is never looked at again.
     f = block.f if valid.all() else np.where(valid, block.f, 0.0)
@@ -255,6 +252,15 @@ def in_blocks(a: np.ndarray, shape: tuple[int, ...], fill: float = 0.0, fresh: b
     flat[: a.shape[0]] = a
     flat[a.shape[0] :] = fill
     return whole
+
+
+def laid_directions(w: Direction, channels: int) -> Direction:
+    """Directions (n,) where the programs of so many channels read them without a copy."""
+    n = np.size(w.z)
+    shape = block_shape(n, channels)
+    return Direction(
+        *(in_blocks(np.asarray(c, float), shape, e).reshape(-1)[:n] for c, e in zip(w, NORMAL, strict=True))
+    )
 
 
 def uses_cosine(loss: str) -> bool:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gonio.fitting.problem.readings import laid_directions
 from gonio.models.albedo import directional_albedo, directional_transmittance
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, from_spherical
@@ -40,11 +41,14 @@ class Nodes(NamedTuple):
 
     def thinned(self) -> "Nodes":
         """A third of the directions, with the same weight at each incidence: 2 % off as well."""
-        kept = slice(1, None, 3)
-        wi, wo = (Direction(*(c[kept] for c in w)) for w in (self.wi, self.wo))
-        weight, incidence = self.weight[kept], self.incidence[kept]
-        share = np.bincount(self.incidence, self.weight) / np.bincount(incidence, weight)
-        return Nodes(wi, wo, weight * share[incidence], incidence)
+        some = self.part(slice(1, None, 3))
+        share = np.bincount(self.incidence, self.weight) / np.bincount(some.incidence, some.weight)
+        return some._replace(weight=some.weight * share[some.incidence])
+
+    def part(self, those: slice) -> "Nodes":
+        """Some of them."""
+        wi, wo = (Direction(*(c[those] for c in w)) for w in (self.wi, self.wo))
+        return Nodes(wi, wo, self.weight[those], self.incidence[those])
 
 
 @functools.lru_cache(maxsize=2)
@@ -111,16 +115,22 @@ def largest_albedo(
         channels: C; the directions are taken in parts, and of many channels only a third of them.
         isotropic: whether f is known to depend on the azimuths only by their difference: one azimuth is enough.
     """
-    n, rows = nodes(isotropic), max(LEAST_NODES, MOST_VALUES // channels)
-    if channels > MANY:
-        n = n.thinned()
     albedo = np.zeros((INCIDENCES.size * azimuths_of(isotropic).size, channels))
-    for first in range(0, n.weight.size, rows):
-        part = slice(first, first + rows)
-        f = values(*(Direction(*(c[part] for c in w)) for w in (n.wi, n.wo)))
-        incidences, starts = np.unique(n.incidence[part], return_index=True)  # the nodes of each stand together
-        albedo[incidences] += np.add.reduceat(n.weight[part, None] * np.nan_to_num(f), starts)
+    for part in laid_nodes(isotropic, channels):
+        f = values(part.wi, part.wo)
+        incidences, starts = np.unique(part.incidence, return_index=True)  # the nodes of each stand together
+        albedo[incidences] += np.add.reduceat(part.weight[:, None] * np.nan_to_num(f), starts)
     return _largest(albedo)
+
+
+@functools.lru_cache(maxsize=4)
+def laid_nodes(isotropic: bool, channels: int) -> list[Nodes]:
+    """Nodes for so many channels, in parts, where a fit's programs read them without a copy."""
+    every, rows = nodes(isotropic), max(LEAST_NODES, MOST_VALUES // channels)
+    if channels > MANY:
+        every = every.thinned()
+    parts = (every.part(slice(first, first + rows)) for first in range(0, every.weight.size, rows))
+    return [n._replace(wi=laid_directions(n.wi, channels), wo=laid_directions(n.wo, channels)) for n in parts]
 
 
 def confirmed(rough: LargestAlbedo, brdf: AbstractBRDF) -> LargestAlbedo:
