@@ -45,10 +45,25 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
 
+HERE = Path(__file__).parent
+AS_FOR_USERS = (
+    "test_documentation", "test_ground", "test_wheel", "cli/", "reports/test_build", "checks/test_certify",
+    "fitting/test_fit_table", "fitting/problem/test_problem", "fitting/solver/test_levenberg_marquardt",
+    # These compute for longer than they compile:
+    "charts/", "exports/", "instrument/", "stability/", "data/test_material", "metrology/test_quantities",
+    "metrology/standards/test_tables", "fitting/subsurface/test_free_index",
+)  # fmt: skip
+"""Tests whose programs are compiled as users have them. Laws and oracles are asked of programs with few optimisations,
+which take a third of the time to compile; those of fits, checks, pages and the command line, and the README's blocks,
+of optimised ones too."""
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item):
-    """Tests that are nearly all compilation, and ask nothing that optimised code would answer differently, say so."""
-    jax.config.update("jax_disable_most_optimizations", item.get_closest_marker("quick_compilation") is not None)
+    """Says how the programs of a test are compiled."""
+    marked = item.get_closest_marker("quick_compilation") is not None
+    optimised = item.path.relative_to(HERE).as_posix().startswith(AS_FOR_USERS) and not marked
+    jax.config.update("jax_disable_most_optimizations", not optimised)
 
 
 def pytest_sessionfinish():

@@ -9,8 +9,6 @@ from gonio.data import layouts
 from gonio.models.errors import GonioError
 from support.check_tables import degrees, model_table
 
-pytestmark = pytest.mark.quick_compilation
-
 INCIDENT = degrees(10, 61, 25)
 LAYOUT = layouts.isotropic(INCIDENT, degrees(2.5, 88, 5), degrees(0, 360, 10))
 SURFACE, MODEL = "lambert(rho=0.4) + 0.3 * ggx(alpha=0.2)", "lambert + ggx"

@@ -12,8 +12,6 @@ from gonio.fitting.apertures import half_angles_of, wide_notes
 from gonio.instrument import Instrument, measure, scan
 from gonio.models.errors import GonioError
 
-pytestmark = pytest.mark.quick_compilation
-
 MATERIAL = "lambert(rho=0.3) + 1*ggx(alpha=0.15, f0=0.04)"
 MODEL = "lambert + ggx(f0=0.04)"
 DEGREE = math.pi / 180

@@ -7,9 +7,6 @@ from gonio.stability.problems import COARSEST, RECOVERIES, tagged, true_numbers
 from support.fit_tables import table_of
 from support.scans import layout_of, table_of_problem
 
-pytestmark = pytest.mark.quick_compilation
-
-
 LONG = ("he_torrance", "coat over a sum")
 """Problems whose programs take longest to compile."""
 

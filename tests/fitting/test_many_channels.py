@@ -10,8 +10,6 @@ from gonio.fitting.fit_table import fit
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 
-pytestmark = pytest.mark.quick_compilation
-
 COUNT = 60
 GEOMETRIES = np.radians([(45, 20, p) for p in range(0, 181, 30)] + [(15, 0, 0), (45, 30, 180), (65, 15, 180)])
 

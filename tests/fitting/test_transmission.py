@@ -14,8 +14,6 @@ from gonio.instrument import scans
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import from_spherical
 
-pytestmark = pytest.mark.quick_compilation
-
 STEP = math.radians(20)
 
 

@@ -13,8 +13,6 @@ from gonio.instrument.scans import scan
 from gonio.metrology.quantities import quantities
 from gonio.models.errors import GonioError
 
-pytestmark = pytest.mark.quick_compilation
-
 GRID = scan("isotropic", step=math.radians(15), theta_max=math.radians(75))
 TRUTH, MODEL = "lambert(rho=0.3) + 0.5 * ggx(alpha=0.3)", "lambert + ggx"
 SMALL = 2e-4

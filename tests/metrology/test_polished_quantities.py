@@ -5,8 +5,6 @@ import pytest
 
 import gonio
 
-pytestmark = pytest.mark.quick_compilation
-
 MIRROR = "rayleigh_rice(wavelength=[0.5, 1.0], eta=1.37, k=7.62, sigma=0.005, tau=20, spectrum=gaussian)"
 
 

@@ -14,9 +14,6 @@ from gonio.models.geometry.horizon import Hemispheres
 from gonio.stability.run import QUICK
 from support.cases import cases_of
 
-pytestmark = pytest.mark.quick_compilation
-
-
 MOST = 4
 
 

@@ -10,8 +10,6 @@ from gonio.instrument.offsets_scan import measure_profile, spot_means
 from gonio.models.errors import GonioError
 from gonio.models.subsurface.spots import kept_share
 
-pytestmark = pytest.mark.quick_compilation
-
 MATERIAL = "dipole(sigma_a=0.02, sigma_s=1.5, eta=1.3)"
 SPOTS = {"illuminated_radius": 0.5, "viewed_radius": 0.3}
 OFFSETS = [-6.0, -2.0, -0.5, 0.0, 0.5, 2.0, 6.0, 12.0]

@@ -9,9 +9,6 @@ from gonio.checks.model.reciprocity import model_reciprocity
 from gonio.models.expression.builder import build
 from support.liars import MISTAKES, transmitting
 
-pytestmark = pytest.mark.quick_compilation
-
-
 GLASS, SHEET = "rough_dielectric(alpha=0.4, eta=1.5)", "thin_sheet(rho=0.3, tau=0.4, rho_behind=0.1)"
 
 

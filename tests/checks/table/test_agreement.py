@@ -7,8 +7,6 @@ import gonio
 from gonio.data import layouts
 from support.check_tables import degrees, model_table
 
-pytestmark = pytest.mark.quick_compilation
-
 PAINT = "lambert(rho=0.3) + 0.3 * ggx(alpha=0.12, f0=0.5)"
 FINE = layouts.isotropic(degrees(0, 81, 5), degrees(0, 81, 5), degrees(0, 360, 15))
 COARSE = layouts.isotropic(degrees(0, 81, 20), degrees(0, 81, 10), degrees(0, 360, 30))

@@ -13,8 +13,6 @@ from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction, to_half_difference
 from gonio.models.geometry.sides import FRONT, HORIZON
 
-pytestmark = pytest.mark.quick_compilation
-
 TURN = np.radians([0.0, 70.0, 180.0, 300.0])
 POLAR = np.radians([0.0, 20.0, 85.0, 90.0])
 LAYOUTS = {

@@ -16,8 +16,6 @@ from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.expression.builder import build
 from gonio.models.folded import seen_from
 
-pytestmark = pytest.mark.quick_compilation
-
 SHEET = "thin_sheet(rho=[0.5, 0.3], tau=[0.02, 0.1]) + 0.1 * transmitted(base=ggx(alpha=0.5))"
 SCENE = "matte_room"
 

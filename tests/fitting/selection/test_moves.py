@@ -14,8 +14,6 @@ from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 from gonio.models.expression.parser import parse
 
-pytestmark = pytest.mark.quick_compilation
-
 POLAR = np.radians(np.arange(5, 86, 10.0))
 BEHIND = (np.pi - POLAR)[::-1]
 BOTH = np.concatenate([POLAR, BEHIND])

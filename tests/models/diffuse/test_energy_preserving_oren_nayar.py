@@ -10,8 +10,6 @@ from gonio.models.diffuse.energy_preserving_oren_nayar import C1, C2, EON, Fujii
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction, from_spherical
 
-pytestmark = pytest.mark.quick_compilation
-
 MU = np.array([1.0, 0.9999, 0.9, 0.5, 0.2, 0.05, 1e-3, 1e-6])
 THETA = np.arctan2(np.sqrt(1 - MU**2), MU)
 

@@ -11,8 +11,6 @@ from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction, from_spherical
 from support import helpers
 
-pytestmark = pytest.mark.quick_compilation
-
 MU = np.array([1.0, 0.9, 0.5, 0.05, 1e-3, 1e-6])
 
 

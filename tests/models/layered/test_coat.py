@@ -22,8 +22,6 @@ from gonio.models.microfacet.beckmann import Beckmann
 from gonio.models.microfacet.ggx import GGX
 from support import helpers
 
-pytestmark = pytest.mark.quick_compilation
-
 THETA = np.radians([0.0, 45.0, 80.0, 89.9])
 
 

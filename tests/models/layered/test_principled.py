@@ -13,8 +13,6 @@ from gonio.models.layered.principled import Principled, PrincipledTerm, gtr1_d
 from gonio.models.microfacet.gtr import gtr_d
 from support.helpers import mitsuba
 
-pytestmark = pytest.mark.quick_compilation
-
 OURS = {"flatness": "subsurface", "spec_tint": "specular_tint"}
 
 

@@ -7,8 +7,6 @@ import pytest
 
 from gonio.models.microfacet.albedo_tables import coat_series, tabulated
 
-pytestmark = pytest.mark.quick_compilation
-
 
 def test_tables_have_their_whole_slope_on_a_bound():
     """Slopes by width and index on their bounds, beside those a little inside."""

@@ -10,8 +10,6 @@ from gonio.models.geometry.directions import from_spherical
 from gonio.models.microfacet.charlie import Charlie
 from gonio.stability.albedos import reference_albedo
 
-pytestmark = pytest.mark.quick_compilation
-
 
 @pytest.mark.parametrize("alpha", [0.1, 0.3, 1.0])
 def test_the_albedo_at_normal_incidence(alpha):

@@ -16,8 +16,6 @@ from gonio.models.microfacet.ggx import GGX
 from support import helpers
 from support.directions import slope_grid
 
-pytestmark = pytest.mark.quick_compilation
-
 WIDTHS = [(0.001, 0.001), (0.1, 0.1), (0.5, 0.1), (1.0, 1.0)]
 KINDS = {
     "ggx": (slopes.ggx_d, slopes.ggx_cos_over_g1),

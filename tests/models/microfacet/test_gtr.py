@@ -11,8 +11,6 @@ from gonio.models.microfacet.ggx import GGX
 from gonio.models.microfacet.gtr import GTR, gtr_d
 from support.directions import random_pairs, slope_grid
 
-pytestmark = pytest.mark.quick_compilation
-
 
 @pytest.mark.parametrize("alpha", [1e-3, 0.2, 1.0])
 def test_projected_area_of_the_facets_is_one(alpha):

@@ -2,15 +2,12 @@
 
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from gonio.models.albedo import directional_albedo
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.microfacet.ggx import GGX
 from gonio.models.microfacet.retro import Retro
-
-pytestmark = pytest.mark.quick_compilation
 
 
 def test_it_is_ggx_of_the_mirrored_light():

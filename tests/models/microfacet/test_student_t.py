@@ -12,8 +12,6 @@ from gonio.models.microfacet.ggx import GGX
 from gonio.models.microfacet.student_t import STD, student_d, student_shadowing
 from support.directions import random_pairs, slope_grid
 
-pytestmark = pytest.mark.quick_compilation
-
 shadowing = jax.jit(student_shadowing)
 
 

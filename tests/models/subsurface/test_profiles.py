@@ -15,8 +15,6 @@ from gonio.models.subsurface.evaluation import evaluated, totals
 from gonio.models.subsurface.internal_reflection import first_moment, second_moment
 from support.half_space import fresnel, total_with_error
 
-pytestmark = pytest.mark.quick_compilation
-
 ALBEDOS = np.array([0.8, 0.95, 0.99])
 RADII = np.array([1.0, 3.0, 10.0, 30.0])
 MATCHED = {name: kind(albedo=ALBEDOS, mfp=np.ones(3), eta=np.ones(3)) for name, kind in BSSRDFS.items()}

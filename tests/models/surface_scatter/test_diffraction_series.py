@@ -7,8 +7,6 @@ import pytest
 
 from gonio.models.surface_scatter.diffraction_series import lambert_w, wave_series
 
-pytestmark = pytest.mark.quick_compilation
-
 value = jax.jit(jax.vmap(wave_series))
 slopes = jax.jit(jax.vmap(jax.grad(wave_series, (0, 1))))
 

@@ -14,8 +14,6 @@ from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.surface_scatter.bessel import bessel_j
 from gonio.models.surface_scatter.perturbation import polarisation_factor
 
-pytestmark = pytest.mark.quick_compilation
-
 DISC = "grating(wavelength=0.532, period=1.6, depth=0.1, width=0.002{})"
 NORMAL = Direction(jnp.asarray(0.0), jnp.asarray(0.0), jnp.asarray(1.0))
 

@@ -13,8 +13,6 @@ from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.surface_scatter.he_torrance import HeTorrance
 from support import helpers
 
-pytestmark = pytest.mark.quick_compilation
-
 RGB = np.array([0.645, 0.526, 0.444])
 FORMS = {"He": "1991", "HeWestin": "westin", "HeHolzschuch": "errata"}
 

@@ -20,8 +20,6 @@ from gonio.models.surface_scatter.rayleigh_rice import total_integrated_scatter
 from gonio.stability.textbook import TEXTBOOK
 from support import helpers
 
-pytestmark = pytest.mark.quick_compilation
-
 SILICON = "rayleigh_rice(wavelength=0.532, eta=4.05, k=0.05, a=0.01, b=362, c=2.5)"
 ALUMINIUM = "rayleigh_rice(wavelength=0.6328, eta=1.37, k=7.62, a=0.001, b=20, c=2)"
 OTHERS = {

@@ -22,9 +22,6 @@ from gonio.stability.samplers import count_and_expect, p_value
 from gonio.stability.values_and_gradients import value_cells
 from support import helpers
 
-pytestmark = pytest.mark.quick_compilation
-
-
 SHARES = [
     (0.1, 0, 0.03964, 0.95922),
     (0.1, 60, 0.08588, 0.90635),

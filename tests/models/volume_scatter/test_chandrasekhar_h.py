@@ -7,8 +7,6 @@ import pytest
 
 from gonio.models.volume_scatter.chandrasekhar_h import absorption_root, h_isotropic
 
-pytestmark = pytest.mark.quick_compilation
-
 W = [0.0, 0.01, 0.5, 0.9, 0.999, 1 - 1e-8, 1 - 1e-14, 1.0]
 MU = np.array([1e-12, 1e-6, 1e-3, 0.1, 0.5, 1.0])
 

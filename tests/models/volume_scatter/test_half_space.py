@@ -3,13 +3,10 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from gonio.models.albedo import directional_albedo
 from gonio.models.volume_scatter.chandrasekhar_h import h_isotropic
 from gonio.models.volume_scatter.half_space import Chandrasekhar, LommelSeeliger
-
-pytestmark = pytest.mark.quick_compilation
 
 THETA = np.arccos([1.0, 0.9, 0.5, 0.1, 0.01, 1e-5])
 MU = np.cos(THETA)

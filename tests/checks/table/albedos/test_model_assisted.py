@@ -16,8 +16,6 @@ from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 from support.check_tables import model_table
 
-pytestmark = pytest.mark.quick_compilation
-
 PAINT = "lambert(rho=0.3) + 0.2 * ggx(alpha=0.3) + 0.1 * ggx(alpha=0.08)"
 POLAR = np.radians(np.arange(0, 81, 8.0))
 LAYOUT = layouts.isotropic(POLAR, POLAR, np.radians(np.arange(0, 360, 15.0)))
