@@ -131,8 +131,13 @@ def _steps(e: Optimum, problem: FitProblem, cluster: np.ndarray, number: int) ->
 
     whole = matrix_of(problem.normal_equations(p))
     steps = np.zeros((number, e.p.size))
+    in_order = np.argsort(cluster, kind="stable")
+    edges = np.searchsorted(cluster[in_order], np.arange(number + 1))
     for g in range(number):
-        part = problem.reweighted(problem.weight * (cluster == g)[:, None]).normal_equations(p)
+        cells = in_order[edges[g] : edges[g + 1]]
+        if not cells.size:
+            continue
+        part = problem.subset(cells).normal_equations(p)
         others = Arrow(*(a - b for a, b in zip(whole, matrix_of(part), strict=True))).restricted(~still)
         lengths = np.sqrt(np.maximum(others.diagonal(), 0.0))
         inverse = np.where(lengths > 0, 1.0 / np.where(lengths > 0, lengths, 1.0), 0.0)
