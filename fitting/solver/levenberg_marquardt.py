@@ -70,6 +70,7 @@ class Stopping(NamedTuple):
     `near`: the starts are near minima, and need no damping at first. `rough`: factor by which the limits of
     stationarity are relaxed. `rivals`: only the lowest end matters; a descent that will not reach it may stop where it
     is. `enough`: decrease of the cost, promised by a Newton step, below which a descent may stop. `most`: steps.
+    `below`, `above`: costs, of all or of each start, that say enough: one that has been reached, and one that will not.
     """
 
     near: bool = False
@@ -77,6 +78,8 @@ class Stopping(NamedTuple):
     rivals: bool = False
     enough: float = 0.0
     most: int = MAX_STEPS
+    below: float | np.ndarray = -np.inf
+    above: float | np.ndarray = np.inf
 
 
 AFAR, NEAR = Stopping(), Stopping(near=True)
@@ -89,7 +92,7 @@ def minimise(
 
     Args:
         problem: what is minimised.
-        starts: parameters of each start; at most `LANES` where each has domains of its own.
+        starts: parameters of each start; at most `LANES` where each has domains or limits of its own.
         stopping: when a descent ends.
     """
     blocks = (starts[first : first + LANES] for first in range(0, len(starts), LANES))
@@ -116,6 +119,7 @@ def _descend(problem: LeastSquares, starts: np.ndarray, stopping: Stopping) -> l
         active = active & ~(report.finished | (taken & (now.promised < stopping.enough)))
         if stopping.rivals:
             active &= ~(points.cost - HOPE * points.promised > np.min(points.cost))
+        active &= ~((points.cost <= stopping.below) | (points.cost - HOPE * points.promised > stopping.above))
         if not active.any():
             break
     assert points is not None and report is not None

@@ -7,6 +7,7 @@ that is spent, intervals are those of the covariance, and the result says so.
 """
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,9 +19,11 @@ from gonio.fitting.uncertainty.joint_covariance import parallel
 from gonio.fitting.uncertainty.optimum import ALONG, FOLLOWED, Optimum
 
 CLOSE = 0.03  # relative error of an interval's end
-TRIALS = 10
+TRIALS = 14
 ENOUGH = 2e-3  # of the allowed rise: what a fit with a number fixed may leave
 STEPS = 40  # of such a fit
+LITTLE, MUCH = 1 / 3, 3.0  # rises, as shares of what is allowed, beyond which a trial need not know its own
+HIGHEST = 10.0  # rise that a secant is taken from: no trial comes nearer than a tenth of the way
 BUDGET = 3e7  # evaluations of the model at a sample: about three seconds on one thread
 FEW = 4  # channels that cost no more than one
 FAR = 3.0  # standard deviations, and the factor of e to this power that is open there: for a parabola, the same thing
@@ -93,6 +96,14 @@ def _opened(c: Covariance, k: int, ends: tuple[float, float], reach: np.ndarray,
     return Covariance(c.matrix, undetermined, c.combinations if same else [*c.combinations, (variance, change)])
 
 
+class _Fit(NamedTuple):
+    """A fit with a number fixed: its distance from its value, its rise in standard deviations, all numbers (P,)."""
+
+    distance: float
+    rise: float
+    p: np.ndarray
+
+
 @dataclasses.dataclass
 class _Search:
     """The search for where the profile of number k, below (−1) or above (1) its value, has risen by what is allowed."""
@@ -105,21 +116,33 @@ class _Search:
     value: float
     room: float  # to the bound
     distance: float  # of the next trial from the value
-    start: np.ndarray  # numbers of the last fit that rose less, at the distance `within[0]`
+    fits: list[_Fit]  # of all trials, the first of them the optimum itself
     within: tuple[float, float] = (0.0, 0.0)  # distance, and rise as a share of what is allowed
     beyond: tuple[float, float] | None = None
     end: float = np.nan
     done: bool = False
     trials: int = 0
+    inwards: bool | None = None  # whether the last trial rose more than is allowed
 
     @property
     def trial(self) -> float:
         """The value that the number is fixed at next."""
         return self.value + self.sign * self.distance
 
+    @property
+    def bound(self) -> bool:
+        """Whether that is the domain's end."""
+        return self.distance >= self.room * (1 - 1e-12)
+
+    @property
+    def sufficient(self) -> tuple[float, float]:
+        """Rises as shares of what is allowed that say enough: up to the first one, and from the second one on."""
+        return (1.0 - CLOSE if self.bound else LITTLE, MUCH)
+
     def guess(self, d: Domains) -> np.ndarray:
-        """Numbers to begin at: from the last ones straight on."""
-        p = self.start + self.sign * (self.distance - self.within[0]) * self.column
+        """Numbers to begin at: straight on from the last ones that rose less."""
+        start = max((fit for fit in self.fits if fit.rise < self.deviations), key=lambda fit: fit.distance)
+        p = start.p + self.sign * (self.distance - start.distance) * self.column
         p = np.clip(p, d.low, d.high)
         p[self.k] = self.trial
         return p
@@ -130,47 +153,65 @@ class _Search:
         if not np.isfinite(above):
             self.done = True
             return
-        rise = np.sqrt(max(above, 0.0) / self.allowed) / self.deviations
-        bound = self.distance >= self.room * (1 - 1e-12)
-        if abs(rise - 1.0) < CLOSE or (rise < 1.0 and bound):
-            self.within, self.start = (self.distance, rise), p
-            self.finish()
+        self.fits.append(_Fit(self.distance, float(np.sqrt(max(above, 0.0) / self.allowed)), p))
+        rise = self.fits[-1].rise / self.deviations
+        if abs(rise - 1.0) < CLOSE or (rise < 1.0 and self.bound):
+            self.finish(self.distance)
             return
-        if rise < 1.0:
-            self.within, self.start = (self.distance, rise), p
+        self._narrow(self.distance, rise)
+        if self.trials >= TRIALS:
+            self.finish(self.distance if self.beyond is None else self.beyond[0])
+
+    def _narrow(self, distance: float, rise: float) -> None:
+        """Where to look next, by the secant; an end that stays twice counts half (the Illinois rule)."""
+        (a, rise_a), inwards = self.within, rise >= 1.0
+        if inwards:
+            self.beyond = (distance, min(rise, HIGHEST))
+            if self.inwards and a > 0:
+                self.within = (a, 0.5 * (1.0 + rise_a))
         else:
-            self.beyond = (self.distance, rise)
+            self.within = (distance, rise)
+            if self.inwards is False and self.beyond is not None:
+                self.beyond = (self.beyond[0], 0.5 * (1.0 + self.beyond[1]))
+        self.inwards = inwards
         if self.beyond is None:
             # A rise that slows down would be chased for ever: at most three times as far at once.
-            self.distance = min(self.distance * min(3.0, 1.0 / max(rise, 1e-3)), self.room)
+            slope = (rise - rise_a) / (distance - a)
+            further = (1.0 - rise) / max(slope, 1e-3 / distance)
+            self.distance = min(distance + min(max(further, 0.05 * distance), 2.0 * distance), self.room)
         else:
-            (a, rise_a), (b, rise_b) = self.within, self.beyond
-            self.distance = a + float(np.clip((1.0 - rise_a) / (rise_b - rise_a), 0.1, 0.9)) * (b - a)
-        if self.trials >= TRIALS:
-            self.finish()
+            self.distance = self._between()
 
-    def finish(self) -> None:
+    def _between(self) -> float:
+        assert self.beyond is not None
+        (a, rise_a), (b, rise_b) = self.within, self.beyond
+        return a + float(np.clip((1.0 - rise_a) / (rise_b - rise_a), 0.1, 0.9)) * (b - a)
+
+    def finish(self, distance: float) -> None:
         """End here."""
-        self.end, self.done = self.trial, True
+        self.end, self.done = self.value + self.sign * distance, True
 
     def farther(self, deviations: float) -> "_Search":
-        """The search for more standard deviations, from where this one ended."""
-        distance, rise = self.within
-        share = self.deviations / deviations
-        there = min(max(abs(self.end - self.value), distance) / share, self.room)
-        return dataclasses.replace(
-            self, deviations=deviations, distance=there, within=(distance, rise * share), beyond=None, end=np.nan,
-            done=False, trials=0,
-        )  # fmt: skip
+        """The search for more standard deviations, from what this one has fitted."""
+        less = [(fit.distance, fit.rise / deviations) for fit in self.fits if fit.rise < deviations]
+        within = max(less)
+        more = [(fit.distance, fit.rise / deviations) for fit in self.fits if fit.rise >= deviations]
+        beyond = min(((d, min(rise, HIGHEST)) for d, rise in more if d > within[0]), default=None)
+        further = dataclasses.replace(
+            self, deviations=deviations, within=within, beyond=beyond, end=np.nan, done=False, trials=0, inwards=None
+        )
+        far = min(max(abs(self.end - self.value), within[0]) * deviations / self.deviations, self.room)
+        further.distance = further._between() if further.beyond else far
+        return further
 
 
 def _searches(e: Optimum, k: int) -> list[_Search]:
     variance, value = float(e.covariance.variance[k]), float(e.p[k])
-    column, searches = e.covariance.column(k) / variance, []
+    column, unit, searches = e.covariance.column(k) / variance, 0.5 * _unit_variance(e, k), []
     for sign, bound in ((-1.0, e.domains.low[k]), (1.0, e.domains.high[k])):
         room = abs(float(bound) - value)
         distance = min(NORMAL_95 * np.sqrt(variance), room)
-        search = _Search(k, sign, NORMAL_95, 0.5 * _unit_variance(e, k), column, value, room, distance, e.p)
+        search = _Search(k, sign, NORMAL_95, unit, column, value, room, distance, [_Fit(0.0, 0.0, e.p)])
         if room <= 0:
             search.end, search.done = float(bound), True
         searches.append(search)
@@ -193,7 +234,10 @@ def _follow(e: Optimum, searches: list[_Search], budget: float) -> float:
             problem = dataclasses.replace(e.problem, domains=d._replace(low=low, high=high))
             enough = ENOUGH * min(s.allowed * s.deviations**2 for s in some)
             starts = [s.guess(d) for s in some]
-            ends = minimise(problem, starts, Stopping(near=True, enough=enough, most=STEPS))
+            rises = np.array([s.sufficient for s in some]) ** 2
+            limits = e.cost + rises * np.array([[s.allowed * s.deviations**2] for s in some])
+            stopping = Stopping(near=True, enough=enough, most=STEPS, below=limits[:, 0], above=limits[:, 1])
+            ends = minimise(problem, starts, stopping)
             budget -= sum(end.steps for end in ends) * samples
             for s, end in zip(some, ends, strict=True):
                 s.learn(end.p, end.cost - e.cost)

@@ -106,3 +106,15 @@ def test_rivals_that_cannot_win_stop_early():
     starts = [np.array([0.7, 4.0]), np.array([9.0, 500.0])]
     alone, rivals = (minimise(Exponential(DECAY + 0.01), starts, Stopping(near=True, rivals=r)) for r in (False, True))
     assert rivals[0].cost == pytest.approx(alone[0].cost) and rivals[1].steps <= alone[1].steps
+
+
+def test_descents_stop_where_they_have_said_enough():
+    """One has reached the cost that it was to reach, the other will not come down to its own; the third goes on."""
+    starts = [np.array([1.0, 3.0]), np.array([9.0, 500.0]), np.array([1.0, 3.0])]
+    problem = Exponential(DECAY + 0.01)
+    whole = minimise(problem, starts, Stopping(near=True))
+    enough = np.array([3.0 * whole[0].cost, -np.inf, -np.inf]), np.array([np.inf, 0.5 * whole[1].cost, np.inf])
+    some = minimise(problem, starts, Stopping(near=True, below=enough[0], above=enough[1]))
+    assert some[0].cost <= 3.0 * whole[0].cost and some[0].steps < whole[0].steps
+    assert some[1].steps < whole[1].steps
+    assert some[2].steps == whole[2].steps and np.array_equal(some[2].p, whole[2].p)

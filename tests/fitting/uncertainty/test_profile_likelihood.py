@@ -78,3 +78,30 @@ def test_a_domain_of_one_value_holds_its_number():
     p, slope, _ = to_parameters(domains, to_unconstrained(domains, np.array([0.2, 0.3, 0.4])), np)
     np.testing.assert_array_equal(p, [0.2, 0.3, 0.4])
     np.testing.assert_array_equal(slope, 0.0)
+
+
+RISES = {
+    "a parabola": lambda x: x,
+    "steep from far on": lambda x: x + 50 * np.maximum(x - 0.8, 0) ** 2,
+    "a wall": lambda x: 0.3 * x + 40 * np.maximum(x - 1.5, 0),
+    "slowing down": lambda x: 2 * np.sqrt(x) / (1 + 0.1 * x),
+    "a threshold": lambda x: 5 * x**8,
+}
+
+
+@pytest.mark.parametrize("rise", RISES.values(), ids=RISES)
+@pytest.mark.parametrize("first", [0.02, 1.0, 30.0])
+def test_a_search_ends_where_the_profile_has_risen_by_what_is_allowed(rise, first):
+    """Of profiles of any shape, from far too near and far too far, without the last of its trials."""
+    start = [profile._Fit(0.0, 0.0, np.zeros(1))]
+    search = profile._Search(0, 1.0, 2.0, 0.7, np.ones(1), 0.0, 1e6, first, start)
+    while not search.done:
+        reached = 2.0 * rise(search.distance)
+        search.learn(np.array([search.trial]), 0.7 * reached**2)
+    expected = brentq(lambda x: rise(x) - 1.0, 0.0, 30.0)
+    assert rise(search.end) == pytest.approx(1.0, abs=2 * profile.CLOSE) or search.end == pytest.approx(
+        expected, rel=0.03
+    )
+    farther = search.farther(3.0)
+    assert farther.within[1] < 1.0 and (farther.beyond is None or farther.beyond[1] >= 1.0)
+    assert farther.distance > farther.within[0]
