@@ -99,12 +99,16 @@ def on_grid(
     for name, x in coordinates.items():
         if name in layout.axes:
             inside &= _between_nodes(layout, name, x, beyond)
-    flag = table.flag if hasattr(table.flag, "numbers") else np.asarray(table.flag[...])  # or `StoredCells`
+    stored = hasattr(table.flag, "numbers")  # `StoredCells`
+    valid = None if stored else (np.asarray(table.flag[...]) == Flag.VALID).any(axis=-1)
+    if valid is not None and valid.all():
+        return inside
     brackets = [interpolation_axis(layout, name).bracket(coordinates[name], np) for name in layout.axes]
     known = np.zeros(inside_layout.shape)
     for corner in np.ndindex(*[2] * len(brackets)):
         index = tuple(nodes[side] for (nodes, _), side in zip(brackets, corner, strict=True))
-        share = (flag[index] == Flag.VALID).any(axis=-1).astype(float)
+        there = (table.flag[index] == Flag.VALID).any(axis=-1) if valid is None else valid[index]
+        share = there.astype(float)
         for (_, weights), side in zip(brackets, corner, strict=True):
             share *= weights[side]
         known += share

@@ -1,6 +1,7 @@
 """The planner: from shares of the time to shots, whose travel prices the next choice."""
 
 import dataclasses
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -247,11 +248,15 @@ class Planner:
         rival, d = self.rival, self.rival.parameterisation.domains
         scale = np.maximum(np.abs(rival.p), 1e-3)
 
+        @functools.lru_cache(maxsize=1)  # the solver asks for the slopes where it has just asked for the values
+        def rivals(x: bytes) -> tuple[np.ndarray, np.ndarray]:
+            return rival.at_angles(np.frombuffer(x) * scale, angles)
+
         def residuals(x: np.ndarray) -> np.ndarray:
-            return (weight * (rival.at_angles(x * scale, angles)[0] - f)).ravel()
+            return (weight * (rivals(x.tobytes())[0] - f)).ravel()
 
         def jacobian(x: np.ndarray) -> np.ndarray:
-            slopes = rival.at_angles(x * scale, angles)[1] * weight[..., None]
+            slopes = rivals(x.tobytes())[1] * weight[..., None]
             return slopes.reshape(-1, scale.size) * scale
 
         start = np.clip(rival.p / scale, d.low / scale + 1e-9, d.high / scale - 1e-9)

@@ -116,7 +116,8 @@ class ReportFigure:
 def rounded(values: Any, digits: int = 6) -> Any:
     """Nested lists of numbers at so many significant digits; None where there is no finite one."""
     if isinstance(values, np.ndarray) and values.ndim == 1:
-        values = values.astype(float).tolist()
+        form, finite = f".{digits}g", math.isfinite
+        return [float(format(v, form)) if finite(v) else None for v in values.astype(float).tolist()]
     if isinstance(values, np.ndarray | list | tuple):
         return [rounded(v, digits) for v in values]
     value = float(values)

@@ -133,8 +133,11 @@ def _beyond_pole(layout: Layout, name: str, index: np.ndarray) -> tuple[np.ndarr
 
 def _without_gaps(error: np.ndarray) -> np.ndarray:
     """Errors (n, C), where none is known the usual one."""
-    usual = np.nanmedian(error, axis=0) if np.isfinite(error).any() else np.zeros(error.shape[1])
-    return np.maximum(np.where(np.isfinite(error), error, np.nan_to_num(usual)), 0.0)
+    known = np.isfinite(error)
+    if known.all():
+        return np.maximum(error, 0.0)
+    usual = np.nanmedian(error, axis=0) if known.any() else np.zeros(error.shape[1])
+    return np.maximum(np.where(known, error, np.nan_to_num(usual)), 0.0)
 
 
 def neighbours(
