@@ -74,11 +74,14 @@ def test_schlick_average_is_its_closed_form():
 
 
 def test_gradients_are_finite_on_the_edges_of_the_domain():
-    for c in (0.0, 1e-12, np.sqrt(1 - 0.49), 1.0):
-        for eta in (0.7, 1.0, 1.5):
-            assert np.all(np.isfinite(jax.grad(fresnel_dielectric, argnums=(0, 1))(c, eta)))
-            for k in (0.0, 3.0):
-                assert np.all(np.isfinite(jax.grad(fresnel_conductor, argnums=(0, 1, 2))(c, eta, k)))
+    cosines, indices = (0.0, 1e-12, np.sqrt(1 - 0.49), 1.0), (0.7, 1.0, 1.5)
+    for function, axes in (
+        (fresnel_dielectric, (cosines, indices)),
+        (fresnel_conductor, (cosines, indices, (0.0, 3.0))),
+    ):
+        edges = [jnp.ravel(a) for a in jnp.meshgrid(*map(jnp.asarray, axes))]
+        slopes = jax.jit(jax.vmap(jax.grad(function, argnums=tuple(range(len(axes))))))(*edges)
+        assert np.all(np.isfinite(slopes))
 
 
 def test_which_parameters_mean_which_reflectance():

@@ -228,7 +228,7 @@ def test_fits_find_their_tables(fitted):
 
 def test_every_subject_makes_a_page_and_an_unknown_option_is_refused(fitted, tmp_path):
     path = tmp_path / "t.h5"
-    write_table(path, dataclasses.replace(grey_table(0.3), name="t"))
+    write_table(path, flat_table(name="t"))
     subjects = [path, str(path), fitted[1], build("lambert(rho=0.5)"), gonio.material("lambert(rho=0.5)")]
     text = gonio.report(subjects, check=False)
     assert text.count('class="key"') >= 2 * len(subjects) and "t (1)" in text and "A good fit: it converged" in text

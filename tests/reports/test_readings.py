@@ -132,29 +132,33 @@ def fitted():
     return t, [gonio.fit(t, m, starts=1) for m in ("lambert + ggx", "lambert")]
 
 
-def test_several_fits_of_a_table_stand_side_by_side(fitted):
+@pytest.fixture(scope="module")
+def both_fits(fitted):
+    """The section of the table with both fits, and the page of it."""
     t, results = fitted
-    values, figures = section(t, results)
+    return *section(t, results), gonio.report([t, *results], check=False)
+
+
+def test_several_fits_of_a_table_stand_side_by_side(both_fits):
+    values, figures, text = both_fits
     assert [f["asked"] for f in values["fits"]] == ["lambert + ggx", "lambert"]
     assert {"residuals-half", "residuals-half-2", "plane-log-2", "slice-model-2", "map-30-2"} <= set(figures)
     first, second = (
         np.array(figures[s]["data"]["median_percent"], float) for s in ("residuals-half", "residuals-half-2")
     )
     assert np.nanmedian(np.abs(first)) < 1 < 5 < np.nanmedian(np.abs(second))
-    text = gonio.report([t, *results], check=False)
     assert text.count("fit 2, lambert") > 3 and text.count('<h2 id="subject-') == 1
 
 
-def test_one_sentence_says_whether_a_fit_is_good(fitted):
-    t, results = fitted
-    good, failed = (f["judgement"] for f in section(t, results)[0]["fits"])
+def test_one_sentence_says_whether_a_fit_is_good(both_fits):
+    values, _, text = both_fits
+    good, failed = (f["judgement"] for f in values["fits"])
     assert (
         good["verdict"] == "good"
         and good["sentence"].startswith("A good fit: it converged; ")
         and "(reduced χ²" in good["sentence"]
     )
     assert failed["verdict"] == "failed" and "times the stored uncertainties" in failed["sentence"]
-    text = gonio.report(t, fits=results[:1], check=False)
     assert text.index(good["sentence"].split("(")[0]) < text.index("<h2 id=")
 
 
@@ -178,9 +182,7 @@ def test_steps_of_a_long_page_are_told(monkeypatch):
     from gonio.reports import build
 
     lines = []
-    gonio.report(["lambert(rho=0.5)", "lambert(rho=0.1)"], check=False, log=lines.append)
-    quick = len(lines)
     monkeypatch.setattr(build, "SILENT", 0.0)
     gonio.report(["lambert(rho=0.5)", "lambert(rho=0.1)"], log=lines.append)
-    told = lines[quick:]
-    assert len(told) == 6 and told[0].startswith("evaluating 1 of 2, lambert(rho=0.5)") and "drawing 2 of 2" in told[-1]
+    assert len(lines) == 6
+    assert lines[0].startswith("evaluating 1 of 2, lambert(rho=0.5)") and "drawing 2 of 2" in lines[-1]
