@@ -7,6 +7,7 @@ import shlex
 from gonio.__main__ import main
 from gonio.data.hdf5.writer import write_table
 from support.tables import grey_table
+from support.undrawn import undrawn
 
 
 def test_a_page_is_whole_or_not_there(tmp_path, monkeypatch, capsys):
@@ -50,9 +51,10 @@ def test_a_page_is_whole_or_not_there(tmp_path, monkeypatch, capsys):
 def test_the_command_on_the_page_makes_it_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_table(tmp_path / "a table.h5", dataclasses.replace(grey_table(0.3), name="t"))
-    assert main(["report", "a table.h5", "--no-check", "--title", "it's $HOME", "-o", "r.html"]) == 0
-    first = json.loads((tmp_path / "r.json").read_text())
-    (tmp_path / "r.html").unlink(), (tmp_path / "r.json").unlink()
-    assert main(shlex.split(first["command"])[1:]) == 0
+    with undrawn():
+        assert main(["report", "a table.h5", "--no-check", "--title", "it's $HOME", "-o", "r.html"]) == 0
+        first = json.loads((tmp_path / "r.json").read_text())
+        (tmp_path / "r.html").unlink(), (tmp_path / "r.json").unlink()
+        assert main(shlex.split(first["command"])[1:]) == 0
     again = json.loads((tmp_path / "r.json").read_text())
     assert {k: v for k, v in again.items() if k != "made"} == {k: v for k, v in first.items() if k != "made"}

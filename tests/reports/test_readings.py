@@ -11,6 +11,7 @@ from gonio.data.table import Channels, Table, whole_table_of_values
 from gonio.reports.document import assemble
 from gonio.reports.subject import assign_fits, fit_of, split_fits, subject_of
 from support.fit_tables import table_of
+from support.undrawn import undrawn
 
 SIGNED = np.array([-60, -30, 0, 15, 25, 30, 35, 45, 60, 75.0])
 F = 0.05 + np.exp(-(((SIGNED - 30) / 8) ** 2))
@@ -136,7 +137,8 @@ def fitted():
 def both_fits(fitted):
     """The section of the table with both fits, and the page of it."""
     t, results = fitted
-    return *section(t, results), gonio.report([t, *results], check=False)
+    with undrawn():
+        return *section(t, results), gonio.report([t, *results], check=False)
 
 
 def test_several_fits_of_a_table_stand_side_by_side(both_fits):
@@ -183,6 +185,7 @@ def test_steps_of_a_long_page_are_told(monkeypatch):
 
     lines = []
     monkeypatch.setattr(build, "SILENT", 0.0)
-    gonio.report(["lambert(rho=0.5)", "lambert(rho=0.1)"], log=lines.append)
+    with undrawn():
+        gonio.report(["lambert(rho=0.5)", "lambert(rho=0.1)"], log=lines.append)
     assert len(lines) == 6
     assert lines[0].startswith("evaluating 1 of 2, lambert(rho=0.5)") and "drawing 2 of 2" in lines[-1]
