@@ -9,7 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from gonio.data.consistency import check_readings
 from gonio.data.files import input_size
 from gonio.data.formats import bbm_fits, material_file, merl, nist_ptfe, rgl_file
 from gonio.data.formats.csv import directions, table_file
@@ -18,6 +17,7 @@ from gonio.data.formats.file_colours import in_file_colours
 from gonio.data.formats.foreign import foreign_kind
 from gonio.data.formats.laboratory import alta, astm, bird, csail, openmaterial, pab, ssdd, utia
 from gonio.data.formats.optics import fred, speos, zemax
+from gonio.data.plausibility.consistency import check_readings
 from gonio.data.round_trip import RoundTrip
 from gonio.data.table import Table
 from gonio.models.errors import GonioError, nearest

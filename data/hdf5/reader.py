@@ -13,11 +13,11 @@ import h5py
 import numpy as np
 
 from gonio.data.channels import LONGEST_NAME, Channels
-from gonio.data.consistency import check_readings
 from gonio.data.files import input_size
 from gonio.data.hdf5.schema import FOOTER, GONIO_FORMAT, MAGIC, PROFILE_LAYOUT, RECORD
 from gonio.data.hdf5.stored_texts import has_damaged_heap, has_damaged_text
 from gonio.data.layouts import LAYOUTS, Layout
+from gonio.data.plausibility.consistency import check_readings
 from gonio.data.profile import Profile
 from gonio.data.serialise import deepest, encodable, require_kind
 from gonio.data.table import Table

@@ -8,8 +8,8 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from gonio.models.compiled.elementary.quotients import Refinement, refined
 from gonio.models.compiled.graph import COMPARISONS, DTYPES, FLOATS, Graph, Node, Unsupported
-from gonio.models.compiled.quotients import Refinement, refined
 
 TYPES = {"f32": "float", "f64": "double", "i32": "i32", "i64": "i64", "i1": "i1"}
 ORDERED = {"lt": "olt", "le": "ole", "gt": "ogt", "ge": "oge", "eq": "oeq", "ne": "une"}

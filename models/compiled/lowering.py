@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
-from gonio.models.compiled import hyperbolic
-from gonio.models.compiled.elementary import Elementary
+from gonio.models.compiled.elementary import hyperbolic
+from gonio.models.compiled.elementary.functions import Elementary
+from gonio.models.compiled.elementary.power import cube_root, power
 from gonio.models.compiled.graph import COMPARISONS, DTYPES, FLOATS, Graph, Unsupported
-from gonio.models.compiled.power import cube_root, power
 
 PLAIN = ("add", "sub", "mul", "neg", "and", "or", "xor", *COMPARISONS)
 ROOTED = ("sqrt", "abs", "floor")

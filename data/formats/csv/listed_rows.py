@@ -15,8 +15,8 @@ from gonio.data.formats.csv.conventions import Convention
 from gonio.data.formats.csv.directions import printed_rounding
 from gonio.data.formats.csv.readings import Readings, on_grid
 from gonio.data.layouts.recognition import LARGEST_ROUNDING, Angles, Placement, recognised
+from gonio.data.plausibility.suspicions import suspicions
 from gonio.data.quantities import QUANTITIES, brdf_of
-from gonio.data.suspicions import suspicions
 from gonio.data.table import COPIED, Table
 from gonio.models.errors import GonioError
 

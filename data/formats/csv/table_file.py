@@ -26,9 +26,9 @@ from gonio.data.formats.csv.statements import Statements
 from gonio.data.formats.csv.values import value_columns
 from gonio.data.layouts import Layout
 from gonio.data.layouts.recognition import Placement, recognised
+from gonio.data.plausibility.suspicions import suspicions
 from gonio.data.quantities import QUANTITIES, brdf_of
 from gonio.data.round_trip import RoundTrip, compare
-from gonio.data.suspicions import suspicions
 from gonio.data.table import MEDIA, Table, media_of
 from gonio.models.errors import GonioError, nearest
 from gonio.models.geometry.sides import FRONT

@@ -16,7 +16,7 @@ from gonio.data.files import stem
 from gonio.data.flags import Flag
 from gonio.data.formats.laboratory.ssdd_text import Block, read_blocks
 from gonio.data.layouts import Layout, spherical_angles
-from gonio.data.suspicions import suspicions
+from gonio.data.plausibility.suspicions import suspicions
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 

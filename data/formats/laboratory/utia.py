@@ -13,7 +13,7 @@ from gonio.data import layouts
 from gonio.data.channels import Channels
 from gonio.data.files import input_size, stem
 from gonio.data.flags import Flag
-from gonio.data.suspicions import QUANTITY_REMEDY, suspicions
+from gonio.data.plausibility.suspicions import QUANTITY_REMEDY, suspicions
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 

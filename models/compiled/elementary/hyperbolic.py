@@ -3,7 +3,7 @@
 XLA evaluates sines and cosines of what is so large that half of its exponential overflows, or nearly.
 """
 
-from gonio.models.compiled.elementary import EXP_RANGE, MANTISSA, Elementary
+from gonio.models.compiled.elementary.functions import EXP_RANGE, MANTISSA, Elementary
 
 
 def sinh(e: Elementary, x: int) -> int:

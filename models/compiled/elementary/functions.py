@@ -6,7 +6,7 @@ normal one count as 0, as XLA has it.
 
 import math
 
-from gonio.models.compiled.coefficients import COEFFICIENTS, SHIFTS, SPLIT
+from gonio.models.compiled.elementary.coefficients import COEFFICIENTS, SHIFTS, SPLIT
 from gonio.models.compiled.graph import BITS, Graph
 
 MANTISSA = {"f32": 23, "f64": 52}

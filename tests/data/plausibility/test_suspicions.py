@@ -5,7 +5,7 @@ import pytest
 
 from gonio.data import layouts
 from gonio.data.formats.csv.table_file import read_csv, write_csv
-from gonio.data.suspicions import suspicions
+from gonio.data.plausibility.suspicions import suspicions
 from gonio.data.table import whole_table_of_values
 
 GRID = layouts.isotropic(np.radians([0, 20, 40, 60]), np.radians(np.r_[0:85:10]), np.radians(np.r_[0:360:30]))

@@ -2,8 +2,8 @@
 
 import math
 
-from gonio.models.compiled.coefficients import SPLIT
-from gonio.models.compiled.elementary import Elementary
+from gonio.models.compiled.elementary.coefficients import SPLIT
+from gonio.models.compiled.elementary.functions import Elementary
 from gonio.models.compiled.graph import Graph
 
 

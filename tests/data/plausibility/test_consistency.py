@@ -6,10 +6,10 @@ import h5py
 import numpy as np
 import pytest
 
-from gonio.data.consistency import LARGEST_F
 from gonio.data.flags import Flag
 from gonio.data.formats.registry import read
 from gonio.data.hdf5 import reader
+from gonio.data.plausibility.consistency import LARGEST_F
 from gonio.models.errors import GonioError
 from support.tables import grey_table
 

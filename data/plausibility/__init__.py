@@ -1,0 +1,1 @@
+"""What the numbers of a table are suspected of: to contradict their flags, or not to be what they are taken for."""

@@ -1,0 +1,1 @@
+"""Elementary functions as vector code: exponentials, logarithms, sines, powers, and what they are made of."""
