@@ -196,11 +196,7 @@ def coarse_cells(readings: Readings, limit: int, seed: int) -> np.ndarray:
     if n <= limit:
         return np.arange(n)
     rng = np.random.default_rng(seed)
-    # What goes straight through is as narrow as what is mirrored: both directions in front.
-    i, o = (turned_over(w, np.sign(np.asarray(w.z))) for w in (readings.wi, readings.wo))
-    h = [np.asarray(a) + np.asarray(b) for a, b in zip(i, o, strict=True)]
-    tan2 = (h[0] * h[0] + h[1] * h[1]) / np.maximum(h[2] * h[2], np.finfo(float).tiny)
-    band = np.clip(np.frexp(np.maximum(tan2, np.finfo(float).tiny))[1], *BANDS).astype(np.int8) - np.int8(BANDS[0])
+    band = np.concatenate([_bands(readings, some) for some in chunks(n, 1)])
     rare = np.bincount(band, minlength=BANDS[1] - BANDS[0] + 1) < RARE * limit
     # All cells of rare bands and some of the others are enough to choose from.
     sample = rng.choice(n, min(n, 8 * limit), replace=False)
@@ -214,6 +210,17 @@ def coarse_cells(readings: Readings, limit: int, seed: int) -> np.ndarray:
     by_band = among[np.argsort(rank, kind="stable")[:limit]]
     by_band = by_band[~np.isin(by_band, even)]
     return np.sort(np.concatenate([even, by_band[: limit - even.size]]))
+
+
+def _bands(readings: Readings, some: slice) -> np.ndarray:
+    """Of some cells, how often tan²θh doubles from the first of `BANDS` on."""
+    tiny = np.finfo(float).tiny
+    wi, wo = (Direction(*(np.asarray(c)[some] for c in w)) for w in (readings.wi, readings.wo))
+    # What goes straight through is as narrow as what is mirrored: both directions in front.
+    i, o = (turned_over(w, np.sign(w.z)) for w in (wi, wo))
+    h = [np.asarray(a) + np.asarray(b) for a, b in zip(i, o, strict=True)]
+    tan2 = (h[0] * h[0] + h[1] * h[1]) / np.maximum(h[2] * h[2], tiny)
+    return np.clip(np.frexp(np.maximum(tan2, tiny))[1], *BANDS).astype(np.int8) - np.int8(BANDS[0])
 
 
 def chunks(n: int, channels: int) -> Iterator[slice]:
