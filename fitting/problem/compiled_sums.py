@@ -29,6 +29,8 @@ from gonio.models.geometry.directions import Direction
 
 KEPT = 128
 """Programs that a process remembers."""
+SCRATCH = 1 << 16
+"""Samples whose f is stored at a time where it is not kept."""
 LOCK = threading.RLock()
 NOTHING = np.zeros(0)
 """Parameters of loops that take all numbers as what is the same for all elements."""
@@ -179,12 +181,16 @@ class BoundSums:
     def __init__(self, programs: _Programs, leaves: Sequence[np.ndarray], samples: Samples, number: int) -> None:
         """Of the programs, the numbers that are not free, and samples, at points, so many in use."""
         self._programs, self._number = programs, number
-        self._count, self._shape = int(samples.blocks) * samples.weight.shape[1], samples.weight.shape
+        self._count = int(samples.blocks) * samples.weight.shape[1]
         arrays = [np.asarray(a, float) for a in (*samples.wi, *samples.wo, samples.target, samples.weight)]
         channels, places = programs.parts.channels, [a.ctypes.data for a in arrays]
         known = map(programs.parts.addresses, leaves)
         directions = np.broadcast_to(places[:6], (len(channels), 6))
         self._places = np.hstack([*known, directions, *(place + 8 * channels for place in places[6:])])
+        compared = 2 * channels.shape[1]
+        self._steps = np.repeat(
+            [0, 8, 8 * samples.weight.shape[-1]], [self._places.shape[1] - 6 - compared, 6, compared]
+        )
         self._kept = (leaves, arrays)
 
     def __call__(self, p: Float[np.ndarray, "s p"], full: bool) -> Sums | None:
@@ -201,6 +207,20 @@ class BoundSums:
         squares = programs.parts.joined_squares(squares.reshape(len(p), -1, *squares.shape[1:]))
         return Sums(squares, programs.parts.joined_values(f) if full else None)
 
+    def scored(self, p: Float[np.ndarray, "1 p"]) -> Float[np.ndarray, "1 two c g g"] | None:
+        """The sums at a vector of free numbers, with those of the score covariance, without f of all samples."""
+        programs, total = self._programs, 0.0
+        for first in range(0, self._count, SCRATCH):
+            try:
+                sums, _ = self._run(programs.full, p, True, (first, min(SCRATCH, self._count - first)))
+            except Unsupported:
+                return None
+            if sums is None:
+                return None
+            total = total + sums
+        squares = squares_of_pairs(np.asarray(total), 2, programs.channels)
+        return programs.parts.joined_squares(squares.reshape(1, -1, *squares.shape[1:]))
+
     def values(self, p: Float[np.ndarray, " p"]) -> Float[np.ndarray, "n c"] | None:
         """f of the samples at a vector of free numbers; None where XLA has to compute it."""
         try:
@@ -209,18 +229,24 @@ class BoundSums:
             return None
         return None if sums is None else self._programs.parts.joined_values(f)
 
-    def _run(self, program: SumsProgram, p: np.ndarray, stores: bool) -> tuple[np.ndarray | None, np.ndarray]:
-        """What a program sums at each vector and part, and f of each part (M, n, K) if it `stores` that."""
+    def _run(
+        self, program: SumsProgram, p: np.ndarray, stores: bool, samples: tuple[int, int] | None = None
+    ) -> tuple[np.ndarray | None, np.ndarray]:
+        """What a program sums at each vector and part, and f of each part (M, n, K) if it `stores` that.
+
+        `samples`: the first one, and how many; by default all.
+        """
         programs, (parts, numbers) = self._programs, self._programs.parts.numbers.shape
+        first, count = samples or (0, self._count)
         p = np.ascontiguousarray(p, float)
-        f = np.empty((parts, math.prod(self._shape[:-1]) if stores else 0, programs.channels))
+        f = np.empty((parts, count if stores else 0, programs.channels))
         addresses = np.empty((len(p), parts, numbers + self._places.shape[1] + stores), np.uintp)
         of_p = np.arange(len(p))[:, None, None] * p.shape[1] + programs.parts.numbers
         addresses[:, :, :numbers] = p.ctypes.data + 8 * of_p
-        addresses[:, :, numbers : numbers + self._places.shape[1]] = self._places
+        addresses[:, :, numbers : numbers + self._places.shape[1]] = self._places + first * self._steps
         if stores:
             addresses[:, :, -1] = f.ctypes.data + f.strides[0] * np.arange(parts)
-        sums = program(NOTHING, addresses.reshape(len(p) * parts, -1), self._count)
+        sums = program(NOTHING, addresses.reshape(len(p) * parts, -1), count)
         return sums, f[:, : self._number]
 
 

@@ -1,7 +1,7 @@
 """Normal equations of a fit: sums over all residuals and their derivatives."""
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -23,11 +23,11 @@ class NormalEquations(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Evaluation:
-    """Normal equations, score covariance Jᵀ diag(r²) J or None, model values (n, C)."""
+    """Normal equations, score covariance Jᵀ diag(r²) J or None, model values (n, C), perhaps deferred."""
 
     equations: NormalEquations
     scores: Arrow | None
-    f: np.ndarray
+    f: Any
 
 
 def summed(s: Parameterisation, squares: Float[np.ndarray, "S C g g"]) -> NormalEquations:

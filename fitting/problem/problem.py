@@ -14,6 +14,7 @@ import numpy as np
 
 from gonio.fitting.problem.averaged_sums import AveragedReadings, BoundAverages, bound_averages
 from gonio.fitting.problem.compiled_sums import BoundSums, Sums, bound_sums
+from gonio.fitting.problem.deferred_values import DeferredValues
 from gonio.fitting.problem.disc_averages import BlockRules, Lanes, Samples, block_rules, disc_rules
 from gonio.fitting.problem.normal_equations import Evaluation, NormalEquations, summed
 from gonio.fitting.problem.page_program import Request, page_program
@@ -36,6 +37,7 @@ from gonio.fitting.problem.readings import (
 )
 from gonio.models.geometry.directions import NORMAL, Direction
 
+MANY = 1 << 22  # readings, channels counted apart
 UNDER_WAY = 8  # pages whose results are waited for at a time
 
 
@@ -203,8 +205,17 @@ class FitProblem:
         return 0.5 * self._squares(p)[:, 0, :, 0, 0]
 
     def evaluate(self, p: np.ndarray, scores: bool = True) -> Evaluation:
-        """Normal equations at one p (P,), score covariance [White 1980] and the model's values."""
-        total, f = self._squares_and_values(np.asarray(p, float)[None], scores)
+        """Normal equations at one p (P,), score covariance [White 1980] and the model's values.
+
+        The values at more than `MANY` readings are computed where they are asked for.
+        """
+        p = np.asarray(p, float)
+        total = self._loop.scored(p[None]) if self.weight.size > MANY and isinstance(self._loop, BoundSums) else None
+        if total is None:
+            total, f = self._squares_and_values(p[None], scores)
+        else:
+            wi, wo = self.readings.wi, self.readings.wo
+            f = DeferredValues(functools.partial(self.values_at, p), wi, wo, self.parameters.channels)
         equations, outer = (summed(self.parameters, total[:, k]) for k in range(2))
         one, spread = (jax.tree.map(lambda a: a[0], e) for e in (equations, outer.matrix))
         return Evaluation(one, spread if scores else None, f)

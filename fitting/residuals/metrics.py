@@ -1,6 +1,7 @@
 """Distances between a model and readings in the measures of the literature."""
 
 import functools
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,6 +17,9 @@ from gonio.models.compiled.sums import Rows, SumsProgram
 SMALLEST = 1e-100
 """Values below it have the cube root 0 in loops: their squares are no normal numbers."""
 MANY = 1 << 22
+"""Readings, channels counted apart, from which on the median is that of numbers in single precision."""
+SAMPLED, BRACKET = 1 << 14, (0.45, 0.55)
+"""Cells from which a bracket is taken, and its quantiles: 25 standard deviations of a quantile apart."""
 PADDED = 16
 """A multiple of the numbers of any vector."""
 
@@ -31,9 +35,7 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
         `relative_rms` = √(Σ(m−y)²/Σy²); `relative_rms_cosine`, the same of f cosθi cosθo; `median_relative`, the
         median of |m−y|/|y|; `log_rms` of log(1+f) [Ngan 2005]; `cbrt_rms` of (f cosθi)^⅓; `bias`, the mean of m−y.
     """
-    # Of very many the median is one of numbers in single precision.
-    kind = np.float64 if readings.f.size <= MANY else np.float32
-    sums, relative, known = np.zeros(7), np.empty(readings.f.size, kind), 0
+    sums, median = np.zeros(7), _Median(None if readings.f.size <= MANY else _bracket(model_f, readings))
     complete, buffer = bool(readings.valid.all()), np.zeros(0)
     for chunk in chunks(*readings.f.shape):
         rows = readings.f[chunk].shape
@@ -50,19 +52,76 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
         added, share = _sums(buffer, y.size)
         share = share if complete and y.all() else share[y.ravel() != 0]
         sums += added
-        relative[known : known + share.size] = share
-        known += share.size
-    count, relative = max(1, readings.count), relative[:known]
+        median.add(share)
+    count = max(1, readings.count)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.sqrt(sums[[0, 2]] / np.where(sums[[1, 3]] > 0, sums[[1, 3]], np.nan))
     return {
         "relative_rms": float(ratios[0]),
         "relative_rms_cosine": float(ratios[1]),
-        "median_relative": float(np.median(relative, overwrite_input=True)) if known else float("nan"),
+        "median_relative": _median_of_all(model_f, readings) if median.missed else median.value(),
         "log_rms": float(np.sqrt(sums[4] / count)),
         "cbrt_rms": float(np.sqrt(sums[5] / count)),
         "bias": float(sums[6] / count),
     }
+
+
+class _Median:
+    """The median of numbers that come in parts; of very many only those in a bracket are kept, in single precision."""
+
+    def __init__(self, bracket: tuple[float, float] | None) -> None:
+        self.kept: list[np.ndarray] = []
+        self.bracket, self.below, self.count = bracket, 0, 0
+
+    def add(self, some: np.ndarray) -> None:
+        """Take in some of the numbers."""
+        self.count += some.size
+        if self.bracket is not None:
+            some, (low, high) = some.astype(np.float32), self.bracket
+            self.below += int(np.count_nonzero(some < low))
+            some = some[(some >= low) & (some <= high)]
+        self.kept.append(np.array(some))
+
+    def value(self) -> float:
+        """The median, unless it is missed; NaN of nothing."""
+        if not self.count:
+            return float("nan")
+        kept = np.concatenate(self.kept)
+        if self.bracket is None:
+            return float(np.median(kept, overwrite_input=True))
+        return float(np.mean(np.partition(kept, self.ranks)[self.ranks]))
+
+    @property
+    def ranks(self) -> np.ndarray:
+        """Of the two middle numbers, among those that are kept."""
+        return np.array([(self.count - 1) // 2, self.count // 2]) - self.below
+
+    @property
+    def missed(self) -> bool:
+        """Whether the bracket does not hold the median."""
+        number = sum(some.size for some in self.kept)
+        return self.count > 0 and bool(self.ranks[0] < 0 or self.ranks[1] >= number)
+
+
+def _bracket(model_f: np.ndarray, readings: Readings) -> tuple[float, float]:
+    """Between which numbers the median of |m−y|/|y| lies, from readings at random."""
+    n = readings.f.shape[0]
+    rows = np.sort(np.random.default_rng(0).choice(n, min(n, SAMPLED), replace=False))
+    y, m = readings.f[rows], model_f[rows]
+    used = readings.valid[rows] & (y != 0)
+    if not used.any():
+        return 0.0, math.inf
+    low, high = np.quantile(np.abs((m[used] - y[used]) / y[used]), BRACKET)
+    return float(low), float(high)
+
+
+def _median_of_all(model_f: np.ndarray, readings: Readings) -> float:
+    every = _Median(None)
+    for chunk in chunks(*readings.f.shape):
+        y, m = readings.f[chunk], model_f[chunk]
+        used = readings.valid[chunk] & (y != 0)
+        every.add((np.abs(m[used] - y[used]) / np.abs(y[used])).astype(np.float32))
+    return every.value()
 
 
 def _sums(arrays: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:

@@ -1,11 +1,14 @@
 """Streamed sums against the whole Jacobian by differentiation of the whole model, in one page and in several."""
 
+import pickle
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from gonio.fitting.problem.compiled_sums import compile_sums
+from gonio.fitting.problem.deferred_values import DeferredValues
 from gonio.fitting.problem.parameterisation import parameters
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import PAGE, Readings, block_of, coarse_cells, in_blocks, transform
@@ -120,3 +123,24 @@ def test_values_are_laid_out_in_padded_blocks():
     np.testing.assert_array_equal(laid, np.append(np.arange(1000.0), np.ones(PAGE * 64 - 1000)))
     again = in_blocks(laid[:1000], (PAGE, 64)).reshape(-1)  # laid out already: taken as it stands
     np.testing.assert_array_equal(again[:1000], np.arange(1000.0))
+
+
+def test_values_of_a_large_table_are_computed_where_they_are_asked_for(monkeypatch):
+    """The sums are the same, piece by piece, and so is every value, however it is taken out."""
+    part = readings(700, 2)
+    problem = problem_of("lambert + ggx(alpha~[0.2,0.3], f0=0.04)", part, np.where(part.valid, 1.0, 0.0))
+    p = np.linspace(0.2, 0.6, problem.parameters.size)
+    whole = problem.evaluate(p)
+    monkeypatch.setattr("gonio.fitting.problem.problem.MANY", 100)
+    monkeypatch.setattr("gonio.fitting.problem.compiled_sums.SCRATCH", 256)
+    pieces = problem.evaluate(p)
+    if not isinstance(pieces.f, DeferredValues):
+        pytest.skip("no compiled loops on this processor")
+    sums = ((e.equations.cost, e.equations.gradient, *e.equations.matrix, *e.scores) for e in (whole, pieces))
+    for a, b in zip(*sums, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+    few = np.array([3, 1, 600])
+    for key in (slice(5, 90), few, np.ix_(few, [1]), (slice(None), 1), part.valid, part.valid[:, 0], 7):
+        assert np.array_equal(pieces.f[key], whole.f[key])
+    assert np.array_equal(pieces.f.take(few, axis=0), whole.f[few]) and np.array_equal(pieces.f + 1, whole.f + 1)
+    assert np.array_equal(pickle.loads(pickle.dumps(pieces.f)), whole.f)

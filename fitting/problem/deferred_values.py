@@ -1,0 +1,56 @@
+"""A model's values at many readings, computed where they are asked for: of a large table they take as much as f."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from gonio.models.geometry.directions import Direction
+
+
+class DeferredValues(np.lib.mixins.NDArrayOperatorsMixin):
+    """f (n, C) of a model at directions (n,): rows that are taken out of it are computed then, and nothing is kept."""
+
+    __array_priority__ = 1.0
+
+    def __init__(
+        self, values: Callable[[Direction, Direction], np.ndarray], wi: Direction, wo: Direction, channels: int
+    ):
+        """Of a function that gives f (m, C) at m directions."""
+        self._values, self._wi, self._wo = values, wi, wo
+        self.shape = (np.size(wi.z), channels)
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return self.shape[0] * self.shape[1]
+
+    @property
+    def strides(self) -> tuple[int, int]:
+        """Of the array that it stands for."""
+        return 8 * self.shape[1], 8
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.asarray(self._values(self._wi, self._wo), dtype)
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        return getattr(ufunc, method)(*(np.asarray(a) if a is self else a for a in inputs), **options)
+
+    def __getitem__(self, key: Any) -> Any:
+        rows, channels = key if isinstance(key, tuple) and len(key) == 2 else (key, slice(None))
+        crossed = isinstance(rows, np.ndarray) and rows.ndim == 2 and rows.shape[1] == 1  # by `np.ix_`
+        if not (crossed or isinstance(rows, slice) or (isinstance(rows, np.ndarray) and rows.ndim == 1)):
+            return np.asarray(self)[key]
+        some = self._of(rows[:, 0] if crossed else rows)
+        return some[:, np.ravel(channels) if crossed else channels]
+
+    def take(self, cells: np.ndarray, axis: int) -> np.ndarray:
+        """Some of the rows (axis 0), as of an array."""
+        assert axis == 0
+        return self._of(cells)
+
+    def _of(self, rows: slice | np.ndarray) -> np.ndarray:
+        return self._values(*(Direction(*(np.asarray(c)[rows] for c in w)) for w in (self._wi, self._wo)))
+
+    def __reduce__(self) -> Any:
+        return np.array, (np.asarray(self),)
