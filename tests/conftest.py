@@ -47,14 +47,14 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 
 HERE = Path(__file__).parent
 AS_FOR_USERS = (
-    "test_documentation", "test_ground", "test_wheel", "cli/", "reports/test_build", "checks/test_certify",
+    "test_documentation", "test_ground", "test_wheel", "cli/test_fit", "reports/test_build", "checks/test_certify",
     "fitting/test_fit_table", "fitting/problem/test_problem", "fitting/solver/test_levenberg_marquardt",
     # These compute for longer than they compile:
-    "charts/", "exports/", "instrument/", "stability/", "data/test_material", "metrology/test_quantities",
+    "exports/test_nearest", "instrument/", "stability/", "data/test_material", "metrology/test_quantities",
     "metrology/standards/test_tables", "fitting/subsurface/test_free_index",
 )  # fmt: skip
 """Tests whose programs are compiled as users have them. Laws and oracles are asked of programs with few optimisations,
-which take a third of the time to compile; those of fits, checks, pages and the command line, and the README's blocks,
+which take a third of the time to compile; those of fits, checks and pages, and the README's blocks,
 of optimised ones too."""
 
 
