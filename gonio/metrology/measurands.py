@@ -13,6 +13,7 @@ import numpy as np
 
 from gonio.checks.albedos import Albedos, hemispherical
 from gonio.checks.table.energy import STANDARD_UNCERTAINTIES, albedos_by_side
+from gonio.checks.table.one_azimuth import azimuth_dependence
 from gonio.data.flags import Flag
 from gonio.data.table import COPIED, Table
 from gonio.metrology.quantity import Quantity
@@ -138,6 +139,8 @@ class TableMeasurands:
     standards: TableStandards
     feature_width: float = 0.0
     """Radians: no lobe is narrower."""
+    turned: float | None = None
+    """See `azimuth_dependence`: what light from all sides gives is then not known."""
 
     @classmethod
     def of(
@@ -157,10 +160,11 @@ class TableMeasurands:
         shares, notes = _shares(albedos)
         (factors, between), nothing = _factors(table, geometries), np.zeros(0)
         entries = [*[g.between() for g in between], *entries]
-        standards = TableStandards.of(table, entries, albedos, feature_width)
+        turned = azimuth_dependence(table)
+        standards = TableStandards.of(table, entries, albedos, feature_width, turned)
         standards = standards.with_reasons({g.text: _nearest(table, g) for g in between})
         empty = Readout(nothing, nothing, nothing)
-        made = cls(table, [], factors, shares, notes, empty, albedos, standards, feature_width)
+        made = cls(table, [], factors, shares, notes, empty, albedos, standards, feature_width, turned)
         base, labels = made._parts(table, albedos), made._labels()
         rows = [
             Quantity(
@@ -199,6 +203,8 @@ class TableMeasurands:
             value, bound, noise = _of_share(known, share)
             parts.append(Readout(value.ravel(), bound.ravel(), noise.ravel()))
             uniform = _uniform_light(known.theta_i[share.whole], value, bound, noise)
+            if self.turned is not None:
+                uniform = uniform._replace(bounds=np.full(uniform.bounds.shape, np.inf))
             parts += [uniform] * (2 if share.sides == FRONT_TO_FRONT else 1)
         for both in _both_ways(self.shares, albedos):
             parts.append(_absorbed(*both))

@@ -32,7 +32,7 @@ FIT_REACHES = (
 )
 NOT_ISOTROPIC = (
     "At normal incidence f depends on the detector's azimuth, by {size}: the surface is not isotropic. Albedos are "
-    "those of light from the azimuth that was read; quantities of light from all sides take it as isotropic{side}."
+    "those of light from the azimuth that was read; quantities of light from all sides are not known{side}."
 )
 ONE_SIDE = (
     "The detector was on one side of the plane of incidence: the other is taken as its mirror image, and no readings "
@@ -57,7 +57,7 @@ def of_symmetry(table: Table) -> list[str]:
         return []
     isotropy, mirrored = isotropy_at_normal_incidence(TableEvidence(table), ISOTROPIC), taken_as_mirrored(table)
     if isotropy.verdict == FAIL:
-        side = ", and all of them take the side that was not read as a mirror image" if mirrored else ""
+        side = "; the side that was not read is taken as a mirror image" if mirrored else ""
         return [NOT_ISOTROPIC.format(size=percent(isotropy.residual or 0.0), side=side)]
     shown = isotropy.facts.get("largest_violation", np.inf) <= ISOTROPIC
     return [ONE_SIDE] if mirrored and not shown else []

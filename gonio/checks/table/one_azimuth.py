@@ -68,6 +68,17 @@ def isotropy_at_normal_incidence(evidence: TableEvidence, tolerance: float) -> P
     return judged
 
 
+def azimuth_dependence(table: Table) -> float | None:
+    """By how much f at normal incidence depends on the detector's azimuth, where light has one azimuth alone.
+
+    None where the light has several, or where nothing shows that the surface is not isotropic.
+    """
+    if not one_azimuth(table):
+        return None
+    isotropy = isotropy_at_normal_incidence(TableEvidence(table), ISOTROPIC)
+    return (isotropy.residual or 0.0) if isotropy.verdict == FAIL else None
+
+
 def unturned(pairs: Pairs, gridded: bool) -> np.ndarray:
     """Which of the exchanged pairs of a table with one azimuth of the light need no turning, (n,) truth values.
 

@@ -28,6 +28,7 @@ from gonio.metrology.standards.apertures import Rule, joined
 from gonio.metrology.standards.bends import Bends
 from gonio.metrology.standards.evaluation import Integrals
 from gonio.metrology.standards.standard import Aperture, Hemisphere, Integral
+from gonio.models.display import percent
 from gonio.models.geometry.directions import Direction
 
 SAME = math.radians(0.1)
@@ -43,6 +44,10 @@ UNSEEN = (
     "feature (--feature-width)"
 )
 NO_GRID = "the readings are on no grid: a fit of them has it (gonio fit, then gonio quantities FIT.toml)"
+ONE_AZIMUTH = (
+    "the light had one azimuth, and at normal incidence f depends on the detector's by {size}: the surface is not "
+    "isotropic; read it with the light at other azimuths, or the exchanged geometry"
+)
 SidedAlbedos = Mapping[tuple[int, int], Albedos | str]
 
 
@@ -87,14 +92,25 @@ class TableIntegrals:
 
     @classmethod
     def of(
-        cls, table: Table, integrals: Sequence[Integral], albedos: SidedAlbedos, feature_width: float = 0.0
+        cls,
+        table: Table,
+        integrals: Sequence[Integral],
+        albedos: SidedAlbedos,
+        feature_width: float = 0.0,
+        turned: float | None = None,
     ) -> "TableIntegrals":
-        """Those of a table, whose albedos are known; no lobe is narrower than `feature_width`, radians."""
+        """Those of a table, whose albedos are known; no lobe is narrower than `feature_width`, radians.
+
+        `turned`: see `azimuth_dependence`.
+        """
         rows: dict[Integral, Row | Incidences | str] = {}
         for detector in (1, -1):
             there = [i for i in integrals if isinstance(i, Aperture) and detector * float(i.fine.wo.z[0]) > 0]
             rows |= _rows(table, detector, there, feature_width) if there else {}
         rows |= {i: _incidences(i, albedos) for i in integrals if isinstance(i, Hemisphere)}
+        if turned is not None:
+            around = [i for i in integrals if isinstance(i, Aperture) and i.around]
+            rows |= dict.fromkeys(around, ONE_AZIMUTH.format(size=percent(turned)))
         return cls([rows[i] for i in integrals], len(table.channels))
 
     def known(self, table: Table, albedos: SidedAlbedos) -> Integrals:

@@ -1,5 +1,6 @@
 """Reflectance factors of colour measurement and of the sphere, remote sensing's names, and retro-reflection."""
 
+import dataclasses
 import math
 from collections.abc import Callable
 
@@ -38,7 +39,9 @@ def single(theta_i: float, theta_o: float, turn: float, factor: float = 1.0) -> 
 def annular(exchanged: bool) -> Aperture:
     """π ∫∫ f cosθi cosθo dωi dωo / ∫∫ cosθi cosθo dωi dωo of the annulus about 45° and a cone about the normal."""
     low, high = (math.radians(a) for a in ANNULUS)
-    return _mean_factor(lambda order, turns: band(low, high, order, turns), exchanged)
+    return dataclasses.replace(
+        _mean_factor(lambda order, turns: band(low, high, order, turns), exchanged), around=not exchanged
+    )
 
 
 def one_sided(exchanged: bool) -> Aperture:

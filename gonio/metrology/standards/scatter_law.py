@@ -24,6 +24,8 @@ LARGEST_SINE = math.sin(math.radians(85.0))
 IN_PLANE = math.radians(0.1)
 FEWEST = 8
 """Readings of a fit."""
+RANGES = 8
+"""Of offsets, each with as many readings, in which a law may miss f in one direction."""
 MOST_CHANNELS = 12
 """Channels that the laws are fitted to, spread evenly: a spectrum of hundreds would take longer than all else."""
 HOLDS = 10.0
@@ -87,13 +89,17 @@ def of_table(table: Table) -> Profile:
     """The readings of a table in the plane of incidence, valid in all channels, with light and detector in front."""
     theta_i, phi_i, theta_o, phi_o = (np.asarray(a) for a in table.layout.angles())
     turn = phi_o - phi_i
-    across = np.abs(np.sin(turn)) * np.minimum(np.sin(theta_i), np.sin(theta_o))
-    cells = np.flatnonzero((across < math.sin(IN_PLANE)) & (np.maximum(theta_i, theta_o) < np.pi / 2))
+    normal, sines = theta_i < IN_PLANE, (np.sin(theta_i), np.sin(theta_o))
+    across = np.abs(np.sin(turn)) * np.where(normal, sines[1], np.minimum(*sines))
+    plane = across < math.sin(IN_PLANE)
+    if not (plane & normal & (theta_o > IN_PLANE)).any():  # light along the normal: every plane is one of incidence
+        plane |= normal
+    cells = np.flatnonzero(plane & (np.maximum(theta_i, theta_o) < np.pi / 2))
     block = table.values_at(cells)
     use = (block["flag"] == Flag.VALID).all(axis=1)
     cells, f = cells[use], np.asarray(block["f"], float)[use]
-    sine = -np.sin(theta_o[cells]) * np.cos(turn[cells])
-    return Profile(theta_i[cells], np.abs(sine - np.sin(theta_i[cells])), f)
+    along, beside = (np.sin(theta_o[cells]) * side(turn[cells]) for side in (np.cos, np.sin))
+    return Profile(theta_i[cells], np.hypot(along + np.sin(theta_i[cells]), beside), f)
 
 
 def scatter_laws(profile: Profile, channels: Channels) -> tuple[list[Quantity], list[Undecided]]:
@@ -110,7 +116,7 @@ def scatter_laws(profile: Profile, channels: Channels) -> tuple[list[Quantity], 
             continue
         logs = np.log(profile.f[use, c])
         for name, law in LAWS.items():
-            made = _fitted(name, law, x[use], logs, f"{range_text}", channel)
+            made = _fitted(name, law, profile.theta_i[use], x[use], logs, f"{range_text}", channel)
             if all(q.decided for q in made):
                 rows += made
             else:
@@ -140,10 +146,16 @@ def _range(profile: Profile) -> str:
 
 
 def _fitted(
-    name: str, law: tuple[Law, tuple[str, str, str], float], x: np.ndarray, logs: np.ndarray, where: str, channel: str
+    name: str,
+    law: tuple[Law, tuple[str, str, str], float],
+    theta_i: np.ndarray,
+    x: np.ndarray,
+    logs: np.ndarray,
+    where: str,
+    channel: str,
 ) -> list[Quantity]:
     """The numbers of one law of one channel, with standard uncertainties by the scatter about it."""
-    names, (p, covariance, scatter) = law[1], _optimum(name, x.tobytes(), logs.tobytes())
+    names, (p, covariance, scatter) = law[1], _optimum(name, theta_i.tobytes(), x.tobytes(), logs.tobytes())
     u = np.sqrt(np.abs(np.diagonal(covariance)))
     with np.errstate(over="ignore", invalid="ignore"):
         values = [math.exp(min(p[0], 700)), math.exp(min(p[1], 700)), float(p[2])]
@@ -156,9 +168,14 @@ def _fitted(
 
 
 @functools.lru_cache(maxsize=64)
-def _optimum(name: str, offsets: bytes, logs: bytes) -> tuple[np.ndarray, np.ndarray, float]:
-    """(numbers, covariance, rms) of a law fitted to float64 offsets and log f: a page lists them and draws them."""
+def _optimum(name: str, incidences: bytes, offsets: bytes, logs: bytes) -> tuple[np.ndarray, np.ndarray, float]:
+    """(numbers, covariance, rms) of a law fitted to float64 offsets and log f: a page lists them and draws them.
+
+    Readings that a law misses are missed together, over a range of offsets or at an incidence: the covariance is that
+    of such groups, each by itself [Liang and Zeger 1986], and not below that of independent scatter.
+    """
     (curve, _, sign), x, y = LAWS[name], np.frombuffer(offsets), np.frombuffer(logs)
+    theta_i = np.frombuffer(incidences)
     knee = math.log(max(float(np.median(x)), 1e-6))
     starts = [(y.max() + (s * knee if sign > 0 else 0.0), s * knee if sign > 0 else knee, sign * s) for s in STARTS]
     log_x = np.log(np.maximum(x, 1e-12))
@@ -168,8 +185,23 @@ def _optimum(name: str, offsets: bytes, logs: bytes) -> tuple[np.ndarray, np.nda
     scatter = math.sqrt(float(np.sum((value - y) ** 2)) / max(x.size - 3, 1))
     normal = slopes.T @ slopes
     singular = not np.isfinite(normal).all() or np.linalg.cond(normal) > 1e12
-    covariance = np.full((3, 3), np.inf) if singular else np.linalg.inv(normal) * scatter**2
-    return best, covariance, scatter
+    if singular:
+        return best, np.full((3, 3), np.inf), scatter
+    inverse, pulls = np.linalg.inv(normal), slopes * (value - y)[:, None]
+    alone = inverse * scatter**2
+    ranges = np.argsort(np.argsort(x, kind="stable"), kind="stable") * RANGES // x.size
+    nodes = np.unique(np.round(theta_i, 6), return_inverse=True)[1]
+    together = inverse @ (_of_groups(pulls, ranges) + _of_groups(pulls, nodes)) @ inverse
+    wider = np.sqrt(np.maximum(np.diagonal(together) / np.maximum(np.diagonal(alone), 1e-300), 1.0))
+    return best, alone * np.outer(wider, wider), scatter
+
+
+def _of_groups(pulls: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """Covariance (P, P) of the sum of pulls (n, P) whose groups (n,) are independent of each other; 0 of one group."""
+    count = int(group.max()) + 1
+    sums = np.zeros((count, pulls.shape[1]))
+    np.add.at(sums, group, pulls)
+    return sums.T @ sums * (count / (count - 1) if count > 1 else 0.0)
 
 
 def descended(

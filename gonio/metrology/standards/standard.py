@@ -22,6 +22,7 @@ class Aperture:
         mirror: whether the mirror direction, or what goes straight through, lies within, where narrow lobes are.
         moves: whether it is so near to the mirror direction that a lobe moves along with it.
         back: whether it is so near to the light's own direction that a lobe back to it may hide.
+        around: whether the light comes from all azimuths, which a table lit from one reads by turning the surface.
         angles: of single directions their polar angles and azimuth difference, radians.
     """
 
@@ -31,6 +32,7 @@ class Aperture:
     mirror: bool = False
     moves: bool = False
     back: bool = False
+    around: bool = False
     angles: tuple[float, float, float] | None = None
 
 

@@ -24,11 +24,19 @@ class TableStandards:
 
     @classmethod
     def of(
-        cls, table: Table, entries: Sequence[StandardQuantity], albedos: SidedAlbedos, feature_width: float = 0.0
+        cls,
+        table: Table,
+        entries: Sequence[StandardQuantity],
+        albedos: SidedAlbedos,
+        feature_width: float = 0.0,
+        turned: float | None = None,
     ) -> "TableStandards":
-        """Those of a table whose directional albedos are known; no lobe is narrower than `feature_width`, radians."""
+        """Those of a table whose directional albedos are known; no lobe is narrower than `feature_width`, radians.
+
+        `turned`: see `azimuth_dependence`.
+        """
         integrals = distinct(entries)
-        made = cls([], integrals, TableIntegrals.of(table, integrals, albedos, feature_width), [], [])
+        made = cls([], integrals, TableIntegrals.of(table, integrals, albedos, feature_width, turned), [], [])
         known = made.sums.known(table, albedos)
         rows, of, undecided = evaluated(entries, table.channels, known, made._spread(table, albedos))
         return dataclasses.replace(made, entries=list(dict.fromkeys(of)), rows=rows, undecided=undecided)

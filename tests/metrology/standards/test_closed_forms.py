@@ -10,6 +10,8 @@ from scipy.integrate import dblquad
 
 import gonio
 from gonio.data.channels import Channels
+from gonio.data.layouts import isotropic
+from gonio.data.table import whole_table_of_values
 from gonio.metrology.fit_numbers import FitNumbers
 from gonio.metrology.standards.catalog import Wanted, standard_quantities
 from gonio.metrology.standards.gloss import GLASS, RECEPTORS, SOURCE, fresnel_of_glass, gloss
@@ -193,3 +195,15 @@ def test_descents_of_scatter_laws_end_where_scipy_does(law, seed):
     assert costs[:2] == pytest.approx(best.cost, rel=1e-7)
     np.testing.assert_allclose(ends[:2], [best.x] * 2, rtol=1e-3, atol=1e-3)
     assert len(names) == 3 and not np.isfinite(costs[2])
+
+
+def test_light_from_all_around_is_not_known_of_a_brushed_surface_lit_from_one_azimuth():
+    brushed = gonio.material("lambert(rho=0.2) + 0.4 * ggx(alpha_x=0.1, alpha_y=0.4)")
+    polar, turns = np.radians(np.arange(0, 81, 5.0)), np.radians(np.arange(0, 360, 15.0))
+    layout = isotropic(polar, polar, turns)
+    f = brushed.f(*layout.angles())
+    known = gonio.quantities(whole_table_of_values(layout, f.reshape(*layout.shape, 1)), only="reflectance,albedo")
+    (why,) = (u.reason for u in known.undecided if u.name == "45°a:0°")
+    assert "one azimuth" in why and "0°:45°a" in {q.name for q in known.quantities}
+    (uniform,) = (q for q in known.quantities if q.name == "albedo under uniform light")
+    assert uniform.bound == np.inf and not uniform.decided

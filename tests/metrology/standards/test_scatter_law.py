@@ -1,0 +1,40 @@
+"""Laws of scatter of tables: exact ones come out whatever the layout, and what a law misses is in its uncertainties."""
+
+import numpy as np
+import pytest
+
+from gonio.data.channels import Channels
+from gonio.data.layouts import Layout, isotropic, spherical
+from gonio.data.table import Table, whole_table_of_values
+from gonio.metrology.quantity import Quantity
+from gonio.metrology.standards.scatter_law import of_table, scatter_laws
+
+B0, L, S = 8.0, 0.03, -1.7
+POLAR = np.radians([0, 2, 5, 10, 20, 30, 45, 60, 75])
+TURNS = np.radians(np.arange(0, 360, 30))
+LAYOUTS = {"isotropic": isotropic(POLAR[::2], POLAR, TURNS), "spherical": spherical(POLAR[::3], TURNS, POLAR, TURNS)}
+
+
+def table(layout: Layout, misfit: float = 0.0) -> Table:
+    theta_i, phi_i, theta_o, phi_o = layout.angles()
+    offset = np.abs(np.sin(theta_i) * np.exp(1j * phi_i) + np.sin(theta_o) * np.exp(1j * phi_o))
+    f = B0 * (1 + (offset / L) ** 2) ** (S / 2) * np.exp(misfit * np.sin(3 * np.log(offset + 0.01)))
+    return whole_table_of_values(layout, f.reshape(layout.shape))
+
+
+def law(layout: Layout, misfit: float = 0.0) -> dict[str, Quantity]:
+    rows, _ = scatter_laws(of_table(table(layout, misfit)), Channels.grey())
+    return {q.name.split()[1]: q for q in rows if q.name.startswith("Harvey")}
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_an_exact_law_comes_out_although_all_azimuths_are_read_at_normal_incidence(name: str) -> None:
+    numbers = law(LAYOUTS[name])
+    assert [numbers[n].value for n in ("b0", "l", "s")] == pytest.approx([B0, L, S], rel=1e-6)
+
+
+def test_what_a_law_misses_together_is_in_its_uncertainties() -> None:
+    """A ripple along the offset; of independent residuals l would be known to 5 %."""
+    numbers = law(LAYOUTS["isotropic"], misfit=0.2)
+    assert abs(numbers["l"].value - L) < 2 * numbers["l"].u and abs(numbers["s"].value - S) < 2 * numbers["s"].u
+    assert numbers["l"].u > 0.08 * L
