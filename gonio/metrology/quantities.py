@@ -58,17 +58,21 @@ class QuantitiesOptions(TypedDict, total=False):
     fit: FitLike | None
     instrument: Instrument | None
     uncertainty: Mapping[str, object]
-    geometries: Sequence[str]
-    only: Sequence[str]
+    geometries: Sequence[str] | str
+    only: Sequence[str] | str
     feature_width: float
     port: float
-    illuminants: Sequence[str]
+    illuminants: Sequence[str] | str
     observer: int
     linear_srgb: bool
     against: SubjectLike | None
     monte_carlo: int
     seed: int
     name: str | None
+
+
+LISTS = ("geometries", "only", "illuminants")
+"""Options that are a list, or a text with commas."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -195,11 +199,17 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
         GonioError: a subject that cannot be read, a budget of a model, a geometry that was not read, a term that is
             unknown.
     """
-    settings = settings_of(QuantitiesSettings, "quantities", options)
+    given: dict[str, Any] = {k: _listed(v) if k in LISTS else v for k, v in options.items()}
+    settings = settings_of(QuantitiesSettings, "quantities", given)
     if (profile := profile_of(subject)) is not None:
         settings.wanted()
         return _of_profile(profile, settings)
     return _quantities(resolve_subject(subject), settings, settings.wanted())
+
+
+def _listed(value: object) -> object:
+    """A text as the command line takes it, names with commas between them, as the list that it is."""
+    return [name.strip() for name in value.split(",")] if isinstance(value, str) else value
 
 
 def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) -> Quantities:

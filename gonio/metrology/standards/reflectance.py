@@ -47,7 +47,9 @@ def annular(exchanged: bool) -> Aperture:
 def one_sided(exchanged: bool) -> Aperture:
     """The same of a cone about 45° at one azimuth and a cone about the normal."""
     axis, edges = ray(math.radians(45.0)).directions, np.array([0.0, math.radians(NORMAL)])
-    return _mean_factor(lambda order, turns: turned_about(axis, edges, order, turns), exchanged)
+    return dataclasses.replace(
+        _mean_factor(lambda order, turns: turned_about(axis, edges, order, turns), exchanged), around=exchanged
+    )
 
 
 def _mean_factor(inclined: Callable[[int, int], Beam], exchanged: bool) -> Aperture:
