@@ -13,7 +13,7 @@ import numpy as np
 from gonio.data.stated import TERMS, StatedUncertainty, stated_uncertainties
 from gonio.data.table import Table
 from gonio.fitting.problem.problem import FitProblem
-from gonio.fitting.problem.readings import evenly_spaced, transform, uses_cosine
+from gonio.fitting.problem.readings import evenly_spaced, transform_slope, uses_cosine
 from gonio.fitting.solver.disc_choice import step_towards
 from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
 from gonio.models.errors import GonioError
@@ -42,7 +42,7 @@ def common_errors(table: Table, optima: Sequence[Optimum], free: Sequence[Parame
     if not stated or any(e.exact or not e.converged for e in optima):
         return []
     rows: list[dict[str, Any]] = []
-    moves = {acts: _moves(optima, free, acts) for acts in sorted({TERMS[name].acts for name in stated})}
+    moves = _moves(optima, free, sorted({TERMS[name].acts for name in stated}))
     for name, size in stated.items():
         label, moved = moves[TERMS[name].acts]
         if moved * (USUAL[name] if size is None else size) > (1.0 if size is None else NOTEWORTHY):
@@ -96,28 +96,33 @@ def _stated(table: Table) -> dict[str, float | None]:
     return {name: size for name, size in (usual | given).items() if math.isfinite(size) and size > 0}
 
 
-def _moves(optima: Sequence[Optimum], free: Sequence[ParameterEstimate], acts: str) -> tuple[str, float]:
-    """The number that an error moves most, and by how many standard uncertainties for each unit of its share."""
-    label, largest, first = "", 0.0, 0
+def _moves(
+    optima: Sequence[Optimum], free: Sequence[ParameterEstimate], acts: Sequence[str]
+) -> dict[str, tuple[str, float]]:
+    """The number that each error moves most, and by how many standard uncertainties for each unit of its share."""
+    largest, first = dict.fromkeys(acts, ("", 0.0)), 0
     most = max(MOST_COMPARED // len(optima), 1)
     for e in optima:
         each = free[first : first + e.p.size]
         first += e.p.size
-        step = _step(e, acts, most)
-        for p, d in zip(each, step, strict=True):
-            if p.status == "determined" and 0 < p.standard_uncertainty < math.inf and math.isfinite(d):
-                moved = abs(float(d)) / p.standard_uncertainty
-                label, largest = (p.label, moved) if moved > largest else (label, largest)
-    return label, largest
+        for one, step in zip(acts, _steps(e, acts, most), strict=True):
+            for p, d in zip(each, step, strict=True):
+                if p.status == "determined" and 0 < p.standard_uncertainty < math.inf and math.isfinite(d):
+                    moved = abs(float(d)) / p.standard_uncertainty
+                    largest[one] = (p.label, moved) if moved > largest[one][1] else largest[one]
+    return largest
 
 
-def _step(e: Optimum, acts: str, most: int) -> np.ndarray:
-    """How far the numbers (P,) move for each unit of the share, to first order."""
+def _steps(e: Optimum, acts: Sequence[str], most: int) -> list[np.ndarray]:
+    """How far the numbers (P,) move for each unit of the share of each error, to first order."""
     cells = evenly_spaced(e.model_f.shape[0], most)
     problem: FitProblem = e.problem.subset(cells)
     f, cos_i = e.model_f[cells], np.abs(np.asarray(problem.readings.cos_i))[:, None]
-    shift = f if acts == "factor" else np.broadcast_to(1.0 / (math.pi * np.maximum(cos_i, 1e-6)), f.shape)
     cosine = cos_i if uses_cosine(problem.loss) else 1.0
     with np.errstate(all="ignore"):
-        slope = np.nan_to_num(transform(problem.loss, f * cosine, problem.floor, np)[1] * cosine, posinf=0.0)
-    return step_towards(problem.retargeted(problem.compared(f) + slope * shift), e.p)
+        slope = np.nan_to_num(transform_slope(problem.loss, f * cosine, problem.floor) * cosine, posinf=0.0)
+    compared, steps = problem.compared(f), []
+    for one in acts:
+        shift = f if one == "factor" else np.broadcast_to(1.0 / (math.pi * np.maximum(cos_i, 1e-6)), f.shape)
+        steps.append(step_towards(problem.retargeted(compared + slope * shift), e.p))
+    return steps

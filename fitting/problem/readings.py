@@ -122,7 +122,10 @@ def rows_of(a: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 def evenly_spaced(channels: int, most: int) -> np.ndarray:
     """Indices of at most so many channels, the first and the last among them."""
-    return np.unique(np.linspace(0, channels - 1, min(channels, most)).astype(int))
+    if most >= channels:
+        return np.arange(channels)
+    numbers = np.linspace(0, channels - 1, most).astype(int)
+    return numbers[np.diff(numbers, prepend=-1) > 0]
 
 
 def readings_of(table: Table, limit: int | None = None, theta_max: float | None = None, seed: int = 0) -> Readings:
