@@ -16,8 +16,9 @@ from gonio.models.compiled.sums import Rows, SumsProgram
 
 SMALLEST = 1e-100
 """Values below it have the cube root 0 in loops: their squares are no normal numbers."""
-MANY = 1 << 22
-"""Readings, channels counted apart, from which on the median is that of numbers in single precision."""
+BRACKETED, MANY = 1 << 18, 1 << 22
+"""Readings, channels counted apart, from which on only the middle ones are kept for the median, and in single
+precision."""
 SAMPLED, BRACKET = 1 << 14, (0.45, 0.55)
 """Cells from which a bracket is taken, and its quantiles: 25 standard deviations of a quantile apart."""
 PADDED = 16
@@ -35,7 +36,8 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
         `relative_rms` = √(Σ(m−y)²/Σy²); `relative_rms_cosine`, the same of f cosθi cosθo; `median_relative`, the
         median of |m−y|/|y|; `log_rms` of log(1+f) [Ngan 2005]; `cbrt_rms` of (f cosθi)^⅓; `bias`, the mean of m−y.
     """
-    sums, median = np.zeros(7), _Median(None if readings.f.size <= MANY else _bracket(model_f, readings))
+    bracket = _bracket(model_f, readings) if readings.f.size > BRACKETED else None
+    sums, median = np.zeros(7), _Median(bracket, np.float32 if readings.f.size > MANY else np.float64)
     complete, buffer = bool(readings.valid.all()), np.zeros(0)
     for chunk in chunks(*readings.f.shape):
         rows = readings.f[chunk].shape
@@ -59,7 +61,7 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
     return {
         "relative_rms": float(ratios[0]),
         "relative_rms_cosine": float(ratios[1]),
-        "median_relative": _median_of_all(model_f, readings) if median.missed else median.value(),
+        "median_relative": _median_of_all(model_f, readings, median.kind) if median.missed else median.value(),
         "log_rms": float(np.sqrt(sums[4] / count)),
         "cbrt_rms": float(np.sqrt(sums[5] / count)),
         "bias": float(sums[6] / count),
@@ -67,17 +69,18 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
 
 
 class _Median:
-    """The median of numbers that come in parts; of very many only those in a bracket are kept, in single precision."""
+    """The median of numbers that come in parts; with a bracket, only those in it are kept."""
 
-    def __init__(self, bracket: tuple[float, float] | None) -> None:
+    def __init__(self, bracket: tuple[float, float] | None, kind: type[np.floating] = np.float64) -> None:
         self.kept: list[np.ndarray] = []
+        self.kind = kind
         self.bracket, self.below, self.count = bracket, 0, 0
 
     def add(self, some: np.ndarray) -> None:
         """Take in some of the numbers."""
         self.count += some.size
         if self.bracket is not None:
-            some, (low, high) = some.astype(np.float32), self.bracket
+            some, (low, high) = some.astype(self.kind, copy=False), self.bracket
             self.below += int(np.count_nonzero(some < low))
             some = some[(some >= low) & (some <= high)]
         self.kept.append(np.array(some))
@@ -115,12 +118,12 @@ def _bracket(model_f: np.ndarray, readings: Readings) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _median_of_all(model_f: np.ndarray, readings: Readings) -> float:
-    every = _Median(None)
+def _median_of_all(model_f: np.ndarray, readings: Readings, kind: type[np.floating]) -> float:
+    every = _Median(None, kind)
     for chunk in chunks(*readings.f.shape):
         y, m = readings.f[chunk], model_f[chunk]
         used = readings.valid[chunk] & (y != 0)
-        every.add((np.abs(m[used] - y[used]) / np.abs(y[used])).astype(np.float32))
+        every.add((np.abs(m[used] - y[used]) / np.abs(y[used])).astype(every.kind))
     return every.value()
 
 

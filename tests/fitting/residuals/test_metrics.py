@@ -54,6 +54,8 @@ def test_a_bracket_that_misses_the_median_changes_nothing(monkeypatch):
     usual = metrics(model, readings)
     monkeypatch.setattr("gonio.fitting.problem.readings.CHUNK", 300)  # several pieces
     assert metrics(model, readings) == pytest.approx(usual, rel=1e-12)
+    monkeypatch.setattr(metrics_module, "BRACKETED", 100)
+    assert metrics(model, readings) == pytest.approx(usual, rel=1e-12)
     monkeypatch.setattr(metrics_module, "MANY", 100)
     assert metrics(model, readings) == pytest.approx(usual, rel=1e-6)
     monkeypatch.setattr(metrics_module, "BRACKET", (0.9, 0.95))
