@@ -5,7 +5,7 @@ model follows them, and no residual shows them.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -36,13 +36,27 @@ def common_errors(table: Table, optima: Sequence[Optimum], free: Sequence[Parame
 
     Returns:
         For each term `name`, `meaning`, `stated` (a share, or None where nothing states it), `number` that it moves
-        most, and `equal`: the share that moves this by one standard uncertainty. Nothing where all is known exactly.
+        most, `equal`: the share that moves this by one standard uncertainty, and `fitted`: that `--nuisance` takes it
+        in. Nothing where all is known exactly.
     """
-    stated = _stated(table)
-    if not stated or any(e.exact or not e.converged for e in optima):
+    if any(e.exact or not e.converged for e in optima):
         return []
-    rows: list[dict[str, Any]] = []
-    moves = _moves(optima, free, sorted({TERMS[name].acts for name in stated}))
+    rows = left_out(table.provenance, lambda acts: _moves(optima, free, acts))
+    return [row | {"fitted": True} for row in rows]
+
+
+def left_out(
+    provenance: Mapping[str, Any], moves_by: Callable[[Sequence[str]], Mapping[str, tuple[str, float]]]
+) -> list[dict[str, Any]]:
+    """The same of anything that was fitted.
+
+    Args:
+        provenance: of the readings.
+        moves_by: by "factor" and "offset" the number that it moves most, and by how many standard uncertainties for
+            each unit of its share.
+    """
+    stated, rows = _stated(provenance), []
+    moves = moves_by(sorted({TERMS[name].acts for name in stated}))
     for name, size in stated.items():
         label, moved = moves[TERMS[name].acts]
         if moved * (USUAL[name] if size is None else size) > (1.0 if size is None else NOTEWORTHY):
@@ -58,9 +72,10 @@ def common_error_words(rows: Sequence[Mapping[str, Any]]) -> str:
     worst, names = rows[0], ",".join(row["name"] for row in rows)
     if worst.get("stated") is not None:
         size, moved = 100 * worst["stated"], worst["stated"] / worst["equal"]
+        remedy = f"; --nuisance {names} takes it in" if worst.get("fitted") else ""
         return (
             f"its standard uncertainties leave out the stated {worst['meaning']}: ± {size:.3g} % moves "
-            f"{worst['number']} by {moved:.2g} of them; --nuisance {names} takes it in"
+            f"{worst['number']} by {moved:.2g} of them{remedy}"
         )
     sizes = " or ".join(f"{100 * row['equal']:.2g} % ({row['name']}, {row['number']})" for row in rows)
     return (
@@ -79,9 +94,9 @@ def common_error_note(rows: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def _stated(table: Table) -> dict[str, float | None]:
+def _stated(provenance: Mapping[str, Any]) -> dict[str, float | None]:
     """Standard uncertainties, as shares, of factors and offsets; None of what nothing states."""
-    instrument = table.provenance.get("instrument")
+    instrument = provenance.get("instrument")
     if instrument == "ideal":
         return {}
     if not isinstance(instrument, dict):

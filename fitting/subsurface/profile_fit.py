@@ -11,6 +11,7 @@ from scipy.special import chdtrc, stdtrit
 from gonio.data.material import Material
 from gonio.data.profile import Profile
 from gonio.data.profile_files import open_profile
+from gonio.fitting.common_errors import left_out
 from gonio.fitting.problem.parameterisation import LOG, LOG1P, Domains
 from gonio.fitting.residuals.noise_tests import noise_tests
 from gonio.fitting.subsurface.free_index import fit_with_free_index
@@ -189,12 +190,14 @@ class _Spread:
 def _result(profile: Profile, model: str, request: Request, solved: Solved) -> ProfileFit:
     optima, known, misfits = solved
     undetermined, parameters, covariances = [], [], []
+    spreads: list[_Spread] = []
     notes = [] if "eta" in request.call.values else [NO_INDEX]
     freedom = [max(int(np.count_nonzero(o.residual)) - int(request.free.sum()), 0) for o in optima]
     for c, (o, dof) in enumerate(zip(optima, freedom, strict=True)):
         name = profile.channels.names[c] if len(optima) > 1 else None
         spread = _spread(o, request.free, dof, known[c], "" if name is None else f"[{name}]")
         parameters += _estimates(o, request, spread, c, name)
+        spreads.append(spread)
         covariances.append(_of_free_numbers(spread.covariance, request, c))
         undetermined += spread.sentences
         if known[c] and dof and chdtrc(dof, o.cost) < LEVEL:
@@ -226,7 +229,33 @@ def _result(profile: Profile, model: str, request: Request, solved: Solved) -> P
         material, model, parameters, converged, reason, metrics, int(profile.valid.sum()),
         sum(o.cost for o in optima), STARTS, min(o.agreed for o in optima), undetermined, notes,
         _residuals(profile, solved, sum(freedom)), profile.name, covariance_by_channel=_numbered(covariances),
+        common_errors=_common_errors(profile, request, optima, spreads) if converged and not exact else [],
     )  # fmt: skip
+
+
+def _common_errors(
+    profile: Profile, request: Request, optima: list[ProfileOptimum], spreads: list[_Spread]
+) -> list[dict[str, Any]]:
+    """What all readings share and the uncertainties leave out."""
+
+    def moves_by(acts: str) -> tuple[str, float]:
+        label, largest = "", 0.0
+        for c, (o, spread) in enumerate(zip(optima, spreads, strict=True)):
+            weight, _ = _weights(profile, c)
+            area = profile.illuminated_radius**2 or 1.0
+            y = np.where(profile.valid[:, c], profile.value[:, c], 0.0)
+            shift = y if acts == "factor" else np.full(y.shape, 1 / (np.pi * area))
+            movable = request.free & ~spread.undetermined & np.array([not o.at_bound, True])
+            if not movable.any():
+                continue
+            step = np.linalg.lstsq(o.jacobian[:, movable], shift * weight, rcond=1e-12)[0]
+            for k, moved in zip(np.flatnonzero(movable), np.abs(step) / spread.u[movable], strict=True):
+                if moved > largest:
+                    channel = f"[{profile.channels.names[c]}]" if len(optima) > 1 else ""
+                    label, largest = f"{request.call.name}.{('sigma_a', 'sigma_s')[k]}{channel}", float(moved)
+        return label, largest
+
+    return left_out(profile.provenance, lambda acts: {one: moves_by(one) for one in acts})
 
 
 def _of_free_numbers(covariance: np.ndarray, request: Request, c: int) -> np.ndarray:

@@ -28,6 +28,7 @@ class ProfileFit(Displayed):
         undetermined, notes: sentences.
         residuals: `noisiness`, whether the residuals along the offsets are noise, structure or rounding.
         profile: name of the profile; `alternatives`: what else was fitted.
+        common_errors: what all readings share and the standard uncertainties leave out; see `common_errors`.
         covariance_by_channel: of each channel `numbers`, places among the free ones, and their `covariance`.
     """
 
@@ -47,6 +48,7 @@ class ProfileFit(Displayed):
     profile: str = ""
     alternatives: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     covariance_by_channel: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    common_errors: list[dict[str, Any]] = dataclasses.field(default_factory=list)
 
     @property
     def material(self) -> Material:
@@ -56,7 +58,7 @@ class ProfileFit(Displayed):
     @property
     def judgement(self) -> FitJudgement:
         """Whether it is good, in one sentence."""
-        facts = ("converged", "reason", "metrics", "undetermined", "residuals")
+        facts = ("converged", "reason", "metrics", "undetermined", "residuals", "common_errors")
         return judge_fit({name: getattr(self, name) for name in facts})
 
     @property
@@ -84,6 +86,7 @@ class ProfileFit(Displayed):
             "notes",
             "residuals",
             "covariance_by_channel",
+            "common_errors",
         )
         facts = {name: getattr(self, name) for name in names}
         numbers = [dataclasses.asdict(p) | {"label": p.label} for p in self.parameters]

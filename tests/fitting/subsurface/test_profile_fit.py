@@ -54,6 +54,23 @@ def test_noisy_profiles_are_within_their_uncertainties(exact):
     assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.5 and np.abs(z).max() < 4.5
 
 
+def test_a_gain_or_a_dark_signal_moves_a_fit_as_far_as_it_says(exact):
+    profile = dataclasses.replace(with_noise(exact, np.random.default_rng(0)), provenance={})
+    before = fit_profile(profile, MODEL)
+    assert "which nothing states" in before.judgement.sentence
+    for row in before.common_errors:
+        dark = row["equal"] / (np.pi * SPOTS["illuminated_radius"] ** 2)
+        value = profile.value + dark if row["name"] == "dark" else profile.value * (1 + row["equal"])
+        moved, name = (
+            numbers(fit_profile(dataclasses.replace(profile, value=value), MODEL)),
+            row["number"].split(".")[1],
+        )
+        old = numbers(before)[name]
+        assert abs(moved[name].value - old.value) / old.standard_uncertainty == pytest.approx(1.0, abs=0.05)
+    stated = fit_profile(dataclasses.replace(profile, provenance={"instrument": {"calibration": 0.02}}), MODEL)
+    assert stated.judgement.verdict == "fair" and "± 2 % moves" in stated.judgement.sentence
+
+
 @pytest.mark.thorough
 def test_a_model_that_does_not_follow_an_exact_profile_is_not_called_good():
     """The same dipole by another index: its residuals are not noise, and what was assumed is said."""
