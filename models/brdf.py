@@ -39,6 +39,9 @@ class AbstractBRDF(eqx.Module):
     lobe: ClassVar[bool] = False
     """Whether the model is a lobe without an albedo of its own, which a fit gives a free scale."""
 
+    prepared: ClassVar[bool] = False
+    """Whether much of the formula depends on parameters alone: a fit then computes that apart, once for each step."""
+
     violates: ClassVar[Mapping[str, str]] = {}
     """The laws (energy, reciprocity, positivity) that the published formula breaks, and where: one sentence each."""
 

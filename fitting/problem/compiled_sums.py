@@ -4,6 +4,7 @@ For models at points, on the processor, in double precision: what the program of
 compiled in a tenth of the time. What it does not take is XLA's.
 """
 
+import ctypes
 import functools
 import itertools
 import math
@@ -24,6 +25,7 @@ from gonio.fitting.problem.readings import AnyArray, transform, uses_cosine
 from gonio.models.compiled.dispatch import usable
 from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.sums import Rows, SumsProgram
+from gonio.models.expression.builder import prepared
 from gonio.models.fingerprint import program_name
 from gonio.models.geometry.directions import Direction
 
@@ -32,6 +34,8 @@ KEPT = 128
 SCRATCH = 1 << 16
 """Samples whose f is stored at a time where it is not kept."""
 LOCK = threading.RLock()
+LAST = 64
+"""Vectors of numbers whose part of a formula without directions a process remembers."""
 NOTHING = np.zeros(0)
 """Parameters of loops that take all numbers as what is the same for all elements."""
 
@@ -62,7 +66,8 @@ class _Programs:
             return _rows(s, loss, p, jax.tree.unflatten(tree, rest), list(numbers))
 
         name = program_name("sums", s.frames, s.free, s.channels, whole.channels, loss, str(tree), shapes)
-        self.rows = Rows(rows, [], s.size + known, steps, name=name)
+        self.rows = Rows(rows, [], s.size + known, steps, name=name, prepared=any(map(prepared, s.frames)))
+        self.prepared = functools.lru_cache(LAST)(lambda row: self.rows.parameters([], np.frombuffer(row)))
         self.plain  # noqa: B018  (where it is unsupported, all is)
 
     @functools.cached_property
@@ -246,7 +251,12 @@ class BoundSums:
         addresses[:, :, numbers : numbers + self._places.shape[1]] = self._places + first * self._steps
         if stores:
             addresses[:, :, -1] = f.ctypes.data + f.strides[0] * np.arange(parts)
-        sums = program(NOTHING, addresses.reshape(len(p) * parts, -1), count)
+        addresses, parameters = addresses.reshape(len(p) * parts, -1), NOTHING
+        if before := programs.rows.prepared:
+            scalars = [[ctypes.c_double.from_address(a).value for a in row] for row in addresses[:, :before].tolist()]
+            parameters = np.stack([programs.prepared(np.array(row).tobytes()) for row in scalars])
+            addresses = np.ascontiguousarray(addresses[:, before:])
+        sums = program(parameters, addresses, count)
         return sums, f[:, : self._number]
 
 

@@ -1,5 +1,6 @@
 """What of a formula does not depend on directions: computed in NumPy, once for each set of parameters."""
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -11,6 +12,8 @@ from gonio.models.compiled.arrays import MOVES
 
 INLINED = ("pjit", "jit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "remat", "checkpoint")
 """Calls of a part of the formula."""
+WHOLE: set[str] = set()
+"""Names of calls that run as programs of their own."""
 ELEMENTWISE: dict[str, Callable[..., Any]] = {
     "add": np.add, "add_any": np.add, "sub": np.subtract, "mul": np.multiply, "max": np.maximum, "min": np.minimum,
     "neg": np.negative, "abs": np.abs, "sqrt": np.sqrt, "exp": np.exp, "exp2": np.exp2, "expm1": np.expm1,
@@ -20,6 +23,21 @@ ELEMENTWISE: dict[str, Callable[..., Any]] = {
     "lt": np.less, "le": np.less_equal, "gt": np.greater, "ge": np.greater_equal, "eq": np.equal, "ne": np.not_equal,
     "and": np.bitwise_and, "or": np.bitwise_or, "xor": np.bitwise_xor, "not": np.invert,
 }  # fmt: skip
+
+
+def whole(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`jax.jit` of a function of parameters: of a formula's steps, it is taken as one, and is not NumPy's."""
+    WHOLE.add(function.__name__)
+    return jax.jit(function)
+
+
+@functools.lru_cache(maxsize=64)
+def _executable(closed: Any) -> Callable[..., Any]:
+    return jax.jit(core.jaxpr_as_fun(closed))
+
+
+def is_whole(step: Any) -> bool:
+    return step.params.get("name") in WHOLE and step.primitive.name in INLINED
 
 
 def equation(step: Any, values: Sequence[np.ndarray]) -> list[np.ndarray]:
@@ -32,6 +50,9 @@ def equation(step: Any, values: Sequence[np.ndarray]) -> list[np.ndarray]:
 
 def _results(step: Any, values: Sequence[np.ndarray]) -> Sequence[Any]:
     name, parameters = step.primitive.name, step.params
+    if is_whole(step):
+        with jax.ensure_compile_time_eval():
+            return [np.asarray(a) for a in _executable(called(step))(*values)]
     if name in INLINED:
         return program(called(step), values)
     if name == "scan":

@@ -143,10 +143,10 @@ def addresses(arrays: Sequence[np.ndarray]) -> np.ndarray:
     return np.array([a.ctypes.data for a in arrays], np.uintp)
 
 
-def translated(trace: Any, leaves: Sequence[Any], inputs: int) -> Traced:
+def translated(trace: Any, leaves: Sequence[Any], inputs: int, sparing: bool = False) -> Traced:
     """The graph of a trace; what is in it in an unforeseen form, as a user's model may bring, is XLA's."""
     try:
-        graph = traced(trace, inputs)
+        graph = traced(trace, inputs, sparing)
         graph.parameters([np.asarray(v) for v in leaves])
         return graph
     except (TypeError, ValueError, LookupError, NotImplementedError) as error:

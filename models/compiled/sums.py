@@ -35,6 +35,7 @@ class Rows:
         steps: Sequence[int],
         outer: int = 0,
         name: str = "",
+        prepared: bool = False,
     ):
         """The rows `formula(leaves, *scalars, *of_outer, *elements)`, a value with one axis.
 
@@ -46,6 +47,8 @@ class Rows:
             outer: how many arrays there are of a loop around that over the elements.
             name: another process knows the formula by it: its kept programs are used without a trace. Only where
                 there are no leaves.
+            prepared: what depends on leaves and scalars alone is computed before the loops (`parameters`), which take
+                no scalars then: for models of which this is much.
 
         Raises:
             Unsupported: the formula, or this processor, is none of those that programs are written for; of a formula
@@ -56,11 +59,11 @@ class Rows:
             raise Unsupported("this processor")
         self.machine: Machine = target
         self.name, self._formula, self._leaves = name, formula, leaves
-        self._count = scalars + outer + len(steps)
+        self.prepared, self._count = scalars if prepared else 0, scalars + outer + len(steps)
         inner = 1 if outer else 0
         self.axes, self.lanes = 1 + inner, target.vector_bytes // BYTES
         self.inputs = (
-            *[emission.Input("f64", ())] * scalars, *[emission.Input("f64", (0,))] * outer,
+            *[emission.Input("f64", ())] * (scalars - self.prepared), *[emission.Input("f64", (0,))] * outer,
             *(emission.Input("f64", (inner,), step) for step in steps),
         )  # fmt: skip
         if not name:
@@ -71,7 +74,12 @@ class Rows:
         """The formula as a graph. Raises Unsupported."""
         shapes = [jax.ShapeDtypeStruct(np.shape(v), np.asarray(v).dtype) for v in self._leaves]
         trace = jax.make_jaxpr(self._formula)(shapes, *[jax.ShapeDtypeStruct((), np.float64)] * self._count)
-        return translated(trace, self._leaves, self._count)
+        before = [*self._leaves, *np.ones(self.prepared)]
+        return translated(trace, before, self._count - self.prepared, self.prepared > 0)
+
+    def parameters(self, leaves: Sequence[np.ndarray], scalars: np.ndarray) -> np.ndarray:
+        """What loops are given as parameters, of these leaves and scalars."""
+        return self.trace.parameters([*leaves, *np.atleast_1d(scalars)[: self.prepared]])
 
     @functools.cached_property
     def nodes(self) -> list[int]:
@@ -114,9 +122,9 @@ class SumsProgram:
         """Sums of shape (S, products), or None where the program does not know that they are right.
 
         Args:
-            parameters: `rows.trace.parameters` of the leaves.
-            addresses: where the scalars, the arrays of elements, and what is stored begin, for each of S (S, arrays);
-                the arrays have to outlive the call.
+            parameters: `rows.parameters` of the leaves; of rows that are prepared, for each of S (S, parameters).
+            addresses: where the scalars (of rows that are prepared, none), the arrays of elements, and what is stored
+                begin, for each of S (S, arrays); the arrays have to outlive the call.
             count: elements, a multiple of a vector's numbers.
         """
         vectors, lanes = count // self.rows.lanes, self.rows.lanes
@@ -127,12 +135,13 @@ class SumsProgram:
         # Asked for once: that takes as long as a call.
         first_address, first_part, of_all, of_length = (a.ctypes.data for a in (addresses, parts, parameters, length))
         step, each, call = addresses.strides[0], parts.strides[1], self.code.call
+        of_each = parameters.strides[0] if parameters.ndim > 1 else 0
 
         def work(first: int, last: int) -> int:
             status = 0
             for k in range(first, last):
                 s, piece = divmod(k, pieces)
-                places = of_all, first_address + step * s, first_part + each * k
+                places = of_all + of_each * s, first_address + step * s, first_part + each * k
                 status |= call(*places, edges[piece], edges[piece + 1], of_length)
             return status
 

@@ -64,13 +64,19 @@ class Traced(NamedTuple):
         return np.array([values[k.index].reshape(-1)[e] for k, e in self.slots], np.float64)
 
 
-def traced(closed: Any, inputs: int) -> Traced:
+def traced(closed: Any, inputs: int, sparing: bool = False) -> Traced:
     """The graph of a trace whose last operands, scalars, are the directions' components and whose others are known.
+
+    Args:
+        closed: the trace.
+        inputs: how many operands the directions' components are.
+        sparing: steps are those alone that calls which run as programs of their own need; of others that depend on no
+            direction, the graph has the operations.
 
     Raises:
         Unsupported: something depends on the directions in a way that is not translated.
     """
-    jaxpr, tracer = closed.jaxpr, _Tracer()
+    jaxpr, tracer = closed.jaxpr, _Tracer(sparing)
     leaves = len(jaxpr.invars) - inputs
     values: list[Value] = [tracer.known(v.aval) for v in jaxpr.invars[:leaves]]
     for k, v in enumerate(jaxpr.invars[leaves:]):
@@ -80,7 +86,7 @@ def traced(closed: Any, inputs: int) -> Traced:
     outputs = tracer.nodes(result)
     if outputs.dtype not in ("f32", "f64"):
         raise Unsupported(f"a value of {outputs.dtype}")
-    return Traced(tracer.graph, outputs.ids, tuple(tracer.steps), tuple(tracer.slots), leaves)
+    return Traced(tracer.graph, outputs.ids, tracer.needed_steps(), tuple(tracer.slots), leaves)
 
 
 def kind(aval: Any) -> str:
@@ -92,9 +98,11 @@ def kind(aval: Any) -> str:
 
 
 class _Tracer:
-    def __init__(self) -> None:
+    def __init__(self, sparing: bool) -> None:
         self.graph = Graph(LIMIT)
+        self.sparing = sparing
         self.steps: list[Step] = []
+        self.producers: dict[int, Step] = {}
         self.slots: list[tuple[Known, int]] = []
         self.count = 0
         self._given: dict[int, Nodes] = {}
@@ -102,6 +110,15 @@ class _Tracer:
     def known(self, aval: Any) -> Known:
         self.count += 1
         return Known(self.count - 1, aval)
+
+    def needed_steps(self) -> tuple[Step, ...]:
+        """The steps that the graph's parameters are made by."""
+        needed, steps = {k.index for k, _ in self.slots}, []
+        for step in reversed(self.steps):
+            if not needed.isdisjoint(step.results):
+                steps.append(step)
+                needed |= {o.index for o in step.operands if isinstance(o, Known)}
+        return tuple(reversed(steps))
 
     def nodes(self, value: Value) -> Nodes:
         """A value as nodes: constants, or parameters."""
@@ -111,7 +128,12 @@ class _Tracer:
             dtype = kind(value)
             return Nodes(self._each(lambda x: self.graph.constant(x, dtype), value), dtype)
         if value.index not in self._given:
-            self._given[value.index] = self._parameters(value)
+            step = self.producers.get(value.index)
+            if self.sparing and step is not None and not known.is_whole(step.equation):
+                made = self.equation(step.equation, [self.nodes(o) for o in step.operands])
+                self._given.update(zip(step.results, map(self.nodes, made), strict=True))
+            else:
+                self._given[value.index] = self._parameters(value)
         return self._given[value.index]
 
     def _parameters(self, value: Known) -> Nodes:
@@ -145,11 +167,13 @@ class _Tracer:
         name, parameters = equation.primitive.name, equation.params
         if all(isinstance(v, np.ndarray) for v in values):
             return known.equation(equation, values)  # pyright: ignore[reportArgumentType]
-        if name in known.INLINED:
+        whole = known.is_whole(equation) and not any(isinstance(v, Nodes) for v in values)
+        if name in known.INLINED and not whole:
             return self.program(known.called(equation), values)
         if not any(isinstance(v, Nodes) for v in values):
             results = [self.known(v.aval) for v in equation.outvars]
             self.steps.append(Step(equation, tuple(values), tuple(r.index for r in results)))  # pyright: ignore[reportArgumentType]
+            self.producers.update(dict.fromkeys(self.steps[-1].results, self.steps[-1]))
             return results
         if name == "scan":
             return self._scan(values, **parameters)

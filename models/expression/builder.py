@@ -76,6 +76,11 @@ def frame(term: Term) -> Frame:
     return Frame(term.call.name, tuple(sorted(term.call.options.items())), inside)
 
 
+def prepared(of: Frame) -> bool:
+    """Whether the model, or one inside it, is `AbstractBRDF.prepared`."""
+    return MODELS[of.name].prepared or any(prepared(part) for _, parts in of.inside for part in parts)
+
+
 def assemble(of: Frame, values: dict[str, jnp.ndarray]) -> AbstractBRDF:
     """One term of the given numbers by their paths (see `paths`), which may be traced by JAX."""
     fields: dict[str, Any] = {n: v for n, v in values.items() if "." not in n and n != FACTOR}
