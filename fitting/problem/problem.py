@@ -154,10 +154,15 @@ class FitProblem:
 
     def averaged(self, rules: np.ndarray | None, cells: np.ndarray | None = None) -> "FitProblem":
         """The same problem with the model averaged by these rules (n,), on some of the cells if given."""
+        readings, weight = self.readings, self.weight
+        if cells is not None:
+            readings, weight = readings.part(cells), rows_of(weight, cells)
+            rules = None if rules is None else rules[cells]
+        if rules is None:
+            return FitProblem.create(self.parameters, self.fixed, self.loss, readings, weight, self.floor)
         if cells is None:
             return dataclasses.replace(self, rules=rules)
-        readings, rules = self.readings.part(cells), None if rules is None else rules[cells]
-        weight, targets = rows_of(self.weight, cells), rows_of(self.targets, cells)
+        targets = self.targets[cells]
         norm_squared = float(np.sum((weight * targets) ** 2))
         return dataclasses.replace(
             self, readings=readings, weight=weight, targets=targets, target_norm_squared=norm_squared, rules=rules
