@@ -17,7 +17,7 @@ from gonio.data.channels import Channels
 from gonio.data.files import new_file, stem
 from gonio.data.flags import Flag
 from gonio.data.formats.csv.columns import CsvText, write_columns
-from gonio.data.formats.csv.cut_off import cut_off
+from gonio.data.formats.csv.cut_off import cut_off, ends_early
 from gonio.data.formats.csv.directions import Directions, direction_columns, read_angles
 from gonio.data.formats.csv.header import ANGLES, LENGTHS_NM, VECTORS, value_names
 from gonio.data.formats.csv.listed_rows import SAME_DIRECTION, table_of_rows
@@ -67,8 +67,8 @@ def read_csv(
     statements = Statements(text.path, text.comments)
     values = value_columns(text, statements, quantity)
     wavelength = text.sole("wavelength")
-    used = [c.name for c in (*direction_columns(text).values(), *([wavelength] if wavelength else []))]
-    used += [n for names in values.names.values() for n in names]
+    ordered = [c.name for c in (*direction_columns(text).values(), *([wavelength] if wavelength else []))]
+    used = [*ordered, *(n for names in values.names.values() for n in names)]
     numbers = text.numbers(used, values.names["f"] + values.names.get("u_f", []))
     directions = read_angles(text, statements, numbers, angles, mirror_azimuth)
     values = values._replace(coverage=coverage)
@@ -93,7 +93,7 @@ def read_csv(
     table.name = stem(path)
     media = {} if media_of(stated := statements.json(MEDIA), len(channels)) is None else {MEDIA: stated}
     table.provenance |= provenance | media | {"understood": [*text.understood, *understood]}
-    warnings = cut_off(text)
+    warnings = cut_off(text) or ends_early([numbers[n] for n in ordered])
     if not statements.by_gonio:
         warnings += suspicions(table, not directions.unit_known, not values.quantity_known)
     table.provenance |= {"warnings": warnings} if warnings else {}
