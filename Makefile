@@ -1,5 +1,5 @@
 # make demo: set up and do the whole job on bundled materials.   make test: set up and pass the tests.
-# make thorough: all of them, the long ones too.
+# make thorough: all of them, the long ones too, every program compiled as users have it.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin

@@ -60,9 +60,10 @@ of optimised ones too."""
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item):
-    """Says how the programs of a test are compiled."""
+    """Says how the programs of a test are compiled; `make thorough` has all of them as users have them."""
     marked = item.get_closest_marker("quick_compilation") is not None
     optimised = item.path.relative_to(HERE).as_posix().startswith(AS_FOR_USERS) and not marked
+    optimised |= not item.config.option.markexpr
     jax.config.update("jax_disable_most_optimizations", not optimised)
 
 
