@@ -115,7 +115,9 @@ def _moves(
     optima: Sequence[Optimum], free: Sequence[ParameterEstimate], acts: Sequence[str]
 ) -> dict[str, tuple[str, float]]:
     """The number that each error moves most, and by how many standard uncertainties for each unit of its share."""
-    largest, first = dict.fromkeys(acts, ("", 0.0)), 0
+    nothing: tuple[str, float] = ("", 0.0)
+    largest = dict.fromkeys(acts, nothing)
+    first = 0
     most = max(MOST_COMPARED // len(optima), 1)
     for e in optima:
         each = free[first : first + e.p.size]

@@ -37,7 +37,8 @@ class DeferredValues(np.lib.mixins.NDArrayOperatorsMixin):
         return getattr(ufunc, method)(*(np.asarray(a) if a is self else a for a in inputs), **options)
 
     def __getitem__(self, key: Any) -> Any:
-        rows, channels = key if isinstance(key, tuple) and len(key) == 2 else (key, slice(None))
+        both: tuple[Any, Any] = key if isinstance(key, tuple) and len(key) == 2 else (key, slice(None))
+        rows, channels = both
         crossed = isinstance(rows, np.ndarray) and rows.ndim == 2 and rows.shape[1] == 1  # by `np.ix_`
         if not (crossed or isinstance(rows, slice) or (isinstance(rows, np.ndarray) and rows.ndim == 1)):
             return np.asarray(self)[key]

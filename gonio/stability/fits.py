@@ -70,12 +70,14 @@ def readings(
     theta_o = np.minimum(theta_o, top)
     grid = layouts.scattered(theta_i, phi_i, theta_o, np.mod(phi_o, 2 * np.pi))
     f = np.asarray(evaluate(build(truth), *grid.directions()), float)
+    # Nothing but the noise is unknown here: that a calibration is not stated would be a remark on every fit.
+    exact = {"provenance": {"instrument": "ideal"}}
     if not noise:
-        return whole_table_of_values(grid, f[:, None], name="no noise")
+        return whole_table_of_values(grid, f[:, None], name="no noise", **exact)
     sigma = noise * np.maximum(np.abs(f), 1e-3 * np.median(np.abs(f)) + 1e-6)
     read = f + sigma * rng.normal(size=count)
     read = np.where(rng.random(count) < spikes, 100 * read, read)
-    return whole_table_of_values(grid, read[:, None], u_f=sigma[:, None], name=f"{noise:g} noise")
+    return whole_table_of_values(grid, read[:, None], u_f=sigma[:, None], name=f"{noise:g} noise", **exact)
 
 
 NOISY = "2000 samples, 1 % noise", "2000 samples, 10 % noise", "60 samples, 1 % noise"

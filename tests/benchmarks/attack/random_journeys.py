@@ -86,7 +86,8 @@ def run(*arguments: str) -> tuple[int, str, str]:
 def missed(truth: dict[str, float], printed: str) -> list[str]:
     """Numbers of a fit that lie far from the truth although it is called good and notes nothing."""
     result = json.loads(printed)
-    if result["judgement"]["verdict"] != "good" or result["notes"]:
+    said = [note for note in result["notes"] if "which nothing states" not in note]  # of errors that are none here
+    if result["judgement"]["verdict"] != "good" or said:
         return []
     far = []
     for entry in result["parameters"]:

@@ -36,9 +36,9 @@ def outcome(problem: RecoveryProblem, seed: int) -> tuple[str, float, list[str]]
         return "refused", float("nan"), [str(error)]
     verdict = r.residuals.noisiness.verdict
     said = [] if r.converged else [f"not converged: {r.reason}"]
-    said += [
-        s for s in r.residuals.sentences if verdict == "structure" or "scales off" in s or "too few" in s
-    ] + r.notes
+    said += [s for s in r.residuals.sentences if verdict == "structure" or "scales off" in s or "too few" in s] + [
+        note for note in r.notes if "which nothing states" not in note
+    ]  # which every fit of a bare table says
     warned = bool(said)
     said += r.undetermined + [f"active bound: {b}" for b in r.active_bounds]
     if not problem.truths:
