@@ -46,19 +46,19 @@ def common_errors(table: Table, optima: Sequence[Optimum], free: Sequence[Parame
 
 
 def left_out(
-    provenance: Mapping[str, Any], moves_by: Callable[[Sequence[str]], Mapping[str, tuple[str, float]]]
+    provenance: Mapping[str, Any], moves_by: Callable[[Sequence[str]], Mapping[str, tuple[float, str]]]
 ) -> list[dict[str, Any]]:
     """The same of anything that was fitted.
 
     Args:
         provenance: of the readings.
-        moves_by: by "factor" and "offset" the number that it moves most, and by how many standard uncertainties for
-            each unit of its share.
+        moves_by: by "factor" and "offset" how many standard uncertainties it moves a number at most, for each unit of
+            its share, and the label of this number.
     """
     stated, rows = _stated(provenance), []
     moves = moves_by(sorted({TERMS[name].acts for name in stated}))
     for name, size in stated.items():
-        label, moved = moves[TERMS[name].acts]
+        moved, label = moves[TERMS[name].acts]
         if moved * (USUAL[name] if size is None else size) > (1.0 if size is None else NOTEWORTHY):
             meaning = TERMS[name].meaning
             rows.append({"name": name, "meaning": meaning, "stated": size, "number": label, "equal": 1.0 / moved})
@@ -113,10 +113,9 @@ def _stated(provenance: Mapping[str, Any]) -> dict[str, float | None]:
 
 def _moves(
     optima: Sequence[Optimum], free: Sequence[ParameterEstimate], acts: Sequence[str]
-) -> dict[str, tuple[str, float]]:
-    """The number that each error moves most, and by how many standard uncertainties for each unit of its share."""
-    nothing: tuple[str, float] = ("", 0.0)
-    largest = dict.fromkeys(acts, nothing)
+) -> dict[str, tuple[float, str]]:
+    """By how many standard uncertainties each error moves a number at most, for each unit of its share, and which."""
+    largest: dict[str, tuple[float, str]] = {}
     first = 0
     most = max(MOST_COMPARED // len(optima), 1)
     for e in optima:
@@ -126,8 +125,9 @@ def _moves(
             for p, d in zip(each, step, strict=True):
                 if p.status == "determined" and 0 < p.standard_uncertainty < math.inf and math.isfinite(d):
                     moved = abs(float(d)) / p.standard_uncertainty
-                    largest[one] = (p.label, moved) if moved > largest[one][1] else largest[one]
-    return largest
+                    if moved > largest.get(one, (0.0, ""))[0]:
+                        largest[one] = (moved, p.label)
+    return {one: largest.get(one, (0.0, "")) for one in acts}
 
 
 def _steps(e: Optimum, acts: Sequence[str], most: int) -> list[np.ndarray]:

@@ -39,11 +39,11 @@ class DeferredValues(np.lib.mixins.NDArrayOperatorsMixin):
     def __getitem__(self, key: Any) -> Any:
         both: tuple[Any, Any] = key if isinstance(key, tuple) and len(key) == 2 else (key, slice(None))
         rows, channels = both
-        crossed = isinstance(rows, np.ndarray) and rows.ndim == 2 and rows.shape[1] == 1  # by `np.ix_`
-        if not (crossed or isinstance(rows, slice) or (isinstance(rows, np.ndarray) and rows.ndim == 1)):
-            return np.asarray(self)[key]
-        some = self._of(rows[:, 0] if crossed else rows)
-        return some[:, np.ravel(channels) if crossed else channels]
+        if isinstance(rows, np.ndarray) and rows.ndim == 2 and rows.shape[1] == 1:  # by `np.ix_`
+            return self._of(rows[:, 0])[:, np.ravel(channels)]
+        if isinstance(rows, slice) or (isinstance(rows, np.ndarray) and rows.ndim == 1):
+            return self._of(rows)[:, channels]
+        return np.asarray(self)[key]
 
     def take(self, cells: np.ndarray, axis: int) -> np.ndarray:
         """Some of the rows (axis 0), as of an array."""

@@ -238,7 +238,7 @@ def _common_errors(
 ) -> list[dict[str, Any]]:
     """What all readings share and the uncertainties leave out."""
 
-    def moves_by(acts: str) -> tuple[str, float]:
+    def moves_by(acts: str) -> tuple[float, str]:
         label, largest = "", 0.0
         for c, (o, spread) in enumerate(zip(optima, spreads, strict=True)):
             weight, _ = _weights(profile, c)
@@ -253,7 +253,7 @@ def _common_errors(
                 if moved > largest:
                     channel = f"[{profile.channels.names[c]}]" if len(optima) > 1 else ""
                     label, largest = f"{request.call.name}.{('sigma_a', 'sigma_s')[k]}{channel}", float(moved)
-        return label, largest
+        return largest, label
 
     return left_out(profile.provenance, lambda acts: {one: moves_by(one) for one in acts})
 

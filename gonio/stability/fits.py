@@ -1,5 +1,7 @@
 """Fits of every model to tables of itself: right within five standard uncertainties, or it says what is not known."""
 
+from typing import Any
+
 import numpy as np
 
 from gonio.data import layouts
@@ -71,7 +73,7 @@ def readings(
     grid = layouts.scattered(theta_i, phi_i, theta_o, np.mod(phi_o, 2 * np.pi))
     f = np.asarray(evaluate(build(truth), *grid.directions()), float)
     # Nothing but the noise is unknown here: that a calibration is not stated would be a remark on every fit.
-    exact = {"provenance": {"instrument": "ideal"}}
+    exact: dict[str, Any] = {"provenance": {"instrument": "ideal"}}
     if not noise:
         return whole_table_of_values(grid, f[:, None], name="no noise", **exact)
     sigma = noise * np.maximum(np.abs(f), 1e-3 * np.median(np.abs(f)) + 1e-6)
