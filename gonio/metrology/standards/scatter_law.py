@@ -189,7 +189,8 @@ def _optimum(name: str, incidences: bytes, offsets: bytes, logs: bytes) -> tuple
         return best, np.full((3, 3), np.inf), scatter
     inverse, pulls = np.linalg.inv(normal), slopes * (value - y)[:, None]
     alone = inverse * scatter**2
-    ranges = np.argsort(np.argsort(x, kind="stable"), kind="stable") * RANGES // x.size
+    offset = np.round(x, 9)  # readings of one offset stand in one range
+    ranges = np.unique(np.searchsorted(np.sort(offset), offset) * RANGES // x.size, return_inverse=True)[1]
     nodes = np.unique(np.round(theta_i, 6), return_inverse=True)[1]
     together = inverse @ (_of_groups(pulls, ranges) + _of_groups(pulls, nodes)) @ inverse
     wider = np.sqrt(np.maximum(np.diagonal(together) / np.maximum(np.diagonal(alone), 1e-300), 1.0))
