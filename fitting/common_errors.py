@@ -22,6 +22,8 @@ NOTEWORTHY = 0.5
 """Standard uncertainties of a number that a stated error moves it by, from which on it is named."""
 USUAL = {"gain": 0.01, "dark": 0.001}
 """What good instruments reach, as a share of a white diffuser's signal: what nothing states may be as large."""
+NEEDED = {"name", "meaning", "number", "equal"}
+"""Of each row."""
 MOST_COMPARED = 1 << 14
 """Readings that are looked at; of more, evenly spaced ones."""
 
@@ -66,8 +68,11 @@ def left_out(
 
 
 def common_error_words(rows: Sequence[Mapping[str, Any]]) -> str:
-    """What is left out, in words; nothing for none. Rows may come from files, which leave out `stated` of None."""
-    if not rows:
+    """What is left out, in words; nothing for none, and where a row of a file lacks what it should hold.
+
+    Files leave out a `stated` of None.
+    """
+    if not rows or not all(row.keys() >= NEEDED and (row["equal"] or 0.0) > 0 for row in rows):
         return ""
     worst, names = rows[0], ",".join(row["name"] for row in rows)
     if worst.get("stated") is not None:

@@ -65,7 +65,7 @@ def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
         plural = "combination" if open_numbers == 1 else "combinations"
         fair.append(f"the readings leave {open_numbers} {plural} of its numbers open")
     shared = common_error_words(rows := fit.get("common_errors") or [])
-    if rows and rows[0].get("stated") is not None:
+    if shared and rows[0].get("stated") is not None:
         fair.append(shared)
         shared = ""
     verdict = FAILED if failed else POOR if poor else FAIR if fair else GOOD

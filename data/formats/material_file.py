@@ -31,6 +31,7 @@ FIT_KEYS: dict[str, Any] = {
     "colour_difference": {"name": str, "mean": NUMBER, "p95": NUMBER}, "correlation": [[NUMBER]],
     "correlated": [{"a": str, "b": str, "correlation": NUMBER}], "alternatives": [{"model": str}],
     "undetermined": [str], "notes": [str], "active_bounds": [str],
+    "common_errors": [{"name": str, "meaning": str, "number": str, "equal": NUMBER, "stated": NUMBER, "fitted": bool}],
 }  # fmt: skip
 """The kinds of what other modules take out of [fit], where it is there; "" stands for every other key."""
 

@@ -8,6 +8,7 @@ import pytest
 import gonio
 from gonio.data.layouts import isotropic
 from gonio.data.table import Table, whole_table_of_values
+from gonio.fitting.judgement import judge_fit
 
 MODEL = "lambert + ggx"
 LAYOUT = isotropic(np.radians([0, 30, 60]), np.radians(np.arange(0, 81, 10)), np.radians(np.arange(0, 360, 30)))
@@ -51,3 +52,8 @@ def test_a_stated_calibration_that_the_uncertainties_leave_out_is_a_fault_until_
 @pytest.mark.parametrize("instrument", ["ideal", {"photons": 1e6}])
 def test_an_instrument_without_such_errors_leaves_nothing_out(instrument: object) -> None:
     assert gonio.fit(table({}, instrument), MODEL).common_errors == []
+
+
+@pytest.mark.parametrize("row", [{"name": "dark"}, {"name": "gain", "meaning": "", "number": "", "equal": 0.0}])
+def test_a_row_of_a_file_that_lacks_something_says_nothing(row: dict[str, object]) -> None:
+    assert judge_fit({"converged": True, "common_errors": [row]}).sentence == "A good fit: it converged."
