@@ -1,5 +1,6 @@
 """All tests run in double precision, rank promotion is an error; processes of one run share compiled programs."""
 
+import atexit
 import gc
 import os
 import shutil
@@ -58,6 +59,9 @@ which take a third of the time to compile; those of fits, checks and pages, and 
 of optimised ones too."""
 
 
+LONGEST = ("test_documentation", "test_wheel", "reports/test_chapter", "cli/test_demo")
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item):
     """Says how the programs of a test are compiled; `make thorough` has all of them as users have them."""
@@ -67,7 +71,17 @@ def pytest_runtest_setup(item):
     jax.config.update("jax_disable_most_optimizations", not optimised)
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items):
+    """The longest tests come first, so that no worker is left alone with one of them at the end."""
+    items.sort(key=lambda item: not item.path.relative_to(HERE).as_posix().startswith(LONGEST))
+
+
 def pytest_sessionfinish():
-    """The compiled programs go with the run that made them."""
-    if not WORKER:
+    """The compiled programs go with the run that made them; all that a worker made goes at once, with its process."""
+    gc.collect(1)
+    gc.freeze()  # else all of it is looked through once more, and then given back one by one: tens of seconds
+    if WORKER:
+        atexit.register(os._exit, 0)  # before those that are registered by now
+    else:
         shutil.rmtree(PROGRAMS, ignore_errors=True)

@@ -3,6 +3,7 @@
 import ast
 import functools
 import io
+import textwrap
 import tokenize
 
 import pytest
@@ -47,17 +48,19 @@ def last_line(function: Function) -> int:
     return function.end_lineno or function.lineno
 
 
-def code_lines(text: str, tree: ast.Module) -> set[int]:
-    """Numbers of the lines that hold code: no blanks, comments or docstrings."""
+def code_lines(text: str, function: Function) -> int:
+    """Number of a function's lines that hold code: no blanks, comments or docstrings."""
     skipped = (tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER)
+    first, last = function.lineno, last_line(function)
+    body = textwrap.dedent("".join(text.splitlines(keepends=True)[first - 1 : last]))
     lines: set[int] = set()
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+    for token in tokenize.generate_tokens(io.StringIO(body).readline):
         if token.type not in skipped:
             lines.update(range(token.start[0], token.end[0] + 1))
-    for node in ast.walk(tree):
+    for node in ast.walk(function):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
-            lines -= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
-    return lines
+            lines -= set(range(node.lineno - first + 1, (node.end_lineno or node.lineno) - first + 2))
+    return len(lines)
 
 
 def identifiers(tree: ast.Module) -> set[str]:
@@ -95,13 +98,12 @@ def test_every_parameter_and_result_is_typed():
 
 
 def test_no_function_is_longer_than_a_screen():
-    lengths = {}
-    for name, those in every_function().items():
-        if not (long := [f for f, _ in those if last_line(f) - f.lineno >= MOST_LINES]):
-            continue
-        lines = code_lines(files()[name], trees()[name])
-        for f in long:
-            lengths[f"{name}:{f.name}"] = sum(f.lineno <= line <= last_line(f) for line in lines)
+    lengths = {
+        f"{name}:{f.name}": code_lines(files()[name], f)
+        for name, those in every_function().items()
+        for f, _ in those
+        if last_line(f) - f.lineno >= MOST_LINES
+    }
     assert lengths and {f: n for f, n in lengths.items() if n > MOST_LINES} == {}
 
 
