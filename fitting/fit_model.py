@@ -35,7 +35,7 @@ from gonio.fitting.refinement import Refinement, noise_of
 from gonio.fitting.solver.compiled_steps import compile_steps
 from gonio.fitting.solver.curvature import completed
 from gonio.fitting.solver.disc_choice import DiscAverages, choose_rules
-from gonio.fitting.solver.held_bounds import with_bounds_held
+from gonio.fitting.solver.fixed_bounds import with_bounds_fixed
 from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, minimise
 from gonio.fitting.solver.multistart import search
 from gonio.fitting.solver.robust_weights import KINDS as ROBUST_KINDS
@@ -290,8 +290,8 @@ def _optimum(task: FitTask) -> Optimum:
     best = optimum(end)
     if end.successful and not best.converged:  # the last step was not evaluated before, and did not do
         best = optimum(minimise(problem, [best.p], NEAR)[0])
-    if not best.converged and (held := with_bounds_held(problem, best.p)) is not None:
-        on_bounds = optimum(held)
+    if not best.converged and (refit := with_bounds_fixed(problem, best.p)) is not None:
+        on_bounds = optimum(refit)
         best = on_bounds if on_bounds.converged else best
     return dataclasses.replace(best, averages=averages)
 

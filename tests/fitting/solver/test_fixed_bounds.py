@@ -8,14 +8,16 @@ import pytest
 from gonio.fitting.problem.arrow import Arrow
 from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.parameterisation import LINEAR, Domains
-from gonio.fitting.solver.held_bounds import with_bounds_held
+from gonio.fitting.solver.fixed_bounds import with_bounds_fixed
+
+DOMAINS = Domains(np.full(2, LINEAR), np.array([0.5, 0.0]), np.array([1.0, 5.0]))
 
 
 @dataclasses.dataclass(frozen=True)
 class Valley:
     """r = (10⁵ (x y − 1), 10⁻² (x − 2)) with x in [½, 1]: its bottom, y = 1/x, falls towards x = 1, y = 1."""
 
-    domains: Domains = Domains(np.full(2, LINEAR), np.array([0.5, 0.0]), np.array([1.0, 5.0]))
+    domains: Domains = DOMAINS
     target_norm_squared: float = 1e10
     linear, order = np.zeros(2, bool), np.arange(2)
 
@@ -30,10 +32,10 @@ class Valley:
 def test_what_a_bound_moves_off_the_bottom_of_a_valley_comes_back_to_it():
     problem = Valley()
     # From (1 − 1e-10, 1 + 1e-10), on the bottom, the first number was put on its bound.
-    end = with_bounds_held(problem, np.array([1.0, 1.0 + 1e-10]))
+    end = with_bounds_fixed(problem, np.array([1.0, 1.0 + 1e-10]))
     assert end is not None and end.p[0] == 1.0
     assert abs(end.p[1] - 1.0) < 1e-15 and end.cost == pytest.approx(0.5e-4, rel=1e-12)
 
 
 def test_inside_all_bounds_nothing_is_held():
-    assert with_bounds_held(Valley(), np.array([0.75, 4 / 3])) is None
+    assert with_bounds_fixed(Valley(), np.array([0.75, 4 / 3])) is None
