@@ -19,7 +19,8 @@ class NoiseTests:
     `runs_z`: number of runs of one sign less its expectation, in standard deviations [Wald & Wolfowitz 1940];
     `runs_p`: probability of so few by chance, for all channels; `shared`: correlation of neighbours [von Neumann 1941],
     the share of the residuals' variance that is structure, with `shared_p` its probability; `chi2_p`: probability of a
-    χ² as large, where the noise is known.
+    χ² as large, where the noise is known; `channel_effect`: how many times the variance of a mean over the channels
+    exceeds that of independent ones, 1 where they do not err together.
     """
 
     verdict: str  # noise, structure, exact, or unknown (too few)
@@ -29,6 +30,24 @@ class NoiseTests:
     shared_p: float
     reduced_chi2: float
     chi2_p: float
+    channel_effect: float = 1.0
+
+
+def channel_effect(scaled: np.ndarray, valid: np.ndarray) -> float:
+    """How many times more a direction's sum over the channels varies than independent channels would; at least 1.
+
+    The flicker of a lamp is one for all wavelengths. It counts where residuals (n, C) of independent signs would
+    hardly agree as much.
+    """
+    t = np.where(valid, np.clip(scaled, -CLIP, CLIP), 0.0)
+    squares = t * t
+    each, together = squares.sum(axis=1), t.sum(axis=1) ** 2
+    # Of products of two channels whose signs are independent, the mean is 0 and this the variance.
+    variance = 2.0 * float(np.sum(each**2 - np.sum(squares**2, axis=1)))
+    if np.count_nonzero(each) < MIN_RESIDUALS or variance <= 0.0:
+        return 1.0
+    z = float(np.sum(together - each)) / math.sqrt(variance)
+    return max(1.0, float(together.sum() / each.sum())) if float(ndtr(-z)) < SIGNIFICANT else 1.0
 
 
 def runs_z(signs: np.ndarray) -> float:
@@ -61,7 +80,10 @@ def noise_tests(scaled: np.ndarray, valid: np.ndarray, chi2: float | None, freed
         exact: the residuals are rounding, and are not tested.
     """
     reduced = math.nan if chi2 is None else chi2 / max(freedom, 1)
-    chi2_p = math.nan if chi2 is None or freedom < 1 else float(chdtrc(freedom, chi2))
+    effect = 1.0 if exact else channel_effect(scaled, valid)
+    # Channels of correlation r are fewer independent squares, by 1 + (C - 1) r² where their sum varies 1 + (C - 1) r.
+    fewer = 1.0 + (effect - 1.0) ** 2 / max(scaled.shape[1] - 1, 1)
+    chi2_p = math.nan if chi2 is None or freedom < 1 else float(chdtrc(freedom / fewer, chi2 / fewer))
     if exact:
         return NoiseTests("exact", math.nan, math.nan, 0.0, math.nan, reduced, chi2_p)
     z, shared, shared_z, channels = math.inf, 0.0, -math.inf, 0
@@ -78,7 +100,7 @@ def noise_tests(scaled: np.ndarray, valid: np.ndarray, chi2: float | None, freed
         correlation = float(np.mean(t[1:] * t[:-1]) / np.mean(t * t))
         shared, shared_z = max(shared, correlation), max(shared_z, correlation * math.sqrt(t.size))
     if not channels:
-        return NoiseTests("unknown", math.nan, math.nan, math.nan, math.nan, reduced, chi2_p)
+        return NoiseTests("unknown", math.nan, math.nan, math.nan, math.nan, reduced, chi2_p, effect)
     p, shared_p = (min(1.0, channels * float(ndtr(v))) for v in (z, -shared_z))
     structure = min(p, shared_p) < SIGNIFICANT and shared > NEGLIGIBLE
-    return NoiseTests("structure" if structure else "noise", z, p, shared, shared_p, reduced, chi2_p)
+    return NoiseTests("structure" if structure else "noise", z, p, shared, shared_p, reduced, chi2_p, effect)

@@ -1,8 +1,9 @@
-"""Standard uncertainties where residuals are alike among neighbours, by incidences or blocks; and where they are few.
+"""Standard uncertainties where residuals are alike among neighbours or channels; and where they are few.
 
 What a model leaves out is no independent noise: readings of one neighbourhood err together, so that there are fewer
-independent ones than readings. The covariance is the jackknife's over clusters, each left out in turn and followed by
-the first step of a refit, with Student's quantile [Bell & McCaffrey 2002; MacKinnon, Nielsen & Webb 2023].
+independent ones than readings; likewise the channels of a direction under a lamp that flickers. The covariance is the
+jackknife's over clusters, each left out in turn and followed by the first step of a refit, with Student's quantile
+[Bell & McCaffrey 2002; MacKinnon, Nielsen & Webb 2023].
 """
 
 import dataclasses
@@ -30,6 +31,7 @@ UNKNOWN = 1e6  # times the uncertainty: a number that one cluster alone tells of
 ROUNDING = 1e-6  # residuals over readings, where tables stored in single precision are no better
 FEWEST_INCIDENCES = 10
 FEWEST = 100  # cells below which blocks say nothing
+FEWER_CHANNELS = 1.1  # times the variance of independent channels, below which uncertainties change by less than 5 %
 
 
 def with_clusters(e: Optimum, seed: int, noise_known: bool) -> tuple[Optimum, str | None]:
@@ -50,14 +52,22 @@ def with_clusters(e: Optimum, seed: int, noise_known: bool) -> tuple[Optimum, st
     readings, f = e.readings.part(cells).of_channels(channels), rows_of(e.model_f, cells)[:, channels]
     weight = rows_of(e.problem.weight, cells)
     some = np.any(weight > 0, axis=1)
-    if np.count_nonzero(some) < FEWEST:
-        return (e, None) if noise_known else (_with_cells(e, some), None)
+    few = np.count_nonzero(some) < FEWEST
+    if few and not noise_known:
+        return _with_cells(e, some)[0], None
     weight = weight[:, channels]
     residual, used = weighted_residuals(readings, e.problem.loss, e.problem.floor, weight, f), weight > 0
     scaled, wi, wo = residual / scales(residual, f, used), readings.wi, readings.wo
     orders = (neighbour_order(wi, wo), neighbour_order(wi, wo, by_incidence=True))
-    if all(noise_tests(rows_of(scaled, o), rows_of(used, o), None, n, False).verdict != "structure" for o in orders):
-        return e, None
+    tests = [noise_tests(rows_of(scaled, o), rows_of(used, o), None, n, False) for o in orders]
+    if few or all(t.verdict != "structure" for t in tests):
+        if tests[0].channel_effect < FEWER_CHANNELS or all(g.per_channel for g in e.parameters.free):
+            return e, None
+        wide, widest = _with_cells(e, some, cells)
+        return wide, widest and (
+            "the residuals of the channels are alike: the standard uncertainties are those of directions left out in "
+            f"all channels, up to {widest} times what independent noise of each would give"
+        )
     block, kind = _clusters(readings, scaled, some)
     clusters = int(block.max()) + 1
     number = min(clusters, MOST_CLUSTERS)
@@ -70,19 +80,27 @@ def with_clusters(e: Optimum, seed: int, noise_known: bool) -> tuple[Optimum, st
     )
 
 
-def _with_cells(e: Optimum, some: np.ndarray) -> Optimum:
-    """The optimum with the jackknife's uncertainties over pairs of directions, with Student's quantile.
+def _with_cells(e: Optimum, some: np.ndarray, cells: np.ndarray | None = None) -> tuple[Optimum, str | None]:
+    """The optimum with the jackknife's uncertainties over pairs of directions, and the largest factor as a text.
 
     A fit bends to each of a few readings, whose residuals then tell less than their noise [MacKinnon & White 1985]. A
-    pair is left out in all channels: what is wrong with a geometry is wrong in each of them.
+    pair is left out in all channels: what is wrong with a geometry is wrong in each of them. Of many pairs several are
+    left out together; `cells` are those of which `some` tells, where it is a choice.
     """
     groups = e.parameters.free
     fitted = len(groups) if e.parameters.channels == 1 else sum(g.per_channel for g in groups)
     number = int(np.count_nonzero(some))
     if number <= fitted + 1:
-        return e
+        return e, None
+    parts = number if number < FEWEST else MOST_CLUSTERS
     each = np.where(some, np.cumsum(some) - 1, -1)
-    return _widened(e, _steps(e, e.problem, each, number), number - fitted, 0.0)[0]
+    problem, share = e.problem, 1.0
+    if cells is not None:
+        # Neighbours in the order of the readings are left out with different parts.
+        problem, share = e.problem.subset(cells), cells.size / e.model_f.shape[0]
+        each = np.where(some, each % parts, -1)
+    step = _steps(e, problem, each, parts) * np.sqrt(share)
+    return _widened(e, step, (number - fitted) if parts == number else parts - 1, 0.0)
 
 
 def _widened(e: Optimum, step: np.ndarray, freedom: int, within: float) -> tuple[Optimum, str]:

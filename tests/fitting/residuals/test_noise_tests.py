@@ -28,6 +28,17 @@ def test_chi_squared_beside_scipy(freedom):
     assert tests.chi2_p == pytest.approx(stats.chi2.sf(value, freedom)) and tests.reduced_chi2 == pytest.approx(1.3)
 
 
+@pytest.mark.parametrize("channels", [2, 31])
+def test_equal_channels_are_one(channels):
+    """A flicker that all channels share is one sample a direction, for the mean and for χ² alike."""
+    one = np.random.default_rng(channels).standard_normal((500, 1))
+    chi2 = float(np.sum(one**2))
+    tests = judged(np.repeat(one, channels, axis=1), channels * chi2, channels * 500)
+    assert tests.channel_effect == pytest.approx(channels) and tests.verdict == "noise"
+    assert tests.chi2_p == pytest.approx(stats.chi2.sf(chi2, 500))
+    assert judged(np.random.default_rng(0).standard_normal((500, channels))).channel_effect == 1.0
+
+
 def test_noise_and_structure_are_distinguished():
     rng = np.random.default_rng(0)
     wave = np.sin(np.arange(4000) / 50)[:, None]

@@ -42,6 +42,20 @@ def test_independent_noise_stays_what_it_is():
     assert not any("alike among neighbours" in note for note in notes)
 
 
+@pytest.mark.parametrize("stated", [False, True])
+def test_a_flicker_that_all_channels_share_counts_once(stated):
+    """The mean of C channels that err together has the uncertainty σ/√n of one of them."""
+    flicker = 1 + 0.05 * np.random.default_rng(3).standard_normal((*LAYOUT.shape, 1))
+    f = 0.1 * np.broadcast_to(flicker, (*LAYOUT.shape, 8))
+    known = {"u_f": np.full(f.shape, 0.005)} if stated else {}
+    result = fit(whole_table_of_values(LAYOUT, f, channels=Channels.of_count(8), **known), "lambert(rho=shared)")
+    (p,) = result.parameters
+    # A variance from 64 parts is known to √(2/64); Student's quantile is 1.02 times the normal one.
+    expected = 0.05 / np.sqrt(LAYOUT.size)
+    assert p.standard_uncertainty / p.value == pytest.approx(expected, rel=2 * np.sqrt(0.5 / 64) + 0.02)
+    assert any("channels are alike" in note for note in result.notes)
+
+
 def test_a_number_that_one_incidence_alone_tells_of_is_not_known_to_independent_noise():
     """Of a Gaussian lobe that one incidence sees, nothing is told by the others: its scale may be anything near it."""
     theta = np.radians(np.append(np.linspace(0, 40, 20), 80.0))
