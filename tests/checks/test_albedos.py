@@ -5,8 +5,8 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 from gonio.checks.albedos import Albedos, energy_property, hemispherical
-from gonio.checks.certify import check
 from gonio.checks.model.energy import incidences
+from support.check_tables import property_of
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_few_incidences_have_no_bound_and_errors_of_the_albedos_are_carried_on()
 
 
 def test_the_certificate_states_the_albedo_under_uniform_light():
-    energy = check("lambert(rho=[0.2, 0.6])")["energy"]
+    energy = property_of("energy", "lambert(rho=[0.2, 0.6])")
     np.testing.assert_allclose(energy.facts["hemispherical_albedo"], [0.2, 0.6], rtol=1e-6)
     assert "uniform light" in energy.detail
 

@@ -7,7 +7,7 @@ import gonio
 from gonio.cli.program import main
 from gonio.data import layouts
 from gonio.models.errors import GonioError
-from support.check_tables import degrees, model_table
+from support.check_tables import degrees, model_table, property_of
 
 INCIDENT = degrees(10, 61, 25)
 LAYOUT = layouts.isotropic(INCIDENT, degrees(2.5, 88, 5), degrees(0, 360, 10))
@@ -21,7 +21,7 @@ def table():
 
 
 def energy(table, **options):
-    return gonio.check(table, **options)["energy"]
+    return property_of("energy", table, **options)
 
 
 def test_the_mirror_directions_that_were_left_out_are_planned_and_decide(table):

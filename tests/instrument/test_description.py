@@ -14,6 +14,7 @@ from gonio.data.hdf5.writer import open_table
 from gonio.instrument import Instrument, Pace, measure, read_instrument
 from gonio.instrument.description import instrument_of
 from gonio.models.errors import GonioError
+from support.check_tables import property_of
 
 HEADER = "theta_i,phi_i,theta_o,phi_o,seconds\n"
 LAB = """gonio_instrument = 1
@@ -111,8 +112,8 @@ def test_the_media_of_an_instrument_are_those_of_its_tables(tmp_path):
     table = measure(GLASS, instrument, grid)
     assert [n[0] for n in table.media] == [1.2, 1.8] and "1.2 in front" in str(instrument)
     bare = dataclasses.replace(table, provenance={})
-    assert check(bare)["reciprocity"].residual > 0.5
-    assert check(bare, instrument=instrument)["reciprocity"].residual < 1e-6
+    assert property_of("reciprocity", bare).residual > 0.5
+    assert property_of("reciprocity", bare, instrument=instrument).residual < 1e-6
     # What reflects alone is measured in any media; what refracts, or is the same from both sides, is not.
     assert "media" not in measure("gold", instrument, layouts.in_plane(polar, polar)).provenance
     for other in ("rough_dielectric(alpha=0.5, eta=1.33)", "thin_sheet(rho=0.3, tau=0.5)"):

@@ -1,11 +1,17 @@
 """Tables of models on every kind of layout, for tests of checks."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+import pytest
 
+from gonio.checks import certify
+from gonio.checks.certificate import Property
+from gonio.checks.properties import PROPERTIES
 from gonio.data import layouts
 from gonio.data.layouts import Layout
+from gonio.data.subject import SubjectLike
 from gonio.data.table import Table, whole_table_of_values
 from gonio.data.tabulate import grid_values
 from gonio.models.expression.builder import build
@@ -38,6 +44,13 @@ LAYOUTS = {
 def outgoing_grid(step: float, shift: float = 0.0) -> Layout:
     """Five incidences, and detector directions by steps of so many degrees, shifted in theta by a share of a step."""
     return layouts.isotropic(degrees(0, 81, 20), degrees(shift * step, 89.9, step), degrees(0, 360, step))
+
+
+def property_of(name: str, subject: SubjectLike, **options: Any) -> Property:
+    """What a check says of one property, which alone is judged: the others would take most of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(certify, "PROPERTIES", {name: PROPERTIES[name]})
+        return certify.check(subject, **options)[name]
 
 
 def model_table(

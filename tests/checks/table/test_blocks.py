@@ -12,7 +12,7 @@ from gonio.checks.table.statistics import differences
 from gonio.data.flags import Flag
 from gonio.data.hdf5.reader import open_table
 from gonio.data.hdf5.writer import write_table
-from support.check_tables import LAYOUTS, model_table
+from support.check_tables import LAYOUTS, model_table, property_of
 
 RGB = "lambert(rho=[0.2, 0.5, 0.7]) + ggx(alpha=0.4, f0=0.04)"
 
@@ -82,8 +82,8 @@ def test_of_a_larger_table_some_pairs_are_enough_to_fail_it(monkeypatch):
     monkeypatch.setattr(equal_pairs, "MOST_CELLS", 600)
     table = model_table(RGB, LAYOUTS["isotropic"], violated, 0.002, 0.002)
     assert table.layout.size > 900
-    reciprocity = check(table)["reciprocity"]
+    reciprocity = property_of("reciprocity", table)
     assert reciprocity.verdict != "pass" and 150 < reciprocity.facts["pairs"] < 600
     assert f"of 600 of {table.layout.size:,} cells, chosen at random" in reciprocity.detail
     honest = model_table(RGB, LAYOUTS["isotropic"], None, 0.002, 0.002)
-    assert check(honest)["reciprocity"].verdict == "pass"
+    assert property_of("reciprocity", honest).verdict == "pass"

@@ -5,7 +5,7 @@ import pytest
 
 import gonio
 from gonio.data import layouts
-from support.check_tables import degrees, model_table
+from support.check_tables import degrees, model_table, property_of
 
 GRID = layouts.isotropic(degrees(0, 86, 5), degrees(0, 86, 5), degrees(0, 360, 15))
 HEMISPHERE = np.meshgrid(np.radians(np.arange(5.0, 86, 5)), np.radians(np.arange(0.0, 360, 15)), indexing="ij")
@@ -24,11 +24,11 @@ def planted(low, high, factor=2.0, noise=0.0, stated=None):
 @pytest.mark.parametrize("stated", [None, 0.02], ids=["noise not stated", "noise stated"])
 @pytest.mark.parametrize(("low", "high"), [(32, 48), (73, 90)], ids=["low", "grazing"])
 def test_a_region_that_differs_fails_wherever_it_lies(low, high, stated):
-    reciprocity = gonio.check(planted(low, high, 1.3, 0.02, stated))["reciprocity"]
+    reciprocity = property_of("reciprocity", planted(low, high, 1.3, 0.02, stated))
     assert reciprocity.verdict == "fail"
     angles = [v for k, v in reciprocity.where.items() if k.startswith("theta")]
     assert low - 10 < max(angles) <= 90
-    assert gonio.check(planted(low, high, 1.0, 0.02, stated))["reciprocity"].verdict != "fail"
+    assert property_of("reciprocity", planted(low, high, 1.0, 0.02, stated)).verdict != "fail"
 
 
 @pytest.mark.parametrize(("factor", "verdict"), [(1.04, "pass"), (1.06, "fail")])
@@ -42,7 +42,7 @@ def test_exact_tables_are_judged_at_the_tolerance(factor, verdict):
 def test_a_few_pairs_that_surely_differ_leave_it_open_and_are_counted():
     table = planted(32, 48, 1.0)
     table.f[2, 9, 3] *= 1.5
-    reciprocity = gonio.check(table)["reciprocity"]
+    reciprocity = property_of("reciprocity", table)
     pairs = reciprocity.facts["pairs"]
     assert reciprocity.verdict == "undecided" and reciprocity.facts["share_beyond_tolerance"] == pytest.approx(
         1 / pairs
@@ -69,7 +69,7 @@ def test_repeats_are_merged_and_tell_the_noise():
     )
     angles = [np.repeat(a, n) for a in (theta_i, 0 * phi, theta_o, phi)]
     f = 0.1 * (1 + noise * rng.normal(size=angles[0].size))
-    reciprocity = gonio.check(gonio.Table.from_arrays(*angles, f))["reciprocity"]
+    reciprocity = property_of("reciprocity", gonio.Table.from_arrays(*angles, f))
     assert "repeats merged" in reciprocity.detail and reciprocity.verdict != "fail"
     # χ² of the merged repeats, as their scatter tells it: within four standard deviations of a normal law's.
     pairs = reciprocity.facts["pairs"]
@@ -88,7 +88,7 @@ def test_a_reference_is_missed_by_a_region_whatever_the_median():
     """Nine of ten readings are the reference's own; a region at grazing incidence is 30 % too bright."""
     exact, wrong = planted(73, 90, 1.0), planted(73, 90, 1.3)
     for table, verdict in ((exact, "pass"), (wrong, "fail")):
-        agreement = gonio.check(table, against="lambert(rho=0.3)")["agreement"]
+        agreement = property_of("agreement", table, against="lambert(rho=0.3)")
         assert agreement.verdict == verdict
     assert agreement.residual == pytest.approx(0.6 / 2.3, rel=1e-6) and agreement.where["theta_to"] > 70
 
@@ -99,7 +99,7 @@ def test_a_few_compared_pairs_do_not_stand_for_many_readings():
     phi_i, phi_o = rng.uniform(0, 2 * np.pi, (2, n))
     some = slice(40)
     angles = [np.r_[a, b[some]] for a, b in ((theta_i, theta_o), (phi_i, phi_o), (theta_o, theta_i), (phi_o, phi_i))]
-    reciprocity = gonio.check(gonio.Table.from_arrays(*angles, np.full(n + 40, 0.1)))["reciprocity"]
+    reciprocity = property_of("reciprocity", gonio.Table.from_arrays(*angles, np.full(n + 40, 0.1)))
     assert reciprocity.facts["pairs"] >= 40 and reciprocity.verdict == "undecided"
     assert reciprocity.facts["share_not_compared"] > 0.5
 
@@ -116,7 +116,7 @@ def test_noise_that_is_not_stated_is_not_taken_for_a_dependence_on_the_azimuth(n
     brushed = "lambert(rho=0.1) + 0.5 * ggx(alpha_x=0.2, alpha_y=0.6, f0=0.9)"
     noisy = gonio.check(with_noise(ring, "lambert(rho=0.3)", lambda f: 0.3 * f))[name]
     assert noisy.verdict == "undecided" and noisy.residual > 0.1
-    truly = gonio.check(with_noise(ring, brushed, lambda f: 0.03 * f))["isotropy"]
+    truly = property_of("isotropy", with_noise(ring, brushed, lambda f: 0.03 * f))
     assert truly.verdict == "fail" and truly.residual - truly.bound > 0.05
 
 
@@ -124,6 +124,6 @@ def test_the_noise_of_dark_readings_is_not_a_violation():
     """A detector's noise does not become smaller with what it reads: pairs in the dark differ by all they are."""
     satin = "lambert(rho=0.01) + 0.5 * ggx(alpha=0.15, f0=0.9)"
     table = with_noise(layouts.merl(counts=(12, 12, 24)), satin, lambda f: np.full(f.shape, 0.002))
-    assert gonio.check(table)["symmetry"].verdict != "fail"
+    assert property_of("symmetry", table).verdict != "fail"
     table.f[...] = np.maximum(table.f, 0)  # many are cut off at zero
-    assert gonio.check(table)["symmetry"].verdict != "fail"
+    assert property_of("symmetry", table).verdict != "fail"

@@ -5,6 +5,7 @@ import pytest
 
 import gonio
 from gonio.data.interpolation.scattering_blocks import BLOCKS
+from support.check_tables import property_of
 from support.window_xml import document, numbers, scattering
 
 
@@ -86,6 +87,6 @@ def test_a_block_that_one_channel_lacks_is_named_in_the_verdict(tmp_path):
     layer = more.split("</DataDefinition>")[1].split("</Layer>")[0]
     path = tmp_path / "sheet.xml"
     path.write_text(document(front).replace("</Layer>", layer + "</Layer>"))
-    assert "transmission front of Solar" in gonio.check(path)["energy"].detail
+    assert "transmission front of Solar" in property_of("energy", path).detail
     path.write_text(document({"Reflection Front": front["Reflection Front"]}))
-    assert gonio.check(path)["energy"].detail.startswith("The surface reflects no more")
+    assert property_of("energy", path).detail.startswith("The surface reflects no more")

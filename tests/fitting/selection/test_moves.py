@@ -34,9 +34,15 @@ def selected(table):
 @pytest.mark.parametrize(
     ("truth", "light", "detector", "expression"),
     [
-        ("lambert(rho=0.2) + lambert_transmission(tau=0.5)", POLAR, BOTH, "lambert + lambert_transmission"),
+        pytest.param(
+            "lambert(rho=0.2) + lambert_transmission(tau=0.5)", POLAR, BOTH, "lambert + lambert_transmission",
+            marks=pytest.mark.thorough,
+        ),
         ("cosine_power_transmission(tau=0.7, n=40)", POLAR, BEHIND, "cosine_power_transmission"),
-        ("0.6 * rough_dielectric(alpha=0.3, eta=1.5)", BOTH, BOTH, "? * rough_dielectric"),
+        pytest.param(
+            "0.6 * rough_dielectric(alpha=0.3, eta=1.5)", BOTH, BOTH, "? * rough_dielectric",
+            marks=pytest.mark.thorough,
+        ),
         (
             "thin_sheet(rho=0.3, tau=0.2) + 0.4 * transmitted(base=ggx(alpha=0.3))",
             BOTH,
@@ -44,7 +50,7 @@ def selected(table):
             "thin_sheet + transmitted(base=ggx)",
         ),
     ],
-)
+)  # fmt: skip
 def test_the_structure_that_made_the_data_is_chosen(truth, light, detector, expression):
     assert selected(table_of(truth, light, detector)).expression == expression
 

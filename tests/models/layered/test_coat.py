@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from gonio.checks.certify import check
 from gonio.metrology.quantities import quantities
 from gonio.models.albedo import directional_albedo
 from gonio.models.diffuse.lambert import Lambert
@@ -21,6 +20,7 @@ from gonio.models.microfacet import albedo_tables as albedo_table
 from gonio.models.microfacet.beckmann import Beckmann
 from gonio.models.microfacet.ggx import GGX
 from support import helpers
+from support.check_tables import property_of
 
 THETA = np.radians([0.0, 45.0, 80.0, 89.9])
 
@@ -144,7 +144,7 @@ def test_what_a_polished_base_mirrors_leaves_a_coat_but_for_what_the_coat_reflec
     sent = build(f"transmitted(base={coat})").specular(wi._replace(z=-wi.z))
     np.testing.assert_allclose(sent, coated)
     assert build("coat(base=lambert(rho=1), alpha=0.1, eta=1.5)").specular(wi) == 0
-    energy = check(coat)["energy"]
+    energy = property_of("energy", coat)
     assert energy.verdict == "pass" and "The specular share, no part of f, is counted" in energy.detail
     named = {(q.name, q.place): q.value for q in quantities(coat, only=("scatter",)).quantities}
     assert named["specular reflectance", "θi 0°"] == pytest.approx(

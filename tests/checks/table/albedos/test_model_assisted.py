@@ -14,7 +14,7 @@ from gonio.models.albedo import directional_albedo, directional_transmittance
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
-from support.check_tables import model_table
+from support.check_tables import model_table, property_of
 
 PAINT = "lambert(rho=0.3) + 0.2 * ggx(alpha=0.3) + 0.1 * ggx(alpha=0.08)"
 POLAR = np.radians(np.arange(0, 81, 8.0))
@@ -29,7 +29,7 @@ def table_of(gain=1.0, noise=0.0):
 
 
 def energy(table, model):
-    return next(p for p in gonio.check(table, model=model).properties if p.name == "energy")
+    return property_of("energy", table, model=model)
 
 
 @pytest.mark.parametrize("model", ["lambert + ggx + ggx", "lambert + ggx", "lambert + phong"])

@@ -10,6 +10,7 @@ from gonio.data.table import MEDIA, Table, whole_table_of_values
 from gonio.data.tabulate import grid_values
 from gonio.models.albedo import directional_albedo, directional_transmittance
 from gonio.models.expression.builder import build
+from support.check_tables import property_of
 
 POLAR = np.radians(np.arange(0, 86, 5.0))
 BEHIND = (np.pi - POLAR)[::-1]
@@ -44,26 +45,26 @@ def transmittance(tau, cos_i):
 
 @pytest.mark.parametrize("light", [POLAR, BEHIND], ids=["front", "back"])
 def test_energy_is_what_comes_back_and_what_goes_through(light):
-    energy = check(sheet(light, np.concatenate([POLAR, BEHIND])))["energy"]
+    energy = property_of("energy", sheet(light, np.concatenate([POLAR, BEHIND])))
     assert energy.verdict == PASS and energy.residual == pytest.approx(-0.2, abs=energy.bound) and energy.bound < 0.02
     assert energy.facts["reflectance"] == pytest.approx(0.3, abs=energy.bound)
     assert energy.facts["transmittance"] == pytest.approx(0.5, abs=energy.bound)
     assert energy.facts["absorptance"] == pytest.approx(0.2, abs=energy.bound)
     theta = np.radians(energy.series["theta_i_deg"])
     np.testing.assert_allclose(energy.series["albedo"][0], 0.3 + transmittance(0.5, np.cos(theta)), atol=0.02)
-    assert check(sheet(light, np.concatenate([POLAR, BEHIND]), rho=0.6))["energy"].verdict == FAIL
+    assert property_of("energy", sheet(light, np.concatenate([POLAR, BEHIND]), rho=0.6)).verdict == FAIL
 
 
 def test_a_hemisphere_alone_is_bounded_alone_and_the_verdict_says_so():
-    energy = check(sheet(POLAR, BEHIND, tau=0.9))["energy"]
+    energy = property_of("energy", sheet(POLAR, BEHIND, tau=0.9))
     assert energy.verdict == PASS and energy.residual == pytest.approx(-0.1, abs=energy.bound)
     assert "transmits no more than it receives" in energy.detail and "Reflection was not looked at" in energy.detail
     assert energy.facts["reflectance"] is None and energy.facts["absorptance"] is None
-    assert check(sheet(POLAR, BEHIND, tau=1.2))["energy"].verdict == FAIL
+    assert property_of("energy", sheet(POLAR, BEHIND, tau=1.2)).verdict == FAIL
 
 
 def test_a_list_of_readings_is_integrated_too():
-    energy = check(sheet(POLAR[::3], np.concatenate([POLAR, BEHIND]), listed=True))["energy"]
+    energy = property_of("energy", sheet(POLAR[::3], np.concatenate([POLAR, BEHIND]), listed=True))
     assert energy.facts["transmittance"] == pytest.approx(0.5, abs=0.02) and energy.verdict == PASS
 
 
@@ -91,16 +92,16 @@ def test_where_no_light_goes_nothing_is_wrong():
     ],
 )
 def test_transmission_that_is_not_the_same_both_ways_fails(change):
-    reciprocity = check(sheet(BOTH, BOTH, change=change))["reciprocity"]
+    reciprocity = property_of("reciprocity", sheet(BOTH, BOTH, change=change))
     assert reciprocity.verdict == FAIL and reciprocity.where.get("theta_o", reciprocity.where.get("theta_to")) > 90
 
 
 def test_between_media_radiance_grows_with_the_squared_index():
     """f_t(i → o)/n_o² = f_t(o → i)/n_i²: honest where the table states its media, a lost η² where it states none."""
     interface = sheet(BOTH, BOTH, media=(1.0, 1.5), tau=0.9)
-    assert check(interface)["reciprocity"].verdict == PASS
+    assert property_of("reciprocity", interface).verdict == PASS
     interface.provenance[MEDIA] = [1.0, 1.0]
-    reciprocity = check(interface)["reciprocity"]
+    reciprocity = property_of("reciprocity", interface)
     assert reciprocity.verdict == FAIL and reciprocity.facts["largest"] == pytest.approx(2 * 1.25 / 3.25, abs=0.1)
     assert (
         "2.25 times as bright behind as in front, as between media whose indices are as 1 to 1.5" in reciprocity.detail
@@ -111,9 +112,9 @@ def test_light_from_one_side_alone_tells_nothing_of_transmissions_reciprocity():
     front = check(sheet(POLAR, np.concatenate([POLAR, BEHIND])))
     assert front["reciprocity"].verdict == NOT_TESTABLE and front.overall == "undecided" and front.exit_status == 3
     assert "lit from the front alone" in front["reciprocity"].detail and front["reciprocity"].residual < 0.05
-    through = check(sheet(POLAR, BEHIND))["reciprocity"]
+    through = property_of("reciprocity", sheet(POLAR, BEHIND))
     assert through.verdict == NOT_TESTABLE and "light from behind (gonio measure --lit both)" in through.detail
-    assert check(sheet(POLAR, POLAR))["reciprocity"].verdict == PASS
+    assert property_of("reciprocity", sheet(POLAR, POLAR)).verdict == PASS
 
 
 def interface(light, detector, alpha=0.5, eta=1.5):
@@ -138,7 +139,7 @@ def test_light_that_is_refracted_may_end_between_two_nodes():
         rule(build("rough_dielectric(alpha=0.5, eta=1.5)"), POLAR[:14], tolerance=1e-5).value
         for rule in (directional_albedo, directional_transmittance)
     )
-    energy = check(table, feature_width=np.radians(3.0))["energy"]
+    energy = property_of("energy", table, feature_width=np.radians(3.0))
     assert energy.verdict == PASS and energy.bound < 0.2 and "no lobe is narrower than 3°" in energy.assumes
     assert np.all(np.abs(np.array(energy.series["albedo"][0]) - exact) <= energy.series["bound"][0])
-    assert check(table)["energy"].facts["passes_with_feature_width_deg"] < 3
+    assert property_of("energy", table).facts["passes_with_feature_width_deg"] < 3
