@@ -36,8 +36,10 @@ import jax  # noqa: E402 -- reads the environment
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
-settings.register_profile("untimed", deadline=None)  # a first call compiles, and machines are shared
-settings.load_profile("untimed")
+# Untimed: a first call compiles, and machines are shared.
+settings.register_profile("quick", deadline=None, max_examples=40)
+settings.register_profile("thorough", deadline=None)
+settings.load_profile("quick")
 
 # Compiled programs are many objects that live as long as the run: to look through them often takes long.
 gc.set_threshold(50_000, 20, 100)
@@ -48,15 +50,26 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 
 HERE = Path(__file__).parent
 AS_FOR_USERS = (
-    "test_documentation", "test_ground", "test_wheel", "cli/test_fit", "reports/test_build", "checks/test_certify",
+    "test_ground", "test_wheel", "cli/test_fit", "reports/test_build", "checks/test_certify",
     "fitting/test_fit_table", "fitting/problem/test_problem", "fitting/solver/test_levenberg_marquardt",
     # These compute for longer than they compile:
-    "exports/test_nearest", "instrument/", "stability/", "data/test_material", "metrology/test_quantities",
+    "exports/test_nearest", "instrument/test_aperture", "instrument/test_measurement", "stability/",
+    "data/test_material", "metrology/test_quantities",
     "metrology/standards/test_tables", "fitting/subsurface/test_free_index",
 )  # fmt: skip
 """Tests whose programs are compiled as users have them. Laws and oracles are asked of programs with few optimisations,
-which take a third of the time to compile; those of fits, checks and pages, and the README's blocks,
-of optimised ones too."""
+which take a third of the time to compile; those of fits, checks and pages,
+and of programs in processes of their own, of optimised ones."""
+
+
+def thorough(config):
+    """Whether more is run than `make test` runs."""
+    return config.option.markexpr != "not thorough"
+
+
+def pytest_configure(config):
+    """Properties are tried on more examples by `make thorough`."""
+    settings.load_profile("thorough" if thorough(config) else "quick")
 
 
 LONGEST = ("test_documentation", "test_wheel", "reports/test_chapter", "cli/test_demo")
@@ -67,7 +80,7 @@ def pytest_runtest_setup(item):
     """Says how the programs of a test are compiled; `make thorough` has all of them as users have them."""
     marked = item.get_closest_marker("quick_compilation") is not None
     optimised = item.path.relative_to(HERE).as_posix().startswith(AS_FOR_USERS) and not marked
-    optimised |= not item.config.option.markexpr
+    optimised |= thorough(item.config)
     jax.config.update("jax_disable_most_optimizations", not optimised)
 
 
@@ -79,7 +92,6 @@ def pytest_collection_modifyitems(items):
 
 def pytest_sessionfinish():
     """The compiled programs go with the run that made them; all that a worker made goes at once, with its process."""
-    gc.collect(1)
     gc.freeze()  # else all of it is looked through once more, and then given back one by one: tens of seconds
     if WORKER:
         atexit.register(os._exit, 0)  # before those that are registered by now

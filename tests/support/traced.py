@@ -20,16 +20,21 @@ def flushed(step: Any, values: Any) -> list[np.ndarray]:
     return [np.where(np.abs(r) < np.finfo(r.dtype).tiny, 0, r) if r.dtype.kind == "f" else r for r in results]
 
 
+def as_for_users() -> bool:
+    """Whether programs are compiled as users have them: see tests/conftest.py."""
+    return not jax.config.read("jax_disable_most_optimizations")
+
+
 def by_numpy(function: Callable[..., Any]) -> Callable[..., Any]:
     """A function of models and arrays, traced once for each kind of them and evaluated by NumPy.
 
-    Where programs are compiled as users have them (tests/conftest.py), it is XLA's.
+    Where programs are compiled as users have them, it is XLA's.
     """
     traces: dict[Any, Any] = {}
     compiled = eqx.filter_jit(function)
 
     def evaluated(*arguments: Any) -> Any:
-        if not jax.config.read("jax_disable_most_optimizations"):
+        if as_for_users():
             return compiled(*arguments)
         arrays, static = eqx.partition(arguments, eqx.is_array)
         leaves, tree = jax.tree.flatten(arrays)
