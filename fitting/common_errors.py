@@ -13,7 +13,7 @@ import numpy as np
 from gonio.data.stated import TERMS, StatedUncertainty, stated_uncertainties
 from gonio.data.table import Table
 from gonio.fitting.problem.problem import FitProblem
-from gonio.fitting.problem.readings import evenly_spaced, transform_slope, uses_cosine
+from gonio.fitting.problem.readings import evenly_spaced, rows_of, transform_slope, transformed, uses_cosine
 from gonio.fitting.solver.disc_choice import step_towards
 from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
 from gonio.models.errors import GonioError
@@ -138,12 +138,15 @@ def _moves(
 def _steps(e: Optimum, acts: Sequence[str], most: int) -> list[np.ndarray]:
     """How far the numbers (P,) move for each unit of the share of each error, to first order."""
     cells = evenly_spaced(e.model_f.shape[0], most)
-    problem: FitProblem = e.problem.subset(cells)
-    f, cos_i = e.model_f[cells], np.abs(np.asarray(problem.readings.cos_i))[:, None]
-    cosine = cos_i if uses_cosine(problem.loss) else 1.0
+    whole: FitProblem = e.problem
+    f, cos_i = rows_of(e.model_f, cells), whole.readings.cos_i[cells, None]
+    compared, cosine = f, 1.0
+    if uses_cosine(whole.loss):
+        compared, cosine = f * cos_i, cos_i
     with np.errstate(all="ignore"):
-        slope = np.nan_to_num(transform_slope(problem.loss, f * cosine, problem.floor) * cosine, posinf=0.0)
-    compared, steps = problem.compared(f), []
+        slope = np.nan_to_num(transform_slope(whole.loss, compared, whole.floor) * cosine, posinf=0.0)
+    compared, steps = transformed(whole.loss, compared, whole.floor), []
+    problem = whole.compared_with(compared, cells)
     for one in acts:
         shift = f if one == "factor" else np.broadcast_to(1.0 / (math.pi * np.maximum(cos_i, 1e-6)), f.shape)
         steps.append(step_towards(problem.retargeted(compared + slope * shift), e.p))

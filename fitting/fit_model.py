@@ -252,7 +252,7 @@ def fit_model(task: FitTask) -> list[Optimum]:
 def _optimum(task: FitTask) -> Optimum:
     s, fixed, given = parameters(task.terms, len(task.channels))
     _require_enough(task, s)
-    _require_hemispheres(task, build(s.filled(task.terms, [given])).hemispheres)
+    _require_hemispheres(task, build(s.filled(task.terms, [given]), np.asarray).hemispheres)
     readings, settings = task.readings, task.settings
     share, likelihood = settings.relative_noise, task.likelihood
     sigma = task.sigma if share is None else relative_sigma(readings, readings.f, share)

@@ -21,7 +21,7 @@ from gonio.fitting.problem.channel_parts import channel_parts
 from gonio.fitting.problem.disc_averages import Samples
 from gonio.fitting.problem.lobes import Lobes, lobes_at_sample, rows_of, strengths_of, sum_of_lobes
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
-from gonio.fitting.problem.readings import AnyArray, transform, uses_cosine
+from gonio.fitting.problem.readings import LANES, AnyArray, transform, uses_cosine
 from gonio.models.compiled.dispatch import usable
 from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.sums import Rows, SumsProgram
@@ -68,7 +68,12 @@ class _Programs:
         name = program_name("sums", s.frames, s.free, s.channels, whole.channels, loss, str(tree), shapes)
         self.rows = Rows(rows, [], s.size + known, steps, name=name, prepared=any(map(prepared, s.frames)))
         self.prepared = functools.lru_cache(LAST)(lambda row: self.rows.parameters([], np.frombuffer(row)))
+        self.offsets = functools.lru_cache(2 * LANES)(self._offsets)
         self.plain  # noqa: B018  (where it is unsupported, all is)
+
+    def _offsets(self, number: int, size: int) -> np.ndarray:
+        """Bytes from the first of so many vectors of all free numbers to those of each vector and part."""
+        return 8 * (np.arange(number)[:, None, None] * size + self.parts.numbers)
 
     @functools.cached_property
     def plain(self) -> SumsProgram:
@@ -185,8 +190,8 @@ class BoundSums:
 
     def __init__(self, programs: _Programs, leaves: Sequence[np.ndarray], samples: Samples, number: int) -> None:
         """Of the programs, the numbers that are not free, and samples, at points, so many in use."""
-        self._programs, self._number = programs, number
-        self._count = int(samples.blocks) * samples.weight.shape[1]
+        self._programs, self._number, lanes = programs, number, programs.rows.lanes
+        self._count = -(-number // lanes) * lanes  # the rest of the last block weighs nothing
         arrays = [np.asarray(a, float) for a in (*samples.wi, *samples.wo, samples.target, samples.weight)]
         channels, places = programs.parts.channels, [a.ctypes.data for a in arrays]
         known = map(programs.parts.addresses, leaves)
@@ -197,6 +202,14 @@ class BoundSums:
             [0, 8, 8 * samples.weight.shape[-1]], [self._places.shape[1] - 6 - compared, 6, compared]
         )
         self._kept = (leaves, arrays)
+
+    def pairs(self, p: Float[np.ndarray, "s p"]) -> Float[np.ndarray, "s c pairs"] | None:
+        """Each product of two rows once, at S vectors of free numbers, where one part has all channels; else None."""
+        programs = self._programs
+        if len(programs.parts.channels) > 1:
+            return None
+        sums, _ = self._run(programs.plain, p, False)
+        return None if sums is None else sums.reshape(len(p), programs.channels, -1)
 
     def __call__(self, p: Float[np.ndarray, "s p"], full: bool) -> Sums | None:
         """The sums at S vectors of free numbers, `full` with f of one of them; None where XLA has to compute them."""
@@ -246,9 +259,9 @@ class BoundSums:
         p = np.ascontiguousarray(p, float)
         f = np.empty((parts, count if stores else 0, programs.channels))
         addresses = np.empty((len(p), parts, numbers + self._places.shape[1] + stores), np.uintp)
-        of_p = np.arange(len(p))[:, None, None] * p.shape[1] + programs.parts.numbers
-        addresses[:, :, :numbers] = p.ctypes.data + 8 * of_p
-        addresses[:, :, numbers : numbers + self._places.shape[1]] = self._places + first * self._steps
+        addresses[:, :, :numbers] = programs.offsets(*p.shape) + p.ctypes.data
+        places = self._places + first * self._steps if first else self._places
+        addresses[:, :, numbers : numbers + self._places.shape[1]] = places
         if stores:
             addresses[:, :, -1] = f.ctypes.data + f.strides[0] * np.arange(parts)
         addresses, parameters = addresses.reshape(len(p) * parts, -1), NOTHING

@@ -30,6 +30,25 @@ class Evaluation:
     f: Any
 
 
+def summed_pairs(s: Parameterisation, pairs: Float[np.ndarray, "S C pairs"]) -> NormalEquations:
+    """The normal equations over all free numbers, from each product of two of a channel's rows once.
+
+    The pairs of rows, residual and derivatives, are in the order of `combinations_with_replacement`.
+    """
+    total, places, (shared, q) = pairs.sum(axis=1), s.places_of_pairs, (s.sizes.shared, s.sizes.per_channel)
+    number, channels = pairs.shape[:2]
+    gradient = total.take(places.gradient, axis=1)
+    if q:
+        each = pairs.take(places.each, axis=2).reshape(number, channels * q)
+        gradient = np.concatenate([gradient, each], axis=1)
+    matrix = Arrow(
+        total.take(places.corner, axis=1).reshape(number, shared, shared),
+        pairs.take(places.border, axis=2).reshape(number, channels, shared, q),
+        pairs.take(places.blocks, axis=2).reshape(number, channels, q, q),
+    )
+    return NormalEquations(0.5 * total[:, 0], gradient, matrix)
+
+
 def summed(s: Parameterisation, squares: Float[np.ndarray, "S C g g"]) -> NormalEquations:
     """The normal equations over all free numbers, from channel-wise products of residuals and derivatives."""
     total, (shared, each) = squares.sum(axis=1), s.kinds

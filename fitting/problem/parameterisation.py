@@ -128,6 +128,19 @@ def snapped(d: Domains, p: np.ndarray) -> np.ndarray:
     return np.where(low, d.low, np.where(high, d.high, p))
 
 
+class PlacesOfPairs(NamedTuple):
+    """Where, among the products of pairs of a channel's rows, the parts of an `Arrow` and of its gradient stand.
+
+    `gradient`: of the shared numbers; `each`: of those of a channel.
+    """
+
+    gradient: np.ndarray
+    each: np.ndarray
+    corner: np.ndarray
+    border: np.ndarray
+    blocks: np.ndarray
+
+
 FixedValues = tuple[dict[str, np.ndarray], ...]  # of each term, by path
 
 
@@ -178,7 +191,16 @@ class Parameterisation:
         each = np.array([g.per_channel for g in self.free], bool)
         return 1 + np.flatnonzero(~each), 1 + np.flatnonzero(each)
 
-    @property
+    @functools.cached_property
+    def places_of_pairs(self) -> PlacesOfPairs:
+        """Where products of pairs of rows stand that are each there once, upper half by rows."""
+        size, (shared, each) = 1 + len(self.free), self.kinds
+        place, (i, j) = np.zeros((size, size), int), np.triu_indices(size)
+        place[i, j] = place[j, i] = np.arange(i.size)
+        blocks = (place[np.ix_(a, b)].ravel() for a, b in ((shared, shared), (shared, each), (each, each)))
+        return PlacesOfPairs(place[0, shared], place[0, each], *blocks)
+
+    @functools.cached_property
     def sizes(self) -> Sizes:
         """How many numbers are shared, and how many each channel has for itself."""
         each = sum(g.per_channel for g in self.free)

@@ -16,7 +16,7 @@ from gonio.fitting.problem.averaged_sums import AveragedReadings, BoundAverages,
 from gonio.fitting.problem.compiled_sums import BoundSums, Sums, bound_sums
 from gonio.fitting.problem.deferred_values import DeferredValues
 from gonio.fitting.problem.disc_averages import BlockRules, Lanes, Samples, block_rules, disc_rules
-from gonio.fitting.problem.normal_equations import Evaluation, NormalEquations, summed
+from gonio.fitting.problem.normal_equations import Evaluation, NormalEquations, summed, summed_pairs
 from gonio.fitting.problem.page_program import Request, page_program
 from gonio.fitting.problem.parameterisation import Domains, FixedValues, Parameterisation
 from gonio.fitting.problem.readings import (
@@ -152,6 +152,12 @@ class FitProblem:
             return self
         return self.averaged(self.rules, cells)
 
+    def compared_with(self, target: np.ndarray, cells: np.ndarray) -> "FitProblem":
+        """The same problem on some of the cells, with targets T(y c) of these, (m, C)."""
+        rules = None if self.rules is None else self.rules[cells]
+        readings, weight = self.readings.part(cells), rows_of(self.weight, cells)
+        return dataclasses.replace(self, readings=readings, weight=weight, rules=rules).retargeted(target)
+
     def averaged(self, rules: np.ndarray | None, cells: np.ndarray | None = None) -> "FitProblem":
         """The same problem with the model averaged by these rules (n,), on some of the cells if given."""
         readings, weight = self.readings, self.weight
@@ -198,7 +204,15 @@ class FitProblem:
 
         `plain`: residuals w(f − target), whatever the loss.
         """
-        return summed(self.parameters, self._squares(p, active, plain)[:, 0])
+        bound, number = self._loop_of_f if plain else self._loop, len(p)
+        use = None if active is None or active.all() else np.flatnonzero(active)
+        pairs = bound.pairs(p if use is None else p[use]) if isinstance(bound, BoundSums) else None
+        if pairs is None:
+            return summed(self.parameters, self._squares(p, active, plain)[:, 0])
+        if use is not None:
+            of_active, pairs = pairs, np.zeros((number, *pairs.shape[1:]))
+            pairs[use] = of_active
+        return summed_pairs(self.parameters, pairs)
 
     def channel_costs(self, p: np.ndarray) -> np.ndarray:
         """½ Σ r² of each channel, at up to `LANES` vectors p (S, P): (S, C)."""

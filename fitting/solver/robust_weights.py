@@ -87,15 +87,16 @@ def scales(residual: np.ndarray, model: np.ndarray, valid: np.ndarray, least: fl
     edges = [0]
     while size.size - edges[-1] >= 2 * CLASS:
         edges.append(edges[-1] + (size.size - edges[-1]) // 2)
-    order = np.argsort(level)
-    ordered = level[order]
+    ordered = np.sort(level)
     starts = np.searchsorted(ordered, ordered[edges])  # what is equally bright stays together
     starts = starts[1:][np.diff(starts) >= CLASS]
     floor = max(least, 0.01 * NORMAL_MAD * float(np.median(size)), np.finfo(float).tiny ** 0.5)
-    within, by_level = np.empty(size.size), size[order]
-    for first, last in itertools.pairwise([0, *starts.tolist(), size.size]):
-        within[order[first:last]] = max(NORMAL_MAD * float(np.median(by_level[first:last])), floor)
-    scale[valid] = within
+    number = np.zeros(size.size, np.int8)
+    for threshold in ordered[starts]:
+        number += ~(level < threshold)
+    by_class = size[np.argsort(number, kind="stable")]
+    spans = itertools.pairwise([0, *starts.tolist(), size.size])
+    scale[valid] = np.array([max(NORMAL_MAD * float(np.median(by_class[a:b])), floor) for a, b in spans])[number]
     return scale
 
 

@@ -4,6 +4,7 @@ A formula gives rows of numbers for each element, such as a residual and its der
 products of pairs of rows.
 """
 
+import ctypes
 import functools
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -132,8 +133,9 @@ class SumsProgram:
         edges = [vectors * k // pieces * lanes for k in range(pieces + 1)]
         addresses = np.ascontiguousarray(addresses, np.uintp)
         parts, length = np.zeros((len(addresses), pieces, self.products, lanes)), np.array([count], np.int64)
-        # Asked for once: that takes as long as a call.
-        first_address, first_part, of_all, of_length = (a.ctypes.data for a in (addresses, parts, parameters, length))
+        # Asked for once, and not of `ctypes.data`: that takes as long as a call.
+        first_address, first_part, of_length = map(_address, (addresses, parts, length))
+        of_all = parameters.ctypes.data if parameters.size else 0
         step, each, call = addresses.strides[0], parts.strides[1], self.code.call
         of_each = parameters.strides[0] if parameters.ndim > 1 else 0
 
@@ -150,6 +152,11 @@ class SumsProgram:
         status = work(0, total) if total * edges[1] <= 2 * PIECE else workers.share(work, total, 1)
         with np.errstate(all="ignore"):  # a model without a finite value has no finite sum
             return None if status else parts.sum(axis=(1, 3))
+
+
+def _address(a: np.ndarray) -> int:
+    """Where the numbers of an array begin that may be written to."""
+    return ctypes.addressof(ctypes.c_char.from_buffer(a)) if a.nbytes else 0
 
 
 class AddingProgram:
