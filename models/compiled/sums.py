@@ -156,7 +156,7 @@ class SumsProgram:
 
 def _address(a: np.ndarray) -> int:
     """Where the numbers of an array begin that may be written to."""
-    return ctypes.addressof(ctypes.c_char.from_buffer(a)) if a.nbytes else 0
+    return ctypes.addressof(ctypes.c_char.from_buffer(a.data)) if a.nbytes else 0
 
 
 class AddingProgram:
