@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,17 +14,15 @@ from numpy.typing import ArrayLike
 from gonio.data.angles import SLACK, as_numbers, broadcast, radian_arrays
 from gonio.data.channels import Channels
 from gonio.data.layouts import spherical_angles
-from gonio.models.albedo import Estimate, directional_albedo, directional_transmittance
-from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import renamed_attribute
 from gonio.models.display import Displayed, listed
 from gonio.models.errors import GonioError, printable
-from gonio.models.evaluation import channel_count, evaluate, sampled_directions, sampling_density
-from gonio.models.expression.builder import to_expression
-from gonio.models.expression.derivatives import parameter_derivatives
-from gonio.models.expression.wavelengths import wavelengths_of
 from gonio.models.geometry.directions import Direction, from_spherical
-from gonio.models.geometry.horizon import Hemispheres
+from gonio.models.geometry.sides import Hemispheres
+
+if TYPE_CHECKING:
+    from gonio.models.albedo import Estimate
+    from gonio.models.brdf import AbstractBRDF
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -36,7 +34,7 @@ class Material(Displayed):
     """
 
     name: str
-    brdf: AbstractBRDF
+    brdf: "AbstractBRDF"
     expression: str | None
     channels: Channels
     description: str = ""
@@ -67,6 +65,8 @@ class Material(Displayed):
         Raises:
             GonioError: angles out of range, or shapes that do not broadcast.
         """
+        from gonio.models.evaluation import evaluate
+
         wi, wo = _pair(radian_arrays(degrees, True, theta_i=theta_i, phi_i=phi_i, theta_o=theta_o, phi_o=phi_o))
         return self._by_channel(evaluate(self.brdf, wi, wo), wi.z.shape)
 
@@ -82,6 +82,8 @@ class Material(Displayed):
         Raises:
             GonioError: as `f` does, for u1 or u2 out of range, and without a sampler.
         """
+        from gonio.models.evaluation import sampled_directions
+
         angles = radian_arrays(degrees, self._transmits, theta_i=theta_i, phi_i=phi_i)
         uniform = {name: as_numbers(name, u) for name, u in (("u1", u1), ("u2", u2))}
         for name, u in uniform.items():
@@ -100,12 +102,14 @@ class Material(Displayed):
         self, theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike, degrees: bool = False
     ) -> np.ndarray:
         """Density, per steradian, of the directions that `sample` draws; arguments and errors are those of `f`."""
+        from gonio.models.evaluation import sampling_density
+
         wi, wo = _pair(radian_arrays(degrees, True, theta_i=theta_i, phi_i=phi_i, theta_o=theta_o, phi_o=phi_o))
         return np.asarray(sampling_density(self.brdf, wi, wo))
 
     def albedo(
         self, theta_i: ArrayLike, phi_i: ArrayLike = 0.0, degrees: bool = False, tolerance: float = 1e-6
-    ) -> Estimate:
+    ) -> "Estimate":
         """Share of the light from (theta_i, phi_i) that is reflected, with a bound on the error of the integral.
 
         Args:
@@ -117,12 +121,16 @@ class Material(Displayed):
         Returns:
             `value` and `bound` of the angles' broadcast shape + (channels,), and the `evaluations` of f.
         """
+        from gonio.models.albedo import directional_albedo
+
         return self._share(directional_albedo, theta_i, phi_i, degrees, tolerance)
 
     def transmittance(
         self, theta_i: ArrayLike, phi_i: ArrayLike = 0.0, degrees: bool = False, tolerance: float = 1e-6
-    ) -> Estimate:
+    ) -> "Estimate":
         """Share of the light from (theta_i, phi_i) that leaves on the other side; else as `albedo`."""
+        from gonio.models.albedo import directional_transmittance
+
         return self._share(directional_transmittance, theta_i, phi_i, degrees, tolerance)
 
     @property
@@ -131,12 +139,12 @@ class Material(Displayed):
 
     def _share(
         self,
-        integral: Callable[..., Estimate],
+        integral: "Callable[..., Estimate]",
         theta_i: ArrayLike,
         phi_i: ArrayLike,
         degrees: bool,
         tolerance: float,
-    ) -> Estimate:
+    ) -> "Estimate":
         theta, phi = radian_arrays(degrees, self._transmits, theta_i=theta_i, phi_i=phi_i)
         above = np.abs(theta - math.pi / 2) > SLACK if self._transmits else theta < math.pi / 2
         if not above.all():
@@ -154,6 +162,8 @@ class Material(Displayed):
             Arrays of the shape of `f`, by the parameter's name, such as 'ggx.alpha'. Of a parameter with one value for
             each channel: each channel's derivative by its own value. Empty for an interpolated table.
         """
+        from gonio.models.expression.derivatives import parameter_derivatives
+
         wi, wo = _pair(radian_arrays(degrees, True, theta_i=theta_i, phi_i=phi_i, theta_o=theta_o, phi_o=phi_o))
         if self.expression is None:
             return {}
@@ -188,16 +198,21 @@ def _pair(angles: list[np.ndarray]) -> tuple[Direction, Direction]:
     return from_spherical(theta_i, phi_i, np), from_spherical(theta_o, phi_o, np)
 
 
-def channels_of(brdf: AbstractBRDF) -> Channels:
+def channels_of(brdf: "AbstractBRDF") -> Channels:
     """The channels of a model that does not name them: its wavelengths, where it has one each, else by their count."""
+    from gonio.models.evaluation import channel_count
+    from gonio.models.expression.wavelengths import wavelengths_of
+
     count, wavelengths = channel_count(brdf) or 1, wavelengths_of(brdf)
     if wavelengths is not None and len(set(wavelengths)) == count:
         return Channels.of_wavelengths(wavelengths)
     return Channels.of_count(count)
 
 
-def material_of(brdf: AbstractBRDF) -> Material:
+def material_of(brdf: "AbstractBRDF") -> Material:
     """A bare model as a material: its expression, where it has one, is its name."""
+    from gonio.models.expression.builder import to_expression
+
     try:
         expression = to_expression(brdf)
     except GonioError:

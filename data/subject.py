@@ -5,25 +5,25 @@ import functools
 import os
 import tempfile
 from pathlib import Path
-from typing import Any, BinaryIO, Literal
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, Union
 
 from gonio.data.channels import Channels
 from gonio.data.files import stem
 from gonio.data.formats.registry import is_there, load, read, split_entry
 from gonio.data.material import Material, channels_of, material_of
 from gonio.data.table import Table
-from gonio.models.brdf import AbstractBRDF
-from gonio.models.catalog import MODELS
 from gonio.models.errors import GonioError, nearest
-from gonio.models.expression.builder import build
-from gonio.models.subsurface.catalog import BSSRDFS
+from gonio.models.names import BELOW, WHERE
+
+if TYPE_CHECKING:
+    from gonio.models.brdf import AbstractBRDF
 
 LARGEST_STREAM = 256 << 20
 """Bytes that are taken from an open file."""
 CHUNK = 1 << 20
 REFERENCE_FOLDER = Path(__file__).parent / "materials"
 
-SubjectLike = str | os.PathLike[str] | BinaryIO | Table | Material | AbstractBRDF | Any
+SubjectLike = Union[str, os.PathLike[str], BinaryIO, Table, Material, "AbstractBRDF", Any]
 """A readable file (path or open binary file), a reference material's name, an expression, ``FILE.fit:NAME``, or an
 object: a table, a material, a model, or what has a `material` (a fit result)."""
 
@@ -40,7 +40,7 @@ class Subject:
     file: str | None = None
 
     @property
-    def brdf(self) -> AbstractBRDF:
+    def brdf(self) -> "AbstractBRDF":
         """The model, or the interpolant of the table. Raises GonioError for a table that cannot be interpolated."""
         return self.as_material().brdf
 
@@ -82,8 +82,6 @@ def resolve_subject(subject: SubjectLike, *, blockwise: bool = False, **options:
     """
     if isinstance(subject, Subject):
         return subject
-    if isinstance(subject, AbstractBRDF):
-        return _of_content(material_of(subject))
     if isinstance(subject, str | os.PathLike):
         return _named(subject, options | ({"blockwise": True} if blockwise else {}))
     content = subject if isinstance(subject, Table | Material) else getattr(subject, "material", None)
@@ -91,6 +89,10 @@ def resolve_subject(subject: SubjectLike, *, blockwise: bool = False, **options:
         return _of_content(content)
     if callable(getattr(subject, "read", None)):
         return _of_stream(subject, options)
+    from gonio.models.brdf import AbstractBRDF
+
+    if isinstance(subject, AbstractBRDF):
+        return _of_content(material_of(subject))
     raise GonioError(
         f"A {type(subject).__name__} is neither a table nor a model; give a file (its path, or opened as 'rb'), a "
         "reference material's name, an expression such as 'lambert(rho=0.3)', a table, a material, a model or a fit "
@@ -132,15 +134,15 @@ def _named(given: str | os.PathLike[str], options: dict[str, Any]) -> Subject:
         file = os.fspath(Path(text))
         return _of_content(load(file, **options), file)
     if "(" in text:
+        from gonio.models.expression.builder import build
+
         brdf = build(text)
         return _of_content(Material(text, brdf, text, channels_of(brdf), "spelled on the spot"))
     if os.sep in text or Path(text).suffix:
         raise GonioError(f"{text} does not exist; check the name and the folder")
-    if text in (*MODELS, *BSSRDFS):
+    if text in (*WHERE, *BELOW):
         raise GonioError(f"'{text}' is a model, not a material; give its parameters, as in '{text}(...)'")
-    raise GonioError(
-        f"Unknown material '{text[:80]}'; {nearest(text[:80], [*reference_materials(), *MODELS, *BSSRDFS])}"
-    )
+    raise GonioError(f"Unknown material '{text[:80]}'; {nearest(text[:80], [*reference_materials(), *WHERE, *BELOW])}")
 
 
 def _of_stream(stream: Any, options: dict[str, Any]) -> Subject:

@@ -1,13 +1,14 @@
 """The apertures of a table, and what a fit says of having averaged over them or not."""
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gonio.data.table import Table
-from gonio.fitting.problem.disc_averages import disc_rules
-from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
+
+if TYPE_CHECKING:
+    from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
 
 HALF_ANGLE_MAX = math.pi / 4
 NOTEWORTHY = 0.5  # standard uncertainties that a number is off by
@@ -51,12 +52,14 @@ def _half_angle(solid_angle: float | None, stated_deg: Any) -> float:
     return angle
 
 
-def aperture_facts(optima: list[Optimum], estimates: list[list[ParameterEstimate]]) -> dict[str, Any] | None:
+def aperture_facts(optima: "list[Optimum]", estimates: "list[list[ParameterEstimate]]") -> dict[str, Any] | None:
     """What a result keeps of the averages over the apertures' discs; None for points."""
     averages = [e.averages for e in optima if e.averages is not None]
     if not averages:
         return None
     rules = np.concatenate([a.rules for a in averages])
+    from gonio.fitting.problem.disc_averages import disc_rules
+
     counts = disc_rules(averages[0].half_angles).counts.prod(axis=1)[rules]
     shifts = [
         {"name": p.label, "shift": float(d), "in_standard_uncertainties": float(d / p.standard_uncertainty)}

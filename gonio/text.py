@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import importlib.metadata
 import math
 import platform
 import sys
@@ -33,9 +32,11 @@ def number(value: float | None, digits: int = 6) -> str:
 
 def versions(*packages: str) -> dict[str, str]:
     """Versions of gonio, Python and these packages."""
+    from importlib.metadata import version
+
     from gonio import __version__
 
-    named = {name: importlib.metadata.version(name) for name in packages}
+    named = {name: version(name) for name in packages}
     return {"gonio": __version__, "python": platform.python_version(), **named}
 
 

@@ -1,32 +1,37 @@
 """The models by the names that people and files spell them with."""
 
 import importlib
+from typing import TYPE_CHECKING
 
-from gonio.models.brdf import AbstractBRDF
 from gonio.models.names import WHERE
+
+if TYPE_CHECKING:
+    from gonio.models.brdf import AbstractBRDF
 
 
 class _Catalog(dict):
     """Model classes by name, each imported when it is first asked for: a fit of two lobes waits for no others."""
 
-    def __getitem__(self, name: str) -> type[AbstractBRDF]:
+    def __getitem__(self, name: str) -> "type[AbstractBRDF]":
         known = super().__getitem__(name)
         if isinstance(known, tuple):
             known = self[name] = getattr(importlib.import_module(f"gonio.models.{known[0]}"), known[1])
         return known
 
-    def values(self) -> list[type[AbstractBRDF]]:
+    def values(self) -> "list[type[AbstractBRDF]]":
         return [self[name] for name in self]
 
-    def items(self) -> list[tuple[str, type[AbstractBRDF]]]:
+    def items(self) -> "list[tuple[str, type[AbstractBRDF]]]":
         return [(name, self[name]) for name in self]
 
 
 MODELS = _Catalog(WHERE)
 
 
-def is_ours(brdf: AbstractBRDF) -> bool:
+def is_ours(brdf: "AbstractBRDF") -> bool:
     """Whether all of a model, what stands inside it too, is of this package: its map and its word are to be trusted."""
+    from gonio.models.brdf import AbstractBRDF
+
     inside = [v for v in vars(brdf).values() if isinstance(v, AbstractBRDF)] + list(getattr(brdf, "parts", ()))
     return type(brdf).__module__.startswith("gonio.models.") and all(is_ours(b) for b in inside)
 

@@ -98,3 +98,16 @@ def test_packages_give_their_public_names(package):
 def test_imports_load_no_more_than_they_need(statement, absent):
     code = f"import sys; {statement}; sys.exit(any(name in sys.modules for name in {absent}))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True).returncode == 0
+
+
+def test_what_reads_tables_needs_no_jax(tmp_path):
+    rows = [f"{i},0,{o},0,0.3" for i in (0, 30, 60) for o in (0, 30, 60)]
+    (tmp_path / "t.csv").write_text("theta_i,phi_i,theta_o,phi_o,f\n" + "\n".join(rows) + "\n")
+    code = (
+        "import sys; from gonio.cli.program import main; "
+        "words = (['info', 't.csv'], ['check', 't.csv'], ['convert', 't.csv', 't.h5']); "
+        "statuses = [main(list(w)) for w in words]; "
+        "sys.exit(2 in statuses or any(n in sys.modules for n in ('jax', 'equinox', 'jaxtyping', 'scipy.optimize')))"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from gonio.data.interpolation.angle_basis import AngleBasis
-from gonio.data.table import Table
 from gonio.models.arrays import Channels, Scalar
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction, safe_atan2
@@ -235,9 +234,3 @@ class SheetBSDF(AbstractBRDF):
             for name in BLOCKS
         ]
         return jnp.select([jnp.broadcast_to(m, values[0].shape) for m in lit], values)
-
-
-def sheet_of(table: Table) -> SheetBSDF | None:
-    """The sheet whose patches a table holds; None for all other tables."""
-    brdf = None if table.interpolant is None else table.interpolant()
-    return brdf if isinstance(brdf, SheetBSDF) else None

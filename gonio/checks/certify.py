@@ -3,12 +3,10 @@
 import dataclasses
 import pkgutil
 from collections.abc import Mapping
-from typing import TypedDict, Unpack
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 from gonio.checks.certificate import Certificate
-from gonio.checks.model.evidence import ModelEvidence
 from gonio.checks.properties import PROPERTIES
-from gonio.checks.subsurface import check_bssrdf, check_profile
 from gonio.checks.table.evidence import LEVEL, TableEvidence
 from gonio.checks.table.further_readings import joined, require_alike
 from gonio.data.profile_files import profile_of
@@ -16,11 +14,12 @@ from gonio.data.subject import Subject, SubjectLike, resolve_subject
 from gonio.data.table import Table
 from gonio.instrument.instrument import Instrument
 from gonio.instrument.media import with_media
-from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError
-from gonio.models.expression.parser import parse, with_defaults
-from gonio.models.subsurface.wide_spots import WideSpots
+
+if TYPE_CHECKING:
+    from gonio.checks.model.evidence import ModelEvidence
+    from gonio.models.brdf import AbstractBRDF
 
 
 class CheckOptions(TypedDict, total=False):
@@ -89,12 +88,13 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
     settings = settings_of(CheckSettings, "check", options)
     given = _checked(settings.tolerances or {})
     if (profile := profile_of(subject)) is not None:
+        from gonio.checks.subsurface import check_profile
+
         _refuse_options_of_tables(settings, "a profile")
         return check_profile(profile, settings.name or profile.name or "profile", given, settings.level)
     judged = resolve_subject(subject, blockwise=True)
-    if judged.material is not None and isinstance(judged.material.brdf, WideSpots):
-        _refuse_options_of_tables(settings, "light below a surface")
-        return check_bssrdf(judged.material.brdf.bssrdf, judged.channels, settings.name or judged.name, given)
+    if judged.material is not None and (below := _below_the_surface(judged, settings, given)) is not None:
+        return below
     reference = None if settings.against is None else _compared_with(resolve_subject(settings.against))
     evidence = _evidence(judged, settings, reference)
     properties = []
@@ -111,15 +111,28 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
     return Certificate(settings.name or judged.name, judged.kind, properties, settings.strict, notes)
 
 
-def _compared_with(other: Subject) -> AbstractBRDF | Table:
+def _below_the_surface(judged: Subject, settings: CheckSettings, given: dict[str, float]) -> Certificate | None:
+    """The certificate of a model of light below the surface; None for others."""
+    from gonio.checks.subsurface import check_bssrdf
+    from gonio.models.subsurface.wide_spots import WideSpots
+
+    if not isinstance(judged.brdf, WideSpots):
+        return None
+    _refuse_options_of_tables(settings, "light below a surface")
+    return check_bssrdf(judged.brdf.bssrdf, judged.channels, settings.name or judged.name, given)
+
+
+def _compared_with(other: Subject) -> "AbstractBRDF | Table":
     """A truth, or the readings of a table."""
     return other.brdf if other.table is None else other.table
 
 
 def _evidence(
-    judged: Subject, settings: CheckSettings, reference: AbstractBRDF | Table | None
-) -> ModelEvidence | TableEvidence:
+    judged: Subject, settings: CheckSettings, reference: "AbstractBRDF | Table | None"
+) -> "ModelEvidence | TableEvidence":
     if judged.table is None:
+        from gonio.checks.model.evidence import ModelEvidence
+
         if settings.further is not None:
             raise GonioError(f"{judged.name} is a model; further readings join tables only: leave the option out")
         if settings.instrument is not None:
@@ -130,6 +143,8 @@ def _evidence(
             return ModelEvidence(judged.brdf, judged.channels.names, readings=reference, level=settings.level)
         return ModelEvidence(judged.brdf, judged.channels.names, reference)
     if settings.model not in (None, "auto"):
+        from gonio.models.expression.parser import parse, with_defaults
+
         with_defaults(parse(settings.model))  # refused whether it is needed or not
     table, further = judged.table, None
     if settings.instrument is not None:

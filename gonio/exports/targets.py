@@ -2,20 +2,17 @@
 
 import dataclasses
 import os
+import pkgutil
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gonio.data.channels import Channels
 from gonio.data.formats import registry
-from gonio.exports.about import About
-from gonio.exports.forms import Appearance, Form
-from gonio.exports.renderers import blender, gltf, mitsuba, openpbr, pbrt
-from gonio.exports.renderers.blender_file import blender_file
-from gonio.exports.renderers.gltf_file import gltf_file
-from gonio.exports.renderers.materialx_file import materialx_file
-from gonio.exports.renderers.mitsuba_file import mitsuba_file
-from gonio.exports.renderers.pbrt_file import pbrt_file
 from gonio.models.errors import GonioError, nearest
+
+if TYPE_CHECKING:
+    from gonio.exports.about import About
+    from gonio.exports.forms import Appearance, Form
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,8 +21,8 @@ class Target:
 
     title: str
     suffixes: tuple[str, ...]
-    forms: Callable[[Appearance], tuple[Form, ...]]
-    file: Callable[[Any, About, str], bytes]
+    forms: "Callable[[Appearance], tuple[Form, ...]]"
+    file: "Callable[[Any, About, str], bytes]"
     """Of what a form says, with what is to be told of it, and the ending."""
     measured: Callable[[str, Channels], tuple[Any, tuple[str, ...]]] | None = None
     """What refers to the surface as data, in an RGL file of this name and channels, and what is to be told of it."""
@@ -43,13 +40,31 @@ def _measured_by_pbrt(file: str, channels: Channels) -> tuple[list[dict[str, Any
     return [{"type": "measured", "string filename": file}], ()
 
 
+def _later(place: str) -> Callable[..., Any]:
+    """A function of a renderer, whose module is loaded with its first call: JAX comes with it."""
+
+    def call(*args: Any) -> Any:
+        return pkgutil.resolve_name(f"gonio.exports.renderers.{place}")(*args)
+
+    return call
+
+
 TARGETS = {
-    "mitsuba": Target("Mitsuba 3", (".xml", ".json"), mitsuba.forms, mitsuba_file, _measured_by_mitsuba),
-    "pbrt": Target("pbrt-v4", (".pbrt",), pbrt.forms, pbrt_file, _measured_by_pbrt),
-    "materialx": Target("MaterialX's OpenPBR surface", (".mtlx",), openpbr.forms, materialx_file),
-    "gltf": Target("glTF 2.0", (".gltf", ".glb"), gltf.forms, gltf_file),
-    "blender": Target("Blender's Principled BSDF", (".py",), blender.forms, blender_file),
-}
+    "mitsuba": Target(
+        "Mitsuba 3", (".xml", ".json"), _later("mitsuba:forms"), _later("mitsuba_file:mitsuba_file"),
+        _measured_by_mitsuba,
+    ),
+    "pbrt": Target(
+        "pbrt-v4", (".pbrt",), _later("pbrt:forms"), _later("pbrt_file:pbrt_file"), _measured_by_pbrt
+    ),
+    "materialx": Target(
+        "MaterialX's OpenPBR surface", (".mtlx",), _later("openpbr:forms"), _later("materialx_file:materialx_file")
+    ),
+    "gltf": Target("glTF 2.0", (".gltf", ".glb"), _later("gltf:forms"), _later("gltf_file:gltf_file")),
+    "blender": Target(
+        "Blender's Principled BSDF", (".py",), _later("blender:forms"), _later("blender_file:blender_file")
+    ),
+}  # fmt: skip
 OTHER_NAMES = {"openpbr": "materialx", "radiance": "klems"}
 """Of renderers and formats, in small letters."""
 

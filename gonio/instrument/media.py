@@ -1,21 +1,23 @@
 """The media in front of the sample and behind it: the material's, the instrument's, or both where they agree."""
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gonio.data.table import MEDIA, Table, media_of
 from gonio.instrument.instrument import Instrument
-from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.geometry.sides import FRONT, Sides
+
+if TYPE_CHECKING:
+    from gonio.models.brdf import AbstractBRDF
 
 SAME_INDEX = 1e-6
 """Relative difference of ratios of indices that are one."""
 
 
-def media_of_measurement(instrument: Instrument, brdf: AbstractBRDF, sides: Sides) -> list[Any] | None:
+def media_of_measurement(instrument: Instrument, brdf: "AbstractBRDF", sides: Sides) -> list[Any] | None:
     """Refractive indices in front and behind for the provenance of a table; None where they say nothing.
 
     Args:

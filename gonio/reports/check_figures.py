@@ -134,7 +134,7 @@ def _p_values(s: ReportSubject, verdict: Property) -> list[ReportFigure]:
 
 def _pairs(s: ReportSubject) -> ReciprocityPairs | None:
     from gonio.checks.table.evidence import reciprocal_pairs
-    from gonio.checks.table.pairs.scattered_pairs import both_ways, random_angles
+    from gonio.checks.table.pairs.warped_pairs import both_ways, random_angles
 
     if s.table is not None:
         pairs = reciprocal_pairs(s.table)

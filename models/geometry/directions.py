@@ -5,11 +5,15 @@ detector; both are unit vectors. theta is the polar angle from +z, phi the azimu
 """
 
 from types import ModuleType
-from typing import NamedTuple
-
-import jax.numpy as jnp
+from typing import TYPE_CHECKING, NamedTuple
 
 from gonio.models.arrays import Scalar
+from gonio.models.deferred import deferred
+
+if TYPE_CHECKING:
+    import jax.numpy as jnp
+else:
+    jnp = deferred("jax.numpy")
 
 
 class Direction(NamedTuple):

@@ -1,13 +1,11 @@
 """Points that fill the unit cube evenly in any number."""
 
 import numpy as np
-from jaxtyping import Float
 
 
-def low_discrepancy(
-    count: int, dimensions: int, seed: float = 0.5, skip: int = 0
-) -> Float[np.ndarray, "count dimensions"]:
-    """Points of the unit cube by the additive recurrence with the generalised golden ratio [Roberts 2018].
+def low_discrepancy(count: int, dimensions: int, seed: float = 0.5, skip: int = 0) -> np.ndarray:
+    """(count, dimensions): points of the unit cube by the additive recurrence with the generalised golden ratio
+    [Roberts 2018].
 
     Args:
         count: number of points.

@@ -12,7 +12,8 @@ from gonio.data.files import new_file
 from gonio.data.formats.optics.grid_source import GridSource
 from gonio.data.formats.optics.window_xml import read_window_xml
 from gonio.data.interpolation.angle_basis import KLEMS_BASES, AngleBasis
-from gonio.data.interpolation.scattering_blocks import BLOCKS, Matrix, pair_of, sheet_of
+from gonio.data.interpolation.scattering_blocks import BLOCKS, Matrix, pair_of
+from gonio.data.interpolation.sheets import sheet_of
 from gonio.data.material import Material
 from gonio.data.round_trip import RoundTrip
 from gonio.data.table import Table

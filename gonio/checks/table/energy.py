@@ -15,7 +15,7 @@ from gonio.checks.table.further_readings import FurtherBySide
 from gonio.checks.table.one_azimuth import ISOTROPIC, isotropy_at_normal_incidence, taken_as_mirrored
 from gonio.checks.table.pairs.displacement import cosine_error, misalignment, miscalibration
 from gonio.checks.table.statistics.counts import critical, sidak
-from gonio.data.interpolation.scattering_blocks import sheet_of
+from gonio.data.interpolation.sheets import sheet_of
 from gonio.data.table import Table
 from gonio.models.display import percent
 from gonio.models.errors import GonioError

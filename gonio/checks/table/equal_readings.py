@@ -25,13 +25,12 @@ from gonio.checks.table.one_azimuth import (
     one_azimuth,
     unturned,
 )
-from gonio.checks.table.pairs.assisted_pairs import assisted_pairs
 from gonio.checks.table.pairs.displacement import displaced, displacement
 from gonio.checks.table.pairs.equal_pairs import some_of
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import pair_angles
 from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
-from gonio.data.interpolation.scattering_blocks import sheet_of
+from gonio.data.interpolation.sheets import sheet_of
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.models.geometry.sides import Sides
@@ -64,6 +63,8 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
 
 def _assisted(alone: Property, evidence: TableEvidence, tolerance: float) -> Property:
     """The property with the help of the model; a violation is left to the readings."""
+    from gonio.checks.table.pairs.assisted_pairs import assisted_pairs
+
     try:
         fitted = evidence.fitted
     except GonioError as error:  # too few readings for the model

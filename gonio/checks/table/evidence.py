@@ -18,13 +18,14 @@ from gonio.checks.table.pairs.equal_pairs import (
 from gonio.checks.table.pairs.normal_incidence import normal_incidence_pairs
 from gonio.checks.table.pairs.pairs import Pairs, joined, without_radiance_factor
 from gonio.checks.table.pairs.places import places
-from gonio.data.interpolation.scattering_blocks import sheet_of
+from gonio.checks.table.pairs.scattered_pairs import scattered_pairs
+from gonio.data.interpolation.sheets import sheet_of
 from gonio.data.table import Table
-from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.sides import FRONT
 
 if TYPE_CHECKING:
     from gonio.fitting.result import FitResult
+    from gonio.models.brdf import AbstractBRDF
 
 LEVEL = 0.01
 """Chance that an honest table is called significantly wrong, by each family of tests against stored uncertainties."""
@@ -40,14 +41,13 @@ def reciprocal_pairs(table: Table) -> Pairs | str:
 
 
 def _exchanged(table: Table) -> Pairs | str:
-    from gonio.checks.table.pairs.interpolated_pairs import interpolated_pairs
-    from gonio.checks.table.pairs.scattered_pairs import scattered_pairs, warped_pairs
-
     if (sheet := sheet_of(table)) is not None:
         from gonio.checks.table.sheet import sheet_pairs
 
         return sheet_pairs(sheet)
     if table.interpolant is not None:
+        from gonio.checks.table.pairs.warped_pairs import warped_pairs
+
         return warped_pairs(table)
     if not table.layout.gridded:
         return scattered_pairs(table)
@@ -58,7 +58,11 @@ def _exchanged(table: Table) -> Pairs | str:
     # Interpolation is for what the measured pairs leave open.
     if alone.size:
         alone = alone[~np.isin(squares_of(table.layout, alone), places(pairs.angles).square)]
-    return joined(pairs, interpolated_pairs(table, alone)) if alone.size else pairs
+    if not alone.size:
+        return pairs
+    from gonio.checks.table.pairs.interpolated_pairs import interpolated_pairs
+
+    return joined(pairs, interpolated_pairs(table, alone))
 
 
 PAIRS: dict[str, Callable[[Table], Pairs | str]] = {
@@ -78,7 +82,7 @@ class TableEvidence:
     table: Table
     level: float = LEVEL
     feature_width: float = 0.0
-    reference: AbstractBRDF | Table | None = None
+    reference: "AbstractBRDF | Table | None" = None
     """What the table is compared with: the truth, or readings of the same surface."""
     model: str | None = None
     further: Table | None = None

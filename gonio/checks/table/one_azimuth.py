@@ -6,9 +6,9 @@ from gonio.checks.certificate import FAIL, NOT_APPLICABLE, Property, without_res
 from gonio.checks.table.comparison import compare
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs.displacement import displaced, displacement
+from gonio.checks.table.pairs.pair_points import isotropic_light, one_sided
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import SAME_POLAR
-from gonio.checks.table.pairs.scattered_pairs import isotropic_light, one_sided
 from gonio.data.table import Table
 from gonio.models.display import percent
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from gonio.checks.table.sheet import sheet_pairs
 from gonio.data.formats.optics.window_xml import read_window_xml
-from gonio.data.interpolation.scattering_blocks import BLOCKS, SheetBSDF, sheet_of
+from gonio.data.interpolation.scattering_blocks import BLOCKS, SheetBSDF
+from gonio.data.interpolation.sheets import sheet_of
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 

@@ -10,8 +10,9 @@ from gonio.checks.direction_search import directions
 from gonio.checks.table.albedos.half_difference import HalfVectorGrid, half_vector_grid
 from gonio.checks.table.albedos.scattered import INCIDENCES
 from gonio.checks.table.pairs.nearest_readings import FEWEST, by_incidence, valid_readings
+from gonio.checks.table.pairs.pair_points import LEAF, isotropic_light, one_sided, pair_points
 from gonio.checks.table.pairs.places import angles_of
-from gonio.checks.table.pairs.scattered_pairs import LEAF, isotropic_light, merged, one_sided, pair_points
+from gonio.checks.table.pairs.scattered_pairs import merged
 from gonio.data.flags import Flag
 from gonio.data.table import Table
 from gonio.models.geometry.directions import from_spherical, to_half_difference

@@ -8,7 +8,7 @@ from gonio.checks.grid_resolution import LARGEST
 from gonio.checks.hidden_lobes import Features, credible
 from gonio.checks.table.albedos.on_grid import floor_of
 from gonio.checks.table.pairs.nearest_readings import AnglesAndReadings, Light, lights
-from gonio.checks.table.pairs.scattered_pairs import warp_of
+from gonio.checks.table.pairs.warped_pairs import warp_of
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction

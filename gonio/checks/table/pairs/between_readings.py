@@ -8,8 +8,9 @@ import numpy as np
 from gonio.checks.certificate import relative_difference
 from gonio.checks.direction_search import values
 from gonio.checks.table.pairs.columns import readings_of
+from gonio.checks.table.pairs.pair_points import EXACT, LEAF, isotropic_light, one_sided, pair_points
 from gonio.checks.table.pairs.places import angles_of, pair_angles
-from gonio.checks.table.pairs.scattered_pairs import EXACT, LEAF, STEEPEST, isotropic_light, one_sided, pair_points
+from gonio.checks.table.pairs.scattered_pairs import STEEPEST
 from gonio.data.interpolation.coverage import covered
 from gonio.data.interpolation.multilinear import Tabulated, as_material, coarsened
 from gonio.data.interpolation.two_sided import TwoSided

@@ -6,8 +6,8 @@ import numpy as np
 
 from gonio.checks.table.pairs.columns import readings_of
 from gonio.checks.table.pairs.next_nodes import Change
+from gonio.checks.table.pairs.pair_points import EXACT, LEAF, isotropic_light, one_sided, pair_points
 from gonio.checks.table.pairs.places import angles_of
-from gonio.checks.table.pairs.scattered_pairs import EXACT, LEAF, isotropic_light, one_sided, pair_points
 from gonio.data.table import Table
 
 NEAREST = 8

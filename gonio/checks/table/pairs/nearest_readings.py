@@ -8,8 +8,9 @@ from gonio.checks.albedos import Incidence
 from gonio.checks.direction_search import directions
 from gonio.checks.hidden_lobes import REFLECTED, Features, NearMirror, hidden_energy, refracted
 from gonio.checks.table.pairs.columns import readings_of
+from gonio.checks.table.pairs.pair_points import LEAF, isotropic_light, one_sided
 from gonio.checks.table.pairs.places import angles_of
-from gonio.checks.table.pairs.scattered_pairs import LEAF, isotropic_light, merged, one_sided
+from gonio.checks.table.pairs.scattered_pairs import merged
 from gonio.data.table import Table
 from gonio.models.geometry.low_discrepancy import low_discrepancy
 

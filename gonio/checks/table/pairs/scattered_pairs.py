@@ -1,25 +1,18 @@
-"""Pairs of readings where no grid has them: near partners, the format's own warp, or interpolation with its error."""
+"""Pairs of readings where no grid has them: near partners, or interpolation with its error."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
 import numpy as np
 
-from gonio.checks.certificate import relative_difference
-from gonio.checks.direction_search import directions, everywhere, values
 from gonio.checks.table.pairs.columns import readings_of
+from gonio.checks.table.pairs.pair_points import EXACT, LEAF, isotropic_light, one_sided, pair_points
 from gonio.checks.table.pairs.pairs import Pairs
 from gonio.checks.table.pairs.places import angles_of
 from gonio.data.table import Table
-from gonio.models.brdf import AbstractBRDF
 from gonio.models.display import percent
-from gonio.models.geometry.low_discrepancy import low_discrepancy
 
 NEAR = np.radians(2.0)
 """A reading this close to the wanted pair of directions may stand for it; the error is estimated."""
-
-EXACT = 1e-6
-"""Distance, about radians, of two pairs of directions that are one."""
 
 SAME_LIGHT = np.radians(0.05)
 """Polar angles nearer than that are one."""
@@ -39,40 +32,6 @@ STEEPEST = 0.2
 
 FEWEST_REPEATS = 12
 """Repeated readings, less their means, from which the noise is taken where none is stored."""
-
-LEAF = 16
-"""Points of a leaf of the trees; it decides between neighbours that are equally near."""
-
-WARPED = 16384
-"""Random pairs where a warp answers anywhere."""
-
-WIDEST = np.radians(70.0)
-"""Polar angle to which a format's warp is read: beyond, it answers where little or nothing was measured."""
-
-
-def isotropic_light(table: Table) -> bool:
-    """Whether all readings of a scattered table have the light at one azimuth."""
-    theta, phi = table.layout.axes["theta_i"], table.layout.axes["phi_i"]
-    x, y = np.cos(phi)[theta > 1e-9], np.sin(phi)[theta > 1e-9]
-    return x.size == 0 or bool(np.ptp(x) < 1e-9 and np.ptp(y) < 1e-9)
-
-
-def one_sided(angles: np.ndarray) -> bool:
-    """Whether all azimuth differences of (n, 4) angles are on one side of the plane of incidence, or in it."""
-    turn = np.mod(angles[:, 3] - angles[:, 1] + np.pi, 2 * np.pi) - np.pi
-    lateral = np.sin(angles[:, 0]) * np.sin(angles[:, 2]) * np.sin(turn)
-    return bool((lateral > -1e-6).all() or (lateral < 1e-6).all())
-
-
-def pair_points(angles: np.ndarray, isotropic: bool, mirrored: bool) -> np.ndarray:
-    """Points whose distances are about the angles, radians, between pairs of directions, (n, 4) or (n, 6)."""
-    theta_i, phi_i, theta_o, phi_o = angles.T
-    if isotropic:
-        turn = phi_o - phi_i
-        across = np.sqrt(np.sin(theta_i) * np.sin(theta_o))
-        lateral = np.abs(np.sin(turn)) if mirrored else np.sin(turn)
-        return np.stack([theta_i, theta_o, across * np.cos(turn), across * lateral], -1)
-    return np.stack([*directions(theta_i, phi_i), *directions(theta_o, phi_o)], -1)
 
 
 class Readings(NamedTuple):
@@ -157,45 +116,3 @@ def scattered_pairs(table: Table) -> Pairs:
     # Where f is steep the spread of a few readings bounds nothing.
     a = np.where(error <= STEEPEST, a, np.nan)
     return Pairs.of_arrays((a, b, u[keep], u_b), angles[keep], len(f), how, error, merged=angles)
-
-
-def random_angles(theta_max: float, n: int = WARPED) -> np.ndarray:
-    """Pairs of directions even in solid angle up to a polar angle: (n, 4)."""
-    u = low_discrepancy(n, 4)
-    return everywhere(u, np.arccos(1 - u[:, ::2] * (1 - np.cos(theta_max))))
-
-
-def both_ways(brdf: AbstractBRDF, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """f of n pairs of directions and of the exchanged pairs, each (n, channels)."""
-    wi, wo = (directions(angles[:, k], angles[:, k + 1]) for k in (0, 2))
-    return values(brdf, wi, wo), values(brdf, wo, wi)
-
-
-def warp_of(table: Table) -> tuple[Any, Any | None]:
-    """A format's own warp, and the same with every second stored incidence, where it has more than four."""
-    assert table.interpolant is not None
-    warp: Any = table.interpolant()
-    if not hasattr(warp, "vndf") or warp.theta_i.shape[0] <= 4:
-        return warp, None
-    n = warp.theta_i.shape[0]
-    keep = np.unique(np.append(np.arange(0, n, 2), n - 1))
-    names = ("vndf", "conditional", "marginal", "spectra")
-
-    def fields(m: Any) -> tuple[Any, ...]:
-        return m.theta_i, *(getattr(m, k) for k in names)
-
-    return warp, eqx.tree_at(fields, warp, (warp.theta_i[keep], *(getattr(warp, k)[:, keep] for k in names)))
-
-
-def warped_pairs(table: Table) -> Pairs:
-    """Random pairs answered by the format's own warp; the error is what every second incidence changes."""
-    warp, coarse = warp_of(table)
-    angles = random_angles(min(float(np.max(np.asarray(warp.theta_i))), WIDEST))
-    a, b = both_ways(warp, angles)
-    error: np.ndarray | None = None
-    if coarse is not None:
-        rough_a, rough_b = both_ways(coarse, angles)
-        error = relative_difference(a, rough_a) + relative_difference(b, rough_b)
-    unknown = np.full_like(a, np.nan)
-    how = "random pairs, read by the format's own warp"
-    return Pairs.of_arrays((a, b, unknown, unknown), angles, len(a), how, error)

@@ -5,7 +5,6 @@ product of neighbouring differences is the square of what is no noise.
 """
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from gonio.checks.table.statistics.counts import critical
 
@@ -34,6 +33,8 @@ def least_shared(d: np.ndarray, angles: np.ndarray, level: float) -> float:
     square = float(np.mean(d**2))
     if products < FEWEST_PAIRS or not square:
         return 0.0
+    from scipy.spatial import KDTree
+
     theta_i, phi_i, theta_o, phi_o = angles.T
     # By the azimuths themselves: at the normal, where they are no direction, the pair of the same azimuths is near.
     places = np.stack([theta_i, np.cos(phi_i), np.sin(phi_i), theta_o, np.cos(phi_o), np.sin(phi_o)], axis=1)

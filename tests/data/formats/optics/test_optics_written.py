@@ -11,7 +11,8 @@ from gonio.data import layouts
 from gonio.data.channels import Channels
 from gonio.data.flags import Flag
 from gonio.data.formats.registry import read, write
-from gonio.data.interpolation.scattering_blocks import BLOCKS, sheet_of
+from gonio.data.interpolation.scattering_blocks import BLOCKS
+from gonio.data.interpolation.sheets import sheet_of
 from gonio.data.material import Material, material_of
 from gonio.data.subject import resolve_subject
 from gonio.data.table import whole_table_of_values
