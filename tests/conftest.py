@@ -53,9 +53,9 @@ AS_FOR_USERS = (
     "test_ground", "test_wheel", "cli/test_fit", "reports/test_build", "checks/test_certify",
     "fitting/test_fit_table", "fitting/problem/test_problem", "fitting/solver/test_levenberg_marquardt",
     # These compute for longer than they compile:
-    "exports/test_nearest", "instrument/test_aperture", "instrument/test_measurement", "stability/",
-    "data/test_material", "metrology/test_quantities",
-    "metrology/standards/test_tables", "fitting/subsurface/test_free_index",
+    "exports/test_nearest", "instrument/test_aperture", "instrument/test_measurement", "instrument/test_noise",
+    "stability/", "data/test_material", "metrology/test_quantities", "metrology/standards/test_tables",
+    "fitting/subsurface/test_free_index",
 )  # fmt: skip
 """Tests whose programs are compiled as users have them. Laws and oracles are asked of programs with few optimisations,
 which take a third of the time to compile; those of fits, checks and pages,

@@ -41,7 +41,7 @@ def test_the_reference_set_spans_what_it_should():
         assert needed in spelled
 
 
-TOLERANCE = 1e-4
+TOLERANCE = 1e-5
 """Of the albedo of a term."""
 
 
