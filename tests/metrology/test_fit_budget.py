@@ -33,11 +33,20 @@ def fitted(exact):
     return gonio.fit(exact, MODEL)
 
 
-@pytest.mark.parametrize("name", ["tilt_x", "tilt_y", "theta_i", "theta_o", "phi", "gain", "dark"])
-def test_a_real_error_of_the_instrument_moves_a_fit_by_its_contribution(exact, fitted, name):
-    stated = f"{SMALL} rad" if name not in ("gain", "dark") else SMALL
-    b = quantities(exact, budget=True, only=["reflectance"], fit=fitted, uncertainty={name: stated}).budget
-    contribution = next(c for c in b.contributions if c.name == name)
+ERRORS = ("tilt_x", "tilt_y", "theta_i", "theta_o", "phi", "gain", "dark")
+
+
+@pytest.fixture(scope="module")
+def contributions(exact, fitted):
+    """What each error of the instrument adds to the budget of the fit, by its name."""
+    stated = {name: SMALL if name in ("gain", "dark") else f"{SMALL} rad" for name in ERRORS}
+    b = quantities(exact, budget=True, only=["reflectance"], fit=fitted, uncertainty=stated).budget
+    return {c.name: c for c in b.contributions}
+
+
+@pytest.mark.parametrize("name", ERRORS)
+def test_a_real_error_of_the_instrument_moves_a_fit_by_its_contribution(fitted, contributions, name):
+    contribution = contributions[name]
     error = {"gain": {"gain": 1 + SMALL}, "dark": {"offset": SMALL}}.get(name, {name: SMALL})
     moved = gonio.fit(measure(TRUTH, Instrument(systematic=Systematic(**error)), GRID), MODEL)
     change = numbers(moved) - numbers(fitted)

@@ -19,9 +19,3 @@ def files() -> dict[str, str]:
 def trees() -> dict[str, ast.Module]:
     """Every module parsed; nobody may change them."""
     return {name: ast.parse(text) for name, text in files().items()}
-
-
-@functools.cache
-def nodes() -> dict[str, tuple[ast.AST, ...]]:
-    """Every node of every module, each after the one that holds it."""
-    return {name: tuple(ast.walk(tree)) for name, tree in trees().items()}
