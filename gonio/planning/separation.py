@@ -48,7 +48,7 @@ def _highest(cuts: list[tuple[np.ndarray, float]], count: int) -> tuple[np.ndarr
     whole = np.ones((1, count + 1))
     whole[0, -1] = 0.0
     above = np.concatenate([-slopes, np.ones((len(cuts), 1))], axis=1)
-    bounds = [(0.0, 1.0)] * count + [(0.0, None)]
+    bounds = (0.0, None)  # their sum keeps the shares below 1
     result = linprog(height, above, limits, whole, [1.0], bounds, method="highs")
     shares = np.maximum(result.x[:-1], 0.0)
     return shares / shares.sum(), float(result.x[-1]) * scale

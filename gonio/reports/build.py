@@ -130,6 +130,31 @@ def report(
     settings.require_subjects(given)
     values_file = None if output is None else settings.values_file(output, given)
     settings.refuse_figures()
+    shown = _shown(given, settings)
+    step = _Progress(len(shown), settings.log).step
+    charts = []
+    if settings.chart is not None:
+        from gonio.reports.chart_folder import charts_of
+
+        charts = charts_of(settings.chart)
+
+    def certify(subjects: Sequence[ReportSubject]) -> None:
+        _certify(subjects, settings, step)
+
+    document = assemble(shown, settings.title, settings.command, charts, certify, step, settings.render)
+    text = page(document, None if values_file is None else values_file.name)
+    files: dict[Path, bytes] = {}
+    if output is not None and values_file is not None:
+        # A file's name may hold bytes that are no text.
+        files = {Path(output): text.encode(errors="backslashreplace"), values_file: _values_text(document)}
+    if settings.figures is not None:
+        files |= _figure_files(Path(settings.figures), document, shown)
+    _write(files, settings)
+    return text if output is None else Path(output)
+
+
+def _shown(given: Sequence[Any], settings: ReportSettings) -> list[ReportSubject]:
+    """The subjects of the page, each with its fits and a name of its own."""
     if settings.render:
         from gonio.exports.preview import require_mitsuba  # the renderers' models are loaded with it
 
@@ -140,28 +165,18 @@ def report(
         raise GonioError("a profile of light below a surface has no sphere to render; leave that out")
     assign_fits(shown, [fit_of(f) for f in (*settings.fits, *fits)])
     distinguish_names(shown)
-    progress = _Progress(len(shown), settings.log)
-    charts = []
-    if settings.chart is not None:
-        from gonio.reports.chart_folder import charts_of
+    return shown
 
-        charts = charts_of(settings.chart)
 
-    def certify(subjects: Sequence[ReportSubject]) -> None:
-        _certify(subjects, settings, progress.step)
+def _values_text(document: Document) -> bytes:
+    """The file of all values of a page."""
+    values = json.dumps(document.values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return f"{printable(values)}\n".encode()
 
-    document = assemble(shown, settings.title, settings.command, charts, certify, progress.step, settings.render)
-    text = page(document, None if values_file is None else values_file.name)
-    files: dict[Path, bytes] = {}
-    if output is not None and values_file is not None:
-        values = json.dumps(document.values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-        # A file's name may hold bytes that are no text.
-        files = {
-            Path(output): text.encode(errors="backslashreplace"),
-            values_file: f"{printable(values)}\n".encode(),
-        }
+
+def _write(files: dict[Path, bytes], settings: ReportSettings) -> None:
+    """Writes all files, or none of them."""
     if settings.figures is not None:
-        files |= _figure_files(Path(settings.figures), document, shown)
         with output_errors(Path(settings.figures)):
             os.makedirs(settings.figures, exist_ok=True)
     with contextlib.ExitStack() as stack:
@@ -169,7 +184,6 @@ def report(
             # The folder of figures was found empty, or may be written into.
             force = settings.force or path.suffix in (".svg", ".png")
             stack.enter_context(new_file(path, force)).write_bytes(content)
-    return text if output is None else Path(output)
 
 
 class _Progress:
