@@ -4,7 +4,6 @@ import dataclasses
 import math
 
 import numpy as np
-from scipy.special import chdtrc, ndtr
 
 MIN_RESIDUALS = 20  # of a channel, below which their order is not tested
 SIGNIFICANT = 1e-3
@@ -47,7 +46,7 @@ def channel_effect(scaled: np.ndarray, valid: np.ndarray) -> float:
     if np.count_nonzero(each) < MIN_RESIDUALS or variance <= 0.0:
         return 1.0
     z = float(np.sum(together - each)) / math.sqrt(variance)
-    return max(1.0, float(together.sum() / each.sum())) if float(ndtr(-z)) < SIGNIFICANT else 1.0
+    return max(1.0, float(together.sum() / each.sum())) if _below(-z) < SIGNIFICANT else 1.0
 
 
 def runs_z(signs: np.ndarray) -> float:
@@ -83,7 +82,7 @@ def noise_tests(scaled: np.ndarray, valid: np.ndarray, chi2: float | None, freed
     effect = 1.0 if exact else channel_effect(scaled, valid)
     # Channels of correlation r are fewer independent squares, by 1 + (C - 1) r² where their sum varies 1 + (C - 1) r.
     fewer = 1.0 + (effect - 1.0) ** 2 / max(scaled.shape[1] - 1, 1)
-    chi2_p = math.nan if chi2 is None or freedom < 1 else float(chdtrc(freedom / fewer, chi2 / fewer))
+    chi2_p = math.nan if chi2 is None or freedom < 1 else _exceeded(freedom / fewer, chi2 / fewer)
     if exact:
         return NoiseTests("exact", math.nan, math.nan, 0.0, math.nan, reduced, chi2_p)
     z, shared, shared_z, channels = math.inf, 0.0, -math.inf, 0
@@ -101,6 +100,18 @@ def noise_tests(scaled: np.ndarray, valid: np.ndarray, chi2: float | None, freed
         shared, shared_z = max(shared, correlation), max(shared_z, correlation * math.sqrt(t.size))
     if not channels:
         return NoiseTests("unknown", math.nan, math.nan, math.nan, math.nan, reduced, chi2_p, effect)
-    p, shared_p = (min(1.0, channels * float(ndtr(v))) for v in (z, -shared_z))
+    p, shared_p = (min(1.0, channels * _below(v)) for v in (z, -shared_z))
     structure = min(p, shared_p) < SIGNIFICANT and shared > NEGLIGIBLE
     return NoiseTests("structure" if structure else "noise", z, p, shared, shared_p, reduced, chi2_p, effect)
+
+
+def _below(z: float) -> float:
+    """Probability of a standard normal number below this one."""
+    return 0.5 * math.erfc(-z / math.sqrt(2.0))
+
+
+def _exceeded(freedom: float, chi2: float) -> float:
+    """Probability of a χ² above this one."""
+    from scipy.special import chdtrc
+
+    return float(chdtrc(freedom, chi2))

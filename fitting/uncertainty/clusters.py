@@ -9,7 +9,6 @@ jackknife's over clusters, each left out in turn and followed by the first step 
 import dataclasses
 
 import numpy as np
-from scipy.special import stdtrit
 
 from gonio.fitting.problem.arrow import Arrow
 from gonio.fitting.problem.normal_equations import NormalEquations
@@ -112,6 +111,8 @@ def _widened(e: Optimum, step: np.ndarray, freedom: int, within: float) -> tuple
         freedom: degrees of freedom of Student's quantile.
         within: variances for independent noise, so many times, that the jackknife holds beside its own.
     """
+    from scipy.special import stdtrit
+
     number, lost = step.shape[0], ~np.isfinite(step).all(axis=0)
     step = np.where(lost, 0.0, step)
     sums = (number - 1) / number * np.sum((step - step.mean(axis=0)) ** 2, axis=0)

@@ -9,7 +9,6 @@ from gonio.fitting import fit_table
 from gonio.fitting.fit_model import FitOptions
 from gonio.fitting.result import FitResult
 from gonio.instrument.instrument import Instrument
-from gonio.metrology.nuisance import fit_with_nuisance
 from gonio.models.errors import GonioError
 
 KEYWORDS = """    nuisance: errors of the instrument that are fitted beside the model, held by their uncertainties: some
@@ -39,6 +38,9 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
     expressions = [model] if isinstance(model, str) else list(model or [])
     if len(expressions) > 1 or given.get("per_channel") or given.get("scene") is not None:
         raise GonioError("nuisance numbers go with at most one model, without per_channel and scene")
+    # Alone it is half of what an import of fits would load.
+    from gonio.metrology.nuisance import fit_with_nuisance
+
     names = [n.strip() for n in nuisance.split(",")] if isinstance(nuisance, str) else list(nuisance)
     return fit_with_nuisance(table, expressions[0] if expressions else None, names, instrument, stated, **of_model)
 
