@@ -327,8 +327,12 @@ class Table(Displayed):
         by_flag, negative = np.zeros(256, np.int64), 0
         for start, stop in self.blocks():
             flag = self._flat("flag", start, stop)
-            by_flag += np.bincount(flag.ravel(), minlength=256)
-            negative += int(np.count_nonzero((self._flat("f", start, stop) < 0) & (flag == Flag.VALID)))
+            valid = flag == Flag.VALID
+            number = np.count_nonzero(valid)
+            by_flag[Flag.VALID] += number
+            if number < flag.size:
+                by_flag += np.bincount(flag[~valid], minlength=256)
+            negative += int(np.count_nonzero((self._flat("f", start, stop) < 0) & valid))
         named = {flag.name.lower(): int(by_flag[flag]) for flag in Flag}
         return {"cells": self.layout.size, "negative": negative, **named}
 
@@ -356,9 +360,14 @@ class Table(Displayed):
     def _valid(self, theta_max: float | None) -> Iterator[tuple[int, np.ndarray]]:
         """Block by block the first cell, and which cells are valid in any channel, nearer to a normal than so."""
         for start, stop in self.blocks():
-            valid = (self._flat("flag", start, stop) == Flag.VALID).any(axis=1)
+            # Channel by channel: NumPy goes along a short last axis one number at a time.
+            first, *others = self._flat("flag", start, stop).T
+            valid = first == Flag.VALID
+            for of_channel in others:
+                valid |= of_channel == Flag.VALID
             if theta_max is not None:
-                valid &= np.minimum(*np.abs(self.layout.cosines(start, stop))) > math.cos(theta_max)
+                for cosine in self.layout.cosines(start, stop):
+                    valid &= np.abs(cosine) > math.cos(theta_max)
             yield start, valid
 
     def samples(self, limit: int | None = None, theta_max: float | None = None, seed: int = 0) -> Block:

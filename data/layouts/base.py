@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 TURN = 2 * math.pi
 SAME = 1e-9
 """ArrayLike of nodes that differ by less than this many radians are one."""
+MANY = 1 << 15
+"""Cells whose directions are computed at a time: their intermediate values stay in a cache."""
 Trig = Sequence[tuple[Any, Any]]
 """(cosine, sine) of the angles on each axis, arrays that broadcast."""
 Pair = tuple[tuple[Any, Any, Any], tuple[Any, Any, Any]]
@@ -196,7 +198,13 @@ class Layout(abc.ABC):
 
     def directions_at(self, cells: np.ndarray) -> tuple["Direction", "Direction"]:
         """(wi, wo) of the cells of these C-order numbers, shape (n,): components of shape (n,), float64."""
-        return _directions(np.broadcast_to(c, np.shape(cells)) for c in self._components_of(self._trig_at(cells)))
+        if np.ndim(cells) != 1 or np.size(cells) <= MANY:
+            return _directions(np.broadcast_to(c, np.shape(cells)) for c in self._components_of(self._trig_at(cells)))
+        components = np.empty((6, len(cells)))
+        for some in (slice(first, first + MANY) for first in range(0, len(cells), MANY)):
+            for c, part in zip(components, self._components_of(self._trig_at(cells[some])), strict=True):
+                c[some] = part
+        return _directions(components)
 
     def angles(self, start: int = 0, stop: int | None = None) -> tuple[np.ndarray, ...]:
         """(theta_i, phi_i, theta_o, phi_o) of the cells start..stop, radians; azimuths in [0, 2π)."""
