@@ -107,17 +107,19 @@ def _unexplained(optima: list[Optimum]) -> float:
         channels = evenly_spaced(number, max(1, MOST_COMPARED // n))
         some = slice(None) if channels.size == number else channels
         loss, floor, targets = e.problem.loss, e.problem.floor, e.problem.targets
-        cosines = e.readings.cos_i[:, None] if uses_cosine(loss) else np.ones((n, 1))
+        # Where no cosine is compared, neither is one multiplied, and a Lambertian has one level.
+        cosines = e.readings.cos_i[:, None] if uses_cosine(loss) else None
         shares = np.zeros((2, channels.size))
         for rows in chunks(n, channels.size):
-            weight, cosine = e.problem.weight[rows, some], cosines[rows]
+            weight, cosine = e.problem.weight[rows, some], 1.0 if cosines is None else cosines[rows]
             y = np.where(weight > 0, e.readings.f[rows, some], 0.0)
             with np.errstate(all="ignore"):
                 share = np.nan_to_num((weight * transform_slope(loss, y * cosine, floor) * cosine) ** 2, posinf=0.0)
             shares += np.sum(share * y, axis=0), np.sum(share, axis=0)
         mean = shares[0] / np.maximum(shares[1], 1e-300)
         for rows in chunks(n, channels.size):
-            weight, target, cosine = e.problem.weight[rows, some], targets[rows, some], cosines[rows]
+            weight, target = e.problem.weight[rows, some], targets[rows, some]
+            cosine = 1.0 if cosines is None else cosines[rows]
             level = transformed(loss, mean * cosine, floor)
             total += float(np.sum(np.where(weight > 0, weight * (level - target), 0.0) ** 2))
             if channels.size < number:
