@@ -207,7 +207,7 @@ def table_symmetry(evidence: TableEvidence, tolerance: float) -> Property:
 
 
 def table_isotropy(evidence: TableEvidence, tolerance: float) -> Property:
-    """Readings beside those with both directions turned by about a quarter, where a grid has both.
+    """Readings beside those with both directions turned by 67.5° or about as much, where a grid has both.
 
     Where the light has one azimuth only, those at normal incidence may show that a surface is not isotropic.
     """

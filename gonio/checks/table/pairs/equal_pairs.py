@@ -16,8 +16,11 @@ MOST_CELLS = 2_000_000
 """Of a larger table so many cells are chosen at random."""
 MOST_READINGS = 1 << 27
 """The same of readings: of cells with many channels fewer."""
-TURN = np.pi / 2
-"""A brushed surface is the same after half a turn: a quarter shows most."""
+TURNED = 3 / 8 * np.pi
+"""Turn, radians, by which partners are apart, or the next smaller one of a grid: a surface that is the same after a half
+turn, as a brushed one, a third or a quarter of one, as a woven one, shows itself by it."""
+LOOKED_AT = 512
+"""Cells by which a turn is chosen."""
 
 Partner = Callable[[np.ndarray], np.ndarray | None]
 """Makes, of cells, the cells of which the readings should be the same; −1 where there is none."""
@@ -60,19 +63,33 @@ def mirrored_pairs(table: Table) -> Pairs | str:
 
 
 def turned_pairs(table: Table) -> Pairs | str:
-    """Readings with those of both directions turned by about a quarter; or why there are none."""
+    """Readings with those of both directions turned by `TURNED` or about as much; or why there are none."""
     layout = table.layout
     if not layout.turning_axes or any(a not in layout.axes or layout.axes[a].size < 4 for a in layout.turning_axes):
         return "the light has one azimuth only"
     name = layout.turning_axes[0]
-    # Of four turns two pairs are made, so that no reading is in two.
-    even = np.floor((layout.axes[name] - layout.axes[name][0]) / TURN + 1e-9) % 2 == 0
+    turn = _turn(layout, layout.axes[name])
+    # The azimuths of one turn are partners of the next, so that no reading is in two pairs.
+    past = layout.axes[name] - layout.axes[name][0]
+    even = (np.floor(past / turn + 1e-9) % 2 == 0) & (past + turn < 2 * np.pi - 1e-9)
 
     def partner(cells: np.ndarray) -> np.ndarray:
         node = np.unravel_index(cells, layout.shape)[layout.dims.index(name)]
-        return np.where(even[node], layout.turned(cells, TURN), -1)
+        return np.where(even[node], layout.turned(cells, turn), -1)
 
     return _comparable(table, _related(table, partner))
+
+
+def _turn(layout: Layout, azimuths: np.ndarray) -> float:
+    """The turn by which most readings have a partner; of several the largest up to `TURNED`, else the next larger."""
+    turns = azimuths[1:] - azimuths[0]
+    turns = turns[turns < np.pi - 1e-9]
+    if not turns.size:
+        return np.pi / 2
+    cells = some_of(layout.size, LOOKED_AT) if layout.size > LOOKED_AT else np.arange(layout.size)
+    shares = np.array([np.mean(layout.turned(cells, float(turn)) >= 0) for turn in turns])
+    rank = np.where(turns <= TURNED + 1e-9, TURNED - turns, turns)
+    return float(turns[np.lexsort((rank, shares < 0.9 * shares.max()))[0]])
 
 
 def pole_pairs(table: Table) -> Pairs | str:
