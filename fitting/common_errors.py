@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty
 from gonio.data.stated import TERMS, StatedUncertainty, stated_uncertainties
 from gonio.data.table import Table
 from gonio.fitting.problem.problem import FitProblem
@@ -22,6 +23,7 @@ NOTEWORTHY = 0.5
 """Standard uncertainties of a number that a stated error moves it by, from which on it is named."""
 USUAL = {"gain": 0.01, "dark": 0.001}
 """What good instruments reach, as a share of a white diffuser's signal: what nothing states may be as large."""
+COMMON = "part of the stored uncertainties that all readings share, as they scatter less"
 NEEDED = {"name", "meaning", "number", "equal"}
 """Of each row."""
 MOST_COMPARED = 1 << 14
@@ -32,7 +34,8 @@ def common_errors(table: Table, optima: Sequence[Optimum], free: Sequence[Parame
     """What the standard uncertainties of a fit leave out although the readings share it, the worst first.
 
     Args:
-        table: what was fitted; its provenance states the uncertainties of a simulated instrument.
+        table: what was fitted; its provenance states the uncertainties of a simulated instrument, and of others'
+            readings the scatter shows how much of what they store is shared.
         optima: of all channels, or of each.
         free: the free numbers of all of them.
 
@@ -41,14 +44,17 @@ def common_errors(table: Table, optima: Sequence[Optimum], free: Sequence[Parame
         most, `equal`: the share that moves this by one standard uncertainty, and `fitted`: that `--nuisance` takes it
         in. Nothing where all is known exactly.
     """
-    if any(e.exact or not e.converged for e in optima):
+    shared = correlated_uncertainty(table).relative
+    if any((e.exact and not shared) or not e.converged for e in optima):
         return []
-    rows = left_out(table.provenance, lambda acts: _moves(optima, free, acts))
+    rows = left_out(table.provenance, lambda acts: _moves(optima, free, acts), shared)
     return [row | {"fitted": True} for row in rows]
 
 
 def left_out(
-    provenance: Mapping[str, Any], moves_by: Callable[[Sequence[str]], Mapping[str, tuple[float, str]]]
+    provenance: Mapping[str, Any],
+    moves_by: Callable[[Sequence[str]], Mapping[str, tuple[float, str]]],
+    shared: float = 0.0,
 ) -> list[dict[str, Any]]:
     """The same of anything that was fitted.
 
@@ -56,15 +62,20 @@ def left_out(
         provenance: of the readings.
         moves_by: by "factor" and "offset" how many standard uncertainties it moves a number at most, for each unit of
             its share, and the label of this number.
+        shared: what readings share of the uncertainties that they store, relative; 0 where they scatter as stated.
     """
     stated, rows = _stated(provenance), []
+    stated |= {"gain": shared} if shared else {}
     moves = moves_by(sorted({TERMS[name].acts for name in stated}))
     for name, size in stated.items():
         moved, label = moves[TERMS[name].acts]
         if moved * (USUAL[name] if size is None else size) > (1.0 if size is None else NOTEWORTHY):
-            meaning = TERMS[name].meaning
+            meaning = COMMON if shared and name == "gain" else TERMS[name].meaning
             rows.append({"name": name, "meaning": meaning, "stated": size, "number": label, "equal": 1.0 / moved})
-    return sorted(rows, key=lambda row: row["equal"] / (row["stated"] or USUAL.get(row["name"], 1.0)))
+    # What is stated is a fault of the fit, however little it is beside what nothing states.
+    return sorted(
+        rows, key=lambda row: (row["stated"] is None, row["equal"] / (row["stated"] or USUAL.get(row["name"], 1.0)))
+    )
 
 
 def common_error_words(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -74,12 +85,14 @@ def common_error_words(rows: Sequence[Mapping[str, Any]]) -> str:
     """
     if not rows or not all(row.keys() >= NEEDED and (row["equal"] or 0.0) > 0 for row in rows):
         return ""
-    worst, names = rows[0], ",".join(row["name"] for row in rows)
+    worst = rows[0]
     if worst.get("stated") is not None:
+        names = ",".join(row["name"] for row in rows if row.get("stated") is not None)
         size, moved = 100 * worst["stated"], worst["stated"] / worst["equal"]
         remedy = f"; --nuisance {names} takes it in" if worst.get("fitted") else ""
         return (
-            f"its standard uncertainties leave out the stated {worst['meaning']}: ± {size:.3g} % moves "
+            f"its standard uncertainties leave out the {'' if worst['meaning'] == COMMON else 'stated '}"
+            f"{worst['meaning']}: ± {size:.3g} % moves "
             f"{worst['number']} by {moved:.2g} of them{remedy}"
         )
     sizes = " or ".join(f"{100 * row['equal']:.2g} % ({row['name']}, {row['number']})" for row in rows)

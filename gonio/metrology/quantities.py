@@ -12,6 +12,7 @@ import numpy as np
 
 from gonio.data.channels import Channels
 from gonio.data.material import Material
+from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty, with_scatter
 from gonio.data.profile import Profile
 from gonio.data.profile_files import profile_of
 from gonio.data.serialise import finite
@@ -31,7 +32,7 @@ from gonio.metrology.monte_carlo import Simulation, require_draws, simulated
 from gonio.metrology.polished_quantities import polished_quantities
 from gonio.metrology.profile_quantities import fit_of_profile, profile_quantities, quantities_of_fits
 from gonio.metrology.quantity import Quantity, to_row
-from gonio.metrology.remarks import of_numbers, of_reach, of_symmetry, of_uncertainties
+from gonio.metrology.remarks import of_common, of_numbers, of_reach, of_symmetry, of_uncertainties
 from gonio.metrology.sources import sources_of
 from gonio.metrology.standards import scatter_law
 from gonio.metrology.standards.catalog import Wanted, standard_quantities
@@ -222,18 +223,20 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
     if table.interpolant is None and not table.valid_cells().size:
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
     entries, remarks = standard_quantities(table.channels, wanted, table.sides != FRONT)
-    measurands = TableMeasurands.of(table, settings.geometries, entries, math.radians(settings.feature_width))
+    correlated = correlated_uncertainty(table)
+    read = with_scatter(table, correlated)
+    measurands = TableMeasurands.of(read, settings.geometries, entries, math.radians(settings.feature_width))
     notes = [*table.provenance.get("warnings", []), *measurands.notes, *remarks]
     undecided = _without_albedo(measurands, wanted) + measurands.standards.undecided
-    notes += [] if settings.budget else of_uncertainties(table)
+    notes += of_common(correlated) if settings.budget or correlated.relative else of_uncertainties(table)
     notes += of_symmetry(table)
     notes += of_reach(undecided) if settings.fit is None else []
     fitted = None if settings.fit is None else _fitted(table, settings.fit)
     if not settings.budget:
         laws = _laws(table, table.channels, wanted)
         rows, undecided = [] if fitted is None else outputs_of(fitted)[0], undecided + laws[1]
-        rows = rows + laws[0]
-        return Quantities(name, "table", measurands.quantities + rows, None, notes, fitted, undecided)
+        known_to = _with_common(measurands, correlated.relative)
+        return Quantities(name, "table", known_to + rows + laws[0], None, notes, fitted, undecided)
     _require_readings(table)
     sources = sources_of(table, settings.instrument, settings.uncertainty)
     model = None if fitted is None else fitted.brdf
@@ -248,6 +251,14 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
         )
         budget = dataclasses.replace(budget, simulated=draws)
     return Quantities(name, "table", rows, budget, notes, fitted, undecided)
+
+
+def _with_common(measurands: TableMeasurands, share: float) -> list[Quantity]:
+    """The quantities with what all readings may be off together, a share of them, in their uncertainties."""
+    moved = measurands.scaled(measurands.table, share)
+    return [
+        dataclasses.replace(q, u=math.hypot(q.u, float(v))) for q, v in zip(measurands.quantities, moved, strict=True)
+    ]
 
 
 def _of_profile(profile: Profile, settings: QuantitiesSettings) -> Quantities:

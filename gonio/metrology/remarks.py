@@ -12,6 +12,7 @@ from gonio.checks.table.one_azimuth import (
     one_azimuth,
     taken_as_mirrored,
 )
+from gonio.data.plausibility.correlated_uncertainty import CorrelatedUncertainty
 from gonio.data.table import Table
 from gonio.metrology.fit_numbers import FitNumbers
 from gonio.metrology.standards.evaluation import Undecided
@@ -21,6 +22,10 @@ NO_UNCERTAINTY = "No uncertainties are stored: U is of the integral alone, and a
 INDEPENDENT = (
     "The stored uncertainties are taken as independent from reading to reading; what all readings share, such as a "
     "calibration, is in U with --budget --uncertainty 'gain=0.5 %'."
+)
+COMMON = (
+    "The readings scatter by at most {scatter} of their stored uncertainties: the rest, {share} of f, is taken as what "
+    "all of them share, such as a calibration, and is in U."
 )
 INDEPENDENT_IN_FIT = (
     "U is of the fit's covariance: what all readings share, such as a calibration, is not in it; of the fit's "
@@ -49,6 +54,13 @@ def of_uncertainties(table: Table) -> list[str]:
         return []
     few = None if table.u_f is None else np.asarray(table.values_at(table.valid_cells()[:SAMPLE])["u_f"])
     return [NO_UNCERTAINTY if few is None or not np.isfinite(few).any() else INDEPENDENT]
+
+
+def of_common(known: CorrelatedUncertainty) -> list[str]:
+    """That readings share most of the uncertainties that they store, where they scatter far less."""
+    if not known.relative:
+        return []
+    return [COMMON.format(scatter=percent(known.scatter), share=percent(known.relative))]
 
 
 def of_symmetry(table: Table) -> list[str]:

@@ -16,6 +16,7 @@ from gonio.checks.table.pairs.columns import readings_of
 from gonio.checks.table.pairs.places import angles_of
 from gonio.checks.table.pairs.scattered_pairs import merged
 from gonio.data.flags import Flag
+from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty
 from gonio.data.stated import StatedUncertainty, stated_uncertainties
 from gonio.data.table import Table
 from gonio.instrument.description import instrument_of
@@ -23,7 +24,7 @@ from gonio.instrument.instrument import SYSTEMATIC_TERMS, Instrument
 from gonio.metrology.effects import noise_parts
 
 STORED, STATED, ESTIMATED = "stored", "stated", "estimated"
-REPEATABILITY = "repeatability"
+REPEATABILITY, GAIN = "repeatability", "gain"
 
 
 class Source(NamedTuple):
@@ -69,6 +70,8 @@ class Sources:
 def sources_of(table: Table, instrument: Instrument | None, stated: Mapping[str, object]) -> Sources:
     """The sources of error of a table.
 
+    Where its readings scatter far less than the uncertainties that they store, the rest of these is taken as a gain.
+
     Args:
         table: with what it stores: `u_f`, and in its provenance the instrument, if it was simulated.
         instrument: the description of the real one; it goes before what is stored.
@@ -84,6 +87,8 @@ def sources_of(table: Table, instrument: Instrument | None, stated: Mapping[str,
         known |= {name: Source(u, STORED) for name, u in simulated.uncertainties.items()}
     described = {} if instrument is None else instrument.uncertainties
     known |= {name: Source(u, STATED) for name, u in (described | given).items()}
+    if GAIN not in known and (shared := correlated_uncertainty(table).relative) > 0:
+        known[GAIN] = Source(StatedUncertainty(GAIN, shared), ESTIMATED)
     missing = {name: "neither stored nor stated" for name in SYSTEMATIC_TERMS if name not in known}
     repeatability = known.pop(REPEATABILITY, None)
     noise, why = _noise(table, simulated or instrument, repeatability, simulated is not None)
@@ -97,7 +102,10 @@ def _noise(
     valid = np.asarray(table.flag[...]) == Flag.VALID
     u_f = None if table.u_f is None else np.asarray(table.u_f[...], float)
     if u_f is not None and (u_f[valid] > 0).any():
-        parts = [Noise(n, MEANINGS[n], u, math.inf, STORED) for n, u in noise_parts(table, instrument).items()]
+        scatter = correlated_uncertainty(table).scatter
+        parts = [
+            Noise(n, MEANINGS[n], scatter * u, math.inf, STORED) for n, u in noise_parts(table, instrument).items()
+        ]
         unknown = int(np.count_nonzero(np.isnan(u_f[valid])))
         if unknown:
             missing["readings"] = f"{unknown:,} of {np.count_nonzero(valid):,} readings store no uncertainty"

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from gonio.fitting.result import FitResult
 
 IN_BOUNDS = " Bounds hold what the instrument states of its alignment and calibration (k = 2, up to {most})."
+COMMON_IN_BOUNDS = (
+    " Bounds hold what all readings share of their stored uncertainties (k = 2, up to {most}), as they scatter less."
+)
 CONTRADICTED = (
     " But at normal incidence f depends on the detector's azimuth: the surface is not isotropic, and the side of the"
     " plane of incidence that was not read may differ from the other."
@@ -232,7 +235,8 @@ def _judged(albedos: Albedos, evidence: TableEvidence, tolerance: float) -> Prop
     judged.detail += incidences_judged(albedos)
     if (most := float(np.nanmax(stated, initial=0.0))) > 0:
         judged.facts["instrument_uncertainty_of_albedo"] = most
-        judged.detail += IN_BOUNDS.format(most=percent(most))
+        words = IN_BOUNDS if "instrument" in evidence.table.provenance else COMMON_IN_BOUNDS
+        judged.detail += words.format(most=percent(most))
     if judged.verdict == UNDECIDED and passes_below > 1:
         judged.detail += f" Below θi {passes_below:.4g}° it passes."
     if albedos.unseen.any():

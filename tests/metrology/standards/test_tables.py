@@ -130,9 +130,8 @@ def test_a_sheet_in_closed_form():
 
 
 def test_single_readings_have_their_own_noise(glossy):
-    noisy = gonio.Table(
-        glossy.layout, glossy.f, glossy.flag, glossy.channels, u_f=0.01 * np.abs(np.nan_to_num(glossy.f))
-    )
+    scattered = np.nan_to_num(glossy.f) * (1 + 0.01 * np.random.default_rng(0).standard_normal(glossy.shape))
+    noisy = gonio.Table(glossy.layout, scattered, glossy.flag, glossy.channels, u_f=0.01 * np.abs(scattered))
     q = by_name(gonio.quantities(noisy, only=["multi-angle"]))["45°:as15°", ""]
     assert q.u == pytest.approx(0.01 * q.value) and q.bound == 0
     direct = by_name(gonio.quantities(noisy, only=["gloss"]))["contrast gloss", ""]

@@ -7,6 +7,7 @@ import numpy as np
 from gonio.checks.table.pairs.nearest_changes import changes_to_nearest_readings
 from gonio.checks.table.pairs.next_nodes import Change, changes_to_next_nodes
 from gonio.checks.table.pairs.pairs import Column, Pairs
+from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty
 from gonio.data.stated import TERMS
 from gonio.data.table import Table
 from gonio.instrument.description import instrument_of
@@ -39,8 +40,10 @@ def misalignment(table: Table) -> float:
 
 
 def miscalibration(table: Table) -> float:
-    """Share by which all readings may be off by the stated uncertainties of their factors."""
-    return _expanded(table, [name for name, term in TERMS.items() if term.acts == "factor"])
+    """Share by which all readings may be off: by the stated uncertainties of their factors, or by what they share of
+    their stored ones."""
+    stated = _expanded(table, [name for name, term in TERMS.items() if term.acts == "factor"])
+    return stated or COVERAGE * correlated_uncertainty(table).relative
 
 
 def cosine_error(cosine: np.ndarray, angle: float) -> np.ndarray:

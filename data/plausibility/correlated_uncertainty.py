@@ -1,0 +1,122 @@
+"""How much of their stored uncertainties readings share, as far as their scatter shows it.
+
+Laboratories state what a reading may be off, calibration and all. Neighbouring readings that scatter far less than
+that do not err independently: the rest is alike in all of them, and no mean over readings makes it smaller.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from gonio.data.flags import Flag
+from gonio.data.table import Table
+
+WINDOWS = 1024
+"""Of five readings in a row, along each axis; of more, a random choice."""
+FEWEST = 50
+"""Windows below which their scatter says nothing."""
+MEDIAN = 0.4549364
+"""Of χ² with one degree of freedom."""
+INDEPENDENT = 0.25
+"""Variance of the scatter over the stored one, from which on the readings are taken as independent."""
+LARGEST = 0.3
+"""Relative uncertainty of readings whose logarithms are compared."""
+
+
+class CorrelatedUncertainty(NamedTuple):
+    """What readings share of their stored uncertainties.
+
+    `scatter`: share of these by which neighbours scatter at most. `relative`: relative standard uncertainty of all
+    readings together by the rest of it; 0 where the readings scatter as stated, or where nothing shows.
+    """
+
+    scatter: float
+    relative: float
+
+
+NOTHING = CorrelatedUncertainty(1.0, 0.0)
+
+
+def correlated_uncertainty(table: Table) -> CorrelatedUncertainty:
+    """What all readings of a table share of `u_f`, from how far each is off a cubic through its four neighbours.
+
+    What f bends between them counts as scatter, so that coarse tables show nothing. Tables of a simulated instrument
+    state their common errors apart; theirs are independent.
+    """
+    if table.u_f is None or "instrument" in table.provenance or table.interpolant is not None:
+        return NOTHING
+    best = NOTHING
+    for cells, places in _rows(table):
+        if cells.shape[0] < FEWEST:
+            continue
+        known = _scatter(table, cells, places)
+        if known is not None and known.scatter < best.scatter:
+            best = known
+    return best if best.scatter**2 < INDEPENDENT else NOTHING
+
+
+def with_scatter(table: Table, known: CorrelatedUncertainty) -> Table:
+    """The table with the uncertainties that are independent from reading to reading."""
+    if table.u_f is None or known.scatter == 1.0:
+        return table
+    return dataclasses.replace(table, u_f=known.scatter * np.asarray(table.u_f[...], float))
+
+
+def _rows(table: Table) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Windows of cells (K, 5) that follow each other along an axis, and their places there (K, 5)."""
+    rng, step = np.random.default_rng(0), np.arange(5)
+    if not table.layout.gridded:
+        theta_i, phi_i, theta_o, phi_o = (np.asarray(a, float).ravel() for a in table.layout.angles())
+        order = np.lexsort((theta_o, *(np.round(a, 6) for a in (phi_o, phi_i, theta_i))))
+        runs = np.stack([theta_i, phi_i, phi_o])[:, order]
+        first = np.flatnonzero((np.abs(runs[:, 4:] - runs[:, :-4]) < 1e-6).all(axis=0))
+        if first.size > WINDOWS:
+            first = rng.choice(first, WINDOWS, replace=False)
+        cells = order[first[:, None] + step]
+        return [(cells, theta_o[cells])]
+    shape, rows = tuple(n.size for n in table.layout.axes.values()), []
+    for axis, nodes in enumerate(table.layout.axes.values()):
+        if nodes.size < 5:
+            continue
+        starts = tuple(size - 4 * (k == axis) for k, size in enumerate(shape))
+        number = int(np.prod(starts))
+        chosen = np.arange(number) if number <= WINDOWS else rng.integers(number, size=WINDOWS)
+        index = list(np.unravel_index(chosen, starts))
+        along = index[axis][:, None] + step
+        others = [np.broadcast_to(i[:, None], along.shape) for i in index]
+        others[axis] = along
+        rows.append((np.ravel_multi_index(tuple(others), shape), np.asarray(nodes, float)[along]))
+    return rows
+
+
+def _scatter(table: Table, cells: np.ndarray, places: np.ndarray) -> CorrelatedUncertainty | None:
+    """The same of windows of readings (K, 5), None where too few say anything."""
+    block = table.values_at(cells.ravel())
+    f, u = (np.asarray(block[name], float).reshape(*cells.shape, -1) for name in ("f", "u_f"))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = u / f
+        use = (np.asarray(block["flag"]).reshape(f.shape) == Flag.VALID) & (relative > 0) & (relative < LARGEST)
+        use = use.all(axis=1) & (f > 0).all(axis=1)
+        weight = _weights(places)
+        off = np.einsum("kj,kjc->kc", weight, np.log(np.maximum(f, 1e-300)))
+        ratio = off**2 / np.einsum("kj,kjc->kc", weight**2, relative**2)
+    use &= np.isfinite(ratio)
+    if np.count_nonzero(use.any(axis=1)) < FEWEST:
+        return None
+    variance = float(np.median(ratio[use])) / MEDIAN
+    middle = f[:, 2][use]
+    bright = float(np.median(relative[:, 2][use][middle >= np.median(middle)]))
+    return CorrelatedUncertainty(float(np.sqrt(variance)), float(np.sqrt(max(1.0 - variance, 0.0))) * bright)
+
+
+def _weights(places: np.ndarray) -> np.ndarray:
+    """Weights (K, 5) of the difference of the middle reading from the cubic through the others [Lagrange]."""
+    weight = np.ones_like(places)
+    others = (0, 1, 3, 4)
+    for j in others:
+        for m in others:
+            if m != j:
+                weight[:, j] *= (places[:, 2] - places[:, m]) / (places[:, j] - places[:, m])
+        weight[:, j] *= -1.0
+    return weight

@@ -1,0 +1,64 @@
+"""What readings share of their stored uncertainties: a calibration that every verb has to count."""
+
+import math
+
+import numpy as np
+import pytest
+
+import gonio
+from gonio.data import layouts
+from gonio.data.layouts import Layout
+from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty
+from gonio.data.table import Table, whole_table_of_values
+from gonio.fitting.common_errors import COMMON
+
+STATED = 0.015
+"""Relative standard uncertainty of each reading."""
+POLAR = np.radians(np.arange(0, 86, 5))
+GRID = layouts.isotropic(POLAR, np.radians(np.arange(0, 91, 5)), np.radians(np.arange(0, 360, 20)))
+
+
+def read(
+    layout: Layout, scatter: float, off: float, material: str = "lambert(rho=0.4) + 0.2 * ggx(alpha=0.5)"
+) -> Table:
+    """Readings off by a share together and by `scatter` of their stated uncertainty each."""
+    f = gonio.material(material).f(*layout.angles())
+    f = f * (1 + off) * (1 + scatter * STATED * np.random.default_rng(1).standard_normal(f.shape))
+    values = f.reshape(*layout.shape, 1)
+    return whole_table_of_values(layout, values, u_f=STATED * values)
+
+
+def in_planes() -> Layout:
+    theta_i, theta_o, phi = np.meshgrid(POLAR[::3], POLAR, np.radians([0.0, 180.0]), indexing="ij")
+    order = np.random.default_rng(2).permutation(theta_i.size)
+    return layouts.scattered(*(a.ravel()[order] for a in (theta_i, 0 * theta_i, theta_o, phi)))
+
+
+@pytest.mark.parametrize("layout", [GRID, in_planes()], ids=["grid", "list"])
+def test_what_scatter_does_not_explain_is_shared(layout):
+    for scatter in (0.05, 0.3):
+        known = correlated_uncertainty(read(layout, scatter, 0.0))
+        # The median of some 180 χ² or more is known to a tenth; curvature counts as scatter.
+        assert 0.8 * scatter < known.scatter < 1.2 * scatter + 0.05
+        assert known.relative == pytest.approx(STATED * math.sqrt(1 - known.scatter**2), rel=0.02)
+    assert correlated_uncertainty(read(layout, 1.0, 0.0)).relative == 0
+
+
+def test_a_calibration_in_the_stored_uncertainties_reaches_every_verb():
+    """All readings 2.5 % too high, each stated to 1.5 %: no certificate may fail it, no interval may miss."""
+    white = read(GRID, 0.1, 0.025, "lambert(rho=0.99)")
+    energy = next(p for p in gonio.check(white).properties if p.name == "energy")
+    assert energy.verdict == "undecided" and "share" in energy.detail
+    result = gonio.quantities(white, only="albedo", budget=True)
+    albedo = next(k for k, q in enumerate(result.quantities) if q.place == "θi 0°")
+    q = next(q for q in gonio.quantities(white, only="albedo").quantities if q.place == "θi 0°")
+    assert abs(q.value - 0.99) < 2 * q.uncertainty and result.budget.standard[albedo] == pytest.approx(q.uncertainty)
+    assert q.u == pytest.approx(STATED * q.value, rel=0.02) and any("scatter by at most" in n for n in result.notes)
+    fitted = gonio.fit(read(GRID, 0.1, 0.025, "lambert(rho=0.4)"), "lambert")
+    assert fitted.judgement.verdict == "fair" and fitted.common_errors[0]["meaning"] == COMMON
+    assert fitted.common_errors[0]["stated"] == pytest.approx(STATED, rel=0.02)
+
+
+def test_as_much_too_high_by_readings_that_scatter_as_stated_fails():
+    energy = next(p for p in gonio.check(read(GRID, 1.0, 0.025, "lambert(rho=0.99)")).properties if p.name == "energy")
+    assert energy.verdict == "fail"
