@@ -53,10 +53,11 @@ def _descended(cost: Callable[[float], float], nodes: list[float]) -> None:
 
 
 def _variance(fit: ProfileFit) -> float:
-    """Variance of the noise in units of the weights'."""
+    """Variance of the noise in units of the weights'; channels that err together are fewer."""
     numbers = sum(p.status != "fixed" for p in fit.parameters) + 1
     spread = fit.cost / max(fit.samples - numbers, 1)
-    return max(1.0, spread) if "reduced_chi2" in fit.metrics else spread
+    together = fit.residuals["noisiness"]["channel_effect"]
+    return together * (max(1.0, spread) if "reduced_chi2" in fit.metrics else spread)
 
 
 def _end(cost: Callable[[float], float], known: dict[float, ProfileFit], best: float, way: int, limit: float) -> float:

@@ -1,9 +1,12 @@
 """A profile's fit with a free index: what it is where the readings tell it, and that it is open where they do not."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import gonio
+from gonio.data.channels import Channels
 from gonio.fitting.subsurface.profile_fit import fit_profile
 from gonio.instrument.instrument import Instrument
 
@@ -42,3 +45,16 @@ def test_exact_readings_tell_the_index():
     free = fit_profile(profile_of(None), "dipole(eta=?)")
     eta = free.parameters[2]
     assert eta.value == pytest.approx(1.4, abs=2e-3) and eta.status == "determined"
+
+
+@pytest.mark.thorough
+def test_channels_that_err_together_tell_the_index_no_better_than_one():
+    one = profile_of(1e7)
+    three = dataclasses.replace(
+        one, channels=Channels.of_count(3), **{k: np.repeat(getattr(one, k), 3, axis=1) for k in ("value", "u", "flag")}
+    )
+    alone, together = (
+        next(p for p in fit_profile(profile, "dipole(eta=?)").parameters if p.name.endswith("eta"))
+        for profile in (one, three)
+    )
+    assert together.interval95 == pytest.approx(alone.interval95, rel=1e-3)
