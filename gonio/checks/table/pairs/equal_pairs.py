@@ -17,8 +17,8 @@ MOST_CELLS = 2_000_000
 MOST_READINGS = 1 << 27
 """The same of readings: of cells with many channels fewer."""
 TURNED = 3 / 8 * np.pi
-"""Turn, radians, by which partners are apart, or the next smaller one of a grid: a surface that is the same after half a
-turn, as a brushed one, a third or a quarter of one, as a woven one, shows itself by it."""
+"""Turn, radians, by which partners are apart, or the next smaller one of a grid: a surface that is the same after a
+half turn, as a brushed one, a third or a quarter of one, as a woven one, shows itself by it."""
 LOOKED_AT = 512
 """Cells by which a turn is chosen."""
 
