@@ -1,7 +1,7 @@
 """The models by the names that people and files spell them with."""
 
 import importlib
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from gonio.models.names import WHERE
 
@@ -9,23 +9,26 @@ if TYPE_CHECKING:
     from gonio.models.brdf import AbstractBRDF
 
 
-class _Catalog(dict):
+_Model = TypeVar("_Model")
+
+
+class Catalog(dict[str, Any], Generic[_Model]):
     """Model classes by name, each imported when it is first asked for: a fit of two lobes waits for no others."""
 
-    def __getitem__(self, name: str) -> "type[AbstractBRDF]":
+    def __getitem__(self, name: str) -> type[_Model]:
         known = super().__getitem__(name)
         if isinstance(known, tuple):
             known = self[name] = getattr(importlib.import_module(f"gonio.models.{known[0]}"), known[1])
         return known
 
-    def values(self) -> "list[type[AbstractBRDF]]":
+    def values(self) -> list[type[_Model]]:
         return [self[name] for name in self]
 
-    def items(self) -> "list[tuple[str, type[AbstractBRDF]]]":
+    def items(self) -> list[tuple[str, type[_Model]]]:
         return [(name, self[name]) for name in self]
 
 
-MODELS = _Catalog(WHERE)
+MODELS: "Catalog[AbstractBRDF]" = Catalog(WHERE)
 
 
 def is_ours(brdf: "AbstractBRDF") -> bool:

@@ -113,11 +113,12 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
 
 def _below_the_surface(judged: Subject, settings: CheckSettings, given: dict[str, float]) -> Certificate | None:
     """The certificate of a model of light below the surface; None for others."""
-    from gonio.checks.subsurface import check_bssrdf
     from gonio.models.subsurface.wide_spots import WideSpots
 
     if not isinstance(judged.brdf, WideSpots):
         return None
+    from gonio.checks.subsurface import check_bssrdf
+
     _refuse_options_of_tables(settings, "light below a surface")
     return check_bssrdf(judged.brdf.bssrdf, judged.channels, settings.name or judged.name, given)
 

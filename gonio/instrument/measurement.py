@@ -4,14 +4,13 @@ import dataclasses
 import functools
 import importlib.util
 import os
+import sys
 import time
 import warnings
-from typing import Self, Unpack
+from typing import TYPE_CHECKING, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
 from gonio.data.files import refuse_outputs
 from gonio.data.layouts import Layout
@@ -37,6 +36,11 @@ from gonio.models.brdf import AbstractBRDF
 from gonio.models.deprecation import settings_of
 from gonio.models.errors import GonioError
 
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+MAY_SHOW = {"FORCE_COLOR", "TTY_COMPATIBLE"}
+"""Variables by which Rich takes what is no terminal for one."""
 PATIENCE = 0.5
 """Seconds of work before a bar is shown."""
 
@@ -147,19 +151,15 @@ class CellCount:
 
     def __init__(self, cells: int, already: int, bar: bool) -> None:
         self.cells, self.already, self.fresh, self.started = cells, already, 0, time.perf_counter()
-        console = Console(stderr=True)
-        notebook = console.is_jupyter and importlib.util.find_spec("ipywidgets") is not None
-        self._shown = bar and (console.is_terminal or notebook)
-        times = (TimeElapsedColumn(), "left", TimeRemainingColumn())
-        texts = ("{task.percentage:3.0f} %", "{task.fields[rate]}")
-        self._bar = Progress("measuring", BarColumn(), *texts, *times, console=console, transient=True)
-        self._task = self._bar.add_task("measuring", total=cells, completed=already, rate="")
+        self._bar = _shown_bar() if bar else None
+        if self._bar is not None:
+            self._task = self._bar.add_task("measuring", total=cells, completed=already, rate="")
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._bar.live.is_started:
+        if self._bar is not None and self._bar.live.is_started:
             self._bar.stop()
 
     @property
@@ -171,7 +171,9 @@ class CellCount:
         """Counts cells that have just been measured."""
         self.fresh += cells
         completed = self.already + self.fresh
-        if self._shown and completed < self.cells and self.seconds > PATIENCE:
+        if self._bar is None:
+            return
+        if completed < self.cells and self.seconds > PATIENCE:
             self._bar.start()
         self._bar.update(self._task, completed=completed, rate=f"{self._rate()} cells/s")
 
@@ -183,3 +185,19 @@ class CellCount:
     def _rate(self) -> str:
         rate = self.fresh / max(self.seconds, 1e-9)
         return f"{rate / 1e6:.3g} M" if rate >= 1e6 else f"{rate / 1e3:.3g} k" if rate >= 1e3 else f"{rate:.3g}"
+
+
+def _shown_bar() -> "Progress | None":
+    """A progress bar; None where nobody would see it, and Rich need not be loaded."""
+    if not (sys.stderr.isatty() or MAY_SHOW & os.environ.keys() or "IPython" in sys.modules):
+        return None
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    notebook = console.is_jupyter and importlib.util.find_spec("ipywidgets") is not None
+    if not (console.is_terminal or notebook):
+        return None
+    times = (TimeElapsedColumn(), "left", TimeRemainingColumn())
+    texts = ("{task.percentage:3.0f} %", "{task.fields[rate]}")
+    return Progress("measuring", BarColumn(), *texts, *times, console=console, transient=True)

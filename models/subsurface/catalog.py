@@ -1,12 +1,11 @@
 """The models of light below the surface by the names that people and files spell them with."""
 
-from gonio.models.subsurface.base import AbstractBSSRDF
-from gonio.models.subsurface.better_dipole import BetterDipole
-from gonio.models.subsurface.dipole import Dipole
-from gonio.models.subsurface.normalised_diffusion import NormalisedDiffusion
+from typing import TYPE_CHECKING
 
-BSSRDFS: dict[str, type[AbstractBSSRDF]] = {
-    "dipole": Dipole,
-    "better_dipole": BetterDipole,
-    "normalised_diffusion": NormalisedDiffusion,
-}
+from gonio.models.catalog import Catalog
+from gonio.models.names import BELOW
+
+if TYPE_CHECKING:
+    from gonio.models.subsurface.base import AbstractBSSRDF
+
+BSSRDFS: "Catalog[AbstractBSSRDF]" = Catalog(BELOW)

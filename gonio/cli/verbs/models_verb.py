@@ -68,8 +68,8 @@ def _facts(name: str) -> dict[str, Any]:
     from gonio.models.parameters import parameters_of
     from gonio.models.subsurface.catalog import BSSRDFS
 
-    below = BSSRDFS.get(name)
-    kind = below or MODELS[name]
+    below = name in BSSRDFS
+    kind = BSSRDFS[name] if below else MODELS[name]
     # Which laws a model violates may depend on its options: those of its example stand for it.
     usual = build(example(name).strip("'"))
     return {
@@ -81,4 +81,4 @@ def _facts(name: str) -> dict[str, Any]:
             for p, i in parameters_of(kind).items()
         },
         "options": {o: list(c) for o, c in options_of(kind).items()},
-    } | ({} if below is None else {"limits": below.limits})
+    } | ({"limits": BSSRDFS[name].limits} if below else {})
