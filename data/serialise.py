@@ -107,6 +107,9 @@ def _encodable(text: str) -> str:
     return printable(text, kept="\n\t")
 
 
+LEAVES = frozenset((float, int, bool, str, type(None)))
+
+
 def _walked(value: Any, leaf: Callable[[Any], Any], without_none: bool = False) -> Any:
     if hasattr(value, "tolist"):
         value = value.tolist()
@@ -114,7 +117,10 @@ def _walked(value: Any, leaf: Callable[[Any], Any], without_none: bool = False) 
         items = ((_encodable(str(k)), v) for k, v in value.items() if not (without_none and v is None))
         return {k: _walked(v, leaf, without_none) for k, v in items}
     if isinstance(value, list | tuple):
-        if value and all(type(v) is float for v in value):  # long lists of numbers are most of what is walked
-            return [leaf(v) for v in value]
-        return [_walked(v, leaf, without_none) for v in value if not (without_none and v is None)]
+        # Long lists of numbers are most of what is walked
+        return [
+            leaf(v) if type(v) in LEAVES else _walked(v, leaf, without_none)
+            for v in value
+            if not (without_none and v is None)
+        ]
     return leaf(value)

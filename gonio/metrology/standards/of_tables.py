@@ -298,10 +298,10 @@ class Part:
         between = [i for i in integrals if i not in made]
         if not self.table.layout.gridded:
             return made | dict.fromkeys(between, NO_GRID)
-        rules = [r for i in between for r in self._rules(i)]
-        places = iter(self._places(rules))
-        for integral in between:
-            first, *others = [next(places) for _ in self._rules(integral)]
+        rules = [self._rules(i) for i in between]
+        places = iter(self._places([r for of_one in rules for r in of_one]))
+        for integral, of_one in zip(between, rules, strict=True):
+            first, *others = [next(places) for _ in of_one]
             gathered = [self._gathered(first, integral.mirror, integral.back), *map(self._gathered, others)]
             failed = next((r for r in gathered[: 1 if integral.coarse is None else 2] if isinstance(r, str)), None)
             usable, moves = [r for r in gathered if isinstance(r, Row)], integral.mirror or integral.moves
