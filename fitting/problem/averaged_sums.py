@@ -10,7 +10,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from gonio.fitting.problem.channel_parts import channel_parts
-from gonio.fitting.problem.compiled_sums import LOCK, Sums, kept, pairs_of_rows, rows_of_lobes, squares_of_pairs
+from gonio.fitting.problem.compiled_sums import (
+    LAST,
+    LOCK,
+    NOTHING,
+    Sums,
+    kept,
+    pairs_of_rows,
+    rows_of_lobes,
+    squares_of_pairs,
+)
 from gonio.fitting.problem.disc_averages import disc_rules
 from gonio.fitting.problem.lobes import Lobes, lobes_at_sample
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
@@ -19,6 +28,7 @@ from gonio.models.compiled import workers
 from gonio.models.compiled.dispatch import usable
 from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.sums import AddingProgram, Rows, SumsProgram
+from gonio.models.expression.builder import prepared
 from gonio.models.geometry.directions import NORMAL, Direction
 from gonio.models.geometry.horizon import turned_over
 from gonio.models.warps.disc_frames import disc_frame, disc_ray, psi_of_horizon
@@ -87,8 +97,9 @@ class _Programs:
             lobes, weight = lobes_at_sample(self._s, p, fixed, wi, wo), share_i * share_o
             return jnp.concatenate([weight[None], *(weight * a.reshape(-1) for a in lobes)])
 
+        apart = any(map(prepared, self._s.frames))
         with LOCK:
-            return AddingProgram(Rows(rows, self._leaves, self._s.size, (1,) * 6, 2 * NODE))
+            return AddingProgram(Rows(rows, self._leaves, self._s.size, (1,) * 6, 2 * NODE, prepared=apart))
 
     def _sums(self, full: bool) -> SumsProgram:
         """Of products of rows; `full` with those times residuals, and f."""
@@ -146,7 +157,10 @@ class BoundAverages:
         """Of the programs, the numbers that they do not take as free, and the readings."""
         self._programs, self._readings = programs, readings
         of_parts = [programs.parts.leaves(leaves, m) for m in range(len(programs.parts.channels))]
-        self._parameters = functools.cache(lambda rows, part: rows.trace.parameters(of_parts[part]))
+        self._parameters = functools.cache(lambda rows, part: rows.parameters(of_parts[part], NOTHING))
+        self._prepared = functools.lru_cache(LAST)(
+            lambda rows, part, numbers: rows.parameters(of_parts[part], np.frombuffer(numbers))
+        )
         self._pieces = [
             piece
             for rule in np.unique(readings.rules).tolist()
@@ -190,9 +204,13 @@ class BoundAverages:
         for m, numbers in enumerate(parts.numbers):
             free = p.ctypes.data + 8 * numbers
             if m < self._programs.averaged_parts:
-                addresses = np.concatenate([free, _rows_of(nodes), _rows_of(piece.axes)]).astype(np.uintp)
+                places = [_rows_of(nodes), _rows_of(piece.axes)]
+                if averages.rows.prepared:
+                    parameters = self._prepared(averages.rows, m, p[numbers].tobytes())
+                else:
+                    places, parameters = [free, *places], self._parameters(averages.rows, m)
                 sizes = nodes.shape[1], len(piece.target)
-                lobes = averages(self._parameters(averages.rows, m), addresses, sizes)
+                lobes = averages(parameters, np.concatenate(places).astype(np.uintp), sizes)
             if lobes is None:
                 return None
             strided = [a.ctypes.data + 8 * parts.channels[m] for a in (piece.target, piece.weight)]

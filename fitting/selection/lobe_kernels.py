@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from gonio.models.compiled.dispatch import usable
 from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.sums import Rows, SumsProgram
-from gonio.models.expression.builder import Frame, assemble
+from gonio.models.expression.builder import Frame, assemble, prepared
 from gonio.models.fingerprint import program_name
 from gonio.models.geometry.directions import NORMAL, Direction
 from gonio.models.kept_jit import kept_jit
@@ -54,7 +54,11 @@ def lobe_values(
         addresses[:, : len(names)] = shapes.ctypes.data + 8 * np.arange(shapes.size).reshape(shapes.shape)
         addresses[:, len(names) : -1] = [a.ctypes.data for a in arrays]
         addresses[:, -1] = values.ctypes.data + values[:1].nbytes * np.arange(len(shapes))
-        if program(NOTHING, addresses, arrays[0].size) is not None:
+        parameters = NOTHING
+        if before := program.rows.prepared:
+            parameters = np.stack([program.rows.parameters([], numbers) for numbers in shapes])
+            addresses = np.ascontiguousarray(addresses[:, before:])
+        if program(parameters, addresses, arrays[0].size) is not None:
             return values
     parts = [_by_xla(frame, names, shapes, wi, wo, k) for k in range(0, wi.z.size, CELLS)]
     return np.concatenate(parts, axis=1)
@@ -80,7 +84,8 @@ def loop_of(frame: Frame, names: tuple[str, ...]) -> SumsProgram | None:
     try:
         name = program_name("lobe", frame, names)
         with LOCK:
-            return SumsProgram(Rows(rows, [], len(names), (1,) * 6, name=name), [], range(1 + len(names)))
+            loop = Rows(rows, [], len(names), (1,) * 6, name=name, prepared=prepared(frame))
+            return SumsProgram(loop, [], range(1 + len(names)))
     except Unsupported:
         return None
 

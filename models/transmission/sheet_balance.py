@@ -18,43 +18,56 @@ from gonio.models.arrays import Scalar
 from gonio.models.compiled.known import whole
 from gonio.models.fresnel import fresnel_dielectric
 from gonio.models.kept_jit import kept_jit
-from gonio.models.microfacet.albedo_tables import Cosines
 from gonio.models.microfacet.chebyshev import chebyshev_basis
-from gonio.models.transmission.rough_faces import Faces, cosines_outside, interpolation, light_through
+from gonio.models.transmission.face_albedo import face_albedo
+from gonio.models.transmission.rough_faces import Faces, between_cosines, cosines_outside, light_through
 
-TERMS = 20
-"""Of the series."""
-POINTS = 24
-"""At which they are fitted."""
-RADII = 20
-"""Nodes of a lobe's integral over the distance from the normal."""
+TERMS = 22
+"""Of the series, and points that they go through."""
+SCALE = 2.0
+"""Of the series' variable, over the cosines to which lobes are cut off by the horizon."""
+RADII = 12
+"""Nodes of a lobe's integral over the distance from the normal; of what is transmitted, on either side of its peak."""
 REACH = 4.0
 """Of that integral, in widths of the lobe."""
 STEPS = 4
 """By which lobes are brought below the light there is."""
 AVERAGE = 32
-COSINES = Cosines(False, 3.0, 2)
-"""The series' variable: fine towards grazing."""
-GRAZING = 1e-9
-"""Cosines below are as good as this: the variable's slope is endless at 0."""
+"""Nodes of an average over directions."""
+LIFTED = 1.003
+"""Factors, over what their series say."""
+NARROW = 0.015
+"""Slope widths, of both faces, below which light is shared out as by a flat sheet: the table errs by more."""
+TILT = 0.1
+"""Facets are seen as by a cosine μ + TILT s/μ. Views of random sheets of rays chose it among 0.1, 0.3 and 1."""
+FADE = 0.5
+"""Of η² − 1, below which the path inside counts less in how far facets bend: lobes would be rugged."""
 
 
 class Flat(NamedTuple):
-    """Of a flat sheet in one direction: all light that gets through, and for one passage: what the far side reflects
-    of it and the inside keeps; then η cosθ′ − cosθ and η cosθ′, squared."""
+    """Of a flat sheet in one direction, of all light that gets through, and of one passage: what the far side reflects
+    and the inside keeps; then μ and η cosθ′."""
 
     through: Scalar
     mirrored: Scalar
-    bend2: Scalar
-    inside2: Scalar
+    cosine: Scalar
+    inside: Scalar
+
+
+def _let_in(cosine: Scalar, inside: Scalar, eta: Scalar) -> Scalar:
+    return 2.0 * cosine * inside * (1.0 / (cosine + inside) ** 2 + (eta / (eta**2 * cosine + inside)) ** 2)
+
+
+def _inside(cosine: Scalar, eta: Scalar) -> Scalar:
+    return jnp.sqrt((eta - 1.0) * (eta + 1.0) + cosine * cosine)
 
 
 def flat_sheet(cosine: Scalar, eta: Scalar, clear: Scalar) -> Flat:
-    inside = jnp.sqrt((eta - 1.0) * (eta + 1.0) + cosine * cosine)
-    passed = 2.0 * cosine * inside * (1.0 / (cosine + inside) ** 2 + (eta / (eta**2 * cosine + inside)) ** 2)
+    inside = _inside(cosine, eta)
+    passed = _let_in(cosine, inside, eta)
     reflected, kept = fresnel_dielectric(cosine, eta), clear ** (eta / inside)
     through = passed**2 * kept / ((1.0 - kept + passed * kept) * (1.0 + reflected * kept))
-    return Flat(through, reflected * kept, (inside - cosine) ** 2, inside**2)
+    return Flat(through, reflected * kept, cosine, inside)
 
 
 def mean_share(w_i: Scalar, w_o: Scalar) -> Scalar:
@@ -64,95 +77,194 @@ def mean_share(w_i: Scalar, w_o: Scalar) -> Scalar:
     return jnp.where(some, w_i * w_o / jnp.sqrt(jnp.where(some, squares, 1.0)), 0.0)
 
 
-def passed_width2(i: Flat, o: Flat, near2: Scalar, far2: Scalar) -> Scalar:
-    """Squared width, in direction cosines, that slopes (α² near the light, far from it) give what gets through."""
-    return i.bend2 * near2 + o.bend2 * far2
+def mirrored(i: Flat, o: Flat, near2: Scalar, far2: Scalar) -> tuple[Scalar, Scalar]:
+    """(share, s²) of what the far side reflects: slopes (α² near the light, far from it) make its squared width."""
+    bend2 = (i.inside - i.cosine) ** 2 + (o.inside - o.cosine) ** 2
+    share = mean_share(i.through * i.mirrored, o.through * o.mirrored)
+    return share, bend2 * near2 + 4.0 * i.inside * o.inside * far2
 
 
-def mirrored_width2(i: Flat, o: Flat, near2: Scalar, far2: Scalar) -> Scalar:
-    """The same of what the far side reflects."""
-    return (i.bend2 + o.bend2) * near2 + 4.0 * jnp.sqrt(i.inside2 * o.inside2) * far2
+def _near_one(x: Scalar, excess: Scalar) -> Scalar:
+    """1 + x, less far from 1 where the medium's index is."""
+    most = excess / (excess + FADE)
+    return 1.0 + most * x / jnp.sqrt(most**2 + x**2)
+
+
+def passed(i: Flat, o: Flat, near2: Scalar, far2: Scalar, sheet: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
+    """(share, s²) of what gets through a sheet of this (η, clear).
+
+    The likeliest path: inside, light goes where the slopes that it takes at both faces have their greatest probability
+    [Walter 2007, eq. 21, at each face, the integral over directions inside by Laplace's method]. Facets turned towards
+    a direction show it more of their area, and let more light in.
+    """
+    eta, clear = sheet
+    sine_i, sine_o = (jnp.sqrt(jnp.maximum((1.0 - d.cosine) * (1.0 + d.cosine), 1e-30)) for d in (i, o))
+    first, second = near2 * (i.inside - i.cosine) ** 2, far2 * (o.inside - o.cosine) ** 2
+    off = sine_o - sine_i
+    # Between the faces light goes where the slopes that it takes are likeliest.
+    between = sine_i + off * first / (first + second)
+    inside = jnp.sqrt((eta - between) * (eta + between))
+    excess = (eta - 1.0) * (eta + 1.0)
+    bend_i, bend_o = (
+        excess * _near_one((inside - d.inside) * (inside + d.inside) / excess, excess) / (inside + d.cosine)
+        for d in (i, o)
+    )
+    s2 = near2 * bend_i**2 + far2 * bend_o**2
+    share, ways = 1.0, []
+    for cosine, sine, tilt in ((i.cosine, sine_i, near2 * bend_i), (o.cosine, sine_o, -far2 * bend_o)):
+        slope = off * tilt / s2
+        towards = jnp.maximum(1.0 + slope * sine * cosine / (cosine**2 + TILT * jnp.sqrt(s2)), 0.0)
+        within = jnp.maximum(1.0 + slope * between / inside, 0.0)
+        share = share * towards * within
+        local = jnp.clip(cosine * towards / jnp.sqrt(1.0 + slope**2), 1e-9, 1.0)
+        ways.append(_let_in(local, _inside(local, eta), eta))
+    kept = clear ** (eta / inside)
+    way = kept * ways[0] * ways[1] / (1.0 - (1.0 - ways[0]) * (1.0 - ways[1]) * kept**2)
+    return share * way, s2
+
+
+class Direct(NamedTuple):
+    """Of one side: series of the factor of its lobe, of the lobe's light over that, of all light; the broad level."""
+
+    factor: Scalar
+    lobes: Scalar
+    light: Scalar
+    level: Scalar
+
+    def shares(self, basis: Scalar) -> tuple[Scalar, Scalar]:
+        """(factor of the lobe, what the broad term gets)."""
+        factor, rest = shared(*(_summed(a, basis) for a in self[:3]))
+        return factor, self.level * rest
+
+
+def shared(factor: Scalar, lobes: Scalar, light: Scalar) -> tuple[Scalar, Scalar]:
+    """(the factor, what its lobe leaves) where it would be so much, its lobe's light so many times it, and all light.
+
+    No lobe gets more than there is, and what is left goes by the lesser factor: however series err, hardly any light is
+    gained. Factors of 1, the most, are series that ring below it: they are lifted.
+    """
+    light = jnp.maximum(light, 0.0)
+    factor = jnp.minimum(jnp.clip(LIFTED * factor, 0.0, 1.0), light / jnp.maximum(lobes, 1e-12))
+    return factor, jnp.maximum(light - factor * lobes, 0.0)
 
 
 class Balance(NamedTuple):
-    """Series, four rows: factors of the lobes, and what the broad terms get of a direction."""
+    """What `Direct` holds, four rows."""
 
     factors: Scalar
-    rests: Scalar
+    lobes: Scalar
+    light: Scalar
+    levels: Scalar
 
-    def on(self, front: Bool[Array, ""], passes: bool) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
-        """(factor, rest) of the side that light enters, then of the side that it leaves."""
+    def on(self, front: Bool[Array, ""], passes: bool) -> tuple[Direct, Direct]:
+        """Of the side that light enters, then of the side that it leaves."""
         first, second = (2, 3) if passes else (0, 1)
-        entering = tuple(jnp.where(front, rows[first], rows[second]) for rows in self)
-        leaving = tuple(jnp.where(front, rows[second], rows[first]) for rows in self) if passes else entering
-        return entering, leaving  # pyright: ignore[reportReturnType]
+        entering = Direct(*(jnp.where(front, rows[first], rows[second]) for rows in self))
+        return entering, Direct(*(jnp.where(front, rows[second], rows[first]) for rows in self)) if passes else entering
 
 
-def coordinate(cosine: Scalar) -> Scalar:
-    """The variable of the series, in [−1, 1]."""
-    return 2.0 * COSINES.inverse(jnp.maximum(cosine, GRAZING), jnp.ones_like(cosine)) - 1.0
+def grazing_scale(alpha: Scalar, behind: Scalar, eta: Scalar) -> Scalar:
+    """Cosines to which what gets through is widened beyond the horizon; the series' variable is fine below."""
+    return SCALE * jnp.sqrt(jnp.sqrt((eta - 1.0) * (eta + 1.0) * (alpha**2 + behind**2)))
 
 
-def level(series: Scalar, cosine: Scalar) -> Scalar:
-    """A series, which is nowhere below 0."""
-    return jnp.maximum(jnp.tensordot(chebyshev_basis(coordinate(cosine), TERMS), series, 1), 0.0)
+def basis_of(cosine: Scalar, scale: Scalar) -> Scalar:
+    """Of the series, at a cosine."""
+    return chebyshev_basis(2.0 * cosine * (1.0 + scale) / (cosine + scale) - 1.0, TERMS)
+
+
+def _cosine_of(t: Scalar, scale: Scalar) -> Scalar:
+    """The cosine at which the series' variable has gone so far from grazing, of [0, 1]."""
+    return scale * t / (scale + 1.0 - t)
+
+
+def _summed(series: Scalar, basis: Scalar) -> Scalar:
+    return jnp.sum(basis.reshape(basis.shape + (1,) * (series.ndim - basis.ndim)) * series, 0)
 
 
 @functools.lru_cache
-def _points() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(cosines of the points, the matrices from values there to a series, and from rough faces' values to there)."""
-    x = np.cos(np.pi * (np.arange(POINTS) + 0.5) / POINTS)
-    s2 = ((x + 1) / 2) ** 2
-    mu = COSINES.c * s2 / (COSINES.c + 1 - s2)
-    return mu, np.linalg.pinv(np.polynomial.chebyshev.chebvander(x, TERMS - 1)).T, interpolation(mu).T
+def _points() -> tuple[np.ndarray, np.ndarray]:
+    """(the variable of the points, the matrix from values there to a series)."""
+    x = np.cos(np.pi * (np.arange(TERMS) + 0.5) / TERMS)
+    return (x + 1) / 2, np.linalg.inv(np.polynomial.chebyshev.chebvander(x, TERMS - 1)).T
 
 
-def lobe_matrices(cosine: Scalar, faces: Faces) -> Scalar:
+class Rays(NamedTuple):
+    """Exits from which a lobe's light is summed: sines, cosines, weights of the polar angle, f/cosθ's share and s²."""
+
+    sine: Scalar
+    cosine: Scalar
+    weight: Scalar
+    share: Scalar
+    s2: Scalar
+
+
+def _rays(z_i: Scalar, faces: Faces, passes: bool) -> Rays:
+    """Of lobes of light with these cosines, shape (sides, n, nodes)."""
+    x, w = (jnp.asarray(a, z_i.dtype)[None, None] for a in np.polynomial.legendre.leggauss(RADII))
+    near = jnp.stack([faces.alpha, faces.behind])[:, None, None] ** 2
+    beta_i, flat_i = jnp.sqrt((1.0 - z_i) * (1.0 + z_i)), flat_sheet(z_i, faces.eta, faces.clear)
+
+    def lobe(cosine: Scalar) -> tuple[Scalar, Scalar]:
+        flat_o = flat_sheet(cosine, faces.eta, faces.clear)
+        if passes:
+            return passed(flat_i, flat_o, near, near[::-1], (faces.eta, faces.clear))
+        return mirrored(flat_i, flat_o, near, near[::-1])
+
+    reach = REACH * jnp.sqrt(lobe(z_i)[1])
+    beyond = jnp.sqrt(jnp.maximum(1.0 - (beta_i + reach) ** 2, 0.0))  # lobes grow towards the horizon
+    further = REACH * jnp.sqrt(lobe(beyond)[1])
+    ends = jnp.stack([beta_i - reach, beta_i + jnp.maximum(reach, further)])
+    inner, outer = jnp.where(ends >= 1.0, 0.5 * jnp.pi, jnp.arcsin(jnp.clip(ends, 0.0, 1.0 - 1e-7)))
+    peak = jnp.arcsin(beta_i) + jnp.zeros_like(inner)
+    panels = [(inner, peak), (peak, outer)] if passes else [(inner, outer)]
+    theta = jnp.concatenate([0.5 * (a + b) + 0.5 * (b - a) * x for a, b in panels], -1)
+    weight = jnp.concatenate([0.5 * (b - a) * w for a, b in panels], -1)
+    return Rays(jnp.sin(theta), jnp.cos(theta), weight, *lobe(jnp.cos(theta)))
+
+
+def lobe_matrices(cosine: Scalar, faces: Faces, scale: Scalar) -> Scalar:
     """Matrices from a factor of exits, at the points of a series, to lobes' shares of light with these cosines (n,).
 
     Over the azimuth a Gaussian has a closed form:
     2β/s² exp(−(β − β₀)²/s²) e^(−x)I₀(x), x = 2ββ₀/s².
     """
-    u, w = (jnp.asarray(a, cosine.dtype)[None, None] for a in np.polynomial.legendre.leggauss(RADII))
-    front, back = faces.alpha**2, faces.behind**2
-    near, far = (
-        jnp.stack([front, back, front, back])[:, None, None],
-        jnp.stack([back, front, back, front])[:, None, None],
-    )
-    passes = np.array([False, False, True, True])[:, None, None]
-
-    def share(flat: Flat) -> Scalar:
-        return flat.through * jnp.where(passes, 1.0, flat.mirrored)
-
-    def width2(i: Flat, o: Flat) -> Scalar:
-        return jnp.where(passes, passed_width2(i, o, near, far), mirrored_width2(i, o, near, far))
-
     z_i = cosine[None, :, None]
     beta_i = jnp.sqrt((1.0 - z_i) * (1.0 + z_i))
-    flat_i = flat_sheet(z_i, faces.eta, faces.clear)
-    reach = REACH * jnp.sqrt(width2(flat_i, flat_i))
-    ends = jnp.stack([beta_i - reach, beta_i + reach])
-    inner, outer = jnp.where(ends >= 1.0, 0.5 * jnp.pi, jnp.arcsin(jnp.clip(ends, 0.0, 1.0 - 1e-7)))
-    half = 0.5 * (outer - inner)
-    theta = 0.5 * (outer + inner) + half * u
-    beta, z = jnp.sin(theta), jnp.cos(theta)
-    flat_o = flat_sheet(z, faces.eta, faces.clear)
-    s2 = width2(flat_i, flat_o)
-    ring = jnp.exp(-((beta - beta_i) ** 2) / s2) * i0e(2.0 * beta * beta_i / s2)
-    values = 2.0 * beta * z * half * w * mean_share(share(flat_i), share(flat_o)) * ring / s2
-    series = jnp.sum(values[None] * chebyshev_basis(coordinate(z), TERMS), -1)
+    both = [_rays(z_i, faces, passes) for passes in (False, True)]
+    r = Rays(*(jnp.concatenate(a, -1) for a in zip(*both, strict=True)))
+    ring = jnp.exp(-((r.sine - beta_i) ** 2) / r.s2) * i0e(2.0 * r.sine * beta_i / r.s2)
+    values = (2.0 * r.sine * r.cosine * r.weight * r.share * ring / r.s2)[None] * basis_of(r.cosine, scale)
+    split = both[0].s2.shape[-1]
+    series = jnp.concatenate([jnp.sum(values[..., :split], -1), jnp.sum(values[..., split:], -1)], 1)
     return jnp.moveaxis(series, 0, -1) @ jnp.asarray(_points()[1].T, cosine.dtype)
 
 
-def _flat_correction(cosine: Scalar, to_points: Scalar, faces: Faces) -> Scalar:
-    """By what polynomials between rough faces' cosines are too low of a flat sheet, shape (4, n)."""
-    rows = []
-    for z in (cosine, jnp.maximum(jnp.asarray(cosines_outside(), cosine.dtype), 1e-9)):
-        flat = flat_sheet(z, faces.eta, jnp.asarray(1.0, cosine.dtype))
-        rows.append(jnp.stack([flat.through * flat.mirrored, flat.through]))
-    exact, nodes = rows
-    ratio = jnp.clip(exact / jnp.maximum(nodes @ to_points, 1e-12), 0.8, 1.25)
-    return jnp.stack([ratio[0], ratio[0], ratio[1], ratio[1]])
+def _all_light(cosine: Scalar, faces: Faces) -> Scalar:
+    """Shares of light at these cosines (n,), less what a face reflects at once, shape (4, n).
+
+    Of what a face lets in, shares are polynomials between rough faces' cosines: they are as smooth as it, and in all no
+    more than 1. A flat sheet shows by how much they are off.
+    """
+    through, entered = light_through(faces)
+    alphas = jnp.stack([faces.alpha, faces.behind])
+    rough = -jnp.expm1(-jnp.sum(alphas**2) / NARROW**2)
+
+    def of_side(alpha: Scalar, through: Scalar, entered: Scalar) -> Scalar:
+        both = jnp.concatenate([cosine, jnp.maximum(cosines_outside(alpha), 1e-9)])
+        flat, n = flat_sheet(both, faces.eta, faces.clear), cosine.size
+        flat = (
+            jnp.stack([flat.mirrored, jnp.ones_like(both)])
+            * (flat.through / (1.0 - fresnel_dielectric(both, faces.eta)))[None]
+        )
+        between = between_cosines(jnp.concatenate([through / entered[None], flat[:, n:]]), cosine, alpha)
+        shares, level = jnp.maximum(between[:2], 0.0), jnp.maximum(between[2:], 1e-3)
+        right = shares * flat[:, :n] / level
+        total = jnp.minimum(jnp.sum(shares, 0) * jnp.sum(flat[:, :n], 0) / jnp.sum(level, 0), 1.0)
+        right = right * (total / jnp.maximum(jnp.sum(right, 0), 1e-12))[None]
+        return (flat[:, :n] + rough * (right - flat[:, :n])) * (1.0 - face_albedo(cosine, alpha, faces.eta))[None]
+
+    return jax.vmap(of_side, (0, 1, 0), 1)(alphas, through, entered).reshape(4, -1)
 
 
 def _other(rows: Scalar) -> Scalar:
@@ -162,40 +274,40 @@ def _other(rows: Scalar) -> Scalar:
 
 def _scaled(matrices: Scalar, light: Scalar) -> Scalar:
     """Factors ≤ 1 of the lobes' directions, by which they have no more light than there is, on either side."""
-    factors = jnp.ones_like(light)
-    for step in range(STEPS):
+
+    def less(factors: Scalar) -> Scalar:
         lobes = factors * jnp.sum(matrices * _other(factors)[:, None], -1)
-        less = jnp.minimum(1.0, light / jnp.maximum(lobes, 1e-12))
-        factors = factors * (jnp.sqrt(less) if step < STEPS - 1 else less)
-    return factors
+        return jnp.minimum(1.0, light / jnp.maximum(lobes, 1e-12))
+
+    factors = jax.lax.fori_loop(0, STEPS - 1, lambda _, f: f * jnp.sqrt(less(f)), jnp.ones_like(light))
+    return factors * less(factors)
 
 
 @functools.lru_cache
-def _averaging() -> tuple[np.ndarray, np.ndarray]:
-    """(the matrix from a series to values at nodes, the weights of 2 ∫ μ dμ there)."""
+def _averaging() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(nodes and weights of an integral over the variable, the series' basis at the nodes)."""
     x, w = np.polynomial.legendre.leggauss(AVERAGE)
-    s2, c = ((x + 1) / 2) ** 2, COSINES.c
-    mu, rate = c * s2 / (c + 1 - s2), c * (c + 1) / (c + 1 - s2) ** 2 * (x + 1)
-    return np.polynomial.chebyshev.chebvander(x, TERMS - 1).T, w * rate * mu
+    return (x + 1) / 2, w / 2, np.polynomial.chebyshev.chebvander(x, TERMS - 1).T
 
 
 def balance(faces: Faces) -> Balance:
     """The series of a sheet without channels."""
-    mu, to_series, to_points = (jnp.asarray(a, faces.eta.dtype) for a in _points())
-    light = jnp.maximum((light_through(faces) @ to_points) * _flat_correction(mu, to_points, faces), 1e-12)
-    matrices = lobe_matrices(mu, faces)
+    scale = grazing_scale(faces.alpha, faces.behind, faces.eta)
+    points, to_series = (jnp.asarray(a, faces.eta.dtype) for a in _points())
+    mu = _cosine_of(points, scale)
+    light = jnp.maximum(_all_light(mu, faces), 1e-12)
+    matrices = lobe_matrices(mu, faces, scale)
     factors = _scaled(matrices, light)
-    rests = (light - factors * jnp.sum(matrices * _other(factors)[:, None], -1)) @ to_series
+    lobes = jnp.sum(matrices * _other(factors)[:, None], -1)
+    series = [values @ to_series for values in (factors, lobes, light)]
     # What a broad term has of a direction is its rest, over the root of the greater average of both sides.
-    to_values, weight = (jnp.asarray(a, faces.eta.dtype) for a in _averaging())
-    averages = jnp.maximum(rests @ to_values, 0.0) @ weight
+    nodes, weight, basis = (jnp.asarray(a, faces.eta.dtype) for a in _averaging())
+    cosine = _cosine_of(nodes, scale)
+    rate = scale * (1.0 + scale) / (scale + 1.0 - nodes) ** 2
+    _, rests = shared(*(a @ basis for a in series))
+    averages = rests @ (2.0 * weight * rate * cosine)
     greater = jnp.maximum(jnp.maximum(averages, _other(averages)), 1e-12)
-    return Balance(factors @ to_series, rests / jnp.sqrt(greater)[:, None])
-
-
-def _of_channels(faces: Faces) -> Balance:
-    axes = Faces(*(0 if jnp.ndim(v) else None for v in faces))
-    return balance(faces) if all(a is None for a in axes) else jax.vmap(balance, (axes,), -1)(faces)
+    return Balance(series[0], series[1], series[2], 1.0 / jnp.sqrt(greater))
 
 
 @whole
@@ -209,19 +321,20 @@ def sheet_balance(faces: Faces) -> Balance:
 def sheet_balance_and_slopes(faces: Faces) -> tuple[Balance, Balance]:
     """The series, and on another first axis their slopes by the four parameters, by differences.
 
-    A program of exact slopes takes five times as long to compile. Central ones but for `clear`, which may be 0 or 1.
+    A program of exact slopes takes five times as long to compile. They are one-sided, within the domain.
     """
-    r = float(jnp.finfo(faces.eta.dtype).eps) ** (1 / 3)
+    r = float(jnp.finfo(faces.eta.dtype).eps) ** 0.5
     steps = r * faces.alpha, r * faces.behind, r * (faces.eta - 1.0), jnp.where(faces.clear > 0.5, -r, r)
-    ends = np.zeros((2, 4, 4), faces.eta.dtype)
-    ends[0], ends[1, :3, :3] = np.eye(4), -np.eye(3)
-    moved = (
-        jnp.asarray(v)[None, None] + jnp.multiply.outer(ends[..., k], h)
-        for k, (v, h) in enumerate(zip(faces, steps, strict=True))
+    ends = np.vstack([np.eye(4), np.zeros(4)]).astype(faces.eta.dtype)
+    every = jax.vmap(sheet_balance)(
+        Faces(*(jnp.asarray(v)[None] + jnp.multiply.outer(e, h) for v, e, h in zip(faces, ends.T, steps, strict=True)))
     )
-    every = jax.vmap(jax.vmap(sheet_balance))(Faces(*moved))
-    spans = jnp.stack(jnp.broadcast_arrays(*(2.0 * h for h in steps[:3]), steps[3]))[:, None, None]
-    return jax.tree.map(lambda a: a[1, 3], every), jax.tree.map(lambda a: (a[0] - a[1]) / spans, every)
+    spans = jnp.stack(jnp.broadcast_arrays(*steps))
+
+    def slope(a: Scalar) -> Scalar:
+        return (a[:4] - a[4:]) / spans.reshape(4, *(1,) * (a.ndim - spans.ndim), *spans.shape[1:])
+
+    return jax.tree.map(lambda a: a[4], every), jax.tree.map(slope, every)
 
 
 _kept = kept_jit(sheet_balance)

@@ -7,8 +7,8 @@ at each, masking of what leaves one; what a facet sends to the wrong side is los
 sheet reflects and transmits in all, so that light inside goes by its cosine alone. A function of that is a polynomial
 on either side of the critical angle, by its values at nodes (`nodes`). Rows of the table are light that meets the face,
 from the inside at all nodes, then from outside at those with cosines there; columns are the weights of the nodes in
-what is inside next (mirrored, or let in), and last what leaves (0 of light from outside). Chebyshev coefficients of
-ln(1 + α/0.005) and ln √(η² − 1).
+what is inside next (mirrored, or let in), and last what leaves, or what `beckmann` reflects of light from outside.
+Chebyshev coefficients of ln(1 + α/0.005) and ln √(η² − 1).
 """
 
 import pathlib
@@ -20,7 +20,7 @@ from scipy.special import erf
 ALPHA_LEAST, ALPHA_MOST = 4e-3, 0.5
 ETA_LEAST, ETA_MOST = 1.01, 4.0
 NARROW = 0.005
-INSIDE, OUTSIDE = 6, 8
+INSIDE, OUTSIDE = 6, 11
 """Degrees of the polynomials beyond the critical angle, and before it."""
 WIDTHS, INDICES = 12, 10
 QUANTUM = 1e-7
@@ -33,14 +33,21 @@ def lobatto(degree: int) -> np.ndarray:
     return (1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2
 
 
-def nodes() -> tuple[np.ndarray, np.ndarray]:
+def variable(v: np.ndarray, alpha: float) -> np.ndarray:
+    """Of the polynomials before the critical angle, by the cosine outside: fine where the face hides itself."""
+    c = 2 * alpha + 0.04
+    return v * (1 + c) / (v + c)
+
+
+def nodes(alpha: float) -> tuple[np.ndarray, np.ndarray]:
     """(ψ of the nodes beyond the critical angle, in quarter turns, from 1 to 0; cosines outside of the others)."""
-    return lobatto(INSIDE)[:0:-1], lobatto(OUTSIDE)
+    c, t = 2 * alpha + 0.04, lobatto(OUTSIDE)
+    return lobatto(INSIDE)[:0:-1], c * t / (c + 1 - t)
 
 
-def cosines(eta: float) -> np.ndarray:
+def cosines(eta: float, alpha: float) -> np.ndarray:
     """Of the nodes, inside: √(η² − 1) cosψ/η beyond the critical angle, √(η² − 1 + v²)/η before it."""
-    psi, v = nodes()
+    psi, v = nodes(alpha)
     excess = (eta - 1) * (eta + 1)
     return np.r_[np.sqrt(excess) * np.cos(np.pi / 2 * psi), np.sqrt(excess + v**2)] / eta
 
@@ -55,12 +62,13 @@ def lagrange(points: np.ndarray, x: np.ndarray) -> np.ndarray:
     return values / values.sum(-1, keepdims=True)
 
 
-def weights_of(cosine: np.ndarray, eta: float) -> np.ndarray:
+def weights_of(cosine: np.ndarray, eta: float, alpha: float) -> np.ndarray:
     """Weights of the nodes in the value at these cosines inside."""
     excess = (eta - 1) * (eta + 1)
     q = (eta * cosine) ** 2 - excess
     psi = np.arccos(np.clip(eta * cosine / np.sqrt(excess), 0, 1)) * 2 / np.pi
-    before, beyond = lagrange(lobatto(OUTSIDE), np.sqrt(np.clip(q, 0, 1))), lagrange(lobatto(INSIDE), psi)
+    before = lagrange(lobatto(OUTSIDE), variable(np.sqrt(np.clip(q, 0, 1)), alpha))
+    beyond = lagrange(lobatto(INSIDE), psi)
     before, beyond = before * (q > 0)[..., None], beyond * (q <= 0)[..., None]
     out = np.zeros((*cosine.shape, INSIDE + OUTSIDE + 1))
     out[..., INSIDE:] += before
@@ -77,7 +85,7 @@ def masking(sine: np.ndarray, cosine: np.ndarray, alpha: float) -> np.ndarray:
 
 
 def met(cosine: np.ndarray, alpha: float, ratio: float) -> tuple[np.ndarray, ...]:
-    """(cosine mirrored, its weight, cosine refracted, its weight).
+    """(cosine mirrored, its weight, cosine refracted, its weight, weight mirrored with correlated masking).
 
     Of light that meets a face towards a medium of relative index 1/ratio, shapes (cosine, slopes).
     """
@@ -102,18 +110,20 @@ def met(cosine: np.ndarray, alpha: float, ratio: float) -> tuple[np.ndarray, ...
         z = side * c + turn * up
         out.append((np.hypot(side * s - turn * along * up, turn * across * up), z if side == -1.0 else -z))
     (sine, z), (sine_t, z_t) = out
-    mirrored, passed = mirrored * masking(sine, z, alpha), (1 - mirrored) * masking(sine_t, z_t, alpha)
-    parts = np.abs(z), mirrored * weight, np.abs(z_t), passed * weight
+    g_i, g_o = masking(s, c, alpha), masking(sine, z, alpha)
+    correlated = mirrored * np.where(z > 0, g_o / np.maximum(g_o + g_i * (1 - g_o), 1e-300), 0.0)
+    mirrored, passed = mirrored * g_o, (1 - mirrored) * masking(sine_t, z_t, alpha)
+    parts = np.abs(z), mirrored * weight, np.abs(z_t), passed * weight, correlated * weight
     return tuple(np.broadcast_to(a, weight.shape).reshape(len(cosine), -1) for a in parts)
 
 
 def rows(alpha: float, eta: float) -> np.ndarray:
-    inner, v = cosines(eta), nodes()[1]
-    z, w, _, passed = met(inner, alpha, eta)
-    back = np.einsum("jq,jqk->jk", w, weights_of(z, eta))
-    _, _, z, w = met(v, alpha, 1 / eta)
-    let_in = np.einsum("jq,jqk->jk", w, weights_of(z, eta))
-    return np.block([[back, passed.sum(1)[:, None]], [let_in, np.zeros((len(v), 1))]])
+    inner, v = cosines(eta, alpha), nodes(alpha)[1]
+    z, w, _, passed, _ = met(inner, alpha, eta)
+    back = np.einsum("jq,jqk->jk", w, weights_of(z, eta, alpha))
+    _, _, z, w, at_once = met(v, alpha, 1 / eta)
+    let_in = np.einsum("jq,jqk->jk", w, weights_of(z, eta, alpha))
+    return np.block([[back, passed.sum(1)[:, None]], [let_in, at_once.sum(1)[:, None]]])
 
 
 def chebyshev_points(n: int) -> tuple[np.ndarray, np.ndarray]:

@@ -19,7 +19,7 @@ def reflected_and_passed(sheet, theta):
     )
 
 
-@pytest.mark.parametrize(("eta", "most"), [(1.01, 0.012), (1.05, 0.007), (1.5, 0.0012)])
+@pytest.mark.parametrize(("eta", "most"), [(1.01, 0.002), (1.05, 0.001), (1.5, 0.0004)])
 def test_a_clear_sheet_gains_hardly_anything(eta, most):
     theta = np.radians([0, 20, 40, 50, 60, 66, 72, 75, 85])
     for alpha in (0.1, 0.3):
@@ -35,8 +35,8 @@ def test_narrow_lobes_share_the_light_as_a_flat_sheet_does():
     once = 0.8 ** (1 / np.sqrt(1 - (1 - cosine**2) / 1.5**2))
     passed = (1 - reflected) ** 2 * once / (1 - (reflected * once) ** 2)
     r, t = reflected_and_passed(build("rough_slab(alpha=0.003, eta=1.5, clear=0.8)"), theta)
-    np.testing.assert_allclose(t, passed, rtol=5e-4)
-    np.testing.assert_allclose(r, reflected + passed * reflected * once, rtol=4e-3)
+    np.testing.assert_allclose(t, passed, rtol=2e-4)
+    np.testing.assert_allclose(r, reflected + passed * reflected * once, rtol=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -61,5 +61,4 @@ def test_light_is_that_of_rays_between_two_rough_faces(sheet, theta, within):
         wi = Direction(np.sin(angle), 0.0, np.cos(angle))
         wo = Direction(*(np.array(c) for c in zip(*views, strict=True)))
         ours = np.ravel(evaluate(model, wi, wo))
-        np.testing.assert_allclose(ours[np.asarray(wo.z) > 0], f[np.asarray(wo.z) > 0], rtol=0.06)
-        np.testing.assert_allclose(ours, f, rtol=0.12)
+        np.testing.assert_allclose(ours, f, rtol=0.06)
