@@ -1,14 +1,16 @@
 """Quantities of random tables against those of the surface they are of: how many intervals miss it, and how far.
 
-    python tests/benchmarks/metrology/random_quantities.py [TABLES] [FIRST]     (40 0)
+    python tests/benchmarks/metrology/random_quantities.py [TABLES] [FIRST] [shared]     (40 0)
 
 Isotropic, brushed, ruled and retro-reflecting surfaces over a Lambertian, on uneven grids and lists of them, most lit
 from one azimuth, some with 0.4 % of noise. An interval is the value ± 2u, where it is decided; `in` holds the surface's
 own number, `near` misses it by less than the interval's half width, WRONG by more. A law of scatter that a surface does
-not follow has other numbers over another range of offsets: it is counted apart.
+not follow has other numbers over another range of offsets: it is counted apart. With `shared` all readings of a table
+are off by one calibration of 1 %, which their stored uncertainties hold.
 """
 
 import collections
+import dataclasses
 import sys
 import warnings
 from pathlib import Path
@@ -25,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "checks"))
 from random_surfaces import layout_of, surface, table_of  # noqa: E402
 
 LAWS = ("ABg", "Harvey")
+CALIBRATION = 0.01
 
 
 def isotropic_surface(rng: np.random.Generator) -> str:
@@ -33,13 +36,19 @@ def isotropic_surface(rng: np.random.Generator) -> str:
     return f"lambert(rho={rho:.3f}) + {scale:.2f} * {lobe}(alpha={alpha:.4f}, f0={f0:.2f})"
 
 
-def main(tables: int = 40, first: int = 0) -> None:
+def calibrated(table: gonio.Table, rng: np.random.Generator) -> gonio.Table:
+    f, u = np.asarray(table.f), 0.0 if table.u_f is None else np.asarray(table.u_f)
+    return dataclasses.replace(table, f=f * (1 + CALIBRATION * rng.standard_normal()), u_f=np.hypot(u, CALIBRATION * f))
+
+
+def main(tables: int = 40, first: int = 0, shared: bool = False) -> None:
     counts: collections.Counter[tuple[str, str]] = collections.Counter()
     for seed in range(first, first + tables):
         rng = np.random.default_rng([211, seed])
         expression = isotropic_surface(rng) if rng.random() < 0.6 else surface(rng)
         layout, material = layout_of(rng), gonio.material(expression)
         table = table_of(layout, material.f(*layout.angles())[..., 0], rng, listed=rng.random() < 0.4)
+        table = calibrated(table, rng) if shared else table
         truth = {(q.name, q.place): q for q in gonio.quantities(material).quantities}
         for q in gonio.quantities(table).quantities:
             true = truth.get((q.name, q.place))
@@ -57,4 +66,4 @@ def main(tables: int = 40, first: int = 0) -> None:
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
-    main(*map(int, sys.argv[1:]))
+    main(*map(int, sys.argv[1:3]), shared="shared" in sys.argv[3:])
