@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -245,7 +246,7 @@ class RoughSlab(AbstractComposite):
     def terms(self) -> tuple[AbstractBRDF, ...]:
         behind = self.alpha if self.alpha_behind is None else self.alpha_behind
         light = sheet_light(Faces(self.alpha, behind, self.eta, self.clear))
-        scale = grazing_scale(self.alpha, behind, self.eta)
+        scale = jax.lax.stop_gradient(grazing_scale(self.alpha, behind, self.eta))
         inside = (
             SlabInside(self.alpha, behind, self.eta, self.clear, scale, light, passes) for passes in (False, True)
         )

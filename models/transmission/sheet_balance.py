@@ -290,9 +290,8 @@ def _averaging() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return (x + 1) / 2, w / 2, np.polynomial.chebyshev.chebvander(x, TERMS - 1).T
 
 
-def balance(faces: Faces) -> Balance:
+def balance(faces: Faces, scale: Scalar) -> Balance:
     """The series of a sheet without channels."""
-    scale = grazing_scale(faces.alpha, faces.behind, faces.eta)
     points, to_series = (jnp.asarray(a, faces.eta.dtype) for a in _points())
     mu = _cosine_of(points, scale)
     light = jnp.maximum(_all_light(mu, faces), 1e-12)
@@ -310,24 +309,32 @@ def balance(faces: Faces) -> Balance:
     return Balance(series[0], series[1], series[2], 1.0 / jnp.sqrt(greater))
 
 
+def _of_channels(faces: Faces, scale: Scalar) -> Balance:
+    axes, by_scale = Faces(*(0 if jnp.ndim(v) else None for v in faces)), 0 if jnp.ndim(scale) else None
+    if all(a is None for a in axes):
+        return balance(faces, scale)
+    return jax.vmap(balance, (axes, by_scale), -1)(faces, scale)
+
+
 @whole
 def sheet_balance(faces: Faces) -> Balance:
     """The series of a sheet, channels last."""
-    axes = Faces(*(0 if jnp.ndim(v) else None for v in faces))
-    return balance(faces) if all(a is None for a in axes) else jax.vmap(balance, (axes,), -1)(faces)
+    return _of_channels(faces, grazing_scale(faces.alpha, faces.behind, faces.eta))
 
 
 @whole
 def sheet_balance_and_slopes(faces: Faces) -> tuple[Balance, Balance]:
     """The series, and on another first axis their slopes by the four parameters, by differences.
 
-    A program of exact slopes takes five times as long to compile. They are one-sided, within the domain.
+    A program of exact slopes takes five times as long to compile. They are one-sided, within the domain, and of series
+    in the same variable: it does not depend on the parameters then.
     """
     r = float(jnp.finfo(faces.eta.dtype).eps) ** 0.5
     steps = r * faces.alpha, r * faces.behind, r * (faces.eta - 1.0), jnp.where(faces.clear > 0.5, -r, r)
     ends = np.vstack([np.eye(4), np.zeros(4)]).astype(faces.eta.dtype)
-    every = jax.vmap(sheet_balance)(
-        Faces(*(jnp.asarray(v)[None] + jnp.multiply.outer(e, h) for v, e, h in zip(faces, ends.T, steps, strict=True)))
+    every = jax.vmap(_of_channels, (0, None))(
+        Faces(*(jnp.asarray(v)[None] + jnp.multiply.outer(e, h) for v, e, h in zip(faces, ends.T, steps, strict=True))),
+        grazing_scale(faces.alpha, faces.behind, faces.eta),
     )
     spans = jnp.stack(jnp.broadcast_arrays(*steps))
 
