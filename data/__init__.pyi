@@ -6,6 +6,7 @@ from .formats.registry import read as read
 from .formats.registry import write as write
 from .hdf5.dataset import from_dataset as from_dataset
 from .hdf5.dataset import to_dataset as to_dataset
+from .interpolation.coverage import covers_angles as covers_angles
 from .layouts import Layout as Layout
 from .material import Material as Material
 from .scene import Scene as Scene

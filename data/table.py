@@ -183,6 +183,26 @@ class Table(Displayed):
         """
         return importlib.import_module("gonio.data").write(path, self, force)
 
+    def covers(
+        self, theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike, degrees: bool = False
+    ) -> np.ndarray:
+        """Whether readings lie about directions, so that interpolation between them answers for f.
+
+        Elsewhere `gonio.material(table).f` continues the nearest readings, without any bound.
+
+        Args:
+            theta_i, phi_i, theta_o, phi_o: polar angles and azimuths of light and detector, as `Material.f` takes them.
+            degrees: whether they are degrees; else radians.
+
+        Returns:
+            Booleans of the angles' broadcast shape.
+
+        Raises:
+            GonioError: angles out of range, or shapes that do not broadcast.
+        """
+        given = radian_arrays(degrees, True, theta_i=theta_i, phi_i=phi_i, theta_o=theta_o, phi_o=phi_o)
+        return importlib.import_module("gonio.data").covers_angles(self, given)
+
     def facts(self) -> dict[str, str]:
         """Layout, axes, channels, hemispheres, readings by what became of them, and where they come from."""
         counts = self.counts() if isinstance(self.f, np.ndarray) else {}

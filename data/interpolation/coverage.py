@@ -1,6 +1,6 @@
 """Where a table interpolates: the pairs of directions inside of the hull of what was read, without its holes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ from gonio.data.layouts.base import Layout
 from gonio.data.table import Table
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
-from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.geometry.low_discrepancy import low_discrepancy
 from gonio.models.geometry.sides import FRONT
 
@@ -53,6 +53,13 @@ def covered(table: Table, wi: Direction, wo: Direction, beyond: float = 0.0) -> 
             i, o = (Direction(*(c[here] for c in w)) for w in upright)
             inside[here] = _in_part(part, i, o, beyond, light == detector)
     return inside
+
+
+def covers_angles(table: Table, angles: Sequence[np.ndarray]) -> np.ndarray:
+    """The same of angles theta_i, phi_i, theta_o, phi_o, radians, of shapes that broadcast to that of the result."""
+    theta_i, phi_i, theta_o, phi_o = np.broadcast_arrays(*angles)
+    wi, wo = (from_spherical(t.ravel(), p.ravel(), np) for t, p in ((theta_i, phi_i), (theta_o, phi_o)))
+    return covered(table, wi, wo).reshape(theta_i.shape)
 
 
 def require_readings_about(table: Table, wi: Direction, wo: Direction) -> str:

@@ -57,6 +57,27 @@ def test_names_of_channels_are_columns_and_come_back(here, capsys):
     assert gonio.open("m.csv").channels.names == ("wet", "dry")
 
 
+def test_what_was_not_read_is_flagged_and_is_no_reading_when_it_comes_back(here, capsys):
+    """Of readings up to 60°; values are written all the same, as f is continued there."""
+    polar = np.arange(0.0, 61.0, 20.0)
+    angles = np.meshgrid(polar, [0.0], polar, np.arange(0.0, 360.0, 45.0), indexing="ij")
+    table = gonio.Table.from_arrays(*(a.ravel() for a in angles), np.full(angles[0].size, 0.1), degrees=True)
+    table.save("part.h5")
+    assert main(["eval", "part.h5", "--theta-i", "30,70", "--theta-o", "50,65", "-o", "out.csv"]) == 0
+    assert "3 of 4 directions are beyond what was read of part" in capsys.readouterr().err
+    back = gonio.open("out.csv")
+    assert (back.counts()["valid"], back.counts()["not_measured"]) == (1, 3)
+    assert np.loadtxt("out.csv", delimiter=",", skiprows=1)[:, -2:] == pytest.approx(
+        np.array([[0.1, 0], *[[0.1, 4]] * 3])
+    )
+    np.testing.assert_array_equal(
+        table.covers([[30], [70]], 0, [50, 65], 180, degrees=True), [[True, False], [False, False]]
+    )
+    assert main(["eval", "part.h5", "--theta-i", "30", "--theta-o", "50"]) == 0
+    captured = capsys.readouterr()
+    assert "flag" not in captured.out and not captured.err
+
+
 class Typed(io.StringIO):
     """A terminal's standard output."""
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gonio.data.channels import Channels
+    from gonio.data.table import Table
     from gonio.models.geometry.directions import Direction
 
 ANGLES = ("theta_i", "phi_i", "theta_o", "phi_o", "delta_phi")
@@ -58,7 +59,10 @@ class Listed(NamedTuple):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Values of f, in 1/sr without the cosine, of a material at any directions."
+    parser.description = (
+        "Values of f, in 1/sr without the cosine, of a material at any directions. Those of a table are interpolated "
+        "between its readings; where there are none about a direction its row says so (flag 4)."
+    )
     parser.add_argument("material", metavar="MATERIAL", help=MATERIAL)
     add_options(parser.add_argument, OPTIONS | READING | FORCE)
 
@@ -70,31 +74,57 @@ def run(args: argparse.Namespace) -> int:
     import numpy as np
 
     from gonio.data.formats.registry import is_there, sniff
-    from gonio.data.subject import load_material
+    from gonio.data.subject import resolve_subject
     from gonio.models.evaluation import evaluate
 
     listed = _directions(args)
     if not (is_there(args.material) and "angles" in sniff(args.material).options):
         args.angles = None  # they are the directions' own
-    material = load_material(as_stated(args.material, args))
+    subject = resolve_subject(as_stated(args.material, args))
+    material = subject.as_material()
     f = np.asarray(evaluate(material.brdf, listed.wi, listed.wo)).reshape(listed.wi.z.size, -1)
     facts: dict[str, Any] = {"material": material.name, "channels": material.channels.names, "unit": "1/sr"}
     facts |= {"wavelengths_nm": material.channels.wavelengths_nm, **_angles_deg(listed), "f": f}
+    flag = np.zeros(0, np.uint8)
+    if subject.table is not None:
+        flag = _not_read(subject.table, listed)
+        facts["flag"] = flag
     with writing_json(args, facts):
-        _write(args, listed, f, material.channels)
+        _write(args, listed, f, material.channels, flag)
+    if flag.any():
+        print(_beyond(int(np.count_nonzero(flag)), flag.size, material.name), file=sys.stderr)
     return 0
 
 
-def _write(args: argparse.Namespace, listed: Listed, f: "np.ndarray", channels: "Channels") -> None:
+def _not_read(table: "Table", listed: Listed) -> "np.ndarray":
+    """Of each pair of directions the flag `NOT_MEASURED` where a table has no readings about it, else `VALID`."""
+    import numpy as np
+
+    from gonio.data.flags import Flag
+    from gonio.data.interpolation.coverage import covered
+
+    known = covered(table, listed.wi, listed.wo)
+    return np.where(known, Flag.VALID, Flag.NOT_MEASURED).astype(np.uint8)
+
+
+def _beyond(number: int, directions: int, name: str) -> str:
+    what = "directions are" if directions > 1 else "direction is"
+    return (
+        f"gonio: {number:,} of {directions:,} {what} beyond what was read of {name}, or in a gap of it: f is continued "
+        "there from the nearest readings, without any bound (flag 4); a model may know it: gonio fit."
+    )
+
+
+def _write(args: argparse.Namespace, listed: Listed, f: "np.ndarray", channels: "Channels", flag: "np.ndarray") -> None:
     from gonio.data.formats.csv.columns import write_columns
     from gonio.data.formats.csv.header import channel_comments, value_names
 
-    names = value_names(channels)
+    values = dict(zip(value_names(channels), f.T, strict=True)) | ({"flag": flag} if flag.any() else {})
     if args.output is None and (args.json == "-" or sys.stdout.isatty()):
-        show(_to_read(listed.typed or listed.columns, dict(zip(names, f.T, strict=True))))
+        show(_to_read(listed.typed or listed.columns, values))
         return
     text = io.StringIO()
-    write_columns(text, listed.columns | dict(zip(names, f.T, strict=True)), channel_comments(channels))
+    write_columns(text, listed.columns | values, channel_comments(channels))
     write_text(args.output or "-", text.getvalue(), args.force)
 
 
