@@ -217,9 +217,9 @@ class RoughSlab(AbstractComposite):
 
     Beside rays followed through random sheets (both α from 0.02 to 0.4, η 1.2 to 2, `clear` 0.5 to 1, θ to 80°) R and T
     have errors of 0.003 rms, most beyond 45°. Where f is above a tenth of its peak, half of what is transmitted within
-    50° of the normal is within 2 %, beyond within 4 %; nine views in ten within 5 % to 30°, 12 % to 65°, 29 % beyond;
-    single ones are off by half. Of what is reflected, half is within 1 %, 1 % and 4 %, nine in ten within 4 %, 9 % and
-    18 % (to 30°, to 65°, beyond).
+    65° of the normal is within 2.5 %, beyond within 5 %; nine views in ten within 8 % to 30°, 20 % to 65°, 28 % beyond;
+    single ones are off by a factor of 2. Of what is reflected, half is within 1 %, 2 % and 3 %, nine in ten within 4 %,
+    13 % and 19 % (to 30°, to 65°, beyond).
     """
 
     loses_energy: ClassVar[str] = (
