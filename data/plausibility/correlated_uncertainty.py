@@ -12,7 +12,7 @@ import numpy as np
 from gonio.data.flags import Flag
 from gonio.data.table import Table
 
-WINDOWS = 1024
+WINDOWS = 512
 """Of five readings in a row, along each axis; of more, a random choice."""
 FEWEST = 50
 """Windows below which their scatter says nothing."""
