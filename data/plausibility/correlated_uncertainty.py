@@ -13,7 +13,7 @@ from gonio.data.flags import Flag
 from gonio.data.table import Table
 
 WINDOWS = 512
-"""Of five readings in a row, along each axis; of more, a random choice."""
+"""Of readings that are compared, of each kind; of more, a random choice."""
 FEWEST = 50
 """Windows below which their scatter says nothing."""
 MEDIAN = 0.4549364
@@ -22,6 +22,10 @@ INDEPENDENT = 0.25
 """Variance of the scatter over the stored one, from which on the readings are taken as independent."""
 LARGEST = 0.3
 """Relative uncertainty of readings whose logarithms are compared."""
+
+
+COPIED = 1e-6
+"""Relative difference of pairs below which one was made from the other, or both from one mean."""
 
 
 class CorrelatedUncertainty(NamedTuple):
@@ -39,18 +43,19 @@ NOTHING = CorrelatedUncertainty(1.0, 0.0)
 
 
 def correlated_uncertainty(table: Table) -> CorrelatedUncertainty:
-    """What all readings of a table share of `u_f`, from how far each is off a cubic through its four neighbours.
+    """What all readings of a table share of `u_f`, from how far each is off what others say that it is.
 
-    What f bends between them counts as scatter, so that coarse tables show nothing. Tables of a simulated instrument
+    These are a cubic through its four neighbours, and on grids the readings of the mirrored and of the exchanged
+    directions. What f bends, or differs by, counts as scatter. Tables of a simulated instrument
     state their common errors apart; theirs are independent.
     """
     if table.u_f is None or "instrument" in table.provenance or table.interpolant is not None:
         return NOTHING
     best = NOTHING
-    for cells, places in _rows(table):
+    for cells, weight in [*_rows(table), *_equal_pairs(table)]:
         if cells.shape[0] < FEWEST:
             continue
-        known = _scatter(table, cells, places)
+        known = _scatter(table, cells, weight)
         if known is not None and known.scatter < best.scatter:
             best = known
     return best if best.scatter**2 < INDEPENDENT else NOTHING
@@ -64,7 +69,7 @@ def with_scatter(table: Table, known: CorrelatedUncertainty) -> Table:
 
 
 def _rows(table: Table) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Windows of cells (K, 5) that follow each other along an axis, and their places there (K, 5)."""
+    """Windows of cells (K, 5) that follow each other along an axis, and weights of their difference (K, 5)."""
     rng, step = np.random.default_rng(0), np.arange(5)
     if not table.layout.gridded:
         theta_i, phi_i, theta_o, phi_o = (np.asarray(a, float).ravel() for a in table.layout.angles())
@@ -74,7 +79,7 @@ def _rows(table: Table) -> list[tuple[np.ndarray, np.ndarray]]:
         if first.size > WINDOWS:
             first = rng.choice(first, WINDOWS, replace=False)
         cells = order[first[:, None] + step]
-        return [(cells, theta_o[cells])]
+        return [(cells, _weights(theta_o[cells]))]
     shape, rows = tuple(n.size for n in table.layout.axes.values()), []
     for axis, nodes in enumerate(table.layout.axes.values()):
         if nodes.size < 5:
@@ -86,27 +91,43 @@ def _rows(table: Table) -> list[tuple[np.ndarray, np.ndarray]]:
         along = index[axis][:, None] + step
         others = [np.broadcast_to(i[:, None], along.shape) for i in index]
         others[axis] = along
-        rows.append((np.ravel_multi_index(tuple(others), shape), np.asarray(nodes, float)[along]))
+        rows.append((np.ravel_multi_index(tuple(others), shape), _weights(np.asarray(nodes, float)[along])))
     return rows
 
 
-def _scatter(table: Table, cells: np.ndarray, places: np.ndarray) -> CorrelatedUncertainty | None:
-    """The same of windows of readings (K, 5), None where too few say anything."""
+def _equal_pairs(table: Table) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Pairs of cells (K, 2) that are equal on a symmetric surface, and on a reciprocal one, and their weights."""
+    layout, pairs = table.layout, []
+    if not layout.gridded:
+        return []
+    most = 4 * WINDOWS
+    cells = np.arange(layout.size) if layout.size <= most else np.random.default_rng(1).integers(layout.size, size=most)
+    for related in (layout.mirrored, layout.exchanged):
+        if (partner := related(cells)) is None:
+            continue
+        use = np.flatnonzero(partner > cells)[:WINDOWS]
+        pairs.append((np.stack([cells[use], partner[use]], axis=1), np.tile([1.0, -1.0], (use.size, 1))))
+    return pairs
+
+
+def _scatter(table: Table, cells: np.ndarray, weight: np.ndarray) -> CorrelatedUncertainty | None:
+    """The same of readings (K, m) whose logarithms' weighted sum is about 0, None where too few say anything."""
     block = table.values_at(cells.ravel())
     f, u = (np.asarray(block[name], float).reshape(*cells.shape, -1) for name in ("f", "u_f"))
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = u / f
         use = (np.asarray(block["flag"]).reshape(f.shape) == Flag.VALID) & (relative > 0) & (relative < LARGEST)
         use = use.all(axis=1) & (f > 0).all(axis=1)
-        weight = _weights(places)
         off = np.einsum("kj,kjc->kc", weight, np.log(np.maximum(f, 1e-300)))
         ratio = off**2 / np.einsum("kj,kjc->kc", weight**2, relative**2)
     use &= np.isfinite(ratio)
     if np.count_nonzero(use.any(axis=1)) < FEWEST:
         return None
+    if weight.shape[1] == 2 and np.median(np.abs(off[use])) < COPIED:
+        return None
     variance = float(np.median(ratio[use])) / MEDIAN
-    middle = f[:, 2][use]
-    bright = float(np.median(relative[:, 2][use][middle >= np.median(middle)]))
+    size = f[:, 0][use]
+    bright = float(np.median(relative[:, 0][use][size >= np.median(size)]))
     return CorrelatedUncertainty(float(np.sqrt(variance)), float(np.sqrt(max(1.0 - variance, 0.0))) * bright)
 
 

@@ -44,6 +44,16 @@ def test_what_scatter_does_not_explain_is_shared(layout):
     assert correlated_uncertainty(read(layout, 1.0, 0.0)).relative == 0
 
 
+def test_exact_pairs_of_a_coarse_grid_tell_and_copies_do_not():
+    coarse = layouts.isotropic(POLAR[::3], POLAR[::3], np.radians(np.arange(0, 360, 20)))
+    assert correlated_uncertainty(read(coarse, 0.2, 0.0)).relative == pytest.approx(STATED, rel=0.05)
+    noisy = read(coarse, 1.0, 0.0)
+    copied = np.array(noisy.f)
+    copied[:, :, :8:-1] = copied[:, :, 1:10]  # each azimuth φ at −φ: one reading twice
+    table = whole_table_of_values(coarse, copied, u_f=STATED * copied)
+    assert correlated_uncertainty(table).relative == 0
+
+
 def test_a_calibration_in_the_stored_uncertainties_reaches_every_verb():
     """All readings 2.5 % too high, each stated to 1.5 %: no certificate may fail it, no interval may miss."""
     white = read(GRID, 0.1, 0.025, "lambert(rho=0.99)")
