@@ -35,7 +35,7 @@ LOST = 1e-13
 MOST_STEPS, STEADY = 8, 1e-5
 """Steps of a refit, and the relative change of the numbers at which it ends."""
 MODEL, SCATTER = "model", "scatter"
-FITTED_ALBEDO = "albedo of the fit"
+FITTED = {"albedo": "albedo of the fit", "transmittance": "transmittance of the fit"}
 
 
 class Sums(NamedTuple):
@@ -152,14 +152,15 @@ class FitBudget:
 
 
 def outputs_of(fitted: FitResult) -> tuple[list[Quantity], np.ndarray]:
-    """A fit's free numbers and albedos as quantities, and their slopes (Q, P) by the numbers."""
+    """A fit's free numbers, albedos and transmittances as quantities, and their slopes (Q, P) by the numbers."""
     free, prior = [e for e in fitted.parameters if e.status != "fixed"], prior_of_fit(fitted)
     rows = [Quantity(e.name, "fit", e.channel or "", e.value, 0.0, {}, e.unit or "1", group="fit") for e in free]
     made = albedos(prior, prior.p)
-    places = [(t, c) for t in INCIDENCES for c in fitted.channels.names]
+    shares = dict.fromkeys(name.split(" ")[0] for name in made.names)
+    places = [(share, t, c) for share in shares for t in INCIDENCES for c in fitted.channels.names]
     rows += [
-        Quantity(FITTED_ALBEDO, f"θi {t:g}°", c, float(v), 0.0, {"theta_i": t}, group="fit")
-        for (t, c), v in zip(places, made.values, strict=True)
+        Quantity(FITTED[share], f"θi {t:g}°", c, float(v), 0.0, {"theta_i": t}, group="fit")
+        for (share, t, c), v in zip(places, made.values, strict=True)
     ]
     slopes = np.concatenate([np.eye(len(free)), made.slopes])
     numbers = FitNumbers.of(fitted.material)

@@ -7,6 +7,7 @@ import pytest
 
 import gonio
 from gonio.__main__ import main
+from gonio.data import layouts
 from gonio.instrument import Instrument, measure
 from gonio.instrument.instrument import Systematic
 from gonio.instrument.scans import scan
@@ -108,3 +109,14 @@ def test_the_command_line_shows_fitted_numbers(tmp_path, exact, capsys):
     assert main(["quantities", str(tmp_path / "t.h5"), "--fit", "lambret"]) == 2
     assert main(["quantities", "gold", "--fit", MODEL]) == 2
     assert "is a model" in capsys.readouterr().err
+
+
+def test_a_calibration_moves_albedos_and_transmittances_of_a_sheet_alike():
+    """All of f of a sheet is linear in ρ and τ: a gain of 1 % is 1 % of each."""
+    both = np.radians(np.arange(0.0, 181.0, 20.0))
+    layout = layouts.isotropic(both[:4], both, np.radians(np.arange(0.0, 360.0, 60.0)))
+    table = measure("thin_sheet(rho=0.3, tau=0.5)", Instrument(), layout)
+    q = quantities(table, budget=True, only=["reflectance"], fit="thin_sheet", uncertainty={"gain": "1 %"})
+    u = {(row.name, row.place): s / row.value for row, s in zip(q.quantities, q.budget.standard, strict=True)}
+    for name in ("albedo of the fit", "transmittance of the fit"):
+        assert [u[name, f"θi {t}°"] for t in (0, 30, 45, 60, 75)] == pytest.approx([0.01] * 5, rel=1e-6)
