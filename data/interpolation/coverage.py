@@ -56,8 +56,8 @@ def covered(table: Table, wi: Direction, wo: Direction, beyond: float = 0.0) -> 
 
 
 def covers_angles(table: Table, angles: Sequence[np.ndarray]) -> np.ndarray:
-    """The same of angles theta_i, phi_i, theta_o, phi_o, radians, of shapes that broadcast to that of the result."""
-    theta_i, phi_i, theta_o, phi_o = np.broadcast_arrays(*angles)
+    """The same of angles theta_i, phi_i, theta_o, phi_o, radians, of one shape, which the result has."""
+    theta_i, phi_i, theta_o, phi_o = angles
     wi, wo = (from_spherical(t.ravel(), p.ravel(), np) for t, p in ((theta_i, phi_i), (theta_o, phi_o)))
     return covered(table, wi, wo).reshape(theta_i.shape)
 
