@@ -22,8 +22,6 @@ INDEPENDENT = 0.25
 """Variance of the scatter over the stored one, from which on the readings are taken as independent."""
 LARGEST = 0.3
 """Relative uncertainty of readings whose logarithms are compared."""
-
-
 COPIED = 1e-6
 """Relative difference of pairs below which one was made from the other, or both from one mean."""
 
@@ -31,12 +29,20 @@ COPIED = 1e-6
 class CorrelatedUncertainty(NamedTuple):
     """What readings share of their stored uncertainties.
 
-    `scatter`: share of these by which neighbours scatter at most. `relative`: relative standard uncertainty of all
+    `scatter`: share of these by which bright readings scatter at most. `relative`: relative standard uncertainty of all
     readings together by the rest of it; 0 where the readings scatter as stated, or where nothing shows.
     """
 
     scatter: float
     relative: float
+
+    def independent(self, f: np.ndarray, u_f: np.ndarray) -> np.ndarray:
+        """What is left of uncertainties u_f of readings f for each reading by itself, 1/sr, of the same shape.
+
+        Dark readings, whose stored uncertainty is more than the share of f, keep the rest of it.
+        """
+        rest = np.maximum(u_f**2 - (self.relative * f) ** 2, (self.scatter * u_f) ** 2)
+        return np.sqrt(rest)
 
 
 NOTHING = CorrelatedUncertainty(1.0, 0.0)
@@ -46,8 +52,8 @@ def correlated_uncertainty(table: Table) -> CorrelatedUncertainty:
     """What all readings of a table share of `u_f`, from how far each is off what others say that it is.
 
     These are a cubic through its four neighbours, and on grids the readings of the mirrored and of the exchanged
-    directions. What f bends, or differs by, counts as scatter. Tables of a simulated instrument
-    state their common errors apart; theirs are independent.
+    directions. What f bends, or differs by, counts as scatter. The brighter half of them tells: dark readings have
+    noise of their own. Tables of a simulated instrument state their common errors apart; theirs are independent.
     """
     if table.u_f is None or "instrument" in table.provenance or table.interpolant is not None:
         return NOTHING
@@ -63,9 +69,10 @@ def correlated_uncertainty(table: Table) -> CorrelatedUncertainty:
 
 def with_scatter(table: Table, known: CorrelatedUncertainty) -> Table:
     """The table with the uncertainties that are independent from reading to reading."""
-    if table.u_f is None or known.scatter == 1.0:
+    if table.u_f is None or not known.relative:
         return table
-    return dataclasses.replace(table, u_f=known.scatter * np.asarray(table.u_f[...], float))
+    f, u_f = (np.asarray(a[...], float) for a in (table.f, table.u_f))
+    return dataclasses.replace(table, u_f=known.independent(f, u_f))
 
 
 def _rows(table: Table) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -80,7 +87,7 @@ def _rows(table: Table) -> list[tuple[np.ndarray, np.ndarray]]:
             first = rng.choice(first, WINDOWS, replace=False)
         cells = order[first[:, None] + step]
         return [(cells, _weights(theta_o[cells]))]
-    shape, rows = tuple(n.size for n in table.layout.axes.values()), []
+    shape, rows = table.layout.shape, []
     for axis, nodes in enumerate(table.layout.axes.values()):
         if nodes.size < 5:
             continue
@@ -121,14 +128,15 @@ def _scatter(table: Table, cells: np.ndarray, weight: np.ndarray) -> CorrelatedU
         off = np.einsum("kj,kjc->kc", weight, np.log(np.maximum(f, 1e-300)))
         ratio = off**2 / np.einsum("kj,kjc->kc", weight**2, relative**2)
     use &= np.isfinite(ratio)
+    if use.any():
+        use &= f[:, 0] >= np.median(f[:, 0][use])
     if np.count_nonzero(use.any(axis=1)) < FEWEST:
         return None
     if weight.shape[1] == 2 and np.median(np.abs(off[use])) < COPIED:
         return None
     variance = float(np.median(ratio[use])) / MEDIAN
-    size = f[:, 0][use]
-    bright = float(np.median(relative[:, 0][use][size >= np.median(size)]))
-    return CorrelatedUncertainty(float(np.sqrt(variance)), float(np.sqrt(max(1.0 - variance, 0.0))) * bright)
+    stored = float(np.median(relative[:, 0][use]))
+    return CorrelatedUncertainty(float(np.sqrt(variance)), float(np.sqrt(max(1.0 - variance, 0.0))) * stored)
 
 
 def _weights(places: np.ndarray) -> np.ndarray:

@@ -24,8 +24,8 @@ INDEPENDENT = (
     "calibration, is in U with --budget --uncertainty 'gain=0.5 %'."
 )
 COMMON = (
-    "The readings scatter by at most {scatter} of their stored uncertainties: the rest, {share} of f, is taken as what "
-    "all of them share, such as a calibration, and is in U."
+    "Bright readings scatter by at most {scatter} of their stored uncertainties: the rest, {share} of f, is taken as "
+    "what all of them share, such as a calibration, and is in U."
 )
 INDEPENDENT_IN_FIT = (
     "U is of the fit's covariance: what all readings share, such as a calibration, is not in it; of the fit's "

@@ -16,7 +16,7 @@ from gonio.checks.table.pairs.columns import readings_of
 from gonio.checks.table.pairs.places import angles_of
 from gonio.checks.table.pairs.scattered_pairs import merged
 from gonio.data.flags import Flag
-from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty
+from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty, with_scatter
 from gonio.data.stated import StatedUncertainty, stated_uncertainties
 from gonio.data.table import Table
 from gonio.instrument.description import instrument_of
@@ -102,10 +102,8 @@ def _noise(
     valid = np.asarray(table.flag[...]) == Flag.VALID
     u_f = None if table.u_f is None else np.asarray(table.u_f[...], float)
     if u_f is not None and (u_f[valid] > 0).any():
-        scatter = correlated_uncertainty(table).scatter
-        parts = [
-            Noise(n, MEANINGS[n], scatter * u, math.inf, STORED) for n, u in noise_parts(table, instrument).items()
-        ]
+        alone = with_scatter(table, correlated_uncertainty(table))
+        parts = [Noise(n, MEANINGS[n], u, math.inf, STORED) for n, u in noise_parts(alone, instrument).items()]
         unknown = int(np.count_nonzero(np.isnan(u_f[valid])))
         if unknown:
             missing["readings"] = f"{unknown:,} of {np.count_nonzero(valid):,} readings store no uncertainty"

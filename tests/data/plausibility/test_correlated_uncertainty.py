@@ -44,6 +44,18 @@ def test_what_scatter_does_not_explain_is_shared(layout):
     assert correlated_uncertainty(read(layout, 1.0, 0.0)).relative == 0
 
 
+def test_dark_readings_keep_the_noise_of_their_own():
+    """Each is off by a floor of noise beside the calibration that all share: both come out, wherever f is."""
+    f = gonio.material("lambert(rho=0.01) + 0.2 * ggx(alpha=0.25)").f(*GRID.angles()).reshape(*GRID.shape, 1)
+    floor = 0.1 * STATED * np.quantile(f, 0.75)
+    values = f + floor * np.random.default_rng(3).standard_normal(f.shape)
+    u_f = np.hypot(STATED * f, floor)
+    known = correlated_uncertainty(whole_table_of_values(GRID, values, u_f=u_f))
+    assert known.relative == pytest.approx(STATED, rel=0.1)
+    dark = f < np.quantile(f, 0.1)
+    np.testing.assert_allclose(known.independent(f, u_f)[dark], floor, rtol=0.2)
+
+
 def test_exact_pairs_of_a_coarse_grid_tell_and_copies_do_not():
     coarse = layouts.isotropic(POLAR[::3], POLAR[::3], np.radians(np.arange(0, 360, 20)))
     assert correlated_uncertainty(read(coarse, 0.2, 0.0)).relative == pytest.approx(STATED, rel=0.05)
