@@ -1,6 +1,7 @@
 """Tables as xarray datasets: by way of the netCDF file itself, so that names, dimensions and attributes are its own."""
 
 import importlib
+import json
 import tempfile
 from pathlib import Path
 from types import ModuleType
@@ -10,6 +11,7 @@ import numpy as np
 
 from gonio.data.hdf5.reader import open_table
 from gonio.data.hdf5.writer import write_table
+from gonio.data.layouts import LAYOUTS
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 
@@ -30,6 +32,7 @@ def to_dataset(table: Table) -> "xarray.Dataset":
 def from_dataset(dataset: "xarray.Dataset") -> Table:
     """The table of a dataset as `to_dataset` makes it. Raises GonioError for one that lacks what a table has."""
     _xarray()
+    dataset = _as_written(dataset)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "table.h5")
         try:
@@ -43,6 +46,16 @@ def from_dataset(dataset: "xarray.Dataset") -> Table:
     if table.u_f is not None and np.isnan(table.u_f).all():  # xarray has no word for unknown everywhere
         table.u_f = None
     return table
+
+
+def _as_written(dataset: "xarray.Dataset") -> "xarray.Dataset":
+    """The dataset with its dimensions in the order of its layout, and the names of its channels by its coordinate."""
+    layout = LAYOUTS.get(dataset.attrs.get("layout", ""))
+    if layout is None or "channel" not in dataset.coords or "channel" not in dataset.dims:
+        return dataset
+    order = [kind.name for kind in layout.axis_kinds if kind.name in dataset.dims]
+    names = [str(name) for name in dataset["channel"].values]
+    return dataset.transpose(..., *order, "channel").assign_attrs(channel_names=json.dumps(names))
 
 
 def _xarray() -> ModuleType:

@@ -5,7 +5,7 @@ import json
 import math
 import mmap
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import UnionType
 from typing import Any, NoReturn, TypeVar
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from gonio.data.channels import LONGEST_NAME, Channels
 from gonio.data.files import input_size
+from gonio.data.hdf5.netcdf_statements import exchanged_dimensions, other_names, packing, wrong_unit
 from gonio.data.hdf5.schema import FOOTER, GONIO_FORMAT, MAGIC, PROFILE_LAYOUT, RECORD
 from gonio.data.hdf5.stored_texts import has_damaged_heap, has_damaged_text
 from gonio.data.layouts import LAYOUTS, Layout
@@ -177,6 +178,7 @@ class _Reader:
         }
         layout, channels = kind(axes), Channels(tuple(names), wavelengths)
         shape, nodes = (*layout.shape, len(channels)), {"f": f, "flag": flag, "u_f": u_f}
+        self.require_plain(nodes, layout, channels)
         for name, node in nodes.items():
             if node.shape != shape:
                 _fail(f"{name} has shape {node.shape}, but its axes and channels make {shape}")
@@ -235,6 +237,25 @@ class _Reader:
         if node.nbytes > max(LAZY_BYTES, MOST_UNPACKED * self.bytes):
             _fail(f"variable {name} unpacks to {node.nbytes >> 20} MiB, of a file of {self.bytes} bytes; {REPACK}")
         return node
+
+    def require_plain(self, nodes: Mapping[str, h5py.Dataset], layout: Layout, channels: Channels) -> None:
+        """Refuses variables that netCDF's attributes say to be packed, of another unit or in another order."""
+        names = [*layout.dims, "channel"]
+        scales = [(name, self.node(name)) for name in names if name != "channel" and self.has(name)]
+        for name, node in nodes.items():
+            unit = None if name == "flag" else self.attribute("units", str, node)
+            wrong = packing(lambda a, node=node: self.attribute(a, int | float, node)) or wrong_unit(unit)
+            wrong = wrong or (exchanged_dimensions(node, scales) if layout.gridded else None)
+            if wrong:
+                _fail(f"variable {name} {wrong}")
+        if isinstance(self.file.get("channel", getlink=True), h5py.HardLink):
+            node = self.file["channel"]
+            base = self.file.userblock_size
+            if isinstance(node, h5py.Dataset) and (other := other_names(node, channels.names, self.content, base)):
+                _fail(
+                    f"its channels are {other} by the coordinate channel, but {', '.join(channels.names)[:80]} by the "
+                    "attribute channel_names; write the attribute anew"
+                )
 
     @staticmethod
     def value_of_all(node: h5py.Dataset) -> float:

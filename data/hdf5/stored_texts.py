@@ -5,6 +5,7 @@ Layout by the HDF5 File Format Specification: III.E (global heap), IV.A.2.m (att
 
 import mmap
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 Content = bytes | mmap.mmap
 HEAP, HEAP_HEADER = b"GCOL\x01\x00\x00\x00", 16
@@ -29,8 +30,17 @@ def has_damaged_heap(content: Content) -> bool:
     return False
 
 
-def heap_objects(content: Content, start: int) -> dict[int, int] | None:
-    """Sizes, bytes, of the objects of the collection that begins at `start`, by index; None: there is no whole one.
+class HeapObject(NamedTuple):
+    """One object of a collection."""
+
+    length: int
+    """Bytes."""
+    start: int
+    """Of its bytes in the file."""
+
+
+def heap_objects(content: Content, start: int) -> dict[int, HeapObject] | None:
+    """The objects of the collection that begins at `start`, by index; None: there is no whole one.
 
     Objects are (index, uses, reserved, size, bytes); index 0 is what is left over, and its size counts its own header.
     """
@@ -42,9 +52,23 @@ def heap_objects(content: Content, start: int) -> dict[int, int] | None:
         index, length = _number(content, position, 2), _number(content, position + 8, 8)
         if index == 0:
             return objects if position + length == end else None
-        objects[index] = length
+        objects[index] = HeapObject(length, position + HEAP_HEADER)
         position += HEAP_HEADER + _padded(length)
     return objects if position <= end else None
+
+
+def heap_text(content: Content, place: int, base: int = 0) -> str | None:
+    """The text of variable length whose length, address and index stand at `place`; None where it is damaged.
+
+    `base`: bytes before the HDF5 part, from which addresses count.
+    """
+    length, address, index = (_number(content, place + skip, size) for skip, size in ((0, 4), (4, 8), (12, 4)))
+    if not length:
+        return ""
+    stored = (heap_objects(content, base + address) or {}).get(index)
+    if stored is None or stored.length != length:
+        return None
+    return content[stored.start : stored.start + length].rstrip(b"\0").decode("utf-8", "replace")
 
 
 def has_damaged_text(content: Content, name: str, base: int = 0, values: Sequence[tuple[int, int]] = ()) -> bool:
@@ -63,8 +87,7 @@ def has_damaged_text(content: Content, name: str, base: int = 0, values: Sequenc
         start = max(start, high)
     references = references or list(_text_references(content, name, 0, len(content)))
     for place in references:
-        length, address, index = (_number(content, place + skip, size) for skip, size in ((0, 4), (4, 8), (12, 4)))
-        if length and (heap_objects(content, base + address) or {}).get(index) != length:
+        if heap_text(content, place, base) is None:
             return True
     return not references
 

@@ -28,6 +28,10 @@ PREAMBLE = 200
 """Lines of free text that may stand before the header."""
 MOST_COLUMNS = 20_000
 """Names in a header; a line of more is no header."""
+MINUS_SIGN = "\N{MINUS SIGN}"
+"""What typesetting programs write for a hyphen before a number."""
+FORTRAN_EXPONENT = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d+$)")
+"""Of 1.5D+01."""
 NUMBER_START = re.compile(r'"?\s*[-+]?[.,]?\d')
 
 
@@ -175,11 +179,12 @@ class CsvText:
 
     @staticmethod
     def _value(cell: str, decimal_comma: bool) -> float | None:
-        text = cell.strip().strip('"').strip().removesuffix("°").rstrip()
+        text = cell.strip().strip('"').strip().removesuffix("°").rstrip().replace(MINUS_SIGN, "-")
         if text.lower() in MISSING:
             return math.nan
+        text = text.replace(",", ".") if decimal_comma else text
         try:
-            return None if "_" in text else float(text.replace(",", ".") if decimal_comma else text)
+            return None if "_" in text else float(FORTRAN_EXPONENT.sub("e", text))
         except ValueError:
             return None
 

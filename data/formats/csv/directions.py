@@ -66,6 +66,8 @@ def direction_columns(text: CsvText) -> dict[str, Column]:
     missing = [n for n in ANGLES if n not in there]
     ambiguous = _unknown(text)
     hint = f"; {ambiguous[0][:40]} may be either side's:" if ambiguous else ""
+    if elevations := [n for n in text.names if re.match(r"(?i)elev|altitude|grazing", n)]:
+        hint = f"; {elevations[0][:40]} counts from the surface: give 90° less it,"
     azimuths = " (or delta_phi, 180 at the mirror side, for the azimuths)" if "phi_o" in missing else ""
     raise GonioError(
         f"{text.path} has the columns {shown(text.names)}, but not {', '.join(missing)}{hint or ';'} "

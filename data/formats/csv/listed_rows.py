@@ -13,7 +13,7 @@ from gonio.data.files import stem
 from gonio.data.flags import Flag
 from gonio.data.formats.csv.conventions import Convention
 from gonio.data.formats.csv.directions import printed_rounding
-from gonio.data.formats.csv.readings import Readings, on_grid
+from gonio.data.formats.csv.readings import Readings, Repeats, on_grid
 from gonio.data.layouts.recognition import LARGEST_ROUNDING, Angles, Placement, recognised
 from gonio.data.plausibility.suspicions import suspicions
 from gonio.data.quantities import QUANTITIES, brdf_of
@@ -86,7 +86,8 @@ def table_of_listing(
     table = table_of_rows(angles, Readings(f, u_f, flag), listing.channels, placed, understood)
     table.name = name or stem(path)
     provenance = {"source": os.path.basename(path), **about, "understood": [*about.get("understood", []), *understood]}
-    if warnings := [*about.get("warnings", []), *suspicions(table, quantity_unknown=not how.quantity_known)]:
+    earlier = [*about.get("warnings", []), *table.provenance.get("warnings", [])]
+    if warnings := [*earlier, *suspicions(table, quantity_unknown=not how.quantity_known)]:
         provenance["warnings"] = warnings
     table.provenance |= provenance
     return table
@@ -132,11 +133,13 @@ def table_of_rows(
         understood: sentences.
     """
     grid = None if placed is None else on_grid(placed, rows)
+    warnings: list[str] = []
     if placed is None or grid is None:
         layout, readings = layouts.scattered(*angles), rows
     else:
         layout, (readings, repeats) = placed.layout, grid
         understood += _of_grid(placed, repeats)
+        warnings = repeats.warnings() if repeats else []
     flag = readings.flag.copy()
     flag[~layout.readable()] = Flag.BELOW_HORIZON
     f = np.where(flag == Flag.VALID, readings.f, np.nan)
@@ -144,10 +147,11 @@ def table_of_rows(
         understood.append(f"{missing} readings of {flag.size} are missing")
     f, u_f, flag = (None if a is None else a.reshape(*layout.shape, -1) for a in (f, readings.u_f, flag))
     copied = placed is not None and grid is not None and (placed.origins != np.arange(layout.size)).any()
-    return Table(layout, f, flag, channels, u_f, {COPIED: True} if copied else {})
+    about = ({COPIED: True} if copied else {}) | ({"warnings": warnings} if warnings else {})
+    return Table(layout, f, flag, channels, u_f, about)
 
 
-def _of_grid(placed: Placement, repeats: int) -> list[str]:
+def _of_grid(placed: Placement, repeats: Repeats | None) -> list[str]:
     layout = placed.layout
     sizes = " × ".join(f"{axis.size} {name}" for name, axis in layout.axes.items())
     sentences = [f"the rows are a grid ({layout.name}: {sizes})"]
@@ -157,7 +161,7 @@ def _of_grid(placed: Placement, repeats: int) -> list[str]:
             f"at the pole, where azimuth has no meaning, one reading stands for all azimuths ({copied} cells)"
         )
     if repeats:
-        sentences.append(f"{repeats} rows repeat a direction of another; their means are taken")
+        sentences.append(repeats.sentence())
     if layout.mirrored_axes:
         sentences.append("azimuths are of one side only: the other is taken as its mirror image")
     if placed.turned > SAME_DIRECTION:

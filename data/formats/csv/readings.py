@@ -16,6 +16,10 @@ FILLS = (1e20, 1e30, 1e36, 9.969209968386869e36, float(np.finfo(np.float32).max)
 """What programs write where nothing was read, besides nines."""
 MOST_REPEATS = 0.3
 """Share of rows that may repeat a cell and are averaged: of more, repeats are the noise's own measurement."""
+LARGE_SPREAD = 0.05
+"""Share of the mean by which repeats differ in the median, without a stated uncertainty, that is no usual noise."""
+LARGE_EXCESS = 9.0
+"""Variance over the stated one that repeats of one quantity hardly have in the median."""
 MOST_SPREAD = 50
 """Cells for each row, at most, of a file with a row for each wavelength."""
 
@@ -147,8 +151,37 @@ def by_channel(
     return np.sort(first), Readings(f, u_f, flag)
 
 
-def on_grid(placed: Placement, rows: Readings) -> tuple[Readings, int] | None:
-    """(readings of all cells, number of rows that were averaged); None where too many rows are repeats."""
+class Repeats(NamedTuple):
+    """Rows whose direction an earlier row has too."""
+
+    rows: int
+    spread: np.ndarray
+    """Of each direction and channel read again with other values: standard deviation over the size of the mean."""
+    excess: np.ndarray
+    """Their variance over the mean square of the stated uncertainties; NaN where none is stated."""
+
+    def sentence(self) -> str:
+        """What became of them, and how far apart they are."""
+        apart = f"{100 * float(np.median(self.spread)):.2g} % in the median" if self.spread.size else "nothing"
+        return f"{self.rows} rows repeat a direction of another and differ by {apart}; their means are taken"
+
+    def warnings(self) -> list[str]:
+        """Whether they contradict each other: by far more than is stated, or than a reading repeats."""
+        known = self.excess[np.isfinite(self.excess)]
+        if not self.spread.size:
+            return []
+        within = np.median(known) <= LARGE_EXCESS if known.size else np.median(self.spread) <= LARGE_SPREAD
+        if within:
+            return []
+        stated = f", {float(np.median(known)) ** 0.5:.2g} times what is stated" if known.size else ""
+        return [
+            f"directions that are read again differ by {100 * float(np.median(self.spread)):.2g} % in the median"
+            f"{stated}, and the means hide it: leave out the rows that do not belong, or correct them"
+        ]
+
+
+def on_grid(placed: Placement, rows: Readings) -> tuple[Readings, Repeats | None] | None:
+    """(readings of all cells, rows that were averaged); None where too many rows are repeats."""
     size, channels = placed.layout.size, rows.f.shape[1]
     counts = np.bincount(placed.cells, minlength=size)
     repeats = int((counts - 1)[counts > 1].sum())
@@ -161,26 +194,38 @@ def on_grid(placed: Placement, rows: Readings) -> tuple[Readings, int] | None:
     for array, values in zip(grid, rows, strict=True):
         if array is not None and values is not None:
             array[cells] = values[first]
+    averaged = None
     if repeats:
-        _average(grid, placed.cells, rows, np.flatnonzero(counts > 1))
-    return grid.part(placed.origins), repeats
+        apart = _average(grid, placed.cells, rows, np.flatnonzero(counts > 1))
+        averaged = Repeats(repeats, apart[:, 0], apart[:, 1])
+    return grid.part(placed.origins), averaged
 
 
-def _average(grid: Readings, cells: np.ndarray, rows: Readings, repeated: np.ndarray) -> None:
-    """Puts the mean of the valid readings into each cell that several rows have."""
+def _average(grid: Readings, cells: np.ndarray, rows: Readings, repeated: np.ndarray) -> np.ndarray:
+    """Puts the mean of the valid readings into each cell that several rows have.
+
+    Returns (n, 2): spread and excess, as `Repeats` has them.
+    """
+    apart = []
     order = np.argsort(cells, kind="stable")
     starts, stops = (np.searchsorted(cells[order], repeated, side=s) for s in ("left", "right"))
     for cell, start, stop in zip(repeated, starts, stops, strict=True):
         those = rows.part(order[start:stop])
         for c in np.flatnonzero((those.flag == Flag.VALID).any(0)):
             valid = those.flag[:, c] == Flag.VALID
-            f = those.f[valid, c]
+            f, stated = those.f[valid, c], np.nan
             # One reading written twice, as azimuth 0 and 360 often are, is no second one.
             same = (f == f[0]).all()
             grid.f[cell, c], grid.flag[cell, c] = f[0] if same else f.mean(), Flag.VALID
             if grid.u_f is not None and those.u_f is not None:
                 u = those.u_f[valid, c]
                 grid.u_f[cell, c] = u[0] if same else np.sqrt(np.sum(u**2)) / u.size
+                stated = float(np.mean(u**2))
+            if not same:
+                variance = float(np.var(f, ddof=1))
+                size = max(abs(float(f.mean())), float(np.finfo(float).tiny))
+                apart.append((variance**0.5 / size, variance / stated if stated > 0 else np.nan))
+    return np.array(apart).reshape(-1, 2)
 
 
 def _missing_number(

@@ -93,7 +93,7 @@ def read_csv(
     table.name = stem(path)
     media = {} if media_of(stated := statements.json(MEDIA), len(channels)) is None else {MEDIA: stated}
     table.provenance |= provenance | media | {"understood": [*text.understood, *understood]}
-    warnings = cut_off(text) or ends_early([numbers[n] for n in ordered])
+    warnings = [*table.provenance.get("warnings", []), *(cut_off(text) or ends_early([numbers[n] for n in ordered]))]
     if not statements.by_gonio:
         warnings += suspicions(table, not directions.unit_known, not values.quantity_known)
     table.provenance |= {"warnings": warnings} if warnings else {}

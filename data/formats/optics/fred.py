@@ -135,7 +135,7 @@ def _placed(angles: tuple[np.ndarray, ...], f: np.ndarray, flag: np.ndarray, und
         f, flag = readings.f, readings.flag
         copied = bool((placed.origins != np.arange(layout.size)).any())
         understood.append(f"its directions are a grid ({layout.name})")
-        understood += [f"{repeats} rows repeat a direction of another; their means are taken"] if repeats else []
+        understood += [repeats.sentence()] if repeats else []
         understood += ["azimuths are of one side only: the other is taken as its mirror image"] * bool(
             layout.mirrored_axes
         )

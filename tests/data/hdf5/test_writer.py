@@ -13,8 +13,10 @@ import pytest
 import xarray
 
 from gonio.data import layouts
+from gonio.data.channels import Channels
 from gonio.data.flags import FLAG_MEANINGS, Flag
 from gonio.data.hdf5.writer import BlockWriter, TableHeader, open_table, write_table
+from gonio.data.table import Table
 from gonio.models.errors import GonioError
 from support.tables import LAYOUTS, assert_same, random_table
 
@@ -65,6 +67,27 @@ def test_it_can_be_saved_again_by_xarray_and_read(tmp_path):
     assert_same(open_table(tmp_path / "again.nc"), table)
 
 
+def test_what_xarray_reorders_is_read_in_order_or_refused(tmp_path):
+    angles = np.linspace(0.1, 1.0, 3)
+    grid = layouts.isotropic(angles, angles, angles)
+    f = np.random.default_rng(0).random((3, 3, 3, 3))
+    table = Table(grid, f, np.zeros(f.shape, np.uint8), Channels(("a", "b", "µ")))
+    data = table.to_xarray()
+    for n, (turned, said) in enumerate(
+        (
+            (data.transpose("theta_o", "theta_i", "delta_phi", "channel"), "theta_i as dimension 2, expected 1"),
+            (data.transpose("channel", ...), "expected 1"),
+            (data.isel(channel=[2, 1, 0]), "channels are µ, b, a by the coordinate"),
+        )
+    ):
+        turned.to_netcdf(tmp_path / f"{n}.h5", engine="h5netcdf")
+        with pytest.raises(GonioError, match=said):
+            open_table(tmp_path / f"{n}.h5")
+        read = Table.from_xarray(turned)
+        order = [read.channels.names.index(name) for name in table.channels.names]
+        np.testing.assert_array_equal(read.f[..., order], f)
+
+
 def damaged(tmp_path, change):
     write_table(tmp_path / "t.h5", random_table(LAYOUTS["isotropic"]))
     with h5py.File(tmp_path / "t.h5", "r+") as file:
@@ -93,6 +116,9 @@ STRANGERS = {
     "more than the file can hold": lambda file: (
         replace_f(file, shape=(1 << 40, 3), dtype="f8", chunks=(4, 3)) or file["f"].__setitem__((0, 0), 1.0)
     ),
+    "f is packed": lambda file: file["f"].attrs.__setitem__("scale_factor", 1e-4),
+    "writes -999 where it has no value": lambda file: file["u_f"].attrs.__setitem__("_FillValue", -999.0),
+    "f has units 'percent'": lambda file: file["f"].attrs.__setitem__("units", "percent"),
     "not stored in the file itself": lambda file: (
         file.__delitem__("f") or file.__setitem__("f", h5py.ExternalLink("x", "/f"))
     ),

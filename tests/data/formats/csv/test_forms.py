@@ -382,3 +382,35 @@ def test_unsigned_angles_without_azimuths_are_refused(path):
     write(path, ["theta_i", "theta_r", "f"], [[20.0, 20.0], [10.0, 30.0], [0.5, 0.5]])
     with pytest.raises(GonioError, match="above 0 on the mirror side"):
         read_csv(path)
+
+
+def test_fortrans_exponents_and_the_typesetters_minus_are_numbers(path):
+    columns = [[f"{c:.10E}".replace("E", "D").replace("-", "\N{MINUS SIGN}") for c in column] for column in DEGREES]
+    write(path, (*NAMES, "f"), (*columns, [f"{x:.12E}".replace("E", "d") for x in F]), ";")
+    assert_truth(read_csv(path)).all()
+    path.write_text(HEAD + "10,0,20,0,0.5-100\n")
+    with pytest.raises(GonioError, match=r"f is '0\.5-100'; expected a number"):
+        read_csv(path)
+
+
+def test_elevations_are_refused_with_what_to_do(path):
+    write(path, ("elevation_i", "phi_i", "elev_o", "phi_o", "f"), (*DEGREES, F))
+    with pytest.raises(GonioError, match="elevation_i counts from the surface: give 90° less it"):
+        read_csv(path)
+
+
+@pytest.mark.parametrize(
+    "u, factor, warned", [(None, 1.02, False), (None, 1.5, True), (0.02, 1.02, False), (1e-4, 1.02, True)]
+)
+def test_readings_repeated_with_other_values_are_averaged_and_contradictions_said(path, u, factor, warned):
+    again = np.flatnonzero(ANGLES[2] > 0)[::5]
+    columns = [np.r_[c, c[again]] for c in (*DEGREES, F)]
+    columns[-1][F.size :] *= factor
+    names = (*NAMES, "f")
+    if u is not None:
+        columns, names = [*columns, u * columns[-1]], (*names, "u_f")
+    table = read_csv(write(path, names, columns))
+    read = table.f[..., 0].ravel()[again]
+    np.testing.assert_allclose(read, F[again] * (1 + factor) / 2, rtol=1e-8)
+    assert any("differ by" in sentence for sentence in table.provenance["understood"])
+    assert any("read again" in sentence for sentence in table.provenance.get("warnings", [])) is warned
