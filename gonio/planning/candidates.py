@@ -49,18 +49,6 @@ def _candidates(instrument: Instrument, isotropic: bool, way: Way) -> Angles:
     return way.unfolded(every[:, every[2] < np.pi / 2])
 
 
-def space_filling(instrument: Instrument, isotropic: bool, count: int, ways: Sequence[Way] = (Way(),)) -> Angles:
-    """At most `count` directions, even over the solid angles of light and detector, by turns on each of the ways."""
-    low_i, low_o = (math.cos(t) for t in highest(instrument))
-    u = low_discrepancy(2 * count, 4, skip=1)
-    polar = (np.arccos(1 - u[:, k] * (1 - low)) for k, low in ((0, low_i), (2, low_o)))
-    theta_i, theta_o = polar
-    every = np.stack([theta_i, u[:, 1] * 2 * np.pi, theta_o, u[:, 3] * 2 * np.pi])
-    for k, way in enumerate(ways):
-        every[:, k :: len(ways)] = way.unfolded(every[:, k :: len(ways)])
-    return readable(every, instrument, isotropic)[:, :count]
-
-
 def readable(angles: Angles, instrument: Instrument, isotropic: bool = False) -> Angles:
     """Those of the directions that the axes reach, whose apertures are above the horizon and not in the shadow."""
     theta_i, phi_i, theta_o, phi_o = angles
@@ -79,6 +67,23 @@ def readable(angles: Angles, instrument: Instrument, isotropic: bool = False) ->
     folded_i, folded_o = (np.minimum(a, np.pi - a) for a in (angles[0], angles[2]))  # from the normal of their side
     below = (folded_i <= most_i + 1e-6) & (folded_o <= most_o + 1e-6)
     return angles[:, instrument.reaches(angles) & below & (between >= instrument.shadow)]
+
+
+def both_turning(angles: Angles, instrument: Instrument) -> Angles:
+    """The same directions (4, n) of an isotropic surface, the azimuth between them shared by the axes as they are fast.
+
+    Both turn at once, which halves the way of axes that are equally fast. Where their ranges do not allow that, as they
+    came.
+    """
+    speeds, (low, high) = (
+        np.broadcast_to(np.asarray(instrument.pace.axis_speed), angles.shape[:1]),
+        instrument.ranges[1],
+    )
+    share = min(speeds[1] / (speeds[1] + speeds[3]), (high - low) / np.pi)
+    turn = np.degrees(abs((angles[3] - angles[1] + np.pi) % (2 * np.pi) - np.pi))
+    phi_i = np.round(math.degrees(low) + share * (180.0 - turn), DECIMALS)
+    turned = np.stack([angles[0], np.radians(phi_i % 360.0), angles[2], np.radians((phi_i + turn) % 360.0)])
+    return np.where(instrument.reaches(turned), turned, angles)
 
 
 def highest(instrument: Instrument) -> tuple[float, float]:

@@ -129,7 +129,7 @@ def optimal_design(problem: Problem) -> Design:
 
     Its residual is at most `GAP` times its scale, or says that it is not.
     """
-    problem = _scaled(problem)
+    problem = scaled(problem)
     rows, size, number = problem.rows, problem.size, problem.rows.shape[1]
     power = 1.0 if problem.wanted is None else 0.5
     shares = np.full(number, 1 / number)
@@ -170,7 +170,7 @@ def best_shares(problem: Problem, start: np.ndarray) -> np.ndarray:
     return shares / shares.sum() if cost(shares / shares.sum())[0] <= cost(start)[0] else start
 
 
-def _scaled(problem: Problem) -> Problem:
+def scaled(problem: Problem) -> Problem:
     """The same in units of the numbers in which their information is alike; never quite singular."""
     rows, size, wanted = problem.rows, problem.size, problem.wanted
     scale = np.sqrt(np.mean(np.sum(rows**2, axis=2), axis=(0, 1)))

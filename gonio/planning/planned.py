@@ -20,7 +20,7 @@ from gonio.instrument.pace import AXES
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 from gonio.planning.limit import least_variance
-from gonio.planning.planner import Planner, Schedule
+from gonio.planning.planner import FILLING, Planner, Schedule
 from gonio.planning.prior import Prior, prior_of
 from gonio.planning.shots import Shots, Sites, counting, write_shots
 from gonio.planning.wanted import Quantities, albedos, numbers, quantities
@@ -150,7 +150,7 @@ def plan(
     if unknown := options.keys() - PlanOptions.__annotations__.keys():
         raise TypeError(f"plan has no option '{min(unknown)}'")
     budget, target = options.get("budget"), options.get("target")
-    share, rival = options.get("space_filling", 0.2), options.get("against")
+    share, rival = options.get("space_filling", FILLING), options.get("against")
     _require(budget, target, share, options.get("wanted"), rival)
     read = options.get("continued")
     if (subject is None) == (read is None):

@@ -11,7 +11,8 @@ from gonio.instrument.instrument import Instrument
 from gonio.instrument.pace import scan_order
 from gonio.instrument.scans import in_plane, isotropic, spherical
 from gonio.models.errors import GonioError
-from gonio.planning.candidates import candidates, readable, space_filling
+from gonio.planning.balance import balanced
+from gonio.planning.candidates import both_turning, candidates, readable
 from gonio.planning.design import (
     Design,
     Problem,
@@ -25,6 +26,7 @@ from gonio.planning.design import (
 from gonio.planning.prior import Prior
 from gonio.planning.separation import separating_design
 from gonio.planning.shots import LEAST_SECONDS, SOLVER_SECONDS, Shots, Sites, ordered
+from gonio.planning.space_filling import space_filling
 from gonio.planning.ways import ways_of
 
 ROUNDS, MOST_ROUNDS = 3, 8
@@ -35,6 +37,8 @@ TRAVEL = 2.0
 """Seconds between two shots, before any are ordered."""
 RELEVANT = 1e-3
 """Share of the time from which on a direction is taken."""
+FILLING = 0.14
+"""Share of the time that fills the range, where nobody says another."""
 MOST_FILLING = 300
 MOST_WAY = 0.9
 """Share of the time that may pass moving."""
@@ -69,7 +73,7 @@ class Planner:
     rival: Prior | None = None
     wanted: np.ndarray | None = None
     known: np.ndarray | None = None
-    space_filling: float = 0.2
+    space_filling: float = FILLING
     lit: str = "front"
 
     def __post_init__(self) -> None:
@@ -78,8 +82,9 @@ class Planner:
         angles = candidates(self.instrument, self.isotropic, self.ways)
         if not angles.size:
             raise GonioError("the instrument reaches no direction; give larger ranges, or a smaller shadow")
-        self.candidates = self.sites(angles)
+        self.candidates = self.sites(both_turning(angles, self.instrument) if self.isotropic else angles)
         self.size = self.candidates.slopes.shape[-1]
+        self.of_draws = None if self.prior.ranged else self.prior.shares
         rows = self.candidates.rows(np.ones(angles.shape[1]))[:1]
         self.before = np.zeros((1, *[rows.shape[-1]] * 2))
         if self.known is not None:
@@ -101,7 +106,10 @@ class Planner:
             share = self.space_filling if filling.seconds.size else 0.0
             many = budget * (1 - share) / (times + overhead)
             rate = self.candidates.rows(times) * np.sqrt(many)[:, None, None]
-            problem = Problem(rate, self.before + spread, self.size, self.wanted, self.prior.shares)
+            problem = Problem(rate, self.before + spread, self.size, self.wanted, self.of_draws)
+            if self.of_draws is None and self.rival is None:
+                self.of_draws = balanced(problem)
+                problem = problem._replace(of_draws=self.of_draws)
             if self.rival is None:
                 design = optimal_design(problem)
             else:
@@ -176,9 +184,11 @@ class Planner:
         """Shots that fill the range, and the Gram matrix of their rows."""
         time = self.space_filling * budget
         count = min(int(time / (2 * overhead)), MOST_FILLING)
+        count = max(count, min(len(self.ways), int(time / (overhead + LEAST_SECONDS))))  # each way once, at least
         angles = space_filling(self.instrument, self.isotropic, count, self.ways) if count else np.zeros((4, 0))
         if not angles.size:
             return Shots(np.zeros((4, 0)), np.zeros(0)), np.zeros_like(self.before)
+        angles = both_turning(angles, self.instrument) if self.isotropic else angles
         seconds = np.full(angles.shape[1], max(time / angles.shape[1] - overhead, LEAST_SECONDS))
         rows = self.sites(angles).rows(seconds)
         return Shots(angles, seconds), gram(rows, np.ones(angles.shape[1]))

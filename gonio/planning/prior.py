@@ -41,7 +41,8 @@ UNLIKE = 2.5
 class Prior:
     """A model with P free numbers at their likeliest values (P,), and at draws (S, P), the first of which these are.
 
-    `shares` (S,): what each draw counts for in a plan; their sum is 1.
+    `shares` (S,): what each draw counts for in a plan; their sum is 1. `ranged`: whether the draws after the first are
+    ends of ranges, for which a plan has to do, but is not made.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Prior:
     draws: np.ndarray
     shares: np.ndarray
     channels: Channels
+    ranged: bool = False
 
     @property
     def names(self) -> list[str]:
@@ -96,9 +98,9 @@ def prior_of(subject: SubjectLike, model: str | None, ranges: Mapping[str, tuple
         subject: a fit (its model, numbers and covariance), a table (which is fitted), a material or an expression:
             the numbers written in it are free but for refractive indices and the like, and so is every lobe's scale.
         model: what will be fitted, as `gonio.fit` takes it; by default the subject's own.
-        ranges: low and high ends of numbers by name, such as {"ggx.alpha": (0.05, 0.3)}: half of what a plan is good
-            for is the likeliest numbers, the other half the corners of these ranges. Widths that come from no fit are
-            within a factor of `USUAL_FACTOR` otherwise.
+        ranges: low and high ends of numbers by name, such as {"ggx.alpha": (0.05, 0.3)}: a plan is made for the
+            likeliest numbers, and has to do for the corners of these ranges. Widths that come from no fit are within a
+            factor of `USUAL_FACTOR` otherwise.
 
     Raises:
         GonioError: a number that the model does not have, no free number, or more than can be planned for.
@@ -174,10 +176,8 @@ def _of_terms(
     if covariance is None and not stated:
         return prior
     draws = _draws(prior, covariance, stated)
-    others = len(draws) - 1
-    shares = np.full(others + 1, 0.5 / others) if stated else np.full(others + 1, 1.0 / (others + 1))
-    shares[0] = 1.0 - shares[1:].sum()
-    return dataclasses.replace(prior, p=draws[0], draws=draws, shares=shares)
+    shares = np.full(len(draws), 1 / len(draws))
+    return dataclasses.replace(prior, p=draws[0], draws=draws, shares=shares, ranged=bool(stated))
 
 
 def _usual_ranges(prior: Prior, stated: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:

@@ -45,6 +45,8 @@ DISPLACED = (
     " The instrument's unequal apertures or its alignment, as stated, may explain it: where f is steep it changes as"
     " much over {angle:.2g}°."
 )
+BEYOND = 1.0
+"""Degrees that views are steeper than the last incidence, from which on it is said which light is missing."""
 LEAST_FACTOR = 0.05
 """|log| of a factor between transmission from the front and from behind that is worth a word."""
 
@@ -56,9 +58,11 @@ def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
     readings as the model goes on there.
     """
     judged = _reciprocity(evidence, evidence.pairs("exchanged"), tolerance)
-    if judged.verdict not in (UNDECIDED, NOT_TESTABLE) or evidence.model is None:
-        return judged
-    return _assisted(judged, evidence, tolerance)
+    if judged.verdict in (UNDECIDED, NOT_TESTABLE) and evidence.model is not None:
+        judged = _assisted(judged, evidence, tolerance)
+    if judged.verdict == UNDECIDED and judged.facts.get("share_not_compared"):
+        judged.detail += _of_incidences(evidence)
+    return judged
 
 
 def _assisted(alone: Property, evidence: TableEvidence, tolerance: float) -> Property:
@@ -123,6 +127,18 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
     if share > 0:
         judged.detail += f" Nothing exchanged was read for {percent(share)} of the readings, {where}: undecided there."
     return judged
+
+
+def _of_incidences(evidence: TableEvidence) -> str:
+    """Which light is missing where views are steeper than every incidence; no model stands in for it."""
+    angles = _all_angles(evidence)
+    last_i, last_o = (np.degrees(np.max(np.arcsin(np.sin(angles[:, k])))) for k in (0, 2))
+    if last_o <= last_i + BEYOND:
+        return ""
+    return (
+        f" The light went to θi {last_i:.3g}°, the detector to θo {last_o:.3g}°: read light from up to there to decide;"
+        " a model cannot, for one that is reciprocal assumes what is to be shown."
+    )
 
 
 def _surely(failed: Property, evidence: TableEvidence, pairs: Pairs, sign: np.ndarray, what: str) -> Property:

@@ -44,8 +44,8 @@ OPTIONS: Options = {
     },
     "--against MODEL": "tell the material apart from this model, in place of knowing its numbers",
     "--space-filling SHARE": {
-        "default": 0.2,
-        "help": "of the time, for directions all over the range, against what the model leaves out (default 0.2)",
+        "default": 0.14,
+        "help": "of the time, for directions all over the range, against what the model leaves out (default 0.14)",
     },
     "--lit SIDES": {
         "choices": ("front", "back", "both"),

@@ -1,6 +1,6 @@
 """Energy of tables of random mixtures that gain 0, 0.5, 2 or 10 % of light: how many verdicts are wrong, or open.
 
-    python random_mixtures.py [MIXTURES] [SEED] [auto|own|other]     (150 0 auto)
+    python random_mixtures.py [MIXTURES] [SEED] [auto|own|other] [RECORD]     (150 0 auto)
 
 A mixture is a diffuser and one or two lobes of random kind and width. It is scaled so that its greatest albedo at the
 table's incidences is 1, 1.005, 1.02 or 1.1; with the tolerance of 1 % the first two are lawful. Each is tabulated
@@ -8,11 +8,16 @@ without noise on an isotropic grid of 5° and of 10°, every other one with node
 A table is judged alone; where that is undecided, with a model that is fitted to it: selected (auto), of the mixture's
 own families, which costs a tenth of the time, or of other families, which have to decide nothing wrongly. Where it
 still is, with the few further readings that `gonio plan --for energy` names, twice at the most.
+
+RECORD is a file that takes a line a verdict: those that stand in it are not run again, and counted with the others.
 """
 
 import collections
+import json
 import re
 import sys
+import time
+from pathlib import Path
 
 import jax
 
@@ -101,27 +106,42 @@ def verdict(table: Table, brdf: AbstractBRDF, model: str) -> tuple[str, Property
     return STAGES[2], energy
 
 
-def main(mixtures: int = 150, seed: int = 0, kind: str = "auto") -> None:
+def judged(k: int, step: float, seed: int, kind: str) -> dict[str, object]:
+    """The verdict of mixture `k` on a grid of `step` degrees, and whether it is right."""
+    expression, gain = mixture(np.random.default_rng([seed, k])), GAINS[k % 4]
+    greatest = float(np.max(directional_albedo(build(expression), THETA_I, tolerance=1e-7).value))
+    scaled = f"{(1 + gain) / greatest:.12g} * ({expression})"
+    brdf = build(scaled)
+    shift = 0.5 * (k // 4 % 2)
+    polar, azimuth = (np.radians(np.arange(a, b, step)) for a, b in ((shift * step, 89.9), (0, 360)))
+    layout = layouts.isotropic(THETA_I, polar, azimuth)
+    start = time.process_time()
+    stage, energy = verdict(whole_table_of_values(layout, grid_values(brdf, layout)), brdf, model_of(expression, kind))
+    right = energy.verdict == ("pass" if gain < TOLERANCE else "fail")
+    outcome = "undecided" if energy.verdict == "undecided" else "right" if right else "WRONG"
+    return {
+        "mixture": k, "step": step, "seed": seed, "kind": kind, "gain": gain, "shift": shift, "outcome": outcome,
+        "stage": stage, "seconds": round(time.process_time() - start, 1), "of": scaled, "detail": energy.detail,
+    }  # fmt: skip
+
+
+def main(mixtures: int = 150, seed: int = 0, kind: str = "auto", record: str | None = None) -> None:
+    path = Path(record) if record else None
+    kept = [json.loads(line) for line in path.read_text().splitlines()] if path is not None and path.exists() else []
+    done = {(v["mixture"], v["step"]): v for v in kept if (v["seed"], v["kind"]) == (seed, kind)}
     counts: collections.Counter[tuple[float, str]] = collections.Counter()
     for k in range(mixtures):
-        rng = np.random.default_rng([seed, k])
-        expression, gain = mixture(rng), GAINS[k % 4]
-        greatest = float(np.max(directional_albedo(build(expression), THETA_I, tolerance=1e-7).value))
-        scaled = f"{(1 + gain) / greatest:.12g} * ({expression})"
-        brdf = build(scaled)
         for step in STEPS:
-            shift = 0.5 * (k // 4 % 2)
-            polar, azimuth = (np.radians(np.arange(a, b, step)) for a, b in ((shift * step, 89.9), (0, 360)))
-            layout = layouts.isotropic(THETA_I, polar, azimuth)
-            stage, energy = verdict(
-                whole_table_of_values(layout, grid_values(brdf, layout)), brdf, model_of(expression, kind)
-            )
-            right = energy.verdict == ("pass" if gain < TOLERANCE else "fail")
-            outcome = "undecided" if energy.verdict == "undecided" else "right" if right else "WRONG"
-            counts[step, stage if outcome == "right" else outcome] += 1
-            if outcome != "right":
+            one = done.get((k, step)) or judged(k, step, seed, kind)
+            if path is not None and (k, step) not in done:
+                with path.open("a") as file:
+                    file.write(json.dumps(one) + "\n")
+            counts[step, one["stage"] if one["outcome"] == "right" else one["outcome"]] += 1
+            if one["outcome"] != "right":
                 print(
-                    f"{outcome} {k} {step:g}° shift {shift} gain {gain}: {scaled}: {stage}: {energy.detail}", flush=True
+                    f"{one['outcome']} {k} {step:g}° shift {one['shift']} gain {one['gain']}: {one['of']}: "
+                    f"{one['stage']}: {one['detail']}",
+                    flush=True,
                 )
     for step in STEPS:
         alone, model, readings, undecided, wrong = (counts[step, s] for s in (*STAGES, "undecided", "WRONG"))
@@ -133,4 +153,4 @@ def main(mixtures: int = 150, seed: int = 0, kind: str = "auto") -> None:
 
 
 if __name__ == "__main__":
-    main(*(int(a) for a in sys.argv[1:3]), *sys.argv[3:4])
+    main(*(int(a) for a in sys.argv[1:3]), *sys.argv[3:5])

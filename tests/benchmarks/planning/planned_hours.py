@@ -24,12 +24,13 @@ from gonio.instrument import Instrument, measure
 from gonio.instrument.pace import scan_order
 from gonio.instrument.scans import in_plane, isotropic, spherical
 from gonio.planning import candidates
-from gonio.planning.candidates import readable, space_filling
+from gonio.planning.candidates import readable
 from gonio.planning.limit import least_variance
 from gonio.planning.planned import plan
-from gonio.planning.planner import PLANE_STEPS, REGULAR_STEPS, Planner
+from gonio.planning.planner import FILLING, PLANE_STEPS, REGULAR_STEPS, Planner
 from gonio.planning.prior import prior_of
 from gonio.planning.shots import Shots
+from gonio.planning.space_filling import anywhere
 from gonio.planning.wanted import albedos, quantities
 
 MATERIALS = {
@@ -61,7 +62,7 @@ def scans(planner: Planner, random: bool) -> dict[str, np.ndarray]:
 
 def space(planner: Planner, count: int) -> np.ndarray:
     """Random directions, in the order of the light's angle."""
-    even = space_filling(INSTRUMENT, False, 4 * count)
+    even = anywhere(INSTRUMENT, False, 8 * count)[:, : 4 * count]
     chosen = even[:, np.random.default_rng(count).permutation(even.shape[1])[:count]]
     return chosen[:, np.argsort(chosen[0])]
 
@@ -165,7 +166,9 @@ def row(number: int, budget: float, title: str, truth: str, wanted: list[str]) -
     """Prints what is shown of one material and purpose."""
     prior = prior_of(truth, None)
     q = quantities(prior, prior.p, wanted) if wanted else None
-    planned, bare = (plan(truth, INSTRUMENT, budget=budget, wanted=wanted, space_filling=share) for share in (0.2, 0.0))
+    planned, bare = (
+        plan(truth, INSTRUMENT, budget=budget, wanted=wanted, space_filling=share) for share in (FILLING, 0.0)
+    )
     planner = Planner(prior, INSTRUMENT, wanted=q and (q.slopes / q.values[:, None])[None])
     variances = [planner.mean_variance(planner.covariance(p.shots)) for p in (planned, bare)]
     variances.append(least(planner, budget))

@@ -134,6 +134,17 @@ def test_a_model_reads_the_exchanged_directions_as_far_as_the_readings_follow_it
     assert bool(reciprocity.assumes) == (expected == "pass")
 
 
+@pytest.mark.parametrize("last", [60, 80])
+def test_light_that_is_missing_beside_steeper_views_is_named(last):
+    table = model_table(
+        "lambert(rho=0.3)", layouts.isotropic(degrees(0, last + 1, 20), degrees(0, 81, 20), degrees(0, 360, 30))
+    )
+    reciprocity = table_reciprocity(TableEvidence(table), 0.05)
+    assert reciprocity.verdict == ("undecided" if last == 60 else "pass")
+    named = "The light went to θi 60°, the detector to θo 80°: read light from up to there" in reciprocity.detail
+    assert named == (last == 60)
+
+
 def test_a_model_passes_nothing_that_readings_contradict():
     layout = layouts.isotropic(degrees(0, 81, 20), degrees(2.5, 81, 5), degrees(0, 360, 15))
     surface = "lambert(rho=0.3) + ggx(alpha=0.2, f0=0.5)"
