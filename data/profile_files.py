@@ -3,8 +3,8 @@
 import os
 from pathlib import Path
 
+from gonio.data.files import input_size
 from gonio.data.formats.csv import profile_file
-from gonio.data.hdf5 import reader
 from gonio.data.profile import Profile
 from gonio.models.errors import GonioError
 
@@ -13,12 +13,29 @@ CSV, HDF5 = (".csv",), (".h5", ".hdf5", ".nc")
 
 def holds_profile(path: str | os.PathLike[str]) -> bool:
     """Whether a file is one of a profile; False for any other, and for what is no file."""
-    return reader.holds_profile(path) or profile_file.is_profile(path)
+    if not _is_hdf5(path):
+        return profile_file.is_profile(path)
+    from gonio.data.hdf5 import reader  # h5py is loaded with the first such file
+
+    return reader.holds_profile(path)
+
+
+def _is_hdf5(path: str | os.PathLike[str]) -> bool:
+    try:
+        input_size(path)  # no pipe is waited for
+        with open(path, "rb") as start:
+            return start.read(4) == b"\x89HDF"
+    except (GonioError, OSError):
+        return False
 
 
 def open_profile(path: str | os.PathLike[str]) -> Profile:
     """The profile of a file. Raises GonioError, naming the file and what is wrong, for anything else."""
-    return profile_file.read_profile(path) if profile_file.is_profile(path) else reader.open_profile(path)
+    if profile_file.is_profile(path):
+        return profile_file.read_profile(path)
+    from gonio.data.hdf5 import reader
+
+    return reader.open_profile(path)
 
 
 def profile_of(subject: object) -> Profile | None:

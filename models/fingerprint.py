@@ -61,10 +61,16 @@ def fingerprint(value: Any, traced: Container[int] = ()) -> str:
     raise Unknown(type(value).__name__)
 
 
-def program_name(*parts: Any) -> str:
-    """A name of a program that depends on these, and on gonio; empty where another process would not know it again."""
+def program_name(*parts: Any, traced: Container[int] = ()) -> str:
+    """A name of a program that depends on these, and on gonio; empty where another process would not know it again.
+
+    Args:
+        parts: as in `fingerprint`.
+        traced: identities of arrays of which only the kind counts.
+    """
     try:
-        return hashlib.sha256("\0".join([surroundings(), *map(fingerprint, parts)]).encode()).hexdigest()
+        names = (fingerprint(part, traced) for part in parts)
+        return hashlib.sha256("\0".join([surroundings(), *names]).encode()).hexdigest()
     except Unknown:
         return ""
 

@@ -1,7 +1,6 @@
 """Programs that are kept on disk as they were compiled: the next process neither traces nor lowers them."""
 
 import functools
-import os
 import pickle
 import re
 import threading
@@ -198,11 +197,7 @@ _ARRAYS = (jax.Array, np.ndarray, np.generic)
 
 def _keeping() -> bool:
     return bool(
-        os.environ.get("JAX_COMPILATION_CACHE_DIR")
-        and not os.environ.get("GONIO_NO_CACHE")
-        and not _config.jax_disable_jit
-        and not _config.jax_debug_nans
-        and jax.default_backend() == "cpu"
+        kept.keeping() and not _config.jax_disable_jit and not _config.jax_debug_nans and jax.default_backend() == "cpu"
     )
 
 

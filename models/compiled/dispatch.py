@@ -10,14 +10,17 @@ import jax
 import numpy as np
 from jax.core import Tracer
 
+from gonio.models.compiled import kept
 from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.program import Bound, Program
+from gonio.models.fingerprint import program_name
 
 LARGEST_LEAF = 1 << 12
 """Numbers of one array of a model; what has more is a table to be looked up, and not a formula."""
 KEPT = 256
 """Programs, and models with their parameters, that a process remembers."""
 LOCK = threading.RLock()
+_config: Any = jax.config
 
 
 class Formula(NamedTuple):
@@ -99,11 +102,21 @@ def _program(key: Hashable, formula: Formula, leaves: list[Any], tree: Any, dtyp
     with LOCK:
         if key not in _programs:
             try:
-                program = Program(value, [leaves[k] for k in places], formula.axes, dtype)
+                arrays = [leaves[k] for k in places]
+                program = Program(value, arrays, formula.axes, dtype, _name(formula, tree, leaves, dtype))
             except Unsupported:
                 program = None
             _remember(_programs, key, program)
         return _programs[key]
+
+
+def _name(formula: Formula, tree: Any, leaves: list[Any], dtype: Any) -> str:
+    """What another process knows the program by; empty where none would, or is to."""
+    if not kept.keeping():
+        return ""
+    arrays = {id(v) for v in leaves if isinstance(v, jax.Array | np.ndarray | np.generic)}
+    of = (formula.value, formula.axes, str(np.dtype(dtype)), bool(_config.jax_enable_x64))
+    return program_name("loop", *of, jax.tree.unflatten(tree, leaves), traced=arrays)
 
 
 def _remember(table: dict, key: Hashable, value: Any) -> None:

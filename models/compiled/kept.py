@@ -23,6 +23,11 @@ def folder() -> Path | None:
     return Path(home) / "gonio" / "programs"
 
 
+def keeping() -> bool:
+    """Whether programs may be known by the names of what they are made of: where JAX is told to keep its own."""
+    return bool(os.environ.get("JAX_COMPILATION_CACHE_DIR") and not os.environ.get("GONIO_NO_CACHE"))
+
+
 def key(*parts: str) -> str:
     """The name of a program: a digest of all that it depends on."""
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
@@ -62,7 +67,13 @@ def write(name: str, program: bytes) -> None:
                 os.replace(file.name, place / name)
             except OSError:
                 os.unlink(file.name)
-        _remove_unused(place)
+        if place not in searched:
+            searched.add(place)
+            _remove_unused(place)
+
+
+searched: set[Path] = set()
+"""Folders that this process has searched for unused programs: once each, a folder may hold thousands."""
 
 
 def _remove_unused(place: Path) -> None:

@@ -76,7 +76,14 @@ def compiled(text: str) -> Code:
     """
     made = machine()
     assert made is not None
-    return Code(_object_code(made, kept.key(made.name, text), text))
+    return Code(_object_code(made, text_key(text), text))
+
+
+def text_key(text: str) -> str:
+    """The name by which the code of a text is kept."""
+    made = machine()
+    assert made is not None
+    return kept.key(made.name, text)
 
 
 def compiled_as(name: str, text: Callable[[], str]) -> Code:

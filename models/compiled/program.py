@@ -10,7 +10,8 @@ import numpy as np
 
 from gonio.models.compiled import emission, workers
 from gonio.models.compiled.graph import DTYPES, Unsupported
-from gonio.models.compiled.machine import compiled, machine
+from gonio.models.compiled.kept_loops import Loop, keep, taken_up
+from gonio.models.compiled.machine import Code, Machine, compiled, machine, text_key
 from gonio.models.compiled.masks import unguarded
 from gonio.models.compiled.trace import Traced, traced
 
@@ -23,7 +24,14 @@ ALIGNMENT = 64
 class Program:
     """One formula, for any parameters and any number of directions."""
 
-    def __init__(self, formula: Callable[..., Any], leaves: Sequence[Any], axes: Sequence[tuple[int, ...]], dtype: Any):
+    def __init__(
+        self,
+        formula: Callable[..., Any],
+        leaves: Sequence[Any],
+        axes: Sequence[tuple[int, ...]],
+        dtype: Any,
+        name: str = "",
+    ):
         """Trace and compile `formula(leaves, *components)` of scalar components of a kind.
 
         Args:
@@ -31,6 +39,7 @@ class Program:
             leaves: the model's arrays, or others of the same shapes and kinds.
             axes: for each component, the axes of the loops that its array has.
             dtype: the components' kind of number.
+            name: another process knows the formula and the kinds of its arrays by it, and takes up what is written now.
 
         Raises:
             Unsupported: the formula, or this processor, is none of those that programs are written for.
@@ -38,24 +47,43 @@ class Program:
         target = machine()
         if target is None:
             raise Unsupported("this processor")
-        shapes = [jax.ShapeDtypeStruct(np.shape(v), jax.dtypes.canonicalize_dtype(v.dtype)) for v in leaves]
-        scalars = [jax.ShapeDtypeStruct((), dtype)] * len(axes)
-        self.trace = translated(jax.make_jaxpr(formula)(shapes, *scalars), leaves, len(axes))
-        self.channels = self.trace.outputs.shape
-        outputs = tuple(unguarded(self.trace.graph, [int(k) for k in self.trace.outputs.flat]))
-        if len(self.channels) > 1:
-            raise Unsupported(f"values of shape {self.channels}")
-        kind = self.trace.graph.dtype(int(self.trace.outputs.flat[0]))
-        self.dtype, self.input_dtype = np.dtype(DTYPES[kind]), np.dtype(dtype)
-        self.lanes = target.vector_bytes // self.dtype.itemsize
+        self.input_dtype = np.dtype(dtype)
         self.axes = 1 + max(a for each in axes for a in each)
-        inputs = tuple(emission.Input("f32" if self.input_dtype.itemsize == 4 else "f64", each) for each in axes)
-        kernel = emission.Kernel(
-            self.trace.graph, outputs, inputs, self.axes, self.lanes, target.estimates, target.flush
-        )
-        self.local = threading.local()
         self.split = tuple(0 in each for each in axes)
-        self.code = compiled(emission.module(kernel, target.attributes))
+        loop, self.code = taken_up(name) or self._written(formula, leaves, axes, target, name)
+        self.preparation, self.channels = loop.preparation, loop.channels
+        self.dtype = np.dtype(DTYPES[loop.kind])
+        self.lanes = _lanes(target, loop.kind)
+        self.local = threading.local()
+
+    def _written(
+        self,
+        formula: Callable[..., Any],
+        leaves: Sequence[Any],
+        axes: Sequence[tuple[int, ...]],
+        target: Machine,
+        name: str,
+    ) -> tuple[Loop, Code]:
+        shapes = [jax.ShapeDtypeStruct(np.shape(v), jax.dtypes.canonicalize_dtype(v.dtype)) for v in leaves]
+        scalars = [jax.ShapeDtypeStruct((), self.input_dtype)] * len(axes)
+        try:
+            trace = translated(jax.make_jaxpr(formula)(shapes, *scalars), leaves, len(axes))
+            channels = trace.outputs.shape
+            if len(channels) > 1:
+                raise Unsupported(f"values of shape {channels}")
+            outputs = tuple(unguarded(trace.graph, [int(k) for k in trace.outputs.flat]))
+            kind = trace.graph.dtype(int(trace.outputs.flat[0]))
+            inputs = tuple(emission.Input("f32" if self.input_dtype.itemsize == 4 else "f64", each) for each in axes)
+            kernel = emission.Kernel(
+                trace.graph, outputs, inputs, self.axes, _lanes(target, kind), target.estimates, target.flush
+            )
+            text = emission.module(kernel, target.attributes)
+            loop, code = Loop(trace.preparation, channels, kind, text_key(text)), compiled(text)
+        except Unsupported:
+            keep(name, None, ())
+            raise
+        keep(name, loop, [np.asarray(v) for v in leaves])
+        return loop, code
 
     def vector(self) -> "Vector":
         rows = list(np.empty((len(self.split), self.lanes), self.input_dtype))
@@ -66,7 +94,7 @@ class Program:
 
     def bound(self, leaves: Sequence[Any]) -> "Bound":
         """The program with these parameters."""
-        parameters = self.trace.parameters([np.asarray(v) for v in leaves])
+        parameters = self.preparation.parameters([np.asarray(v) for v in leaves])
         return Bound(self, parameters, parameters.ctypes.data)
 
 
@@ -151,6 +179,11 @@ def translated(trace: Any, leaves: Sequence[Any], inputs: int, sparing: bool = F
         return graph
     except (TypeError, ValueError, LookupError, NotImplementedError) as error:
         raise Unsupported(str(error)) from error
+
+
+def _lanes(target: Machine, kind: str) -> int:
+    """Numbers of a kind in one vector."""
+    return target.vector_bytes // np.dtype(DTYPES[kind]).itemsize
 
 
 def aligned_empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:

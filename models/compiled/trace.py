@@ -42,18 +42,12 @@ class Step(NamedTuple):
     results: tuple[int, ...]
 
 
-class Traced(NamedTuple):
-    """A formula as a graph.
+class Preparation(NamedTuple):
+    """What is computed before the directions are known: `slots` says which element of which known value is each
+    parameter of the graph."""
 
-    `outputs` has the shape of the formula's value; `slots` says which element of which known value is each parameter of
-    the graph.
-    """
-
-    graph: Graph
-    outputs: np.ndarray
     steps: tuple[Step, ...]
     slots: tuple[tuple[Known, int], ...]
-    leaves: int
 
     def parameters(self, leaves: Sequence[np.ndarray]) -> np.ndarray:
         """The numbers that the graph calls parameters, float64, from the leaves of a model."""
@@ -62,6 +56,18 @@ class Traced(NamedTuple):
             taken = [values[o.index] if isinstance(o, Known) else o for o in operands]
             values.update(zip(results, known.equation(equation, taken), strict=True))
         return np.array([values[k.index].reshape(-1)[e] for k, e in self.slots], np.float64)
+
+
+class Traced(NamedTuple):
+    """A formula as a graph; `outputs` has the shape of the formula's value."""
+
+    graph: Graph
+    outputs: np.ndarray
+    preparation: Preparation
+
+    def parameters(self, leaves: Sequence[np.ndarray]) -> np.ndarray:
+        """The numbers that the graph calls parameters, float64, from the leaves of a model."""
+        return self.preparation.parameters(leaves)
 
 
 def traced(closed: Any, inputs: int, sparing: bool = False) -> Traced:
@@ -86,7 +92,7 @@ def traced(closed: Any, inputs: int, sparing: bool = False) -> Traced:
     outputs = tracer.nodes(result)
     if outputs.dtype not in ("f32", "f64"):
         raise Unsupported(f"a value of {outputs.dtype}")
-    return Traced(tracer.graph, outputs.ids, tracer.needed_steps(), tuple(tracer.slots), leaves)
+    return Traced(tracer.graph, outputs.ids, Preparation(tracer.needed_steps(), tuple(tracer.slots)))
 
 
 def kind(aval: Any) -> str:

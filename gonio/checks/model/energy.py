@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +18,8 @@ from gonio.checks.model.sides import worst_of
 from gonio.models.albedo import Estimate, directional_albedo, directional_transmittance
 from gonio.models.brdf import AbstractBRDF, Sum
 from gonio.models.catalog import is_ours
+from gonio.models.compiled.dispatch import Formula
+from gonio.models.compiled.dispatch import values as program_values
 from gonio.models.folded import seen_from
 from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.geometry.sides import Hemispheres
@@ -87,10 +90,20 @@ def _lit_from(evidence: ModelEvidence, light: int, tolerance: float) -> Property
     return judged
 
 
+def _specular(brdf: AbstractBRDF, *components: Any) -> Any:
+    return brdf.specular(Direction(*components))
+
+
+SPECULAR = Formula(_specular, ((0,),) * 3)
+
+
 def specular_share(brdf: AbstractBRDF, theta: np.ndarray, phi: np.ndarray) -> np.ndarray:
     """What leaves as an image of the source, beside f, (incidences, channels)."""
-    wi = Direction(*(jnp.asarray(c) for c in from_spherical(theta, phi, np)))
-    return np.asarray(jax.vmap(brdf.specular)(wi), float).reshape(theta.size, -1)
+    wi, dtype = from_spherical(theta, phi, np), jax.dtypes.canonicalize_dtype(float)
+    share = program_values(SPECULAR, brdf, [np.asarray(c, dtype) for c in wi], (theta.size,), dtype)
+    if share is None:
+        share = jax.vmap(brdf.specular)(Direction(*(jnp.asarray(c) for c in wi)))
+    return np.asarray(share, float).reshape(theta.size, -1)
 
 
 def _beside_f(brdf: AbstractBRDF) -> str:
