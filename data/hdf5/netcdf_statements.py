@@ -77,7 +77,7 @@ def _uses(scale: h5py.Dataset) -> list[tuple[int, int]]:
 
 
 def other_names(node: h5py.Dataset, names: Sequence[str], content: Content, base: int) -> str | None:
-    """The channels by a file's coordinate where they are not `names`; None where they are, or it cannot be known.
+    """The channels by a file's coordinate where it has `names` in another order; None where not, or not known.
 
     Args:
         node: the coordinate, texts of variable length.
@@ -89,6 +89,5 @@ def other_names(node: h5py.Dataset, names: Sequence[str], content: Content, base
     if not h5py.check_string_dtype(node.dtype) or node.dtype.kind != "O" or start is None or node.size != len(names):
         return None
     texts = [heap_text(content, start + 16 * k, base) for k in range(len(names))]
-    if None in texts or texts == list(names):
-        return None
-    return ", ".join(str(text) for text in texts)[:80]
+    known = [text for text in texts if text is not None]
+    return ", ".join(known)[:80] if sorted(known) == sorted(names) and known != list(names) else None

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.data.flags import Flag
+from gonio.data.plausibility.neighbours import cubic_weights, windows
 from gonio.data.table import Table
 
 WINDOWS = 512
@@ -58,7 +59,8 @@ def correlated_uncertainty(table: Table) -> CorrelatedUncertainty:
     if table.u_f is None or "instrument" in table.provenance or table.interpolant is not None:
         return NOTHING
     best = NOTHING
-    for cells, weight in [*_rows(table), *_equal_pairs(table)]:
+    rows = [(cells, cubic_weights(places)) for cells, places in windows(table, 5, WINDOWS, 5)]
+    for cells, weight in [*rows, *_equal_pairs(table)]:
         if cells.shape[0] < FEWEST:
             continue
         known = _scatter(table, cells, weight)
@@ -73,33 +75,6 @@ def with_scatter(table: Table, known: CorrelatedUncertainty) -> Table:
         return table
     f, u_f = (np.asarray(a[...], float) for a in (table.f, table.u_f))
     return dataclasses.replace(table, u_f=known.independent(f, u_f))
-
-
-def _rows(table: Table) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Windows of cells (K, 5) that follow each other along an axis, and weights of their difference (K, 5)."""
-    rng, step = np.random.default_rng(0), np.arange(5)
-    if not table.layout.gridded:
-        theta_i, phi_i, theta_o, phi_o = (np.asarray(a, float).ravel() for a in table.layout.angles())
-        order = np.lexsort((theta_o, *(np.round(a, 6) for a in (phi_o, phi_i, theta_i))))
-        runs = np.stack([theta_i, phi_i, phi_o])[:, order]
-        first = np.flatnonzero((np.abs(runs[:, 4:] - runs[:, :-4]) < 1e-6).all(axis=0))
-        if first.size > WINDOWS:
-            first = rng.choice(first, WINDOWS, replace=False)
-        cells = order[first[:, None] + step]
-        return [(cells, _weights(theta_o[cells]))]
-    shape, rows = table.layout.shape, []
-    for axis, nodes in enumerate(table.layout.axes.values()):
-        if nodes.size < 5:
-            continue
-        starts = tuple(size - 4 * (k == axis) for k, size in enumerate(shape))
-        number = int(np.prod(starts))
-        chosen = np.arange(number) if number <= WINDOWS else rng.integers(number, size=WINDOWS)
-        index = list(np.unravel_index(chosen, starts))
-        along = index[axis][:, None] + step
-        others = [np.broadcast_to(i[:, None], along.shape) for i in index]
-        others[axis] = along
-        rows.append((np.ravel_multi_index(tuple(others), shape), _weights(np.asarray(nodes, float)[along])))
-    return rows
 
 
 def _equal_pairs(table: Table) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -137,15 +112,3 @@ def _scatter(table: Table, cells: np.ndarray, weight: np.ndarray) -> CorrelatedU
     variance = float(np.median(ratio[use])) / MEDIAN
     stored = float(np.median(relative[:, 0][use]))
     return CorrelatedUncertainty(float(np.sqrt(variance)), float(np.sqrt(max(1.0 - variance, 0.0))) * stored)
-
-
-def _weights(places: np.ndarray) -> np.ndarray:
-    """Weights (K, 5) of the difference of the middle reading from the cubic through the others [Lagrange]."""
-    weight = np.ones_like(places)
-    others = (0, 1, 3, 4)
-    for j in others:
-        for m in others:
-            if m != j:
-                weight[:, j] *= (places[:, 2] - places[:, m]) / (places[:, j] - places[:, m])
-        weight[:, j] *= -1.0
-    return weight

@@ -13,6 +13,7 @@ import numpy as np
 from gonio.data.channels import Channels
 from gonio.data.material import Material
 from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty, with_scatter
+from gonio.data.plausibility.understated_uncertainty import as_scattered, understated_uncertainty
 from gonio.data.profile import Profile
 from gonio.data.profile_files import profile_of
 from gonio.data.serialise import finite
@@ -32,7 +33,7 @@ from gonio.metrology.monte_carlo import Simulation, require_draws, simulated
 from gonio.metrology.polished_quantities import polished_quantities
 from gonio.metrology.profile_quantities import fit_of_profile, profile_quantities, quantities_of_fits
 from gonio.metrology.quantity import Quantity, to_row
-from gonio.metrology.remarks import of_common, of_numbers, of_reach, of_symmetry, of_uncertainties
+from gonio.metrology.remarks import of_common, of_numbers, of_reach, of_scatter, of_symmetry, of_uncertainties
 from gonio.metrology.sources import sources_of
 from gonio.metrology.standards import scatter_law
 from gonio.metrology.standards.catalog import Wanted, standard_quantities
@@ -219,9 +220,10 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
         if settings.budget or settings.fit is not None:
             raise GonioError(f"{name} is a model: budgets and fits are of readings; give the table itself")
         return _of_model(known.as_material(), name, settings, wanted)
-    table = known.table
-    if table.interpolant is None and not table.valid_cells().size:
+    if known.table.interpolant is None and not known.table.valid_cells().size:
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
+    excess = understated_uncertainty(known.table)
+    table = as_scattered(known.table, excess)
     entries, remarks = standard_quantities(table.channels, wanted, table.sides != FRONT)
     correlated = correlated_uncertainty(table)
     read = with_scatter(table, correlated)
@@ -229,9 +231,9 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
     notes = [*table.provenance.get("warnings", []), *measurands.notes, *remarks]
     undecided = _without_albedo(measurands, wanted) + measurands.standards.undecided
     notes += of_common(correlated) if settings.budget or correlated.relative else of_uncertainties(table)
-    notes += of_symmetry(table)
+    notes += of_scatter(excess) + of_symmetry(table)
     notes += of_reach(undecided) if settings.fit is None else []
-    fitted = None if settings.fit is None else _fitted(table, settings.fit)
+    fitted = None if settings.fit is None else _fitted(known.table, settings.fit)
     if not settings.budget:
         laws = _laws(table, table.channels, wanted)
         rows, undecided = [] if fitted is None else outputs_of(fitted)[0], undecided + laws[1]

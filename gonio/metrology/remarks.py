@@ -27,6 +27,10 @@ COMMON = (
     "Bright readings scatter by at most {scatter} of their stored uncertainties: the rest, {share} of f, is taken as "
     "what all of them share, such as a calibration, and is in U."
 )
+SCATTERED = (
+    "Readings scatter about their neighbours by {times} times what their stored uncertainties say: U is of this "
+    "scatter."
+)
 INDEPENDENT_IN_FIT = (
     "U is of the fit's covariance: what all readings share, such as a calibration, is not in it; of the fit's "
     "numbers and albedos it is with gonio quantities TABLE --budget --fit FIT.toml --uncertainty 'gain=0.5 %'."
@@ -61,6 +65,12 @@ def of_common(known: CorrelatedUncertainty) -> list[str]:
     if not known.relative:
         return []
     return [COMMON.format(scatter=percent(known.scatter), share=percent(known.relative))]
+
+
+def of_scatter(excess: np.ndarray) -> list[str]:
+    """That readings scatter more than the uncertainties that they store; `excess`: by how much, of each channel."""
+    more = [f"{e:.2g}" for e in (excess[excess > 1].min(), excess.max())] if (excess > 1).any() else []
+    return [SCATTERED.format(times=" to ".join(dict.fromkeys(more)))] if more else []
 
 
 def of_symmetry(table: Table) -> list[str]:
