@@ -13,6 +13,7 @@ import numpy as np
 from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty
 from gonio.data.stated import TERMS, StatedUncertainty, stated_uncertainties
 from gonio.data.table import Table
+from gonio.fitting.drift import drift
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import evenly_spaced, rows_of, transform_slope, transformed, uses_cosine
 from gonio.fitting.solver.disc_choice import step_towards
@@ -48,7 +49,7 @@ def common_errors(table: Table, optima: Sequence[Optimum], free: Sequence[Parame
     if any((e.exact and not shared) or not e.converged for e in optima):
         return []
     rows = left_out(table.provenance, lambda acts: _moves(optima, free, acts), shared)
-    return [row | {"fitted": True} for row in rows]
+    return drift(optima, free) + [row | {"fitted": True} for row in rows]
 
 
 def left_out(
@@ -87,11 +88,12 @@ def common_error_words(rows: Sequence[Mapping[str, Any]]) -> str:
         return ""
     worst = rows[0]
     if worst.get("stated") is not None:
-        names = ",".join(row["name"] for row in rows if row.get("stated") is not None)
+        names = ",".join(row["name"] for row in rows if row.get("stated") is not None and row.get("fitted"))
         size, moved = 100 * worst["stated"], worst["stated"] / worst["equal"]
         remedy = f"; --nuisance {names} takes it in" if worst.get("fitted") else ""
+        shown = worst["meaning"] == COMMON or worst["name"] == "drift"  # by the readings themselves
         return (
-            f"its standard uncertainties leave out the {'' if worst['meaning'] == COMMON else 'stated '}"
+            f"its standard uncertainties leave out the {'' if shown else 'stated '}"
             f"{worst['meaning']}: ± {size:.3g} % moves "
             f"{worst['number']} by {moved:.2g} of them{remedy}"
         )
@@ -103,7 +105,10 @@ def common_error_words(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def common_error_note(rows: Sequence[Mapping[str, Any]]) -> str:
-    """What to do about terms that nothing states."""
+    """What to do about terms that nothing states; nothing where the worst is known."""
+    if not rows or rows[0].get("stated") is not None:
+        return ""
+    rows = [row for row in rows if row["name"] in USUAL]
     sizes = ", ".join(f"{row['name']}={100 * USUAL[row['name']]:g} %" for row in rows)
     names = ",".join(row["name"] for row in rows)
     return (

@@ -49,6 +49,21 @@ def test_a_stated_calibration_that_the_uncertainties_leave_out_is_a_fault_until_
     assert held.judgement.verdict == "good" and not held.common_errors
 
 
+def test_a_drift_below_the_noise_is_told_by_its_size_and_by_what_it_moves() -> None:
+    """Readings that grow by 5 % from the first to the last, in noise of 2 %."""
+    steady, moved = table({}, "ideal"), table({}, "ideal")
+    grown = 1 + 0.05 * np.linspace(-0.5, 0.5, moved.f.size).reshape(moved.f.shape)
+    moved = dataclasses.replace(moved, f=moved.f * grown)
+    (row,) = gonio.fit(moved, MODEL).common_errors
+    assert row["name"] == "drift" and row["stated"] == pytest.approx(0.05, rel=0.3)
+    before, after = (gonio.fit(t, MODEL) for t in (steady, moved))
+    (old,), (new,) = ([p for p in r.parameters if p.label == row["number"]] for r in (before, after))
+    off = abs(new.value - old.value) / new.standard_uncertainty
+    assert off == pytest.approx(row["stated"] / row["equal"], rel=0.3)
+    judged = after.judgement
+    assert judged.verdict == "fair" and "drift that the residuals show from the first reading" in judged.sentence
+
+
 @pytest.mark.parametrize("instrument", ["ideal", {"photons": 1e6}])
 def test_an_instrument_without_such_errors_leaves_nothing_out(instrument: object) -> None:
     assert gonio.fit(table({}, instrument), MODEL).common_errors == []
