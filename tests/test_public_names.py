@@ -92,7 +92,7 @@ def test_packages_give_their_public_names(package):
         ("from gonio.models.errors import GonioError", ("jax", "numpy")),
         ("import gonio.fitting, gonio.data, gonio.models", ("jax", "numpy")),
         ("import gonio; gonio.open", ("jax",)),
-        ("import gonio.metrology.quantities, gonio.fitting.fit_table", ("optimistix", "lineax", "matplotlib")),
+        ("import gonio.metrology.quantities, gonio.reports.build", ("optimistix", "lineax", "matplotlib")),
     ],
 )
 def test_imports_load_no_more_than_they_need(statement, absent):

@@ -234,7 +234,7 @@ class _Frame:
         order = sorted(self.points, key=lambda p: (p not in self.front, p.value(self.cost.key)))
         texts = [
             self.ax.text(
-                0, 0, p.setting, fontsize=LETTERS, color=style.mix(self.looks[p.method][0], "black", 0.25), zorder=5
+                0, 0, p.setting, fontsize=LETTERS, color=style.mix(self.looks[p.method][0], "#000000", 0.25), zorder=5
             )
             for p in order
         ]

@@ -1,19 +1,26 @@
 """Diagnostic panels: albedo with its bound, reciprocity and its p-values, residuals and correlations of a fit."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import CenteredNorm, LogNorm, Normalize
-from matplotlib.ticker import FuncFormatter
 
 from gonio.checks.certificate import Property
 from gonio.data.channels import Channels
 from gonio.figures import style
+from gonio.models.deferred import deferred
 from gonio.text import sr_label
+
+if TYPE_CHECKING:
+    from matplotlib import colors, ticker
+    from matplotlib.axes import Axes
+else:
+    colors = deferred("matplotlib.colors")
+    ticker = deferred("matplotlib.ticker")
 
 MOST_CURVES = 6
 
@@ -99,7 +106,7 @@ def draw_correlations(ax: Axes, names: Sequence[str], correlation: np.ndarray) -
     """Correlations (n, n), NaN where a parameter is undetermined; blue −1, red +1."""
     n = len(names)
     image = ax.imshow(
-        np.ma.masked_invalid(correlation), cmap="RdBu_r", norm=Normalize(-1, 1), interpolation="none"
+        np.ma.masked_invalid(correlation), cmap="RdBu_r", norm=colors.Normalize(-1, 1), interpolation="none"
     )  # fmt: skip
     if n <= NAMED:
         ax.set_xticks(range(n), names, rotation=90, fontsize=min(8.5, 160 / n))
@@ -148,7 +155,7 @@ def draw_p_values(ax: Axes, theta: np.ndarray, p: np.ndarray, level: float) -> N
     squares[np.ix_(place, place)] = p
     low, high = theta[0] - step / 2, theta[-1] + step / 2
     floor = level / 1e4
-    norm = LogNorm(floor, 1.0)
+    norm = colors.LogNorm(floor, 1.0)
     image = ax.imshow(
         np.ma.masked_invalid(np.clip(squares, floor, 1.0)), extent=(low, high, low, high), origin="lower",
         cmap="cividis", norm=norm, interpolation="none",
@@ -164,7 +171,7 @@ def draw_p_values(ax: Axes, theta: np.ndarray, p: np.ndarray, level: float) -> N
     bar.ax.axhline(level, color=style.INK, lw=1.4)
     bar.ax.minorticks_off()
     bar.set_ticks([10.0**e for e in range(math.ceil(math.log10(floor)), 1)])
-    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(v)))
+    bar.ax.yaxis.set_major_formatter(ticker.FuncFormatter(lambda v, _: sr_label(v)))
     for axis in (ax.xaxis, ax.yaxis):
         style.degree_axis(axis, np.arange(math.floor(low / 10) * 10, high + 1, 10))
     ax.set(xlabel="one polar angle", ylabel="the other")
@@ -229,7 +236,7 @@ def draw_residual_map(ax: Axes, grid: MedianGrid, axes: tuple[str, str], limit: 
     limit = residual_limit([grid]) if limit is None else limit
     mesh = ax.pcolormesh(
         np.sqrt(grid.x_edges) if root else grid.x_edges, grid.y_edges, grid.median.T, cmap="RdBu_r",
-        norm=CenteredNorm(halfrange=limit), rasterized=True,
+        norm=colors.CenteredNorm(halfrange=limit), rasterized=True,
     )  # fmt: skip
     style.colour_bar(ax, mesh, "median of (model − reading)/|reading|, %", extend="both")
     for axis, edges in ((ax.xaxis, grid.x_edges), (ax.yaxis, grid.y_edges)):

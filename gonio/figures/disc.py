@@ -1,21 +1,29 @@
 """A lit disc with circular grooves or brush marks, in colour: what a compact disc shows under a lamp."""
 
+from __future__ import annotations
+
 import dataclasses
+from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
 
 from gonio.data.channels import Channels
 from gonio.data.material import Material
 from gonio.figures.spectral_colour import channel_colour
 from gonio.figures.spheres import encoded
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.deferred import deferred
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.geometry.directions import Direction
+
+if TYPE_CHECKING:
+    from matplotlib import patches
+    from matplotlib.axes import Axes
+else:
+    patches = deferred("matplotlib.patches")
 
 SIDE = 320
 INNER = 0.3
@@ -100,7 +108,7 @@ def draw_disc(ax: Axes, rgba: np.ndarray) -> None:
     """The picture on a dark ground."""
     ax.axis("off")
     ax.set_aspect("equal")
-    ax.add_patch(Rectangle((-1.05, -1.05), 2.1, 2.1, facecolor=GROUND))
+    ax.add_patch(patches.Rectangle((-1.05, -1.05), 2.1, 2.1, facecolor=GROUND))
     ax.imshow(rgba, extent=(-1, 1, -1, 1), interpolation="none", zorder=2)
     ax.set(xlim=(-1.05, 1.05), ylim=(-1.05, 1.05))
 

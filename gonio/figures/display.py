@@ -1,12 +1,12 @@
 """What `plot` draws of each public object, and the small picture that a notebook shows of it."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.patches import Wedge
 
 from gonio.checks.certificate import Certificate
 from gonio.data.scene import Scene
@@ -14,8 +14,15 @@ from gonio.data.table import Channels
 from gonio.figures import diagnostics, plots, style
 from gonio.fitting.result import FitResult
 from gonio.instrument.instrument import Instrument
+from gonio.models.deferred import deferred
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError, nearest
+
+if TYPE_CHECKING:
+    from matplotlib import patches
+    from matplotlib.axes import Axes
+else:
+    patches = deferred("matplotlib.patches")
 
 NARROWEST = 1.0  # degrees: a wedge that is narrower is not seen
 SOURCE_ANGLE, DETECTOR_ANGLE = 45.0, 30.0  # degrees from the normal, where an instrument's arms are drawn
@@ -89,13 +96,17 @@ def _beams(shown: Scene | Instrument) -> list[Beam]:
 
 def _draw_beams(ax: Axes, beams: Sequence[Beam]) -> None:
     behind = any(max(-b.low, b.high) > 90 for b in beams)
-    ax.add_patch(Wedge((0, 0), 1.0, 0, 360 if behind else 180, facecolor="none", edgecolor=style.AXIS_GREY, lw=0.8))
+    ax.add_patch(
+        patches.Wedge((0, 0), 1.0, 0, 360 if behind else 180, facecolor="none", edgecolor=style.AXIS_GREY, lw=0.8)
+    )
     labels: set[str] = set()
     for b in beams:
         middle, half = (b.low + b.high) / 2, max(b.high - b.low, NARROWEST) / 2
         label = f"_{b.label}" if b.label in labels else b.label
         labels.add(b.label)
-        ax.add_patch(Wedge((0, 0), 1.0, 90 - middle - half, 90 - middle + half, color=b.colour, alpha=0.4, label=label))
+        ax.add_patch(
+            patches.Wedge((0, 0), 1.0, 90 - middle - half, 90 - middle + half, color=b.colour, alpha=0.4, label=label)
+        )
     if behind:  # the sample, seen from its edge
         ax.plot([-1, 1], [0, 0], color=style.AXIS_GREY, lw=0.8)
     ax.set(xlim=(-1.05, 1.05), ylim=(-1.05 if behind else -0.05, 1.05), aspect="equal")

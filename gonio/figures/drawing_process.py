@@ -118,7 +118,11 @@ def serve() -> None:
     os.dup2(2, 1)
     pictures: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_take_pictures, args=(pictures,), daemon=True).start()
-    from gonio.figures import style  # noqa: F401  # loads Matplotlib before the first picture comes
+    # Matplotlib is loaded before the first picture comes.
+    import matplotlib.backends.backend_svg
+    import matplotlib.figure  # noqa: F401
+
+    from gonio.figures import style  # noqa: F401
 
     while sent := pictures.get():
         answer: str | None = None

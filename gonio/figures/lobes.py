@@ -1,20 +1,29 @@
 """Lobes: f in the plane of incidence against the angle and as a polar diagram, and over the hemisphere in space."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
-from matplotlib.patches import Wedge
-from matplotlib.ticker import FuncFormatter
 
 from gonio.figures import style
 from gonio.figures.maps import MAP
 from gonio.figures.style import AXIS_GREY, FAINT, INK, RULE, degree_axis, log_axis, positive_range
+from gonio.models.deferred import deferred
 from gonio.text import sr_label
+
+if TYPE_CHECKING:
+    import matplotlib
+    from matplotlib import collections, patches, ticker
+    from matplotlib.axes import Axes
+else:
+    matplotlib = deferred("matplotlib")
+    collections = deferred("matplotlib.collections")
+    patches = deferred("matplotlib.patches")
+    ticker = deferred("matplotlib.ticker")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +68,7 @@ def _linear_axis(ax: Axes, curves: Sequence[Curve]) -> None:
     low, high = values.min(), values.max() if values.size > 1 else 1.0
     span = (high - low) or 1.0
     ax.set_ylim(low - (0.04 * span if low < 0 else 0.0), high + 0.04 * span)
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(float(f"{v:.6g}"))))
+    ax.yaxis.set_major_formatter(ticker.FuncFormatter(lambda v, _: sr_label(float(f"{v:.6g}"))))
     ax.grid(axis="y")
     if low < 0:
         ax.axhline(0.0, color=AXIS_GREY, lw=0.7)
@@ -115,7 +124,7 @@ def _lower_half(ax: Axes, radii: list[float]) -> None:
             ha="center" if degrees == 180 else "left" if degrees > 0 else "right", va="top",
         )  # fmt: skip
     for radius in radii:
-        ax.add_patch(Wedge((0, 0), radius, 180, 360, fill=False, ec=RULE, lw=0.6, zorder=0))
+        ax.add_patch(patches.Wedge((0, 0), radius, 180, 360, fill=False, ec=RULE, lw=0.6, zorder=0))
 
 
 def _radius(f: np.ndarray, floor: float, span: float, log: bool) -> np.ndarray:
@@ -151,7 +160,7 @@ def _half_disc(ax: Axes, rings: list[float], radii: list[float]) -> None:
             va="bottom" if abs(degrees) < 90 else "center",
         )  # fmt: skip
     for value, radius in zip(rings, radii, strict=True):
-        ax.add_patch(Wedge((0, 0), radius, 0, 180, fill=False, ec=RULE, lw=0.6, zorder=0))
+        ax.add_patch(patches.Wedge((0, 0), radius, 0, 180, fill=False, ec=RULE, lw=0.6, zorder=0))
         if radius > 0:
             ax.text(radius, -0.025, sr_label(value), color=FAINT, fontsize=8, ha="center", va="top")
     ax.text(
@@ -240,8 +249,12 @@ def draw_lobe(ax: Axes, theta_i: float, f: np.ndarray, high: float, log: bool) -
     ax.plot(base[:, 0], base[:, 1], color=AXIS_GREY, lw=0.8)
     axis = projected(np.array([[-1.0, 0, 0], [1.0, 0, 0]]), TURN, TILT)
     ax.plot(axis[:, 0], axis[:, 1], color=AXIS_GREY, lw=0.6, ls=(0, (3, 2)))
-    faces = PolyCollection(
-        list(quads[order][..., :2]), facecolors=colormaps[MAP](level[order]), edgecolors="face", lw=0.3, rasterized=True
+    faces = collections.PolyCollection(
+        list(quads[order][..., :2]),
+        facecolors=matplotlib.colormaps[MAP](level[order]),
+        edgecolors="face",
+        lw=0.3,
+        rasterized=True,
     )
     ax.add_collection(faces)
     t = math.radians(theta_i)

@@ -1,19 +1,27 @@
 """Maps of f: over the outgoing hemisphere seen from above, and over half and difference angle."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
-from matplotlib.patches import Circle
 
 from gonio.figures import style
 from gonio.figures.style import positive_range
+from gonio.models.deferred import deferred
 from gonio.text import sr_label
+
+if TYPE_CHECKING:
+    import matplotlib
+    from matplotlib import cm, colors, patches
+    from matplotlib.axes import Axes
+else:
+    matplotlib = deferred("matplotlib")
+    cm = deferred("matplotlib.cm")
+    colors = deferred("matplotlib.colors")
+    patches = deferred("matplotlib.patches")
 
 if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
@@ -61,7 +69,7 @@ def decade_levels(values: np.ndarray, scale: Scale) -> np.ndarray:
 
 def colours(values: np.ndarray, scale: Scale) -> np.ndarray:
     """RGBA bytes of values, 1/sr: grey where they are not positive, blank where there are none (NaN)."""
-    rgba = colormaps[MAP](np.clip(np.nan_to_num(decade_levels(values, scale)), 0, 1), bytes=True)
+    rgba = matplotlib.colormaps[MAP](np.clip(np.nan_to_num(decade_levels(values, scale)), 0, 1), bytes=True)
     rgba[values <= 0] = [*bytes.fromhex(NO_VALUE[1:]), 255]
     rgba[np.isnan(values)] = 0
     return rgba
@@ -105,9 +113,11 @@ def _draw_marks(ax: Axes, theta_i: float, line: str, behind: bool) -> None:
     ax.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2))
     for theta in (30, 60):
         ax.add_patch(
-            Circle((0, 0), math.sqrt(2) * math.sin(math.radians(theta / 2)), fill=False, ec=line, lw=0.6, alpha=0.7)
+            patches.Circle(
+                (0, 0), math.sqrt(2) * math.sin(math.radians(theta / 2)), fill=False, ec=line, lw=0.6, alpha=0.7
+            )
         )
-    ax.add_patch(Circle((0, 0), 1, fill=False, ec="#555555", lw=0.9))
+    ax.add_patch(patches.Circle((0, 0), 1, fill=False, ec="#555555", lw=0.9))
     for text, x, y in (("0°", -1.12, 0), ("180°", 1.16, 0), ("90°", 0, -1.1), ("270°", 0, 1.1)):
         ax.text(x, y, text, ha="center", va="center", fontsize=8.5)
     t = math.radians(theta_i)
@@ -128,7 +138,7 @@ def draw_scale(ax: Axes, scale: Scale) -> None:
         ticks = (10 ** np.linspace(low, high, 4)).tolist()
     elif high - low < 1.6:
         ticks = style.mantissa_ticks(scale[0] * (1 - 1e-9), scale[1] * (1 + 1e-9), (1, 2, 3, 5))
-    ramp = colormaps[MAP](np.linspace(0, 1, 128), bytes=True)[None]
+    ramp = matplotlib.colormaps[MAP](np.linspace(0, 1, 128), bytes=True)[None]
     ax.imshow(ramp, extent=(low, high, 0, 1), aspect="auto", interpolation="none")
     shown = [t for t in ticks if low - 1e-9 <= math.log10(t) <= high + 1e-9]
     ax.set_xticks([math.log10(t) for t in shown], [sr_label(float(f"{t:.3g}")) for t in shown])
@@ -186,7 +196,7 @@ def _draw_axes(ax: Axes, scale: Scale) -> None:
     style.degree_axis(ax.yaxis)
     ax.set(xlabel="θh (half angle)", ylabel="θd (difference angle)")
     low, high = np.log10(scale)
-    bar = style.colour_bar(ax, ScalarMappable(Normalize(low, high), MAP), "f / sr⁻¹")
+    bar = style.colour_bar(ax, cm.ScalarMappable(colors.Normalize(low, high), MAP), "f / sr⁻¹")
     ticks = [t for t in style.decades_between(*scale) if low - 1e-9 <= math.log10(t) <= high + 1e-9]
     if len(ticks) < 3:
         ticks = (10 ** np.linspace(low, high, 4)).tolist()

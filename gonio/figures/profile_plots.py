@@ -1,15 +1,23 @@
 """Light below a surface: R by the distance, log-log; residuals of fits; edge loss by the size of a lit spot."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from gonio.figures import style
 from gonio.figures.style import log_axis, positive_range
+from gonio.models.deferred import deferred
 from gonio.text import without_zeros
+
+if TYPE_CHECKING:
+    from matplotlib import ticker
+    from matplotlib.axes import Axes
+else:
+    ticker = deferred("matplotlib.ticker")
 
 ROOM = 1.35
 """Factor of room beside the first and the last distance, and the least and the greatest R."""
@@ -89,7 +97,7 @@ def draw_edge_loss(ax: Axes, curves: Sequence[Curve], spot: float | None) -> Non
         ax.plot(c.x, c.y, color=c.colour, ls=c.dash, label=c.label)
     if spot:
         ax.axvline(spot, color=style.AXIS_GREY, lw=0.8, ls=(0, (4, 2)))
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{100 * v:.0f} %"))
+    ax.yaxis.set_major_formatter(ticker.FuncFormatter(lambda v, _: f"{100 * v:.0f} %"))
     ax.grid(axis="y")
     ax.set_xlabel("radius of the lit spot / mm")
     ax.set_ylabel("edge loss")
@@ -106,7 +114,7 @@ def _distances(ax: Axes, r: np.ndarray, zero: bool) -> None:
     ticks = style.mantissa_ticks(low / ROOM, high * ROOM, (1,) if high > 30 * low else (1, 2, 5))
     at_zero = [low / AT_ZERO] if zero else []
     ax.set_xticks([*at_zero, *ticks], ["0", *map(_mm, ticks)] if zero else list(map(_mm, ticks)))
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.xaxis.set_minor_formatter(ticker.NullFormatter())
     if zero:
         ax.axvline(low / AT_ZERO**0.5, color=style.RULE, lw=0.8)
 

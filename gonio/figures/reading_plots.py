@@ -1,14 +1,19 @@
 """Readings as readings: f with its uncertainty over the angle that varies, and over the wavelength."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from gonio.figures import style
 from gonio.figures.style import degree_axis, log_axis, positive_range
 from gonio.text import sr_label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST_GROUPS = 7
 SAME = 0.05

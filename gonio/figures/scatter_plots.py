@@ -1,15 +1,23 @@
 """f in the plane of incidence against |sinθs − sinθi|, log-log, with fitted laws."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import NullFormatter
 
 from gonio.figures import style
 from gonio.figures.reading_plots import Points
 from gonio.figures.style import log_axis, positive_range
+from gonio.models.deferred import deferred
+
+if TYPE_CHECKING:
+    from matplotlib import ticker
+    from matplotlib.axes import Axes
+else:
+    ticker = deferred("matplotlib.ticker")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,7 +36,7 @@ def draw_scatter(ax: Axes, points: Sequence[Points], laws: Sequence[LawCurve]) -
     log_axis(ax, *positive_range(f, 2.0, 1.5))
     ax.set_xscale("log")
     ax.xaxis.set_major_formatter(lambda v, _: f"{v:g}")
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.xaxis.set_minor_formatter(ticker.NullFormatter())
     ax.set_xlim(x.min() / 1.3, x.max() * 1.3)
     ax.grid(axis="both")
     for p in points:

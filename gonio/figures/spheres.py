@@ -1,16 +1,23 @@
 """Lit spheres: what a ball of the material looks like, its light on the left."""
 
+from __future__ import annotations
+
 import io
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.patches import Circle
 from PIL import Image
 
 from gonio.figures.style import FAINT
+from gonio.models.deferred import deferred
+
+if TYPE_CHECKING:
+    from matplotlib import patches
+    from matplotlib.axes import Axes
+else:
+    patches = deferred("matplotlib.patches")
 
 if TYPE_CHECKING:
     from gonio.models.geometry.directions import Direction
@@ -83,7 +90,7 @@ def draw_spheres(ax: Axes, rows: Sequence[tuple[str, Sequence[np.ndarray]]]) -> 
         for j, rgba in enumerate(spheres):
             x, y = 1.08 * j, -1.18 * k
             image = ax.imshow(rgba, extent=(x, x + 1, y - 1, y), interpolation="none")
-            image.set_clip_path(Circle((x + 0.5, y - 0.5), 0.494, transform=ax.transData))
+            image.set_clip_path(patches.Circle((x + 0.5, y - 0.5), 0.494, transform=ax.transData))
         if name:
             ax.text(1.04, -1.18 * k - 1.0, name, color=FAINT, fontsize=9, ha="center", va="top")
     ax.set(xlim=(-0.05, 2.15), ylim=(-1.18 * len(rows) + 0.02, 0.14))

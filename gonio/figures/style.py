@@ -1,5 +1,7 @@
 """How every panel looks: colours that colour-blind readers tell apart, one size of text, axes; clean SVG."""
 
+from __future__ import annotations
+
 import contextlib
 import dataclasses
 import functools
@@ -11,25 +13,24 @@ import threading
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.axis import Axis
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.cm import ScalarMappable
-from matplotlib.colorbar import Colorbar
-from matplotlib.colors import to_hex, to_rgb
-from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
 from gonio.figures.drawing_process import DRAWING
-from gonio.figures.panel_layout import PanelLayout
+from gonio.models.deferred import deferred
 from gonio.text import sr_label
+
+if TYPE_CHECKING:
+    import matplotlib
+    from matplotlib import ticker
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colorbar import Colorbar
+    from matplotlib.figure import Figure
+else:  # loaded where something is drawn, which may be another process
+    matplotlib, ticker = deferred("matplotlib"), deferred("matplotlib.ticker")
 
 # Okabe & Ito 2008, without its yellow (too pale for a line on white); the order keeps neighbours far apart.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4D4D4D")
@@ -68,15 +69,24 @@ def styled() -> Iterator[None]:
 
 
 def mix(colour: str, other: str, share: float) -> str:
-    """Linear mixture of two colours, as a hex string; `share` is that of `other`."""
-    r, g, b = (1 - share) * np.array(to_rgb(colour)) + share * np.array(to_rgb(other))
-    return to_hex((r, g, b))
+    """Linear mixture of two colours, #rrggbb, as such a text; `share` is that of `other`."""
+    return hex_of((1 - share) * rgb_of(colour) + share * rgb_of(other))
+
+
+def rgb_of(colour: str) -> np.ndarray:
+    """Red, green and blue from 0 to 1 of a colour #rrggbb, as Matplotlib takes it, which need not be loaded for it."""
+    return np.array([*bytes.fromhex(colour[1:])]) / 255
+
+
+def hex_of(rgb: np.ndarray) -> str:
+    """The colour #rrggbb of red, green and blue from 0 to 1."""
+    return f"#{bytes(round(float(v) * 255) for v in rgb).hex()}"
 
 
 def shades(colour: str, count: int) -> list[str]:
     """`count` shades of one colour, from light to dark."""
     steps = np.linspace(0.45, -0.45, count) if count > 1 else [0.0]
-    return [mix(colour, "white" if s > 0 else "black", abs(s)) for s in steps]
+    return [mix(colour, "#ffffff" if s > 0 else "#000000", abs(s)) for s in steps]
 
 
 class LineStyle(NamedTuple):
@@ -147,6 +157,9 @@ def draw_bars(ax: Axes, x: np.ndarray, y: np.ndarray, u: np.ndarray | None, colo
 
 
 def _strokes(ax: Axes, points: np.ndarray, **look: Any) -> None:
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
     path = Path(points, np.tile([Path.MOVETO, Path.LINETO], len(points) // 2))
     path.should_simplify = False
     ax.add_patch(PathPatch(path, fc="none", **look))
@@ -191,6 +204,8 @@ class Picture:
 
     def png(self, dpi: int = 200) -> bytes:
         """A PNG file, on white."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
         data, figure = io.BytesIO(), self.figure
         with styled():
             FigureCanvasAgg(figure).print_figure(data, format="png", dpi=dpi, facecolor="white")
@@ -209,6 +224,10 @@ def picture(
 def _panel(
     draw: Callable[..., None], size: tuple[float, float], args: Sequence[Any], options: dict[str, Any]
 ) -> Figure:
+    from matplotlib.figure import Figure
+
+    from gonio.figures.panel_layout import PanelLayout
+
     fig = Figure(figsize=size, layout=PanelLayout(w_pad=0.03, h_pad=0.03), facecolor="none")
     draw(fig.add_subplot(facecolor="none"), *args, **options)
     return fig
@@ -219,6 +238,8 @@ def svg(fig: Figure, label: str) -> str:
 
     Text stays text; ids that nothing refers to are dropped, the others are made unique on a page.
     """
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
     buffer = io.StringIO()
     FigureCanvasSVG(fig).print_svg(buffer, metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     text = buffer.getvalue()
@@ -274,10 +295,10 @@ def positive_range(values: np.ndarray, least: float, widen: float, decades: floa
 
 def fixed_ticks(axis: Axis, ticks: Sequence[float]) -> None:
     """Ticks at these values, in 1/sr, and no minor ones."""
-    axis.set_major_locator(FixedLocator(ticks))
-    axis.set_minor_locator(FixedLocator([]))
-    axis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(v)))
-    axis.set_minor_formatter(NullFormatter())
+    axis.set_major_locator(ticker.FixedLocator(ticks))
+    axis.set_minor_locator(ticker.FixedLocator([]))
+    axis.set_major_formatter(ticker.FuncFormatter(lambda v, _: sr_label(v)))
+    axis.set_minor_formatter(ticker.NullFormatter())
 
 
 def mantissa_ticks(low: float, high: float, mantissas: Sequence[float]) -> list[float]:
@@ -288,21 +309,21 @@ def mantissa_ticks(low: float, high: float, mantissas: Sequence[float]) -> list[
 
 def degree_axis(axis: Axis, ticks: Iterable[float] = range(0, 91, 15)) -> None:
     """An axis of angles in degrees."""
-    axis.set_major_locator(FixedLocator(list(ticks)))
-    axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.0f}°".replace("-", "−")))
+    axis.set_major_locator(ticker.FixedLocator(list(ticks)))
+    axis.set_major_formatter(ticker.FuncFormatter(lambda v, _: f"{v:.0f}°".replace("-", "−")))
 
 
 def root_degree_axis(axis: Axis) -> None:
     """An axis of angles whose coordinate is the square root of the degrees: highlights are narrow."""
-    axis.set_major_locator(FixedLocator(np.sqrt(ROOT_DEGREES).tolist()))
-    axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v * v:.0f}°"))
+    axis.set_major_locator(ticker.FixedLocator(np.sqrt(ROOT_DEGREES).tolist()))
+    axis.set_major_formatter(ticker.FuncFormatter(lambda v, _: f"{v * v:.0f}°"))
 
 
 def plain_powers(*axes: Axis) -> None:
     """Powers of ten in plain text at the decades of logarithmic axes, and no minor labels."""
     for axis in axes:
-        axis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(v)))
-        axis.set_minor_formatter(NullFormatter())
+        axis.set_major_formatter(ticker.FuncFormatter(lambda v, _: sr_label(v)))
+        axis.set_minor_formatter(ticker.NullFormatter())
 
 
 def log_axis(ax: Axes, low: float, high: float) -> None:
@@ -317,7 +338,7 @@ def log_axis(ax: Axes, low: float, high: float) -> None:
             ax.yaxis, mantissa_ticks(low / 1.12, high * 1.12, (1, 1.5, 2, 3, 5, 7) if span < 0.7 else (1, 2, 5))
         )
     else:
-        ax.yaxis.set_minor_locator(LogLocator(subs=(2, 5)))
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: sr_label(v)))
-        ax.yaxis.set_minor_formatter(NullFormatter())
+        ax.yaxis.set_minor_locator(ticker.LogLocator(subs=(2, 5)))
+        ax.yaxis.set_major_formatter(ticker.FuncFormatter(lambda v, _: sr_label(v)))
+        ax.yaxis.set_minor_formatter(ticker.NullFormatter())
     ax.grid(axis="y", which="major")

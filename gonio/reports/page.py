@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup, escape
-from matplotlib.colors import to_hex, to_rgb
 
 from gonio.figures.diagnostics import channel_colours
-from gonio.figures.style import MARK_BLACK, MARK_WHITE, PALETTE, shades
+from gonio.figures.style import MARK_BLACK, MARK_WHITE, PALETTE, hex_of, rgb_of, shades
 from gonio.models.errors import printable
 from gonio.reports.document import Document
 from gonio.text import without_zeros, written
@@ -181,7 +180,7 @@ _TO_LAB = np.array(
 
 def on_dark(colour: str) -> str:
     """The colour (#rrggbb) that stands for another on a dark page: greys inverted, others lightened in their order."""
-    rgb = np.array(to_rgb(colour))
+    rgb = rgb_of(colour)
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
     lab = _TO_LAB @ np.cbrt(_TO_LMS @ linear)
     if np.ptp(rgb) < 0.02:
@@ -191,8 +190,7 @@ def on_dark(colour: str) -> str:
         lab[0] = LEAST + (0.95 - LEAST) * np.clip((lab[0] - 0.3) / 0.5, 0, 1)
     linear = np.linalg.inv(_TO_LMS) @ (np.linalg.inv(_TO_LAB) @ lab) ** 3
     rgb = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.abs(linear) ** (1 / 2.4) - 0.055)
-    red, green, blue = np.clip(rgb, 0, 1)
-    return to_hex((red, green, blue))
+    return hex_of(np.clip(rgb, 0, 1))
 
 
 def variable(colour: str) -> str:

@@ -1,13 +1,19 @@
 """Figures that Mitsuba renders."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.axes import Axes
 
 from gonio.data.material import Material
 from gonio.figures.spheres import encoded
 from gonio.figures.style import picture
 from gonio.reports.evaluation import ReportFigure
 from gonio.reports.subject import ReportSubject
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 WIDTH = 2.6  # inches
 
