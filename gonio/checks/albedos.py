@@ -14,6 +14,7 @@ SENTENCE = {
     FAIL: "The surface {does} more than it receives",
     UNDECIDED: "The error of the albedo is too large for a verdict",
 }
+CLOSER = "Readings alone bound {n} of the albedos more closely: there the model is left out."
 DOES = {"reflectance": "reflects", "transmittance": "transmits"}
 
 
@@ -48,6 +49,21 @@ class Albedos:
     def does(self) -> str:
         """What the surface does with the light that the albedos count, in words."""
         return " and ".join(DOES[name] for name in self.shares) or "reflects"
+
+    def with_closer(self, other: "Albedos") -> "Albedos":
+        """The same with the albedos that another way to them bounds more closely; itself where incidences differ."""
+        alike = self.value.shape == other.value.shape and all(
+            np.allclose(getattr(self, name), getattr(other, name)) for name in ("theta_i", "phi_i")
+        )
+        closer = other.above < self.above if alike else np.zeros(self.value.shape, bool)
+        if not closer.any():
+            return self
+        names = ("value", "above", "below", "noise")
+        taken = {name: np.where(closer, getattr(other, name), getattr(self, name)) for name in names}
+        hidden = np.where(closer[:, None], other.hidden, self.hidden)
+        return dataclasses.replace(
+            self, **taken, hidden=hidden, method=f"{self.method} {CLOSER.format(n=closer.sum())}"
+        )
 
     def deciding(self, tolerance: float) -> tuple[int, int]:
         """(incidence, channel) of what decides: not finite; else surely above 1; else the one that may be largest."""

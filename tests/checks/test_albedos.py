@@ -60,3 +60,21 @@ def test_the_verdict_takes_the_place_that_decides_it(value, bound, verdict, resi
     value, bound = (np.array(a)[:, None] for a in (value, bound))
     energy = energy_property(Albedos(np.zeros(2), np.zeros(2), value, bound, bound, ""), 1e-6)
     assert energy.verdict == verdict and energy.residual == pytest.approx(residual, nan_ok=True)
+
+
+def test_each_albedo_is_taken_from_the_way_that_bounds_it_more_closely():
+    theta = np.radians([0, 40, 80.0])
+
+    def way(value, bound, method):
+        value, bound = (np.array(a)[:, None] for a in (value, bound))
+        hidden = np.full((3, 2, 1), value[0, 0])
+        return Albedos(theta, 0 * theta, value, bound, bound / 2, method, noise=bound / 10, hidden=hidden)
+
+    model, readings = way([0.5, 0.6, 0.7], [9, 0.01, 0.01], "A."), way([0.51, 0.61, 0.71], [0.02, 0.01, np.inf], "B.")
+    both = model.with_closer(readings)
+    assert both.value.ravel() == pytest.approx([0.51, 0.6, 0.7]) and both.above.max() == 0.02
+    assert both.below.ravel() == pytest.approx([0.01, 0.005, 0.005]) and both.hidden[0, 0] == 0.51
+    assert "Readings alone bound 1 of the albedos" in both.method
+    assert readings.with_closer(readings) is readings
+    elsewhere = Albedos(theta + 0.1, *(getattr(readings, n) for n in ("phi_i", "value", "above", "below", "method")))
+    assert model.with_closer(elsewhere) is model

@@ -200,7 +200,13 @@ def _assisted_by_side(evidence: TableEvidence) -> dict[tuple[int, int], Albedos 
 
 
 def _assisted_front(part: Part, fitted: "FitResult", features: Features) -> Albedos | str:
-    """Those of one pair of sides; `fitted` was made to all of the table."""
+    """Those of one pair of sides; `fitted` was made to all of the table. Where readings alone bound them more closely
+    than the model does, which may be badly determined, it is left out."""
+    assisted, alone = _by_model(part, fitted, features), _albedos(part.table, features, part.bend)
+    return assisted if isinstance(assisted, str) or isinstance(alone, str) else assisted.with_closer(alone)
+
+
+def _by_model(part: Part, fitted: "FitResult", features: Features) -> Albedos | str:
     table = part.table
     if table.layout.outgoing_grid() is not None:
         from gonio.checks.table.albedos.model_assisted import assisted_albedos
