@@ -29,9 +29,11 @@ def test_options_reach_the_instrument_and_the_scan(tmp_path, capsys):
         "--systematic", "tilt_x=0.1,gain=1.01", "--seed", 5, "--float32",
     )  # fmt: skip
     out, err = capsys.readouterr()
-    assert status == 0 and out.splitlines()[1:] == [f"written: {path}"] and "100 cells in" in err
-    assert out.startswith("on a real instrument: ")
     table = open_table(path)
+    shadowed = np.count_nonzero(table.flag == Flag.SHADOWED)
+    told = f"{shadowed} readings have no value: {shadowed} where the detector shadows the sample"
+    assert status == 0 and out.splitlines()[1:] == [told, f"written: {path}"] and "100 cells in" in err
+    assert out.startswith("on a real instrument: ")
     assert table.layout.shape == (5, 5, 4) and table.f.dtype == np.float32
     expected = {
         "source_half_angle_deg": 1.0, "detector_half_angle_deg": 2.0, "photons": 1e5, "ambient": 0.1, "dark": 3.0,
@@ -41,7 +43,13 @@ def test_options_reach_the_instrument_and_the_scan(tmp_path, capsys):
     assert {k: recipe["instrument"][k] for k in expected} == pytest.approx(expected)
     assert recipe["systematic"]["tilt_x_deg"] == pytest.approx(0.1) and recipe["systematic"]["gain"] == 1.01
     assert recipe["seed"] == 5
-    assert (table.flag == Flag.SHADOWED).any()
+    assert shadowed
+
+
+def test_a_scan_of_which_the_axes_reach_nothing_ends_with_status_1(tmp_path, capsys):
+    (tmp_path / "lab.toml").write_text("gonio_instrument = 1\ntheta_o = [95, 170]\n")
+    assert run(MATT, "-o", tmp_path / "t.h5", "--step", 45, "--instrument", tmp_path / "lab.toml") == 1
+    assert "NO reading has a value" in capsys.readouterr().out
 
 
 def test_a_scan_of_the_plane_and_a_list_of_directions(tmp_path):

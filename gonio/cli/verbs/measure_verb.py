@@ -5,6 +5,7 @@ import dataclasses
 import os
 import shlex
 import sys
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from gonio.cli.arguments import (
@@ -98,6 +99,13 @@ ADAPTIVE: Options = {
     },
     "--budget TIME": "or until the time is spent: moving, settling and counting, such as 2h, 30min or 1h30min",
 }
+WITHOUT_VALUE = {
+    "not_measured": "beyond the ranges of the axes",
+    "shadowed": "where the detector shadows the sample",
+    "saturated": "saturated",
+    "invalid": "invalid",
+}
+"""Why a reading above the horizon has no value, in words."""
 RUN: Options = {
     "--seed SEED": {"default": 0, "help": "of the noise and the systematic errors (default 0)"},
     "--float32": "store single precision",
@@ -155,15 +163,32 @@ def _scanned(args: argparse.Namespace, material: "Material", instrument: "Instru
     options = {name: getattr(args, name) for name in ("output", "seed", "force")}
     options["progress"] = args.progress or sys.stderr.isatty()
     options["dtype"] = "float32" if args.float32 else None
+    unread, status = "", 0
     if not args.dry_run:
-        measure(material, instrument, layout, log=log, command=command, seconds=seconds, **options)
+        table = measure(material, instrument, layout, log=log, command=command, seconds=seconds, **options)
+        counts = table.counts()
+        facts["without_value"] = {name: counts[name] for name in WITHOUT_VALUE}
+        unread, status = without_value(facts["without_value"], counts["valid"]), 0 if counts["valid"] else 1
     else:
         size = f"{facts['cells']:,} cells × {facts['channels']} channels, at most {facts['bytes'] / 1e6:.3g} MB"
         show(f"{material.name}, {layout.name} scan: {size} before compression")
     show(time_sentence(takes, instrument.pace))
+    show(unread) if unread else None
     if not args.dry_run:
         show(f"written: {args.output}")
-    return write_json(args, facts | {"written": None if args.dry_run else args.output})
+    return write_json(args, facts | {"written": None if args.dry_run else args.output}, status)
+
+
+def without_value(counts: Mapping[str, int], valid: int) -> str:
+    """How many readings have no value and why; nothing where all have one.
+
+    Args:
+        counts: of the reasons `WITHOUT_VALUE`.
+        valid: readings that have a value.
+    """
+    why = ", ".join(f"{count:,} {WITHOUT_VALUE[name]}" for name, count in counts.items() if count)
+    number = sum(counts.values())
+    return f"{'NO reading has a value' if not valid else f'{number:,} readings have no value'}: {why}" if why else ""
 
 
 def time_facts(takes: "ScanTime") -> dict[str, Any]:
