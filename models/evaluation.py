@@ -33,6 +33,8 @@ FEW_DRAWS = 2048
 LARGEST_CHANGE, MOST_COARSE = 0.1, 0.005
 """Relative change of a density between neighbouring numbers, and the share of directions that may have more."""
 
+PLAIN = frozenset((np.ndarray, np.float64, np.float32, float, int))
+
 
 @wide_jit
 def _values(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> Channels:
@@ -61,7 +63,7 @@ def component_arrays(wi: Direction, wo: Direction) -> tuple[list[np.ndarray], tu
             raise GonioError(f"A direction is Direction(x, y, z), three arrays; a {type(w).__name__} came.")
     arrays = [np.asarray(c) for c in (*wi, *wo)]
     first = arrays[0].shape
-    if all(a.shape == first for a in arrays):
+    if [a.shape for a in arrays] == [first] * 6:
         return arrays, first
     try:
         return arrays, np.broadcast_shapes(*(a.shape for a in arrays))
@@ -122,7 +124,8 @@ def evaluate(brdf: AbstractBRDF, wi: Direction, wo: Direction) -> np.ndarray | j
         else:
             values = np.asarray(_values(brdf, *(_filled_up(w) for w in (wi, wo))))[: wi.z.size]
         values = values.reshape(shape + values.shape[1:])
-    of_jax = any(a is not c and isinstance(c, jax.Array) for a, c in zip(arrays, (*wi, *wo), strict=True))
+    # To ask of any number whether it is an array of JAX takes longer than to evaluate it.
+    of_jax = any(type(c) not in PLAIN and isinstance(c, jax.Array) for c in (*wi, *wo))
     return jnp.asarray(values) if of_jax else values
 
 

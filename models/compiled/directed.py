@@ -50,9 +50,10 @@ def directed_values(model: Any, arrays: Sequence[np.ndarray], shape: tuple[int, 
     if not same:
         grid = _grid(arrays, shape) if size > FEW else None
         formula, parts, sizes = grid or (PAIRS, [np.broadcast_to(a, shape) for a in arrays], (size,))
-    if len(shape) == 1 and same:
+    if same and len(shape) == 1:
         return values(PAIRS, model, parts, sizes, dtype)
-    f = values(formula, model, [a.reshape(-1) for a in parts], sizes, dtype)
+    # Of one pair, whose time is spent here, the shape does not matter.
+    f = values(formula, model, parts if same and size == 1 else [a.reshape(-1) for a in parts], sizes, dtype)
     return None if f is None else f.reshape(shape + f.shape[len(sizes) :])
 
 

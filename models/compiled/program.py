@@ -86,9 +86,9 @@ class Program:
         return loop, code
 
     def vector(self) -> "Vector":
-        rows = list(np.empty((len(self.split), self.lanes), self.input_dtype))
+        rows = np.empty((len(self.split), self.lanes), self.input_dtype)
         output, sizes = np.empty((self.lanes, *self.channels), self.dtype), np.array([self.lanes], np.int64)
-        pointers = addresses(rows)
+        pointers = addresses(list(rows))
         places = (pointers.ctypes.data, output.ctypes.data, 0, self.lanes, sizes.ctypes.data)
         return Vector(rows, output, places, (pointers, sizes))
 
@@ -148,11 +148,14 @@ class Bound(NamedTuple):
         vector: Vector | None = getattr(p.local, "vector", None)
         if vector is None:
             vector = p.local.vector = p.vector()
-        for row, a in zip(vector.rows, arrays, strict=True):
-            if a.size == 1:
-                row[:] = a
-            else:
-                row[:n], row[n:] = a, a[0]
+        if n == 1:  # all at once: that takes less time than the components one after another
+            vector.rows[:] = np.array([[a.item()] for a in arrays])
+        else:
+            for row, a in zip(vector.rows, arrays, strict=True):
+                if a.size == 1:
+                    row[:] = a
+                else:
+                    row[:n], row[n:] = a, a[0]
         status = p.code.call(self.address, *vector.places)
         return None if status else vector.output[:n].copy()
 
@@ -160,7 +163,7 @@ class Bound(NamedTuple):
 class Vector(NamedTuple):
     """Memory of a thread for one vector of pairs: a row for each component, the values, and what a program is given."""
 
-    rows: list[np.ndarray]
+    rows: np.ndarray
     output: np.ndarray
     places: tuple[int, ...]
     kept: tuple[np.ndarray, ...]
