@@ -1,6 +1,5 @@
 """What of a formula does not depend on directions: computed in NumPy, once for each set of parameters."""
 
-import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -12,8 +11,8 @@ from gonio.models.compiled.arrays import MOVES
 
 INLINED = ("pjit", "jit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "remat", "checkpoint")
 """Calls of a part of the formula."""
-WHOLE: set[str] = set()
-"""Names of calls that run as programs of their own."""
+WHOLE: dict[str, Callable[..., Any]] = {}
+"""What runs as a program of its own, by the name of its calls."""
 ELEMENTWISE: dict[str, Callable[..., Any]] = {
     "add": np.add, "add_any": np.add, "sub": np.subtract, "mul": np.multiply, "max": np.maximum, "min": np.minimum,
     "neg": np.negative, "abs": np.abs, "sqrt": np.sqrt, "exp": np.exp, "exp2": np.exp2, "expm1": np.expm1,
@@ -25,15 +24,15 @@ ELEMENTWISE: dict[str, Callable[..., Any]] = {
 }  # fmt: skip
 
 
-def whole(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`jax.jit` of a function of parameters: of a formula's steps, it is taken as one, and is not NumPy's."""
-    WHOLE.add(function.__name__)
+def whole(function: Callable[..., Any], run: Callable[..., Any]) -> Callable[..., Any]:
+    """`jax.jit` of a function of parameters: of a formula's steps, it is taken as one, and is not NumPy's.
+
+    Args:
+        function: of arrays, one a parameter; its results are arrays in a PyTree.
+        run: the same for values; programs that are kept, say.
+    """
+    WHOLE[function.__name__] = run
     return jax.jit(function)
-
-
-@functools.lru_cache(maxsize=64)
-def _executable(closed: Any) -> Callable[..., Any]:
-    return jax.jit(core.jaxpr_as_fun(closed))
 
 
 def is_whole(step: Any) -> bool:
@@ -52,7 +51,7 @@ def _results(step: Any, values: Sequence[np.ndarray]) -> Sequence[Any]:
     name, parameters = step.primitive.name, step.params
     if is_whole(step):
         with jax.ensure_compile_time_eval():
-            return [np.asarray(a) for a in _executable(called(step))(*values)]
+            return [np.asarray(a) for a in jax.tree.leaves(WHOLE[step.params["name"]](*values))]
     if name in INLINED:
         return program(called(step), values)
     if name == "scan":

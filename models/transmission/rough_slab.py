@@ -246,7 +246,7 @@ class RoughSlab(AbstractComposite):
     def terms(self) -> tuple[AbstractBRDF, ...]:
         behind = self.alpha if self.alpha_behind is None else self.alpha_behind
         light = sheet_light(Faces(self.alpha, behind, self.eta, self.clear))
-        scale = jax.lax.stop_gradient(grazing_scale(self.alpha, behind, self.eta))
+        scale = jax.lax.stop_gradient(grazing_scale(self.alpha, behind, self.eta))  # in the series' slopes
         inside = (
             SlabInside(self.alpha, behind, self.eta, self.clear, scale, light, passes) for passes in (False, True)
         )

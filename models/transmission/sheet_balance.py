@@ -16,14 +16,14 @@ from jaxtyping import Array, Bool
 
 from gonio.models.arrays import Scalar
 from gonio.models.compiled.known import whole
+from gonio.models.compiling import sparing_jit
 from gonio.models.fresnel import fresnel_dielectric
-from gonio.models.kept_jit import kept_jit
 from gonio.models.microfacet.chebyshev import chebyshev_basis
 from gonio.models.transmission.face_albedo import face_albedo
 from gonio.models.transmission.rough_faces import Faces, between_cosines, cosines_outside, light_through
 
 TERMS = 22
-"""Of the series, and points that they go through."""
+"""Of the series, and points that they go through. One more, 0, is there for slopes."""
 SCALE = 2.0
 """Of the series' variable, over the cosines to which lobes are cut off by the horizon."""
 RADII = 12
@@ -149,18 +149,23 @@ def shared(factor: Scalar, lobes: Scalar, light: Scalar) -> tuple[Scalar, Scalar
 
 
 class Balance(NamedTuple):
-    """What `Direct` holds, four rows."""
+    """What `Direct` holds, four rows; of the level the average, over directions, of what broad terms share out."""
 
     factors: Scalar
     lobes: Scalar
     light: Scalar
-    levels: Scalar
+    averages: Scalar
 
     def on(self, front: Bool[Array, ""], passes: bool) -> tuple[Direct, Direct]:
         """Of the side that light enters, then of the side that it leaves."""
         first, second = (2, 3) if passes else (0, 1)
-        entering = Direct(*(jnp.where(front, rows[first], rows[second]) for rows in self))
-        return entering, Direct(*(jnp.where(front, rows[second], rows[first]) for rows in self)) if passes else entering
+        # What a broad term has of a direction is its rest, over the root of the greater average of both sides.
+        greater = jnp.maximum(jnp.maximum(self.averages, _other(self.averages)), 1e-12)
+        row_sets = *self[:3], 1.0 / jnp.sqrt(greater)
+        entering = Direct(*(jnp.where(front, rows[first], rows[second]) for rows in row_sets))
+        return entering, Direct(
+            *(jnp.where(front, rows[second], rows[first]) for rows in row_sets)
+        ) if passes else entering
 
 
 def grazing_scale(alpha: Scalar, behind: Scalar, eta: Scalar) -> Scalar:
@@ -168,9 +173,9 @@ def grazing_scale(alpha: Scalar, behind: Scalar, eta: Scalar) -> Scalar:
     return SCALE * jnp.sqrt(jnp.sqrt((eta - 1.0) * (eta + 1.0) * (alpha**2 + behind**2)))
 
 
-def basis_of(cosine: Scalar, scale: Scalar) -> Scalar:
+def basis_of(cosine: Scalar, scale: Scalar, terms: int = TERMS + 1) -> Scalar:
     """Of the series, at a cosine."""
-    return chebyshev_basis(2.0 * cosine * (1.0 + scale) / (cosine + scale) - 1.0, TERMS)
+    return chebyshev_basis(2.0 * cosine * (1.0 + scale) / (cosine + scale) - 1.0, terms)
 
 
 def _cosine_of(t: Scalar, scale: Scalar) -> Scalar:
@@ -234,7 +239,7 @@ def lobe_matrices(cosine: Scalar, faces: Faces, scale: Scalar) -> Scalar:
     both = [_rays(z_i, faces, passes) for passes in (False, True)]
     r = Rays(*(jnp.concatenate(a, -1) for a in zip(*both, strict=True)))
     ring = jnp.exp(-((r.sine - beta_i) ** 2) / r.s2) * i0e(2.0 * r.sine * beta_i / r.s2)
-    values = (2.0 * r.sine * r.cosine * r.weight * r.share * ring / r.s2)[None] * basis_of(r.cosine, scale)
+    values = (2.0 * r.sine * r.cosine * r.weight * r.share * ring / r.s2)[None] * basis_of(r.cosine, scale, TERMS)
     split = both[0].s2.shape[-1]
     series = jnp.concatenate([jnp.sum(values[..., :split], -1), jnp.sum(values[..., split:], -1)], 1)
     return jnp.moveaxis(series, 0, -1) @ jnp.asarray(_points()[1].T, cosine.dtype)
@@ -251,18 +256,22 @@ def _all_light(cosine: Scalar, faces: Faces) -> Scalar:
     rough = -jnp.expm1(-jnp.sum(alphas**2) / NARROW**2)
 
     def of_side(alpha: Scalar, through: Scalar, entered: Scalar) -> Scalar:
-        both = jnp.concatenate([cosine, jnp.maximum(cosines_outside(alpha), 1e-9)])
-        flat, n = flat_sheet(both, faces.eta, faces.clear), cosine.size
-        flat = (
-            jnp.stack([flat.mirrored, jnp.ones_like(both)])
-            * (flat.through / (1.0 - fresnel_dielectric(both, faces.eta)))[None]
+        # Rough faces let in grazing light too: a flat sheet as they see it, so that nodes are close enough.
+        nodes, n = jnp.concatenate([cosine, cosines_outside(alpha)]), cosine.size
+        softened = jnp.sqrt(nodes**2 + alpha**2 * (1.0 - nodes) * (1.0 + nodes))
+        every = jnp.concatenate([cosine, softened])
+        sheet = flat_sheet(every, faces.eta, faces.clear)
+        shares_of_all = (
+            jnp.stack([sheet.mirrored, jnp.ones_like(every)])
+            * (sheet.through / (1.0 - fresnel_dielectric(every, faces.eta)))[None]
         )
-        between = between_cosines(jnp.concatenate([through / entered[None], flat[:, n:]]), cosine, alpha)
+        flat, like, like_nodes = jnp.split(shares_of_all, (n, 2 * n), 1)
+        between = between_cosines(jnp.concatenate([through / entered[None], like_nodes]), cosine, alpha)
         shares, level = jnp.maximum(between[:2], 0.0), jnp.maximum(between[2:], 1e-3)
-        right = shares * flat[:, :n] / level
-        total = jnp.minimum(jnp.sum(shares, 0) * jnp.sum(flat[:, :n], 0) / jnp.sum(level, 0), 1.0)
+        right = shares * like / level
+        total = jnp.minimum(jnp.sum(shares, 0) * jnp.sum(like, 0) / jnp.sum(level, 0), 1.0)
         right = right * (total / jnp.maximum(jnp.sum(right, 0), 1e-12))[None]
-        return (flat[:, :n] + rough * (right - flat[:, :n])) * (1.0 - face_albedo(cosine, alpha, faces.eta))[None]
+        return (flat + rough * (right - flat)) * (1.0 - face_albedo(cosine, alpha, faces.eta))[None]
 
     return jax.vmap(of_side, (0, 1, 0), 1)(alphas, through, entered).reshape(4, -1)
 
@@ -287,7 +296,7 @@ def _scaled(matrices: Scalar, light: Scalar) -> Scalar:
 def _averaging() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(nodes and weights of an integral over the variable, the series' basis at the nodes)."""
     x, w = np.polynomial.legendre.leggauss(AVERAGE)
-    return (x + 1) / 2, w / 2, np.polynomial.chebyshev.chebvander(x, TERMS - 1).T
+    return (x + 1) / 2, w / 2, np.polynomial.chebyshev.chebvander(x, TERMS).T
 
 
 def balance(faces: Faces, scale: Scalar) -> Balance:
@@ -298,15 +307,12 @@ def balance(faces: Faces, scale: Scalar) -> Balance:
     matrices = lobe_matrices(mu, faces, scale)
     factors = _scaled(matrices, light)
     lobes = jnp.sum(matrices * _other(factors)[:, None], -1)
-    series = [values @ to_series for values in (factors, lobes, light)]
-    # What a broad term has of a direction is its rest, over the root of the greater average of both sides.
+    series = [jnp.pad(values @ to_series, ((0, 0), (0, 1))) for values in (factors, lobes, light)]
     nodes, weight, basis = (jnp.asarray(a, faces.eta.dtype) for a in _averaging())
     cosine = _cosine_of(nodes, scale)
     rate = scale * (1.0 + scale) / (scale + 1.0 - nodes) ** 2
     _, rests = shared(*(a @ basis for a in series))
-    averages = rests @ (2.0 * weight * rate * cosine)
-    greater = jnp.maximum(jnp.maximum(averages, _other(averages)), 1e-12)
-    return Balance(series[0], series[1], series[2], 1.0 / jnp.sqrt(greater))
+    return Balance(series[0], series[1], series[2], rests @ (2.0 * weight * rate * cosine))
 
 
 def _of_channels(faces: Faces, scale: Scalar) -> Balance:
@@ -316,35 +322,53 @@ def _of_channels(faces: Faces, scale: Scalar) -> Balance:
     return jax.vmap(balance, (axes, by_scale), -1)(faces, scale)
 
 
-@whole
-def sheet_balance(faces: Faces) -> Balance:
-    """The series of a sheet, channels last."""
+def sheet_balance(*values: Scalar) -> Balance:
+    """The series of a sheet by its `Faces`, one by one, channels last."""
+    faces = Faces(*values)
     return _of_channels(faces, grazing_scale(faces.alpha, faces.behind, faces.eta))
 
 
-@whole
-def sheet_balance_and_slopes(faces: Faces) -> tuple[Balance, Balance]:
+@functools.lru_cache
+def stretched() -> np.ndarray:
+    """Of a series Σ cₖTₖ(x), that of Σ cₖTₖ′(x) (x² − 1)/2: at a fixed cosine x moves so with ln(scale/(1 + scale))."""
+    k = np.arange(TERMS) / 4.0
+    return (np.diag(k, -1) - np.diag(np.arange(1, TERMS + 1) / 4.0, 1))[:, : TERMS + 1]
+
+
+def sheet_balance_and_slopes(*values: Scalar) -> tuple[Balance, Balance]:
     """The series, and on another first axis their slopes by the four parameters, by differences.
 
-    A program of exact slopes takes five times as long to compile. They are one-sided, within the domain, and of series
-    in the same variable: it does not depend on the parameters then.
+    A program of exact slopes takes five times as long to compile. They are one-sided, within the domain. Slopes are
+    those at a fixed cosine, of series in a variable that depends on the parameters too: what a series does not resolve
+    moves with it.
     """
+    faces = Faces(*values)
     r = float(jnp.finfo(faces.eta.dtype).eps) ** 0.5
     steps = r * faces.alpha, r * faces.behind, r * (faces.eta - 1.0), jnp.where(faces.clear > 0.5, -r, r)
     ends = np.vstack([np.eye(4), np.zeros(4)]).astype(faces.eta.dtype)
-    every = jax.vmap(_of_channels, (0, None))(
-        Faces(*(jnp.asarray(v)[None] + jnp.multiply.outer(e, h) for v, e, h in zip(faces, ends.T, steps, strict=True))),
-        grazing_scale(faces.alpha, faces.behind, faces.eta),
+    near = Faces(
+        *(jnp.asarray(v)[None] + jnp.multiply.outer(e, h) for v, e, h in zip(faces, ends.T, steps, strict=True))
     )
+    every, scales = jax.vmap(sheet_balance)(*near), grazing_scale(near.alpha, near.behind, near.eta)
     spans = jnp.stack(jnp.broadcast_arrays(*steps))
 
     def slope(a: Scalar) -> Scalar:
+        """Of what has channels last, if it has any."""
+        a = a.reshape(a.shape + (1,) * (spans.ndim - a.ndim))
         return (a[:4] - a[4:]) / spans.reshape(4, *(1,) * (a.ndim - spans.ndim), *spans.shape[1:])
 
-    return jax.tree.map(lambda a: a[4], every), jax.tree.map(slope, every)
+    here: Balance = jax.tree.map(lambda a: a[4], every)
+    last = scales[4:].reshape(1, *scales.shape[1:], *(1,) * (spans.ndim - scales.ndim))
+    moves = (slope(scales) / (last * (1.0 + last)))[:, None, None]
+    moved = (jnp.einsum("jk,rk...->rj...", jnp.asarray(stretched(), a.dtype), a) for a in here[:3])
+    slopes = (slope(a) + moves * m[None] for a, m in zip(every[:3], moved, strict=True))
+    return here, Balance(*slopes, slope(every.averages))
 
 
-_kept = kept_jit(sheet_balance)
+balance_of_values = sparing_jit(sheet_balance)
+balance_and_slopes_of_values = sparing_jit(sheet_balance_and_slopes)
+_traced = whole(sheet_balance, balance_of_values)
+_traced_with_slopes = whole(sheet_balance_and_slopes, balance_and_slopes_of_values)
 
 
 @jax.custom_jvp
@@ -352,12 +376,12 @@ def sheet_light(faces: Faces) -> Balance:
     """The series of a sheet, channels last."""
     # Traced, the program stays a part of its own: what depends on no direction is then computed once.
     traced = any(isinstance(v, Tracer) for v in jax.tree.leaves(faces))
-    return sheet_balance(faces) if traced else _kept(faces)
+    return (_traced if traced else balance_of_values)(*faces)
 
 
 @sheet_light.defjvp
 def _sheet_light_jvp(primals: tuple[Faces], tangents: tuple[Faces]) -> tuple[Balance, Balance]:
-    series, slopes = sheet_balance_and_slopes(*primals)
+    series, slopes = _traced_with_slopes(*primals[0])
 
     def along(a: Scalar) -> Scalar:
         return sum(

@@ -7,6 +7,14 @@ from gonio.models.albedo import directional_albedo, directional_transmittance
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction
+from gonio.models.transmission.sheet_balance import (
+    TERMS,
+    balance_and_slopes_of_values,
+    balance_of_values,
+    basis_of,
+    grazing_scale,
+    stretched,
+)
 from support.rough_faces import Sheet, fresnel, sheet_light
 
 RAYS = 15_000
@@ -62,3 +70,39 @@ def test_light_is_that_of_rays_between_two_rough_faces(sheet, theta, within):
         wo = Direction(*(np.array(c) for c in zip(*views, strict=True)))
         ours = np.ravel(evaluate(model, wi, wo))
         np.testing.assert_allclose(ours, f, rtol=0.06)
+
+
+def test_a_nearly_clear_sheet_is_nearly_a_clear_one():
+    """Of grazing light a flat sheet, all bounces summed, loses much as soon as it absorbs; rough faces do not."""
+    clear, nearly = (
+        [np.asarray(a) for a in balance_of_values(*(np.asarray(v) for v in (0.15, 0.15, 1.5, clear)))]
+        for clear in (1.0, 1.0 - 1e-4)
+    )
+    for a, b in zip(clear, nearly, strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-3)
+
+
+def test_a_series_stretched_is_its_slope_by_the_scale():
+    """Σ cₖTₖ(x) at one cosine, x by the scale: its slope by ln(scale/(1 + scale)) is a series of one term more."""
+    series, scale, cosine = np.random.default_rng(0).normal(size=TERMS + 1), 0.3, np.linspace(0.01, 1, 9)
+    series[-1], step = 0.0, 1e-6
+    ends = [series @ np.asarray(basis_of(cosine, scale + d)) for d in (-step, step)]
+    slope = (ends[1] - ends[0]) / (2 * step) * scale * (1 + scale)
+    np.testing.assert_allclose(stretched() @ series @ np.asarray(basis_of(cosine, scale)), slope, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.thorough
+def test_slopes_are_those_of_what_is_computed():
+    """At fixed cosines, of all three series: those of fits that leave structure end where their gradient is 0."""
+    values, cosine = np.array([0.2, 0.1, 1.5, 0.9]), np.linspace(0.02, 1, 30)
+
+    def at(balance, values):
+        basis = np.asarray(basis_of(cosine, grazing_scale(*values[:3])))
+        return np.stack([np.asarray(a) @ basis for a in balance[:3]])
+
+    _, slopes = balance_and_slopes_of_values(*(np.asarray(v) for v in values))
+    for k in range(4):
+        ends = [values + d * np.eye(4)[k] for d in (-1e-6, 1e-6)]
+        low, high = (at(balance_of_values(*(np.asarray(v) for v in end)), end) for end in ends)
+        ours = at([np.asarray(a)[k] for a in slopes], values)
+        np.testing.assert_allclose(ours, (high - low) / 2e-6, atol=2e-4)
