@@ -117,32 +117,6 @@ class SlabFace(AbstractEitherSide):
         return Beckmann(alpha=jnp.where(wi.z > 0, self.alpha, self.alpha_behind), eta=self.eta)
 
 
-class SlabInside(AbstractEitherSide):
-    """What passes the inside: transmitted, or reflected from the far side."""
-
-    alpha: Channels
-    alpha_behind: Channels
-    eta: Channels
-    clear: Channels
-    scale: Channels
-    light: Balance
-    passes: bool = eqx.field(static=True)
-
-    lobe = True
-
-    @property
-    def through(self) -> bool:
-        return self.passes
-
-    def facing(self, wi: Direction) -> AbstractBRDF:
-        front = wi.z > 0
-        near, far = (
-            jnp.where(front, *pair) for pair in ((self.alpha, self.alpha_behind), (self.alpha_behind, self.alpha))
-        )
-        entering, leaving = self.light.on(front, self.passes)
-        return InnerLobe(near, far, self.eta, self.clear, entering, leaving, self.scale, self.passes)
-
-
 class BroadLobe(AbstractBRDF):
     """r(μi) r(μo) √(h(h + 2p))/(π(p + h − p cosΔ)), r what the lobes leave of a direction, p = βi βo, β = sinθ.
 
@@ -186,13 +160,15 @@ class BroadLobe(AbstractBRDF):
         return jnp.where(wo.z > 0, density, 0.0)
 
 
-class SlabRest(AbstractEitherSide):
-    """What the lobes leave of the light that was inside."""
+class SlabInside(AbstractEitherSide):
+    """What was inside, transmitted or reflected from the far side: a lobe, or the broad rest that lobes leave."""
 
-    breadth: Channels
+    faces: Faces
     scale: Channels
+    breadth: Channels
     light: Balance
     passes: bool = eqx.field(static=True)
+    broad: bool = eqx.field(static=True)
 
     lobe = True
 
@@ -201,7 +177,13 @@ class SlabRest(AbstractEitherSide):
         return self.passes
 
     def facing(self, wi: Direction) -> AbstractBRDF:
-        return BroadLobe(*self.light.on(wi.z > 0, self.passes), self.scale, self.breadth)
+        front = wi.z > 0
+        entering, leaving = self.light.on(front, self.passes)
+        if self.broad:
+            return BroadLobe(entering, leaving, self.scale, self.breadth)
+        alpha, behind, eta, clear = self.faces
+        near, far = (jnp.where(front, *pair) for pair in ((alpha, behind), (behind, alpha)))
+        return InnerLobe(near, far, eta, clear, entering, leaving, self.scale, self.passes)
 
 
 class RoughSlab(AbstractComposite):
@@ -245,11 +227,13 @@ class RoughSlab(AbstractComposite):
 
     def terms(self) -> tuple[AbstractBRDF, ...]:
         behind = self.alpha if self.alpha_behind is None else self.alpha_behind
-        light = sheet_light(Faces(self.alpha, behind, self.eta, self.clear))
+        faces = Faces(self.alpha, behind, self.eta, self.clear)
+        light = sheet_light(faces)
         scale = jax.lax.stop_gradient(grazing_scale(self.alpha, behind, self.eta))  # in the series' slopes
-        inside = (
-            SlabInside(self.alpha, behind, self.eta, self.clear, scale, light, passes) for passes in (False, True)
-        )
         breadth = BREADTH * (self.eta - 1.0) * (self.eta + 1.0) * (self.alpha**2 + behind**2)
-        rest = (SlabRest(breadth, scale, light, passes) for passes in (False, True))
-        return SlabFace(self.alpha, behind, self.eta), *inside, *rest
+        inside = (
+            SlabInside(faces, scale, breadth, light, passes, broad)
+            for broad in (False, True)
+            for passes in (False, True)
+        )
+        return SlabFace(self.alpha, behind, self.eta), *inside

@@ -35,7 +35,7 @@ STEPS = 4
 AVERAGE = 32
 """Nodes of an average over directions."""
 LIFTED = 1.003
-"""Factors, over what their series say."""
+"""Factors over those of their series, which ring below 1 where the factor is 1."""
 NARROW = 0.015
 """Slope widths, of both faces, below which light is shared out as by a flat sheet: the table errs by more."""
 TILT = 0.1
@@ -45,8 +45,11 @@ FADE = 0.5
 
 
 class Flat(NamedTuple):
-    """Of a flat sheet in one direction, of all light that gets through, and of one passage: what the far side reflects
-    and the inside keeps; then μ and η cosθ′."""
+    """A flat sheet in one direction.
+
+    The share transmitted, all bounces summed; what one passage and the far side leave of what is reflected there; μ and
+    η cosθ′.
+    """
 
     through: Scalar
     mirrored: Scalar
@@ -55,14 +58,17 @@ class Flat(NamedTuple):
 
 
 def _let_in(cosine: Scalar, inside: Scalar, eta: Scalar) -> Scalar:
+    """1 − F of unpolarised light at one face, without the difference."""
     return 2.0 * cosine * inside * (1.0 / (cosine + inside) ** 2 + (eta / (eta**2 * cosine + inside)) ** 2)
 
 
 def _inside(cosine: Scalar, eta: Scalar) -> Scalar:
+    """η cosθ′ by Snell's law."""
     return jnp.sqrt((eta - 1.0) * (eta + 1.0) + cosine * cosine)
 
 
 def flat_sheet(cosine: Scalar, eta: Scalar, clear: Scalar) -> Flat:
+    """Transmittance p²k/(1 − F²k²), p = 1 − F, of a clear flat sheet whose inside passes k, and its parts."""
     inside = _inside(cosine, eta)
     passed = _let_in(cosine, inside, eta)
     reflected, kept = fresnel_dielectric(cosine, eta), clear ** (eta / inside)
@@ -71,7 +77,7 @@ def flat_sheet(cosine: Scalar, eta: Scalar, clear: Scalar) -> Flat:
 
 
 def mean_share(w_i: Scalar, w_o: Scalar) -> Scalar:
-    """A mean that stays near the lesser: a grazing direction must not get the greater one of the lobe's rest."""
+    """(½(wᵢ⁻² + wₒ⁻²))^(−½): near the lesser, so that a grazing direction does not get the share of a steep one."""
     squares = 0.5 * (w_i**2 + w_o**2)
     some = squares > float(jnp.finfo(squares.dtype).tiny)
     return jnp.where(some, w_i * w_o / jnp.sqrt(jnp.where(some, squares, 1.0)), 0.0)
@@ -85,7 +91,7 @@ def mirrored(i: Flat, o: Flat, near2: Scalar, far2: Scalar) -> tuple[Scalar, Sca
 
 
 def _near_one(x: Scalar, excess: Scalar) -> Scalar:
-    """1 + x, less far from 1 where the medium's index is."""
+    """1 + x of small x, kept within 1 ± `most`, which falls with the excess η² − 1 of the medium."""
     most = excess / (excess + FADE)
     return 1.0 + most * x / jnp.sqrt(most**2 + x**2)
 
@@ -361,8 +367,8 @@ def sheet_balance_and_slopes(*values: Scalar) -> tuple[Balance, Balance]:
     last = scales[4:].reshape(1, *scales.shape[1:], *(1,) * (spans.ndim - scales.ndim))
     moves = (slope(scales) / (last * (1.0 + last)))[:, None, None]
     moved = (jnp.einsum("jk,rk...->rj...", jnp.asarray(stretched(), a.dtype), a) for a in here[:3])
-    slopes = (slope(a) + moves * m[None] for a, m in zip(every[:3], moved, strict=True))
-    return here, Balance(*slopes, slope(every.averages))
+    factors, lobes, light = (slope(a) + moves * m[None] for a, m in zip(every[:3], moved, strict=True))
+    return here, Balance(factors, lobes, light, slope(every.averages))
 
 
 balance_of_values = sparing_jit(sheet_balance)
