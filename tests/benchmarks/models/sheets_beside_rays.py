@@ -1,6 +1,8 @@
 """Random sheets with rough sides beside rays followed through them: R and T by incidence, f about the peaks by view.
 
-python tests/benchmarks/models/sheets_beside_rays.py [SHEETS] [SEED] [RAYS]
+    python tests/benchmarks/models/sheets_beside_rays.py [SHEETS] [SEED] [RAYS] [nearly]
+
+`nearly`: sheets that are nearly clear, `clear` from 0.95 to 0.9999.
 """
 
 import itertools
@@ -25,12 +27,14 @@ NEAR = 0.1
 """Of the greatest f on a side: views with less are left out."""
 
 
-def drawn(rng: np.random.Generator) -> tuple[Sheet, float]:
-    """A sheet and an angle of incidence, radians."""
+def drawn(rng: np.random.Generator, nearly: bool = False) -> tuple[Sheet, float]:
+    """A sheet, one that is nearly clear at will, and an angle of incidence, radians."""
     alpha = 0.02 * 20 ** rng.random()
     behind = alpha if rng.random() < 0.4 else 0.02 * 20 ** rng.random()
     eta = rng.uniform(1.2, 2.0)
     clear = 1.0 if rng.random() < 0.4 else rng.uniform(0.5, 1.0)
+    if nearly:
+        clear = 1.0 - 10 ** rng.uniform(-4.0, np.log10(0.05))
     return Sheet(alpha, behind, eta, clear), np.radians(rng.uniform(0, 80))
 
 
@@ -55,13 +59,13 @@ def by_band(name: str, edges: tuple[int, ...], degrees: np.ndarray, errors: np.n
         quantiles(f"  {low:2d} to {high:2d}°", errors[(degrees >= low) & (degrees < high)])
 
 
-def main(sheets: int = 120, seed: int = 1, rays: int = 20_000) -> None:
+def main(sheets: int = 120, seed: int = 1, rays: int = 20_000, nearly: bool = False) -> None:
     jax.config.update("jax_enable_x64", True)
     rng, errors, degrees, totals = np.random.default_rng(seed), [], [], []
     views = np.concatenate([in_plane(1), in_plane(-1)])
     off: tuple[list, list] = ([], [])
     for k in range(sheets):
-        sheet, theta = drawn(rng)
+        sheet, theta = drawn(rng, nearly)
         r, t, f = sheet_light(sheet, theta, rays, seed * 1000 + k, list(views))
         model = build("rough_slab(alpha={}, alpha_behind={}, eta={}, clear={})".format(*sheet))
         light = [
@@ -84,4 +88,4 @@ def main(sheets: int = 120, seed: int = 1, rays: int = 20_000) -> None:
 
 
 if __name__ == "__main__":
-    main(*(int(a) for a in sys.argv[1:]))
+    main(*(int(a) for a in sys.argv[1:] if a != "nearly"), nearly="nearly" in sys.argv)
