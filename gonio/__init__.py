@@ -51,6 +51,7 @@ _PUBLIC = {  # public name: where it is defined; `__init__.pyi` has the same for
     "repair": "gonio.checks.repairs.nearest_table:repair",
     "report": "gonio.reports.build:report",
     "scan": "gonio.instrument.scans:scan",
+    "standard_uncertainty": "gonio.metrology.values.standard_uncertainty:standard_uncertainty",
     "stress": "gonio.stability:stress",
 }
 

@@ -23,6 +23,7 @@ from gonio.instrument.offsets_scan import measure_profile as measure_profile
 from gonio.instrument.scans import scan as scan
 from gonio.metrology.fit_with_errors import fit as fit
 from gonio.metrology.quantities import quantities as quantities
+from gonio.metrology.values.standard_uncertainty import standard_uncertainty as standard_uncertainty
 from gonio.models.errors import GonioError as GonioError
 from gonio.planning.adaptive.adaptive_measurement import adapt as adapt
 from gonio.planning.planned import plan as plan
@@ -64,5 +65,6 @@ __all__ = [
     "repair",
     "report",
     "scan",
+    "standard_uncertainty",
     "stress",
 ]  # without `open`: a star import leaves Python's own

@@ -37,6 +37,7 @@ VERBS = [
     "repair",
     "report",
     "scan",
+    "standard_uncertainty",
     "stress",
 ]
 CLASSES = [

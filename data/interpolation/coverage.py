@@ -166,8 +166,9 @@ class ScatteredHull(NamedTuple):
         isotropic = phi.size == 0 or bool(np.ptp(np.cos(phi)) < 1e-9 and np.ptp(np.sin(phi)) < 1e-9)
         points = np.unique(np.round(_points(block.wi, block.wo, isotropic), 9), axis=0)
         centre = points.mean(axis=0)
-        _, _, axes = np.linalg.svd(points - centre, full_matrices=True)
-        place = (points - centre) @ axes.T
+        offset = points - centre
+        _, _, axes = np.linalg.svd(offset.T @ offset)
+        place = offset @ axes.T
         flat = np.ptp(place, axis=0) <= SAME
         spread = place[:, ~flat]
         if spread.shape[1] == 0:

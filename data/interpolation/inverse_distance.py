@@ -105,22 +105,33 @@ def one_azimuth(wi: Direction) -> bool:
     return bool(azimuth.size == 0 or np.ptp(azimuth) < 1e-9)
 
 
-def left_out(wi: Direction, wo: Direction, values: np.ndarray, isotropic: bool, reciprocal: bool = True) -> np.ndarray:
-    """The mean (n, C) of all other samples' values at each of the samples (n, C), all of them valid."""
+def left_out(
+    wi: Direction,
+    wo: Direction,
+    values: np.ndarray,
+    isotropic: bool,
+    reciprocal: bool = True,
+    which: np.ndarray | None = None,
+) -> np.ndarray:
+    """The mean (m, C) of all other samples' values at each of the samples (n, C), all of them valid.
+
+    `which`: numbers (m,) of those that are left out, one by one; None: all.
+    """
     if isotropic:
         wi, wo = _turned_back(wi, wo)
     pairs, swapped = np.stack([*wi, *wo], axis=-1), np.stack([*wo, *wi], axis=-1)
     if isotropic:
         swapped = np.stack([c for w in _turned_back(wo, wi, each=True) for c in w], axis=-1)
-    means = np.empty(values.shape)
-    for start in range(0, len(pairs), ROWS):
-        part = slice(start, start + ROWS)
+    which = np.arange(len(pairs)) if which is None else which
+    means = np.empty((which.size, values.shape[1]))
+    for start in range(0, which.size, ROWS):
+        part = which[start : start + ROWS]
         d2 = _squares(pairs, pairs[part])
         if reciprocal:
             d2 = np.minimum(d2, _squares(pairs, swapped[part]))
         weight = 1.0 / (d2 + SOFTENING) ** 3
-        weight[np.arange(weight.shape[0]), np.arange(start, start + weight.shape[0])] = 0.0
-        means[part] = weight @ values / weight.sum(axis=1, keepdims=True)
+        weight[np.arange(part.size), part] = 0.0
+        means[start : start + ROWS] = weight @ values / weight.sum(axis=1, keepdims=True)
     return means
 
 

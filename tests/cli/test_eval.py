@@ -67,15 +67,30 @@ def test_what_was_not_read_is_flagged_and_is_no_reading_when_it_comes_back(here,
     assert "3 of 4 directions are beyond what was read of part" in capsys.readouterr().err
     back = gonio.open("out.csv")
     assert (back.counts()["valid"], back.counts()["not_measured"]) == (1, 3)
-    assert np.loadtxt("out.csv", delimiter=",", skiprows=1)[:, -2:] == pytest.approx(
-        np.array([[0.1, 0], *[[0.1, 4]] * 3])
-    )
+    f, u_f, flag = np.genfromtxt("out.csv", delimiter=",", skip_header=1)[:, -3:].T
+    assert f == pytest.approx(0.1) and flag.tolist() == [0, 4, 4, 4]
+    assert np.isnan(u_f).tolist() == [False, True, True, True]
     np.testing.assert_array_equal(
         table.covers([[30], [70]], 0, [50, 65], 180, degrees=True), [[True, False], [False, False]]
     )
     assert main(["eval", "part.h5", "--theta-i", "30", "--theta-o", "50"]) == 0
     captured = capsys.readouterr()
     assert "flag" not in captured.out and not captured.err
+
+
+def test_a_fit_has_uncertainties_beside_its_values_and_says_what_it_is(here, capsys):
+    """Without them on request; one that was judged no good fit says so."""
+    angles = np.meshgrid(np.arange(0, 61, 20.0), [0.0], np.arange(0, 76, 15.0), [0.0, 90.0, 180.0])
+    f = 0.1 + 0.02 * np.cos(np.radians(angles[2]))
+    gonio.fit(gonio.Table.from_arrays(*angles, f, degrees=True), "lambert").save("matte.toml")
+    assert main(["eval", "matte.toml", "--theta-o", "10", "--json"]) == 0
+    captured = capsys.readouterr()
+    facts, rho = json.loads(captured.out), gonio.material("matte.toml").meta["fit"]["parameters"][0]
+    assert facts["u_f"] == [[pytest.approx(rho["standard_uncertainty"] / math.pi)]]
+    assert "u_f is what its numbers' uncertainties make of f" in captured.err
+    assert main(["eval", "matte.toml", "--theta-o", "10", "--json", "--values-only"]) == 0
+    captured = capsys.readouterr()
+    assert "u_f" not in json.loads(captured.out) and not captured.err
 
 
 class Typed(io.StringIO):

@@ -2,6 +2,7 @@
 
 import argparse
 import io
+import itertools
 import math
 import shutil
 import sys
@@ -25,12 +26,14 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gonio.data.channels import Channels
+    from gonio.data.material import Material
     from gonio.data.table import Table
     from gonio.models.geometry.directions import Direction
 
 ANGLES = ("theta_i", "phi_i", "theta_o", "phi_o", "delta_phi")
 MOST_VALUES = 100_000
 """Numbers of one option."""
+Columns = dict[str, "np.ndarray"]
 CELL = 12
 """Columns of a terminal that a value takes."""
 MOST_ROWS = 10_000_000
@@ -44,6 +47,7 @@ OPTIONS: Options = {
     "--phi-i ANGLES": "azimuths of the light (default 0)",
     "--phi-o ANGLES": "azimuths of the detector",
     "--delta-phi ANGLES": "or what they are beyond those of the light: 180 is the mirror side",
+    "--values-only": "f alone, without its standard uncertainty, which takes longer",
     "-o/--output OUT.csv": "'-': standard output (default: there, as a table to read at a terminal)",
 }
 
@@ -61,7 +65,9 @@ class Listed(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Values of f, in 1/sr without the cosine, of a material at any directions. Those of a table are interpolated "
-        "between its readings; where there are none about a direction its row says so (flag 4)."
+        "between its readings; where there are none about a direction its row says so (flag 4). Tables and fits have "
+        "the standard uncertainty u_f beside f: by the readings' own, and by what may lie between them; of a fit by "
+        "the covariance of its numbers."
     )
     parser.add_argument("material", metavar="MATERIAL", help=MATERIAL)
     add_options(parser.add_argument, OPTIONS | READING | FORCE)
@@ -85,14 +91,18 @@ def run(args: argparse.Namespace) -> int:
     f = np.asarray(evaluate(material.brdf, listed.wi, listed.wo)).reshape(listed.wi.z.size, -1)
     facts: dict[str, Any] = {"material": material.name, "channels": material.channels.names, "unit": "1/sr"}
     facts |= {"wavelengths_nm": material.channels.wavelengths_nm, **_angles_deg(listed), "f": f}
-    flag = np.zeros(0, np.uint8)
+    flag, u_f = np.zeros(0, np.uint8), np.zeros((0, f.shape[1]))
     if subject.table is not None:
         flag = _not_read(subject.table, listed)
         facts["flag"] = flag
+    if not args.values_only and (subject.table is not None or "fit" in material.meta):
+        from gonio.metrology.values.standard_uncertainty import uncertainty_of_values
+
+        facts["u_f"] = u_f = uncertainty_of_values(subject, listed.wi, listed.wo)
     with writing_json(args, facts):
-        _write(args, listed, f, material.channels, flag)
-    if flag.any():
-        print(_beyond(int(np.count_nonzero(flag)), flag.size, material.name), file=sys.stderr)
+        _write(args, listed, f, u_f, material.channels, flag)
+    for line in [*_remarks(flag, u_f, material.name), *(_judged(material) if u_f.size and not flag.size else [])]:
+        print(f"gonio: {line}.", file=sys.stderr)
     return 0
 
 
@@ -107,38 +117,83 @@ def _not_read(table: "Table", listed: Listed) -> "np.ndarray":
     return np.where(known, Flag.VALID, Flag.NOT_MEASURED).astype(np.uint8)
 
 
-def _beyond(number: int, directions: int, name: str) -> str:
-    what = "directions are" if directions > 1 else "direction is"
-    return (
-        f"gonio: {number:,} of {directions:,} {what} beyond what was read of {name}, or in a gap of it: f is continued "
-        "there from the nearest readings, without any bound (flag 4); a model may know it: gonio fit."
-    )
+def _remarks(flag: "np.ndarray", u_f: "np.ndarray", name: str) -> list[str]:
+    """What is to be said of directions that were not read, and of values that nothing bounds."""
+    import numpy as np
+
+    remarks, beyond = [], int(np.count_nonzero(flag))
+    if beyond:
+        what = "directions are" if flag.size > 1 else "direction is"
+        remarks.append(
+            f"{beyond:,} of {flag.size:,} {what} beyond what was read of {name}, or in a gap of it: f is "
+            "continued there from the nearest readings, without any bound (flag 4); a model may know it: gonio fit"
+        )
+    unknown = np.isnan(u_f).any(axis=1)
+    if flag.size and unknown.size:
+        unknown &= flag == 0
+    if open_ended := int(np.count_nonzero(unknown)):
+        what = "directions have" if len(u_f) > 1 else "direction has"
+        why = "a lobe may hide between its readings there" if flag.size else "a number of the fit is not determined"
+        remarks.append(f"{open_ended:,} of {len(u_f):,} {what} a value that nothing bounds (u_f is NaN): {why}")
+    return remarks
 
 
-def _write(args: argparse.Namespace, listed: Listed, f: "np.ndarray", channels: "Channels", flag: "np.ndarray") -> None:
+def _judged(material: "Material") -> list[str]:
+    """What is to be said of a fit that is not good: its numbers' uncertainties do not tell how far off f is."""
+    judgement = material.meta["fit"].get("judgement") if isinstance(material.meta.get("fit"), dict) else None
+    verdict = judgement.get("verdict") if isinstance(judgement, dict) else None
+    if not isinstance(verdict, str) or verdict == "good":
+        return []
+    return [
+        f"{material.name} is a fit that was judged {verdict[:20]!r}; u_f is what its numbers' uncertainties make of f"
+    ]
+
+
+def _write(
+    args: argparse.Namespace,
+    listed: Listed,
+    f: "np.ndarray",
+    u_f: "np.ndarray",
+    channels: "Channels",
+    flag: "np.ndarray",
+) -> None:
     from gonio.data.formats.csv.columns import write_columns
     from gonio.data.formats.csv.header import channel_comments, value_names
 
-    values = dict(zip(value_names(channels), f.T, strict=True)) | ({"flag": flag} if flag.any() else {})
+    beside = dict(zip(value_names(channels, "u_f"), u_f.T, strict=True)) if u_f.size else {}
+    values = dict(zip(value_names(channels), f.T, strict=True))
+    flags = {"flag": flag} if flag.any() else {}
     if args.output is None and (args.json == "-" or sys.stdout.isatty()):
-        show(_to_read(listed.typed or listed.columns, values))
+        of_channels = (
+            [list(pair) for pair in zip(values.items(), beside.items(), strict=True)]
+            if beside
+            else [[item] for item in values.items()]
+        )
+        show(_to_read(listed.typed or listed.columns, of_channels, flags))
         return
+    values |= beside | flags
     text = io.StringIO()
     write_columns(text, listed.columns | values, channel_comments(channels))
     write_text(args.output or "-", text.getvalue(), args.force)
 
 
-def _to_read(angles: "dict[str, np.ndarray]", values: "dict[str, np.ndarray]") -> str:
+def _to_read(angles: Columns, of_channels: "list[list[tuple[str, np.ndarray]]]", flags: Columns) -> str:
     """A table as wide as the terminal: angles that are the same in all rows stand above it."""
     same = {name: a[0] for name, a in angles.items() if a.size > 1 and (a == a[0]).all()}
     varying = {name: [f"{v:.6g}" for v in a] for name, a in angles.items() if name not in same}
-    room = shutil.get_terminal_size().columns - (CELL - 2) * len(varying)
-    shown = dict(list(values.items())[: max(1, room // CELL)])
-    cells = [*varying.values(), *([number(v) for v in column] for column in shown.values())]
-    above = [", ".join([*(f"{name} {value:.6g}" for name, value in same.items()), "f in 1/sr"])]
-    more = len(values) - len(shown)
+    room = shutil.get_terminal_size().columns - (CELL - 2) * len(varying) - CELL * len(flags)
+    shown = of_channels[: max(1, room // (CELL * len(of_channels[0])))]
+    values = dict(itertools.chain(*shown)) | flags
+    cells = [*varying.values(), *(_in_words(name, column) for name, column in values.items())]
+    unit = "f and its standard uncertainty u_f in 1/sr" if len(of_channels[0]) > 1 else "f in 1/sr"
+    above = [", ".join([*(f"{name} {value:.6g}" for name, value in same.items()), unit])]
+    more = len(of_channels) - len(shown)
     below = [f"{more} more channels: widen the terminal, or write them with -o or --json"] if more else []
-    return "\n".join([*above, aligned(list(zip(*cells, strict=True)), [*varying, *shown]), *below])
+    return "\n".join([*above, aligned(list(zip(*cells, strict=True)), [*varying, *values]), *below])
+
+
+def _in_words(name: str, column: "np.ndarray") -> list[str]:
+    return [f"{v:.2g}" if name.startswith("u_f") else number(v) for v in column]
 
 
 def _angles_deg(listed: Listed) -> "dict[str, np.ndarray]":

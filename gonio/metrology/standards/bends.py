@@ -1,10 +1,12 @@
 """How far readings of a grid lie off the line through their neighbours: what interpolation may miss between them."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from gonio.data.interpolation.grid_boxes import GridBoxes
 from gonio.data.layouts import Layout
 
 NOISE = 2 * 1.22
@@ -162,3 +164,16 @@ def neighbours(
     middle = np.clip(k, 1, n - 2)
     span = nodes[middle + 1] - nodes[middle - 1]
     return middle - 1, middle, middle + 1, (nodes[middle] - nodes[middle - 1]) / span, span
+
+
+def curvatures(layout: Layout, boxes: GridBoxes, x: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+    """t(1 − t) times the step's square (n,) of each axis, in the order of the boxes: what f'' / 2 has to be multiplied
+    by for the error of a line."""
+    curved = []
+    for name, ((low, high), (a, b)) in zip(layout.axes, boxes.sides, strict=True):
+        nodes, period = layout.axes[name], layout.periods[name]
+        first = nodes[1] - nodes[0] if nodes.size > 1 else 1.0
+        outside = np.maximum(nodes[0] - x[name][boxes.order], 0.0) / first if period is None else 0.0
+        step = np.abs(nodes[high] - nodes[low]) if period is None else np.mod(nodes[high] - nodes[low], period)
+        curved.append((a * b + outside * (1 + outside)) * np.where(step > 0, step, first) ** 2)
+    return curved

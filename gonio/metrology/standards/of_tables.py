@@ -22,10 +22,9 @@ from gonio.data.interpolation.coverage import on_grid
 from gonio.data.interpolation.grid_boxes import GridBoxes, interpolation_axes
 from gonio.data.interpolation.grid_coordinates import grid_coordinates
 from gonio.data.interpolation.multilinear import InterpolationAxis
-from gonio.data.layouts import Layout
 from gonio.data.table import Table
 from gonio.metrology.standards.apertures import Rule, joined
-from gonio.metrology.standards.bends import Bends
+from gonio.metrology.standards.bends import Bends, curvatures
 from gonio.metrology.standards.evaluation import Integrals
 from gonio.metrology.standards.standard import Aperture, Hemisphere, Integral
 from gonio.models.display import percent
@@ -358,7 +357,7 @@ class Part:
         if not rule.inside[rule.weight != 0].all():
             return self._unread(rule)
         boxes = GridBoxes.of(layout, self.axes, rule.angles).of_valid(self.valid)
-        share, curved = rule.weight[boxes.order], _curvatures(layout, boxes, rule.angles)
+        share, curved = rule.weight[boxes.order], curvatures(layout, boxes, rule.angles)
         cells, place = np.unique(boxes.cells, return_inverse=True)
         place = place.reshape(boxes.cells.shape)
         sums = boxes.summed(share[:, None] * np.stack([np.ones_like(share), *curved], axis=1))
@@ -404,16 +403,3 @@ class Places(NamedTuple):
     weight: np.ndarray
     inside: np.ndarray
     angles: dict[str, np.ndarray]
-
-
-def _curvatures(layout: Layout, boxes: GridBoxes, x: Mapping[str, np.ndarray]) -> list[np.ndarray]:
-    """t(1 − t) times the step's square (n,) of each axis, in the order of the boxes: what f'' / 2 has to be multiplied
-    by for the error of a line."""
-    curved = []
-    for name, ((low, high), (a, b)) in zip(layout.axes, boxes.sides, strict=True):
-        nodes, period = layout.axes[name], layout.periods[name]
-        first = nodes[1] - nodes[0] if nodes.size > 1 else 1.0
-        outside = np.maximum(nodes[0] - x[name][boxes.order], 0.0) / first if period is None else 0.0
-        step = np.abs(nodes[high] - nodes[low]) if period is None else np.mod(nodes[high] - nodes[low], period)
-        curved.append((a * b + outside * (1 + outside)) * np.where(step > 0, step, first) ** 2)
-    return curved

@@ -1,0 +1,1 @@
+"""How uncertain values of f are between readings, and those of a fitted model."""
