@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from gonio.data.channels import Channels
     from gonio.data.material import Material
+    from gonio.data.subject import Subject
     from gonio.data.table import Table
     from gonio.models.geometry.directions import Direction
 
@@ -95,15 +96,31 @@ def run(args: argparse.Namespace) -> int:
     if subject.table is not None:
         flag = _not_read(subject.table, listed)
         facts["flag"] = flag
+    remarks: list[str] = []
     if not args.values_only and (subject.table is not None or "fit" in material.meta):
-        from gonio.metrology.values.standard_uncertainty import uncertainty_of_values
-
-        facts["u_f"] = u_f = uncertainty_of_values(subject, listed.wi, listed.wo)
+        u_f, remarks = _uncertainty(subject, listed)
+        facts |= {"u_f": u_f} if u_f.size else {}
     with writing_json(args, facts):
         _write(args, listed, f, u_f, material.channels, flag)
-    for line in [*_remarks(flag, u_f, material.name), *(_judged(material) if u_f.size and not flag.size else [])]:
+    for line in [*_remarks(flag, u_f, material.name), *remarks]:
         print(f"gonio: {line}.", file=sys.stderr)
     return 0
+
+
+def _uncertainty(subject: "Subject", listed: Listed) -> "tuple[np.ndarray, list[str]]":
+    """The standard uncertainty (n, C) of f of a table or a fit, (0, C) where a fit keeps none, and remarks on it."""
+    import numpy as np
+
+    from gonio.metrology.values.standard_uncertainty import uncertainty_of_values
+
+    material = subject.as_material()
+    try:
+        u_f = uncertainty_of_values(subject, listed.wi, listed.wo)
+    except GonioError as error:
+        if subject.table is not None:
+            raise
+        return np.zeros((0, len(material.channels))), [f"{error}: f has no uncertainty beside it"]
+    return u_f, [] if subject.table is not None else _judged(material)
 
 
 def _not_read(table: "Table", listed: Listed) -> "np.ndarray":

@@ -56,7 +56,10 @@ class SampleUncertainty:
         if self.kriging is not None:
             return self._kriged(self.kriging, wi, wo)
         chunks = [slice(start, start + ROWS) for start in range(0, max(wi.z.size, 1), ROWS)]
-        parts = [self._by_distance(*(Direction(*(c[rows] for c in w)) for w in (wi, wo)), f[rows]) for rows in chunks]
+        parts = []
+        for rows in chunks:
+            i, o = (Direction(*(c[rows] for c in w)) for w in (wi, wo))
+            parts.append(self._by_distance(i, o, f[rows]))
         return Uncertain(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
     def _by_distance(self, wi: Direction, wo: Direction, f: np.ndarray) -> Uncertain:
@@ -125,8 +128,8 @@ class Places:
         isotropic = one_azimuth(wi)
         points = np.round(_points(wi, wo, isotropic), 7)
         read, first, place = np.unique(points, axis=0, return_index=True, return_inverse=True)
-        there = [Direction(*(c[first] for c in w)) for w in (wo, wi)]
-        exchanged = _points(*there, isotropic) if reciprocal else np.zeros((0, 6))
+        light, detector = (Direction(*(c[first] for c in w)) for w in (wo, wi))
+        exchanged = _points(light, detector, isotropic) if reciprocal else np.zeros((0, 6))
         return cls(read, exchanged, place.ravel(), isotropic)
 
     def merged(self, values: np.ndarray) -> np.ndarray:

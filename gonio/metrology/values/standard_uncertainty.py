@@ -125,12 +125,12 @@ def _by_part(table: Table, wi: Direction, wo: Direction, f: np.ndarray) -> Uncer
 def _of_part(part: Table, reflects: bool, directions: list[Direction], f: np.ndarray) -> Uncertain:
     if part.layout.gridded:
         return NodeUncertainty(part, reflects).of(*directions)
-    turns = azimuth_dependence(part) is None
-    known = SampleUncertainty(part, reflects and turns).of(*directions, f)
+    turns, (wi, wo) = azimuth_dependence(part) is None, directions
+    known = SampleUncertainty(part, reflects and turns).of(wi, wo, f)
     if turns or not reflects:
         return known
     # Its interpolation takes exchanged readings for the same, turned about the normal: this surface shows otherwise.
-    alone = np.asarray(evaluate(scattered_material(part, False), *directions), float).reshape(f.shape)
+    alone = np.asarray(evaluate(scattered_material(part, False), wi, wo), float).reshape(f.shape)
     return known._replace(between=np.hypot(known.between, f - alone))
 
 
