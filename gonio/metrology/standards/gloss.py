@@ -1,5 +1,6 @@
 """Specular gloss [ISO 2813:2014, ASTM D523]: the source's image and the receptor integrated, black glass as 100."""
 
+import functools
 import math
 
 import numpy as np
@@ -28,6 +29,12 @@ def fresnel_of_glass(cosine: np.ndarray) -> np.ndarray:
 
 def gloss() -> list[StandardQuantity]:
     """Specular gloss at 20°, 60° and 85°."""
+    return list(_gloss())
+
+
+@functools.cache
+def _gloss() -> tuple[StandardQuantity, ...]:
+    # Kept: a page asks for quantities twice, and their apertures are the same for every subject.
     made = []
     for angle, size in RECEPTORS.items():
         (fine, glass, images), (coarse, *_) = (_flux(math.radians(angle), size, *orders) for orders in ORDERS)
@@ -41,7 +48,7 @@ def gloss() -> list[StandardQuantity]:
                 f"gloss {angle}°", "ISO 2813, ASTM D523", geometry, "gloss", (integral,), least=1.0, unit="GU"
             )
         )
-    return made
+    return tuple(made)
 
 
 def _flux(
