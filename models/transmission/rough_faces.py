@@ -122,7 +122,11 @@ def light_through(faces: Faces) -> tuple[Scalar, Scalar]:
     each = jnp.eye(BEFORE, dtype=met.dtype)
     before = jnp.stack([between_cosines(each, cosines_outside(a), b).T for a, b in (alphas, alphas[::-1])])
     other = (
-        jnp.zeros((2, n, n), met.dtype).at[:, BEYOND:, BEYOND:].set(before).at[:, :BEYOND, :BEYOND].set(np.eye(BEYOND))
+        jnp.zeros((2, n, n), met.dtype)
+        .at[:, BEYOND:, BEYOND:]
+        .set(before)
+        .at[:, :BEYOND, :BEYOND]
+        .set(jnp.eye(BEYOND, dtype=met.dtype))
     )
     inside, leaves = (met[:, :, :n] * kept[:, None]) @ other, met[:, :n, n]
     mirrored, enters = inside[:, :n], inside[:, n:]
