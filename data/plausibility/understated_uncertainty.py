@@ -56,8 +56,8 @@ def _factors(table: Table, cells: np.ndarray, places: np.ndarray) -> np.ndarray:
     use = ((flag == Flag.VALID) & (u > 0) & np.isfinite(u)).all(axis=1)
     f, variance = np.where(use[:, None], f, 0.0).astype(float), np.where(use[:, None], u, 1.0).astype(float) ** 2
     weight = np.zeros((2, *cells.shape))
-    for row, part in zip(weight, DIFFERENCES, strict=True):
-        row[:, part] = cubic_weights(places[:, part])
+    for number, part in enumerate(DIFFERENCES):
+        weight[number][:, part] = cubic_weights(places[:, part])
     off = np.einsum("dkj,kjc->dkc", weight, f)
     spread = np.sqrt(np.einsum("dkj,kjc->dkc", weight**2, variance))
     ratio = -off[0] * off[1] / (spread[0] * spread[1])

@@ -37,6 +37,9 @@ MAY_BE_OFF = (
     " The instrument's alignment ({angle:.2g}°) or calibration ({share}), as stated, may explain it: k = 2, both"
     " directions off."
 )
+MAY_SHARE = (
+    " What all readings share of their stored uncertainties, as they scatter less ({share}: k = 2), may explain it."
+)
 MOST_SURELY = 20_000
 """Readings by which it is seen whether what differs may lie between those of another table."""
 
@@ -114,7 +117,8 @@ def _with_model(evidence: TableEvidence, truth: AbstractBRDF, readings: _Reading
         return alone
     some = readings.valid().thinned(MOST_MOVED)
     off = share * np.abs(some.f) + _moved(truth, some, half_angles, angle)
-    return only_surely(alone, judged(some, off), MAY_BE_OFF.format(angle=np.degrees(angle), share=percent(share)))
+    words = MAY_BE_OFF if "instrument" in evidence.table.provenance else MAY_SHARE
+    return only_surely(alone, judged(some, off), words.format(angle=np.degrees(angle), share=percent(share)))
 
 
 def _expected(
