@@ -1,7 +1,7 @@
 """Verdicts on energy of tables on grids of 1°, 2°, 5° and 10°, with a node on the mirror direction and without, of
 lobes of any width that conserve energy or do not, against the truth: how many are wrong, and how many undecided.
 
-    python table_verdicts.py [--model | --planned]
+    python table_verdicts.py [--model | --planned] [STEP ...]     (1 2 5 10)
 
 With `--model`, what is undecided is judged again with the help of a model that is fitted to the table; with
 `--planned` then with the few further readings that `gonio plan --for energy` names, twice at the most.
@@ -36,8 +36,9 @@ TOLERANCE = 0.01
 def main() -> None:
     counts, wrong, undecided = collections.Counter(), [], []
     assisted, planned = (name in sys.argv[1:] for name in ("--model", "--planned"))
+    steps = [float(a) for a in sys.argv[1:] if not a.startswith("-")] or STEPS
     print(f"{'step':>5} {'alpha':>6} " + "".join(f"{m.replace('{a}', 'α'):>42}" for m in MATERIALS))
-    for step in STEPS:
+    for step in steps:
         for alpha in ALPHAS:
             cells = []
             for expression in MATERIALS:
@@ -67,7 +68,7 @@ def main() -> None:
                 cells.append(f"{'lawful' if lawful else 'lawless'}: {' / '.join(verdicts)}")
             print(f"{step:5g} {alpha:6g} " + "".join(f"{c:>42}" for c in cells), flush=True)
     print()
-    for step in STEPS:
+    for step in steps:
         right, open_, bad = (counts[step, k] for k in ("right", "undecided", "WRONG"))
         unread = counts[step, "undecided, mirror direction not read"]
         print(
