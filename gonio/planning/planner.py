@@ -84,6 +84,7 @@ class Planner:
             raise GonioError("the instrument reaches no direction; give larger ranges, or a smaller shadow")
         self.candidates = self.sites(both_turning(angles, self.instrument) if self.isotropic else angles)
         self.size = self.candidates.slopes.shape[-1]
+        self._fillings: dict[int, np.ndarray] = {}
         self.of_draws = None if self.prior.ranged else self.prior.shares
         rows = self.candidates.rows(np.ones(angles.shape[1]))[:1]
         self.before = np.zeros((1, *[rows.shape[-1]] * 2))
@@ -185,10 +186,13 @@ class Planner:
         time = self.space_filling * budget
         count = min(int(time / (2 * overhead)), MOST_FILLING)
         count = max(count, min(len(self.ways), int(time / (overhead + LEAST_SECONDS))))  # each way once, at least
-        angles = space_filling(self.instrument, self.isotropic, count, self.ways) if count else np.zeros((4, 0))
+        angles = self._fillings.get(count)
+        if angles is None:
+            angles = space_filling(self.instrument, self.isotropic, count, self.ways)
+            angles = both_turning(angles, self.instrument) if self.isotropic else angles
+            self._fillings[count] = angles
         if not angles.size:
             return Shots(np.zeros((4, 0)), np.zeros(0)), np.zeros_like(self.before)
-        angles = both_turning(angles, self.instrument) if self.isotropic else angles
         seconds = np.full(angles.shape[1], max(time / angles.shape[1] - overhead, LEAST_SECONDS))
         rows = self.sites(angles).rows(seconds)
         return Shots(angles, seconds), gram(rows, np.ones(angles.shape[1]))
