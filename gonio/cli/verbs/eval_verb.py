@@ -150,7 +150,8 @@ def _remarks(flag: "np.ndarray", u_f: "np.ndarray", name: str) -> list[str]:
         unknown &= flag == 0
     if open_ended := int(np.count_nonzero(unknown)):
         what = "directions have" if len(u_f) > 1 else "direction has"
-        why = "a lobe may hide between its readings there" if flag.size else "a number of the fit is not determined"
+        why = "a lobe may hide between its readings there, or its format interpolates by a rule of its own"
+        why = why if flag.size else "a number of the fit is not determined"
         remarks.append(f"{open_ended:,} of {len(u_f):,} {what} a value that nothing bounds (u_f is NaN): {why}")
     return remarks
 

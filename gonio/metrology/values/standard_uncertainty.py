@@ -17,6 +17,7 @@ from gonio.metrology.values.between_nodes import NodeUncertainty
 from gonio.metrology.values.between_samples import SampleUncertainty
 from gonio.metrology.values.uncertain_part import RECTANGULAR, Uncertain
 from gonio.models.brdf import AbstractBRDF
+from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction, from_spherical
 
@@ -107,8 +108,7 @@ def table_uncertainty(table: Table, wi: Direction, wo: Direction) -> np.ndarray:
 def _by_part(table: Table, wi: Direction, wo: Direction, f: np.ndarray) -> Uncertain:
     """Of directions about which there are readings, by the sides of light and detector; f (n, C) is the value there."""
     if table.interpolant is not None:
-        coarse = np.asarray(evaluate(as_material(coarsened(table)), wi, wo), float).reshape(f.shape)
-        return Uncertain(np.zeros(f.shape), np.abs(f - coarse) / RECTANGULAR)
+        return _by_own_rule(table, wi, wo, f)
     u = Uncertain(*(np.full(f.shape, np.nan) for _ in range(2)))
     upright = [w._replace(z=np.abs(w.z)) for w in (wi, wo)]
     for (light, detector), part in table.parts().items():
@@ -120,6 +120,15 @@ def _by_part(table: Table, wi: Direction, wo: Direction, f: np.ndarray) -> Uncer
         for kept, new in zip(u, known, strict=True):
             kept[here] = new
     return u
+
+
+def _by_own_rule(table: Table, wi: Direction, wo: Direction, f: np.ndarray) -> Uncertain:
+    """Of a format's own interpolation: by the difference from that of half as many nodes, unknown where it has none."""
+    try:
+        coarse = np.asarray(evaluate(as_material(coarsened(table)), wi, wo), float).reshape(f.shape)
+    except GonioError:
+        coarse = np.full(f.shape, np.nan)
+    return Uncertain(np.zeros(f.shape), np.abs(f - coarse) / RECTANGULAR)
 
 
 def _of_part(part: Table, reflects: bool, directions: list[Direction], f: np.ndarray) -> Uncertain:

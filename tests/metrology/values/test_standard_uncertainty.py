@@ -6,6 +6,7 @@ import pytest
 import gonio
 from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
+from support.window_xml import document, numbers, scattering
 
 NOISE = 0.01
 
@@ -104,3 +105,9 @@ def test_a_fit_has_what_its_numbers_make_of_f(grid):
     assert u.shape == (3, 2, 1)
     np.testing.assert_allclose(u, rho.standard_uncertainty / np.pi, rtol=1e-6)
     assert np.isnan(gonio.standard_uncertainty("lambert(rho=0.5)", 0.1, 0, 0.2, 0)).all()
+
+
+def test_patches_of_a_window_bound_nothing_between_their_middles(tmp_path):
+    (tmp_path / "sheet.xml").write_text(document({"Reflection Front": numbers(scattering(0, 0.3))}), encoding="utf-8")
+    table = gonio.open(tmp_path / "sheet.xml")
+    assert np.isnan(gonio.standard_uncertainty(table, 10, 0, [5, 30], 0, degrees=True)).all()
