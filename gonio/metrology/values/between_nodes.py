@@ -10,11 +10,13 @@ from gonio.checks.grid_resolution import LARGEST
 from gonio.checks.table.energy import mirror_reach
 from gonio.data.interpolation.grid_boxes import GridBoxes
 from gonio.data.interpolation.grid_coordinates import grid_coordinates
+from gonio.data.interpolation.multilinear import AT_NODE
 from gonio.data.table import COPIED, Table
 from gonio.metrology.standards.apertures import Rule
 from gonio.metrology.standards.bends import COVERAGE, Bend, Bends, curvatures
 from gonio.metrology.standards.of_tables import FLOOR, WITHIN, Part, following
 from gonio.metrology.standards.reflectance import NEAR_LIGHT
+from gonio.metrology.values.filled_cells import FilledCells, filled_cells
 from gonio.metrology.values.uncertain_part import RECTANGULAR, Uncertain
 from gonio.models.geometry.directions import Direction
 
@@ -30,24 +32,41 @@ class NodeUncertainty:
         self.bends = Bends.of(table.layout, self.part.f, self.part.u)
         self.reflects = reflects
 
-    def of(self, wi: Direction, wo: Direction) -> Uncertain:
-        """That of pairs of directions with components (n,), which the grid covers."""
-        chunks = [slice(start, start + ROWS) for start in range(0, max(wi.z.size, 1), ROWS)]
-        parts = [self._of(*(Direction(*(c[rows] for c in w)) for w in (wi, wo))) for rows in chunks]
+    def of(self, wi: Direction, wo: Direction, f: np.ndarray) -> Uncertain:
+        """That of pairs of directions (n,), which the grid covers, at which the interpolated values are f (n, C)."""
+        parts = []
+        for start in range(0, max(wi.z.size, 1), ROWS):
+            i, o = (Direction(*(c[start : start + ROWS] for c in w)) for w in (wi, wo))
+            parts.append(self._of(i, o, f[start : start + ROWS]))
         return Uncertain(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
-    def _of(self, wi: Direction, wo: Direction) -> Uncertain:
+    def _of(self, wi: Direction, wo: Direction, f: np.ndarray) -> Uncertain:
         boxes, x = self._boxes(wi, wo)
-        f = boxes.interpolated(np.nan_to_num(self.part.f)[boxes.cells])
-        bound = self._bent(boxes, x, f) + np.abs(f - self._moved(wi, wo)[boxes.order])
+        of_valid = boxes.of_valid(self.part.valid)
+        bound = self._bent(of_valid, x) + self._missing(boxes, f[boxes.order])
+        bound += np.abs(self._interpolated(wi, wo) - self._moved(wi, wo))[boxes.order]
         bound[self._unseen(boxes, wi, wo)] = np.inf
         back = np.argsort(boxes.order)
-        return Uncertain(self._noise(boxes)[back], bound[back] / RECTANGULAR)
+        return Uncertain(self._noise(of_valid)[back], bound[back] / RECTANGULAR)
 
     def _boxes(self, wi: Direction, wo: Direction) -> tuple[GridBoxes, Mapping[str, np.ndarray]]:
         layout = self.part.table.layout
         x, _ = grid_coordinates(type(layout), wi, wo)
-        return GridBoxes.of(layout, self.part.axes, x).of_valid(self.part.valid), x
+        return GridBoxes.of(layout, self.part.axes, x), x
+
+    @functools.cached_property
+    def _filled(self) -> FilledCells:
+        return filled_cells(self.part.table.layout, self.part.f)
+
+    def _missing(self, boxes: GridBoxes, f: np.ndarray) -> np.ndarray:
+        """What f (n, C), in the order of the boxes, may be off by as corners have no reading; infinite where no other
+        tells what there would be."""
+        if self.part.valid.all():
+            return np.zeros(f.shape)
+        made, missing = self._filled
+        unknown = boxes.interpolated(np.isnan(made).astype(float)[boxes.cells]) > AT_NODE
+        off = np.abs(f - boxes.interpolated(np.nan_to_num(made)[boxes.cells]))
+        return np.where(unknown, np.inf, off + boxes.interpolated(missing[boxes.cells]))
 
     def _noise(self, boxes: GridBoxes) -> np.ndarray:
         u = self.part.u[boxes.cells]
@@ -55,7 +74,7 @@ class NodeUncertainty:
             return boxes.interpolated(u)
         return np.sqrt(_squared(boxes).interpolated(u**2))
 
-    def _bent(self, boxes: GridBoxes, x: Mapping[str, np.ndarray], f: np.ndarray) -> np.ndarray:
+    def _bent(self, boxes: GridBoxes, x: Mapping[str, np.ndarray]) -> np.ndarray:
         """What f may be off by as it is bent between its nodes (n, C), in the order of the boxes.
 
         By its curvature at the nodes, as it is and as that of its logarithm, beyond the noise, and by what noise hides.
@@ -66,8 +85,8 @@ class NodeUncertainty:
         here = np.nan_to_num(self.part.f[cells])
         floor = np.maximum(FLOOR * np.maximum(np.abs(here), FLOOR * np.max(np.abs(here), axis=0)), 1e-300)
         shown = boxes.interpolated(np.maximum(here, floor)[place])
-        by_slope, by_share, hidden = (np.zeros(f.shape) for _ in range(3))
-        inside, squared = np.zeros(f.shape), _squared(boxes)
+        by_slope, by_share, inside, hidden = (np.zeros(shown.shape) for _ in range(4))
+        squared = _squared(boxes)
         for k, curved in enumerate(curvatures(layout, boxes, x)):
             bend = self.bends.along(k, cells, floor)
             slope, share = (boxes.interpolated(error[place]) for error in bend.beyond_noise())
@@ -92,7 +111,7 @@ class NodeUncertainty:
     def _interpolated(self, wi: Direction, wo: Direction) -> np.ndarray:
         boxes, _ = self._boxes(wi, wo)
         f = np.empty((wi.z.size, self.part.f.shape[1]))
-        f[boxes.order] = boxes.interpolated(np.nan_to_num(self.part.f)[boxes.cells])
+        f[boxes.order] = boxes.interpolated(np.nan_to_num(self._filled.f)[boxes.cells])
         return f
 
     def _unseen(self, boxes: GridBoxes, wi: Direction, wo: Direction) -> np.ndarray:

@@ -71,7 +71,8 @@ class SampleUncertainty:
         for k in range(near.shape[1]):
             error, spacing = self._left_out(near[:, k], distance[:, 0])
             share = np.minimum(distance[:, :1] / np.maximum(spacing[:, None], 1e-12), 1.0)
-            between = np.maximum(between, share * error)
+            part = np.multiply(share, error, out=np.zeros(error.shape), where=np.broadcast_to(share > 0, error.shape))
+            between = np.maximum(between, part)
         return Uncertain(self.u[near[:, 0]], between)
 
     def _slopes(self, which: np.ndarray) -> np.ndarray:

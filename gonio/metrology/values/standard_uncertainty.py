@@ -115,8 +115,8 @@ def _by_part(table: Table, wi: Direction, wo: Direction, f: np.ndarray) -> Uncer
         here = np.flatnonzero((light * wi.z > 0) & (detector * wo.z > 0))
         if not here.size or not part.valid_cells().size:
             continue
-        directions = [Direction(*(c[here] for c in w)) for w in upright]
-        known = _of_part(part, light == detector, directions, f[here])
+        i, o = (Direction(*(c[here] for c in w)) for w in upright)
+        known = _of_part(part, light == detector, i, o, f[here])
         for kept, new in zip(u, known, strict=True):
             kept[here] = new
     return u
@@ -131,10 +131,10 @@ def _by_own_rule(table: Table, wi: Direction, wo: Direction, f: np.ndarray) -> U
     return Uncertain(np.zeros(f.shape), np.abs(f - coarse) / RECTANGULAR)
 
 
-def _of_part(part: Table, reflects: bool, directions: list[Direction], f: np.ndarray) -> Uncertain:
+def _of_part(part: Table, reflects: bool, wi: Direction, wo: Direction, f: np.ndarray) -> Uncertain:
     if part.layout.gridded:
-        return NodeUncertainty(part, reflects).of(*directions)
-    turns, (wi, wo) = azimuth_dependence(part) is None, directions
+        return NodeUncertainty(part, reflects).of(wi, wo, f)
+    turns = azimuth_dependence(part) is None
     known = SampleUncertainty(part, reflects and turns).of(wi, wo, f)
     if turns or not reflects:
         return known

@@ -57,6 +57,13 @@ def test_intervals_between_the_nodes_of_a_grid_hold_the_truth(grid):
     assert held(f, gonio.standard_uncertainty(grid, *angles), lobe(*angles)[:, None], f) >= 0.95
 
 
+def test_intervals_beside_missing_readings_hold_the_truth(grid):
+    f = np.where(np.random.default_rng(5).random(grid.layout.shape) < 0.1, np.nan, np.asarray(grid.f)[..., 0])
+    table, angles = whole_table_of_values(grid.layout, f, u_f=np.asarray(grid.u_f)), some_directions(6)
+    f = gonio.material(table).f(*angles)
+    assert held(f, gonio.standard_uncertainty(table, *angles), lobe(*angles)[:, None], f) >= 0.95
+
+
 def test_a_reading_has_its_own_uncertainty(grid):
     theta_i, phi_i, theta_o, phi_o = (a[::371] for a in grid.layout.angles())
     u = gonio.standard_uncertainty(grid, theta_i, phi_i, theta_o, phi_o)
