@@ -255,7 +255,8 @@ def _shares(albedos: SidedAlbedos) -> tuple[list[Share], list[str]]:
         what = TRANSMITTANCE if sides[0] != sides[1] else ALBEDO
         if isinstance(known, str):
             if sides != FRONT_TO_FRONT:  # whose albedos are listed as undecided
-                notes.append(f"There is no {what}: {known}.")
+                side = "" if sides[0] > 0 else " of light from behind"
+                notes.append(f"There is no {what}{side}: {known}.")
             continue
         whole = ~known.partial & np.isfinite(known.value).all(axis=1)
         if whole.any():

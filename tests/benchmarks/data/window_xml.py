@@ -5,7 +5,7 @@
 Needs pyradiance. Its "back" is the file's and gonio's front; its f marks the place of a value by up to ±0.03 %. Its
 checkBSDF, whose lines follow, states reciprocity as |a − b| / max(a, b) over pairs above 1e-4 in percent, least, mean
 and most, as the last columns do here; exterior is the front. In transmission it adds the diffuse part that it took out
-of one side's matrix to both (2011-SA1: 4.7 %; with it ours would be 0.6, 31.3, 49.3 %); of trees it takes other places.
+of one side's matrix to that one (2011-SA1: 4.7 %; so ours would be 0.6, 31.3, 49.3 %); of trees it takes other places.
 """
 
 import importlib.util
