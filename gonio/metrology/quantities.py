@@ -73,6 +73,8 @@ class QuantitiesOptions(TypedDict, total=False):
     name: str | None
 
 
+ALL = "all"
+"""Stands for every group of quantities."""
 LISTS = ("geometries", "only", "illuminants")
 """Options that are a list, or a text with commas."""
 
@@ -110,7 +112,7 @@ class QuantitiesSettings:
     def wanted(self) -> Wanted:
         """Which quantities of standards, and how; raises GonioError for groups, ports and viewing that are none."""
         viewing = Viewing(tuple(self.illuminants), self.observer, self.linear_srgb)
-        wanted = Wanted(tuple(self.only), self.port, viewing)
+        wanted = Wanted(() if ALL in self.only else tuple(self.only), self.port, viewing)
         if self.against is None:
             return wanted
         colour = dataclasses.replace(wanted, groups=tuple(g for g in ("colour", "multi-angle") if g in wanted))
@@ -181,8 +183,9 @@ def quantities(subject: SubjectLike, **options: Unpack[QuantitiesOptions]) -> Qu
         uncertainty: uncertainties of single terms, such as {"gain": "0.5 %", "tilt": "0.05 deg rectangular dof 12"};
             they go before the instrument's.
         geometries: more reflectance factors, as theta_i:theta_o:delta_phi in degrees ("30:30:180" is the mirror
-            direction); of a table they have to be read there.
-        only: groups of standards' quantities, see `gonio.metrology.standards.catalog.GROUPS`; all by default.
+            direction); of a list they have to be read there, of a grid they may lie between its nodes.
+        only: groups of standards' quantities, see `gonio.metrology.standards.catalog.GROUPS`; all by default,
+            or with "all".
         feature_width: degrees: nothing in f is narrower; else a lobe may hide where the mirror direction was not read.
         port: half-angle, degrees, about the mirror direction, of what "8°:de" leaves out.
         illuminants: of colours, "D65" and "A".

@@ -106,6 +106,7 @@ def test_a_table_that_misses_the_lobe_has_no_bound():
     b, near = result.budget, np.array([q.group == "albedo" for q in result.quantities])
     assert near.any() and np.isinf(b.standard[near]).all() and b.unbounded[near].all()
     assert {"gloss 20°", "8°:di"} <= {u.name for u in result.undecided}
+    assert quantities("lambert(rho=0.2)", only="all").quantities == quantities("lambert(rho=0.2)").quantities
     assert (
         json.loads(quantities(table, budget=True, only=["reflectance"]).to_json())["quantities"][0][
             "expanded_uncertainty"

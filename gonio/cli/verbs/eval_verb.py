@@ -138,7 +138,8 @@ def _remarks(flag: "np.ndarray", u_f: "np.ndarray", name: str) -> list[str]:
     """What is to be said of directions that were not read, and of values that nothing bounds."""
     import numpy as np
 
-    remarks, beyond = [], int(np.count_nonzero(flag))
+    remarks: list[str] = []
+    beyond = int(np.count_nonzero(flag))
     if beyond:
         what = "directions are" if flag.size > 1 else "direction is"
         remarks.append(
@@ -156,10 +157,16 @@ def _remarks(flag: "np.ndarray", u_f: "np.ndarray", name: str) -> list[str]:
     return remarks
 
 
+def _entry(content: Any, *names: str) -> Any:
+    """What is kept under names, one in the other, in a file of anybody's; None where there is none."""
+    for name in names:
+        content = content.get(name) if hasattr(content, "get") else None
+    return content
+
+
 def _judged(material: "Material") -> list[str]:
     """What is to be said of a fit that is not good: its numbers' uncertainties do not tell how far off f is."""
-    judgement = material.meta["fit"].get("judgement") if isinstance(material.meta.get("fit"), dict) else None
-    verdict = judgement.get("verdict") if isinstance(judgement, dict) else None
+    verdict = _entry(material.meta, "fit", "judgement", "verdict")
     if not isinstance(verdict, str) or verdict == "good":
         return []
     return [
