@@ -232,10 +232,12 @@ class _Term:
         here, value, absolute = here[needed], value[needed], absolute[needed]
         change = np.abs(value - self.value[here])
         earlier = np.where(np.isnan(self.step[here]), change, self.step[here])
-        # Agreement of two orders by accident is caught by the square of the change before it.
+        # Agreement of two orders by accident is caught by the square of the change before it; of the first two, by a
+        # third order.
         bound = 2 * change + earlier * np.minimum(earlier + self.remains, 1.0) + _floor(absolute)
+        met = (bound <= tolerance) & (np.isfinite(self.step[here]) | (change <= _floor(absolute)))
         self.value[here], self.bound[here], self.step[here] = value, bound, change
-        self.unmet[here] = ~np.all(bound.reshape(here.size, -1) <= tolerance, axis=1)
+        self.unmet[here] = ~np.all(met.reshape(here.size, -1), axis=1)
 
 
 def _channels_last(a: np.ndarray, everything: Iterable[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
