@@ -1,6 +1,5 @@
 """How far interpolation between the nodes of a grid may be off, by what the readings around show."""
 
-import functools
 import math
 from collections.abc import Mapping
 
@@ -54,19 +53,21 @@ class NodeUncertainty:
         x, _ = grid_coordinates(type(layout), wi, wo)
         return GridBoxes.of(layout, self.part.axes, x), x
 
-    @functools.cached_property
-    def _filled(self) -> FilledCells:
-        return filled_cells(self.part.table.layout, self.part.f)
+    def _filled(self, boxes: GridBoxes) -> FilledCells:
+        """f at the corners of boxes (corners, B, C), those without a reading by the readings beside them."""
+        cells, place = np.unique(boxes.cells, return_inverse=True)
+        made = filled_cells(self.part.table.layout, self.part.f, cells)
+        return FilledCells(*(a[place.reshape(boxes.cells.shape)] for a in made))
 
     def _missing(self, boxes: GridBoxes, f: np.ndarray) -> np.ndarray:
         """What f (n, C), in the order of the boxes, may be off by as corners have no reading; infinite where no other
         tells what there would be."""
         if self.part.valid.all():
             return np.zeros(f.shape)
-        made, missing = self._filled
-        unknown = boxes.interpolated(np.isnan(made).astype(float)[boxes.cells]) > AT_NODE
-        off = np.abs(f - boxes.interpolated(np.nan_to_num(made)[boxes.cells]))
-        return np.where(unknown, np.inf, off + boxes.interpolated(missing[boxes.cells]))
+        made, missing = self._filled(boxes)
+        unknown = boxes.interpolated(np.isnan(made).astype(float)) > AT_NODE
+        off = np.abs(f - boxes.interpolated(np.nan_to_num(made)))
+        return np.where(unknown, np.inf, off + boxes.interpolated(missing))
 
     def _noise(self, boxes: GridBoxes) -> np.ndarray:
         u = self.part.u[boxes.cells]
@@ -111,35 +112,22 @@ class NodeUncertainty:
     def _interpolated(self, wi: Direction, wo: Direction) -> np.ndarray:
         boxes, _ = self._boxes(wi, wo)
         f = np.empty((wi.z.size, self.part.f.shape[1]))
-        f[boxes.order] = boxes.interpolated(np.nan_to_num(self._filled.f)[boxes.cells])
+        f[boxes.order] = boxes.interpolated(np.nan_to_num(self._filled(boxes).f))
         return f
 
     def _unseen(self, boxes: GridBoxes, wi: Direction, wo: Direction) -> np.ndarray:
         """Where a lobe about the mirror direction, or back to the light, may hide that no reading around has seen."""
-        n = boxes.order.size
-        unseen = np.zeros(n, bool)
+        unseen = np.zeros(boxes.order.size, bool)
+        cells, place = np.unique(boxes.cells, return_inverse=True)
+        read, place = self.part.table.layout.directions_at(cells), place.reshape(boxes.cells.shape)
         wi, wo = (Direction(*(c[boxes.order] for c in w)) for w in (wi, wo))
-        back = (-1.0, self._to_light) if self.reflects else None
-        for sign, nearest in filter(None, ((1.0, self._to_mirror), back)):
+        for sign in (1.0, -1.0) if self.reflects else (1.0,):
             away = _angle(wi, wo, sign)
-            of_cells = np.where(self.part.valid[boxes.cells], nearest[boxes.cells], np.inf)
-            of_boxes = np.repeat(np.min(of_cells, axis=0), np.diff(boxes.starts))
+            of_cells = np.where(self.part.valid[cells], _angle(*read, sign), np.inf)
+            of_boxes = np.repeat(np.min(of_cells[place], axis=0), np.diff(boxes.starts))
             hides = (away < of_boxes) & (of_boxes > self.part.reach)
             unseen |= hides if sign > 0 else hides & (away < math.radians(NEAR_LIGHT))
         return unseen
-
-    @functools.cached_property
-    def _to_mirror(self) -> np.ndarray:
-        """Angles (cells,) from the mirror direction, radians."""
-        return self._angles(1.0)
-
-    @functools.cached_property
-    def _to_light(self) -> np.ndarray:
-        return self._angles(-1.0)
-
-    def _angles(self, sign: float) -> np.ndarray:
-        layout = self.part.table.layout
-        return _angle(*layout.directions_at(np.arange(layout.size)), sign)
 
 
 def _angle(wi: Direction, wo: Direction, sign: float) -> np.ndarray:
