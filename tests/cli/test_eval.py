@@ -61,7 +61,8 @@ def test_what_was_not_read_is_flagged_and_is_no_reading_when_it_comes_back(here,
     """Of readings up to 60°; values are written all the same, as f is continued there."""
     polar = np.arange(0.0, 61.0, 20.0)
     angles = np.meshgrid(polar, [0.0], polar, np.arange(0.0, 360.0, 45.0), indexing="ij")
-    table = gonio.Table.from_arrays(*(a.ravel() for a in angles), np.full(angles[0].size, 0.1), degrees=True)
+    f = np.full(angles[0].size, 0.1)
+    table = gonio.Table.from_arrays(*(a.ravel() for a in angles), f, u_f=0.01 * f, degrees=True)
     table.save("part.h5")
     assert main(["eval", "part.h5", "--theta-i", "30,70", "--theta-o", "50,65", "-o", "out.csv"]) == 0
     assert "3 of 4 directions are beyond what was read of part" in capsys.readouterr().err
@@ -76,6 +77,9 @@ def test_what_was_not_read_is_flagged_and_is_no_reading_when_it_comes_back(here,
     assert main(["eval", "part.h5", "--theta-i", "30", "--theta-o", "50"]) == 0
     captured = capsys.readouterr()
     assert "flag" not in captured.out and not captured.err
+    gonio.Table.from_arrays(*(a.ravel() for a in angles), np.full(angles[0].size, 0.1), degrees=True).save("bare.h5")
+    assert main(["eval", "bare.h5", "--theta-i", "20", "--theta-o", "40"]) == 0
+    assert "not all readings of bare state their own uncertainty" in capsys.readouterr().err
 
 
 def test_a_fit_has_uncertainties_beside_its_values_and_says_what_it_is(here, capsys):

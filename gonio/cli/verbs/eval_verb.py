@@ -111,7 +111,7 @@ def _uncertainty(subject: "Subject", listed: Listed) -> "tuple[np.ndarray, list[
     """The standard uncertainty (n, C) of f of a table or a fit, (0, C) where a fit keeps none, and remarks on it."""
     import numpy as np
 
-    from gonio.metrology.values.standard_uncertainty import uncertainty_of_values
+    from gonio.metrology.values.standard_uncertainty import states_uncertainties, uncertainty_of_values
 
     material = subject.as_material()
     try:
@@ -120,7 +120,12 @@ def _uncertainty(subject: "Subject", listed: Listed) -> "tuple[np.ndarray, list[
         if subject.table is not None:
             raise
         return np.zeros((0, len(material.channels))), [f"{error}: f has no uncertainty beside it"]
-    return u_f, [] if subject.table is not None else _judged(material)
+    if subject.table is None:
+        return u_f, _judged(material)
+    unstated = (
+        f"not all readings of {material.name} state their own uncertainty: u_f is of what lies between them alone"
+    )
+    return u_f, [] if states_uncertainties(subject.table) else [unstated]
 
 
 def _not_read(table: "Table", listed: Listed) -> "np.ndarray":
@@ -151,7 +156,9 @@ def _remarks(flag: "np.ndarray", u_f: "np.ndarray", name: str) -> list[str]:
         unknown &= flag == 0
     if open_ended := int(np.count_nonzero(unknown)):
         what = "directions have" if len(u_f) > 1 else "direction has"
-        why = "a lobe may hide between its readings there, or its format interpolates by a rule of its own"
+        why = (
+            "a lobe may hide between its readings, its format has a rule of its own, or a reading is there without u_f"
+        )
         why = why if flag.size else "a number of the fit is not determined"
         remarks.append(f"{open_ended:,} of {len(u_f):,} {what} a value that nothing bounds (u_f is NaN): {why}")
     return remarks

@@ -121,7 +121,7 @@ class Places:
 
     def __init__(self, read: np.ndarray, exchanged: np.ndarray, place: np.ndarray, isotropic: bool) -> None:
         self.read, self.place, self.isotropic = read, place, isotropic
-        self.tree, self.doubled = KDTree(np.concatenate([read, exchanged])), len(exchanged) > 0
+        self.tree = KDTree(np.concatenate([read, exchanged]))
 
     @classmethod
     def of(cls, wi: Direction, wo: Direction, reciprocal: bool) -> "Places":
@@ -159,7 +159,7 @@ def _points(wi: Direction, wo: Direction, isotropic: bool) -> np.ndarray:
 
 
 def _careful(law: np.ndarray) -> np.ndarray:
-    """A law by which f depends on where the half vector is tilted to, be it that the readings did not show it."""
+    """A law by which f depends on where the half vector is tilted to, even where the readings did not show that."""
     tilt, remainder, variance = np.exp(law[4]), np.exp(law[6]), np.exp(law[8])
     careful = law.copy()
     careful[6] = np.log(max(remainder, TILTED**2 * tilt**2 / variance))
@@ -168,7 +168,8 @@ def _careful(law: np.ndarray) -> np.ndarray:
 
 def _predicted(system: Kriging, places: Places, radius: float) -> tuple[np.ndarray, np.ndarray]:
     """Numbers (m,) of some samples, and squares (m, C) of the errors of their prediction without those within a
-    radius, over what the kriging says of them."""
+    radius, over what the kriging says of them [Rasmussen & Williams 2006, section 5.4.2, of several left out at once].
+    """
     n = len(system.lower)
     rng = np.random.default_rng(0)
     centres = np.sort(rng.choice(n, min(n, CENTRES), replace=False))
@@ -198,7 +199,10 @@ def _of_worst(covariance: np.ndarray, missed: np.ndarray) -> np.ndarray:
 
 
 def _variance(system: Kriging, covariance: np.ndarray) -> np.ndarray:
-    """Expected square (m,) of the error of compressed values with these covariances (m, n) with the samples."""
+    """Expected square (m,) of the error of compressed values with these covariances (m, n) with the samples.
+
+    The mean is estimated along with them [Rasmussen & Williams 2006, section 2.7].
+    """
     remainder, nugget, whole = np.exp(system.law[6:])
     solved = solve_triangular(system.lower, covariance.T, lower=True, check_finite=False)
     ones = cho_solve((system.lower, True), np.ones(len(system.lower)), check_finite=False)

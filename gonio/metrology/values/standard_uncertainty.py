@@ -5,11 +5,13 @@ from numpy.typing import ArrayLike
 
 from gonio.checks.table.one_azimuth import azimuth_dependence
 from gonio.data.angles import radian_arrays
+from gonio.data.flags import Flag
 from gonio.data.interpolation.coverage import covered
 from gonio.data.interpolation.multilinear import as_material, coarsened
 from gonio.data.interpolation.scattered import scattered_material
 from gonio.data.material import Material
 from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty, with_scatter
+from gonio.data.plausibility.understated_uncertainty import as_scattered, understated_uncertainty
 from gonio.data.subject import Subject, SubjectLike, resolve_subject
 from gonio.data.table import Table
 from gonio.metrology.fit_numbers import FitNumbers
@@ -24,6 +26,8 @@ from gonio.models.geometry.directions import Direction, from_spherical
 ROWS = 200_000
 """Pairs of directions of a fit at once."""
 SAME_AZIMUTH = 1e-6
+NOTHING = 1e-9
+"""Share of f that is no uncertainty but rounding."""
 
 
 def standard_uncertainty(
@@ -38,6 +42,7 @@ def standard_uncertainty(
 
     Of a table: what its readings' own uncertainties leave in the interpolated value, what they share as far as they
     show it, and what may lie between the readings, as their bends, or the prediction of each by the others, show it.
+    Of a table whose readings state no uncertainty it is that of what lies between them alone, and NaN at a reading.
     Of a fit: by the covariance of its numbers. Errors that a table states apart from its readings' uncertainties
     (calibration, angles) are in `gonio.quantities(table, budget=True)`.
 
@@ -99,10 +104,21 @@ def table_uncertainty(table: Table, wi: Direction, wo: Direction) -> np.ndarray:
     wi, wo = (Direction(*(np.asarray(c, float)[inside] for c in w)) for w in (wi, wo))
     f = np.asarray(evaluate(as_material(table), wi, wo), float).reshape(inside.size, -1)
     common = correlated_uncertainty(table)
-    noise, between = _by_part(with_scatter(table, common), wi, wo, f)
+    read = as_scattered(with_scatter(table, common), understated_uncertainty(table))
+    noise, between = _by_part(read, wi, wo, f)
     combined = np.sqrt(noise**2 + between**2 + (common.relative * f) ** 2)
-    u[inside] = np.where(np.isfinite(combined), combined, np.nan)
+    # Where a reading is nothing lies between: without its own uncertainty none is known there.
+    known = np.isfinite(combined) & (states_uncertainties(table) | (combined > NOTHING * np.abs(f)))
+    u[inside] = np.where(known, combined, np.nan)
     return u
+
+
+def states_uncertainties(table: Table) -> bool:
+    """Whether all valid readings of a table state their standard uncertainty."""
+    if table.u_f is None:
+        return False
+    valid = np.asarray(table.flag[...]) == Flag.VALID
+    return bool(np.isfinite(np.asarray(table.u_f[...]))[valid].all())
 
 
 def _by_part(table: Table, wi: Direction, wo: Direction, f: np.ndarray) -> Uncertain:

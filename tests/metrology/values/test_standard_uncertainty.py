@@ -70,6 +70,20 @@ def test_a_reading_has_its_own_uncertainty(grid):
     np.testing.assert_allclose(u.ravel(), np.asarray(grid.u_f).ravel()[::371], rtol=1e-6)
 
 
+def test_a_reading_without_an_uncertainty_is_not_exact(grid):
+    """Nothing lies between it and itself; beside it there is what interpolation may miss."""
+    table = whole_table_of_values(grid.layout, np.asarray(grid.f)[..., 0])
+    u = gonio.standard_uncertainty(table, 20, 0, [25, 27], 45, degrees=True)
+    assert np.isnan(u[0, 0]) and u[1, 0] > 0
+
+
+def test_readings_that_scatter_more_than_they_state_are_as_uncertain_as_they_scatter(grid):
+    table = whole_table_of_values(grid.layout, np.asarray(grid.f)[..., 0], u_f=np.asarray(grid.u_f) / 4)
+    u = gonio.standard_uncertainty(table, 20, 0, [25, 40], 45, degrees=True)
+    stated = gonio.standard_uncertainty(grid, 20, 0, [25, 40], 45, degrees=True)
+    np.testing.assert_allclose(u, stated, rtol=0.3)
+
+
 def test_what_was_not_read_has_none(grid):
     u = gonio.standard_uncertainty(grid, [30, 70], 0, [20, 80], [0, 90], degrees=True)
     assert u.shape == (2, 1) and np.isfinite(u[0, 0]) and np.isnan(u[1, 0])
@@ -78,7 +92,7 @@ def test_what_was_not_read_has_none(grid):
 def test_a_lobe_may_hide_where_the_mirror_direction_was_left_out():
     polar = np.radians([0.0, 20.0, 40.0]), np.radians([10.0, 30.0, 50.0]), np.radians(np.arange(0, 360, 30.0))
     layout = layouts.isotropic(*polar)
-    table = whole_table_of_values(layout, np.full(layout.shape, 0.1))
+    table = whole_table_of_values(layout, np.full(layout.shape, 0.1), u_f=np.full((*layout.shape, 1), 0.001))
     u = gonio.standard_uncertainty(table, 20, 0, [20, 25, 45], [180, 180, 90], degrees=True)
     assert np.isnan(u[0, 0]) and np.isfinite(u[2, 0])
 
