@@ -4,6 +4,7 @@ import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.spatial import KDTree
 
+from gonio.checks.table.energy import mirror_reach
 from gonio.data.flags import Flag
 from gonio.data.interpolation.inverse_distance import one_azimuth
 from gonio.data.interpolation.kriging import Kriging
@@ -49,6 +50,7 @@ class SampleUncertainty:
         wi, wo = (Direction(*(np.asarray(c, float)[usable] for c in w)) for w in (block.wi, block.wo))
         f, u = (np.nan_to_num(np.asarray(a, float)[usable]) for a in (block.f, block.u_f))
         self.places = Places.of(wi, wo, reciprocal)
+        self.reach = mirror_reach(table, 0.0)
         self.f, self.u = self.places.merged(f), np.sqrt(self.places.merged(u**2))
 
     def of(self, wi: Direction, wo: Direction, f: np.ndarray) -> Uncertain:
@@ -73,6 +75,10 @@ class SampleUncertainty:
             share = np.minimum(distance[:, :1] / np.maximum(spacing[:, None], 1e-12), 1.0)
             part = np.multiply(share, error, out=np.zeros(error.shape), where=np.broadcast_to(share > 0, error.shape))
             between = np.maximum(between, part)
+        # A lobe may hide where all readings around are farther from the mirror direction.
+        away = from_mirror(self.places.points(wi, wo))
+        around = np.min(from_mirror(self.places.read)[near], axis=1)
+        between[(away < around) & (around > self.reach)] = np.inf
         return Uncertain(self.u[near[:, 0]], between)
 
     def _slopes(self, which: np.ndarray) -> np.ndarray:
@@ -147,6 +153,12 @@ class Places:
         exchanged."""
         distance, near = self.tree.query(points, min(number, self.tree.n))
         return distance.reshape(len(points), -1), near.reshape(len(points), -1) % len(self.read)
+
+
+def from_mirror(points: np.ndarray) -> np.ndarray:
+    """Angles (n,), radians, between wo and the mirror direction of wi, of components of both (n, 6)."""
+    x, y, z, u, v, w = points.T
+    return np.arccos(np.clip(z * w - x * u - y * v, -1.0, 1.0))
 
 
 def _points(wi: Direction, wo: Direction, isotropic: bool) -> np.ndarray:
