@@ -6,6 +6,7 @@ channels [Golub & Pereyra 1973; Triggs et al. 2000, §6].
 """
 
 import contextlib
+import contextvars
 import functools
 from types import ModuleType
 from typing import NamedTuple
@@ -18,7 +19,8 @@ from jaxtyping import Array, Float
 from gonio.fitting.problem.readings import AnyArray
 
 WHOLE = 32  # numbers up to which a matrix is cheaper as a whole
-UNROLLED = 12  # numbers up to which a program has every step of an elimination by itself
+UNROLLED = contextvars.ContextVar("unrolled", default=12)
+"""Numbers up to which a program has every step of an elimination by itself: XLA takes far longer to compile more."""
 
 
 class Sizes(NamedTuple):
@@ -202,7 +204,7 @@ def solve_by_elimination(
     numbers = _like(np.arange(size)[:, None], right.ndim)
     rows = xp.concatenate([xp.broadcast_to(matrix, (*right.shape[:-2], size, size)), right], axis=-1)
     if xp is jnp:
-        return _unrolled(rows) if size <= UNROLLED else jax.lax.fori_loop(0, size, eliminate, rows)[..., size:]
+        return _unrolled(rows) if size <= UNROLLED.get() else jax.lax.fori_loop(0, size, eliminate, rows)[..., size:]
     with np.errstate(all="ignore"):
         for k in range(size):
             rows = eliminate(k, rows)

@@ -1,6 +1,6 @@
 """Steps of several descents side by side by one compiled loop, whose elements are the descents.
 
-For up to 12 numbers, on the processor, in double precision: what `StepsByXLA` computes, from JAX's own trace of it,
+For up to 16 numbers, on the processor, in double precision: what `StepsByXLA` computes, from JAX's own trace of it,
 many times as fast. What it does not take is XLA's.
 """
 
@@ -27,7 +27,7 @@ from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.sums import Rows, SumsProgram
 from gonio.models.fingerprint import program_name
 
-SIZES = (8, UNROLLED)
+SIZES = (8, 12, 16)
 """Numbers of the descents that there are loops for; those beyond a problem's own act on nothing."""
 KNOWN = 4
 """Of an evaluation: cost, stationarity, whether it is exact, what a Newton step promises."""
@@ -129,10 +129,13 @@ def _program_of(sizes: Sizes) -> SumsProgram | None:
 def _program(size: int) -> SumsProgram | None:
     of, name = layout_of(size), program_name("steps", size)
     steps = (of.row,) * (of.lane + 3 * size) + (of.given,) * of.given
+    unrolled = UNROLLED.set(size)
     try:
         return SumsProgram(Rows(functools.partial(_rows, of), [], 2, steps, name=name), [], range(of.row))
     except Unsupported:
         return None
+    finally:
+        UNROLLED.reset(unrolled)
 
 
 def _rows(of: Layout, _: Sequence[Any], target_norm_squared: Array, rough: Array, *elements: Array) -> Array:

@@ -11,7 +11,7 @@ from gonio.models.compiled.arrays import MOVES, contracted
 from gonio.models.compiled.graph import DTYPES, Graph, Unsupported
 from gonio.models.compiled.lowering import operation
 
-LIMIT = 16_000
+LIMIT = 18_000
 """Operations of one formula: code beyond takes longer to write than it saves."""
 KINDS = {np.dtype(d): name for name, d in DTYPES.items()}
 

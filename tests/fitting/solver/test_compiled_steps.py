@@ -8,7 +8,7 @@ import pytest
 
 from gonio.fitting.problem.arrow import Arrow, Sizes
 from gonio.fitting.problem.normal_equations import NormalEquations
-from gonio.fitting.problem.parameterisation import LINEAR, LOG, LOG1P, Domains, to_parameters
+from gonio.fitting.problem.parameterisation import LINEAR, LOG, LOG1P, Domains, to_parameters, to_unconstrained
 from gonio.fitting.solver.compiled_steps import KNOWN, StepsByLoop, _rows, steps_of
 from gonio.fitting.solver.xla_steps import Descents, StepsByXLA
 from gonio.models.compiled import known
@@ -88,3 +88,23 @@ def test_a_start_without_a_finite_cost_is_refused(by_loop):
     equations.cost[1] = np.nan
     report = by_loop(equations, np.ones(3, bool))
     assert report.refused.tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("size", [13, 16])
+def test_many_numbers_come_to_least_squares_by_the_loop(size):
+    rng = np.random.default_rng(size)
+    rows, data = rng.standard_normal((40, size)), rng.standard_normal(40)
+    domains = Domains(np.full(size, LINEAR), np.full(size, -9.0), np.full(size, 9.0))
+
+    def equations(p: np.ndarray) -> NormalEquations:
+        r = p @ rows.T - data
+        return NormalEquations(0.5 * (r * r).sum(1), r @ rows, Arrow.dense(np.stack([rows.T @ rows] * len(p))))
+
+    start = to_unconstrained(domains, rng.uniform(-1.0, 1.0, (2, size)))
+    steps = steps_of(Descents(domains, np.ones(size, bool), start, 100.0, float(data @ data), 1.0), Sizes(size, 0, 0))
+    if not isinstance(steps, StepsByLoop):
+        pytest.skip("no compiled loops on this processor")
+    for _ in range(12):
+        report = steps(equations(steps.p), np.ones(2, bool))
+    assert report.finished.all() and steps.otherwise is None
+    np.testing.assert_allclose(report.points.p, np.stack([np.linalg.lstsq(rows, data)[0]] * 2), rtol=1e-6)
