@@ -106,9 +106,16 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
         if path is not None and (reference is not None or not spec.needs_reference):
             judge = pkgutil.resolve_name(f"gonio.checks.{path}")
             properties.append(judge(evidence, given.get(key, tolerance)))
-    table = judged.table
-    notes = list(judged.brdf.validity_notes if table is None else table.provenance.get("warnings", []))
-    return Certificate(settings.name or judged.name, judged.kind, properties, settings.strict, notes)
+    return Certificate(settings.name or judged.name, judged.kind, properties, settings.strict, _notes(judged))
+
+
+def _notes(judged: Subject) -> list[str]:
+    """What limits the use of a subject's values."""
+    if judged.table is not None:
+        return list(judged.table.provenance.get("warnings", []))
+    from gonio.fitting.material_warnings import material_warnings
+
+    return material_warnings(judged.as_material())
 
 
 def _below_the_surface(judged: Subject, settings: CheckSettings, given: dict[str, float]) -> Certificate | None:
@@ -120,7 +127,8 @@ def _below_the_surface(judged: Subject, settings: CheckSettings, given: dict[str
     from gonio.checks.subsurface import check_bssrdf
 
     _refuse_options_of_tables(settings, "light below a surface")
-    return check_bssrdf(judged.brdf.bssrdf, judged.channels, settings.name or judged.name, given)
+    certificate = check_bssrdf(judged.brdf.bssrdf, judged.channels, settings.name or judged.name, given)
+    return dataclasses.replace(certificate, notes=[*certificate.notes, *_notes(judged)])
 
 
 def _compared_with(other: Subject) -> "AbstractBRDF | Table":

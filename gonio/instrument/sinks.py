@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from gonio.data.hdf5.writer import BlockWriter, TableHeader, open_table
 from gonio.data.material import Material
 from gonio.data.table import MEDIA, Table
+from gonio.fitting.material_warnings import material_warnings
 from gonio.instrument.instrument import Systematic
 from gonio.instrument.media import media_of_measurement
 from gonio.instrument.reader import BlockReadings, Reader, WorstAverage
@@ -201,7 +202,7 @@ def provenance_of(reader: Reader, command: str | None) -> dict[str, Any]:
     if reader.edge_loss is not None:
         values["edge_loss"] = reader.edge_loss.to_dict()
         if sentence := reader.edge_loss.sentence(material.channels.names):
-            values["warnings"] = [sentence]
+            values["warnings"] = [*values.get("warnings", []), sentence]
     if (media := media_of_measurement(reader.instrument, material.brdf, layout.sides)) is not None:
         values[MEDIA] = media
     return values
@@ -225,6 +226,8 @@ def facts_of(material: Material, command: str | None) -> dict[str, Any]:
         values["material"]["file"] = str(material.meta["file"])
     if command:
         values["command"] = command[:LONG_TEXT]
+    if warnings := material_warnings(material):
+        values["warnings"] = [warning[:LONG_TEXT] for warning in warnings]
     return values
 
 

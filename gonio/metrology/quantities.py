@@ -20,6 +20,7 @@ from gonio.data.serialise import finite
 from gonio.data.subject import Subject, SubjectLike, load_material, resolve_subject
 from gonio.data.table import Table
 from gonio.fitting.fit_table import fit
+from gonio.fitting.material_warnings import material_warnings
 from gonio.fitting.result import FitResult
 from gonio.fitting.subsurface.result import ProfileFit
 from gonio.instrument.instrument import Instrument
@@ -303,7 +304,8 @@ def _of_model(material: Material, name: str, settings: QuantitiesSettings, wante
     laws = _laws(material.brdf, material.channels, wanted)
     rows = model_quantities(material, settings.geometries, numbers) + polished_quantities(material) + named + laws[0]
     rows += subsurface_quantities(material, numbers)
-    return Quantities(name, "model", rows, notes=notes + remarks + of_numbers(numbers), undecided=undecided + laws[1])
+    notes = material_warnings(material) + notes + remarks + of_numbers(numbers)
+    return Quantities(name, "model", rows, notes=notes, undecided=undecided + laws[1])
 
 
 def _numbers_of_fit(material: Material) -> tuple[FitNumbers | None, list[str]]:

@@ -2,11 +2,14 @@
 
 import argparse
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gonio.cli.arguments import FORCE, MERL, READING, Options, add_options, given, reading_options, share_of, write_json
 from gonio.models.errors import GonioError
 from gonio.text import is_verbose, log, show
+
+if TYPE_CHECKING:
+    from gonio.data.subject import Subject
 
 OPTIONS: Options = {
     "--to NAME": "the renderer (mitsuba, pbrt, materialx, gltf, blender, radiance), or the format where OUT's ending "
@@ -70,8 +73,7 @@ def run(args: argparse.Namespace) -> int:
 
     refuse_outputs([args.output], [args.input], args.force)
     subject = resolve_subject(args.input, **reading_options(args))
-    warnings: list[str] = [] if subject.table is None else subject.table.provenance.get("warnings", [])
-    for warning in warnings:
+    for warning in _warnings(subject):
         log(f"gonio: {args.input}: {warning}")
     options: dict[str, Any] = given(args, "model", *NAMES) | {
         "force": args.force,
@@ -86,6 +88,15 @@ def run(args: argparse.Namespace) -> int:
         show("other forms: " + ", ".join(f"{name} (rms {100 * rms:.3g} %)" for name, rms in others[:3]))
     facts = dataclasses.asdict(error) if dataclasses.is_dataclass(error) else {}
     return write_json(args, {"written": args.output, "error": facts, "sentence": str(error)})
+
+
+def _warnings(subject: "Subject") -> list[str]:
+    """What limits the use of the subject's values."""
+    if subject.table is not None:
+        return subject.table.provenance.get("warnings", [])
+    from gonio.fitting.material_warnings import material_warnings
+
+    return material_warnings(subject.as_material())
 
 
 def _run_profile(args: argparse.Namespace) -> int:

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gonio.data.channels import Channels
-    from gonio.data.material import Material
     from gonio.data.subject import Subject
     from gonio.data.table import Table
     from gonio.models.geometry.directions import Direction
@@ -82,6 +81,7 @@ def run(args: argparse.Namespace) -> int:
 
     from gonio.data.formats.registry import is_there, sniff
     from gonio.data.subject import resolve_subject
+    from gonio.fitting.material_warnings import material_warnings
     from gonio.models.evaluation import evaluate
 
     listed = _directions(args)
@@ -96,9 +96,10 @@ def run(args: argparse.Namespace) -> int:
     if subject.table is not None:
         flag = _not_read(subject.table, listed)
         facts["flag"] = flag
-    remarks: list[str] = []
+    remarks = material_warnings(material) if subject.table is None else []
     if not args.values_only and (subject.table is not None or "fit" in material.meta):
-        u_f, remarks = _uncertainty(subject, listed)
+        u_f, further = _uncertainty(subject, listed)
+        remarks += further
         facts |= {"u_f": u_f} if u_f.size else {}
     with writing_json(args, facts):
         _write(args, listed, f, u_f, material.channels, flag)
@@ -111,6 +112,7 @@ def _uncertainty(subject: "Subject", listed: Listed) -> "tuple[np.ndarray, list[
     """The standard uncertainty (n, C) of f of a table or a fit, (0, C) where a fit keeps none, and remarks on it."""
     import numpy as np
 
+    from gonio.fitting.material_warnings import fit_warnings
     from gonio.metrology.values.standard_uncertainty import states_uncertainties, uncertainty_of_values
 
     material = subject.as_material()
@@ -121,7 +123,8 @@ def _uncertainty(subject: "Subject", listed: Listed) -> "tuple[np.ndarray, list[
             raise
         return np.zeros((0, len(material.channels))), [f"{error}: f has no uncertainty beside it"]
     if subject.table is None:
-        return u_f, _judged(material)
+        of_numbers = "u_f is what the uncertainties of its numbers make of f, and no bound of how far off the fit is"
+        return u_f, [of_numbers] if fit_warnings(material) else []
     unstated = (
         f"not all readings of {material.name} state their own uncertainty: u_f is of what lies between them alone"
     )
@@ -162,23 +165,6 @@ def _remarks(flag: "np.ndarray", u_f: "np.ndarray", name: str) -> list[str]:
         why = why if flag.size else "a number of the fit is not determined"
         remarks.append(f"{open_ended:,} of {len(u_f):,} {what} a value that nothing bounds (u_f is NaN): {why}")
     return remarks
-
-
-def _entry(content: Any, *names: str) -> Any:
-    """What is kept under names, one in the other, in a file of anybody's; None where there is none."""
-    for name in names:
-        content = content.get(name) if hasattr(content, "get") else None
-    return content
-
-
-def _judged(material: "Material") -> list[str]:
-    """What is to be said of a fit that is not good: its numbers' uncertainties do not tell how far off f is."""
-    verdict = _entry(material.meta, "fit", "judgement", "verdict")
-    if not isinstance(verdict, str) or verdict == "good":
-        return []
-    return [
-        f"{material.name} is a fit that was judged {verdict[:20]!r}; u_f is what its numbers' uncertainties make of f"
-    ]
 
 
 def _write(

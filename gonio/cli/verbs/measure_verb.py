@@ -128,10 +128,14 @@ def run(args: argparse.Namespace) -> int:
     _require_one_way(args)
     refuse_outputs([args.output], [args.material, args.scan, args.instrument], args.force)
     from gonio.data.subject import load_material
+    from gonio.fitting.material_warnings import material_warnings
 
     instrument = _instrument(args)
     material = load_material(as_stated(args.material, args))
     command = shlex.join(["gonio", *sys.argv[1:]])
+    if args.adaptive or args.dry_run or args.scan in ("offsets", "rgl"):  # other measurements say it themselves
+        for warning in material_warnings(material):
+            log(warning)
     if args.adaptive:
         return _adaptive(args, material, instrument, command)
     if args.scan == "offsets":

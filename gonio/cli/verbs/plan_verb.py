@@ -21,7 +21,7 @@ from gonio.cli.arguments import (
 )  # fmt: skip
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
-from gonio.text import columns, number, show
+from gonio.text import columns, log, number, show
 
 if TYPE_CHECKING:
     from gonio.planning.planned import Plan
@@ -77,7 +77,9 @@ def run(args: argparse.Namespace) -> int:
 
     outputs = [args.output, args.json, args.picture]
     refuse_outputs(outputs, [args.material, args.instrument, args.continued, args.model, args.against], args.force)
+    from gonio.data.subject import resolve_subject
     from gonio.figures.paths import require_picture, write_path
+    from gonio.fitting.material_warnings import material_warnings
     from gonio.instrument.description import read_instrument
     from gonio.planning.planned import plan
 
@@ -93,7 +95,10 @@ def run(args: argparse.Namespace) -> int:
     options["wanted"] = [name.strip() for name in args.wanted.split(",")] if args.wanted else []
     options["ranges"] = _ranges(args.ranges) if args.ranges else {}
     instrument = None if args.instrument is None else read_instrument(args.instrument)
-    subject = None if args.material is None else as_stated(args.material, args)
+    subject = None if args.material is None else resolve_subject(as_stated(args.material, args))
+    if subject is not None and subject.material is not None:
+        for warning in material_warnings(subject.material):
+            log(f"gonio: {args.material}: {warning}")
     planned = plan(subject, instrument, **options)
     with writing_json(args, planned.to_dict() | {"written": args.output}):
         if args.picture:
