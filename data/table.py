@@ -1,6 +1,7 @@
 """The table: what an instrument read, cell by cell, with its uncertainty, its flags and how it came about."""
 
 import dataclasses
+import functools
 import importlib
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -96,7 +97,7 @@ class Table(Displayed):
     """Makes the BRDF by which the file's format itself reads between the cells; None: `multilinear`.
 
     Called with ``coarse=True`` it makes one of half the nodes, from which the error of the whole one is
-    estimated.
+    estimated. Either has a method `only` that makes the one of some of its channels, by their numbers.
     """
 
     def __post_init__(self) -> None:
@@ -282,7 +283,8 @@ class Table(Displayed):
         wavelengths = self.channels.wavelengths_nm
         channels = Channels(tuple(names), None if wavelengths is None else tuple(wavelengths[k] for k in numbers))
         f, flag, u_f = (None if a is None else np.asarray(a)[..., numbers] for a in (self.f, self.flag, self.u_f))
-        return dataclasses.replace(self, f=f, flag=flag, u_f=u_f, channels=channels, interpolant=None)
+        rule = self.interpolant and functools.partial(_of_channels, self.interpolant, numbers)
+        return dataclasses.replace(self, f=f, flag=flag, u_f=u_f, channels=channels, interpolant=rule)
 
     def as_list(self) -> "Table":
         """The same readings as scattered samples, without those on the horizon."""
@@ -407,6 +409,11 @@ class Table(Displayed):
             return values.reshape(-1, count)[start:stop]
         pieces = [values[box].reshape(-1, count) for box in boxes(self.layout.shape, start, stop)]
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+
+
+def _of_channels(interpolant: Callable[..., Any], numbers: Sequence[int], coarse: bool = False) -> Any:
+    """The BRDF by which a file's format reads between the cells, of some channels."""
+    return (interpolant(coarse=True) if coarse else interpolant()).only(numbers)
 
 
 def media_of(stated: Any, channels: int) -> tuple[np.ndarray, np.ndarray] | None:

@@ -7,6 +7,7 @@ warp, at the half vector of a pair of directions, says where to read the spectra
 1)π.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -69,6 +70,10 @@ class RGLMaterial(AbstractBRDF):
     @property
     def isotropic(self) -> bool:
         return self.same_all_round
+
+    def only(self, channels: Sequence[int]) -> "RGLMaterial":
+        """The material in these channels alone, by their numbers."""
+        return eqx.tree_at(lambda m: m.spectra, self, self.spectra[..., np.asarray(channels)])
 
     def formula(self, wi: Direction, wo: Direction) -> Float[Array, " channel"]:
         place = self.place(wi, wo)

@@ -5,6 +5,7 @@ arrives, −wi, and that in which it leaves, wo. Straight transmission and mirro
 """
 
 import abc
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -214,6 +215,10 @@ class SheetBSDF(AbstractBRDF):
 
     blocks: dict[str, tuple[ScatteringBlock | None, ...]]
     """By the names of `BLOCKS`; one entry a channel."""
+
+    def only(self, channels: Sequence[int]) -> "SheetBSDF":
+        """The sheet in these channels alone, by their numbers."""
+        return SheetBSDF({name: tuple(blocks[k] for k in channels) for name, blocks in self.blocks.items()})
 
     @property
     def hemispheres(self) -> Hemispheres:

@@ -32,6 +32,9 @@ CHUNK = 1 << 17
 LARGEST = 1.01
 """R + T from which on Radiance refuses a file."""
 LUMINANCE = {"R": 0.2126, "G": 0.7152, "B": 0.0722}
+UNSTATED = ("None", "None")
+INTEGRALS = {"Visible": ("CIE Illuminant D65 1nm.ssp", "ASTM E308 1931 Y.dsp"), "Solar": UNSTATED, "NIR": UNSTATED}
+"""Bands that files name, with the spectra of light and detector."""
 Blocks = dict[str, np.ndarray]
 """f, 1/sr, (leaving, arriving, channels), by the names of `BLOCKS`."""
 
@@ -45,8 +48,9 @@ def write_window_xml(
 ) -> RoundTrip:
     """Writes a Klems file: the mean of f over each pair of patches; returns what reading it again shows to be lost.
 
-    +z is the file's front. Blocks of what is not known are left out. One channel is written as "Visible", of R, G, B
-    their luminance, of X, Y, Z the Y; several wavelengths are written one by one.
+    +z is the file's front. Blocks of what is not known are left out. The bands "Visible", "Solar" and "NIR" and several
+    wavelengths are written one by one, any other single channel as "Visible", of R, G, B their luminance, of X, Y, Z
+    the Y.
 
     Args:
         path: the file.
@@ -88,16 +92,20 @@ def write_window_xml(
 def _visible(source: GridSource) -> tuple[GridSource, str]:
     """The source in the channels of a file, and what is to be said of them."""
     names, wavelengths = source.channels.names, source.channels.wavelengths_nm
-    if wavelengths is not None and len(names) > 1:
-        return source, "Radiance reads 'Visible' alone: for it, write one --channel"
+    if (wavelengths is not None and len(names) > 1) or set(names) <= set(INTEGRALS):
+        only = "" if names[:1] == ("Visible",) else "Radiance reads 'Visible' alone: for it, write one --channel"
+        return source, only
     weights = np.ones(1)
-    note = "" if len(names) == 1 else "the Y of X, Y, Z as 'Visible'"
+    note = "the Y of X, Y, Z as 'Visible'"
+    if len(names) == 1:
+        note = "" if wavelengths is None else f"{names[0]} as 'Visible'"
     if set(names) == set(LUMINANCE):
         weights, note = np.array([LUMINANCE[name] for name in names]), "R, G, B as 'Visible', by their luminance"
     elif set(names) == set("XYZ"):
         weights = np.array([float(name == "Y") for name in names])
     elif len(names) > 1:
-        raise GonioError(f"a Klems file holds 'Visible' or wavelengths, not {', '.join(names[:8])}; name one --channel")
+        bands = f"{', '.join(INTEGRALS)} or wavelengths"
+        raise GonioError(f"a Klems file holds {bands}, not {', '.join(names[:8])}; name one --channel")
     mix = source.mix @ weights[:, None]
     return dataclasses.replace(source, channels=Channels(("Visible",)), mix=mix), note
 
@@ -267,19 +275,19 @@ def _document(name: str, basis: AngleBasis, channels: Channels, blocks: Blocks) 
         "</DataDefinition>",
     ]
     for c, label in enumerate(channels.names):
-        wavelength = '<Wavelength unit="Integral">Visible</Wavelength>'
+        wavelength = f'<Wavelength unit="Integral">{escape(label)}</Wavelength>'
         if channels.wavelengths_nm is not None:
             wavelength = f'<Wavelength unit="Nanometer">{channels.wavelengths_nm[c]!r}</Wavelength>'
         for block, values in blocks.items():
             lines += [f"<WavelengthData><!-- {escape(label.replace('--', '-'))} -->", wavelength]
-            lines += _block_lines(block, basis, values[..., c])
+            lines += _block_lines(block, basis, values[..., c], INTEGRALS.get(label, INTEGRALS["Visible"]))
     return "\n".join([*lines, "</Layer>", "</Optical>", "</WindowElement>"]) + "\n"
 
 
-def _block_lines(name: str, basis: AngleBasis, values: np.ndarray) -> list[str]:
+def _block_lines(name: str, basis: AngleBasis, values: np.ndarray, spectra: tuple[str, str]) -> list[str]:
     return [
-        "<SourceSpectrum>CIE Illuminant D65 1nm.ssp</SourceSpectrum>",
-        "<DetectorSpectrum>ASTM E308 1931 Y.dsp</DetectorSpectrum>",
+        f"<SourceSpectrum>{spectra[0]}</SourceSpectrum>",
+        f"<DetectorSpectrum>{spectra[1]}</DetectorSpectrum>",
         f"<WavelengthDataBlock><WavelengthDataDirection>{name.title()}</WavelengthDataDirection>",
         f"<ColumnAngleBasis>{basis.name}</ColumnAngleBasis><RowAngleBasis>{basis.name}</RowAngleBasis>",
         "<ScatteringDataType>BTDF</ScatteringDataType>"

@@ -8,6 +8,7 @@ import pytest
 
 from gonio.data.flags import Flag
 from gonio.data.formats.rgl_file import DTYPES, parse_tensors, read_rgl, read_rgl_data, read_tensors
+from gonio.data.interpolation.multilinear import coarsened
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
@@ -117,6 +118,16 @@ def test_an_even_warp_gives_the_closed_form(tmp_path):
     np.testing.assert_allclose(table.channels.wavelengths_nm, np.linspace(400, 700, 7), rtol=1e-6)
     block = table.samples()
     np.testing.assert_allclose(block.f * block.wo.z[:, None], np.arange(1, 8) * 1.5 + 0 * block.f, rtol=1e-6)
+
+
+@pytest.mark.parametrize("coarse", [False, True])
+def test_some_channels_are_read_by_the_files_own_rule(tmp_path, coarse):
+    """In the order in which they are named, as among all of them."""
+    table = read_rgl(written(tmp_path / "m.bsdf", material(channels=7)))
+    wi, wo = random_directions(50), random_directions(50, 2)
+    some = table.only([table.channels.names[k] for k in (5, 2)])
+    made = [np.asarray(evaluate((coarsened(t) if coarse else t).interpolant(), wi, wo)) for t in (table, some)]
+    np.testing.assert_array_equal(made[1], made[0][:, [5, 2]])
 
 
 def test_without_jacobian_the_spectra_stand_alone(tmp_path):

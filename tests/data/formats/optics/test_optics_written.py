@@ -97,6 +97,22 @@ def test_klems_keeps_the_matrices_of_a_file_and_says_what_is_lacking(tmp_path):
     assert trip.max_absolute == 0 and "not known, left out: reflection back" in trip.note
 
 
+@pytest.mark.parametrize("bands", [("Visible", "Solar"), ("Solar", "Visible", "NIR"), ("Solar",)])
+def test_klems_keeps_the_bands_of_a_file(tmp_path, bands):
+    """Each under its own name; one that is chosen too."""
+    texts = [document({BLOCKS[0]: numbers(scattering(k, 0.3))}, wavelength=band) for k, band in enumerate(bands)]
+    data = [text[text.index("<WavelengthData>") : text.index("</Layer>")] for text in texts]
+    (tmp_path / "a.xml").write_text(texts[0].replace("</Layer>", "".join(data[1:]) + "</Layer>"))
+    first = read(tmp_path / "a.xml")
+    trip = write(tmp_path / "b.xml", first, basis="quarter")
+    write(tmp_path / "c.xml", first, basis="quarter", channel=bands[-1])
+    second, last = read(tmp_path / "b.xml"), read(tmp_path / "c.xml")
+    assert second.channels.names == first.channels.names == bands and last.channels.names == bands[-1:]
+    assert trip.max_absolute == 0 and ("Radiance reads 'Visible' alone" in trip.note) == (bands[0] != "Visible")
+    np.testing.assert_array_equal(second.f, first.f)
+    np.testing.assert_array_equal(np.ravel(last.f), np.ravel(np.asarray(first.f)[:, -1]))
+
+
 @QUICK
 @given(st.sets(st.sampled_from(BLOCKS), min_size=1), st.sampled_from(["Columns", "Rows"]), st.integers(0, 2**32))
 def test_klems_keeps_whichever_blocks_there_are(tmp_path, names, structure, seed):
