@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator
 from functools import partial
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -33,17 +33,17 @@ from gonio.models.geometry.horizon import HORIZON
 from gonio.models.geometry.sides import FRONT
 
 
-class InterpolationAxis(eqx.Module):
-    """Increasing nodes of one coordinate, and how a value finds its cell."""
+class AxisNodes(NamedTuple):
+    """Increasing nodes of one coordinate, and how a value finds its cell; no PyTree, and made in no time."""
 
-    nodes: Float[Array, " n"]
-    period: float | None = eqx.field(static=True)
-    step: float | None = eqx.field(static=True)
-    warp: bool = eqx.field(static=True)
-    fold: bool = eqx.field(static=True)
+    nodes: Any
+    period: float | None
+    step: float | None
+    warp: bool
+    fold: bool
 
-    def bracket(self, x: Any, xp: ModuleType = jnp) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
-        """((lower, upper) node numbers, their weights) of values of the coordinate, radians; `xp`: JAX or NumPy."""
+    def bracket(self, x: Any, xp: ModuleType = np) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+        """As `InterpolationAxis.bracket` says."""
         nodes, n = xp.asarray(self.nodes), self.nodes.shape[0]
         if self.fold:
             x = xp.minimum(x, 2 * xp.pi - x)
@@ -66,6 +66,20 @@ class InterpolationAxis(eqx.Module):
         width = stop - start
         w = xp.clip((x - start) / xp.where(width > 0, width, 1.0), 0.0, 1.0)
         return (low, high), (1.0 - w, w)
+
+
+class InterpolationAxis(eqx.Module):
+    """`AxisNodes` of JAX."""
+
+    nodes: Float[Array, " n"]
+    period: float | None = eqx.field(static=True)
+    step: float | None = eqx.field(static=True)
+    warp: bool = eqx.field(static=True)
+    fold: bool = eqx.field(static=True)
+
+    def bracket(self, x: Any, xp: ModuleType = jnp) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+        """((lower, upper) node numbers, their weights) of values of the coordinate, radians; `xp`: JAX or NumPy."""
+        return AxisNodes(self.nodes, self.period, self.step, self.warp, self.fold).bracket(x, xp)
 
 
 AT_NODE = 1e-9
@@ -184,7 +198,7 @@ def _interpolant(table: Table, reciprocal: bool) -> AbstractBRDF:
     return Tabulated(jnp.asarray(values, dtype), jnp.asarray(valid), axes, tuple(layout.axes), kind, isotropic)
 
 
-def interpolation_axis(layout: Layout, name: str) -> InterpolationAxis:
+def axis_nodes(layout: Layout, name: str) -> AxisNodes:
     """The nodes of one axis of a gridded layout, in the coordinate in which they are interpolated."""
     nodes = layout.axes[name]
     quadratic = {kind.name for kind in layout.axis_kinds if kind.quadratic}
@@ -192,13 +206,19 @@ def interpolation_axis(layout: Layout, name: str) -> InterpolationAxis:
     if warp:
         nodes = np.sqrt(nodes)
     step = float(nodes[1] - nodes[0]) if _uniform(nodes) else None
-    fold = name in layout.mirrored_axes
-    return InterpolationAxis(jnp.asarray(nodes, jnp.result_type(float)), layout.periods[name], step, warp, fold)
+    return AxisNodes(nodes, layout.periods[name], step, warp, name in layout.mirrored_axes)
+
+
+def interpolation_axis(layout: Layout, name: str) -> InterpolationAxis:
+    """`axis_nodes` as JAX takes them."""
+    axis = axis_nodes(layout, name)
+    return InterpolationAxis(jnp.asarray(axis.nodes, jnp.result_type(float)), *axis[1:])
 
 
 def _uniform(nodes: np.ndarray) -> bool:
     # Far inside the rounding of a cell's number: a node that floor() puts into the cell below has weight 1 there.
-    return nodes.size > 1 and np.allclose(np.diff(nodes), nodes[1] - nodes[0], rtol=1e-9, atol=0)
+    steps = np.diff(nodes)
+    return nodes.size > 1 and bool((np.abs(steps - steps[0]) <= 1e-9 * np.abs(steps[0])).all())
 
 
 def interpolation(table: Table) -> str:

@@ -1,28 +1,21 @@
 """Removal of nodes from a grid, axis by axis, as long as a scene's radiance stays within its tolerance.
 
-Only the corners that a scene's directions need are gathered, out of the whole grid, so that a trial costs a
-millisecond and no copy. Interpolation is that of `gonio.data.interpolation.multilinear`.
+Only the corners that a scene's directions need are gathered, out of the whole grid, so that a trial costs less than a
+millisecond and no copy (`gonio.data.reduction.subgrid_values`).
 """
 
 import dataclasses
-import itertools
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from gonio.data.interpolation.grid_coordinates import grid_coordinates
-from gonio.data.interpolation.multilinear import interpolation_axis
 from gonio.data.layouts import Layout
 from gonio.data.reduction.stored_cells import Nodes, StoredCells, ValidCells
+from gonio.data.reduction.subgrid_values import SubgridValues
 from gonio.data.scene import ScenePairs
-from gonio.models.geometry.directions import Direction
 
-MAX_BRACKETS = 256
 SHARES = (0.5, 0.25, 0.1)  # of the nodes of an axis that one step tries to remove
-
-Bracket = tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""(Lower, upper) numbers of nodes, and their weights."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,10 +88,18 @@ class Thinning:
     def __init__(self, grid: StartGrid, scene: SceneValues, guide: SceneValues | None = None) -> None:
         self.grid, (self.pairs, self.truth) = grid, scene
         self.guide = self if guide is None else Thinning(grid, guide)
-        wi, wo = (Direction(*(np.asarray(c, float) for c in w)) for w in (self.pairs.wi, self.pairs.wo))
-        self.coordinates, self.covered = grid_coordinates(type(grid.layout), wi, wo)
-        self._brackets: dict[tuple[str, bytes], Bracket] = {}
+        self._subgrids = SubgridValues(grid.layout, grid.f, grid.valid, self.pairs.wi, self.pairs.wo)
         self._ranking: tuple[tuple[bytes, ...], np.ndarray] = ((), np.empty(0))
+
+    @property
+    def coordinates(self) -> dict[str, np.ndarray]:
+        """The angles of the scene's pairs, (N,), on each axis, radians."""
+        return self._subgrids.coordinates
+
+    @property
+    def covered(self) -> np.ndarray:
+        """Which of the scene's pairs, (N,), the layout has."""
+        return self._subgrids.covered
 
     def error(self, kept: Nodes) -> float:
         """The scene's error of the table of these nodes, single precision."""
@@ -106,27 +107,7 @@ class Thinning:
 
     def values(self, kept: Nodes) -> np.ndarray:
         """f (N, C) of the table of these nodes, single precision, at the scene's pairs; 0 where no cell has a value."""
-        brackets = [self._bracket(name, nodes) for name, nodes in zip(self.grid.layout.axes, kept, strict=True)]
-        total = np.zeros((self.pairs.view.size, self.grid.f.shape[-1]))
-        weight = np.zeros_like(total)
-        for corner in itertools.product((0, 1), repeat=len(brackets)):
-            index = tuple(nodes[side] for (nodes, _), side in zip(brackets, corner, strict=True))
-            w = np.prod([weights[side] for (_, weights), side in zip(brackets, corner, strict=True)], axis=0)
-            w = w[:, None] * self.grid.valid[index]
-            total += w * np.where(w > 0, self.grid.f[index], 0.0).astype(np.float32)
-            weight += w
-        return np.where(weight > 0, total / np.where(weight > 0, weight, 1.0), 0.0)
-
-    def _bracket(self, name: str, nodes: np.ndarray) -> Bracket:
-        # Trials change one axis at a time: the brackets of the others are those of the trial before.
-        key = (name, nodes.tobytes())
-        if key not in self._brackets:
-            if len(self._brackets) > MAX_BRACKETS:
-                self._brackets.clear()
-            axis = interpolation_axis(self.grid.layout.part(**{name: nodes}), name)
-            (low, high), weights = axis.bracket(np.asarray(self.coordinates[name]), np)
-            self._brackets[key] = ((nodes[low], nodes[high]), weights)
-        return self._brackets[key]
+        return self._subgrids.of(kept)
 
     def thin(self, tolerance: float) -> Nodes | None:
         """The fewest nodes found by greedy removal within the tolerance; None where all of them are not within it."""
