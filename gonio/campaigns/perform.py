@@ -1,5 +1,7 @@
 """Tasks from their inputs to their files: run in this process or in a worker, and safe to be run again."""
 
+import functools
+import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,6 +12,9 @@ from gonio.campaigns.keys import digest_of
 from gonio.campaigns.store import DONE, REFUSED, Record, Store
 from gonio.campaigns.tasks import Task
 from gonio.models.errors import GonioError, one_line
+
+SETTLED = 10.0
+"""Seconds after its last change from which a file's next one has another time of change, on any file system."""
 
 
 class Unfinished(GonioError):
@@ -118,8 +123,21 @@ def _require_unchanged(task: Task) -> None:
     """Refuses files that are not those of the key any more."""
     for path, digest in task.digests.items():
         try:
-            same = digest_of(path) == digest
+            same = _digest(path) == digest
         except GonioError as error:
             raise Unfinished(str(error)) from None
         if not same:
             raise Unfinished(f"{path} has changed since the campaign began; run it again")
+
+
+def _digest(path: str) -> str:
+    """`digest_of` a file; that of a large one is not taken again in this process until the file is written again."""
+    state = os.stat(path) if os.path.exists(path) else None
+    if state is None or time.time() - state.st_mtime < SETTLED:
+        return digest_of(path)
+    return _kept_digest(path, state.st_size, state.st_mtime_ns, state.st_ino)
+
+
+@functools.lru_cache(maxsize=64)
+def _kept_digest(path: str, *state: int) -> str:
+    return digest_of(path)

@@ -1,12 +1,16 @@
 """What each kind of task does: from its inputs to a result that can be written, and its row of the catalogue."""
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gonio.campaigns.store import PART, Store
 from gonio.campaigns.tasks import CHECK, FIT, MEASURE, REDUCE, REPORT, Task
 from gonio.data.serialise import unboxed
+
+if TYPE_CHECKING:
+    from gonio.data.table import Table
 
 TIMES = ("created", "seconds")
 """Entries that differ from run to run: a record keeps the seconds, and the file's own date says when it was made."""
@@ -43,13 +47,17 @@ def measured(task: Task, store: Store) -> Product:
     return Product(row, True, lambda path: write_table(path, table, force=True))
 
 
-def measured_part(task: Task, store: Store) -> Product:
-    """Some cells of a table that is put together when all are there."""
+def part_done(task: Task, store: Store) -> Product:
+    """Some cells of a table, or a share of its check, that is put together when all are there."""
     import numpy as np
 
+    from gonio.campaigns.check_parts import part_of_check
     from gonio.campaigns.table_parts import read_part
 
-    row, values = read_part(task.inputs)
+    if "share" in task.inputs:
+        row, values = {}, part_of_check(_kept_table(*_state(_path(task, store))), task.inputs)
+    else:
+        row, values = read_part(task.inputs)
 
     def write(path: Path) -> None:
         with path.open("wb") as file:
@@ -82,9 +90,10 @@ def fitted(task: Task, store: Store) -> Product:
 
 def checked(task: Task, store: Store) -> Product:
     """A certificate, as `gonio check --json` gives it."""
+    from gonio.campaigns.check_parts import check_of_parts
     from gonio.checks.certify import check
 
-    inputs = task.inputs
+    inputs, name = task.inputs, str(task.labels["subject"])
     kind = next((name for name in ("fit", "material") if name in inputs), "table")
     of_kind = {
         "fit": lambda: store.path(FIT, inputs["fit"]),
@@ -92,7 +101,10 @@ def checked(task: Task, store: Store) -> Product:
         "table": lambda: _table(task, store),
     }
     subject = of_kind[kind]()
-    certificate = check(subject, name=str(task.labels["subject"]), **inputs["options"])
+    if task.parts:
+        certificate = check_of_parts(subject, name, inputs, store)
+    else:
+        certificate = check(subject, name=name, **inputs["options"])
     row: dict[str, Any] = {"verdict": certificate.overall, "of": kind}
     row["verdicts"] = {p.name: p.verdict for p in certificate.properties}
     worst = [p.detail for p in certificate.properties if p.name in certificate.counted and p.verdict != "pass"]
@@ -126,7 +138,7 @@ def reported(task: Task, store: Store) -> Product:
 
 
 STEPS: dict[str, Callable[[Task, Store], Product]] = {
-    MEASURE: measured, PART: measured_part, FIT: fitted, CHECK: checked, REDUCE: reduced, REPORT: reported,
+    MEASURE: measured, PART: part_done, FIT: fitted, CHECK: checked, REDUCE: reduced, REPORT: reported,
 }  # fmt: skip
 
 
@@ -134,16 +146,38 @@ def _subject(inputs: dict[str, Any]) -> Any:
     return Path(inputs["material"]) if inputs["file"] else inputs["material"]
 
 
-def _table(task: Task, store: Store, blockwise: bool = True) -> Any:
+def _table(task: Task, store: Store, blockwise: bool = True) -> "Table":
     """The table of a task, named after its file where it has no name; the values of a large one stay in its file."""
+    return _read_table(_path(task, store), blockwise)
+
+
+def _path(task: Task, store: Store) -> Path:
+    inputs = task.inputs
+    return store.path(MEASURE, inputs["key"]) if "key" in inputs else Path(inputs["table"])
+
+
+def _read_table(path: Path, blockwise: bool) -> "Table":
     from gonio.data.files import stem
     from gonio.data.formats.registry import read
 
-    inputs = task.inputs
-    path = store.path(MEASURE, inputs["key"]) if "key" in inputs else Path(inputs["table"])
     table = read(path, blockwise=blockwise)
     table.name = table.name or stem(path)
     return table
+
+
+def _state(path: Path) -> tuple[Path, int, int]:
+    """A path, with what tells whether its file is another one by now."""
+    try:
+        state = path.stat()
+    except OSError:  # said where it is read
+        return path, 0, 0
+    return path, state.st_size, state.st_mtime_ns
+
+
+@functools.lru_cache(maxsize=1)
+def _kept_table(path: Path, *state: int) -> "Table":
+    """The large table that this process opened last: that looks through all readings, and parts follow one another."""
+    return _read_table(path, True)
 
 
 def _without_times(value: Any) -> Any:

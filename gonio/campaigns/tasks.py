@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from gonio import __version__
+from gonio.campaigns.check_parts import Size, check_shares, size_of_file
 from gonio.campaigns.choices import USUAL_SCAN, Choice, instrument_spec
 from gonio.campaigns.keys import key_of
 from gonio.campaigns.recipe import MeasureBlock, Recipe, Work
@@ -22,7 +23,7 @@ class Task:
     """One result to be made.
 
     Attributes:
-        kind: measure, fit, check, reduce or report; part: of a large table that is measured.
+        kind: measure, fit, check, reduce or report; part: of a large table that is measured or checked.
         key: digest of what determines the result, the name of its file.
         inputs: what the work takes, with paths of files.
         labels: names for the catalogue.
@@ -43,7 +44,7 @@ class Task:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Keys of the parts of which a large table is put together."""
+        """Keys of the parts of which a large table, or its check, is put together."""
         return tuple(self.inputs.get("parts", ()))
 
     @property
@@ -58,6 +59,9 @@ class Task:
         words += [f"seed {labels['seed']}"] if labels["seed"] is not None else []
         if "cells" in self.inputs:
             words.append("cells {:,} to {:,}".format(*self.inputs["cells"]))
+        if "share" in self.inputs:
+            name, start, stop = self.inputs["share"]
+            words.append(f"its {name}" + f" at incidences {start:,} to {stop:,}" * (stop > 0))
         return ", ".join([" ".join(words[:2]), *words[2:]])
 
 
@@ -73,6 +77,8 @@ class _Table:
     labels: dict[str, Any]
     digests: dict[str, str]
     needs: tuple[str, ...]
+    size: Size | None = None
+    """Where it is known."""
 
 
 def tasks_of(recipe: Recipe, part: tuple[int, int] = (0, 1)) -> list[Task]:
@@ -95,7 +101,8 @@ def _subjects(recipe: Recipe) -> Iterator[list[Task]]:
     for choice in recipe.tables:
         labels = _labels(subject=choice.label)
         path = str(choice.value)
-        table = _Table(choice.spec, {"table": path}, labels, {path: choice.spec["sha256"]}, ())
+        size = size_of_file(path) if "tables" in recipe.work.check else None
+        table = _Table(choice.spec, {"table": path}, labels, {path: choice.spec["sha256"]}, (), size)
         yield list(_work_on(table, recipe.work))
     for block in recipe.measure:
         if "materials" in block.work.check:
@@ -128,10 +135,8 @@ def _measured(block: MeasureBlock) -> Iterator[list[Task]]:
         for photons in block.photons
     }
     specs = {which: instrument_spec(instrument) for which, instrument in instruments.items()}
-    ranges = {
-        (material.label, scan.label): part_ranges(
-            layout_of(load_material(material.value).brdf, scan.value), material.channels
-        )
+    sizes = {
+        (material.label, scan.label): Size(layout_of(load_material(material.value).brdf, scan.value), material.channels)
         for material in block.materials
         for scan in block.scans
     }
@@ -143,13 +148,14 @@ def _measured(block: MeasureBlock) -> Iterator[list[Task]]:
                     spec = {"material": material.spec, "instrument": spec, "scan": scan.spec}
                     labels = _labels(subject=material.label, material=material.label, instrument=choice.label)
                     labels |= {"scan": scan.label, "photons": instrument.photons}
+                    size = sizes[material.label, scan.label]
                     for seed in block.seeds:
                         task = _measure(material, instrument, scan, spec | {"seed": seed}, labels | {"seed": seed})
-                        parts = _parts(task, spec | {"seed": seed}, ranges[material.label, scan.label])
+                        parts = _parts(task, spec | {"seed": seed}, part_ranges(*size))
                         if parts:
                             keys = tuple(part.key for part in parts)
                             task = dataclasses.replace(task, inputs=task.inputs | {"parts": list(keys)}, needs=keys)
-                        table = _Table({"key": task.key}, {"key": task.key}, task.labels, {}, (task.key,))
+                        table = _Table({"key": task.key}, {"key": task.key}, task.labels, {}, (task.key,), size)
                         yield [*parts, task, *_work_on(table, block.work)]
 
 
@@ -186,8 +192,7 @@ def _work_on(table: _Table, work: Work) -> Iterator[Task]:
             of_fit = key_of(CHECK, {"fit": key, "options": checking})
             yield Task(CHECK, of_fit, {"fit": key, "options": checking}, labels, {}, (key,))
     if "tables" in work.check:
-        key = key_of(CHECK, {"table": table.spec, "options": checking})
-        yield Task(CHECK, key, table.inputs | {"options": checking}, table.labels, *common)
+        yield from _check_of_table(table, checking)
     for scene in work.reduce:
         key = key_of(REDUCE, {"table": table.spec, "scene": scene.spec})
         digests = table.digests | ({scene.value: scene.spec["sha256"]} if "file" in scene.spec else {})
@@ -196,3 +201,16 @@ def _work_on(table: _Table, work: Work) -> Iterator[Task]:
     if work.report:
         key = key_of(REPORT, {"table": table.spec, "fits": fits})
         yield Task(REPORT, key, table.inputs | {"fits": fits}, table.labels, *common, tuple(fits))
+
+
+def _check_of_table(table: _Table, options: dict[str, Any]) -> Iterator[Task]:
+    """The check of a table; of a large one its shares before it."""
+    key = key_of(CHECK, {"table": table.spec, "options": options})
+    inputs, common = table.inputs | {"options": options}, (table.labels, table.digests)
+    shares, needs = check_shares(table.size, options), table.needs
+    if shares:
+        keys = [key_of(PART, {"check": key, "share": share}) for share in shares]
+        for share, part in zip(shares, keys, strict=True):
+            yield Task(PART, part, inputs | {"share": share}, *common, needs)
+        inputs, needs = inputs | {"shares": shares, "parts": keys}, (*needs, *keys)
+    yield Task(CHECK, key, inputs, *common, needs)

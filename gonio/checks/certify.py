@@ -5,7 +5,7 @@ import pkgutil
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, TypedDict, Unpack
 
-from gonio.checks.certificate import Certificate
+from gonio.checks.certificate import Certificate, Property
 from gonio.checks.properties import PROPERTIES
 from gonio.checks.table.evidence import LEVEL, TableEvidence
 from gonio.checks.table.further_readings import joined, require_alike
@@ -97,15 +97,29 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
         return below
     reference = None if settings.against is None else _compared_with(resolve_subject(settings.against))
     evidence = _evidence(judged, settings, reference)
-    properties = []
-    for key, spec in PROPERTIES.items():
-        path = getattr(spec, judged.kind)
+    every = (judged_property(key, judged.kind, evidence, given.get(key)) for key in PROPERTIES)
+    return certificate_of(judged, settings, [p for p in every if p is not None])
+
+
+def judged_property(
+    key: str, kind: str, evidence: "ModelEvidence | TableEvidence", tolerance: float | None = None
+) -> Property | None:
+    """One of the properties by its name, of a "table" or a "model"; None where it is not judged."""
+    spec = PROPERTIES[key]
+    path = getattr(spec, kind)
+    beside_readings = not isinstance(evidence, TableEvidence) and evidence.readings is not None
+    stated = evidence.reference is not None or beside_readings
+    if path is None or (spec.needs_reference and not stated):
+        return None
+    if tolerance is None:
         # Between the readings of another table nothing is known as well as a model's tolerance asks.
-        by_readings = judged.kind == "table" or (spec.needs_reference and isinstance(reference, Table))
+        by_readings = kind == "table" or (spec.needs_reference and beside_readings)
         tolerance = spec.table_tolerance if by_readings else spec.model_tolerance
-        if path is not None and (reference is not None or not spec.needs_reference):
-            judge = pkgutil.resolve_name(f"gonio.checks.{path}")
-            properties.append(judge(evidence, given.get(key, tolerance)))
+    return pkgutil.resolve_name(f"gonio.checks.{path}")(evidence, tolerance)
+
+
+def certificate_of(judged: Subject, settings: CheckSettings, properties: list[Property]) -> Certificate:
+    """The certificate of a subject with these properties."""
     return Certificate(settings.name or judged.name, judged.kind, properties, settings.strict, _notes(judged))
 
 

@@ -138,7 +138,9 @@ def _of_both_sides(judged: Property, evidence: TableEvidence) -> Property:
 
 
 def _by_readings_or_model(evidence: TableEvidence, tolerance: float) -> Property:
-    albedos = table_albedos(evidence.table, evidence.feature_width, evidence.further)
+    albedos = evidence.albedos
+    if albedos is None:
+        albedos = table_albedos(evidence.table, evidence.feature_width, evidence.further)
     if isinstance(albedos, str):
         detail = f"The albedo of this table cannot be integrated: {albedos}."
         judged = without_residual("energy", UNDECIDED, tolerance, detail, incidences=0)

@@ -24,6 +24,7 @@ from gonio.data.table import Table
 from gonio.models.geometry.sides import FRONT
 
 if TYPE_CHECKING:
+    from gonio.checks.albedos import Albedos
     from gonio.fitting.result import FitResult
     from gonio.models.brdf import AbstractBRDF
 
@@ -89,6 +90,8 @@ class TableEvidence:
     """Readings of the same surface beside those of the table, which energy takes into account."""
     made: "FitResult | None" = None
     """The fit of the model to the table, where it was made before."""
+    albedos: "Albedos | str | None" = None
+    """What `table_albedos` of energy gives, where that was integrated before."""
 
     @functools.cached_property
     def fitted(self) -> "FitResult | None":

@@ -8,6 +8,7 @@ without a reading, and of the noise.
 import dataclasses
 import functools
 import itertools
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -161,8 +162,15 @@ def grid_albedos(table: Table, features: Features, bend: float = 1.0) -> Albedos
     grid = hemisphere_grid(table.layout)
     if isinstance(grid, str):
         return grid
+    return albedos_on(grid, incidences_on(grid, table, features, bend), features)
+
+
+def incidences_on(
+    grid: HemisphereGrid, table: Table, features: Features, bend: float = 1.0, some: slice = slice(None)
+) -> list[Incidence]:
+    """Each incidence of a grid by itself, or of some of `HemisphereGrid.incidences`; as of `grid_albedos`."""
     rows = []
-    for number, theta_i, phi_i in grid.incidences:
+    for number, theta_i, phi_i in grid.incidences[some]:
         block = table.read_values(number * grid.stored, (number + 1) * grid.stored)
         f, u, valid = (block[name][grid.cells] for name in ("f", "u_f", "flag"))
         valid = valid == Flag.VALID
@@ -174,6 +182,11 @@ def grid_albedos(table: Table, features: Features, bend: float = 1.0) -> Albedos
         else:
             limit = np.where(valid, credible(np.maximum(f, 0.0) + 2 * np.nan_to_num(u), estimate.value), np.inf)
             rows.append(estimate._replace(hidden=grid.hidden((theta_i, phi_i), limit, features, bend)))
+    return rows
+
+
+def albedos_on(grid: HemisphereGrid, rows: Iterable[Incidence], features: Features) -> Albedos | str:
+    """The albedos of every incidence of a grid, in its order."""
     method = "Integrated on the table's own grid"
     if grid.mirrored:
         method += ", taking the surface as mirror symmetric, as azimuth differences stop at 180°"
