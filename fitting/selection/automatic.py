@@ -9,7 +9,7 @@ import numpy as np
 from gonio.data.layouts import Layout
 from gonio.fitting.problem.readings import Readings
 from gonio.fitting.selection.candidate import Candidate, SelectionResult
-from gonio.fitting.selection.candidate_model import candidate_parameters
+from gonio.fitting.selection.candidate_columns import candidate_parameters
 from gonio.fitting.selection.scene_selection import SceneSelection, SceneView, select_for_scene
 from gonio.fitting.selection.stepwise import stepwise_selection
 from gonio.models.expression.parser import Term, Value, changed, numbers, parse, with_defaults

@@ -8,104 +8,31 @@ anisotropic or not, with one width or one for each channel, all come from the sa
 import dataclasses
 import functools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from gonio.fitting.problem.normal_equations import NormalEquations, summed
-from gonio.fitting.problem.parameterisation import Domains, Parameters, domain_kind, parameters
+from gonio.fitting.problem.normal_equations import NormalEquations, summed, summed_pairs
+from gonio.fitting.problem.parameterisation import Domains, Parameters
 from gonio.fitting.problem.readings import transform, transformed, uses_cosine
+from gonio.fitting.selection.candidate_columns import (
+    DIFFUSE,
+    candidate_domains,
+    candidate_parameters,
+    lobe_of,
+    term_columns,
+)
+from gonio.fitting.selection.candidate_rows import CandidateRows, rows_of_candidate
+from gonio.fitting.selection.candidate_sums import CandidateSums, Compared, sums_of
 from gonio.fitting.selection.lobe_kernels import lobe_values, padded
-from gonio.fitting.selection.term_spec import Terms, TermSpec, expression_of, kernel_arguments
-from gonio.models.expression.builder import Frame
-from gonio.models.expression.parser import FACTOR, parse, with_defaults
+from gonio.fitting.selection.term_spec import Terms, TermSpec
 from gonio.models.geometry.directions import Direction
 
-MIN_WIDTH = 1e-3
-USUAL = {"f0": 1.0, "k": 0.0}
-"""Shapes that a term has where its expression has none: Schlick's F₀ = 1 is F = 1."""
-
-DIFFUSE = {"lambert": ("rho", True), "lambert_transmission": ("tau", False)}
-"""Even diffusers: the name of their share, and whether they reflect, or transmit."""
+BLOCK = 64
+"""Vectors of numbers whose lobes are held at a time."""
 
 Values = tuple[np.ndarray, np.ndarray]
 """Values (n, C) and their derivatives by the free numbers (n, C, P)."""
-
-
-@functools.lru_cache(maxsize=512)
-def candidate_parameters(terms: Terms, channels: int) -> Parameters:
-    """The free parameters of a candidate over so many channels, and its fixed values."""
-    return parameters(with_defaults(parse(expression_of(terms))), channels)
-
-
-@functools.lru_cache(maxsize=512)
-def candidate_domains(terms: Terms, channels: int) -> Domains:
-    """Their closed domains: no lobe is narrower than `MIN_WIDTH`, and scales step in their logarithm."""
-    free = candidate_parameters(terms, channels).parameterisation
-    kind, low, high = free.domains
-    kind = np.where(free.each(lambda g: g.path == FACTOR), domain_kind(0.0, True), kind)
-    return Domains(kind, np.where(free.each(lambda g: g.info.role == "width"), MIN_WIDTH, low), high)
-
-
-def lobe_of(term: TermSpec) -> Frame:
-    """A term without its shapes."""
-    inside = (("base", (Frame(term.base, (), ()),)),) if term.base else ()
-    return Frame(term.model, tuple(sorted(term.options)), inside)
-
-
-@dataclasses.dataclass(frozen=True)
-class _TermColumns:
-    """Where the shapes and the scale of one term come from, and what the derivatives by its free parameters are.
-
-    Attributes:
-        names: the shapes (K,) that its lobe takes.
-        known: their fixed values (K,).
-        number: the free number (1 or C, K) of each shape in each channel where shapes differ; −1 where it is fixed.
-        scale: its fixed value.
-        scale_number: the free number (C,) that it is in each channel; None where it is fixed.
-        slopes: of each free parameter its index, and the shapes that it is; none of the scale.
-    """
-
-    names: tuple[str, ...]
-    known: np.ndarray
-    number: np.ndarray
-    scale: float
-    scale_number: np.ndarray | None
-    slopes: tuple[tuple[int, tuple[int, ...]], ...]
-
-    def shapes(self, p: np.ndarray) -> np.ndarray:
-        """Shapes (S, 1 or C, K) of vectors p (S, P)."""
-        return np.where(self.number >= 0, p[:, self.number], self.known)
-
-    def scales(self, p: np.ndarray) -> np.ndarray | float:
-        """Scales (S, C) of vectors p (S, P), or the fixed one."""
-        return self.scale if self.scale_number is None else p[:, self.scale_number]
-
-
-@functools.lru_cache(maxsize=512)
-def _columns(terms: Terms, channels: int) -> tuple[_TermColumns, ...]:
-    """Those of each term."""
-    every, fixed, _ = candidate_parameters(terms, channels)
-    made = []
-    for k, term in enumerate(terms):
-        free = {g.path: (index, g) for index, g in enumerate(every.free) if g.term == k}
-        shapes = [path for path in (*fixed[k], *free) if path != FACTOR]
-        names = (DIFFUSE[term.model][0],) if term.model in DIFFUSE else kernel_arguments(term)
-        alike = {"alpha_x": "alpha", "alpha_y": "alpha"} if "alpha" in shapes and "alpha_x" in names else {}
-        paths = [alike.get(name, name) for name in names]
-        differ = any(g.per_channel for path, (_, g) in free.items() if path != FACTOR)
-        number = np.full((channels if differ else 1, len(names)), -1)
-        for j, path in enumerate(paths):
-            if path in free:
-                number[:, j] = every.columns[: len(number), free[path][0]]
-        known = [float(fixed[k].get(path, USUAL.get(path, np.nan))) for path in paths]
-        scale_number = every.columns[:, free[FACTOR][0]] if FACTOR in free else None
-        slopes = tuple(
-            (index, () if path == FACTOR else tuple(j for j, of in enumerate(paths) if of == path))
-            for path, (index, _) in free.items()
-        )
-        scale = float(fixed[k].get(FACTOR, 1.0))
-        made.append(_TermColumns(names, np.array(known), number, scale, scale_number, slopes))
-    return tuple(made)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -150,6 +77,23 @@ class SelectionData:
         """Which directions (n,) are of light and detector on different sides."""
         n = self.f.shape[0]
         return self.wi.z[:n] * self.wo.z[:n] < 0
+
+    @functools.cached_property
+    def compared(self) -> Compared:
+        """The same for sums by a compiled loop: what is beyond the readings weighs nothing."""
+        n, size = self.f.shape[0], self.wi.z.size
+
+        def padded_rows(a: np.ndarray) -> np.ndarray:
+            return np.ascontiguousarray(np.pad(np.atleast_2d(a.T).astype(float), [(0, 0), (0, size - n)]))
+
+        target, weight = padded_rows(self.target), padded_rows(self.weight)
+        cosine, front, through = (padded_rows(a)[0] for a in (self.cosine, self.front, self.through))
+        return Compared(self.wi, self.wo, target, weight, cosine, front, through, self.loss, self.floor)
+
+    @functools.cached_property
+    def linearised(self) -> "SelectionData":
+        """The same readings compared in f itself, with the weights of the loss taken as linear there."""
+        return self.with_linear_loss()
 
     @property
     def used(self) -> np.ndarray:
@@ -226,7 +170,7 @@ class CandidateProblem:
         """f (S, C, n) of vectors p (S, P), and its derivatives by the free parameters in each channel (S, C, G, n)."""
         shape = len(p), self.data.channels, self.data.f.shape[0]
         f, slopes = np.zeros(shape), np.empty((*shape[:2], len(self.parameters.parameterisation.free), shape[2]))
-        for term, of in zip(self.terms, _columns(self.terms, self.data.channels), strict=True):
+        for term, of in zip(self.terms, term_columns(self.terms, self.data.channels), strict=True):
             lobe, scale = self.data.lobes(term, of.names, of.shapes(p)), np.asarray(of.scales(p))[..., None]
             f += scale * lobe[:, :, 0]
             for g, columns in of.slopes:
@@ -267,11 +211,35 @@ class CandidateProblem:
         rows = self._rows(p[None])[0]
         return rows[:, 0].T, self._by_number(rows[:, 1:])
 
+    @property
+    def rows(self) -> CandidateRows | None:
+        """What its sums are made of; None where it is not of this form."""
+        return rows_of_candidate(self.terms, self.data.channels)
+
     def normal_equations(self, p: np.ndarray, active: np.ndarray | None = None) -> NormalEquations:
         """At vectors p (S, P), of the active ones."""
         free, size = self.parameters.parameterisation, 1 + len(self.parameters.parameterisation.free)
         use = np.flatnonzero(np.broadcast_to(True if active is None else active, (len(p),)))
+        blocks = [self._pairs(p[use[first : first + BLOCK]]) for first in range(0, len(use), BLOCK)]
+        if blocks and all(block is not None for block in blocks):
+            pairs = np.zeros((len(p), free.channels, size * (size + 1) // 2))
+            pairs[use] = np.concatenate([block for block in blocks if block is not None])
+            return summed_pairs(free, pairs)
         squares = np.zeros((len(p), free.channels, size, size))
         rows = self._rows(p[use])
         squares[use] = rows @ rows.swapaxes(2, 3)
         return summed(free, squares)
+
+    def _pairs(self, p: np.ndarray) -> np.ndarray | None:
+        """Products of the rows of residual and derivatives at vectors p (S, P), each once, by a compiled loop."""
+        sums = sums_of(self.data.compared, [self.rows] * len(p), p.shape[1])
+        pairs = None if sums is None else sums.pairs(p[:, self.order], np.arange(len(p)))
+        if sums is None or pairs is None:
+            return None
+        (i, j), size = np.triu_indices(1 + sums.slopes), 1 + len(self.parameters.parameterisation.free)
+        return pairs[..., (i < size) & (j < size)]
+
+
+def sums_together(problems: Sequence[CandidateProblem], size: int) -> CandidateSums | None:
+    """The sums of candidates on the same readings, of at most so many numbers each; None where there are no loops."""
+    return sums_of(problems[0].data.compared, [problem.rows for problem in problems], size)

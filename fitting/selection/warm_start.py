@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.fitting.problem.parameterisation import FreeParameter, snapped
-from gonio.fitting.selection.candidate_model import CandidateProblem, candidate_parameters
+from gonio.fitting.selection.candidate_columns import candidate_parameters
+from gonio.fitting.selection.candidate_model import CandidateProblem, sums_together
 from gonio.fitting.selection.term_spec import Terms
 from gonio.fitting.solver.levenberg_marquardt import Stopping
 from gonio.fitting.solver.multistart import APART, WIDTHS, solve_amounts
@@ -83,7 +84,7 @@ def fit_candidates(
         refined: how many starts each has.
     """
     starts = [_starts(problem, p, refined) for problem, p in zip(problems, numbers, strict=True)]
-    every = minimise_all(problems, starts, Stopping(rough=ROUGH, most=STEPS, enough=enough))
+    every = minimise_all(problems, starts, Stopping(rough=ROUGH, most=STEPS, enough=enough), sums_together)
     fitted = []
     for problem, p, ends in zip(problems, numbers, every, strict=True):
         if not ends:
@@ -127,7 +128,7 @@ def _with_amounts(problem: CandidateProblem, p: np.ndarray) -> list[np.ndarray]:
     """
     free, channels = problem.parameters.parameterisation, problem.data.channels
     unknown = free.each(lambda g: g.linear and (g.per_channel or channels == 1)).astype(bool)
-    linear = CandidateProblem(problem.terms, problem.data.with_linear_loss())
+    linear = CandidateProblem(problem.terms, problem.data.linearised)
     size = np.sqrt(np.sum((linear.data.weight * linear.data.f) ** 2, axis=0))
     reach = np.concatenate([size[: free.count(g)] for g in free.free])
     solved = solve_amounts(linear.normal_equations(p), free.order, p, unknown, reach, problem.domains)

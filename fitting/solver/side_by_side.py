@@ -1,7 +1,8 @@
 """Descents of several small problems of unlike sizes, side by side: a step costs the same for one as for all."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -11,6 +12,15 @@ from gonio.fitting.problem.parameterisation import LINEAR, Domains
 from gonio.fitting.problem.readings import LANES
 from gonio.fitting.solver.levenberg_marquardt import Descent, LeastSquares, Stopping, minimise
 from gonio.fitting.solver.xla_steps import padded_sizes
+
+
+class TogetherSums(Protocol):
+    """The normal equations of several problems at once."""
+
+    def equations(self, p: np.ndarray, active: np.ndarray) -> NormalEquations | None:
+        """At numbers (S, size) of each problem, in the order of its normal equations, of the active ones (S,); None
+        where each has to be asked for its own."""
+        ...
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,9 +36,10 @@ class _Together:
     """Closed domains (S, P); those of numbers that act on nothing are any."""
     linear: np.ndarray
     """Which numbers (S, P) a lane's model is proportional to."""
+    sums: TogetherSums | None
 
     @classmethod
-    def of(cls, problems: Sequence[LeastSquares], size: int) -> "_Together":
+    def of(cls, problems: Sequence[LeastSquares], size: int, sums: TogetherSums | None) -> "_Together":
         """Problems of at most so many numbers."""
         shape = len(problems), size
         domains = Domains(np.full(shape, LINEAR), np.zeros(shape), np.ones(shape))
@@ -36,7 +47,7 @@ class _Together:
         for k, problem in enumerate(problems):
             for whole, part in zip((*domains, linear), (*problem.domains, problem.linear), strict=True):
                 whole[k, : problem.order.size] = part[problem.order]
-        return cls(tuple(problems), size, domains, linear)
+        return cls(tuple(problems), size, domains, linear, sums)
 
     @property
     def order(self) -> np.ndarray:
@@ -50,7 +61,11 @@ class _Together:
 
     def normal_equations(self, p: np.ndarray, active: np.ndarray | None = None) -> NormalEquations:
         """At vectors p (S, P), of the active lanes (S,)."""
-        lanes = np.flatnonzero(np.broadcast_to(True if active is None else active, (len(p),)))
+        active = np.broadcast_to(True if active is None else active, (len(p),))
+        equations = None if self.sums is None else self.sums.equations(p, active)
+        if equations is not None:
+            return equations
+        lanes = np.flatnonzero(active)
         cost, gradient = np.zeros(len(p)), np.zeros(p.shape)
         matrix = np.zeros((*p.shape, self.size))
         # Lanes of one problem stand side by side.
@@ -69,14 +84,18 @@ class _Together:
 
 
 def minimise_all(
-    problems: Sequence[LeastSquares], starts: Sequence[Sequence[np.ndarray]], stopping: Stopping
+    problems: Sequence[Any],
+    starts: Sequence[Sequence[np.ndarray]],
+    stopping: Stopping,
+    sums_of: Callable[[Sequence[Any], int], TogetherSums | None] = lambda *_: None,
 ) -> list[list[Descent]]:
     """The ends of descents of several problems of the same data, each from starts of its own.
 
     Args:
-        problems: what is minimised; those of more than `WHOLE` numbers go one after another.
+        problems: what is minimised, each of `LeastSquares`; those of more than `WHOLE` numbers go one after another.
         starts: of each problem, its vectors (P,).
         stopping: when a descent ends; rivals are not known here.
+        sums_of: of several problems, of at most so many numbers each, what sums them together, if anything does.
 
     Returns:
         Of each problem, the ends from its starts.
@@ -92,7 +111,8 @@ def minimise_all(
             lanes.setdefault(size, []).extend((k, j) for j in range(len(starts[k])))
     for size, every in lanes.items():
         for block in (every[first : first + LANES] for first in range(0, len(every), LANES)):
-            together = _Together.of([problems[k] for k, _ in block], size)
+            of_block = [problems[k] for k, _ in block]
+            together = _Together.of(of_block, size, sums_of(of_block, size))
             padded = np.full((len(block), size), 0.5)
             for row, (k, j) in zip(padded, block, strict=True):
                 row[: problems[k].order.size] = starts[k][j][problems[k].order]

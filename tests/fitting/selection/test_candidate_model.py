@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from gonio.data import layouts
-from gonio.fitting.selection.candidate_model import CandidateProblem, SelectionData, candidate_parameters
+from gonio.fitting.selection.candidate_columns import candidate_parameters
+from gonio.fitting.selection.candidate_model import CandidateProblem, SelectionData
 from gonio.fitting.selection.criteria import holdout_chi2, neighbourhood
 from gonio.fitting.selection.term_spec import (
     DIELECTRIC,

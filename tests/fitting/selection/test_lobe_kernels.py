@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gonio.fitting.selection.candidate_model import DIFFUSE, lobe_of
+from gonio.fitting.selection.candidate_columns import DIFFUSE, lobe_of
 from gonio.fitting.selection.lobe_kernels import lobe_values, loop_of, padded
 from gonio.fitting.selection.term_spec import (
     DIELECTRIC,

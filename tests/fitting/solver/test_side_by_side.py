@@ -7,7 +7,8 @@ import pytest
 
 from gonio.data import layouts
 from gonio.fitting.problem.arrow import Arrow
-from gonio.fitting.selection.candidate_model import CandidateProblem, SelectionData, candidate_parameters
+from gonio.fitting.selection.candidate_columns import candidate_parameters
+from gonio.fitting.selection.candidate_model import CandidateProblem, SelectionData
 from gonio.fitting.selection.term_spec import DIELECTRIC, LAMBERT, SCHLICK, SCHLICK_FREE, TermSpec
 from gonio.fitting.solver.levenberg_marquardt import Stopping, minimise
 from gonio.fitting.solver.side_by_side import minimise_all
