@@ -21,6 +21,8 @@ FAR_BELOW_NOISE = 0.25
 """Reduced χ² below which the residuals are less than half of what is stored, as with what all readings share."""
 NO_FIT = 100.0
 """Reduced χ² above which a fit has failed: the residuals are ten times the noise."""
+UNTESTED = "untested"
+"""Of residuals: there are no more readings than free numbers."""
 GOOD, FAIR, POOR, FAILED = "good", "fair", "poor", "failed"
 OPENINGS = {
     GOOD: "A good fit", FAIR: "A fair fit", POOR: "A POOR FIT", FAILED: "A FAILED FIT, do not use it",
@@ -39,8 +41,8 @@ def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
 
     Failed: not stationary, residuals ten times the known noise, or far off and hardly better than a perfect diffuser.
     Poor: residuals twice the known noise, or a model that reflects more than it receives. Fair: more than noise,
-    structure in the residuals, numbers that the readings leave open, or stated errors that
-    their uncertainties leave out. What nothing states of errors that all readings share is said beside the verdict.
+    structure in the residuals, as many numbers as readings, numbers that the readings leave open, or stated errors
+    that their uncertainties leave out. What nothing states of errors that all readings share is said beside it.
     """
     failed, poor, fair = [], [], []
     metrics = fit.get("metrics") or {}
@@ -49,6 +51,9 @@ def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
     )
     residuals = fit.get("residuals") or {}
     structure = (residuals.get("noisiness") or {}).get("verdict")
+    if structure == UNTESTED:
+        chi2 = None
+        fair.append("it has as many free numbers as readings, so that nothing tests the model or the uncertainties")
     if not fit.get("converged", False):
         failed.append(f"it did not converge ({fit.get('reason') or 'no reason given'})")
     if unexplained is not None and unexplained > UNEXPLAINED and structure == "structure" and (rms or 0.0) > FAR_OFF:

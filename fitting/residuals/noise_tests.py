@@ -22,7 +22,7 @@ class NoiseTests:
     exceeds that of independent ones, 1 where they do not err together.
     """
 
-    verdict: str  # noise, structure, exact, or unknown (too few)
+    verdict: str  # noise, structure, exact, unknown (too few), or untested (no more readings than free numbers)
     runs_z: float
     runs_p: float
     shared: float
@@ -83,6 +83,9 @@ def noise_tests(scaled: np.ndarray, valid: np.ndarray, chi2: float | None, freed
     # Channels of correlation r are fewer independent squares, by 1 + (C - 1) r² where their sum varies 1 + (C - 1) r.
     fewer = 1.0 + (effect - 1.0) ** 2 / max(scaled.shape[1] - 1, 1)
     chi2_p = math.nan if chi2 is None or freedom < 1 else _exceeded(freedom / fewer, chi2 / fewer)
+    if freedom < 1:
+        # The residuals are rounding whatever the model and the noise are
+        return NoiseTests("untested", math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
     if exact:
         return NoiseTests("exact", math.nan, math.nan, 0.0, math.nan, reduced, chi2_p)
     z, shared, shared_z, channels = math.inf, 0.0, -math.inf, 0

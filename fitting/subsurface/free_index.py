@@ -18,7 +18,9 @@ DELTA = NORMAL_95**2
 """Rise of Σr², in units of the noise's variance, at the ends of a 95 % interval of one number."""
 
 
-def fit_with_free_index(fitted_at: Callable[[float], ProfileFit]) -> ProfileFit:
+def fit_with_free_index(
+    fitted_at: Callable[[float], ProfileFit], followed_at: Callable[[float], ProfileFit]
+) -> ProfileFit:
     """The best of the fits at given indices, whose intervals hold what the index leaves open.
 
     All channels have one index. Its interval is where Σr² rises by no more than `DELTA` noise variances, the noise
@@ -26,6 +28,7 @@ def fit_with_free_index(fitted_at: Callable[[float], ProfileFit]) -> ProfileFit:
 
     Args:
         fitted_at: the fit of σa and σs' with a given index.
+        followed_at: the same with intervals that follow the cost where it is no parabola.
     """
     known = {float(eta): fitted_at(float(eta)) for eta in np.linspace(LOW, HIGH, NODES)}
 
@@ -38,8 +41,9 @@ def fit_with_free_index(fitted_at: Callable[[float], ProfileFit]) -> ProfileFit:
     best = min(known, key=cost)
     limit = cost(best) + DELTA * _variance(known[best])
     low, high = (_end(cost, known, best, way, limit) for way in (-1, 1))
-    inside = [fit for eta, fit in known.items() if low <= eta <= high and fit.cost <= limit * (1 + 1e-9)]
-    return _widened(known[best], inside or [known[best]], (best, low, high))
+    inside = [eta for eta, fit in known.items() if low <= eta <= high and fit.cost <= limit * (1 + 1e-9)] or [best]
+    known |= {eta: followed_at(eta) for eta in {best, min(inside), max(inside)}}
+    return _widened(known[best], [known[eta] for eta in inside], (best, low, high))
 
 
 def _descended(cost: Callable[[float], float], nodes: list[float]) -> None:
@@ -57,7 +61,7 @@ def _variance(fit: ProfileFit) -> float:
     numbers = sum(p.status != "fixed" for p in fit.parameters) + 1
     spread = fit.cost / max(fit.samples - numbers, 1)
     together = fit.residuals["noisiness"]["channel_effect"]
-    return together * (max(1.0, spread) if "reduced_chi2" in fit.metrics else spread)
+    return together * (max(1.0, spread) if fit.noise_stated else spread)
 
 
 def _end(cost: Callable[[float], float], known: dict[float, ProfileFit], best: float, way: int, limit: float) -> float:

@@ -6,19 +6,23 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from scipy.special import chdtrc, stdtrit
+from scipy.special import chdtrc
 
 from gonio.data.material import Material
 from gonio.data.profile import Profile
 from gonio.data.profile_files import open_profile
 from gonio.fitting.common_errors import left_out
-from gonio.fitting.problem.parameterisation import LOG, LOG1P, Domains
 from gonio.fitting.residuals.noise_tests import noise_tests
 from gonio.fitting.subsurface.free_index import fit_with_free_index
-from gonio.fitting.subsurface.problem import NEAR_ZERO, NODES, STARTS, ProfileData, ProfileOptimum, solve
+from gonio.fitting.subsurface.problem import NEAR_ZERO, NODES, STARTS, LeastSquares, ProfileData, ProfileOptimum, solve
 from gonio.fitting.subsurface.result import ProfileFit
-from gonio.fitting.uncertainty.covariance import NORMAL_95, CovarianceEstimate
-from gonio.fitting.uncertainty.identifiability import describe_combination
+from gonio.fitting.subsurface.spread import LEVEL, Spread, followed, spread_of
+from gonio.fitting.subsurface.unstated_noise import (
+    MIN_FREEDOM,
+    even_weights,
+    likeliest_weights,
+    relative_weights,
+)
 from gonio.fitting.uncertainty.optimum import ParameterEstimate
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import bssrdf_expression
@@ -30,8 +34,8 @@ from gonio.models.subsurface.evaluation import totals
 from gonio.models.subsurface.spots import spot_rule
 from gonio.models.subsurface.wide_spots import WideSpots
 
-LEVEL = 0.01
-"""Chance of calling residuals more than noise that are noise."""
+TYPICAL_INDEX = 1.4
+"""Of the fit that tells the noise of readings without uncertainties, where the index is free."""
 LEAST = 1e-12
 """1/mm: an absorption that is 0."""
 NO_INDEX = (
@@ -41,12 +45,24 @@ NO_INDEX = (
 ONLY_REDUCED = "only the combination sigma_s·(1 − g) is determined by a profile: sigma_s and g are not; give g"
 
 
-class Solved(NamedTuple):
-    """Of each channel: its optimum, whether its noise is known, and the relative rms of its residuals."""
+REWEIGHTED = 8
+"""Fits of readings without uncertainties: each takes the weights that make the last one's residuals likeliest."""
 
+
+class Solved(NamedTuple):
+    """Of each channel: its least squares and optimum, whether its noise is known, and its residuals' relative rms."""
+
+    problems: list[LeastSquares]
     optima: list[ProfileOptimum]
     known: list[bool]
     misfits: list[float]
+
+
+class Weighed(NamedTuple):
+    """A fit, and the weights of its readings (n, channels)."""
+
+    fit: ProfileFit
+    weights: np.ndarray
 
 
 class Request(NamedTuple):
@@ -64,9 +80,9 @@ class Request(NamedTuple):
 def fit_profile(profile: Profile | str | os.PathLike[str], model: str | None = None) -> ProfileFit:
     """σa and σs' of a model of light below the surface, by which spots of finite size read what a profile holds.
 
-    Each channel is a fit of its own: least squares weighted by the stored uncertainties, by the readings where there
-    are none. The index is that of the expression (1 if it says nothing), and is fitted where it is `eta=?`: intervals
-    then hold what it leaves open.
+    Each channel is a fit of its own: least squares weighted by the stored uncertainties, or where there are none by a
+    share of the reading and a constant, as the residuals ask for. The index is that of the expression (1 if it says
+    nothing), and is fitted where it is `eta=?`: intervals then hold what it leaves open.
 
     Args:
         profile: the profile, or its file.
@@ -85,9 +101,23 @@ def fit_profile(profile: Profile | str | os.PathLike[str], model: str | None = N
     if model is not None:
         call = parse_bssrdf(model)
         free = call is not None and "eta" in call.values and _is_free(call.values["eta"])
-        return fit_with_free_index(lambda eta: _fitted(profile, model, eta)) if free else _fitted(profile, model)
+        if not free:
+            return _fitted(profile, model).fit
+        weights = _fitted(profile, model, TYPICAL_INDEX).weights
+        return fit_with_free_index(
+            lambda eta: _fitted(profile, model, eta, weights, follow=False).fit,
+            lambda eta: _fitted(profile, model, eta, weights).fit,
+        )
     eta = _stated_index(profile)
-    fits = [_fitted(profile, f"{name}{eta}") for name in BSSRDFS]
+    each = [_fitted(profile, f"{name}{eta}") for name in BSSRDFS]
+    # One noise for all, that of the model which follows the readings best: other weights, other costs
+    weights = min(each, key=lambda one: one.fit.metrics["relative_rms"]).weights
+    stated = all(one.fit.noise_stated for one in each)
+    fits = (
+        [one.fit for one in each]
+        if stated
+        else [_fitted(profile, one.fit.requested, None, weights).fit for one in each]
+    )
     best = min(fits, key=lambda fit: (not fit.converged, fit.cost))
     candidates = [
         {
@@ -113,27 +143,62 @@ def _stated_index(profile: Profile) -> str:
     return "" if number is None else f"(eta={number:g})"
 
 
-def _fitted(profile: Profile, model: str, index: float | None = None) -> ProfileFit:
-    """The fit; `index`: of all channels, in place of the expression's."""
+def _fitted(
+    profile: Profile, model: str, index: float | None = None, weights: np.ndarray | None = None, follow: bool = True
+) -> Weighed:
+    """The fit; `index`: of all channels, in place of the expression's; `weights` of readings that state no noise."""
     request = _requested(profile, model, index)
     distances, which = np.unique(np.abs(profile.offsets), return_inverse=True)
     rule = spot_rule(distances, profile.illuminated_radius, profile.viewed_radius, NODES)
-    kind, optima, known, misfits = BSSRDFS[request.call.name], [], [], []
+    kind = BSSRDFS[request.call.name]
+    problems: list[LeastSquares] = []
+    optima: list[ProfileOptimum] = []
+    known, misfits = [], []
     for c in range(len(profile.channels)):
         if not (profile.value[:, c][profile.valid[:, c]] > 0).any():
             raise GonioError(f"channel {profile.channels.names[c]} has no light: none of its readings is above 0")
-        weight, has_noise = _weights(profile, c)
+        weight = _stated_weights(profile, c)
+        known.append(weight is not None)
+        if weight is None:
+            some = relative_weights(profile.value[:, c], profile.valid[:, c])
+            weight = some if weights is None else weights[:, c]
         if np.count_nonzero(weight) < np.count_nonzero(request.free):
             name = profile.channels.names[c]
             raise GonioError(f"channel {name} has {np.count_nonzero(weight)} readings, too few for two numbers")
         y = np.where(profile.valid[:, c], profile.value[:, c], 0.0)
         data = ProfileData(rule.r, rule.weight, which, y, weight)
-        optima.append(solve(kind, data, float(request.eta[c]), request.start[c], request.free))
-        known.append(has_noise)
+        problem = LeastSquares.of(kind, data, float(request.eta[c]), request.start[c], request.free)
+        problem, optimum = (
+            (problem, solve(problem, request.start[c])) if known[-1] else _reweighted(problem, request, c)
+        )
+        problems.append(problem)
+        optima.append(optimum)
+        weight = problem.data.weight
         used = weight > 0
-        difference = optima[-1].residual[used] / weight[used]
+        difference = optimum.residual[used] / weight[used]
         misfits.append(float(np.linalg.norm(difference) / max(np.linalg.norm(y[used]), 1e-300)))
-    return _result(profile, model, request, Solved(optima, known, misfits))
+    fit = _result(profile, model, request, Solved(problems, optima, known, misfits), follow)
+    return Weighed(fit, np.stack([problem.data.weight for problem in problems], axis=1))
+
+
+def _reweighted(problem: LeastSquares, request: Request, c: int) -> tuple[LeastSquares, ProfileOptimum]:
+    """The fit of readings that state no uncertainty, with the weights that their residuals ask for."""
+    valid, y = problem.data.weight > 0, problem.data.y
+    enough = np.count_nonzero(valid) - np.count_nonzero(request.free) >= MIN_FREEDOM
+    weight = even_weights(y, valid) if enough else problem.data.weight
+    for _ in range(REWEIGHTED):
+        problem = dataclasses.replace(problem, data=problem.data._replace(weight=weight))
+        optimum = solve(problem, request.start[c])
+        if not enough or optimum.exact:
+            break
+        safe = np.where(valid, weight, 1.0)
+        model = y + np.where(valid, optimum.residual / safe, 0.0)
+        axes, _ = np.linalg.qr(optimum.jacobian[:, request.free])
+        new = likeliest_weights(model, y - model, np.sum(axes**2, axis=1), valid)
+        if np.allclose(new / new.max(), weight / weight.max(), rtol=0.02):
+            break
+        weight = new
+    return problem, optimum
 
 
 def _requested(profile: Profile, model: str, index: float | None) -> Request:
@@ -165,46 +230,31 @@ def _is_free(value: Value) -> bool:
     return value.free or value.number is None
 
 
-def _weights(profile: Profile, c: int) -> tuple[np.ndarray, bool]:
-    """Weights (n,) of the readings of one channel, 0 where there is none; whether they are those of the noise."""
-    valid, u, value = profile.valid[:, c], profile.u[:, c], np.abs(profile.value[:, c])
+def _stated_weights(profile: Profile, c: int) -> np.ndarray | None:
+    """Weights (n,) of the readings of one channel by their noise, 0 where there is none; None where none is stated."""
+    valid, u = profile.valid[:, c], profile.u[:, c]
     known = valid & (np.nan_to_num(u) > 0)
-    if known.any():
-        return np.where(valid, 1 / np.where(known, u, np.median(u[known])), 0.0), True
-    floor = 1e-9 * max(float(np.max(value[valid], initial=0.0)), 1e-300)
-    return np.where(valid, 1 / np.maximum(np.nan_to_num(value), floor), 0.0), False
+    return np.where(valid, 1 / np.where(known, u, np.median(u[known])), 0.0) if known.any() else None
 
 
-@dataclasses.dataclass(frozen=True)
-class _Spread:
-    """Standard uncertainties of x (2,), of σa itself where it is 0, and the factor of the 95 % interval."""
-
-    u: np.ndarray
-    factor: float
-    undetermined: np.ndarray
-    sentences: list[str]
-    covariance: np.ndarray
-    """(2, 2) of σa and σs', NaN of what is not known or on its bound."""
-
-
-def _result(profile: Profile, model: str, request: Request, solved: Solved) -> ProfileFit:
-    optima, known, misfits = solved
+def _result(profile: Profile, model: str, request: Request, solved: Solved, follow: bool) -> ProfileFit:
+    problems, optima, known, misfits = solved
     undetermined, parameters, covariances = [], [], []
-    spreads: list[_Spread] = []
+    spreads: list[Spread] = []
     notes = [] if "eta" in request.call.values else [NO_INDEX]
-    freedom = [max(int(np.count_nonzero(o.residual)) - int(request.free.sum()), 0) for o in optima]
+    counts = [int(np.count_nonzero(problem.data.weight)) for problem in problems]
+    freedom = [max(count - int(request.free.sum()), 0) for count in counts]
     for c, (o, dof) in enumerate(zip(optima, freedom, strict=True)):
         name = profile.channels.names[c] if len(optima) > 1 else None
-        spread = _spread(o, request.free, dof, known[c], "" if name is None else f"[{name}]")
+        suffix = "" if name is None else f"[{name}]"
+        spread = spread_of(o, request.free, dof, known[c], suffix)
+        if follow and o.converged and spread.scale > 0 and (known[c] or not o.exact):
+            spread = followed(problems[c], o, spread, suffix)
         parameters += _estimates(o, request, spread, c, name)
         spreads.append(spread)
         covariances.append(_of_free_numbers(spread.covariance, request, c))
         undetermined += spread.sentences
-        if known[c] and dof and chdtrc(dof, o.cost) < LEVEL:
-            notes.append(
-                f"the residuals{'' if name is None else f' of {name}'} are more than the stored noise: the model does "
-                f"not follow the profile, and its intervals are {np.sqrt(o.cost / dof):.2g} times as wide"
-            )
+        notes += _noise_notes("" if name is None else f" of {name}", o, counts[c], dof, known[c])
     if "g" in request.call.values and _is_free(request.call.values["g"]):
         undetermined.append(ONLY_REDUCED)
         parameters = [
@@ -219,29 +269,50 @@ def _result(profile: Profile, model: str, request: Request, solved: Solved) -> P
     bssrdf = BSSRDFS[request.call.name](**{n: jnp.asarray(v if len(set(v)) > 1 else v[0]) for n, v in values.items()})
     expression, total = bssrdf_expression(bssrdf), totals(bssrdf)
     metrics = {"relative_rms": max(misfits), "total": float(total.max())}
-    if all(known) and min(freedom) > 0:
+    if all(known) and sum(freedom) > 0:
         metrics["reduced_chi2"] = sum(o.cost for o in optima) / sum(freedom)
     slope = max(o.gradient for o in optima)
-    exact, converged = all(o.exact for o in optima), all(o.converged for o in optima)
+    # Of as many readings as numbers the residual is rounding whatever they are
+    exact, converged = all(o.exact for o in optima) and min(freedom) > 0, all(o.converged for o in optima)
     reason = "the residual is rounding" if exact else f"largest projected gradient {slope:.1e}"
     material = Material(profile.name or expression, WideSpots(bssrdf), expression, profile.channels, "a fitted profile")
     return ProfileFit(
         material, model, parameters, converged, reason, metrics, int(profile.valid.sum()),
         sum(o.cost for o in optima), STARTS, min(o.agreed for o in optima), undetermined, notes,
         _residuals(profile, solved, sum(freedom)), profile.name, covariance_by_channel=_numbered(covariances),
-        common_errors=_common_errors(profile, request, optima, spreads) if converged and not exact else [],
+        noise_stated=all(known),
+        common_errors=_common_errors(profile, request, problems, optima, spreads) if converged and not exact else [],
     )  # fmt: skip
 
 
+def _noise_notes(of: str, o: ProfileOptimum, count: int, dof: int, known: bool) -> list[str]:
+    """What is off with the noise of one channel, as it is stated or not."""
+    if not known and dof < MIN_FREEDOM:
+        return [
+            f"no uncertainty is stated{of}, and {count} readings are too few to tell the noise, which is taken as a "
+            "share of each reading; state u_R"
+        ]
+    if known and dof and chdtrc(dof, o.cost) < LEVEL:
+        return [
+            f"the residuals{of} are more than the stored noise: the model does not follow the profile, and its "
+            f"intervals are {np.sqrt(o.cost / dof):.2g} times as wide"
+        ]
+    return []
+
+
 def _common_errors(
-    profile: Profile, request: Request, optima: list[ProfileOptimum], spreads: list[_Spread]
+    profile: Profile,
+    request: Request,
+    problems: list[LeastSquares],
+    optima: list[ProfileOptimum],
+    spreads: list[Spread],
 ) -> list[dict[str, Any]]:
     """What all readings share and the uncertainties leave out."""
 
     def moves_by(acts: str) -> tuple[float, str]:
         label, largest = "", 0.0
         for c, (o, spread) in enumerate(zip(optima, spreads, strict=True)):
-            weight, _ = _weights(profile, c)
+            weight = problems[c].data.weight
             area = profile.illuminated_radius**2 or 1.0
             y = np.where(profile.valid[:, c], profile.value[:, c], 0.0)
             shift = y if acts == "factor" else np.full(y.shape, 1 / (np.pi * area))
@@ -276,7 +347,7 @@ def _numbered(covariances: list[np.ndarray]) -> list[dict[str, Any]]:
 
 def _residuals(profile: Profile, solved: Solved, freedom: int) -> dict[str, Any]:
     """Whether the residuals along the offsets are noise, structure or rounding."""
-    optima, known, _ = solved
+    _, optima, known, _ = solved
     order = np.argsort(profile.offsets, kind="stable")
     scaled = np.stack([o.residual for o in optima], axis=-1)[order]
     cost = sum(o.cost for o in optima) if all(known) else None
@@ -284,37 +355,8 @@ def _residuals(profile: Profile, solved: Solved, freedom: int) -> dict[str, Any]
     return {"noisiness": dataclasses.asdict(tests)}
 
 
-def _spread(o: ProfileOptimum, free: np.ndarray, dof: int, known: bool, suffix: str) -> _Spread:
-    """How sure x is; by the stored noise, or by the residuals where nothing is stored or they are more than noise."""
-    scale, factor = 1.0, NORMAL_95
-    if not known or (dof and chdtrc(dof, o.cost) < LEVEL):
-        scale = max(o.cost, o.rounding**2) / dof if dof else np.nan
-        factor = float(stdtrit(dof, 0.975)) if dof else np.nan
-    matrix = o.jacobian.T @ o.jacobian
-    # In σa over σs' and in σs' itself: what the rest of gonio calls open of such numbers is open here
-    p = np.array([o.root**2 / o.reduced, o.reduced])
-    slopes = np.array([(1.0 if o.at_bound else 2 * o.root) / o.reduced, o.reduced])
-    domains = Domains(np.array([LOG1P, LOG]), np.array([0.0, 1 / MOST]), np.array([MOST, MOST]))
-    movable = free & np.array([not o.at_bound, True])
-    natural = CovarianceEstimate(matrix / np.outer(slopes, slopes) / max(scale, 1e-300), None, dof + 2, domains, p)
-    covariance = natural.covariance(movable)
-    u = np.where(covariance.undetermined & np.isnan(covariance.standard), np.inf, covariance.standard / slopes)
-    if o.at_bound:
-        u[0] = np.sqrt(scale * np.linalg.pinv(matrix, hermitian=True)[0, 0])
-    names = [f"sigma_a{suffix}", f"sigma_s{suffix}"]
-    sentences = [
-        describe_combination(variance, change, p, names, np.zeros(2, bool))
-        for variance, change in covariance.combinations
-    ]
-    # The root's own spread is in the uncertainty of σa, and has to be in its covariance
-    widened = 1.0 if o.at_bound else np.hypot(1.0, u[0] / max(np.sqrt(2.0) * o.root, 1e-300))
-    sizes = np.array([o.reduced * widened, 1.0])
-    by_number = covariance.matrix * np.outer(sizes, sizes)
-    return _Spread(u, factor, covariance.undetermined & movable, sentences, by_number)
-
-
 def _estimates(
-    o: ProfileOptimum, request: Request, spread: _Spread, c: int, channel: str | None
+    o: ProfileOptimum, request: Request, spread: Spread, c: int, channel: str | None
 ) -> list[ParameterEstimate]:
     """Both numbers of one channel with their uncertainties; x is even, the numbers are its square and exponential."""
     root, reach, factor = o.root, spread.factor * spread.u, 1 / (1 - float(request.g[c]))
@@ -322,6 +364,9 @@ def _estimates(
     absorption = at_bound if o.at_bound else (max(root - reach[0], 0.0) ** 2, (root + reach[0]) ** 2)
     reduced = o.reduced
     scattering = (factor * reduced * np.exp(-reach[1]), factor * reduced * np.exp(np.minimum(reach[1], 700.0)))
+    if spread.ends is not None:
+        absorption = (spread.ends[0].low ** 2, spread.ends[0].high ** 2)
+        scattering = (factor * np.exp(spread.ends[1].low), factor * np.exp(min(spread.ends[1].high, 700.0)))
     u = (
         spread.u[0] if o.at_bound else np.hypot(2 * root * spread.u[0], np.sqrt(2) * spread.u[0] ** 2),
         factor * reduced * spread.u[1],
@@ -335,7 +380,7 @@ def _estimates(
         status = "undetermined" if spread.undetermined[k] else "determined"
         if not request.free[k]:
             status, standard, interval = "fixed", 0.0, (value, value)
-        elif k == 0 and not spread.undetermined[0] and (o.at_bound or root < reach[0]):
+        elif k == 0 and not spread.undetermined[0] and (o.at_bound or absorption[0] <= 0):
             status, interval = "at lower bound", (0.0, interval[1])
         ends = (float(interval[0]), float(interval[1]))
         label, low, high = f"{request.call.name}.{name}", info.low, info.high

@@ -29,6 +29,7 @@ class ProfileFit(Displayed):
         residuals: `noisiness`, whether the residuals along the offsets are noise, structure or rounding.
         profile: name of the profile; `alternatives`: what else was fitted.
         common_errors: what all readings share and the standard uncertainties leave out; see `common_errors`.
+        noise_stated: whether the readings of all channels state their uncertainties.
         covariance_by_channel: of each channel `numbers`, places among the free ones, and their `covariance`.
     """
 
@@ -49,6 +50,7 @@ class ProfileFit(Displayed):
     alternatives: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     covariance_by_channel: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     common_errors: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    noise_stated: bool = True
 
     @property
     def material(self) -> Material:
@@ -90,7 +92,7 @@ class ProfileFit(Displayed):
         )
         facts = {name: getattr(self, name) for name in names}
         numbers = [dataclasses.asdict(p) | {"label": p.label} for p in self.parameters]
-        loss = "sigma" if "reduced_chi2" in self.metrics else "relative"
+        loss = "sigma" if self.noise_stated else "likeliest"
         more = {"table": self.profile, "asked": self.requested, "loss": loss}
         return unboxed(facts | more | {"parameters": numbers, "alternatives": self.alternatives})
 

@@ -10,7 +10,7 @@ from scipy import stats
 from gonio.fitting.residuals.noise_tests import SIGNIFICANT, noise_tests, runs_z
 
 
-def judged(t: np.ndarray, chi2: float | None = None, freedom: int = 0):
+def judged(t: np.ndarray, chi2: float | None = None, freedom: int = 1000):
     return noise_tests(t, np.ones_like(t, bool), chi2, freedom, False)
 
 
@@ -58,3 +58,9 @@ def test_false_alarms_are_as_rare_as_their_level():
     alarms |= {0.05: sum(r.runs_p < 0.05 for r in results)}
     for level, count in alarms.items():
         assert count <= stats.binom.isf(1e-6, trials, level)
+
+
+def test_as_many_numbers_as_readings_test_nothing():
+    rounding = 1e-16 * np.random.default_rng(0).standard_normal((2, 1))
+    tests = noise_tests(rounding, np.ones((2, 1), bool), 1e-32, 0, True)
+    assert tests.verdict == "untested" and math.isnan(tests.reduced_chi2)

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import gonio
+from gonio.data.channels import Channels
+from gonio.data.profile import Profile
 from gonio.fitting.subsurface.profile_fit import fit_profile
 from gonio.instrument.offsets_scan import measure_profile
 from gonio.models.errors import GonioError
@@ -149,3 +151,58 @@ def test_other_models_are_refused(exact, model, why):
 def test_a_profile_fits_no_brdf_and_a_table_no_profile(exact):
     with pytest.raises(GonioError, match="BSSRDF"):
         gonio.fit(gonio.measure("grey_card", scan="in-plane"), "dipole")
+
+
+def dipole_by_hand(r, absorption, scattering):
+    """Jensen et al. 2001, eq. 4, of a matched index, where A = 1."""
+    extinction = absorption + scattering
+    sigma, total = np.sqrt(3 * absorption * extinction), 0.0
+    for z in (1 / extinction, (1 + 4 / 3) / extinction):
+        d = np.hypot(r, z)
+        total = total + z * (1 + sigma * d) * np.exp(-sigma * d) / d**3
+    return scattering / extinction / (4 * np.pi) * total
+
+
+def profile_of(r, value, u):
+    """A profile that point spots read."""
+    columns = [np.asarray(a, float)[:, None] for a in (value, u)]
+    flag = np.zeros((len(r), 1), np.uint8)
+    return Profile(np.asarray(r, float), *columns, flag, Channels.grey())
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_intervals_hold_hardly_absorbing_materials(stated):
+    """The bound of no absorption is active in many draws: its interval and that of the scattering hold the truth."""
+    truth, held, number = {"sigma_a": 2e-3, "sigma_s": 1.2}, 0, 24
+    r = np.geomspace(0.1, 1.5, 8) if stated else np.geomspace(0.2, 12, 8)
+    exact = dipole_by_hand(r, *truth.values())
+    sd = 0.01 * exact if stated else np.full(8, 0.003 * exact.max())
+    rng, bounds = np.random.default_rng(5), 0
+    for _ in range(number):
+        profile = profile_of(r, exact + sd * rng.standard_normal(8), sd if stated else np.full(8, np.nan))
+        free = numbers(fit_profile(profile, "dipole(eta=1)"))
+        bounds += free["sigma_a"].status == "at lower bound"
+        inside = [p.interval95[0] <= truth[n] <= p.interval95[1] for n, p in free.items()]
+        held += sum(inside)
+    assert bounds > 3 and held >= 2 * number - 5
+
+
+def test_where_the_slope_is_by_the_root_of_the_absorption():
+    """Normalised diffusion near α' = 1, where its total falls with √σa: what fits without absorption allows some."""
+    material = "normalised_diffusion(sigma_a=0.005, sigma_s=0.4)"
+    profile = measure_profile(material, gonio.Instrument(), np.geomspace(0.3, 10, 6))
+    sd, rng = 0.01 * profile.value.max(), np.random.default_rng(2)
+    for _ in range(4):
+        noisy = profile.value + sd * rng.standard_normal(profile.value.shape)
+        read = dataclasses.replace(profile, value=noisy, u=np.full(noisy.shape, sd))
+        free = numbers(fit_profile(read, "normalised_diffusion(eta=1)"))
+        assert free["sigma_a"].interval95[0] <= 0.005 <= free["sigma_a"].interval95[1]
+        assert free["sigma_s"].interval95[0] <= 0.4 <= free["sigma_s"].interval95[1]
+
+
+def test_two_readings_of_two_numbers_test_nothing():
+    r = np.array([0.5, 4.0])
+    exact = dipole_by_hand(r, 0.05, 1.0)
+    fit = fit_profile(profile_of(r, 1.05 * exact, 0.01 * exact), "dipole(eta=1)")
+    assert fit.judgement.verdict == "fair" and "as many free numbers as readings" in fit.judgement.sentence
+    assert any(row["name"] == "gain" for row in fit.common_errors) and "rounding" not in fit.judgement.sentence
