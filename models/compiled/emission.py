@@ -14,6 +14,7 @@ from gonio.models.compiled.graph import COMPARISONS, DTYPES, FLOATS, Graph, Node
 TYPES = {"f32": "float", "f64": "double", "i32": "i32", "i64": "i64", "i1": "i1"}
 ORDERED = {"lt": "olt", "le": "ole", "gt": "ogt", "ge": "oge", "eq": "oeq", "ne": "une"}
 SIGNED = {"lt": "slt", "le": "sle", "gt": "sgt", "ge": "sge", "eq": "eq", "ne": "ne"}
+NUMBER_BYTES = {"f32": 4, "f64": 8, "i32": 4, "i64": 8}
 FUSED = {"add": "fadd contract", "sub": "fsub contract", "mul": "fmul contract", "div": "fdiv"}
 EXACT = {"add_exact": "fadd", "sub_exact": "fsub", "mul_exact": "fmul"}
 INTRINSICS = {"sqrt": "sqrt", "abs": "fabs", "floor": "floor", "rint": "rint", "fma": "fma"}
@@ -47,14 +48,20 @@ def module(kernel: Kernel, attributes: str) -> str:
     """The text of a module with the function
     ``i32 kernel(parameters*, inputs**, output*, start, stop, sizes*)`` over start..stop of the outermost axis.
 
+    Behind the sizes stands 1, or 0 for results that go past the caches, on processors that can.
+
     Its result is 0 unless a condition of the graph was false. The innermost range has to hold a vector at least.
     """
     return Writer(kernel).text(attributes)
 
 
 class Writer:
+    may_stream = True
+    """Whether the function can be asked to write past the caches, by a 0 behind the sizes."""
+
     def __init__(self, kernel: Kernel) -> None:
         self.kernel, self.graph = kernel, kernel.graph
+        self.streams = self.may_stream and kernel.flush  # which only processors have that can
         self.lines: list[list[str]] = [[] for _ in range(kernel.axes + 1)]
         self.declared: set[str] = set()
         self.count = 0
@@ -208,11 +215,43 @@ class Writer:
         self.lines[level].append(f"  %n{k} = call {vector} {function}({arguments})")
 
     def finish(self) -> None:
-        """The lines that put the results into memory."""
-        self.store()
+        """The lines that put the results into memory, past the caches where that is asked for and they are aligned."""
+        if not self.streams:
+            self.store()
+            return
+        place, values = self.placed()
+        lines, dtype = self.lines[self.kernel.axes], self.graph.dtype(self.kernel.outputs[0])
+        within = self.temporary(self.kernel.axes, f"ptrtoint ptr {place} to i64")
+        within = self.temporary(self.kernel.axes, f"or i64 {within}, %cached")
+        within = self.temporary(self.kernel.axes, f"and i64 {within}, {self.vector_bytes(dtype) - 1}")
+        past = self.temporary(self.kernel.axes, f"icmp eq i64 {within}, 0")
+        lines += [f"  br i1 {past}, label %past, label %through", "past:"]
+        self.write(place, values, self.vector_bytes(dtype), ", !nontemporal !4")
+        lines += ["  br label %stored", "through:"]
+        self.write(place, values, NUMBER_BYTES[dtype])
+        lines += ["  br label %stored", "stored:"]
 
     def store(self) -> None:
         """Results side by side: channels are the fastest axis of the output."""
+        self.write(*self.placed(), NUMBER_BYTES[self.graph.dtype(self.kernel.outputs[0])])
+
+    def vector_bytes(self, dtype: str) -> int:
+        """Of one vector."""
+        return self.kernel.lanes * NUMBER_BYTES[dtype]
+
+    def write(self, place: str, values: list[str], align: int, how: str = "") -> None:
+        """The lines that store vectors one behind another."""
+        level, dtype = self.kernel.axes, self.graph.dtype(self.kernel.outputs[0])
+        for part, value in enumerate(values):
+            here = self.temporary(
+                level, f"getelementptr inbounds {TYPES[dtype]}, ptr {place}, i64 {part * self.kernel.lanes}"
+            )
+            self.lines[level].append(
+                f"  store {self.vector(dtype)} {value}, ptr {here}, align {align}, !noalias !2{how}"
+            )
+
+    def placed(self) -> tuple[str, list[str]]:
+        """Where the results of this vector of elements go, and the vectors that go there."""
         outputs, lanes, level = self.kernel.outputs, self.kernel.lanes, self.kernel.axes
         channels, dtype = len(outputs), self.graph.dtype(outputs[0])
         offset = "%i0"
@@ -220,13 +259,10 @@ class Writer:
             scaled = self.temporary(level, f"mul i64 {offset}, %size{axis}")
             offset = self.temporary(level, f"add i64 {scaled}, %i{axis}")
         offset = self.temporary(level, f"mul i64 {offset}, {channels}")
-        for part in range(channels):
-            source = [divmod(part * lanes + lane, channels) for lane in range(lanes)]
-            value = self.interleaved(source)
-            first = self.temporary(level, f"add i64 {offset}, {part * lanes}")
-            place = self.temporary(level, f"getelementptr inbounds {TYPES[dtype]}, ptr {self.output}, i64 {first}")
-            size = 4 if dtype == "f32" else 8
-            self.lines[level].append(f"  store {self.vector(dtype)} {value}, ptr {place}, align {size}, !noalias !2")
+        sources = [[divmod(part * lanes + lane, channels) for lane in range(lanes)] for part in range(channels)]
+        values = [self.interleaved(source) for source in sources]
+        place = self.temporary(level, f"getelementptr inbounds {TYPES[dtype]}, ptr {self.output}, i64 {offset}")
+        return place, values
 
     def interleaved(self, source: list[tuple[int, int]]) -> str:
         """A vector with the wanted lane of the wanted channel in each lane."""
@@ -275,9 +311,8 @@ class Writer:
         if self.graph.required:
             self.check()
         self.finish()
-        return "\n".join(
-            [*self.head(), *self.loops(), *sorted(self.declared), *TAIL, f"attributes #0 = {{ {attributes} }}"]
-        )
+        head, loops = self.head(), self.loops()
+        return "\n".join([*head, *loops, *sorted(self.declared), *TAIL, f"attributes #0 = {{ {attributes} }}"])
 
     def head(self) -> list[str]:
         arguments = (
@@ -297,6 +332,8 @@ class Writer:
                 f"  %sp{axis} = getelementptr i64, ptr %sizes, i64 {axis}",
                 f"  %size{axis} = load i64, ptr %sp{axis}",
             ]
+        if self.streams:
+            lines += [f"  %sp = getelementptr i64, ptr %sizes, i64 {self.kernel.axes}", "  %cached = load i64, ptr %sp"]
         return lines
 
     def loops(self) -> list[str]:
@@ -321,6 +358,9 @@ class Writer:
             lines += [f"  %more{axis} = icmp slt i64 %next{axis}, {end}"]
             lines += [f"  br i1 %more{axis}, label %loop{axis}, label %{after}"]
         restored = ["  call void @llvm.x86.sse.ldmxcsr(ptr %control)"] if self.kernel.flush else []
+        if self.streams:
+            self.declared.add("declare void @llvm.x86.sse.sfence()")
+            restored.append("  call void @llvm.x86.sse.sfence()")
         return [*lines, "exit:", *restored, "  %final = load i32, ptr %status", "  ret i32 %final", "}"]
 
 
@@ -329,7 +369,7 @@ FLUSH = (
     "  %before = load i32, ptr %control", "  %with = or i32 %before, 32832", "  store i32 %with, ptr %flushing",
     "  call void @llvm.x86.sse.ldmxcsr(ptr %flushing)",
 )  # fmt: skip
-TAIL = ("!0 = !{}", '!1 = distinct !{!1, !"inputs"}', '!3 = distinct !{!3, !1, !"read"}', "!2 = !{!3}")
+TAIL = ("!0 = !{}", '!1 = distinct !{!1, !"inputs"}', '!3 = distinct !{!3, !1, !"read"}', "!2 = !{!3}", "!4 = !{i32 1}")
 
 
 def conversion(source: str, target: str) -> str:

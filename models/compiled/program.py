@@ -19,6 +19,8 @@ PIECE = 1 << 14
 """Pairs that a thread takes at a time: their arrays stay in its cache."""
 ALIGNMENT = 64
 """Bytes: what JAX takes for an array without a copy begins at a multiple."""
+PAST_CACHES = 4 << 20
+"""Bytes of values from which on they go past the caches, which they fill: no line is read before it is written."""
 
 
 class Program:
@@ -87,7 +89,7 @@ class Program:
 
     def vector(self) -> "Vector":
         rows = np.empty((len(self.split), self.lanes), self.input_dtype)
-        output, sizes = np.empty((self.lanes, *self.channels), self.dtype), np.array([self.lanes], np.int64)
+        output, sizes = np.empty((self.lanes, *self.channels), self.dtype), np.array([self.lanes, True], np.int64)
         pointers = addresses(list(rows))
         places = (pointers.ctypes.data, output.ctypes.data, 0, self.lanes, sizes.ctypes.data)
         return Vector(rows, output, places, (pointers, sizes))
@@ -117,7 +119,7 @@ class Bound(NamedTuple):
         if n <= p.lanes and len(sizes) == 1:
             return self._few(arrays, n)
         output = aligned_empty((*sizes, *p.channels), p.dtype)
-        address, extents = output.ctypes.data, np.array(sizes, np.int64)
+        address, extents = output.ctypes.data, np.array([*sizes, output.nbytes < PAST_CACHES], np.int64)
         if all(a.flags.c_contiguous and a.dtype == p.input_dtype for a in arrays):
             pointers, lengths = addresses(arrays), extents.ctypes.data
             table = pointers.ctypes.data
@@ -137,7 +139,8 @@ class Bound(NamedTuple):
         if sizes[0] * inner <= 2 * PIECE:
             status = work(0, sizes[0])
         else:
-            status = workers.share(work, sizes[0], max(PIECE // inner, 1))
+            # Of one loop each piece begins where a line of memory does.
+            status = workers.share(work, sizes[0], max(PIECE // inner, 1), ALIGNMENT if len(sizes) == 1 else 1)
         return None if status else output
 
     def _few(self, arrays: Sequence[np.ndarray], n: int) -> np.ndarray | None:

@@ -28,6 +28,8 @@ def adding_module(kernel: Kernel, attributes: str) -> str:
 
 
 class _AddingWriter(Writer):
+    may_stream = False
+
     def finish(self) -> None:
         level, inner = self.kernel.axes, self.kernel.axes - 1
         for k, node in enumerate(self.kernel.outputs):
@@ -42,6 +44,8 @@ class _AddingWriter(Writer):
 
 
 class _SumsWriter(Writer):
+    may_stream = False
+
     def __init__(self, kernel: Kernel, products: Sequence[tuple[int, int]]) -> None:
         self.products = products
         super().__init__(kernel)

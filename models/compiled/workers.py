@@ -28,10 +28,13 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not survive a fork
 
 
-def share(work: Callable[[int, int], int], total: int, step: int) -> int:
-    """`work(start, stop)` over 0..total, in pieces of a step or more, by all threads; the results' bits together."""
+def share(work: Callable[[int, int], int], total: int, step: int, grain: int = 1) -> int:
+    """`work(start, stop)` over 0..total, in pieces of about a step, by all threads; the results' bits together.
+
+    Pieces begin at multiples of `grain`, which is no more than a step.
+    """
     pieces = max(1, total // step)
-    edges = [total * k // pieces for k in range(pieces + 1)]
+    edges = [*(total * k // pieces // grain * grain for k in range(pieces)), total]
     spans = collections.deque(itertools.pairwise(edges))
 
     def take() -> int:
