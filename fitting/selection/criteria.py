@@ -14,7 +14,6 @@ BINS = 10
 LEAF = 8  # readings of one cluster; what farther ones share, cross-validation judges
 ROUNDING = 1e-6  # of the data: below this a difference is not noise to be modelled
 MAX_GROUPS = 24
-ROWS, DECIMALS = 512, 12  # of products of directions, at a time
 FEW_GROUPS, CLUSTERS = 6, 10  # fewer incidences than these are no sample of directions: clusters of pairs are
 
 
@@ -32,27 +31,20 @@ def neighbourhood(wi: Direction, wo: Direction) -> Neighbourhood:
 
     Where there are few incident directions the groups are clusters of neighbouring pairs.
     """
+    from scipy.spatial import KDTree
+
     points = np.stack([np.asarray(c, float) for c in (*wi, *wo)], axis=1)
     n = points.shape[0]
     if n < 3:
         return Neighbourhood(np.empty((0, 2), int), np.zeros(n, int), np.arange(n))
-    pairs = np.unique(np.sort(np.stack([np.arange(n), _nearest(points)], axis=1), axis=1), axis=0)
+    near = np.asarray(KDTree(points, leafsize=16).query(points, k=2)[1])[:, 1]
+    pairs = np.stack([np.arange(n), near], axis=1)
+    # A cell on the pole has many cells at one place: it may be its own neighbour.
+    pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
     groups = _groups(wi)
     if groups.max() + 1 < FEW_GROUPS:
         groups = _leaves(points, max(1, n // CLUSTERS))
     return Neighbourhood(pairs, _leaves(points, LEAF), groups)
-
-
-def _nearest(points: np.ndarray) -> np.ndarray:
-    """Of each pair of directions (n, 6) the nearest other one; of several the first."""
-    # Of unit vectors the nearest is that of the largest product: for a sample's few thousand as fast as a tree, without
-    # SciPy's import. Rounded, so that which of equally near ones it is does not hang on the processor.
-    near = np.empty(len(points), int)
-    for first in range(0, len(points), ROWS):
-        product = np.round(points[first : first + ROWS] @ points.T, DECIMALS)
-        product[np.arange(len(product)), first + np.arange(len(product))] = -np.inf
-        near[first : first + ROWS] = product.argmax(axis=1)
-    return near
 
 
 def _leaves(points: np.ndarray, size: int) -> np.ndarray:

@@ -44,14 +44,3 @@ def test_a_gain_within_its_standard_error_is_none():
     assert improves_holdout(small, small - [1.0, 1.0, 1.0, 1.1])
     assert not improves_holdout(small, small - [5.0, -4.0, 3.0, -2.0])
     assert not improves_holdout(small[:1], small[:1] - 5)
-
-
-def test_neighbours_are_the_nearest_others():
-    """Every pair has one of whom the other is the nearest; cells at one place, on the pole, are each other's."""
-    near, points = neighbourhood(WI, WO), np.stack([*WI, *WO], axis=1)
-    distance = np.linalg.norm(points[:, None] - points, axis=2)
-    np.fill_diagonal(distance, np.inf)
-    least = distance.min(axis=1)
-    a, b = near.pairs.T
-    assert (a < b).all() and set(near.pairs.ravel()) == set(range(len(points)))
-    assert (np.isclose(distance[a, b], least[a], atol=1e-6) | np.isclose(distance[a, b], least[b], atol=1e-6)).all()
