@@ -30,6 +30,10 @@ from gonio.models.geometry.sides import Hemispheres
 
 FEW_CHANNELS = 4  # whose albedos are all computed to a bound
 MOST_COMPARED = 1 << 18  # readings that are compared with a diffuser
+NOTHING_FREE = (
+    "nothing was fitted: all numbers of the model are given, and the readings are compared with it as it is; write "
+    "name=? in place of a number to fit it"
+)
 BRUSHED_CHANNELS = 32  # the same of brushed lobes, whose brightest channel a rough sum may mistake
 
 
@@ -44,6 +48,8 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
     estimates = [e.estimates(channels, name) for e, name in zip(optima, only, strict=True)]
     free = [p for each in estimates for p in each]
     labels = [p.label for p in free]
+    if not labels:
+        notes.insert(0, NOTHING_FREE)
     for e, each in zip(optima, estimates, strict=True):
         if e.unfollowed:
             these = listed([each[k].label for k in e.unfollowed])

@@ -183,6 +183,12 @@ def test_exact_values_are_kept_and_channels_listed():
     assert {p.label for p in fixed} >= {"lambert.rho[R]", "ggx.scale[B]", "ggx.eta"}
 
 
+@pytest.mark.parametrize(("model", "is_compared_alone"), [("lambert(rho=0.3)", True), ("lambert", False)])
+def test_a_model_without_a_free_number_is_compared_alone_and_that_is_said(model, is_compared_alone):
+    result = fit(table_of("lambert(rho=0.2)"), model)
+    assert any("nothing was fitted" in note for note in result.notes) == is_compared_alone == (not result.free_names)
+
+
 def test_solid_angle_weights_change_the_mean():
     layout = layouts.in_plane(np.radians([10, 40]), np.radians([-70, -30, 30, 70]))
     f = np.array([[1.0, 2, 2, 1]] * 2)[..., None]
