@@ -25,7 +25,7 @@ from gonio.models.geometry.low_discrepancy import low_discrepancy
 BASES = {basis.name.rpartition(" ")[2].lower(): basis for basis in KLEMS_BASES}
 SIDES: dict[str, tuple[int, int]] = dict(zip(BLOCKS, ((1, 1), (1, -1), (-1, 1), (-1, -1)), strict=True))
 """Of light and detector, by the block."""
-EVEN, SAMPLED = 64, 1024
+EVEN, SAMPLED = 256, 8192
 """Pairs of directions, even in both, of each pair of patches; by the model's sampler, of each patch of the light."""
 CHUNK = 1 << 17
 """Pairs of directions whose values are computed at once, of up to eight channels; of more, fewer."""
@@ -173,7 +173,7 @@ def _estimate(source: GridSource, basis: AngleBasis, name: str) -> np.ndarray:
     pairs = []
     for start in range(0, n * n, step):
         a, b = (np.repeat(k[start : start + step], EVEN) for k in (arriving, leaving))
-        v = np.tile(u, (len(a) // EVEN, 1))
+        v = _turned(u, len(a) // EVEN, start)
         pairs.append((b, a, *_pair(name, basis.within(a, v[:, 0], v[:, 1]), basis.within(b, v[:, 2], v[:, 3]))))
     for b, a, wi, wo in pairs if sampled is None else [*pairs, _in_order(sampled, n)]:
         density = EVEN * np.abs(wo.z) / size[b]
@@ -219,10 +219,16 @@ class _PatchSums(NamedTuple):
         return self.least + (self.weighted - self.least * self.weights) / size[:, None]
 
 
+def _turned(u: np.ndarray, patches: int, seed: int) -> np.ndarray:
+    """(patches · n, 4): points (n, 4), turned by a number of each patch's own, so that no error is that of all."""
+    turn = np.random.default_rng(seed).random((patches, 1, 4))
+    return ((u + turn) % 1.0).reshape(-1, 4)
+
+
 def _sampled(source: GridSource, basis: AngleBasis, name: str) -> _Pairs | None:
     """Pairs by the model's sampler; None where it draws none."""
     a = np.repeat(np.arange(basis.size), SAMPLED)
-    u = np.tile(low_discrepancy(SAMPLED, 4), (basis.size, 1))
+    u = _turned(low_discrepancy(SAMPLED, 4), basis.size, 0)
     wi, _ = _pair(name, basis.within(a, u[:, 0], u[:, 1]), np.zeros((len(a), 2)))
     try:
         wo = Direction(*(np.asarray(c, float) for c in sampled_directions(source.brdf, wi, u[:, 2], u[:, 3])))
