@@ -48,8 +48,6 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
     estimates = [e.estimates(channels, name) for e, name in zip(optima, only, strict=True)]
     free = [p for each in estimates for p in each]
     labels = [p.label for p in free]
-    if not labels:
-        notes.insert(0, NOTHING_FREE)
     for e, each in zip(optima, estimates, strict=True):
         if e.unfollowed:
             these = listed([each[k].label for k in e.unfollowed])
@@ -81,15 +79,15 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
         undetermined=_undetermined(optima, estimates),
         active_bounds=[p.label for p in free if p.status.startswith("at ")], seconds=seconds,
         theta_max=settings.theta_max, table=task.table, counts=task.counts,
-        notes=[*notes, *sorted({n for e in optima for n in e.notes}), *_model_notes(task.terms, brdf)],
+        notes=[*notes, *sorted({n for e in optima for n in e.notes}), *_model_notes(task.terms, brdf, labels)],
         floor=[e.problem.floor for e in optima], robust=settings.robust,
         apertures=apertures, evidence=_evidence(task, optima, f, cost), bootstrap=_bootstrap(task, optima, labels),
     )  # fmt: skip
 
 
-def _model_notes(terms: tuple[Term, ...], brdf: AbstractBRDF) -> list[str]:
-    """Where the model leaves what it is made for, and which parameters kept a default that nobody mentioned."""
-    notes = list(brdf.validity_notes)
+def _model_notes(terms: tuple[Term, ...], brdf: AbstractBRDF, labels: list[str]) -> list[str]:
+    """Where the model leaves what it is made for, and what of it was not fitted: its labels name what was."""
+    notes = list(brdf.validity_notes) if labels else [NOTHING_FREE, *brdf.validity_notes]
     for call in calls(terms):
         defaults = {f.name: f.default for f in dataclasses.fields(MODELS[call.name]) if "parameter" in f.metadata}
         kept = [

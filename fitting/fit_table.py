@@ -12,6 +12,7 @@ from gonio.fitting.apertures import aperture_notes, half_angles_of, wide_notes
 from gonio.fitting.assembly import assemble_result
 from gonio.fitting.common_errors import common_error_note, common_errors
 from gonio.fitting.fit_model import FitOptions, FitSettings, FitTask, compile_ahead, fit_model
+from gonio.fitting.patches import Patches, PatchFit, fit_patches
 from gonio.fitting.problem.readings import (
     NO_UNCERTAINTY,
     Readings,
@@ -173,9 +174,10 @@ def _fit_one(
     task: FitTask, table: Table, view: SceneView | None, selection: Selection | None, seconds: dict[str, float]
 ) -> FitResult:
     began = time.perf_counter()
-    optima = fit_model(task)
+    patches = Patches.of(table, task) if view is None else None
+    optima, task, notes = PatchFit(fit_model(task), task, []) if patches is None else fit_patches(task, patches)
     r = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
-    r.notes.extend([*table.provenance.get("warnings", []), *aperture_notes(r.apertures), *wide_notes(table)])
+    r.notes.extend([*notes, *table.provenance.get("warnings", []), *aperture_notes(r.apertures), *wide_notes(table)])
     if rows := common_errors(table, optima, [p for p in r.parameters if p.status != "fixed"]):
         r = dataclasses.replace(r, common_errors=rows)
         r.notes.extend([] if rows[0]["stated"] is not None else [common_error_note(rows)])

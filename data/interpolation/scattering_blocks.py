@@ -220,6 +220,41 @@ class SheetBSDF(AbstractBRDF):
         """The sheet in these channels alone, by their numbers."""
         return SheetBSDF({name: tuple(blocks[k] for k in channels) for name, blocks in self.blocks.items()})
 
+    def shared_patches(self) -> "list[tuple[str, list[int]]]":
+        """(name of the block, channels) of each set of patches that channels share, in the order of a table's cells."""
+        sets: list[tuple[str, list[int]]] = []
+        for name in BLOCKS:
+            known: list[tuple[np.ndarray, list[int]]] = []
+            for channel, block in enumerate(self.blocks[name]):
+                if block is None:
+                    continue
+                samples = block.samples()
+                where = np.concatenate([samples.arriving, samples.leaving], axis=1)
+                same = next((channels for places, channels in known if np.array_equal(places, where)), None)
+                if same is None:
+                    known.append((where, same := []))
+                same.append(channel)
+            sets += [(name, channels) for _, channels in known]
+        return sets
+
+    def directions(self, u: np.ndarray | None = None) -> tuple[np.ndarray, ...]:
+        """(theta_i, phi_i, theta_o, phi_o) (n,), radians, in the middles of all patches of `shared_patches`.
+
+        Args:
+            u: (n, 4) in [0, 1): other places than the middles, even in projected solid angle.
+        """
+        angles, first = [], 0
+        for name, channels in self.shared_patches():
+            block = self.blocks[name][channels[0]]
+            assert block is not None
+            samples = block.samples()
+            if u is not None:
+                samples = block.within(u[first : first + len(samples.f)])
+            first += len(samples.f)
+            wi, wo = pair_of(name, samples.arriving, samples.leaving)
+            angles.append(np.stack([*wi, *wo]))
+        return tuple(np.concatenate(angles, axis=1))
+
     @property
     def hemispheres(self) -> Hemispheres:
         return EVERYWHERE

@@ -118,6 +118,15 @@ def step_towards(problem: FitProblem, p: np.ndarray) -> np.ndarray:
     return _step(problem, p, problem.normal_equations(p[None]))
 
 
+def moved_by(problem: FitProblem, p: np.ndarray, f: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """How far the numbers (P,) of a fit move, to first order, where its model's values f (n, C) change by so much."""
+    compared = problem.compared(f + change)
+    gradient = problem.retargeted(2 * problem.compared(f) - compared).normal_equations(p[None]).gradient[0]
+    moved = np.empty_like(p)
+    moved[problem.order] = _inverse(problem.normal_equations(p[None]).matrix.whole()[0]) @ gradient
+    return moved
+
+
 def _step(problem: FitProblem, p: np.ndarray, equations: NormalEquations) -> np.ndarray:
     order = problem.order
     d = Domains(*(a[order] for a in problem.domains))

@@ -7,7 +7,6 @@ Read as a table of the file's own patches and, between them, the file's own rule
 import itertools
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from gonio.data.channels import Channels
 from gonio.data.files import input_size, stem
 from gonio.data.flags import Flag
 from gonio.data.interpolation.angle_basis import EARLIER_BASES, KLEMS_BASES, MOST_PATCHES, AngleBasis
-from gonio.data.interpolation.scattering_blocks import BLOCKS, Matrix, ScatteringBlock, SheetBSDF, pair_of
+from gonio.data.interpolation.scattering_blocks import BLOCKS, Matrix, ScatteringBlock, SheetBSDF
 from gonio.data.interpolation.tree_text import parse_numbers, parse_tree
 from gonio.data.table import Table
 from gonio.models.errors import GonioError, nearest
@@ -72,12 +71,11 @@ def read_window_xml(path: str | os.PathLike[str]) -> Table:
     """
     data = read_sheet(path)
     bsdf = SheetBSDF({name: tuple(of_channel.get(name) for of_channel in data.blocks) for name in BLOCKS})
-    angles, values = [], []
-    for name in BLOCKS:
-        for where, f in _sampled(bsdf.blocks[name]):
-            wi, wo = pair_of(name, where[:, :2], where[:, 2:])
-            angles.append(np.stack([*wi, *wo]))
-            values.append(f)
+    values = []
+    for name, channels in bsdf.shared_patches():
+        each = [block.samples().f for c in channels if (block := bsdf.blocks[name][c]) is not None]
+        values.append(np.full((each[0].size, len(data.blocks)), np.nan))
+        values[-1][:, channels] = np.stack(each, axis=-1)
     f = np.concatenate(values)
     flag = np.where(np.isfinite(f), np.uint8(Flag.VALID), np.uint8(Flag.NOT_MEASURED))
     provenance = {
@@ -94,7 +92,7 @@ def read_window_xml(path: str | os.PathLike[str]) -> Table:
             *(f"left out: {what}" for what in data.left_out),
         ],
     }
-    grid = layouts.scattered(*np.concatenate(angles, axis=1))
+    grid = layouts.scattered(*bsdf.directions())
 
     def interpolant(coarse: bool = False) -> SheetBSDF:
         if coarse:
@@ -104,22 +102,6 @@ def read_window_xml(path: str | os.PathLike[str]) -> Table:
         return bsdf
 
     return Table(grid, f, flag, data.channels, provenance=provenance, name=stem(path), interpolant=interpolant)
-
-
-def _sampled(blocks: tuple[ScatteringBlock | None, ...]) -> Iterable[tuple[np.ndarray, np.ndarray]]:
-    """(angles (n, 4), f (n, channels)) of the patches; those that channels share are stored once."""
-    sets: list[tuple[np.ndarray, np.ndarray]] = []
-    for channel, block in enumerate(blocks):
-        if block is None:
-            continue
-        samples = block.samples()
-        where = np.concatenate([samples.arriving, samples.leaving], axis=1)
-        same = (f for known, f in sets if np.array_equal(known, where))
-        if (f := next(same, None)) is None:
-            f = np.full((len(where), len(blocks)), np.nan)
-            sets.append((where, f))
-        f[:, channel] = samples.f
-    return sets
 
 
 def read_sheet(path: str | os.PathLike[str]) -> SheetData:
