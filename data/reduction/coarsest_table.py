@@ -199,7 +199,7 @@ def _within(judged: _Judged, start: Table, most: int, log: Callable[[str], None]
     whole, search, ranking, judge, weight = judged
     parts, tolerance = judge.parts, judge.tolerance
     grids = [
-        replace(g, f=np.asarray(g.f) * weight)
+        replace(g, f=np.asarray(g.f) * weight) if parts > 1 else g
         for g in start_grids(start, as_material(start))
         if parts == 1 or not g.layout.in_half_vectors
     ]
@@ -228,9 +228,9 @@ def starts_of(whole: Table, ranking: SceneValues) -> Iterator[Table]:
     if not is_stored(whole):
         yield whole
         return
-    trials = Thinning(whole_grid(whole), ranking)
+    trials, values = Thinning(whole_grid(whole), ranking), replace(whole, u_f=None)
     for readings in STARTS:
-        yield coarse_table(whole, readings, trials.error)
+        yield coarse_table(values, readings, trials.error)
 
 
 def _before_the_search(whole: Table, start: Table) -> str:
