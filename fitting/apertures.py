@@ -60,7 +60,7 @@ def aperture_facts(optima: "list[Optimum]", estimates: "list[list[ParameterEstim
     rules = np.concatenate([a.rules for a in averages])
     from gonio.fitting.problem.disc_averages import disc_rules
 
-    counts = disc_rules(averages[0].half_angles).counts.prod(axis=1)[rules]
+    counts = np.asarray(disc_rules(averages[0].half_angles).sizes)[rules]
     shifts = [
         {"name": p.label, "shift": float(d), "in_standard_uncertainties": float(d / p.standard_uncertainty)}
         for a, each in zip(averages, estimates, strict=True)

@@ -20,7 +20,7 @@ from gonio.fitting.problem.compiled_sums import (
     rows_of_lobes,
     squares_of_pairs,
 )
-from gonio.fitting.problem.disc_averages import disc_rules
+from gonio.fitting.problem.disc_averages import CUT, KINDS, OPPOSED, disc_rules
 from gonio.fitting.problem.lobes import Lobes, lobes_at_sample
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
 from gonio.fitting.problem.readings import AnyArray
@@ -31,12 +31,16 @@ from gonio.models.compiled.sums import AddingProgram, Rows, SumsProgram
 from gonio.models.expression.builder import prepared
 from gonio.models.geometry.directions import NORMAL, Direction
 from gonio.models.geometry.horizon import turned_over
-from gonio.models.warps.disc_frames import disc_frame, disc_ray, psi_of_horizon
+from gonio.models.warps.disc_frames import disc_frame, disc_ray, pair_normal, psi_of_horizon, ray_about
 
 NODE = 5
-"""Numbers of a node in a disc: its column's x (or ψ over where it ends), √(1 − x²), weight; its row's y, weight."""
-CHUNK = 512
-"""Readings whose averages are formed at a time: they stay in a core's cache. A multiple of a vector's numbers."""
+"""Numbers of a node in a disc: its column's x (or ψ over where it ends), √(1 − x²), weight; its row's y, weight. Of a
+pair of nodes of `pair_rules` there are as many."""
+LANES = 8
+"""What readings of a rule are filled up to a multiple of: numbers of the widest vector."""
+LEAST, MOST, WORK = 512, 2048, 1 << 18
+"""Readings whose averages are formed at a time, a multiple of a vector's numbers: they stay in a core's cache; and
+readings times pairs of nodes, of more than the least."""
 
 
 class AveragedReadings(NamedTuple):
@@ -85,21 +89,21 @@ class _Programs:
         self.rows = Rows(rows, leaves, s.size, (1,) * (2 + self.lobes) + (whole.channels,) * (2 * s.channels))
         self.averages, self.sums = functools.cache(self._averages), functools.cache(self._sums)
 
-    def _averages(self, cut: tuple[bool, bool]) -> AddingProgram:
-        """Of lobes times weights over nodes, of discs that the horizon cuts or does not."""
+    def _averages(self, cut: tuple[bool, bool] | None) -> AddingProgram:
+        """Of lobes times weights over nodes, of discs that the horizon cuts or does not; None: over pairs of nodes."""
+        numbers, axes = (NODE, 9) if cut is None else (2 * NODE, 6)
 
         def rows(leaves: Sequence[Any], *elements: Array) -> Array:
             p = jnp.stack(elements[: self._s.size]) if self._s.size else jnp.zeros(0)
             fixed, _, tan_s = jax.tree.unflatten(self._tree, leaves)
-            nodes, axes = elements[self._s.size :][: 2 * NODE], elements[self._s.size :][2 * NODE :]
-            wi, share_i = _ray(Direction(*axes[:3]), tan_s[0], nodes[:NODE], cut[0])
-            wo, share_o = _ray(Direction(*axes[3:]), tan_s[1], nodes[NODE:], cut[1])
-            lobes, weight = lobes_at_sample(self._s, p, fixed, wi, wo), share_i * share_o
+            nodes, axes = elements[self._s.size :][:numbers], elements[self._s.size :][numbers:]
+            wi, wo, weight = _pair(axes, tan_s, nodes) if cut is None else _both(axes, tan_s, nodes, cut)
+            lobes = lobes_at_sample(self._s, p, fixed, wi, wo)
             return jnp.concatenate([weight[None], *(weight * a.reshape(-1) for a in lobes)])
 
         apart = any(map(prepared, self._s.frames))
         with LOCK:
-            return AddingProgram(Rows(rows, self._leaves, self._s.size, (1,) * 6, 2 * NODE, prepared=apart))
+            return AddingProgram(Rows(rows, self._leaves, self._s.size, (1,) * axes, numbers, prepared=apart))
 
     def _sums(self, full: bool) -> SumsProgram:
         """Of products of rows; `full` with those times residuals, and f."""
@@ -110,6 +114,25 @@ class _Programs:
                 return SumsProgram(self.rows, pairs)
             more = pairs_of_rows(self.channels, self.size, number)
             return SumsProgram(self.rows, [*pairs, *more], range(2 * number, 2 * number + self.channels))
+
+
+def _pair(axes: Sequence[Array], tan_s: Array, node: Sequence[Array]) -> tuple[Direction, Direction, Array]:
+    """(direction of light, of detector, weight) of a pair of nodes; the axes' last is the normal of their plane."""
+    wi, wo, normal = (Direction(*axes[k : k + 3]) for k in (0, 3, 6))
+    side_i, side_o = jnp.where(wi.z < 0, -1.0, 1.0), jnp.where(wo.z < 0, -1.0, 1.0)
+    x_i, y_i, x_o, y_o, w = node
+    wi, share_i = ray_about(turned_over(wi, side_i), normal, tan_s[0] * x_i, tan_s[0] * y_i)
+    wo, share_o = ray_about(turned_over(wo, side_o), normal, tan_s[1] * x_o, tan_s[1] * y_o)
+    return turned_over(wi, side_i), turned_over(wo, side_o), w * share_i * share_o
+
+
+def _both(
+    axes: Sequence[Array], tan_s: Array, nodes: Sequence[Array], cut: tuple[bool, bool]
+) -> tuple[Direction, Direction, Array]:
+    """The same of a node of each disc."""
+    wi, share_i = _ray(Direction(*axes[:3]), tan_s[0], nodes[:NODE], cut[0])
+    wo, share_o = _ray(Direction(*axes[3:]), tan_s[1], nodes[NODE:], cut[1])
+    return wi, wo, share_i * share_o
 
 
 def _ray(axis: Direction, tan_s: Array, node: Sequence[Array], cut: bool) -> tuple[Direction, Array]:
@@ -129,8 +152,13 @@ def _ray(axis: Direction, tan_s: Array, node: Sequence[Array], cut: bool) -> tup
 
 @functools.lru_cache(maxsize=64)
 def _nodes(half_angles: tuple[float, float], rule: int) -> np.ndarray:
-    """The numbers (2 · NODE, K) of the pairs of nodes of a rule."""
+    """The numbers (2 · NODE, K) of the pairs of nodes of a rule, or (NODE, K) where it is one of pairs."""
     rules, of_discs = disc_rules(half_angles), []
+    first = int(rules.first[rule])
+    if first >= 0:
+        turn = -1.0 if rule % KINDS == OPPOSED else 1.0
+        nodes = np.asarray(rules.pairs)[:, first : first + int(rules.sizes[rule])]
+        return np.ascontiguousarray(nodes * np.array([1.0, 1.0, turn, turn, 1.0])[:, None])
     for d in range(2):
         n, m = rules.shape[rule, d]
         columns, rows = np.asarray(rules.columns)[rule, d, :n], np.asarray(rules.rows)[rule, d, :m]
@@ -140,14 +168,18 @@ def _nodes(half_angles: tuple[float, float], rule: int) -> np.ndarray:
 
 
 class _Piece(NamedTuple):
-    """Readings of one rule, at most `CHUNK`, padded: where they stand, and their axes, targets and weights."""
+    """Some readings of one rule, padded: where they stand, |cosθi|, targets and weights.
+
+    `averaged`: where the rows of nodes and axes begin.
+    """
 
     rule: int
     cells: np.ndarray
-    axes: np.ndarray
     cosine: np.ndarray
     target: np.ndarray
     weight: np.ndarray
+    averaged: np.ndarray
+    kept: tuple[np.ndarray, np.ndarray]
 
 
 class BoundAverages:
@@ -192,25 +224,27 @@ class BoundAverages:
         return Sums(parts.joined_squares(squares.reshape(len(p), -1, *squares.shape[1:])), f)
 
     def _averages(self, rule: int) -> AddingProgram:
-        counts = disc_rules(self._readings.half_angles).counts[rule]
-        return self._programs.averages((bool(rule % 2 and counts[0] > 1), bool(rule % 2 and counts[1] > 1)))
+        rules = disc_rules(self._readings.half_angles)
+        if rules.first[rule] >= 0:
+            return self._programs.averages(None)
+        cut = rules.counts[rule] > 1 if rule % KINDS == CUT else np.zeros(2, bool)
+        return self._programs.averages((bool(cut[0]), bool(cut[1])))
 
     def _of_piece(
         self, piece: _Piece, programs: tuple[AddingProgram, SumsProgram], p: np.ndarray, f: np.ndarray | None
     ) -> np.ndarray | None:
         averages, total = programs
-        nodes, parts = _nodes(self._readings.half_angles, piece.rule), self._programs.parts
+        parts, sizes = self._programs.parts, (piece.kept[0].shape[1], len(piece.target))
         sums, values, lobes = [], np.zeros((len(parts.channels), len(piece.target), self._programs.channels)), None
         for m, numbers in enumerate(parts.numbers):
             free = p.ctypes.data + 8 * numbers
             if m < self._programs.averaged_parts:
-                places = [_rows_of(nodes), _rows_of(piece.axes)]
                 if averages.rows.prepared:
-                    parameters = self._prepared(averages.rows, m, p[numbers].tobytes())
+                    places, parameters = piece.averaged, self._prepared(averages.rows, m, p[numbers].tobytes())
                 else:
-                    places, parameters = [free, *places], self._parameters(averages.rows, m)
-                sizes = nodes.shape[1], len(piece.target)
-                lobes = averages(parameters, np.concatenate(places).astype(np.uintp), sizes)
+                    places = np.concatenate([free, piece.averaged]).astype(np.uintp)
+                    parameters = self._parameters(averages.rows, m)
+                lobes = averages(parameters, places, sizes)
             if lobes is None:
                 return None
             strided = [a.ctypes.data + 8 * parts.channels[m] for a in (piece.target, piece.weight)]
@@ -230,13 +264,24 @@ def _rows_of(a: np.ndarray) -> np.ndarray:
 def _pieces(r: AveragedReadings, rule: int, cells: np.ndarray) -> list[_Piece]:
     """The readings of one rule in pieces: parts of arrays that are laid out once."""
     n, channels = cells.size, r.target.shape[1]
-    size = n + -n % 16
-    axes, target, weight = np.empty((6, size)), np.zeros((size, channels)), np.zeros((size, channels))
-    for row, c, fill in zip(axes, (*r.wi, *r.wo), (*NORMAL, *NORMAL), strict=True):
-        row[:n], row[n:] = np.asarray(c)[cells], fill
+    size = n + -n % LANES
+    wi, wo = (Direction(*(np.asarray(c)[cells] for c in w)) for w in (r.wi, r.wo))
+    rows, fill = [*wi, *wo], [*NORMAL, *NORMAL]
+    if disc_rules(r.half_angles).first[rule] >= 0:
+        light, detector = (turned_over(w, np.where(w.z < 0, -1.0, 1.0)) for w in (wi, wo))
+        rows += pair_normal(light, detector, np)
+        fill += [1.0, 0.0, 0.0]
+    axes, target, weight = np.empty((len(rows), size)), np.zeros((size, channels)), np.zeros((size, channels))
+    for row, c, e in zip(axes, rows, fill, strict=True):
+        row[:n], row[n:] = c, e
     target[:n], weight[:n] = r.target[cells], r.weight[cells]
-    cosine, parts = np.abs(axes[2]), [slice(first, min(first + CHUNK, size)) for first in range(0, size, CHUNK)]
-    return [_Piece(rule, cells[s], axes[:, s], cosine[s], target[s], weight[s]) for s in parts]
+    cosine, nodes, pieces = np.abs(axes[2]), _nodes(r.half_angles, rule), []
+    together = min(max(WORK // nodes.shape[1] // LEAST * LEAST, LEAST), MOST)
+    for first in range(0, size, together):
+        s = slice(first, min(first + together, size))
+        places = np.concatenate([_rows_of(nodes), _rows_of(axes[:, s])]).astype(np.uintp)
+        pieces.append(_Piece(rule, cells[s], cosine[s], target[s], weight[s], places, (nodes, axes)))
+    return pieces
 
 
 _kept: dict[Hashable, _Programs | None] = {}

@@ -2,9 +2,11 @@
 
     reading = ∫∫ f cosθi cosθo dωi dωo / (∫ cosθi dωi · ∫ cosθo dωo),   directions below the horizon left out
 
-A rule of number 2·step + cut has n = `STEPS[step]` by n nodes in each disc that is no point, and n by 2n where the
-horizon cuts one. Number 0 is the centres alone. A block's lanes all use one rule. Where few readings
-need a rule of many nodes, 2^`halvings` lanes side by side serve one reading, each with its share of the nodes.
+Rules have numbers `KINDS`·step + kind; number 0 is the centres alone. Where there are two discs, both above the
+horizon, their nodes are pairs of directions (`pair_rules`), fine in the half vector or (`OPPOSED`) in what changes it
+least, as wi − wo does. Else each node of one disc meets each of the other: n = `STEPS[step]` by n of a disc that is no
+point, and n by 2n where the horizon cuts one (`CUT`). A block's lanes all use one rule. Where few readings need a rule
+of many nodes, 2^`halvings` lanes side by side serve one reading, each with its share of the nodes.
 """
 
 import dataclasses
@@ -17,29 +19,37 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from gonio.fitting.problem.pair_rules import COUNTS, FINENESS, pair_rules
 from gonio.fitting.problem.readings import AnyArray
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.horizon import turned_over
-from gonio.models.warps.disc_frames import DiscFrame, disc_frame, disc_ray, psi_of_horizon
+from gonio.models.warps.disc_frames import DiscFrame, disc_frame, disc_ray, pair_normal, psi_of_horizon, ray_about
 
 STEPS = (1, 2, 3, 4, 6, 9, 14, 22, 34, 52, 78)
+KINDS = 3
+CUT, OPPOSED = 1, 2
 PAIRS_MAX = 14**4  # nodes of a rule over both discs
+ROOM = 1 + sum(COUNTS)  # for the pairs of nodes of all rules: every problem's arrays have one shape
 
 
 class DiscRules(NamedTuple):
     """Nodes of all rules in both discs, n columns (x, √(1 − x²), weight) by m rows (y over √(1 − x²), weight).
 
-    Of rules for cut discs the columns are (ψ over where it ends, 1, weight).
+    Of rules for cut discs the columns are (ψ over where it ends, 1, weight). Rules of `pair_rules` begin at `first` of
+    `pairs`, others have −1 there. `sizes`: pairs of nodes of each rule.
     """
 
     tan_s: Float[AnyArray, "2"]
     columns: Float[AnyArray, "r 2 n 3"]
     rows: Float[AnyArray, "r 2 m 2"]
     shape: Int[AnyArray, "r 2 2"]
+    pairs: Float[AnyArray, "5 k"]
+    first: Int[AnyArray, " r"]
+    sizes: Int[AnyArray, " r"]
 
     @property
     def counts(self) -> Int[AnyArray, "r 2"]:
-        """Number of nodes in each disc."""
+        """Number of nodes in each disc, of rules that are not of pairs."""
         return self.shape[..., 0] * self.shape[..., 1]
 
 
@@ -66,15 +76,33 @@ class Samples(NamedTuple):
 @functools.lru_cache(maxsize=16)
 def disc_rules(half_angles: tuple[float, float]) -> DiscRules:
     """The rules for discs of these half-angles of source and detector, radians; 0 is a point."""
-    size, most = 2 * len(STEPS), STEPS[-1]
+    size, most = KINDS * len(STEPS), STEPS[-1]
     columns, rows = np.zeros((size, 2, most, 3)), np.zeros((size, 2, 2 * most, 2))
-    rules = DiscRules(np.tan(half_angles), columns, rows, np.ones((size, 2, 2), np.int32))
+    shape, first = np.ones((size, 2, 2), np.int32), np.full(size, -1, np.int32)
     for rule, d in np.ndindex(size, 2):
-        n = STEPS[rule // 2] if half_angles[d] > 0 else 1
-        of_n = (_cut_rule if rule % 2 else _whole_rule)(n)
-        rules.shape[rule, d] = tuple(map(len, of_n))
+        n = STEPS[rule // KINDS] if half_angles[d] > 0 else 1
+        of_n = (_cut_rule if rule % KINDS == CUT else _whole_rule)(n)
+        shape[rule, d] = tuple(map(len, of_n))
         columns[rule, d, : len(of_n[0])], rows[rule, d, : len(of_n[1])] = of_n
-    return rules
+    pairs, sizes = np.zeros((5, ROOM)), shape.prod(axis=(1, 2), dtype=np.int32)
+    if min(half_angles) > 0:
+        tan_i, tan_o = np.tan(half_angles).tolist()
+        counts = np.array([1, *COUNTS])
+        for kind in (0, OPPOSED):
+            whole = slice(kind, KINDS * counts.size, KINDS)
+            first[whole], sizes[whole] = np.cumsum(counts) - counts, counts
+        pairs = np.concatenate([np.eye(5)[:, 4:], *pair_rules((tan_i, tan_o))], axis=1)
+    return DiscRules(np.tan(half_angles), columns, rows, shape, pairs, first, sizes)
+
+
+def program_rules(half_angles: tuple[float, float]) -> DiscRules:
+    """The rules as XLA's programs take them: the many numbers are not copied for each page."""
+    return disc_rules(half_angles)._replace(pairs=_on_device(half_angles, jnp.result_type(float)))
+
+
+@functools.lru_cache(maxsize=16)
+def _on_device(half_angles: tuple[float, float], dtype: np.dtype) -> Array:
+    return jnp.asarray(np.asarray(disc_rules(half_angles).pairs, dtype))
 
 
 def _whole_rule(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -94,9 +122,16 @@ def _cut_rule(n: int) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([0.5 * (1 + g), np.ones(n), w], axis=1), np.stack(rows, axis=1)
 
 
-def steps_of(half_angles: tuple[float, float]) -> int:
-    """Number of the steps, the centres alone among them, that discs of these half-angles allow."""
-    return int(np.count_nonzero(disc_rules(half_angles).counts[::2].prod(axis=1) <= PAIRS_MAX))
+def steps_of(half_angles: tuple[float, float]) -> tuple[int, int]:
+    """Number of the steps, the centres alone among them, that discs of these half-angles allow: whole ones, and cut."""
+    products = int(np.count_nonzero(disc_rules(half_angles).counts[::KINDS].prod(axis=1) <= PAIRS_MAX))
+    return (1 + len(COUNTS) if min(half_angles) > 0 else products), products
+
+
+def farthest_node(half_angles: tuple[float, float], step: int) -> float:
+    """Radians from the mirror configuration to the nearest node of a rule, at most."""
+    s, n = (sum(half_angles), FINENESS[step - 1]) if min(half_angles) > 0 else (max(half_angles), STEPS[step])
+    return math.sqrt(2.0) * s / (n + 1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,7 +151,7 @@ class Lanes:
     @classmethod
     def of(cls, rules: np.ndarray, half_angles: tuple[float, float], block: int) -> "Lanes":
         """The lanes of readings with these rules (n,), in blocks of so many lanes."""
-        nodes = disc_rules(half_angles).counts.prod(axis=1)
+        nodes = disc_rules(half_angles).sizes
         place, source, numbers, halvings, first = np.empty(rules.size, np.int64), [], [], [], 0
         for rule in np.unique(rules):
             cells = np.flatnonzero(rules == rule)
@@ -160,6 +195,7 @@ class _Discs(NamedTuple):
 
     frames: tuple[DiscFrame, DiscFrame]
     psi_ends: tuple[Array, Array]
+    normal: Direction
     sides: tuple[Array, Array]
     """−1 where a disc is behind the sample: it is averaged as its mirror image in front."""
 
@@ -180,22 +216,34 @@ class NodePairs(NamedTuple):
         wi, wo = turned_over(wi, sides[0]), turned_over(wo, sides[1])
         frames = disc_frame(wi, rules.tan_s[0]), disc_frame(wo, rules.tan_s[1])
         whole = jnp.full_like(wi.z, jnp.pi)
-        ends = jax.lax.cond(rule % 2 == 1, lambda: tuple(map(psi_of_horizon, frames)), lambda: (whole, whole))
-        total = jnp.prod(rules.counts[rule])
-        steps = (total + (1 << halvings) - 1) >> halvings
-        return cls(steps, rules, rule, halvings, _Discs(frames, ends, sides))
+        ends = jax.lax.cond(rule % KINDS == CUT, lambda: tuple(map(psi_of_horizon, frames)), lambda: (whole, whole))
+        steps = (rules.sizes[rule] + (1 << halvings) - 1) >> halvings
+        return cls(steps, rules, rule, halvings, _Discs(frames, ends, pair_normal(wi, wo), sides))
 
     def pair(self, k: Int[AnyArray, ""]) -> tuple[Direction, Direction, Float[Array, " n"]]:
         """(wi, wo, weight) of pair k of each lane."""
-        counts, n = self.rules.counts[self.rule], self.discs.psi_ends[0].size
-        total = counts[0] * counts[1]
+        total, n = self.rules.sizes[self.rule], self.discs.psi_ends[0].size
         node = (jnp.arange(n) & ((1 << self.halvings) - 1)) + (k << self.halvings)
         inside = node < total
         node = jnp.where(inside, node, 0)
-        wi, share_i = self._ray(0, node // counts[1])
-        wo, share_o = self._ray(1, node % counts[1])
+        of_pairs = self.rules.first[self.rule] >= 0
+        wi, wo, share = jax.lax.cond(of_pairs, lambda: self._paired(node), lambda: self._product(node))
         # Of one pair exactly 1: what is not averaged keeps its bits.
-        return wi, wo, jnp.where(total == 1, 1.0, jnp.where(inside, share_i * share_o, 0.0))
+        return wi, wo, jnp.where(total == 1, 1.0, jnp.where(inside, share, 0.0))
+
+    def _paired(self, node: Int[Array, " n"]) -> tuple[Direction, Direction, Array]:
+        x_i, y_i, x_o, y_o, w = self.rules.pairs[:, self.rules.first[self.rule] + node]
+        (tan_i, tan_o), discs = self.rules.tan_s, self.discs
+        tan_o = jnp.where(self.rule % KINDS == OPPOSED, -tan_o, tan_o)
+        wi, share_i = ray_about(discs.frames[0].axis, discs.normal, tan_i * x_i, tan_i * y_i)
+        wo, share_o = ray_about(discs.frames[1].axis, discs.normal, tan_o * x_o, tan_o * y_o)
+        return turned_over(wi, discs.sides[0]), turned_over(wo, discs.sides[1]), w * share_i * share_o
+
+    def _product(self, node: Int[Array, " n"]) -> tuple[Direction, Direction, Array]:
+        count = self.rules.counts[self.rule, 1]
+        wi, share_i = self._ray(0, node // count)
+        wo, share_o = self._ray(1, node % count)
+        return wi, wo, share_i * share_o
 
     def _ray(self, d: int, node: Int[Array, " n"]) -> tuple[Direction, Array]:
         frame, psi_end = self.discs.frames[d], self.discs.psi_ends[d]
@@ -214,7 +262,7 @@ class NodePairs(NamedTuple):
             sine = jnp.sin(psi_end * x)
             return jnp.cos(psi_end * x), sine * v, w * w_v * psi_end * sine * sine
 
-        bent = (self.rule % 2 == 1) & (self.rules.counts[self.rule, d] > 1)
+        bent = (self.rule % KINDS == CUT) & (self.rules.counts[self.rule, d] > 1)
         x, y, w = jax.lax.cond(bent, cut, lambda: (x, length * v, w * w_v))
         ray, share = disc_ray(frame, frame.tan_s * x, frame.tan_s * y)
         return turned_over(ray, self.discs.sides[d]), w * share

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from gonio.fitting.problem.disc_averages import Samples, block_rules, disc_rules
+from gonio.fitting.problem.disc_averages import Samples, block_rules, program_rules
 from gonio.fitting.problem.lobes import averaged_lobes, rows_of, strengths_of, sum_of_lobes
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
 from gonio.fitting.problem.readings import LANES, PAGE, POINTS, AnyArray, block_of, transform, uses_cosine
@@ -123,7 +123,7 @@ def compile_page_program(s: Parameterisation, loss: str, fixed: FixedValues) -> 
     up = Direction(*(np.full((PAGE, n), e) for e in NORMAL))
     none = np.zeros((PAGE, n, c))
     blocks = block_rules(None, PAGE)
-    page = Samples(up, up, none, none, np.asarray(0), np.asarray(1.0), blocks, disc_rules(POINTS))
+    page = Samples(up, up, none, none, np.asarray(0), np.asarray(1.0), blocks, program_rules(POINTS))
     request = Request(np.asarray(0, np.int32), np.asarray(False), np.asarray(False))
     program = page_program(s, loss)
     program(np.zeros((LANES, s.size)), np.zeros(LANES, np.int32), request, fixed, page)[0].block_until_ready()

@@ -15,7 +15,7 @@ import numpy as np
 from gonio.fitting.problem.averaged_sums import AveragedReadings, BoundAverages, bound_averages
 from gonio.fitting.problem.compiled_sums import BoundSums, Sums, bound_sums
 from gonio.fitting.problem.deferred_values import DeferredValues
-from gonio.fitting.problem.disc_averages import BlockRules, Lanes, Samples, block_rules, disc_rules
+from gonio.fitting.problem.disc_averages import BlockRules, Lanes, Samples, block_rules, program_rules
 from gonio.fitting.problem.normal_equations import Evaluation, NormalEquations, summed, summed_pairs
 from gonio.fitting.problem.page_program import Request, page_program
 from gonio.fitting.problem.parameterisation import Domains, FixedValues, Parameterisation
@@ -131,7 +131,7 @@ class FitProblem:
             in_blocks(a if lanes is None else lanes.values(a), (*shape, channels)) for a in (self.targets, self.weight)
         )
         blocks, used = block_rules(lanes, shape[0]), self.size // shape[1]
-        discs = disc_rules(readings.half_angles)
+        discs = program_rules(readings.half_angles)
         return Samples(wi, wo, target, weight, np.asarray(used), np.asarray(self.floor), blocks, discs)
 
     @functools.cached_property

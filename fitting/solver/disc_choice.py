@@ -6,24 +6,31 @@ this sum, the one of fewest nodes is taken: each reading has the rule of least n
 """
 
 import dataclasses
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 
-from gonio.fitting.problem.disc_averages import STEPS, disc_rules, steps_of
+from gonio.fitting.problem.disc_averages import CUT, KINDS, OPPOSED, disc_rules, farthest_node, steps_of
 from gonio.fitting.problem.normal_equations import NormalEquations
+from gonio.fitting.problem.pair_rules import LAYERED
 from gonio.fitting.problem.parameterisation import Domains
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import transform, uses_cosine
 from gonio.fitting.solver.lm_step import stationarity
 from gonio.models.geometry.directions import Direction
+from gonio.models.warps.disc_frames import pair_normal
 
 ALLOWED = 0.3  # of a standard uncertainty: what all that is neglected may move a number by, at worst
 UNNOTICED = 0.1  # of a standard uncertainty: a fit at the centres that averages move by no more stays as it is
 LITTLE = 0.3  # of that: what the readings that each step leaves may neglect together
+AGREED = 0.03  # of what two rules differ by: the least error of the finer one, however near the next one is
 FINER = 0.1  # of the last known error: that of the rule above, which has none to be compared with
 PEAK_MISSED = 2.0  # f at the mirror configuration over that at the nearest node, from which on a rule may miss a lobe
 NEAR_MIRROR = 2.0  # sums of the half-angles
+FEW, EVERY = 64, 16  # of so many readings and more with equal steps, every so manyth is looked at first
+LAYERS = len(LAYERED)  # steps up to which rules are alike in all directions
+UNIFORM = 3  # step of the rule that stands for all where numbers need only come near
 MOST_NUMBERS = 256  # free numbers up to which their moves are looked at; of more, each reading counts by itself
 CELLS = 1 << 17  # looked at together
 
@@ -99,9 +106,9 @@ def notices_discs(problem: FitProblem, p: np.ndarray, noise: float) -> bool:
     for first in range(0, n, CELLS):
         cells = np.arange(first, min(first + CELLS, n))
         part = problem.averaged(None, cells)
-        if _Probes.of(part, p, part.model_values(p)).missed(part, p, 1, np.arange(cells.size)).any():
+        if _Probes.of(part, p, part.model_values(p)).missed(1, np.arange(cells.size)).any():
             return True
-    equations = problem.averaged(2 + _cut(problem)).normal_equations(p[None])
+    equations = problem.averaged(KINDS + _kinds(problem)).normal_equations(p[None])
     u = np.empty_like(p)
     u[problem.order] = noise * np.sqrt(np.diagonal(_inverse(equations.matrix.whole()[0])))
     return bool(np.any(np.abs(_step(problem, p, equations)) > UNNOTICED * u))
@@ -140,17 +147,23 @@ def _step(problem: FitProblem, p: np.ndarray, equations: NormalEquations) -> np.
 def choose_rules(problem: FitProblem, p: np.ndarray, noise: float) -> DiscChoice:
     """The rules that a fit near p (P,) needs, whose weighted residuals have this standard deviation."""
     n = problem.weight.shape[0]
-    errors = []
+    errors, kinds = [], []
     for first in range(0, n, CELLS):
         part = problem.averaged(None, np.arange(first, min(first + CELLS, n)))
         # Parts that all neglect alike neglect together: by the root of their share, their sum stays within it.
-        errors.append(_errors(part, p, noise, ALLOWED * np.sqrt(part.weight.shape[0] / n)))
-    error = np.concatenate(errors, axis=1)
-    cut = _cut(problem)
-    steps = _cheapest(error, problem, cut)
+        error, kind = _errors(part, p, noise, ALLOWED * np.sqrt(part.weight.shape[0] / n))
+        errors.append(error)
+        kinds.append(kind)
+    error, kind = np.concatenate(errors, axis=1), np.concatenate(kinds)
+    steps = _cheapest(error, problem, kind)
     neglected = np.take_along_axis(error, steps[None], axis=0)[0]
-    rules = np.where(steps > 0, 2 * steps + cut, 0)
+    rules = np.where(steps > 0, KINDS * steps + np.where((kind == OPPOSED) & (steps <= LAYERS), 0, kind), 0)
     return DiscChoice(rules, float(np.sqrt(np.sum(neglected**2))))
+
+
+def uniform_rules(problem: FitProblem) -> np.ndarray:
+    """The same rule (n,) for all readings, fine enough to bring numbers near to their own."""
+    return KINDS * UNIFORM + _kinds(problem)
 
 
 def _weight(problem: FitProblem, f: np.ndarray) -> np.ndarray:
@@ -159,13 +172,41 @@ def _weight(problem: FitProblem, f: np.ndarray) -> np.ndarray:
     return problem.weight * transform(problem.loss, f * c, problem.floor, np)[1] * c
 
 
-def _cut(problem: FitProblem) -> np.ndarray:
-    """Which readings (n,) have a disc that the horizon cuts."""
+def _kinds(problem: FitProblem) -> np.ndarray:
+    """Kind (n,) of the readings' rules: `CUT` where the horizon cuts a disc, else 0."""
     cosines = (np.abs(np.asarray(w.z)) for w in (problem.readings.wi, problem.readings.wo))
-    return np.any([c < np.sin(s) for c, s in zip(cosines, problem.readings.half_angles, strict=True) if s > 0], axis=0)
+    discs = zip(cosines, problem.readings.half_angles, strict=True)
+    return np.where(np.any([c < np.sin(s) for c, s in discs if s > 0], axis=0), CUT, 0)
 
 
-def _cheapest(error: np.ndarray, problem: FitProblem, cut: np.ndarray) -> np.ndarray:
+def _opposed(problem: FitProblem, p: np.ndarray) -> np.ndarray:
+    """Which readings (n,) change more as wi − wo does than as the half vector does: second differences within discs."""
+    (wi, side_i), (wo, side_o) = (_in_front(w) for w in (problem.readings.wi, problem.readings.wo))
+    normal = np.stack(pair_normal(Direction(*wi), Direction(*wo), np))
+    shift_i, shift_o = 0.5 * np.tan(problem.readings.half_angles)
+    lights, detectors = [], []
+    for along, a, b in itertools.product((True, False), (1.0, -1.0), (1.0, -1.0)):
+        of_i, of_o = (np.cross(normal, w, axis=0) if along else normal for w in (wi, wo))
+        lights.append(_unit(wi + a * shift_i * of_i))
+        detectors.append(_unit(wo + b * shift_o * of_o))
+    rays = [np.stack(r, axis=1) for r in (lights, detectors)]
+    for r, side in zip(rays, (side_i, side_o), strict=True):
+        r[2] *= side
+    f = problem.values_at(p, *(Direction(*r.reshape(3, -1)) for r in rays)).reshape(2, 2, 2, wi.shape[1], -1)
+    centre = 2 * problem.model_values(p)
+    of_sums, of_differences = f[:, 0, 0] + f[:, 1, 1] - centre, f[:, 0, 1] + f[:, 1, 0] - centre
+    return np.sum(np.abs(of_differences), axis=(0, 2)) > np.sum(np.abs(of_sums), axis=(0, 2))
+
+
+def _in_front(w: Direction) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (3, n), mirrored to the front where they are behind, and which side (n,) they were on."""
+    components = np.stack([np.asarray(c) for c in w])
+    side = np.where(components[2] < 0, -1.0, 1.0)
+    components[2] *= side
+    return components, side
+
+
+def _cheapest(error: np.ndarray, problem: FitProblem, kinds: np.ndarray) -> np.ndarray:
     """The step (n,) of each reading, of errors (steps, n): fewest nodes in all that keep `ALLOWED`."""
     steps = np.zeros(error.shape[1], int)
     known = np.flatnonzero(np.isfinite(error[1]))
@@ -173,42 +214,75 @@ def _cheapest(error: np.ndarray, problem: FitProblem, cut: np.ndarray) -> np.nda
     budget = ALLOWED**2 - float(np.sum(rest**2))
     if not known.size or np.sum(error[0] ** 2) <= ALLOWED**2:
         return steps
-    error = error[: 1 + int(np.flatnonzero(np.isfinite(error).any(axis=1))[-1]), known]
-    squares = error**2
-    counts = disc_rules(problem.readings.half_angles).counts.prod(axis=1)
-    nodes = np.where(cut[known], *(counts[g : 2 * len(error) : 2, None] for g in (1, 0)))
-    low, high = -20.0, 60.0  # log2 of λ
-    for _ in range(14):
-        middle = 0.5 * (low + high)
-        chosen = np.argmin(nodes + 2.0**middle * squares, axis=0)
-        remaining = float(np.sum(np.take_along_axis(squares, chosen[None], axis=0)))
-        low, high = (low, middle) if remaining <= budget else (middle, high)
-    steps[known] = np.argmin(nodes + 2.0**high * squares, axis=0)
+    sizes = disc_rules(problem.readings.half_angles).sizes
+    # Readings that stopped at the same step together: those with many steps are few.
+    length, groups = np.isfinite(error[:, known]).sum(axis=0), []
+    for last, kind in itertools.product(np.unique(length).tolist(), range(KINDS)):
+        cells = known[(length == last) & (kinds[known] == kind)]
+        if cells.size:
+            groups.append((cells, sizes[kind : KINDS * last : KINDS, None], error[:last, cells] ** 2))
+    log2 = _multiplier(groups, budget)
+    for cells, nodes, squares in groups:
+        steps[cells] = np.argmin(nodes + 2.0**log2 * squares, axis=0)
     return steps
 
 
-def _errors(problem: FitProblem, p: np.ndarray, noise: float, allowed: float) -> np.ndarray:
-    """Error (steps, n) of each rule in units of the noise, as it differs from the next; inf beyond what is needed.
+def _multiplier(groups: list[tuple[np.ndarray, np.ndarray, np.ndarray]], budget: float) -> float:
+    """log₂ λ with which the squares that remain keep a budget, and hardly more nodes are taken than that needs.
+
+    Args:
+        groups: (readings (n,), nodes of each step (steps, 1), squares (steps, n)).
+        budget: of the sum of squares.
+    """
+
+    def remaining(log2: float, every: int) -> float:
+        total = 0.0
+        for cells, nodes, squares in groups:
+            some = squares[:, :: every if cells.size > FEW * every else 1]
+            chosen = np.argmin(nodes + 2.0**log2 * some, axis=0)
+            total += float(np.sum(some[chosen, np.arange(chosen.size)])) * cells.size / some.shape[1]
+        return total
+
+    low, high = -20.0, 60.0
+    for _ in range(14):  # of some
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if remaining(middle, EVERY) <= budget else (middle, high)
+    while high < 60.0 and remaining(high, 1) > budget:
+        high += 0.1
+    return high
+
+
+def _errors(problem: FitProblem, p: np.ndarray, noise: float, allowed: float) -> tuple[np.ndarray, np.ndarray]:
+    """Error (steps, n) of each rule in units of the noise, as it differs from the next; and the rules' kinds (n,).
+
+    Errors are inf beyond what is needed.
 
     Steps end where together they move no number by more than `allowed`, in standard uncertainties. Cells whose errors e
     are the smallest, up to √Σe² = `LITTLE` of that, go no further at each step.
     """
-    n, most = problem.weight.shape[0], steps_of(problem.readings.half_angles)
+    n, steps = problem.weight.shape[0], steps_of(problem.readings.half_angles)
     values = problem.model_values(p)
     weight = _weight(problem, values) / noise
-    cut, probes, moves = _cut(problem), _Probes.of(problem, p, values), None
+    kinds, probes, moves = _kinds(problem), _Probes.of(problem, p, values), None
     if 0 < p.size <= MOST_NUMBERS:
         moves = _Moves.of(problem, p, values)
-    error = np.full((most, n), np.inf)
-    cells = np.arange(n)
-    for step in range(1, most):
-        finer = problem.averaged(2 * step + cut, cells).model_values(p)
+    most = np.where(kinds == CUT, steps[1], steps[0])
+    error = np.full((max(steps), n), np.inf)
+    cells, before = np.arange(n), np.zeros(n)
+    for step in range(1, max(steps)):
+        if step == LAYERS + 1 and min(problem.readings.half_angles) > 0:
+            whole = cells[kinds[cells] != CUT]
+            kinds[whole[_opposed(problem.averaged(None, whole), p)]] = OPPOSED
+        finer = problem.averaged(KINDS * step + kinds, cells).model_values(p)
         e = np.sqrt(np.sum((weight[cells] * (finer - values[cells])) ** 2, axis=1))
-        hidden = probes.missed(problem, p, step, cells)
+        # Two rules that are both too coarse may agree by accident: three do not.
+        floor = AGREED * before[cells] if step > 2 else 0.0
+        before[cells] = e
+        hidden = probes.missed(step, cells)
         moved = np.inf
         if moves is not None and not hidden.any():
             moved = moves.largest(cells, weight[cells] * (finer - values[cells]))
-        e = np.maximum(e, np.sqrt(np.sum((weight[cells] * hidden) ** 2, axis=1)))
+        e = np.maximum(np.maximum(e, floor), np.sqrt(np.sum((weight[cells] * hidden) ** 2, axis=1)))
         e = np.nan_to_num(e, nan=0.0, posinf=1e9)
         if moved <= allowed:  # whatever single readings neglect, together they move no number
             e *= moved / max(float(np.sqrt(np.sum(e**2))), 1e-300)
@@ -220,16 +294,18 @@ def _errors(problem: FitProblem, p: np.ndarray, noise: float, allowed: float) ->
         if small == cells.size:
             break
         cells = cells[e >= ascending[small]]
-    return error
+        cells = cells[most[cells] > step + 1]
+        if not cells.size:
+            break
+    return error, kinds
 
 
 class _Probes(NamedTuple):
     """Pairs of directions within the discs that are nearest to mirror reflection, where f is far above the centres'."""
 
     cells: np.ndarray  # (m,)
-    wi: np.ndarray  # (3, m)
-    wo: np.ndarray
     f: np.ndarray  # (m, C)
+    beside: np.ndarray  # (steps, m, C)
 
     @classmethod
     def of(cls, problem: FitProblem, p: np.ndarray, values: np.ndarray) -> "_Probes":
@@ -246,28 +322,34 @@ class _Probes(NamedTuple):
         cells = np.flatnonzero(angle < NEAR_MIRROR * (s_i + s_o))
         f = problem.values_at(p, Direction(*wi[:, cells]), Direction(*wo[:, cells]))
         high = (np.abs(f) > PEAK_MISSED * np.abs(values[cells])).any(axis=1)
-        cells = cells[high]
-        return cls(cells, wi[:, cells], wo[:, cells], f[high])
+        cells, f = cells[high], f[high]
+        return cls(cells, f, _beside(problem, p, wi[:, cells], wo[:, cells]))
 
-    def missed(self, problem: FitProblem, p: np.ndarray, step: int, cells: np.ndarray) -> np.ndarray:
-        """f (len(cells), C) of lobes that a rule's nodes may all miss; 0 where they cannot.
-
-        A node is no farther from the mirror configuration than √2 s/(n + 1), along or across the plane of incidence.
-        """
+    def missed(self, step: int, cells: np.ndarray) -> np.ndarray:
+        """f (len(cells), C) of lobes that a rule's nodes may all miss; 0 where they cannot."""
         hidden = np.zeros((cells.size, self.f.shape[1]))
         peaked = np.flatnonzero(np.isin(self.cells, cells))
-        if not peaked.size:
-            return hidden
-        wi, wo, f = self.wi[:, peaked], self.wo[:, peaked], self.f[peaked]
-        distance = np.sqrt(2.0) * max(problem.readings.half_angles) / (STEPS[step] + 1)
-        sine = np.maximum(np.hypot(wo[0], wo[1]), 1e-12)
-        across = np.stack([-wo[1], wo[0], np.zeros_like(sine)]) / sine
-        up = np.sign(wo[2]) * np.cross(wo, across, axis=0)
-        # Inwards: towards the normal, so that nothing falls below the horizon.
-        near = [problem.values_at(p, Direction(*wi), Direction(*_unit(wo + distance * t))) for t in (across, up)]
-        missed = np.abs(f) > PEAK_MISSED * np.min(np.abs(near), axis=0)
+        f = self.f[peaked]
+        missed = np.abs(f) > PEAK_MISSED * self.beside[step - 1, peaked]
         hidden[np.searchsorted(cells, self.cells[peaked])] = np.where(missed, f, 0.0)
         return hidden
+
+
+def _beside(problem: FitProblem, p: np.ndarray, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
+    """|f| (steps, m, C) as far from the mirror configuration as each step's nodes may be; the lower of two ways."""
+    half_angles = problem.readings.half_angles
+    distance = np.array([farthest_node(half_angles, step) for step in range(1, max(steps_of(half_angles)))])
+    if not wi.shape[1]:
+        return np.zeros((distance.size, 0, problem.weight.shape[1]))
+    sine = np.maximum(np.hypot(wo[0], wo[1]), 1e-12)
+    across = np.stack([-wo[1], wo[0], np.zeros_like(sine)]) / sine
+    # Inwards: towards the normal, so that nothing falls below the horizon.
+    up = np.sign(wo[2]) * np.cross(wo, across, axis=0)
+    # (axes, steps, two ways, m)
+    rays = _unit(wo[:, None, None] + distance[:, None, None] * np.stack([across, up], axis=1)[:, None])
+    lights = np.broadcast_to(wi[:, None, None], rays.shape)
+    f = problem.values_at(p, Direction(*lights.reshape(3, -1)), Direction(*rays.reshape(3, -1)))
+    return np.abs(f).reshape(*rays.shape[1:], -1).min(axis=1)
 
 
 def _unit(v: np.ndarray) -> np.ndarray:

@@ -47,6 +47,16 @@ def test_a_fit_of_averages_is_unbiased_and_one_of_centres_says_how_far_it_is_off
     assert "apertures" in averaged.to_dict()
 
 
+def test_a_lobe_narrower_than_both_discs_is_fitted_without_bias():
+    """By nodes of each disc with those of the other, it was 4 standard uncertainties off."""
+    instrument = Instrument(source_half_angle=2 * DEGREE, detector_half_angle=2 * DEGREE, photons=1e7)
+    table = measure("lambert(rho=0.3) + 1*ggx(alpha=0.03, f0=0.04)", instrument, scan("isotropic", step=9 * DEGREE))
+    result = fit(table, MODEL, starts=1)
+    p = next(p for p in result.parameters if p.name == "ggx.alpha")
+    assert abs(p.value - 0.03) < 3 * p.standard_uncertainty
+    assert result.apertures and result.apertures["neglected"] < 0.4 and not any("fine" in n for n in result.notes)
+
+
 @pytest.mark.parametrize("options", [{"robust": "tukey"}, {"loss": "cbrt"}, {"relative_noise": 1e-3}])
 def test_every_way_to_weigh_takes_averages(options: dict):
     """Readings without noise: whatever the weights, the numbers are the material's; at the centres they are not."""

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from gonio.fitting.problem.disc_averages import STEPS, Lanes, steps_of
+from gonio.fitting.problem.disc_averages import CUT, KINDS, OPPOSED, STEPS, Lanes, steps_of
 from gonio.fitting.problem.parameterisation import parameters
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import Readings, block_of
@@ -25,8 +25,8 @@ def readings(theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, half_ang
     return Readings(wi, wo, one, one, one > 0, half_angles=half_angles)
 
 
-def problem_of(part: Readings) -> FitProblem:
-    s, fixed, _ = parameters(with_defaults(parse(MODEL)), 1)
+def problem_of(part: Readings, model: str = MODEL) -> FitProblem:
+    s, fixed, _ = parameters(with_defaults(parse(model)), 1)
     return FitProblem.create(s, fixed, "linear", part, np.ones((part.f.shape[0], 1)), 1.0)
 
 
@@ -63,12 +63,12 @@ def test_averages_are_those_of_a_finer_rule(half_angles: tuple[float, float], ri
     theta_i, theta_o = np.radians([30.0, 30.0, 60.0, 5.0, 89.0]), np.radians([30.0, 36.0, 65.0, 50.0, 80.0])
     problem = problem_of(readings(theta_i, theta_o, np.array([np.pi, 3.0, np.pi, 0.5, 3.1]), half_angles))
     exact = [averaged_by_midpoints(problem, k, rings) for k in range(5)]
-    finest = steps_of(half_angles) - 1
-    cut = np.array([0, 0, 0, 0, 1])
-    values = problem.averaged(2 * finest + cut).model_values(P)[:, 0]
+    cut = np.array([0, 0, 0, 0, CUT])
+    finest = np.array(steps_of(half_angles))[cut] - 1
+    values = problem.averaged(KINDS * finest + cut).model_values(P)[:, 0]
     np.testing.assert_allclose(values, exact, rtol=2e-3 if rings < 100 else 1e-4)
     centres = problem.model_values(P)[:, 0]
-    errors = [np.abs(problem.averaged(2 * step + cut).model_values(P)[:, 0] / values - 1)[:3] for step in (1, 2, 3)]
+    errors = [np.abs(problem.averaged(KINDS * step + cut).model_values(P)[:, 0] / values - 1)[:3] for step in (1, 2, 3)]
     errors = [np.abs(centres / values - 1)[:3], *errors]
     assert all((finer < 0.5 * coarser).all() for coarser, finer in itertools.pairwise(errors))
 
@@ -79,11 +79,12 @@ def test_a_reading_is_the_same_whatever_stands_beside_it():
     n = 600
     part = readings(rng.uniform(0, 1.5, n), rng.uniform(0, 1.5, n), rng.uniform(0, 6, n), (0.02, 0.03))
     problem = problem_of(part)
-    rules = np.where(rng.random(n) < 0.03, rng.integers(2, 8, n), 0)
-    mixed, alone = problem.averaged(rules), [problem.averaged(np.full(n, rule)) for rule in range(2, 8)]
+    kinds = [KINDS * step + kind for step in (1, 2) for kind in range(KINDS)]
+    rules = np.where(rng.random(n) < 0.03, rng.choice(kinds, n), 0)
+    mixed, alone = problem.averaged(rules), [problem.averaged(np.full(n, rule)) for rule in kinds]
     values = mixed.model_values(P)
     np.testing.assert_allclose(values[rules == 0], problem.model_values(P)[rules == 0], rtol=1e-14)
-    for rule, other in enumerate(alone, 2):
+    for rule, other in zip(kinds, alone, strict=True):
         np.testing.assert_allclose(values[rules == rule], other.model_values(P)[rules == rule], rtol=1e-12)
     some = rng.permutation(n)[:200]
     total = mixed.normal_equations(P[None])
@@ -97,9 +98,28 @@ def test_a_reading_is_the_same_whatever_stands_beside_it():
 
 def test_every_reading_has_its_lane():
     rng = np.random.default_rng(1)
-    rules = rng.integers(0, 2 * len(STEPS), 3000)
+    rules = rng.integers(0, KINDS * len(STEPS), 3000)
     lanes = Lanes.of(rules, (0.0, 0.1), block_of(1))
     np.testing.assert_array_equal(lanes.source[lanes.place], np.arange(3000))
     np.testing.assert_array_equal(lanes.blocks.rule[lanes.place // block_of(1)], rules)
     served = np.bincount(lanes.source[lanes.source >= 0], minlength=3000)
     np.testing.assert_array_equal(served, 1 << lanes.blocks.halvings[lanes.place // block_of(1)])
+
+
+@pytest.mark.parametrize(("model", "narrow_in"), [(MODEL, 0), ("lambert + retro(f0=0.04)", OPPOSED)])
+def test_rules_of_pairs_are_fine_where_a_lobe_is_narrow(model: str, narrow_in: int):
+    """About the mirror direction and about the light, between equal and unequal discs: both kinds end at one value."""
+    rng = np.random.default_rng(2)
+    theta, away = np.radians(rng.uniform(5, 60, 40)), rng.normal(0, 0.03, (2, 40))
+    phi = away[0] + (np.pi if narrow_in == 0 else 0.0)
+    for half_angles in ((2 * DEGREE, 2 * DEGREE), (2 * DEGREE, 0.7 * DEGREE)):
+        problem = problem_of(readings(theta, np.abs(theta + away[1]), phi, half_angles), model)
+        whole, opposed = (
+            [problem.averaged(np.full(40, KINDS * step + kind)).model_values(P) for step in (4, 5, 8)]
+            for kind in (0, OPPOSED)
+        )
+        fine, coarse = (whole, opposed) if narrow_in == 0 else (opposed, whole)
+        exact = fine[-1]
+        np.testing.assert_allclose(fine[0], exact, rtol=3e-4)
+        np.testing.assert_allclose(fine[1], exact, rtol=3e-5)
+        assert np.abs(fine[1] / exact - 1).max() < np.abs(coarse[1] / exact - 1).max()
