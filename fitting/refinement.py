@@ -7,14 +7,15 @@ import numpy as np
 
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import relative_sigma, residual_weights
-from gonio.fitting.solver.disc_choice import DiscAverages, choose_rules, notices_discs, step_towards
+from gonio.fitting.solver.disc_choice import DiscAverages, choose_rules, notices_discs, step_towards, uniform_rules
 from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, minimise
 from gonio.fitting.solver.robust_weights import ROUNDS, DownweightedReadings, robust_fit
 
 REWEIGHTINGS = 30
 SETTLED = 1e-8  # relative change of the numbers from which on relative weights have settled
 CHOICES = 4  # of how finely to average, each on the numbers that the one before led to
-STEADY = 0.02  # relative change of numbers, and fall of the noise, up to which the choice stands
+STEADY = 0.02  # relative change of numbers up to which the choice stands
+QUIETER = 0.15  # relative fall of the noise up to which it stands: that of few readings is not known better
 
 
 class Refined(NamedTuple):
@@ -72,16 +73,17 @@ class Refinement:
             )
         near, noise = self._near(at_centres, noise)
         for _ in range(CHOICES):
-            before, choice = near, choose_rules(refined.problem, near, noise)
+            before, louder, choice = near, noise, choose_rules(refined.problem, near, noise)
             if np.array_equal(choice.rules, rules):
                 break
             rules, problem = choice.rules, points.averaged(choice.rules)
             refined = self.of(problem, minimise(problem, [before], NEAR)[0])
-            near, louder, noise = refined.descent.p, noise, self._noise(refined.problem, refined.descent)
+            near, noise = refined.descent.p, self._noise(refined.problem, refined.descent)
             if _settled(before, near, louder, noise):
                 break
         shift = at_centres.descent.p - refined.descent.p
-        return refined, DiscAverages(True, points.readings.half_angles, rules, choice.neglected, shift)
+        neglected = choice.neglected * louder / noise
+        return refined, DiscAverages(True, points.readings.half_angles, rules, neglected, shift)
 
     def _near(self, at_centres: Refined, noise: float) -> tuple[np.ndarray, float]:
         """Numbers and noise near those of averages, from few of the cells: the choice for all need not be repeated."""
@@ -89,6 +91,10 @@ class Refinement:
         if self.cells.size == at_centres.problem.weight.shape[0]:
             return p, noise
         few = at_centres.problem.subset(self.cells)
+        # By one rule for all first: what it leaves out matters less than what the centres do.
+        uniform = few.averaged(uniform_rules(few))
+        end = minimise(uniform, [p], NEAR)[0]
+        p, noise = end.p, self._noise(uniform, end)
         for _ in range(CHOICES):
             before, louder = p, noise
             averaged = few.averaged(choose_rules(few, p, noise).rules)
@@ -113,7 +119,7 @@ class Refinement:
 
 def _settled(before: np.ndarray, after: np.ndarray, louder: float, noise: float) -> bool:
     """Whether a choice made with these numbers and noise stands for those that it led to: more noise notices less."""
-    return max(_moved(before, after), louder / noise - 1.0) < STEADY
+    return _moved(before, after) < STEADY and louder / noise - 1.0 < QUIETER
 
 
 def _moved(before: np.ndarray, after: np.ndarray) -> float:
