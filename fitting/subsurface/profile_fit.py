@@ -382,7 +382,7 @@ def _estimates(
             status, standard, interval = "fixed", 0.0, (value, value)
         elif k == 0 and not spread.undetermined[0] and (o.at_bound or absorption[0] <= 0):
             status, interval = "at lower bound", (0.0, interval[1])
-        ends = (float(interval[0]), float(interval[1]))
+        ends = (max(float(interval[0]), info.low), min(float(interval[1]), max(info.high, value)))
         label, low, high = f"{request.call.name}.{name}", info.low, info.high
         estimates.append(ParameterEstimate(label, channel, value, standard, ends, status, info.unit, low, high))
     known = parameters_of(BSSRDFS[request.call.name])["eta"]

@@ -59,6 +59,9 @@ Three commands to try first:
   gonio check gold
 """
 
+CUT_OFF = 141
+"""Exit status where the reader of the output went away: 128 and the number of SIGPIPE, as a shell has it."""
+
 
 class Terminated(KeyboardInterrupt):
     """SIGTERM came."""
@@ -133,9 +136,9 @@ def main(argv: list[str] | None = None) -> int:
     try:
         return _run(args)
     except BrokenPipeError:
-        # The reader of the output (head, less) has gone: no error, and nobody to tell.
+        # The reader of the output (head, less) has gone: nobody to tell, and no verdict that a script could go by.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        return CUT_OFF
     except KeyboardInterrupt as interruption:
         kept: Callable[[argparse.Namespace], str] = getattr(_module(args), "kept", lambda args: "nothing was written")
         return _interrupted(interruption, kept(args))

@@ -37,6 +37,15 @@ def test_kept_programs_are_loaded_without_a_word(here):
     assert list((here / "gonio" / "jax").iterdir())
 
 
+def test_output_that_nobody_reads_is_no_verdict(here):
+    """`gonio check T | head -1` under pipefail: a verdict that was cut off has not passed."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run([sys.executable, "-m", "gonio", "models"], stdout=writing, stderr=subprocess.PIPE, cwd=here)
+    os.close(writing)
+    assert done.returncode == 141 and done.stderr == b""
+
+
 def test_eval_output_is_a_table(here, capsys):
     assert main(["eval", "gold", "--directions", "d.csv", "-o", "out.csv"]) == 0
     assert main(["info", "out.csv", "--json"]) == 0

@@ -72,6 +72,21 @@ def test_a_profile_goes_through_csv(tmp_path):
             profile_of(path)
 
 
+@pytest.mark.parametrize("header", ["offset_cm,R", "offset_mm;R", "Offset [mm],R", "offset,R"])
+def test_a_profile_in_another_hand_is_told_what_a_profile_is(tmp_path, header):
+    """By its offsets, and not as a table of directions that lacks its angles."""
+    path = tmp_path / "p.csv"
+    path.write_text(f"# my own\n{header}\n1,0.5\n2,0.2\n")
+    with pytest.raises(GonioError, match="offset_mm,R,u_R"):
+        profile_of(path)
+
+
+def test_wavelengths_of_a_profile_may_be_micrometres(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text("\ufeffoffset_mm,R_450 nm,R_0.55um\n1,0.5,0.4\n")
+    assert profile_of(path).channels == Channels.of_wavelengths([450, 550])
+
+
 @pytest.mark.parametrize(
     ("damage", "why"),
     [

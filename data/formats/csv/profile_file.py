@@ -21,6 +21,8 @@ from gonio.models.errors import GonioError
 
 OFFSET = "offset_mm"
 RADII = ("illuminated_radius_mm", "viewed_radius_mm")
+FOREIGN = re.compile(r"\s*offsets?(?![a-z])[^,;\t]*[,;\t]\s*R(?![a-z])", re.IGNORECASE).match
+"""A header that means a profile in another unit, or with other separators."""
 HEAD = 4096
 LARGEST = 16 << 20
 
@@ -30,19 +32,29 @@ def is_profile(path: str | os.PathLike[str]) -> bool:
     try:
         input_size(path)
         with open(path, "rb") as file:
-            start = file.read(HEAD).decode("utf-8", "replace")
+            start = file.read(HEAD).decode("utf-8-sig", "replace")
     except (GonioError, OSError):
         return False
-    return any(line.lstrip().startswith(f"{OFFSET},") for line in start.splitlines())
+    return _header(start.splitlines()) is not None
+
+
+def _header(lines: list[str]) -> int | None:
+    """The line whose first column is called an offset, in whatever unit; None where there is none."""
+    return next((k for k, line in enumerate(lines) if line.lstrip().startswith(f"{OFFSET},") or FOREIGN(line)), None)
 
 
 def read_profile(path: str | os.PathLike[str]) -> Profile:
     """The profile of a CSV file. Raises GonioError, naming the file and the line, for anything else."""
     if input_size(path) > LARGEST:
         raise GonioError(f"{path} is larger than any profile; export fewer offsets")
-    lines = Path(path).read_text("utf-8", "replace").splitlines()
+    lines = Path(path).read_text("utf-8-sig", "replace").splitlines()
     comments = [line.lstrip("# ") for line in lines if line.startswith("#")]
-    first = next(k for k, line in enumerate(lines) if line.lstrip().startswith(f"{OFFSET},"))
+    first = _header(lines) or 0
+    if not lines[first].lstrip().startswith(f"{OFFSET},"):
+        raise GonioError(
+            f"{path}: its header is {lines[first].strip()[:80]!r}; a profile's is '{OFFSET},R,u_R', with commas: offsets "
+            "in mm, R in 1/mm²; convert and rename the columns"
+        )
     try:
         names, *rows = csv.reader(lines[first:])
     except csv.Error as error:
@@ -72,7 +84,7 @@ def _profile(path: str | os.PathLike[str], comments: list[str], columns: dict[st
     none = np.full(columns[OFFSET].shape, np.nan)
     u = np.stack([columns.get(f"u_{name}", none) for name in values], axis=1) if values else value
     channels = [name[2:] for name in values]
-    lengths = [re.fullmatch(r"(\d+(?:\.\d+)?) ?nm", name) for name in channels]
+    lengths = [_wavelength(name) for name in channels]
     radii = dict.fromkeys(RADII, 0.0)
     title = stem(path)
     for comment in comments:
@@ -87,7 +99,7 @@ def _profile(path: str | os.PathLike[str], comments: list[str], columns: dict[st
     try:
         known = (
             Channels.grey() if channels == [""]
-            else Channels.of_wavelengths([float(m[1]) for m in lengths if m]) if all(lengths) and channels
+            else Channels.of_wavelengths([nm for nm in lengths if nm]) if all(lengths) and channels
             else Channels(tuple(channels))
         )  # fmt: skip
         flag = np.where(np.isfinite(value), np.uint8(Flag.VALID), np.uint8(Flag.NOT_MEASURED))
@@ -96,6 +108,14 @@ def _profile(path: str | os.PathLike[str], comments: list[str], columns: dict[st
         )
     except GonioError as error:
         raise GonioError(f"{path}: {error}") from None
+
+
+def _wavelength(name: str) -> float | None:
+    """The wavelength in nm that names a channel, in nm or µm; None for another name."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?) ?(nm|[uµμ]m)", name)
+    if match is None:
+        return None
+    return float(match[1]) if match[2] == "nm" else round(1000 * float(match[1]), 9)
 
 
 def write_profile(path: str | os.PathLike[str], profile: Profile, force: bool = False) -> Path:
