@@ -103,6 +103,7 @@ def checked(task: Task, store: Store) -> Product:
     subject = of_kind[kind]()
     if task.parts:
         certificate = check_of_parts(subject, name, inputs, store)
+        _kept_table.cache_clear()  # no part of it follows
     else:
         certificate = check(subject, name=name, **inputs["options"])
     row: dict[str, Any] = {"verdict": certificate.overall, "of": kind}
