@@ -52,8 +52,8 @@ def read_profile(path: str | os.PathLike[str]) -> Profile:
     first = _header(lines) or 0
     if not lines[first].lstrip().startswith(f"{OFFSET},"):
         raise GonioError(
-            f"{path}: its header is {lines[first].strip()[:80]!r}; a profile's is '{OFFSET},R,u_R', with commas: offsets "
-            "in mm, R in 1/mm²; convert and rename the columns"
+            f"{path}: its header is {lines[first].strip()[:80]!r}; a profile's is '{OFFSET},R,u_R', with commas: "
+            "offsets in mm, R in 1/mm²; convert and rename the columns"
         )
     try:
         names, *rows = csv.reader(lines[first:])
