@@ -40,15 +40,16 @@ SIDES = layouts.isotropic(degrees(0, 76, 15), np.append(degrees(0, 76, 15), degr
 
 
 @pytest.mark.parametrize(
-    "table",
+    "make",
     [
-        model_table("rough_slab(alpha=0.1)", SIDES),
-        model_table(PAINT, layouts.merl(counts=(6, 6, 12))),
-        as_list(model_table(PAINT, COARSE)),
+        lambda: model_table("rough_slab(alpha=0.1)", SIDES),
+        lambda: model_table(PAINT, layouts.merl(counts=(6, 6, 12))),
+        lambda: as_list(model_table(PAINT, COARSE)),
     ],
     ids=["both sides", "half vectors", "list"],
 )
-def test_a_table_agrees_with_itself(table):
+def test_a_table_agrees_with_itself(make):
+    table = make()
     agreement = property_of("agreement", table, against=table)
     assert agreement.verdict == "pass" and agreement.residual < 1e-9
 

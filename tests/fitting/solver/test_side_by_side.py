@@ -17,7 +17,6 @@ LAYOUT = layouts.isotropic(np.radians([5, 30, 55.0]), np.radians(np.arange(0, 80
 WI, WO = LAYOUT.directions()
 BLANK = SelectionData.of(WI, WO, np.ones((LAYOUT.size, 3)), np.ones((LAYOUT.size, 3)), "linear", 1e-3)
 TRUTH = (LAMBERT, TermSpec("ggx", SCHLICK))
-F = CandidateProblem(TRUTH, BLANK).values(np.array([0.1, 0.2, 0.4, 0.3, 0.9, 0.8, 0.7]))[0]
 CANDIDATES = [
     (LAMBERT,), TRUTH, (LAMBERT, TermSpec("ggx", DIELECTRIC)), (TermSpec("eon", shared=True), TermSpec("phong")),
     (LAMBERT, TermSpec("ggx", SCHLICK_FREE, width_each=True), TermSpec("beckmann")),
@@ -25,7 +24,8 @@ CANDIDATES = [
 
 
 def problems_with(count):
-    data = SelectionData.of(WI, WO, F, np.ones_like(F), "cbrt", 1e-3)
+    f = CandidateProblem(TRUTH, BLANK).values(np.array([0.1, 0.2, 0.4, 0.3, 0.9, 0.8, 0.7]))[0]
+    data = SelectionData.of(WI, WO, f, np.ones_like(f), "cbrt", 1e-3)
     rng, problems, starts = np.random.default_rng(count), [], []
     for k in range(count):
         problem = CandidateProblem(CANDIDATES[k % len(CANDIDATES)], data)
@@ -50,7 +50,7 @@ def test_each_ends_where_it_would_alone(count):
 
 def test_what_has_no_finite_value_harms_no_other():
     problems, starts = problems_with(3)
-    broken = dataclasses.replace(problems[1].data, target=np.full_like(F, np.nan))
+    broken = dataclasses.replace(problems[1].data, target=np.full_like(problems[1].data.target, np.nan))
     expected = minimise_all(problems, starts, Stopping(rough=1e4, most=40))
     problems[1] = CandidateProblem(problems[1].terms, broken)
     ends = minimise_all(problems, starts, Stopping(rough=1e4, most=40))

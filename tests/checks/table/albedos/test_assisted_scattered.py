@@ -32,12 +32,14 @@ def listed(readings, noise=0.02, gain=1.0, seed=0):
     )
 
 
-HALF_DIFFERENCE = model_table(PAINT, layouts.merl(counts=(18, 18, 36)))
+def half_difference():
+    return model_table(PAINT, layouts.merl(counts=(18, 18, 36)))
 
 
 @pytest.mark.parametrize("model", [RIGHT, WRONG])
-@pytest.mark.parametrize("table", [listed(1000), HALF_DIFFERENCE], ids=["list", "half-difference"])
-def test_the_bound_holds_with_models_right_and_wrong(table, model):
+@pytest.mark.parametrize("make", [lambda: listed(1000), half_difference], ids=["list", "half-difference"])
+def test_the_bound_holds_with_models_right_and_wrong(make, model):
+    table = make()
     assisted = assisted_by_nearest(Part(table), gonio.fit(table, model), NO_LOBE_IS_NARROWER)
     truth = directional_albedo(build(PAINT), assisted.theta_i, 0.0, 1e-6).value[:, None]
     assert (np.abs(assisted.value - truth) <= assisted.below).all()
