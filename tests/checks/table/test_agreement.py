@@ -6,6 +6,7 @@ import pytest
 import gonio
 from gonio.data import layouts
 from support.check_tables import degrees, model_table, property_of
+from support.marks import thorough
 
 PAINT = "lambert(rho=0.3) + 0.3 * ggx(alpha=0.12, f0=0.5)"
 FINE = layouts.isotropic(degrees(0, 81, 5), degrees(0, 81, 5), degrees(0, 360, 15))
@@ -19,8 +20,9 @@ def as_list(table):
     return gonio.Table.from_arrays(*angles, np.asarray(table.f).ravel())
 
 
-@pytest.mark.parametrize("other", ["grid", "list"])
-@pytest.mark.parametrize("layout", [COARSE, APART], ids=["coarse", "other nodes"])
+@pytest.mark.parametrize(
+    ("layout", "other"), [(COARSE, "list"), (APART, "grid"), *thorough((COARSE, "grid"), (APART, "list"))]
+)
 def test_a_table_does_not_fail_beside_a_coarser_one_of_the_same_surface(layout, other):
     """Between the readings of the coarser one a lobe is anywhere; what both read is compared as it is."""
     coarse, fine = model_table(PAINT, layout), model_table(PAINT, FINE)
@@ -42,7 +44,7 @@ SIDES = layouts.isotropic(degrees(0, 76, 15), np.append(degrees(0, 76, 15), degr
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: model_table("rough_slab(alpha=0.1)", SIDES),
+        lambda: model_table("thin_sheet(rho=0.3, tau=0.4) + 0.2 * transmitted(base=ggx(alpha=0.3))", SIDES),
         lambda: model_table(PAINT, layouts.merl(counts=(6, 6, 12))),
         lambda: as_list(model_table(PAINT, COARSE)),
     ],

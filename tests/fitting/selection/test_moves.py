@@ -38,7 +38,10 @@ def selected(table):
             "lambert(rho=0.2) + lambert_transmission(tau=0.5)", POLAR, BOTH, "lambert + lambert_transmission",
             marks=pytest.mark.thorough,
         ),
-        ("cosine_power_transmission(tau=0.7, n=40)", POLAR, BEHIND, "cosine_power_transmission"),
+        pytest.param(
+            "cosine_power_transmission(tau=0.7, n=40)", POLAR, BEHIND, "cosine_power_transmission",
+            marks=pytest.mark.thorough,
+        ),
         pytest.param(
             "0.6 * rough_dielectric(alpha=0.3, eta=1.5)", BOTH, BOTH, "? * rough_dielectric",
             marks=pytest.mark.thorough,

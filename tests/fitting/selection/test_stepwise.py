@@ -14,6 +14,7 @@ from support.fit_tables import COARSE_SPHERICAL as ROUND
 from support.fit_tables import COARSE_THETA as THETA
 from support.fit_tables import ONE_LOBE as ONE
 from support.fit_tables import coarse_table_of as table_of
+from support.marks import thorough
 
 
 def selected(table, loss="cbrt", sigma=None):
@@ -28,19 +29,26 @@ TWO = "lambert(rho=[.1,.2,.4]) + [.9,.6,.7]*ggx(alpha=.4, f0=0.04) + [.2,.35,.3]
     ("truth", "layout", "expression", "noise"),
     [
         ("lambert(rho=[.1,.2,.4])", ISOTROPIC, "lambert", 0.1),
-        ("lambert(rho=[.3,.3,.3])", ISOTROPIC, "lambert(rho=shared)", 0.003),
-        (ONE, ISOTROPIC, "lambert + ggx(f0=0.04)", 0.003),
         (ONE, ROUND, "lambert + ggx(f0=0.04)", 0.1),
         (TWO, ISOTROPIC, "lambert + ggx(f0=0.04) + ggx(f0=0.04)", 0.003),
-        ("lambert(rho=[.1,.2,.4]) + [.5,.5,.5]*ggx(alpha=.3)", ISOTROPIC, "lambert + shared * ggx", 0.1),
-        ("lambert(rho=[.1,.2,.4]) + [.5,.3,.4]*ggx(alpha=[.2,.3,.4])", ISOTROPIC, "lambert + ggx(alpha=each)", 0.003),
         (
             "lambert(rho=[.1,.2,.4]) + [.2,.3,.1]*ggx(alpha_x=.2, alpha_y=.4)",
             ROUND,
             "lambert + ggx(alpha_x=?, alpha_y=?)",
             0.1,
         ),
-        ("[.5,.3,.4]*ggx(alpha=.3)", ISOTROPIC, "ggx", 0.003),
+        *thorough(
+            ("lambert(rho=[.3,.3,.3])", ISOTROPIC, "lambert(rho=shared)", 0.003),
+            (ONE, ISOTROPIC, "lambert + ggx(f0=0.04)", 0.003),
+            ("lambert(rho=[.1,.2,.4]) + [.5,.5,.5]*ggx(alpha=.3)", ISOTROPIC, "lambert + shared * ggx", 0.1),
+            (
+                "lambert(rho=[.1,.2,.4]) + [.5,.3,.4]*ggx(alpha=[.2,.3,.4])",
+                ISOTROPIC,
+                "lambert + ggx(alpha=each)",
+                0.003,
+            ),
+            ("[.5,.3,.4]*ggx(alpha=.3)", ISOTROPIC, "ggx", 0.003),
+        ),
     ],
 )
 def test_the_structure_that_made_the_data_is_chosen(truth, layout, expression, noise):

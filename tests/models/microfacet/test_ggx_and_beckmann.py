@@ -14,6 +14,7 @@ from gonio.models.microfacet.beckmann import Beckmann
 from gonio.models.microfacet.ggx import GGX
 from support import helpers
 from support.directions import slope_grid
+from support.marks import thorough
 from support.traced import by_numpy
 
 WIDTHS = [(0.001, 0.001), (0.1, 0.1), (0.5, 0.1), (1.0, 1.0)]
@@ -31,7 +32,7 @@ def test_projected_area_of_the_facets_is_one(kind, widths):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("theta", [0.0, 0.6, 1.3])
+@pytest.mark.parametrize("theta", [1.3, *thorough(0.0, 0.6)])
 def test_visible_projected_area_is_masked_cosine(kind, theta):
     """∫ D(m) max(o·m, 0) dω = μ(1 + Λ): ORACLES of the microfacet theory, [Heitz 2014, eq. 15]."""
     widths = (0.5, 0.3)
@@ -160,7 +161,7 @@ def with_slopes(model, wi, wo):
 
 
 @pytest.mark.parametrize("name", MODELS)
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("dtype", [np.float32, *thorough(np.float64)])  # in double those of every model
 def test_values_and_gradients_are_finite_on_the_edges(name, dtype):
     model = jax.tree.map(lambda a: jnp.asarray(a, dtype), MODELS[name])
     wi, wo = edge_pairs(dtype)

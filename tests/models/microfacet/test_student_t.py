@@ -11,6 +11,7 @@ from gonio.models.microfacet.beckmann import Beckmann
 from gonio.models.microfacet.ggx import GGX
 from gonio.models.microfacet.student_t import STD, student_d, student_shadowing
 from support.directions import random_pairs, slope_grid
+from support.marks import thorough
 
 shadowing = jax.jit(student_shadowing)
 
@@ -43,7 +44,7 @@ def test_projected_area_of_the_facets_is_one(widths):
         assert np.sum(student_d(m, *widths, gamma) * m.z * area) == pytest.approx(1, abs=1e-9)
 
 
-@pytest.mark.parametrize("smith", ["correlated", "separable"])
+@pytest.mark.parametrize("smith", ["separable", *thorough("correlated")])
 def test_gamma_two_is_ggx(smith):
     wi, wo = random_pairs()
     for widths in ({"alpha": 0.001}, {"alpha": 1.0}, {"alpha_x": 0.4, "alpha_y": 0.01}):

@@ -21,6 +21,7 @@ from gonio.models.transmission.rough_dielectric import RoughDielectric, RoughRef
 from gonio.stability.samplers import count_and_expect, p_value
 from gonio.stability.values_and_gradients import value_cells
 from support import helpers
+from support.marks import thorough
 
 SHARES = [
     (0.1, 0, 0.03964, 0.95922),
@@ -224,7 +225,7 @@ def test_dispersed_channels_are_integrated_each_where_it_goes():
     assert np.all(np.abs(t.value - expected) <= t.bound + 1e-10)
 
 
-@pytest.mark.parametrize("theta", [0.0, 80.0, 135.0])
+@pytest.mark.parametrize("theta", [135.0, *thorough(0.0, 80.0)])
 def test_sampler_draws_with_its_density_into_both_hemispheres(theta):
     model = build("rough_dielectric(alpha_x=0.1, alpha_y=0.3, eta=1.5)")
     counts = count_and_expect(model, np.radians(theta), 40_000)

@@ -15,6 +15,7 @@ from gonio.models.transmission.sheet_balance import (
     grazing_scale,
     stretched,
 )
+from support.marks import thorough
 from support.rough_faces import Sheet, fresnel, sheet_light
 
 RAYS = 15_000
@@ -27,7 +28,7 @@ def reflected_and_passed(sheet, theta):
     )
 
 
-@pytest.mark.parametrize(("eta", "most"), [(1.01, 0.002), (1.05, 0.001), (1.5, 0.0004)])
+@pytest.mark.parametrize(("eta", "most"), [(1.01, 0.002), *thorough((1.05, 0.001), (1.5, 0.0004))])
 def test_a_clear_sheet_gains_hardly_anything(eta, most):
     theta = np.radians([0, 20, 40, 50, 60, 66, 72, 75, 85])
     for alpha in (0.1, 0.3):
@@ -50,11 +51,11 @@ def test_narrow_lobes_share_the_light_as_a_flat_sheet_does():
 @pytest.mark.parametrize(
     ("sheet", "theta", "within"),
     [
-        (Sheet(0.1, 0.1, 1.5), 0, 0.003),
         (Sheet(0.05, 0.1, 1.5, 0.8), 30, 0.003),
-        (Sheet(0.2, 0.2, 1.5), 30, 0.005),
-        (Sheet(0.1, 0.1, 1.5), 60, 0.008),
         (Sheet(0.35, 0.2, 1.8, 0.9), 75, 0.02),
+        *thorough(
+            (Sheet(0.1, 0.1, 1.5), 0, 0.003), (Sheet(0.2, 0.2, 1.5), 30, 0.005), (Sheet(0.1, 0.1, 1.5), 60, 0.008)
+        ),
     ],
 )
 def test_light_is_that_of_rays_between_two_rough_faces(sheet, theta, within):

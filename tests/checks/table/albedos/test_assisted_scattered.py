@@ -13,6 +13,7 @@ from gonio.data import layouts
 from gonio.models.albedo import directional_albedo
 from gonio.models.expression.builder import build
 from support.check_tables import model_table
+from support.marks import thorough
 
 PAINT = "lambert(rho=0.3) + 0.2 * ggx(alpha=0.3) + 0.1 * ggx(alpha=0.08)"
 RIGHT, WRONG = "lambert + ggx + ggx", "lambert + ggx"
@@ -36,8 +37,14 @@ def half_difference():
     return model_table(PAINT, layouts.merl(counts=(18, 18, 36)))
 
 
-@pytest.mark.parametrize("model", [RIGHT, WRONG])
-@pytest.mark.parametrize("make", [lambda: listed(1000), half_difference], ids=["list", "half-difference"])
+@pytest.mark.parametrize(
+    ("make", "model"),
+    [
+        (lambda: listed(1000), WRONG),
+        (half_difference, RIGHT),
+        *thorough((lambda: listed(1000), RIGHT), (half_difference, WRONG)),
+    ],
+)
 def test_the_bound_holds_with_models_right_and_wrong(make, model):
     table = make()
     assisted = assisted_by_nearest(Part(table), gonio.fit(table, model), NO_LOBE_IS_NARROWER)
