@@ -6,6 +6,7 @@ import warnings
 import pytest
 
 from gonio.models.errors import GonioError
+from support.marks import thorough
 from support.mutations import mutate, read_anything
 from support.seed_files import valid_files
 
@@ -20,7 +21,7 @@ def test_the_files_themselves_are_read(valid):
         assert read_anything(path)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *thorough(1, 2, 3)])
 def test_a_changed_file_is_read_or_refused_in_a_sentence(valid, tmp_path, seed):
     rng, refused = random.Random(seed), 0
     for path in valid * 5:

@@ -24,6 +24,7 @@ from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import from_spherical
+from support.marks import thorough
 
 PAINT = "lambert(rho=[.1, .2, .4]) + [1, .8, .6] * ggx(alpha=0.2, eta=1.5)"
 SMALL = scans.isotropic(math.radians(15), phi_step=math.radians(20))
@@ -88,7 +89,7 @@ def test_the_uncertainty_is_that_of_the_expected_reading_not_of_the_noisy_one():
     assert table.u_f[0, 0] == pytest.approx(math.sqrt(n) / (100 * math.pi * math.cos(0.3)), rel=1e-12)
 
 
-@pytest.mark.parametrize("settings", [REAL, DISCS, REAL | DISCS, {"noise": 0.1, "systematic": OFF}])
+@pytest.mark.parametrize("settings", [REAL | DISCS, {"noise": 0.1, "systematic": OFF}, *thorough(REAL, DISCS)])
 def test_blocks_change_no_bit(settings):
     grid = scans.isotropic(math.radians(15), theta_max=math.radians(90), phi_step=math.radians(40))
     reader = Reader(material_of(build(PAINT)), Instrument(**settings), grid, 9)

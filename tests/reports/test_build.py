@@ -15,6 +15,7 @@ from gonio.data.table import Channels, whole_table_of_values
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import build
 from support.fit_tables import table_of
+from support.marks import thorough
 from support.tables import grey_table
 from support.undrawn import undrawn
 
@@ -195,7 +196,7 @@ def test_agreement_with_a_truth_is_named():
     assert "reciprocity, energy and agreement</span>." in text and "✗ " in text
 
 
-@pytest.mark.parametrize("kind", ["half/difference", "in-plane", "scattered", "masked", "spectral"])
+@pytest.mark.parametrize("kind", ["half/difference", "scattered", "masked", *thorough("in-plane", "spectral")])
 def test_any_table_makes_a_page(kind):
     scattered = layouts.scattered(*np.random.default_rng(0).uniform(0, 1.2, (4, 60)))
     layout = {"half/difference": layouts.merl(counts=(8, 6, 12)), "in-plane": PLANE}.get(kind, scattered)

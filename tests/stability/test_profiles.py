@@ -22,6 +22,7 @@ def test_profiles_are_right_towards_no_scattering():
     assert {c.verdict for c in profiles.cells("integral", name, setting, "float64")} == {RIGHT}
 
 
+@pytest.mark.thorough
 def test_the_slope_by_the_index_is_finite_without_an_interface():
     cells = profiles.cells("gradient", "better_dipole", "better_dipole(albedo=0.9, mfp=1, eta=1)", "float32")
     assert {c.verdict for c in cells} == {RIGHT}

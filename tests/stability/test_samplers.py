@@ -13,6 +13,7 @@ from gonio.stability import samplers
 from gonio.stability.directions import unit_vector
 from gonio.stability.outcome import RIGHT
 from gonio.stability.precision import cast
+from support.marks import thorough
 
 
 def test_a_density_that_is_not_the_samplers_is_seen():
@@ -28,11 +29,9 @@ def test_a_density_that_is_not_the_samplers_is_seen():
 @pytest.mark.parametrize(
     "expression",
     [
-        "ggx(alpha=0.1)",
         "beckmann(alpha=0.3)",
-        "ggx(alpha_x=0.05, alpha_y=0.4)",
-        "eon(rho=1, r=1)",
         "coat(base=lambert(rho=1), alpha=0.2, eta=1.5)",
+        *thorough("ggx(alpha=0.1)", "ggx(alpha_x=0.05, alpha_y=0.4)", "eon(rho=1, r=1)"),
     ],
 )
 def test_samplers_draw_from_their_densities(expression):
@@ -41,6 +40,7 @@ def test_samplers_draw_from_their_densities(expression):
     assert {c.verdict for c in found} == {RIGHT}, [c.detail for c in found]
 
 
+@pytest.mark.thorough
 def test_refraction_that_fails_about_the_lobes_middle_is_held_against_cells_about_the_normal():
     """From outside all light is refracted, so that the density adds up to 1: it jumps on a circle about the normal."""
     part = build("rough_dielectric(eta=1.5, alpha=1)").terms()[1]

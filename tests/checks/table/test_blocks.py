@@ -13,6 +13,7 @@ from gonio.data.flags import Flag
 from gonio.data.hdf5.reader import open_table
 from gonio.data.hdf5.writer import write_table
 from support.check_tables import LAYOUTS, model_table, property_of
+from support.marks import thorough
 
 RGB = "lambert(rho=[0.2, 0.5, 0.7]) + ggx(alpha=0.4, f0=0.04)"
 
@@ -40,8 +41,10 @@ def in_blocks(monkeypatch):
         monkeypatch.setattr(module, "BLOCK", size)
 
 
-@pytest.mark.parametrize("stated", [None, 0.02], ids=["noise not stated", "noise stated"])
-@pytest.mark.parametrize("layout", ["isotropic", "spherical"])
+@pytest.mark.parametrize(
+    ("layout", "stated"),
+    [("isotropic", None), ("spherical", 0.02), *thorough(("isotropic", 0.02), ("spherical", None))],
+)
 def test_blocks_change_nothing(layout, stated, monkeypatch, tmp_path):
     table = model_table(RGB, LAYOUTS[layout], violated, 0.02, stated)
     rng = np.random.default_rng(0)

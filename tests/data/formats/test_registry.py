@@ -13,6 +13,7 @@ from gonio.data.hdf5.writer import write_table
 from gonio.data.table import whole_table_of_values
 from gonio.models.errors import GonioError
 from support import helpers
+from support.marks import thorough
 
 CONTENTS = {
     "CSV": b"# a comment\ntheta_i,phi_i,theta_o,phi_o,f\n10,0,20,0,0.3\n",
@@ -83,17 +84,10 @@ def test_paths_that_are_no_files(tmp_path):
 @pytest.mark.parametrize(
     "word",
     [
-        "VARS",
         "#",
-        "# format:",
         "ScatterType",
-        "SampleRotation",
-        "type",
-        "AOI",
-        "Source",
-        '{"schema"',
         "format scale",
-        "VERSION",
+        *thorough("VARS", "# format:", "SampleRotation", "type", "AOI", "Source", '{"schema"', "VERSION"),
     ],
 )
 def test_a_file_of_blanks_is_refused_at_once(tmp_path, word):

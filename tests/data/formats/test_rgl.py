@@ -13,6 +13,7 @@ from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 from support import helpers
+from support.marks import thorough
 
 CODES = {np.dtype(name): code for code, name in DTYPES.items()}
 FILES = ("acrylic_felt_pink_rgb", "acrylic_felt_white_rgb", "cardboard_rgb", "cc_ibiza_sunset_rgb")
@@ -151,7 +152,7 @@ def test_maps_that_make_no_value_are_refused(tmp_path, name, value, said):
         read_rgl(written(tmp_path / "m.bsdf", fields))
 
 
-@pytest.mark.parametrize("span", [2 * np.pi, np.pi / 2])
+@pytest.mark.parametrize("span", [np.pi / 2, *thorough(2 * np.pi)])
 def test_an_anisotropic_file_stands_for_all_its_sectors(tmp_path, span):
     table = read_rgl(written(tmp_path / "m.bsdf", material(np.linspace(-np.pi, -np.pi + span, 4))))
     wi, wo = random_directions(60), random_directions(60, 2)

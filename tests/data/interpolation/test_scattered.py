@@ -14,6 +14,7 @@ from gonio.data.table import whole_table_of_values
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import from_spherical, rotate_z
+from support.marks import thorough
 
 GLOSSY = build("lambert(rho=[0.05, 0.4]) + 0.5 * ggx(alpha=0.1)")
 BRUSHED = build("0.8 * ggx(alpha_x=0.1, alpha_y=0.3)")
@@ -46,7 +47,7 @@ def glossy():
     return table_of(GLOSSY, 200)
 
 
-@pytest.mark.parametrize("brdf, isotropic, most", [(GLOSSY, True, 0.01), (BRUSHED, False, 0.06)])
+@pytest.mark.parametrize("brdf, isotropic, most", [(BRUSHED, False, 0.06), *thorough((GLOSSY, True, 0.01))])
 def test_a_lobe_is_predicted_from_few_samples(brdf, isotropic, most):
     table = table_of(brdf, 200, isotropic)
     assert "kriging" in interpolation(table) and ("isotropy" in interpolation(table)) == isotropic

@@ -18,6 +18,7 @@ from gonio.data.reduction.thin_grid import interpolated
 from gonio.data.scene import load_scene
 from gonio.data.table import Table
 from gonio.models.evaluation import evaluate_in_blocks
+from support.marks import thorough
 
 SCENE = load_scene("low_sun_car")
 
@@ -79,7 +80,7 @@ def test_coarse_tables_keep_the_ends_of_axes_and_their_periods(paths):
     assert coarse_table(table, 1 << 30).layout.shape == table.layout.shape
 
 
-@pytest.mark.parametrize("named", [True, False])
+@pytest.mark.parametrize("named", [True, *thorough(False)])
 def test_a_large_table_is_reduced_as_one_in_memory(tmp_path, monkeypatch, named):
     """Where the search begins from all nodes, the same nodes stay, and errors agree to the rounding of its corners."""
     for name, pairs in (("RANKING", 100), ("SEARCH", 400), ("CHECK", 1000)):

@@ -16,6 +16,7 @@ from gonio.data.scene import Range, Scene
 from gonio.models.evaluation import evaluate_in_blocks
 from gonio.models.expression.builder import build
 from support.fit_tables import table_of
+from support.marks import thorough
 
 ROUND = (0.0, 2 * np.pi)
 LAMP = Scene("lamp", 0.05, (Range((0.5, 0.9), ROUND, 1.0),), (Range((0.0, 1.2), ROUND, 1.0),))
@@ -39,7 +40,7 @@ def true_error(table, expression, scene=LAMP):
     return values.pairs.error(values.f, evaluate_in_blocks(build(expression), values.pairs.wi, values.pairs.wo))
 
 
-@pytest.mark.parametrize("step", [4.0, 8.0, 16.0])
+@pytest.mark.parametrize("step", [8.0, *thorough(4.0, 16.0)])
 @pytest.mark.parametrize("expression", [PAINT, SHARP, "oren_nayar(rho=.5, sigma=.6)", "lambert(rho=.2)"])
 def test_the_bound_holds_and_is_no_idle_one(expression, step):
     table = table_of(expression, grid(step))
@@ -100,7 +101,7 @@ def test_the_truth_that_the_provenance_names_is_measured_against():
         assert known_truth(table, values.pairs) is None
 
 
-@pytest.mark.parametrize("named", [False, True])
+@pytest.mark.parametrize("named", [False, *thorough(True)])
 def test_nothing_is_promised_that_the_whole_table_does_not_keep(monkeypatch, named):
     monkeypatch.setattr(coarsest_table, "SEARCH", 2500)
     monkeypatch.setattr(coarsest_table, "CHECK", 9000)

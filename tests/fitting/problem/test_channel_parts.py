@@ -9,6 +9,7 @@ from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import Readings
 from gonio.models.expression.parser import parse, with_defaults
 from gonio.models.geometry.directions import Direction, from_spherical
+from support.marks import thorough
 
 COUNT, CELLS = 2 * MOST_CHANNELS + 5, 70
 RNG = np.random.default_rng(4)
@@ -26,8 +27,14 @@ def readings(half_angles: tuple[float, float]) -> Readings:
     return Readings(wi, wo, f, np.full(f.shape, np.nan), RNG.random(f.shape) > 0.1, half_angles=half_angles)
 
 
-@pytest.mark.parametrize("name", MODELS)
-@pytest.mark.parametrize("half_angles", [(0.0, 0.0), (0.0, 0.04)], ids=["at points", "averages"])
+@pytest.mark.parametrize(
+    ("name", "half_angles"),
+    [
+        ("a shape of each", (0.0, 0.04)),
+        ("a shape of all", (0.0, 0.0)),
+        *thorough(("a shape of each", (0.0, 0.0)), ("a shape of all", (0.0, 0.04))),
+    ],
+)
 def test_sums_of_many_channels_are_those_of_each(name, half_angles):
     part = readings(half_angles)
     weight, rules = RNG.uniform(0, 1, part.f.shape), np.full(CELLS, 4) if half_angles[1] else None

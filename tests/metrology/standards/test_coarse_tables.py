@@ -6,6 +6,7 @@ import pytest
 import gonio
 from gonio.data import layouts
 from support.check_tables import degrees, model_table
+from support.marks import thorough
 
 COARSE = layouts.isotropic(degrees(0, 81, 20), degrees(0, 81, 10), degrees(0, 360, 15))
 
@@ -14,7 +15,7 @@ COARSE = layouts.isotropic(degrees(0, 81, 20), degrees(0, 81, 10), degrees(0, 36
     "surface",
     [
         "0.7 * eon(rho=0.5, r=0.3) + 0.3 * beckmann(alpha=0.02, eta=2.2)",
-        "0.3 * eon(rho=0.8, r=0.8) + 0.5 * ggx(alpha=0.3, eta=1.9)",
+        *thorough("0.3 * eon(rho=0.8, r=0.8) + 0.5 * ggx(alpha=0.3, eta=1.9)"),
     ],
 )
 def test_known_quantities_hold_the_truth_where_a_lobe_moves_between_far_incidences(surface):

@@ -6,6 +6,7 @@ import pytest
 import gonio
 from gonio.data import layouts
 from gonio.data.table import whole_table_of_values
+from support.marks import thorough
 from support.window_xml import document, numbers, scattering
 
 NOISE = 0.01
@@ -97,7 +98,7 @@ def test_a_lobe_may_hide_where_the_mirror_direction_was_left_out():
     assert np.isnan(u[0, 0]) and np.isfinite(u[2, 0])
 
 
-@pytest.mark.parametrize(("surface", "clustered"), [(lobe, False), (lobe, True), (brushed, True)])
+@pytest.mark.parametrize(("surface", "clustered"), [(lobe, False), (brushed, True), *thorough((lobe, True))])
 def test_intervals_between_the_readings_of_a_list_hold_the_truth(surface, clustered):
     """Also of readings close together along one angle and far apart along another, and where turning is no symmetry."""
     if clustered:  # more than are kriged

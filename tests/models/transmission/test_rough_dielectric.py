@@ -151,7 +151,7 @@ class VisibleFacets:
         return wrong
 
 
-@pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
+@pytest.mark.parametrize("distribution", ["ggx", *thorough("beckmann")])
 def test_all_light_is_accounted_for_where_only_the_light_is_masked(distribution):
     """Smith's G₁ of the light alone: R + T, and what visible facets send to the wrong side of the surface, are 1."""
     theta, sent, met = np.radians([0.0, 40.0, 75.0, 105.0, 140.0]), [], 0
