@@ -13,8 +13,10 @@ demo: $(VENV)/.installed
 	$(BIN)/gonio demo
 
 # One thread of linear algebra for each worker: those of several wait for each other in turns, ten times as long.
+# To rewrite all assertions takes seconds in each worker: those of the tests that failed show their values in a second run.
 test: $(VENV)/.installed-tests
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal --assert=plain || \
+		{ $(BIN)/python -m pytest --last-failed --last-failed-no-failures none; exit 1; }
 
 # All tests, with those that take many seconds each.
 thorough: $(VENV)/.installed-tests
