@@ -18,7 +18,7 @@ test: $(VENV)/.installed-tests
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal --assert=plain || \
 		{ $(BIN)/python -m pytest --last-failed --last-failed-no-failures none; exit 1; }
 
-# All tests, with those that take many seconds each.
+# All tests, with the long ones and every setting.
 thorough: $(VENV)/.installed-tests
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal -m ''
 

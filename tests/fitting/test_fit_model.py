@@ -17,8 +17,11 @@ def test_a_job_is_begun_once_and_finished_before_it_is_needed():
 
 
 def test_what_goes_wrong_ahead_is_left_to_where_it_is_needed():
-    ahead("another job of this test", lambda: 1 / 0)
+    begun = []
+    ahead("another job of this test", lambda: begun.append(1 / 0))
+    ahead("one beside it", lambda: begun.append(AHEAD))
     finished()
+    assert begun == [AHEAD]  # and what a thread raises is a warning, which is an error here
 
 
 SLOW = """
