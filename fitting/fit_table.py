@@ -93,7 +93,8 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
         view = view_of(settings.scene, task.readings, anisotropic, index_of(source))
     if not expressions:
         began = time.perf_counter()
-        selection = selected_model(task, anisotropic, view)
+        patches = Patches.of(source, task) if view is None else None
+        selection = selected_model(task, anisotropic, view, patches)
         expressions, parsed, seconds["select"] = [selection.expression], [selection.terms], time.perf_counter() - began
     if view is not None:
         task = _in_scene(task, view)
@@ -177,7 +178,8 @@ def _fit_one(
     patches = Patches.of(table, task) if view is None else None
     optima, task, notes = PatchFit(fit_model(task), task, []) if patches is None else fit_patches(task, patches)
     r = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
-    r.notes.extend([*notes, *table.provenance.get("warnings", []), *aperture_notes(r.apertures), *wide_notes(table)])
+    r.notes[:0] = notes
+    r.notes.extend([*table.provenance.get("warnings", []), *aperture_notes(r.apertures), *wide_notes(table)])
     if rows := common_errors(table, optima, [p for p in r.parameters if p.status != "fixed"]):
         r = dataclasses.replace(r, common_errors=rows)
         r.notes.extend([] if rows[0]["stated"] is not None else [common_error_note(rows)])

@@ -30,6 +30,7 @@ PARTS = 4
 """Of the places, whose means are compared for the error of that over all."""
 FEWEST, MOST = 4, 16
 """Places in a pair of patches in each part."""
+REFITS = 4
 ROUNDS = 16
 SETTLED = 0.1
 """Standard uncertainties that a number may still move by."""
@@ -37,6 +38,8 @@ FARTHEST = 0.4
 """Relative change of a number in one step."""
 FINEST = 1e-5
 """Of a number, what it may move by in any case: means are not made more exactly."""
+SHARES = (1.0, 0.5, 0.25, 0.1)
+"""Of a step, the first of which that leaves less is taken."""
 STEP = 1e-3
 """Relative change of a number by which slopes are computed."""
 NEVER = "a file's values are means over patches of directions, and the model was compared at their middles"
@@ -77,11 +80,12 @@ class Patches:
 
 @dataclasses.dataclass(frozen=True)
 class PatchMeans:
-    """A model's means over patches, for the free numbers of an optimum, of these terms."""
+    """A model's means over patches, for the free numbers of an optimum, of these terms; `f` (n, C): the readings."""
 
     e: Optimum
     terms: tuple[Term, ...]
     patches: Patches
+    f: np.ndarray
 
     def values(self, p: np.ndarray, wi: Direction, wo: Direction) -> np.ndarray:
         """The model's f (m, C), for numbers p (P,)."""
@@ -112,15 +116,27 @@ class PatchMeans:
         """Numbers (P,) by which the means are nearest to the readings, by Gauss–Newton steps."""
         e = self.e
         p, u, known = e.p.copy(), np.maximum(e.covariance.standard, FINEST * np.abs(e.p)), _known(e)
-        some = np.ix_(known, known)
+        some, cost = np.ix_(known, known), self.cost(p)
         for _ in range(ROUNDS):
-            step = step_towards(e.problem.retargeted(e.problem.compared(e.readings.f - self.shift(p))), p)
+            step = step_towards(e.problem.retargeted(e.problem.compared(self.f - self.shift(p))), p)
             step[known] = np.linalg.lstsq(np.eye(int(known.sum())) + self.follows(p)[some], step[known])[0]
+            step[~known] = 0.0
             before, most = p, FARTHEST * np.maximum(np.abs(p), FARTHEST)
-            p = np.clip(p + np.clip(step, -most, most), e.domains.low, e.domains.high)
+            for share in SHARES:
+                p = np.clip(before + share * np.clip(step, -most, most), e.domains.low, e.domains.high)
+                if (less := self.cost(p)) <= cost:
+                    break
+            cost = less
             if np.all(np.abs(p - before)[known] < SETTLED / 2 * u[known]):
                 break
         return p
+
+    def cost(self, p: np.ndarray) -> float:
+        """Σ r² of the means, for numbers p (P,)."""
+        problem, f = self.e.problem, self.parts(p).mean(axis=0)
+        with np.errstate(invalid="ignore"):
+            residuals = problem.weight * (problem.compared(f) - problem.compared(self.f))
+        return float(np.sum(np.where(problem.weight > 0, residuals, 0.0) ** 2))
 
     def widening(self) -> np.ndarray:
         """By how much (P,) the uncertainties of the means, and of a fit of them, exceed those at the middles."""
@@ -144,22 +160,30 @@ def fit_patches(task: FitTask, patches: Patches) -> PatchFit:
     optima = at_middles = fit_model(task)
     if task.settings.aperture == "ignore" or not any(e.p.size for e in optima):
         return PatchFit(optima, task, [NEVER])
-    terms = [task.terms] if len(optima) == 1 else [task.channel(c).terms for c in range(len(optima))]
-    each = [PatchMeans(e, some, patches) for e, some in zip(optima, terms, strict=True)]
-    near = [m.nearest() for m in each]
-    shift = np.concatenate([m.shift(p) for m, p in zip(each, near, strict=True)], axis=1)
-    centred = dataclasses.replace(task, readings=dataclasses.replace(task.readings, f=task.readings.f - shift))
-    means = fit_model(centred)
-    expected = [dataclasses.replace(e, p=p) for e, p in zip(means, near, strict=True)]
-    if max(float(np.max(off, initial=0.0)) for off in _moves(expected, means)) < SETTLED:
-        spread = [_stretched(e, PatchMeans(e, m.terms, patches).widening()) for e, m in zip(means, each, strict=True)]
-        return PatchFit(spread, centred, [_sentence(at_middles, spread)])
+    expected, f = optima, task.readings.f
+    for _ in range(REFITS):
+        each = _means(task, optima, patches)
+        near = [m.nearest() for m in each]
+        shift = np.concatenate([m.shift(p) for m, p in zip(each, near, strict=True)], axis=1)
+        centred = dataclasses.replace(task, readings=dataclasses.replace(task.readings, f=f - shift))
+        optima = fit_model(centred)
+        expected = [dataclasses.replace(e, p=p) for e, p in zip(optima, near, strict=True)]
+        if max(float(np.max(off, initial=0.0)) for off in _moves(expected, optima)) < SETTLED:
+            spread = [_stretched(m.e, m.widening()) for m in _means(task, optima, patches)]
+            return PatchFit(spread, centred, [_sentence(at_middles, spread)])
     off = _moves(at_middles, expected)
     note = (
         f"{NEVER}: a lobe is too narrow to be averaged over them, and by estimate a number is "
         f"{max(float(np.max(a, initial=0.0)) for a in off):.2g} standard uncertainties off, by which it is widened"
     )
     return PatchFit([_stretched(e, np.sqrt(1.0 + a**2)) for e, a in zip(at_middles, off, strict=True)], task, [note])
+
+
+def _means(task: FitTask, optima: list[Optimum], patches: Patches) -> list[PatchMeans]:
+    """The means of a task's optima: one of all channels, or one of each."""
+    alone = len(optima) > 1
+    tasks = [task.channel(c) for c in range(len(optima))] if alone else [task]
+    return [PatchMeans(e, t.terms, patches, t.readings.f) for e, t in zip(optima, tasks, strict=True)]
 
 
 def _moves(before: list[Optimum], after: list[Optimum]) -> list[np.ndarray]:

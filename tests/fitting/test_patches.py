@@ -38,3 +38,11 @@ def test_a_lobe_too_narrow_for_its_patches_is_said_and_its_uncertainties_hold_th
     alpha = next(p for p in result.parameters if p.name == "ggx.alpha")
     assert any("patches" in note for note in result.notes)
     assert alpha.status == "undetermined" or abs(alpha.value - 0.01) < 4 * alpha.standard_uncertainty
+
+
+@pytest.mark.thorough
+def test_a_model_is_selected_on_means_brought_to_the_middles_of_their_patches(tmp_path):
+    """Left there, they ask for lobes that the surface does not have."""
+    write(tmp_path / "sheet.xml", gonio.material("0.5*lambert(rho=0.6) + 0.4*ggx(alpha=0.2, f0=1)"))
+    result = gonio.fit(tmp_path / "sheet.xml")
+    assert result.requested == "lambert + ggx" and result.metrics["relative_rms"] < 0.05
