@@ -33,6 +33,8 @@ HOLDS = 10.0
 STARTS = (1.0, 2.0, 3.0)
 MOST_STEPS, DAMPING, LARGEST = 200, 1e-2, 1e12
 """Of a descent."""
+LEAST_DAMPING = 1e-12
+"""Over the diagonal: far above rounding, by which the normal matrix of numbers that change nothing is singular."""
 STEADY, LITTLE = 1e-9, 1e-9
 """Relative changes of the numbers, or of the cost, at which it ends."""
 Law = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -238,7 +240,7 @@ def descended(
         p[taken] += step[better]
         for before, after in zip(sums, now, strict=True):
             before[taken] = after[better]
-        damping[going] = np.maximum(damping[going] * np.where(better, 1 / 8, 4.0), 1e-15)
+        damping[going] = np.maximum(damping[going] * np.where(better, 1 / 8, 4.0), LEAST_DAMPING)
         going = going[~small & (damping[going] < LARGEST)]
         if not going.size:
             break

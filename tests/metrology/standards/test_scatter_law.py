@@ -38,3 +38,14 @@ def test_what_a_law_misses_together_is_in_its_uncertainties() -> None:
     numbers = law(LAYOUTS["isotropic"], misfit=0.2)
     assert abs(numbers["l"].value - L) < 2 * numbers["l"].u and abs(numbers["s"].value - S) < 2 * numbers["s"].u
     assert numbers["l"].u > 0.08 * L
+
+
+def test_an_exact_diffuser_has_laws_of_no_slope_whatever_its_level() -> None:
+    """Numbers that change nothing leave the normal matrix singular by rounding, of about one level in forty."""
+    polar = np.radians(np.arange(0, 81, 20.0))
+    layout = isotropic(polar, polar, np.radians(np.arange(0, 360, 45.0)))
+    for wavelength in range(400, 701, 20):
+        level = (0.5 + 0.3 * np.sin(wavelength / 50)) / np.pi
+        profile = of_table(whole_table_of_values(layout, np.full((*layout.shape, 1), level)))
+        slopes = [q.value for q in scatter_laws(profile, Channels.grey())[0] if q.name.split()[1] == "s"]
+        assert slopes and np.allclose(slopes, 0.0, atol=1e-3)
