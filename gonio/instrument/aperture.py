@@ -33,6 +33,9 @@ LADDERS = (
 at grazing is narrower in azimuth, by the cosine, than in polar angle."""
 PAIRS_MAX = 3_000_000
 """Pairs of rays of one cell at which the climb ends: 40² × 40²."""
+AGREED = 0.03
+"""Of what two rules differ by, the least error of the finer one: the next may agree with it by accident, both being too
+coarse."""
 PEAK_MISSED = 2.0
 """A cell climbs on while f at the mirror configuration within its discs is this many times what its rays have met."""
 
@@ -125,12 +128,13 @@ class _Climb:
         rules = [rule for rule in ladder if math.prod(rule) ** discs <= PAIRS_MAX]
         climbing = np.arange(self.source.shape[1])
         values, _ = self._step(rules[0], climbing)
-        error = np.full(values.shape, np.inf)
+        error, before = np.full(values.shape, np.inf), np.abs(values - self._step((1, 1), climbing)[0])
         for rule in rules[1:]:
             if not climbing.size:
                 break
             finer, missed = self._step(rule, climbing)
-            difference = np.abs(finer - values[climbing])
+            difference = np.maximum(np.abs(finer - values[climbing]), AGREED * before[climbing])
+            before[climbing] = np.abs(finer - values[climbing])
             # A peak that no ray has met is an error as large as itself, until one meets it.
             difference = np.where(missed > PEAK_MISSED, np.maximum(difference, np.abs(finer)), difference)
             values[climbing], error[climbing] = finer, difference
