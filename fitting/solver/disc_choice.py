@@ -276,7 +276,7 @@ def _errors(problem: FitProblem, p: np.ndarray, noise: float, allowed: float) ->
         finer = problem.averaged(KINDS * step + kinds, cells).model_values(p)
         e = np.sqrt(np.sum((weight[cells] * (finer - values[cells])) ** 2, axis=1))
         # Two rules that are both too coarse may agree by accident: three do not.
-        floor = AGREED * before[cells] if step > 2 else 0.0
+        floor = (AGREED if step > 2 else AGREED**2) * before[cells]
         before[cells] = e
         hidden = probes.missed(step, cells)
         moved = np.inf
