@@ -120,6 +120,7 @@ def plan_energy(
     name = table.name or "the table"
     if before.verdict != UNDECIDED:
         raise GonioError(f"the energy of {name} is decided ({before.verdict}): no reading is needed")
+    evidence = dataclasses.replace(evidence, made=evidence.refitted)
     by_side = deciding_by_side(evidence)
     albedos = summed(by_side)
     if isinstance(albedos, str):

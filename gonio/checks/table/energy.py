@@ -154,6 +154,8 @@ def _by_readings_or_model(evidence: TableEvidence, tolerance: float) -> Property
         return judged
     helped = _judged(assisted, evidence, tolerance)
     fitted = evidence.fitted
+    if helped.verdict == UNDECIDED and evidence.refitted is not fitted:
+        return _by_readings_or_model(dataclasses.replace(evidence, made=evidence.refitted, albedos=albedos), tolerance)
     helped.facts |= {
         "assisted_by": fitted.expression if fitted else "",
         "without_model": judged.facts.get("largest_albedo"),

@@ -96,13 +96,26 @@ class TableEvidence:
     @functools.cached_property
     def fitted(self) -> "FitResult | None":
         """The fit of the stated model to the table, made where a check asks for it; None without a model."""
-        from gonio.checks.table.further_readings import joined
         from gonio.fitting.fit_table import fit
 
         if self.model is None or self.made is not None:
             return self.made
-        table = self.table if self.further is None else joined(self.table, self.further)
-        return fit(table, None if self.model == "auto" else self.model)
+        return fit(self._read, None if self.model == "auto" else self.model)
+
+    @functools.cached_property
+    def refitted(self) -> "FitResult | None":
+        """The fit of a selected model with lobes of families that the selection leaves out; of a stated one itself."""
+        if self.model != "auto" or self.made is not None or self.fitted is None:
+            return self.fitted
+        from gonio.fitting.further_families import in_further_families
+
+        return in_further_families(self._read, self.fitted)
+
+    @property
+    def _read(self) -> Table:
+        from gonio.checks.table.further_readings import joined
+
+        return self.table if self.further is None else joined(self.table, self.further)
 
     def pairs(self, kind: str) -> Pairs | str:
         """Pairs of one of the kinds of `PAIRS`; or why there are none."""

@@ -89,7 +89,7 @@ def verdict(table: Table, brdf: AbstractBRDF, model: str) -> tuple[str, Property
         return STAGES[1], energy
     further = None
     for _ in range(ROUNDS):
-        fitted = evidence.fitted
+        fitted = evidence.refitted
         assert fitted is not None
         try:
             plan = plan_energy(table, tolerance=TOLERANCE, model=model, further=further, fitted=fitted)
