@@ -21,7 +21,7 @@ def material_warnings(material: "Material") -> list[str]:
 def fit_warnings(material: "Material") -> list[str]:
     """That a fitted material comes from a fit that was not judged good; nothing of other materials."""
     fit = material.meta.get("fit")
-    if not isinstance(fit, Mapping) or not fit:
+    if not isinstance(fit, Mapping) or "converged" not in fit:  # numbers alone, which say nothing of how they came
         return []
     verdict = judge_fit(fit).verdict
     if verdict == GOOD:
