@@ -146,7 +146,7 @@ class PatchMeans:
             return factor
         some = np.ix_(known, known)
         spread = np.nan_to_num(e.covariance.matrix()[some])
-        turned = np.linalg.inv(np.eye(int(known.sum())) + self.follows(e.p)[some])
+        turned = np.linalg.pinv(np.eye(int(known.sum())) + self.follows(e.p)[some])
         parts = self.parts(e.p)
         off = [moved_by(e.problem, e.p, e.model_f, part - parts.mean(axis=0))[known] for part in parts]
         errors = np.square(turned @ np.transpose(off)).sum(axis=1) / (PARTS * (PARTS - 1))
@@ -181,8 +181,8 @@ def fit_patches(task: FitTask, patches: Patches) -> PatchFit:
 
 def _means(task: FitTask, optima: list[Optimum], patches: Patches) -> list[PatchMeans]:
     """The means of a task's optima: one of all channels, or one of each."""
-    alone = len(optima) > 1
-    tasks = [task.channel(c) for c in range(len(optima))] if alone else [task]
+    apart = len(optima) > 1
+    tasks = [task.channel(c) for c in range(len(optima))] if apart else [task]
     return [PatchMeans(e, t.terms, patches, t.readings.f) for e, t in zip(optima, tasks, strict=True)]
 
 
