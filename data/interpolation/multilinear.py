@@ -224,7 +224,7 @@ def _uniform(nodes: np.ndarray) -> bool:
 def interpolation(table: Table) -> str:
     """One sentence on how `as_material` interpolates this table: for reports and provenance."""
     if table.interpolant is not None:
-        return "interpolated by the format's own warp"
+        return "by the format's own rule"
     if not table.layout.gridded:
         from gonio.data.interpolation.scattered import description
 

@@ -350,6 +350,6 @@ def _fitted(table: Table, given: FitLike) -> FitResult:
 def _require_readings(table: Table) -> None:
     if table.interpolant is not None:
         raise GonioError(
-            f"{table.name or 'this table'} is read by its format's own warp, which no reading's error goes through; "
+            f"{table.name or 'this table'} is read by its format's own rule, which no reading's error goes through; "
             "measure it on a grid first: gonio measure FILE --scan isotropic -o T.h5"
         )

@@ -54,7 +54,7 @@ def _rim(table: Table, tolerance: float, evidence: TableEvidence) -> Property:
     grid = table.layout.outgoing_grid()
     if grid is None or grid.theta_o.size < 4:
         return without_residual(
-            "horizon", NOT_APPLICABLE, tolerance, "Not testable: the grid has no rings of polar angles."
+            "horizon", NOT_APPLICABLE, tolerance, "Not testable: the readings lie in no rings of polar angles."
         )
     theta_o, theta_i = grid.theta_o, grid.theta_i
     rings = np.flatnonzero(theta_o < np.pi / 2 - 1e-9)[-RINGS:]

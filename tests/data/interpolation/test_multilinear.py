@@ -177,7 +177,7 @@ def test_a_formats_own_interpolant_is_used():
     table = dataclasses.replace(
         table_of(GRIDS["merl"](12)), interpolant=lambda coarse=False: 2.0 * Smooth() if coarse else Smooth()
     )
-    assert isinstance(as_material(table), Smooth) and "own warp" in interpolation(table)
+    assert isinstance(as_material(table), Smooth) and "own rule" in interpolation(table)
     assert interpolation_error(table).median == pytest.approx(2 / 9)
 
 

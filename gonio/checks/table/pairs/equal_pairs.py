@@ -16,6 +16,7 @@ MOST_CELLS = 2_000_000
 """Of a larger table so many cells are chosen at random."""
 MOST_READINGS = 1 << 27
 """The same of readings: of cells with many channels fewer."""
+NOT_IN_LISTS = "in a list of readings {} directions are not looked for"
 TURNED = 3 / 8 * np.pi
 """Turn, radians, by which partners are apart, or the next smaller one of a grid: a surface that is the same after a
 half turn, as a brushed one, a third or a quarter of one, as a woven one, shows itself by it."""
@@ -57,7 +58,7 @@ def squares_of(layout: Layout, cells: np.ndarray) -> np.ndarray:
 def mirrored_pairs(table: Table) -> Pairs | str:
     """Readings with those of both directions mirrored at a plane through the normal; or why there are none."""
     if table.layout.mirror_map() is None:
-        return "no readings on both sides of a plane"
+        return "no readings on both sides of a plane" if table.layout.gridded else NOT_IN_LISTS.format("mirrored")
     pairs = _pairs_once(table, table.layout.mirrored, "measured")
     return dataclasses.replace(pairs, exchanged=False) if len(pairs) >= FEWEST else "the grid has no mirrored nodes"
 
@@ -66,7 +67,8 @@ def turned_pairs(table: Table) -> Pairs | str:
     """Readings with those of both directions turned by `TURNED` or about as much; or why there are none."""
     layout = table.layout
     if not layout.turning_axes or any(a not in layout.axes or layout.axes[a].size < 4 for a in layout.turning_axes):
-        return "the light has one azimuth only"
+        one = layout.gridded or np.unique(layout.axes["phi_i"]).size < 2
+        return "the light has one azimuth only" if one else NOT_IN_LISTS.format("turned")
     name = layout.turning_axes[0]
     turn = _turn(layout, layout.axes[name])
     # The azimuths of one turn are partners of the next, so that no reading is in two pairs.
@@ -112,7 +114,7 @@ def pole_pairs(table: Table) -> Pairs | str:
             cells.append(poles)
             partners.append(poles + half * steps[azimuth])
     if not cells:
-        return "no readings at several azimuths of the normal"
+        return "no readings at several azimuths of the normal" if layout.gridded else NOT_IN_LISTS.format("equal")
     chosen, once = np.unique(np.concatenate(cells), return_index=True)
     partner = np.concatenate(partners)[once]
     if chosen.size > _most(table):
