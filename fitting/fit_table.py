@@ -11,8 +11,8 @@ from gonio.data.table import Table, index_of
 from gonio.fitting.apertures import aperture_notes, half_angles_of, wide_notes
 from gonio.fitting.assembly import assemble_result
 from gonio.fitting.common_errors import common_error_note, common_errors
-from gonio.fitting.fit_model import FitOptions, FitSettings, FitTask, compile_ahead, fit_model
-from gonio.fitting.patches import Patches, PatchFit, fit_patches
+from gonio.fitting.fit_model import FitOptions, FitSettings, FitTask, compile_ahead
+from gonio.fitting.patches import Patches, fit_at_middles, fit_patches
 from gonio.fitting.problem.readings import (
     NO_UNCERTAINTY,
     Readings,
@@ -176,7 +176,7 @@ def _fit_one(
 ) -> FitResult:
     began = time.perf_counter()
     patches = Patches.of(table, task) if view is None else None
-    optima, task, notes = PatchFit(fit_model(task), task, []) if patches is None else fit_patches(task, patches)
+    optima, task, notes = fit_at_middles(task, table) if patches is None else fit_patches(task, patches)
     r = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
     r.notes[:0] = notes
     r.notes.extend([*table.provenance.get("warnings", []), *aperture_notes(r.apertures), *wide_notes(table)])

@@ -155,6 +155,11 @@ class PatchMeans:
         return factor
 
 
+def fit_at_middles(task: FitTask, table: Table) -> PatchFit:
+    """The fit at the directions of the readings; of a file of patches it says so."""
+    return PatchFit(fit_model(task), task, [] if sheet_of(table) is None else [NEVER])
+
+
 def fit_patches(task: FitTask, patches: Patches) -> PatchFit:
     """The fit of means over patches; where it does not settle, that at their middles, widened by how far it moves."""
     optima = at_middles = fit_model(task)

@@ -32,6 +32,12 @@ def test_a_fit_of_means_over_patches_finds_what_they_are_means_of(tmp_path, trut
     assert np.max(np.abs(values(middles) / expected - 1)) > 0.2
 
 
+def test_a_fit_for_a_scene_says_that_it_compares_at_the_middles(tmp_path):
+    write(tmp_path / "sheet.xml", gonio.material("lambert(rho=0.3)"), basis="quarter")
+    result = gonio.fit(tmp_path / "sheet.xml", "lambert", scene="low_sun_car")
+    assert any("compared at their middles" in note for note in result.notes)
+
+
 def test_a_lobe_too_narrow_for_its_patches_is_said_and_its_uncertainties_hold_the_truth(tmp_path):
     write(tmp_path / "sheet.xml", gonio.material("0.5*lambert(rho=0.6) + 0.4*ggx(alpha=0.01, f0=1)"), basis="quarter")
     result = gonio.fit(tmp_path / "sheet.xml", "lambert + ggx")
