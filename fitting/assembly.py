@@ -24,8 +24,9 @@ from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
 from gonio.fitting.uncertainty.profile_likelihood import with_profiles
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.catalog import MODELS
+from gonio.models.evaluation import channel_count
 from gonio.models.expression.builder import build, number_label, to_expression
-from gonio.models.expression.parser import FACTOR, Term, calls, numbers
+from gonio.models.expression.parser import FACTOR, Term, Value, calls, numbers
 from gonio.models.geometry.sides import Hemispheres
 
 FEW_CHANNELS = 4  # whose albedos are all computed to a bound
@@ -58,7 +59,7 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
     cost = float(sum(e.cost for e in optima))
     f = _joined([e.model_f for e in optima])
     apertures = aperture_facts(optima, estimates)
-    brdf = build(fitted := optima[0].parameters.filled(task.terms, [e.p for e in optima]))
+    brdf = build(fitted := _fitted_terms(task, optima))
     measures = metrics(f, readings)
     measures["unexplained"] = _unexplained(optima)
     measures["largest_albedo"] = (albedo := _largest_albedo(optima, fitted, brdf)).value
@@ -83,6 +84,16 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
         floor=[e.problem.floor for e in optima], robust=settings.robust,
         apertures=apertures, evidence=_evidence(task, optima, f, cost), bootstrap=_bootstrap(task, optima, labels),
     )  # fmt: skip
+
+
+def _fitted_terms(task: FitTask, optima: list[Optimum]) -> tuple[Term, ...]:
+    """Filled terms of as many channels as the table: of grey ones the first scale is written once for each."""
+    terms, count = optima[0].parameters.filled(task.terms, [e.p for e in optima]), len(task.channels)
+    if count == 1 or channel_count(build(terms)) not in (None, 1):
+        return terms
+    first, *others = terms
+    scale = 1.0 if first.scale is None or first.scale.number is None else float(np.ravel(first.scale.number)[0])
+    return (dataclasses.replace(first, scale=Value((scale,) * count)), *others)
 
 
 def _model_notes(terms: tuple[Term, ...], brdf: AbstractBRDF, labels: list[str]) -> list[str]:

@@ -84,3 +84,15 @@ def test_a_linear_quantity_propagates_as_the_covariance_says(result):
     # Of the terms that change alone, which may have no channels.
     linear = result.propagated(lambda m: np.broadcast_to(m.f(*pair), 3), by_channel=True, linear=True)
     np.testing.assert_allclose(linear, result.propagated(lambda m: m.f(*pair), by_channel=True), rtol=1e-9)
+
+
+def test_a_grey_model_of_a_table_in_colour_has_the_channels_of_the_table(tmp_path):
+    """So that its file is read again, and says the same."""
+    table = gonio.measure("lambert(rho=[0.2, 0.3, 0.4])", scan=gonio.scan("isotropic", step=np.radians(30)))
+    result = gonio.fit(table, "lambert(rho=0.3)")
+    result.save(tmp_path / "grey.toml")
+    again = gonio.material(tmp_path / "grey.toml")
+    assert (
+        again.channels == result.channels and again.f(0.2, 0, 0.3, 1).shape == result.material.f(0.2, 0, 0.3, 1).shape
+    )
+    assert again.f(0.2, 0, 0.3, 1) == pytest.approx(np.full(3, 0.3 / np.pi))
