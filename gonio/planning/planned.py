@@ -20,7 +20,7 @@ from gonio.instrument.pace import AXES
 from gonio.models.display import Displayed
 from gonio.models.errors import GonioError
 from gonio.planning.limit import least_variance
-from gonio.planning.planner import FILLING, Planner, Schedule
+from gonio.planning.planner import FILLING, Planner, Read, Schedule
 from gonio.planning.prior import Prior, prior_of
 from gonio.planning.shots import Shots, Sites, counting, write_shots
 from gonio.planning.wanted import Quantities, albedos, numbers, quantities
@@ -167,7 +167,7 @@ def plan(
         instrument,
         None if rival is None else prior_of(prior.brdf(prior.p), rival),
         wanted,
-        None if table is None else _rows_of(prior, table, instrument),
+        None if table is None else _read(prior, table, instrument),
         share,
         options.get("lit", "front"),
     )
@@ -191,15 +191,15 @@ def _require(
         raise GonioError("separation from another model has a budget, and nothing else that is wanted; leave these out")
 
 
-def _rows_of(prior: Prior, table: Table, instrument: Instrument) -> np.ndarray:
-    """Rows of a table's readings at the likeliest numbers (1, n, 1, P + Q)."""
+def _read(prior: Prior, table: Table, instrument: Instrument) -> Read:
+    """A table's readings, their rows at the likeliest numbers."""
     readings = readings_of(table)
     if not (np.isfinite(readings.u_f) & (readings.u_f > 0))[readings.valid].all():
         raise GonioError("the table to continue has no standard uncertainties; measure with photons or noise")
     angles = np.stack([a for w in (readings.wi, readings.wo) for a in layouts.spherical_angles(*w)])
     sites = Sites.of(prior, instrument, angles, prior.p[None])
     both = np.concatenate([sites.slopes, sites.shifts], axis=-1)[0][readings.valid]
-    return (both / readings.u_f[readings.valid][:, None])[None, :, None]
+    return Read((both / readings.u_f[readings.valid][:, None])[None, :, None], angles[:, readings.valid.any(axis=1)])
 
 
 def _uncertainties(q: Quantities, covariance: np.ndarray) -> dict[str, tuple[float, float]]:

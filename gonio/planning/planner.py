@@ -46,6 +46,13 @@ REGULAR_STEPS = (45.0, 30.0, 15.0, 10.0, 5.0)
 PLANE_STEPS = (30.0, 15.0, 10.0, 5.0, 2.0, 1.0)
 
 
+class Read(NamedTuple):
+    """What was read before, with the same instrument: rows (1, n, 1, P + Q) of it and directions (4, n), radians."""
+
+    rows: np.ndarray
+    angles: np.ndarray
+
+
 class Schedule(NamedTuple):
     """Shots in their order, the design that they round, seconds on the way (settling included)."""
 
@@ -63,7 +70,7 @@ class Planner:
         instrument: which counts.
         rival: another model, from which the first is to be separated; None: the first model's numbers are wanted.
         wanted: combinations (S, Q, P) of the numbers that are to be known; None: all of them, by log det.
-        known: rows (1, n, 1, P + Q) of what was read before, with the same instrument.
+        known: what was read before; None: nothing.
         space_filling: share of the time for directions that fill the range evenly.
         lit: the sides that the light comes from, "front", "back" or "both"; the detector goes where it is sent.
     """
@@ -72,7 +79,7 @@ class Planner:
     instrument: Instrument
     rival: Prior | None = None
     wanted: np.ndarray | None = None
-    known: np.ndarray | None = None
+    known: Read | None = None
     space_filling: float = FILLING
     lit: str = "front"
 
@@ -89,7 +96,7 @@ class Planner:
         rows = self.candidates.rows(np.ones(angles.shape[1]))[:1]
         self.before = np.zeros((1, *[rows.shape[-1]] * 2))
         if self.known is not None:
-            self.before = gram(self.known, np.ones(self.known.shape[1]))
+            self.before = gram(self.known.rows, np.ones(self.known.rows.shape[1]))
         every = (gram(rows, np.ones(angles.shape[1])) + self.before)[0, : self.size, : self.size]
         require_determined(every, self.prior.names)
 
@@ -188,7 +195,8 @@ class Planner:
         count = max(count, min(len(self.ways), int(time / (overhead + LEAST_SECONDS))))  # each way once, at least
         angles = self._fillings.get(count)
         if angles is None:
-            angles = space_filling(self.instrument, self.isotropic, count, self.ways)
+            read = None if self.known is None else self.known.angles
+            angles = space_filling(self.instrument, self.isotropic, count, self.ways, read)
             angles = both_turning(angles, self.instrument) if self.isotropic else angles
             self._fillings[count] = angles
         if not angles.size:

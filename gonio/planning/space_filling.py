@@ -19,6 +19,8 @@ REFLECTED = Way()
 POOL, MOST_POOL, LEAST_POOL = 64, 6000, 16
 """Directions of the range for each of those that fill it; of them all, but for so many for each."""
 SWEEPS = 6
+MOST_READ = 5000
+"""Readings taken before that are looked at: more of them leave no hole that these do not show."""
 
 
 def anywhere(instrument: Instrument, isotropic: bool, count: int, way: Way = REFLECTED) -> Angles:
@@ -31,13 +33,20 @@ def anywhere(instrument: Instrument, isotropic: bool, count: int, way: Way = REF
     return readable(way.unfolded(every), instrument, isotropic)
 
 
-def space_filling(instrument: Instrument, isotropic: bool, count: int, ways: Sequence[Way] = (REFLECTED,)) -> Angles:
+def space_filling(
+    instrument: Instrument,
+    isotropic: bool,
+    count: int,
+    ways: Sequence[Way] = (REFLECTED,),
+    read: Angles | None = None,
+) -> Angles:
     """At most `count` directions (4, n), radians, each amid its share of the range, equally many on each of the ways.
 
-    They are the centres of a centroidal tessellation of the range [Lloyd 1982; Du, Faber & Gunzburger 1999].
+    They are the centres of a centroidal tessellation of the range [Lloyd 1982; Du, Faber & Gunzburger 1999]. Directions
+    that were `read` before, (4, m), are centres that stay where they are: the others fill what these leave.
     """
     counts = [count // len(ways) + (k < count % len(ways)) for k in range(len(ways))]
-    each = [_centres(instrument, isotropic, n, way) for n, way in zip(counts, ways, strict=True) if n]
+    each = [_centres(instrument, isotropic, n, way, _some(read)) for n, way in zip(counts, ways, strict=True) if n]
     return np.concatenate([np.zeros((4, 0)), *each], axis=1)
 
 
@@ -67,22 +76,46 @@ def squared_distances(one: Angles, other: Angles, isotropic: bool, reciprocal: b
     return np.maximum(2 * (2 - along_i - along_o - across), 0.0)
 
 
-def _centres(instrument: Instrument, isotropic: bool, count: int, way: Way) -> Angles:
+def _some(read: Angles | None) -> Angles:
+    """At most `MOST_READ` of the directions, any of them."""
+    if read is None:
+        return np.zeros((4, 0))
+    size = read.shape[1]
+    return read if size <= MOST_READ else read[:, np.random.default_rng(0).choice(size, MOST_READ, replace=False)]
+
+
+def _centres(instrument: Instrument, isotropic: bool, count: int, way: Way, read: Angles) -> Angles:
     size = max(min(POOL * count, MOST_POOL), LEAST_POOL * count)
     pool = anywhere(instrument, isotropic, size, way)
     exchanged = pool[[2, 3, 0, 1]]
     fold = (pool[0] > pool[2]) & way.reciprocal & _exchangeable(instrument, isotropic)
     # The steeper light gives more counts, and half the range is a shorter way.
     pool = readable(np.where(fold, exchanged, pool), instrument, isotropic)
-    places = pool[:, :count]
-    for _ in range(SWEEPS if places.size else 0):
-        cell = np.argmin(squared_distances(pool, places, isotropic, way.reciprocal), axis=1)
+    if not pool.size:
+        return pool
+    before = squared_distances(pool, read, isotropic, way.reciprocal).min(axis=1, initial=np.inf)
+    places = _farthest(pool, before, count, isotropic, way)
+    for _ in range(SWEEPS):
+        distances = squared_distances(pool, places, isotropic, way.reciprocal)
+        cell = np.where(distances.min(axis=1) < before, np.argmin(distances, axis=1), -1)
         members = [pool[:, cell == k] for k in range(places.shape[1])]
         centres = [
             m[:, np.argmin(squared_distances(m, m, isotropic, way.reciprocal).sum(axis=1))] for m in members if m.size
         ]
-        places = np.stack(centres, axis=1)
+        places = np.stack(centres, axis=1) if centres else np.zeros((4, 0))
+        if not centres:
+            break
     return places
+
+
+def _farthest(pool: Angles, before: Float[np.ndarray, " n"], count: int, isotropic: bool, way: Way) -> Angles:
+    """Directions of the pool, each the farthest from all that were read or chosen before [Gonzalez 1985]."""
+    nearest, chosen = before, []
+    for _ in range(min(count, pool.shape[1])):
+        chosen.append(int(np.argmax(nearest)))
+        one = squared_distances(pool, pool[:, chosen[-1:]], isotropic, way.reciprocal)[:, 0]
+        nearest = np.minimum(nearest, one)
+    return pool[:, chosen]
 
 
 def _exchangeable(instrument: Instrument, isotropic: bool) -> bool:

@@ -70,3 +70,22 @@ def test_azimuths_are_shared_by_both_axes_as_they_are_fast():
         assert other[0] <= one[0] + 1e-5
     fixed = Instrument(ranges=((0.0, 1.5), (0.0, 0.0), (0.0, 1.5), (0.0, 3.2)))
     np.testing.assert_array_equal(both_turning(angles, fixed)[1], [0.0, 0.0])
+
+
+@pytest.mark.parametrize("isotropic", [True, False])
+def test_what_fills_beside_readings_leaves_holes_as_small_as_all_chosen_at_once(isotropic):
+    every = anywhere(INSTRUMENT, isotropic, 2000)
+    first = space_filling(INSTRUMENT, isotropic, 20)
+    again = space_filling(INSTRUMENT, isotropic, 20, read=turned(first, 0.0 if not isotropic else 2.1))
+    at_once = space_filling(INSTRUMENT, isotropic, 40)
+    holes = [
+        np.sqrt(squared_distances(every, a, isotropic).min(axis=1).max())
+        for a in (first, np.concatenate([first, again], axis=1), at_once)
+    ]
+    assert again.shape == (4, 20)
+    assert holes[1] < 1.15 * holes[2] and holes[1] < 0.9 * holes[0]
+
+
+def test_a_range_read_everywhere_has_no_place_left_to_fill():
+    blind_but_one = Instrument(ranges=((0.5, 0.5), (0.0, 0.0), (0.2, 0.2), (0.0, 0.0)))
+    assert space_filling(blind_but_one, False, 5, read=np.array([[0.5], [0.0], [0.2], [0.0]])).shape == (4, 0)

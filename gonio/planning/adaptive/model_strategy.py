@@ -15,7 +15,7 @@ from gonio.models.geometry.directions import from_spherical
 from gonio.planning.adaptive.accuracy import FLOOR, random_directions
 from gonio.planning.adaptive.prediction import Prediction
 from gonio.planning.adaptive.session import Session
-from gonio.planning.planner import Planner
+from gonio.planning.planner import Planner, Read
 from gonio.planning.prior import Prior, prior_of
 from gonio.planning.shots import Shots, Sites, counting
 from gonio.planning.ways import Way
@@ -102,8 +102,9 @@ class ModelPrediction(Prediction):
         rows = np.stack([_relative(self.prior, p, wanted) for p in self.prior.draws])
         rows = rows.reshape(rows.shape[0], -1, rows.shape[-1])
         instrument, valid = counting(self.instrument), session.valid
-        sites = Sites.of(self.prior, instrument, session.angles[:, valid], self.prior.p[None])
-        known = sites.rows(session.counting[valid])[:1]
+        angles = session.angles[:, valid]
+        sites = Sites.of(self.prior, instrument, angles, self.prior.p[None])
+        known = Read(sites.rows(session.counting[valid])[:1], angles)
         return Planner(self.prior, instrument, wanted=rows, known=known).schedule(seconds).shots
 
 

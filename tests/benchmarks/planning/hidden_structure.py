@@ -28,7 +28,7 @@ from gonio.planning.space_filling import anywhere, space_filling, squared_distan
 WIDTHS, HEIGHTS, LEVEL = (3.0, 6.0, 12.0, 25.0), (0.01, 0.03, 0.1, 0.5, 3.0), 0.01
 
 
-def sequence(instrument, isotropic, count, ways) -> Angles:
+def sequence(instrument, isotropic, count, ways, read=None) -> Angles:
     """The first directions of a low-discrepancy sequence, by turns on each of the ways."""
     each = [anywhere(instrument, isotropic, 2 * count, way)[:, : count // len(ways) + 1] for way in ways]
     return np.concatenate(each, axis=1)[:, :count]
