@@ -105,27 +105,16 @@ def one_azimuth(wi: Direction) -> bool:
     return bool(azimuth.size == 0 or np.ptp(azimuth) < 1e-9)
 
 
-def left_out(
-    wi: Direction,
-    wo: Direction,
-    values: np.ndarray,
-    isotropic: bool,
-    reciprocal: bool = True,
-    which: np.ndarray | None = None,
-) -> np.ndarray:
-    """The mean (m, C) of all other samples' values at each of the samples (n, C), all of them valid.
-
-    `which`: numbers (m,) of those that are left out, one by one; None: all.
-    """
+def left_out(wi: Direction, wo: Direction, values: np.ndarray, isotropic: bool, reciprocal: bool = True) -> np.ndarray:
+    """The mean (n, C) of all other samples' values at each of the samples (n, C), all of them valid."""
     if isotropic:
         wi, wo = _turned_back(wi, wo)
     pairs, swapped = np.stack([*wi, *wo], axis=-1), np.stack([*wo, *wi], axis=-1)
     if isotropic:
         swapped = np.stack([c for w in _turned_back(wo, wi, each=True) for c in w], axis=-1)
-    which = np.arange(len(pairs)) if which is None else which
-    means = np.empty((which.size, values.shape[1]))
-    for start in range(0, which.size, ROWS):
-        part = which[start : start + ROWS]
+    means = np.empty_like(values, dtype=float)
+    for start in range(0, len(pairs), ROWS):
+        part = np.arange(start, min(start + ROWS, len(pairs)))
         d2 = _squares(pairs, pairs[part])
         if reciprocal:
             d2 = np.minimum(d2, _squares(pairs, swapped[part]))

@@ -166,11 +166,11 @@ class Kriging:
         return self.weights / precision[:, None], 1 / precision
 
 
-def likeliest(samples: Samples, start: np.ndarray | None = None, seed: int = 0) -> np.ndarray:
+def likeliest(samples: Samples, start: np.ndarray | None = None) -> np.ndarray:
     """The law of the largest likelihood, of some of the samples if they are many; the search starts from a law."""
     count = len(samples.noise)
     if count > SAMPLES:
-        samples = samples.part(np.sort(np.random.default_rng(seed).choice(count, SAMPLES, replace=False)))
+        samples = samples.part(np.sort(np.random.default_rng(0).choice(count, SAMPLES, replace=False)))
     channels = np.unique(np.linspace(0, samples.values.shape[1] - 1, CHANNELS).round().astype(int))
     samples = samples._replace(values=samples.values[:, channels])
     spread = max(float(np.mean(np.var(samples.values, axis=0))), 1e-6)

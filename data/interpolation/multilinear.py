@@ -27,7 +27,6 @@ from gonio.data.layouts.base import Layout
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
-from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
 from gonio.models.geometry.horizon import HORIZON
 from gonio.models.geometry.sides import FRONT
@@ -241,18 +240,6 @@ def interpolation(table: Table) -> str:
     return text
 
 
-@dataclasses.dataclass(frozen=True)
-class InterpolationError:
-    """Estimated error of interpolating a table, over `compared` readings, relative: 2|a − b| / (|a| + |b|)."""
-
-    median: float
-    percentile_95: float
-    largest: float
-    rms_absolute: float
-    """1/sr."""
-    compared: int
-
-
 def coarsened(table: Table) -> Table:
     """The table of every second node of each axis that has more than two (of every second scattered sample),
     or the same cells read by a format's own interpolant of half the nodes.
@@ -269,30 +256,3 @@ def coarsened(table: Table) -> Table:
     f, flag, u_f = (None if a is None else np.asarray(a[...])[cells] for a in (table.f, table.flag, table.u_f))
     coarser = layout.part(**step)
     return dataclasses.replace(table, layout=coarser, interpolant=None, f=f, flag=flag, u_f=u_f)
-
-
-def interpolation_error(
-    table: Table, limit: int = 20_000, theta_max: float | None = None, seed: int = 0
-) -> InterpolationError:
-    """An estimate of what interpolating between this table's cells costs: its own cells against `coarsened`.
-
-    A third of the difference is taken for gridded layouts (errors of the two grids are as 4 to 1), all of it
-    for scattered ones. Lobes that the grid does not resolve break the assumption, and show as errors of order
-    1.
-    """
-    block = table.samples(limit, theta_max, seed)
-    guess = np.asarray(evaluate(as_material(coarsened(table)), block.wi, block.wo))
-    valid = (block.flag == Flag.VALID) & np.isfinite(guess)
-    a, b = np.asarray(block.f, np.float64)[valid], guess[valid]
-    share = 1 / 3 if table.layout.gridded or table.interpolant is not None else 1.0
-    size = np.abs(a) + np.abs(b)
-    relative = share * 2 * np.abs(a - b)[size > 0] / size[size > 0]
-    if relative.size == 0:
-        return InterpolationError(0.0, 0.0, 0.0, 0.0, 0)
-    return InterpolationError(
-        float(np.median(relative)),
-        float(np.percentile(relative, 95)),
-        float(relative.max()),
-        float(share * np.sqrt(np.mean((a - b) ** 2))),
-        int(valid.sum()),
-    )

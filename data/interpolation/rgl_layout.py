@@ -18,6 +18,8 @@ SIDES_OF_INCIDENCES = 1.5
 """Samples along a side for each incidence: the errors of both interpolations are then alike."""
 AZIMUTH_STEP = 15.0
 """Degrees between azimuths of the light of an anisotropic file."""
+PAIRS = 2000
+"""Of directions, at which a symmetry is looked for."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,34 +46,31 @@ class RGLLayout:
         return int(np.prod(self.shape))
 
     @classmethod
-    def of_bytes(cls, channel_bytes: int, sectors: int | None, azimuths: int | None = None) -> "RGLLayout":
+    def of_bytes(cls, channel_bytes: int, sectors: int | None) -> "RGLLayout":
         """The layout of a channel in single precision.
 
         Args:
             channel_bytes: of one channel; of an anisotropic file those of one azimuth of the light.
             sectors: how many sectors of azimuth the stored one stands for, see `sectors_of`; None: isotropic.
-            azimuths: of the light in the sector; by default one each 15 degrees.
         """
         if not LEAST_BYTES <= channel_bytes <= MOST_BYTES:
             raise GonioError(f"{channel_bytes} bytes of a channel came; give from {LEAST_BYTES} to {MOST_BYTES}")
         values = channel_bytes // 4
         polar = max(4, round((values / SIDES_OF_INCIDENCES**2) ** (1 / 3)))
-        return cls.of_incidences(polar, max(2, int(np.sqrt(values / polar))), np.pi / 2, sectors, azimuths)
+        return cls.of_incidences(polar, max(2, int(np.sqrt(values / polar))), np.pi / 2, sectors)
 
     @classmethod
-    def of_incidences(
-        cls, polar: int, side: int, theta_max: float, sectors: int | None, azimuths: int | None = None
-    ) -> "RGLLayout":
+    def of_incidences(cls, polar: int, side: int, theta_max: float, sectors: int | None) -> "RGLLayout":
         """The layout of so many polar angles of the light from 0 to `theta_max`, radians; else as `of_bytes`."""
         theta_i, phi_i = np.linspace(0.0, theta_max, polar), np.zeros(1)
         if sectors is not None:
             span = 2 * np.pi / sectors
-            phi_i = np.linspace(-np.pi, -np.pi + span, azimuths or round(np.degrees(span) / AZIMUTH_STEP) + 1)
+            phi_i = np.linspace(-np.pi, -np.pi + span, round(np.degrees(span) / AZIMUTH_STEP) + 1)
         theta_i, phi_i = (a.astype(np.float32).astype(float) for a in (theta_i, phi_i))  # as the file will hold them
         return cls(theta_i, phi_i, side)
 
 
-def sectors_of(brdf: AbstractBRDF, isotropic: bool | None = None, pairs: int = 2000) -> int | None:
+def sectors_of(brdf: AbstractBRDF) -> int | None:
     """How many sectors of azimuth one stands for by the surface's symmetry: 1, 2 or 4; None for an isotropic surface.
 
     A model of gonio knows whether it is isotropic; symmetry is that of f at random pairs of directions, half of
@@ -80,10 +79,10 @@ def sectors_of(brdf: AbstractBRDF, isotropic: bool | None = None, pairs: int = 2
     if is_ours(brdf) and brdf.isotropic:
         return None
     rng = np.random.default_rng(0)
-    z, phi = rng.uniform(0.1, 0.98, (2, pairs)), rng.uniform(0, 2 * np.pi, (2, pairs))
-    near = pairs // 2
+    z, phi = rng.uniform(0.1, 0.98, (2, PAIRS)), rng.uniform(0, 2 * np.pi, (2, PAIRS))
+    near = PAIRS // 2
     z[1, :near], phi[1, :near] = z[0, :near], phi[0, :near] + np.pi + rng.normal(0, 0.05, near)
-    turn, mirror = rng.uniform(0.3, 6.0, pairs), 1.0
+    turn, mirror = rng.uniform(0.3, 6.0, PAIRS), 1.0
     images = [(0.0, mirror, 1.0), (turn, mirror, 1.0), (np.pi, mirror, 1.0), (0.0, 1.0, -1.0), (0.0, -1.0, 1.0)]
     values = []
     for angle, along, across in images:

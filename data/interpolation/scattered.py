@@ -41,7 +41,6 @@ BEYOND = 0.5
 """Of compressed values past the least and the largest: no value is extrapolated farther."""
 KEY = "kriging"
 """Of the provenance that states a law: {"law": {name: value}, "floor": 1/sr}; "laws" by sides of light and detector."""
-CHUNK = 64
 DESCRIPTION = (
     "kriging of log f over tan θh and θd with a Matérn covariance, its numbers by maximum likelihood; {}never beyond "
     "what was read by more than e^0.5; an approximation"

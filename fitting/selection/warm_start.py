@@ -67,9 +67,9 @@ def _origins(old: Terms, new: Terms) -> dict[int, int]:
     return origin
 
 
-def fit_candidate(problem: CandidateProblem, p: np.ndarray, enough: float = 0.0, refined: int = REFINED) -> Fitted:
+def fit_candidate(problem: CandidateProblem, p: np.ndarray) -> Fitted:
     """A candidate fitted from the free numbers p (P,); see `fit_candidates`."""
-    return fit_candidates([problem], [p], enough, refined)[0]
+    return fit_candidates([problem], [p])[0]
 
 
 def fit_candidates(

@@ -24,6 +24,7 @@ EACH, FEW = 48, 4  # samples for each free number, where these are many, of so m
 ROUGH = 1e4  # of the aim, where more readings follow
 MIDDLE = 1 << 16
 WORTHWHILE = 3  # times as many readings as a level has samples, for that level to spare anything
+MOST_ENDS = 3  # descents that go on
 CLOSE = 1.05  # of the best cost on the middle level: what may still be the best on all readings
 ROUNDINGS = 16.0  # of what is compared, by which two costs of one minimum may differ
 SAME_COST = 1e-6  # relative difference of two costs that are one minimum
@@ -106,15 +107,15 @@ def _recombined(problem: FitProblem, ends: list[Descent], best: Descent, rough: 
     return better
 
 
-def distinct(ends: list[Descent], target_norm_squared: float, most: int = 3) -> list[Descent]:
-    """The best descents of different cost, at most `most`, none more than half above the best."""
+def distinct(ends: list[Descent], target_norm_squared: float) -> list[Descent]:
+    """The best descents of different cost, at most `MOST_ENDS`, none more than half above the best."""
     kept: list[Descent] = []
     for end in sorted((e for e in ends if np.isfinite(e.cost)), key=lambda e: e.cost):
         if kept and end.cost > 1.5 * kept[0].cost + 1e-20 * target_norm_squared:
             break
         if all(end.cost > other.cost + _margin(other.cost, target_norm_squared) for other in kept):
             kept.append(end)
-    return kept[:most]
+    return kept[:MOST_ENDS]
 
 
 def _margin(cost: float, target_norm_squared: float) -> float:

@@ -22,6 +22,7 @@ ROUNDS = 60
 SCALED = 8  # rounds in which the scale is estimated again
 STEADY = 1e-8  # relative change of the numbers from which on the weights have settled
 FEW_ROUNDS = 8  # of soft weights on the coarse cells
+MOST_ENDS = 4  # descents that go on
 DIFFERENT = 0.01  # relative difference of numbers from which on two ends are not the same
 
 
@@ -150,11 +151,11 @@ def _reweighted(problem: FitProblem, kind: str, p: np.ndarray, rounds: int) -> R
     return RobustFit(end, weighted, downweighted, bool(moved < STEADY))
 
 
-def _different(ends: list[Descent], most: int = 4) -> list[Descent]:
+def _different(ends: list[Descent]) -> list[Descent]:
     """The first, and the best of the others whose numbers differ from all kept by more than 1 %."""
     kept = [ends[0]]
     for e in sorted((e for e in ends[1:] if np.isfinite(e.cost)), key=lambda e: e.cost):
         apart = (np.max(np.abs(e.p - o.p) / np.maximum(np.abs(o.p), 1e-6), initial=0.0) for o in kept)
         if all(a > DIFFERENT for a in apart):
             kept.append(e)
-    return kept[:most]
+    return kept[:MOST_ENDS]

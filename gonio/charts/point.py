@@ -61,9 +61,9 @@ class Settings:
     quick: bool = False
     pace: Pace = dataclasses.field(default_factory=Pace)
 
-    def clock(self, rounds: int = 7) -> tuple[int, float]:
+    def clock(self) -> tuple[int, float]:
         """Rounds of timing, and seconds for each call of them: three and 0.1 s for a quick chart."""
-        return (3, 0.1) if self.quick else (rounds, 0.5)
+        return (3, 0.1) if self.quick else (7, 0.5)
 
 
 @dataclasses.dataclass(frozen=True)

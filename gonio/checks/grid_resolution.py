@@ -142,9 +142,9 @@ def hat_weights(nodes: np.ndarray, low: float, high: float, density: Callable[[n
     return np.bincount(k, mass * (1 - t), nodes.size) + np.bincount(k + 1, mass * t, nodes.size)
 
 
-def periodic_weights(nodes: np.ndarray, period: float = 2 * np.pi) -> np.ndarray:
-    """Half of the gaps on either side of each node of a closed axis."""
-    gaps = np.diff(np.append(nodes, nodes[0] + period))
+def periodic_weights(nodes: np.ndarray) -> np.ndarray:
+    """Half of the gaps on either side of each node of an axis that closes after a full turn."""
+    gaps = np.diff(np.append(nodes, nodes[0] + 2 * np.pi))
     return (gaps + np.roll(gaps, 1)) / 2
 
 

@@ -66,33 +66,26 @@ class LitDisc:
     words: str
 
 
-def lit_disc(
-    material: Material,
-    eye: tuple[float, float, float] = EYE,
-    lamp: tuple[float, float, float] = LAMP,
-    side: int = SIDE,
-) -> LitDisc:
+def lit_disc(material: Material, lamp: tuple[float, float, float] = LAMP, side: int = SIDE) -> LitDisc:
     """The picture of a disc of a spectral material, whose local x axis points outwards everywhere.
 
     Args:
         material: with wavelengths; its parameters are interpolated between them.
-        eye: place of the eye, in radii of the disc.
-        lamp: place of the lamp, a point.
+        lamp: place of the lamp, a point, in radii of the disc.
         side: pixels.
 
     Raises:
-        GonioError: for a material without wavelengths, and places below the disc.
+        GonioError: for a material without wavelengths, and a lamp below the disc.
     """
-    for name, place in (("eye", eye), ("lamp", lamp)):
-        if place[2] <= 0:
-            raise GonioError(f"the {name} is at the height {place[2]:g}, below the disc; give one above 0")
+    if lamp[2] <= 0:
+        raise GonioError(f"the lamp is at the height {lamp[2]:g}, below the disc; give one above 0")
     step = (np.arange(side) + 0.5) * 2 / side - 1
     x, y = np.meshgrid(step, -step)
     r = np.hypot(x, y)
     inside = (r < 1) & (r > INNER)
     x, y, r = x[inside], y[inside], r[inside]
     wi, distance2 = _local(lamp, x, y, r)
-    wo, _ = _local(eye, x, y, r)
+    wo, _ = _local(EYE, x, y, r)
     brdf = at_wavelengths(material, FINEST)
     radiance = evaluate_in_blocks(brdf, wi, wo) * (wi.z / distance2)[:, None]
     colour = channel_colour(Channels.of_wavelengths(FINEST.tolist()))

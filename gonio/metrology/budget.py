@@ -10,8 +10,6 @@ from scipy.special import stdtrit
 COVERAGE = 2.0
 """k of the expanded uncertainty: 95.45 % of a normal distribution."""
 LEVEL = math.erf(COVERAGE / math.sqrt(2.0))
-FEW_FREEDOM = 50.0
-"""Effective degrees of freedom below which k = 2 covers noticeably less."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -24,8 +24,6 @@ from gonio.models.geometry.sides import FRONT
 POLAR = ("theta_i", "theta_o", "theta_h", "theta_d")
 RING = 8
 """Directions about the centre of an aperture's disc."""
-Slopes = Callable[[Direction, Direction], np.ndarray]
-"""f (n, C), 1/sr, near the directions of a table."""
 
 
 def interpolated(table: Table) -> AbstractBRDF:

@@ -32,7 +32,6 @@ TRIES, MOST_GROWTH = 12, 16.0
 STUCK = 0.9
 """Of the uncertainty, still there after twice the time or more: it is not that of counting."""
 LEAST_SEPARATION = 1.0
-NONE = (float("nan"), float("nan"))
 NEAR = 0.02
 """A target is met where the uncertainty is at most so much, as a share, below it."""
 

@@ -84,7 +84,8 @@ def true_numbers(truth: str, channels: tuple[str, ...] = ("grey",)) -> dict[str,
     return answers
 
 
-def _fujii(mu: np.ndarray, r: float = 0.7) -> np.ndarray:
+def _fujii(mu: np.ndarray) -> np.ndarray:
+    r = 0.7
     s = np.sqrt(1 - mu**2)
     g = s * (np.arccos(mu) - s * mu) + 2 / 3 * (s / mu * (1 - s**3) - s)
     return (1 + r * g / np.pi) / (1 + (0.5 - 2 / (3 * np.pi)) * r)

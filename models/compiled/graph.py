@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-FLOATS, INTEGERS = ("f32", "f64"), ("i32", "i64")
+FLOATS = ("f32", "f64")
 DTYPES: dict[str, Any] = {"f32": np.float32, "f64": np.float64, "i32": np.int32, "i64": np.int64, "i1": np.bool_}
 BITS = {"f32": "i32", "f64": "i64"}
 """The integers that the bits of a number of each precision are."""

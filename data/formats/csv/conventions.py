@@ -30,9 +30,9 @@ def convention(quantity: str | None, mirror_azimuth: float | None) -> Convention
     return Convention(quantity or "brdf", quantity is not None, mirror)
 
 
-def coverage_factor(stated: float | None, otherwise: float = 1.0) -> float:
+def coverage_factor(stated: float | None) -> float:
     """k of a file's uncertainties, by what a caller states. Raises GonioError for what is none."""
-    k = otherwise if stated is None else stated
+    k = 1.0 if stated is None else stated
     if not 0 < k < math.inf:
         raise GonioError(f"the coverage factor is {k}; give a number above 0, such as 2")
     return float(k)

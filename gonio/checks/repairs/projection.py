@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-STEPS = 200
+STEPS, TOLERANCE = 200, 1e-12
 
 
 class Projection(NamedTuple):
@@ -25,12 +25,7 @@ class Projection(NamedTuple):
 
 
 def nearest(
-    start: np.ndarray,
-    weight: np.ndarray,
-    rows: sparse.csr_array,
-    limit: np.ndarray,
-    nonnegative: bool = False,
-    tolerance: float = 1e-12,
+    start: np.ndarray, weight: np.ndarray, rows: sparse.csr_array, limit: np.ndarray, nonnegative: bool = False
 ) -> Projection:
     """The point nearest to `start` (n,), in the norm of `weight` (n,) > 0, with rows @ y ≤ limit (m,), absolute."""
     multipliers = np.zeros(limit.size)
@@ -47,7 +42,7 @@ def nearest(
     for steps in range(STEPS):  # noqa: B007
         over = rows @ y - limit
         slack = np.where(multipliers > 0, np.abs(over), np.maximum(over, 0.0))
-        if not slack.size or slack.max() <= tolerance:
+        if not slack.size or slack.max() <= TOLERANCE:
             break
         active = np.flatnonzero((multipliers > 0) | (over > 0))
         some = rows[active]

@@ -20,7 +20,6 @@ Smith = Literal["correlated", "separable"]
 C1, C2 = 0.5 - 2 / (3 * np.pi), 2 / 3 - 28 / (15 * np.pi)
 """Of the energy-preserving Oren–Nayar model [Portsmouth, Kutz & Hill 2024]."""
 F82_COSINE = 1 / 7
-SQRT_PI = np.sqrt(np.pi)
 
 
 def column(values: Array) -> Array:
@@ -99,8 +98,8 @@ def conductor(cos_d: Array, eta: Value, k: Value) -> Array:
 
 
 @functools.cache
-def _unit_rule(count: int = 48) -> tuple[Array, Array]:
-    x, w = np.polynomial.legendre.leggauss(count)
+def _unit_rule() -> tuple[Array, Array]:
+    x, w = np.polynomial.legendre.leggauss(48)
     return (x + 1) / 2, w / 2
 
 

@@ -40,11 +40,6 @@ def distinct(entries: Sequence[StandardQuantity]) -> list[Integral]:
     return list(dict.fromkeys(i for entry in entries for i in entry.integrals))
 
 
-def made_of(entry: StandardQuantity, integrals: Sequence[Integral], values: np.ndarray) -> np.ndarray:
-    """A quantity (C,), or () of one number, of the values (J, C) of all integrals."""
-    return np.asarray(entry.combine(values[[integrals.index(i) for i in entry.integrals]]))
-
-
 def slopes(entry: StandardQuantity, values: np.ndarray) -> np.ndarray:
     """Slopes (J, C) of a quantity by its own integrals (J, C): of each channel by its own, of one number by all.
 

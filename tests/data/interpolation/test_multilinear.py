@@ -7,16 +7,14 @@ import pytest
 
 from gonio.data import layouts
 from gonio.data.flags import Flag
-from gonio.data.formats.rgl_file import read_rgl
 from gonio.data.interpolation.inverse_distance import MAX_SAMPLES, scattered_material
-from gonio.data.interpolation.multilinear import as_material, coarsened, interpolation, interpolation_error
+from gonio.data.interpolation.multilinear import as_material, coarsened, interpolation
 from gonio.data.table import whole_table_of_values
 from gonio.data.tabulate import grid_values
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
-from support import helpers
 
 TURN = 2 * np.pi
 
@@ -84,22 +82,13 @@ def test_it_is_exact_at_its_nodes_and_says_how_it_works(name):
     assert as_material(table).isotropic == (name not in ("spherical", "anisotropic half_difference"))
 
 
-def test_the_estimated_error_is_that_of_a_smooth_material():
+def test_half_the_nodes_err_four_times_as_much_on_a_smooth_material():
     table = table_of(GRIDS["isotropic"](24))
-    wi, wo = random_pairs(lowest=0.05)
-    truth, values = (np.asarray(evaluate(m, wi, wo)) for m in (Smooth(), as_material(table)))
-    actual = np.sqrt(np.mean((values - truth) ** 2))
-    guess = interpolation_error(table)
-    assert 0.4 * actual < guess.rms_absolute < 2.5 * actual
-    assert guess.median < guess.percentile_95 < guess.largest and guess.compared > 10_000
-    assert coarsened(table).layout.shape == (13, 13, 24)
-
-
-def test_a_lobe_that_the_grid_misses_shows_in_the_estimate():
-    grid = GRIDS["isotropic"](12)
-    f = np.full(grid.shape, 0.1)
-    f[5, 5, 12] = 1000.0
-    assert interpolation_error(whole_table_of_values(grid, f)).largest > 0.3
+    wi, wo = random_pairs()
+    coarse = coarsened(table)
+    truth, whole, half = (np.asarray(evaluate(m, wi, wo)) for m in (Smooth(), as_material(table), as_material(coarse)))
+    errors = [np.sqrt(np.mean((values - truth) ** 2)) for values in (whole, half)]
+    assert coarse.layout.shape == (13, 13, 24) and 1.6 < np.log2(errors[1] / errors[0]) < 2.5
 
 
 def test_cells_without_a_value_take_no_part():
@@ -178,10 +167,5 @@ def test_a_formats_own_interpolant_is_used():
         table_of(GRIDS["merl"](12)), interpolant=lambda coarse=False: 2.0 * Smooth() if coarse else Smooth()
     )
     assert isinstance(as_material(table), Smooth) and "own rule" in interpolation(table)
-    assert interpolation_error(table).median == pytest.approx(2 / 9)
-
-
-def test_the_estimate_for_a_real_measurement_is_a_few_per_cent():
-    table = read_rgl(helpers.shared("data", "rgl", "acrylic_felt_white_rgb.bsdf"))
-    error = interpolation_error(table, theta_max=np.radians(70))
-    assert 1e-4 < error.median < 0.03 and error.compared > 3000
+    wi, wo = random_pairs()
+    np.testing.assert_allclose(evaluate(as_material(coarsened(table)), wi, wo), 2 * evaluate(Smooth(), wi, wo))

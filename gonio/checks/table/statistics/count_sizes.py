@@ -25,7 +25,7 @@ class CountSizes:
     bound: other noise makes it larger, and with it the tails. 0 where all f are 0, and where f or u is unknown or u 0.
     """
 
-    def __init__(self, theta: np.ndarray, kind: np.ndarray | int = 0) -> None:
+    def __init__(self, theta: np.ndarray, kind: np.ndarray | int) -> None:
         nodes = np.unique(theta)
         new = np.diff(nodes, prepend=nodes[:1]) > SAME_THETA
         of_theta = np.cumsum(new)[np.searchsorted(nodes, theta)]
@@ -94,11 +94,6 @@ class KnownSizes:
             f[there], u[there] = part_f[number], part_u[number]
             start += part_f.size
         return f, u
-
-
-def quantum(theta: np.ndarray, f: np.ndarray, u: np.ndarray, kind: np.ndarray | int = 0) -> np.ndarray:
-    """The `CountSizes` of all of n readings, (n,)."""
-    return CountSizes(theta, kind).of((f, u)).of_readings(np.arange(f.size))
 
 
 def _least_count(signal: np.ndarray, variance: np.ndarray) -> float:

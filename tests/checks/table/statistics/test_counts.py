@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, skellam
 
-from gonio.checks.table.statistics.count_sizes import quantum
+from gonio.checks.table.statistics.count_sizes import CountSizes
 from gonio.checks.table.statistics.counts import difference_p, family_p, sidak
 from gonio.checks.table.statistics.sum_tests import Counted, sums_p
 
@@ -36,15 +36,20 @@ def test_a_family_has_the_level_that_was_asked():
     assert sidak(0.01, 1) == pytest.approx(0.01)
 
 
+def quantum(f, u):
+    """The size of a count by readings (n,) of one incidence, at each of them."""
+    return CountSizes(np.zeros(f.size), 0).of((f, u)).of_readings(np.arange(f.size))
+
+
 def test_the_size_of_a_count_is_found():
     rng = np.random.default_rng(0)
     expected, scale = rng.uniform(0.01, 0.5, 4000), 200.0
     f = rng.poisson(expected * scale) / scale
     noisy = np.sqrt(expected / scale + (0.1 * expected) ** 2)
     for u in (np.sqrt(expected / scale), noisy):
-        assert np.median(quantum(np.zeros(4000), f, u)) * scale == pytest.approx(1, abs=0.4)
+        assert np.median(quantum(f, u)) * scale == pytest.approx(1, abs=0.4)
     # Noise in proportion has no counts: what is found is too small to change a tail.
-    q = quantum(np.zeros(4000), expected, 0.02 * expected)
+    q = quantum(expected, 0.02 * expected)
     assert np.max(q / (0.02 * expected)) < 0.05
 
 
@@ -70,4 +75,4 @@ def test_sums_of_counts_have_tails_no_lighter_than_their_law(expected, pairs):
 def test_the_size_of_a_count_is_not_too_small_where_few_were_met(expected):
     rng = np.random.default_rng(1)
     f = rng.poisson(expected, 3000).astype(float)
-    assert np.median(quantum(np.zeros(3000), f, np.full(3000, np.sqrt(expected)))) > 0.85
+    assert np.median(quantum(f, np.full(3000, np.sqrt(expected)))) > 0.85
