@@ -85,7 +85,8 @@ def albedo_series(energy: Property, channels: Channels) -> AlbedoSeries | None:
         return None
     # None stands for NaN; of a single channel there may be one list without a channel axis.
     albedo, bound = (np.array(energy.series[k], float).reshape(-1, theta.size) for k in ("albedo", "bound"))
-    return AlbedoSeries(theta, albedo, bound, channels.names if len(albedo) == len(channels) else ("grey",))
+    names = energy.facts.get("of_channels") or (channels.names if len(albedo) == len(channels) else ("grey",))
+    return AlbedoSeries(theta, albedo, bound, tuple(names))
 
 
 def channel_colours(colour: str, names: Sequence[str]) -> list[str]:

@@ -189,7 +189,7 @@ def _compared_albedos(subjects: Sequence[ReportSubject]) -> ReportFigure | None:
     for s in subjects:
         series = _albedo_of(s)
         if series is not None:
-            k = s.shown if len(series.names) > 1 else 0
+            k = s.shown if len(series.names) == len(s.channels) else len(series.names) // 2
             x, albedo, bound = series.theta_i, series.albedo[k], series.bound[k]
             curves.append(AlbedoCurve(x, albedo, bound, shortened(s.name), s.look.colour, dash=s.look.dash))
             numbers = {"theta_i_deg": rounded(x), "albedo": rounded(albedo), "bound": rounded(bound)}

@@ -187,7 +187,7 @@ def _hemispherical(s: ReportSubject) -> list[dict[str, Any]]:
     if energy is None or values is None:
         return []
     bounds = energy.facts.get("hemispherical_bound") or [None] * len(values)
-    names = s.channels.names if len(values) == len(s.channels) else ["grey"]
+    names = energy.facts.get("of_channels") or (s.channels.names if len(values) == len(s.channels) else ["grey"])
     return [{"channel": n, "albedo": v, "bound": b} for n, v, b in zip(names, values, bounds, strict=True)]
 
 

@@ -28,6 +28,7 @@ RADIANS = ("rad", "radian", "radians")
 NANOMETRES = {"nm": 1.0, "": 1.0, "μm": 1e3, "µm": 1e3, "um": 1e3, "m": 1e9}
 STOKES = {(1.0, 1.0, 0.0, 0.0): "s", (1.0, -1.0, 0.0, 0.0): "p", (1.0, 0.0, 0.0, 0.0): "u"}
 """Normalised Stokes vectors by their letters."""
+UNPOLARISED = ("u", "u to u")
 ANGLES = ("theta_i", "phi_i", "theta_r", "phi_r")
 
 
@@ -249,10 +250,10 @@ def _channels(rows: _Rows) -> tuple[np.ndarray, Channels]:
     if rows.wavelengths_nm is None:
         return channel.reshape(-1), Channels(tuple(state or "grey" for _, state in keys) or ("grey",))
     channels = Channels.of_wavelengths(sorted({w for w, _ in keys}))
-    if len(states) > 1:
+    if len(states) > 1 or states[0] not in ("", *UNPOLARISED):
         short = dict(zip(channels.wavelengths_nm or (), channels.names, strict=True))
         channels = Channels(tuple(f"{short[w]} {state}" for w, state in keys), tuple(w for w, _ in keys))
-    elif states != [""]:
+    if len(states) == 1 and states != [""]:
         rows.understood.append(f"polarisation {states[0]}")
     return channel.reshape(-1), channels
 

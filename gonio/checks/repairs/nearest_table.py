@@ -11,6 +11,7 @@ from gonio.checks.certificate import Certificate
 from gonio.checks.repairs.albedo_rows import albedo_rows
 from gonio.checks.repairs.projection import Projection, nearest
 from gonio.checks.table.evidence import LEVEL
+from gonio.checks.table.polarisations import is_polarised
 from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.reflection_only import require_reflection
@@ -76,6 +77,11 @@ def repair(
     table = _table(table)
     if table.interpolant is not None:
         require_reflection(table, table.name or "the table", "a repair of a file that interpolates by its own rule")
+    if is_polarised(table.channels.names):
+        raise GonioError(
+            "a repair takes each channel by itself, and polarised ones have their exchanged readings in others; name"
+            " the channels otherwise where they are none"
+        )
     table, remark = _on_a_grid(table, step)
     readings = [_Channel.of(table, c) for c in range(len(table.channels))]
     if not any(channel.valid.any() for channel in readings):

@@ -14,6 +14,7 @@ from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.further_readings import FurtherBySide
 from gonio.checks.table.one_azimuth import ISOTROPIC, isotropy_at_normal_incidence, taken_as_mirrored
 from gonio.checks.table.pairs.displacement import cosine_error, misalignment, miscalibration
+from gonio.checks.table.polarisations import by_state_of_light, is_polarised, light_of_states, not_all_of_the_light
 from gonio.checks.table.statistics.counts import critical, sidak
 from gonio.data.interpolation.sheets import sheet_of
 from gonio.data.table import Table
@@ -111,6 +112,10 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
     incidence.
     """
     judged = _by_readings_or_model(evidence, tolerance)
+    lacking = not_all_of_the_light(evidence.table.channels.names)
+    if lacking and judged.verdict != FAIL and judged.residual is not None:
+        judged.verdict = UNDECIDED
+        judged.detail += lacking
     return _of_both_sides(judged, evidence) if taken_as_mirrored(evidence.table) else judged
 
 
@@ -231,8 +236,12 @@ def _judged(albedos: Albedos, evidence: TableEvidence, tolerance: float) -> Prop
     more = more + stated
     names = evidence.table.channels.names if len(evidence.table.channels) > 1 else ()
     albedos = dataclasses.replace(albedos, above=albedos.above + more, below=albedos.below + more, channels=names)
+    if is_polarised(names):
+        albedos = by_state_of_light(albedos, light_of_states(names))
     judged = with_hemispherical(energy_property(albedos, tolerance), albedos)
     judged.series = series_of(albedos)
+    if is_polarised(names):
+        judged.facts["of_channels"] = list(albedos.channels)
     with np.errstate(invalid="ignore"):
         refused = ~np.all(albedos.value + albedos.above <= 1 + tolerance, axis=1)
     passes_below = float(np.degrees(albedos.theta_i[refused].min())) if refused.any() else 90.0

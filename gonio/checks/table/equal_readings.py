@@ -29,9 +29,10 @@ from gonio.checks.table.pairs.displacement import displaced, displacement
 from gonio.checks.table.pairs.equal_pairs import some_of
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import pair_angles
+from gonio.checks.table.polarisations import is_polarised, unmatched, with_exchanged_states
 from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
 from gonio.data.interpolation.sheets import sheet_of
-from gonio.models.display import percent
+from gonio.models.display import listed, percent
 from gonio.models.errors import GonioError
 from gonio.models.geometry.sides import Sides
 
@@ -94,6 +95,12 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
     what = "f(wi, wo) and f(wo, wi)"
     if isinstance(pairs, str):
         return _equal("reciprocity", evidence, pairs, None, tolerance, what)
+    names = evidence.table.channels.names
+    pairs, alone = with_exchanged_states(pairs, names), unmatched(names)
+    if len(alone) == len(names):
+        return without_residual("reciprocity", NOT_TESTABLE, tolerance, f"Not testable:{_of_states(alone)}", pairs=0)
+    if is_polarised(names):
+        what += " of exchanged polarisations"
     untestable = _lit_from_one_side(evidence.table.sides)
     sign = np.sign(np.round(pairs.angles[:, 0] - pairs.angles[:, 2], 9))
     compared = compare(evidence, pairs, sign)
@@ -122,11 +129,17 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
         judged.verdict = NOT_TESTABLE if judged.verdict == PASS else judged.verdict
     share, where = uncovered(readings, pairs.angles[compared.differences.comparable])
     judged.facts["share_not_compared"] = share
-    if share > MOST_UNCOVERED and judged.verdict == PASS:
+    if (share > MOST_UNCOVERED or alone) and judged.verdict == PASS:
         judged.verdict = UNDECIDED
+    judged.detail += _of_states(alone) if alone else ""
     if share > 0:
         judged.detail += f" Nothing exchanged was read for {percent(share)} of the readings, {where}: undecided there."
     return judged
+
+
+def _of_states(alone: list[str]) -> str:
+    """Which channels were compared with nothing."""
+    return f" the exchanged polarisations of {listed(alone)} were not read."
 
 
 def _of_incidences(evidence: TableEvidence) -> str:

@@ -5,6 +5,7 @@ import numpy as np
 from gonio.checks.certificate import UNDECIDED, Property, place_of, verdict_of, without_residual
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs.places import angles_of
+from gonio.checks.table.polarisations import are_radiances
 from gonio.data.flags import Flag
 
 FEW_SIGMA = 3.0
@@ -21,10 +22,11 @@ def table_positivity(evidence: TableEvidence, tolerance: float) -> Property:
     table = evidence.table
     valid = negative = unexplained = 0
     least, cell, channel, sizes = np.inf, 0, 0, []
+    radiances = are_radiances(table.channels.names)
     step = max(1, table.layout.size * len(table.channels) // SIZES)
     for start, stop in table.blocks(BLOCK):
         block = table.read_values(start, stop)
-        ok, f = block["flag"] == Flag.VALID, block["f"]
+        ok, f = (block["flag"] == Flag.VALID) & radiances, block["f"]
         below = ok & (f < 0)
         valid, negative = valid + int(ok.sum()), negative + int(below.sum())
         if below.any():
