@@ -2,7 +2,8 @@
 
 What is neglected at all readings, e of each in units of its noise, moves no combination of a fit's numbers by more than
 √Σe² of its standard uncertainty [Cauchy–Schwarz on the projection by the normal equations]. Of all choices that keep
-this sum, the one of fewest nodes is taken: each reading has the rule of least nodes + λe².
+this sum, beside what even the finest rules leave, the one of fewest nodes is taken: each reading has the rule of least
+nodes + λe².
 """
 
 import dataclasses
@@ -207,11 +208,13 @@ def _in_front(w: Direction) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _cheapest(error: np.ndarray, problem: FitProblem, kinds: np.ndarray) -> np.ndarray:
-    """The step (n,) of each reading, of errors (steps, n): fewest nodes in all that keep `ALLOWED`."""
+    """The step (n,) of each reading, of errors (steps, n): fewest nodes in all that keep `ALLOWED`.
+
+    What is left of a reading at its best step counts apart: where one has no rule that is fine enough, finer ones at
+    all others would not make up for it.
+    """
     steps = np.zeros(error.shape[1], int)
     known = np.flatnonzero(np.isfinite(error[1]))
-    rest = np.delete(error[0], known)
-    budget = ALLOWED**2 - float(np.sum(rest**2))
     if not known.size or np.sum(error[0] ** 2) <= ALLOWED**2:
         return steps
     sizes = disc_rules(problem.readings.half_angles).sizes
@@ -220,8 +223,9 @@ def _cheapest(error: np.ndarray, problem: FitProblem, kinds: np.ndarray) -> np.n
     for last, kind in itertools.product(np.unique(length).tolist(), range(KINDS)):
         cells = known[(length == last) & (kinds[known] == kind)]
         if cells.size:
-            groups.append((cells, sizes[kind : KINDS * last : KINDS, None], error[:last, cells] ** 2))
-    log2 = _multiplier(groups, budget)
+            squares = error[:last, cells] ** 2
+            groups.append((cells, sizes[kind : KINDS * last : KINDS, None], squares - squares.min(axis=0)))
+    log2 = _multiplier(groups, ALLOWED**2)
     for cells, nodes, squares in groups:
         steps[cells] = np.argmin(nodes + 2.0**log2 * squares, axis=0)
     return steps
