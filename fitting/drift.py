@@ -98,7 +98,7 @@ def _amount(c: _Residuals, place: np.ndarray, p: np.ndarray) -> tuple[float, np.
     if abs(along) < SCREENED * math.sqrt(c.noise * float(np.sum((c.problem.weight * shift) ** 2))):
         return 0.0, np.zeros_like(p)
     step = step_towards(c.problem.retargeted(c.problem.targets + shift), p)
-    taken = c.problem.compared(np.asarray(c.problem.model_values(p + step))) - c.problem.targets
+    taken = c.problem.compared(c.problem.values_near(p, step)) - c.problem.targets
     unexplained = c.problem.weight * (shift - taken)
     size = float(np.sum(unexplained**2))
     noise = c.noise * channel_effect(c.weighted / math.sqrt(c.noise), c.problem.weight > 0)

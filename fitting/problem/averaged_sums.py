@@ -1,5 +1,6 @@
 """Normal equations of averages over discs, by compiled loops: lobes at the nodes added up, then sums over readings."""
 
+import copy
 import functools
 from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
@@ -41,6 +42,10 @@ LANES = 8
 LEAST, MOST, WORK = 512, 2048, 1 << 18
 """Readings whose averages are formed at a time, a multiple of a vector's numbers: they stay in a core's cache; and
 readings times pairs of nodes, of more than the least."""
+ALONE = 1 << 15
+"""The same, up to which all of it is done before another thread wakes."""
+MOST_KEPT = 1 << 22
+"""Numbers of averages that are kept for problems of other targets."""
 
 
 class AveragedReadings(NamedTuple):
@@ -105,6 +110,16 @@ class _Programs:
         with LOCK:
             return AddingProgram(Rows(rows, self._leaves, self._s.size, (1,) * axes, numbers, prepared=apart))
 
+    def moved(self, averages: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Averages of a part's lobes, which change by their slopes where its numbers move by a step."""
+        moved, shape = averages.copy(), self._shapes.values.shape
+        split = 1 + shape[0] * shape[1]
+        values, slopes = moved[1:split].reshape(*shape, -1), averages[split:].reshape(-1, shape[1], averages.shape[1])
+        shapes = [g for t in range(shape[0]) for g in self._s.free if g.term == t and not g.linear]
+        for g, slope in zip(shapes, slopes, strict=True):
+            values[g.term] += step[self._s.of(g), None] * slope
+        return moved
+
     def _sums(self, full: bool) -> SumsProgram:
         """Of products of rows; `full` with those times residuals, and f."""
         number = self.channels * self.size
@@ -167,6 +182,21 @@ def _nodes(half_angles: tuple[float, float], rule: int) -> np.ndarray:
     return np.ascontiguousarray(np.hstack([of_discs[0][first], of_discs[1][second]]).T)
 
 
+class _LastAverages:
+    """The averages of all pieces at the numbers where they were formed last, by the piece's place."""
+
+    def __init__(self) -> None:
+        """Nothing is known yet."""
+        self._numbers = b""
+        self._pieces: dict[int, list[np.ndarray]] = {}
+
+    def of(self, p: np.ndarray) -> dict[int, list[np.ndarray]]:
+        """Those at numbers p (P,), as far as they are known: to be filled by whoever forms more."""
+        if self._numbers != p.tobytes():
+            self._numbers, self._pieces = p.tobytes(), {}
+        return self._pieces
+
+
 class _Piece(NamedTuple):
     """Some readings of one rule, padded: where they stand, |cosθi|, targets and weights.
 
@@ -198,30 +228,64 @@ class BoundAverages:
             for rule in np.unique(readings.rules).tolist()
             for piece in _pieces(readings, rule, np.flatnonzero(readings.rules == rule))
         ]
+        self._last = _LastAverages()
+
+    def compared_with(self, target: np.ndarray, weight: np.ndarray) -> "BoundAverages":
+        """The sums of the same readings with other targets and weights (n, C): what is averaged serves both."""
+        other = copy.copy(self)
+        other._readings = self._readings._replace(target=target, weight=weight)
+        other._pieces = [
+            piece._replace(target=_padded(target, piece), weight=_padded(weight, piece)) for piece in self._pieces
+        ]
+        return other
 
     def __call__(self, p: Float[np.ndarray, "s p"], full: bool) -> Sums | None:
         """The sums at S vectors of free numbers, `full` with f of one of them; None where XLA has to compute them."""
-        p, pieces = np.ascontiguousarray(p, float), self._pieces
+        return self._run(np.ascontiguousarray(p, float), full)
+
+    def values_near(self, p: Float[np.ndarray, " p"], step: Float[np.ndarray, " p"]) -> Float[np.ndarray, "n c"] | None:
+        """f of the readings at p + step, to first order in the step of shapes; None where XLA has to compute it."""
+        sums = self._run(np.array(p[None], float), True, np.asarray(step, float))
+        return None if sums is None else sums.f
+
+    def _run(self, p: np.ndarray, full: bool, step: np.ndarray | None = None) -> Sums | None:
+        """The sums at each vector p (S, P), of averages there; `step` (P,): to first order in it, a step further."""
+        pieces, channels = self._pieces, self._programs.channels
         try:
             programs = [self._averages(piece.rule) for piece in pieces], self._programs.sums(full)
         except Unsupported:
             return None
         f = np.zeros(self._readings.weight.shape) if full else None
+        known, there = self._known(p), p if step is None else p + step
         sums: list[list[np.ndarray | None]] = [[None] * len(pieces) for _ in p]
 
         def work(first: int, last: int) -> int:
             for k in range(first, last):
                 s, number = divmod(k, len(pieces))
-                sums[s][number] = self._of_piece(pieces[number], (programs[0][number], programs[1]), p[s], f)
+                piece, lobes = pieces[number], None if known is None else known.get(number)
+                if lobes is None:
+                    lobes = self._averages_of(piece, programs[0][number], p[s])
+                if lobes is not None:
+                    if known is not None:
+                        known[number] = lobes
+                    lobes = lobes if step is None else self._moved(lobes, step)
+                    sums[s][number] = self._sums_of(piece, programs[1], there[s], lobes, f)
             return 0
 
-        workers.share(work, len(p) * len(pieces), 1)
+        together = len(p) * len(pieces)
+        alone = len(p) * sum(len(piece.target) * piece.kept[0].shape[1] for piece in pieces) <= ALONE
+        workers.share(work, together, together if alone else 1)
         if any(part is None for row in sums for part in row):
             return None
-        parts = self._programs.parts
         total = np.array(sums, float).reshape(len(p), len(pieces), -1).sum(axis=1)
-        squares = squares_of_pairs(total.reshape(-1, programs[1].products), 1 + full, self._programs.channels)
-        return Sums(parts.joined_squares(squares.reshape(len(p), -1, *squares.shape[1:])), f)
+        squares = squares_of_pairs(total.reshape(-1, programs[1].products), 1 + full, channels)
+        return Sums(self._programs.parts.joined_squares(squares.reshape(len(p), -1, *squares.shape[1:])), f)
+
+    def _known(self, p: np.ndarray) -> dict[int, list[np.ndarray]] | None:
+        """What is known of the averages at one vector (1, P), by piece; None of several, and of what would be large."""
+        rows = self._programs.averaged_parts * (1 + self._programs.lobes)
+        kept = len(p) == 1 and rows * len(self._readings.weight) <= MOST_KEPT
+        return self._last.of(p[0]) if kept else None
 
     def _averages(self, rule: int) -> AddingProgram:
         rules = disc_rules(self._readings.half_angles)
@@ -230,30 +294,45 @@ class BoundAverages:
         cut = rules.counts[rule] > 1 if rule % KINDS == CUT else np.zeros(2, bool)
         return self._programs.averages((bool(cut[0]), bool(cut[1])))
 
-    def _of_piece(
-        self, piece: _Piece, programs: tuple[AddingProgram, SumsProgram], p: np.ndarray, f: np.ndarray | None
+    def _averages_of(self, piece: _Piece, program: AddingProgram, p: np.ndarray) -> list[np.ndarray] | None:
+        """Sums of weights, and of weights times lobes, over the nodes of a piece; in each part that has its own."""
+        parts, sizes, averages = self._programs.parts, (piece.kept[0].shape[1], len(piece.target)), []
+        for m, numbers in enumerate(parts.numbers[: self._programs.averaged_parts]):
+            if program.rows.prepared:
+                places, parameters = piece.averaged, self._prepared(program.rows, m, p[numbers].tobytes())
+            else:
+                places = np.concatenate([p.ctypes.data + 8 * numbers, piece.averaged]).astype(np.uintp)
+                parameters = self._parameters(program.rows, m)
+            averages.append(program(parameters, places, sizes))
+        return None if any(a is None for a in averages) else averages
+
+    def _moved(self, averages: list[np.ndarray], step: np.ndarray) -> list[np.ndarray]:
+        """The averages of lobes where numbers have moved by a step (P,), to first order."""
+        programs = self._programs
+        return [programs.moved(a, step[programs.parts.numbers[m]]) for m, a in enumerate(averages)]
+
+    def _sums_of(
+        self, piece: _Piece, program: SumsProgram, p: np.ndarray, averages: list[np.ndarray], f: np.ndarray | None
     ) -> np.ndarray | None:
-        averages, total = programs
-        parts, sizes = self._programs.parts, (piece.kept[0].shape[1], len(piece.target))
-        sums, values, lobes = [], np.zeros((len(parts.channels), len(piece.target), self._programs.channels)), None
+        """Sums over the readings of a piece, of all parts; their values go to `f`."""
+        parts, sums = self._programs.parts, []
+        values = np.zeros((len(parts.channels), len(piece.target), self._programs.channels))
         for m, numbers in enumerate(parts.numbers):
-            free = p.ctypes.data + 8 * numbers
-            if m < self._programs.averaged_parts:
-                if averages.rows.prepared:
-                    places, parameters = piece.averaged, self._prepared(averages.rows, m, p[numbers].tobytes())
-                else:
-                    places = np.concatenate([free, piece.averaged]).astype(np.uintp)
-                    parameters = self._parameters(averages.rows, m)
-                lobes = averages(parameters, places, sizes)
-            if lobes is None:
-                return None
+            lobes = averages[min(m, len(averages) - 1)]
             strided = [a.ctypes.data + 8 * parts.channels[m] for a in (piece.target, piece.weight)]
             places = [piece.cosine.ctypes.data], _rows_of(lobes), *strided, [values[m].ctypes.data] * (f is not None)
-            addresses = np.concatenate([free, *places]).astype(np.uintp)
-            sums.append(total(self._parameters(total.rows, m), addresses[None], len(piece.target)))
+            addresses = np.concatenate([p.ctypes.data + 8 * numbers, *places]).astype(np.uintp)
+            sums.append(program(self._parameters(program.rows, m), addresses[None], len(piece.target)))
         if f is not None:
             f[piece.cells] = parts.joined_values(values)[: piece.cells.size]
         return None if any(a is None for a in sums) else np.concatenate(sums, axis=1)[0]
+
+
+def _padded(a: np.ndarray, piece: _Piece) -> np.ndarray:
+    """Values of the readings (n, C), of a piece's alone and 0 beyond them."""
+    laid = np.zeros_like(piece.target)
+    laid[: piece.cells.size] = a[piece.cells]
+    return laid
 
 
 def _rows_of(a: np.ndarray) -> np.ndarray:

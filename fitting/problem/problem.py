@@ -57,6 +57,7 @@ class FitProblem:
         target_norm_squared: Σ(w T(y c))².
         rules: number of the rule (n,) by which the model is averaged over the discs of each reading, see
             `disc_averages`; None: at their centres.
+        alike: sums of averages of a problem that differs in targets and weights alone.
     """
 
     parameters: Parameterisation
@@ -69,6 +70,7 @@ class FitProblem:
     floor: float
     target_norm_squared: float
     rules: np.ndarray | None = None
+    alike: BoundAverages | None = None
 
     @classmethod
     def create(
@@ -110,7 +112,7 @@ class FitProblem:
     @functools.cached_property
     def lanes(self) -> Lanes | None:
         """Where the readings are laid in blocks; None: one after another."""
-        if self.rules is None or not self.rules.any():
+        if self.rules is None or not self._averages:
             return None
         return Lanes.of(self.rules, self.readings.half_angles, block_of(self.parameters.channels))
 
@@ -154,9 +156,12 @@ class FitProblem:
 
     def compared_with(self, target: np.ndarray, cells: np.ndarray) -> "FitProblem":
         """The same problem on some of the cells, with targets T(y c) of these, (m, C)."""
+        if cells.size == self.weight.shape[0]:
+            return self.retargeted(target)
         rules = None if self.rules is None else self.rules[cells]
         readings, weight = self.readings.part(cells), rows_of(self.weight, cells)
-        return dataclasses.replace(self, readings=readings, weight=weight, rules=rules).retargeted(target)
+        part = dataclasses.replace(self, readings=readings, weight=weight, rules=rules, alike=None)
+        return part.retargeted(target)
 
     def averaged(self, rules: np.ndarray | None, cells: np.ndarray | None = None) -> "FitProblem":
         """The same problem with the model averaged by these rules (n,), on some of the cells if given."""
@@ -167,22 +172,26 @@ class FitProblem:
         if rules is None:
             return FitProblem.create(self.parameters, self.fixed, self.loss, readings, weight, self.floor)
         if cells is None:
-            return dataclasses.replace(self, rules=rules)
+            return dataclasses.replace(self, rules=rules, alike=None)
         targets = self.targets[cells]
         norm_squared = float(np.sum((weight * targets) ** 2))
         return dataclasses.replace(
-            self, readings=readings, weight=weight, targets=targets, target_norm_squared=norm_squared, rules=rules
-        )
+            self, readings=readings, weight=weight, targets=targets, target_norm_squared=norm_squared, rules=rules,
+            alike=None,
+        )  # fmt: skip
 
     def reweighted(self, weight: np.ndarray) -> "FitProblem":
         """The same problem with other weights (n, C); no array changes its shape, and nothing compiles again."""
-        norm_squared = float(np.sum((weight * self.targets) ** 2))
-        return dataclasses.replace(self, weight=_laid(weight), target_norm_squared=norm_squared)
+        return self._compared_anew(_laid(weight), self.targets)
 
     def retargeted(self, target: np.ndarray) -> "FitProblem":
         """The same problem with other targets T(y c), (n, C)."""
-        norm_squared = float(np.sum((self.weight * target) ** 2))
-        return dataclasses.replace(self, targets=_laid(target), target_norm_squared=norm_squared)
+        return self._compared_anew(self.weight, _laid(target))
+
+    def _compared_anew(self, weight: np.ndarray, targets: np.ndarray) -> "FitProblem":
+        alike, norm_squared = self._loop if self._averages else None, float(np.sum((weight * targets) ** 2))
+        other = dataclasses.replace(self, weight=weight, targets=targets, target_norm_squared=norm_squared)
+        return dataclasses.replace(other, alike=alike if isinstance(alike, BoundAverages) else None)
 
     def linearised(self) -> "FitProblem":
         """The problem of f itself, its residuals to first order in f − y: for `normal_equations(plain=True)`."""
@@ -239,6 +248,11 @@ class FitProblem:
         values = self._loop.values(p) if isinstance(self._loop, BoundSums) else None
         return self.evaluate(p, scores=False).f if values is None else values
 
+    def values_near(self, p: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """The model's f (n, C) at p + step (P,); where it is averaged, to first order in the step."""
+        values = self._loop.values_near(p, step) if isinstance(self._loop, BoundAverages) else None
+        return self.model_values(p + step) if values is None else values
+
     def values_at(self, p: np.ndarray, wi: Direction, wo: Direction) -> np.ndarray:
         """The model's f (n, C) at other directions (n,), by the same compiled program.
 
@@ -247,7 +261,7 @@ class FitProblem:
         none = _laid(np.broadcast_to(0.0, (wi.z.size, self.parameters.channels)))
         wi, wo = (laid_directions(w, self.parameters.channels) for w in (wi, wo))
         elsewhere = dataclasses.replace(
-            self, readings=Readings(wi, wo, none, none, none > 0), weight=none, targets=none, rules=None
+            self, readings=Readings(wi, wo, none, none, none > 0), weight=none, targets=none, rules=None, alike=None
         )
         return elsewhere.model_values(p)
 
@@ -289,9 +303,16 @@ class FitProblem:
     def _loop_of_f(self) -> BoundSums | BoundAverages | None:
         return self._bound("linear")
 
+    @property
+    def _averages(self) -> bool:
+        """Whether the model is averaged over discs."""
+        return self.rules is not None and bool(self.rules.any())
+
     def _bound(self, loss: str) -> BoundSums | BoundAverages | None:
-        if self.rules is None or not self.rules.any():
+        if self.rules is None or not self._averages:
             return bound_sums(self.parameters, loss, self.fixed, self.samples, self.weight.shape[0])
+        if self.alike is not None and loss == self.loss:
+            return self.alike.compared_with(self.targets, self.weight)
         readings, half_angles = self.readings, self.readings.half_angles
         of = AveragedReadings(readings.wi, readings.wo, self.targets, self.weight, self.rules, half_angles)
         return bound_averages(self.parameters, loss, self.fixed, self.floor, of)

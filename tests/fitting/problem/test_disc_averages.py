@@ -1,7 +1,9 @@
 """Averages over discs inside a fit's program, against midpoint rules in polar coordinates about the discs' axes."""
 
+import dataclasses
 import itertools
 
+import jax
 import numpy as np
 import pytest
 
@@ -94,6 +96,43 @@ def test_a_reading_is_the_same_whatever_stands_beside_it():
     step = 1e-6 * np.eye(3)
     costs = mixed.normal_equations(np.concatenate([P + step, P - step])).cost
     np.testing.assert_allclose((costs[:3] - costs[3:]) / 2e-6, total.gradient[0][np.argsort(mixed.order)], rtol=1e-5)
+
+
+def test_averages_serve_problems_of_other_targets_and_weights():
+    """Sums and values at numbers where a like problem was averaged before: those of a problem of its own."""
+    rng = np.random.default_rng(3)
+    n = 300
+    part = readings(rng.uniform(0, 1.4, n), rng.uniform(0, 1.4, n), rng.uniform(0, 6, n), (0.02, 0.03))
+    rules = rng.choice([0, KINDS, 2 * KINDS, 3 * KINDS + OPPOSED], n)
+    target, weight = rng.random((n, 1)), rng.random((n, 1))
+    averaged = problem_of(part).averaged(rules)
+    averaged.normal_equations(P[None])
+    like = averaged.retargeted(target).reweighted(weight)
+    own = problem_of(part).retargeted(target).reweighted(weight).averaged(rules)
+    for p in (P, 1.1 * P, P):
+        for a, b in zip(*(jax.tree.leaves(q.normal_equations(p[None])) for q in (like, own)), strict=True):
+            np.testing.assert_array_equal(a, b)
+        np.testing.assert_array_equal(like.model_values(p), own.model_values(p))
+    others = like.averaged(np.full(n, KINDS))
+    np.testing.assert_array_equal(others.model_values(P), averaged.averaged(np.full(n, KINDS)).model_values(P))
+    np.testing.assert_array_equal(like.subset(np.arange(50)).model_values(P), own.model_values(P)[:50])
+
+
+@pytest.mark.parametrize(("model", "channels"), [(MODEL, 1), ("lambert + ggx(alpha~[0.2, 0.3], f0=0.04)", 2)])
+def test_values_near_are_those_of_the_step_to_first_order(model: str, channels: int):
+    """What is off falls with the square of the step; of albedos and scales alone nothing is off."""
+    rng = np.random.default_rng(4)
+    n = 200
+    part = readings(rng.uniform(0, 1.2, n), rng.uniform(0, 1.2, n), rng.uniform(2, 4, n), (0.03, 0.02))
+    s, fixed, _ = parameters(with_defaults(parse(model)), channels)
+    part = dataclasses.replace(part, **{name: np.ones((n, channels)) > 0 for name in ("f", "u_f", "valid")})
+    problem = FitProblem.create(s, fixed, "linear", part, np.ones((n, channels)), 1.0).averaged(np.full(n, 2 * KINDS))
+    p, way = rng.uniform(0.1, 0.3, s.size), rng.uniform(0.5, 1.0, s.size)
+    off = [np.abs(problem.values_near(p, h * way) - problem.model_values(p + h * way)).max() for h in (1e-3, 1e-4)]
+    moved = np.abs(problem.model_values(p + 1e-3 * way) - problem.model_values(p)).max()
+    assert off[0] < 0.03 * moved and off[1] < 0.015 * off[0]
+    linear = 0.1 * s.linear
+    np.testing.assert_allclose(problem.values_near(p, linear), problem.model_values(p + linear), rtol=1e-13)
 
 
 def test_every_reading_has_its_lane():
