@@ -14,6 +14,9 @@ BINS = 10
 LEAF = 8  # readings of one cluster; what farther ones share, cross-validation judges
 ROUNDING = 1e-6  # of the data: below this a difference is not noise to be modelled
 MAX_GROUPS = 24
+TIED = 6
+"""Readings that are looked at for the nearest ones, itself among them: as many are equally near on usual grids."""
+SAME = 1e-9
 FEW_GROUPS, CLUSTERS = 6, 10  # fewer incidences than these are no sample of directions: clusters of pairs are
 
 
@@ -37,8 +40,13 @@ def neighbourhood(wi: Direction, wo: Direction) -> Neighbourhood:
     n = points.shape[0]
     if n < 3:
         return Neighbourhood(np.empty((0, 2), int), np.zeros(n, int), np.arange(n))
-    near = np.asarray(KDTree(points, leafsize=16).query(points, k=2)[1])[:, 1]
-    pairs = np.stack([np.arange(n), near], axis=1)
+    distance, near = (np.asarray(a) for a in KDTree(points, leafsize=16).query(points, k=min(n, TIED)))
+    # On a grid several are equally near: all of them count, lest the order of the readings choose. Of those in one
+    # place, as on a pole, one does: they would outnumber the others.
+    equal = distance <= (1 + SAME) * distance[:, 1:2]
+    equal[:, 2:] &= distance[:, 1:2] > SAME
+    one, which = np.nonzero(equal)
+    pairs = np.stack([one, near[one, which]], axis=1)
     # A cell on the pole has many cells at one place: it may be its own neighbour.
     pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
     groups = _groups(wi)
@@ -86,8 +94,10 @@ def noise_deviation(residual: np.ndarray, size: np.ndarray, used: np.ndarray, ne
         return np.maximum(np.std(residual[used]), least)
     order = np.argsort(mean_size, kind="stable")
     bins = [k for k in np.array_split(order, min(BINS, step2.size // 4)) if k.size]
-    centre = np.array([np.mean(mean_size[k]) for k in bins])
-    level = np.sqrt([np.mean(step2[k]) for k in bins])
+    # Bins of one size are one bin: a perfect diffuser has no others.
+    centre = np.round([np.mean(mean_size[k]) for k in bins], int(6 - np.floor(np.log10(max(mean_size.max(), 1e-300)))))
+    centre, same = np.unique(centre, return_inverse=True)
+    level = np.sqrt(np.bincount(same, [np.sum(step2[k]) for k in bins]) / np.bincount(same, [k.size for k in bins]))
     return np.maximum(np.interp(size, centre, level), least)
 
 

@@ -44,3 +44,20 @@ def test_a_gain_within_its_standard_error_is_none():
     assert improves_holdout(small, small - [1.0, 1.0, 1.0, 1.1])
     assert not improves_holdout(small, small - [5.0, -4.0, 3.0, -2.0])
     assert not improves_holdout(small[:1], small[:1] - 5)
+
+
+def test_the_order_of_the_readings_does_not_choose_among_equally_near_ones():
+    oblique = THETA[1:]  # at a pole more readings than are looked at are in one place
+    directions = layouts.spherical(
+        oblique, np.radians([0, 60, 120.0]), oblique, np.radians([0, 90, 180.0])
+    ).directions()
+    rng = np.random.default_rng(4)
+    shape = (directions[0].z.size, 3)
+    f, sizes = rng.standard_normal(shape), (np.ones(shape), rng.uniform(1, 2, shape))
+    for size in sizes:
+        levels = []
+        for seed in range(3):
+            k = np.random.default_rng(seed).permutation(shape[0])
+            wi, wo = (type(w)(*(np.asarray(c)[k] for c in w)) for w in directions)
+            levels.append(noise_deviation(f[k], size[k], np.ones(shape, bool), neighbourhood(wi, wo)).mean())
+        np.testing.assert_allclose(levels, levels[0], rtol=1e-12)
