@@ -10,6 +10,8 @@ wavelengths). "images": spheres under a sky and a small light.
 
 import argparse
 import os
+import pathlib
+import sys
 import tempfile
 import time
 
@@ -17,11 +19,14 @@ import jax
 import mitsuba as mi
 import numpy as np
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+
 from gonio.data.subject import load_material, reference_materials
 from gonio.exports.convert import convert
 from gonio.instrument.scans import is_isotropic
 from gonio.models.evaluation import evaluate_in_blocks, sampled_directions
 from gonio.models.geometry.directions import Direction
+from support.mitsuba_client import f_cosine
 
 WITHIN = np.radians(80.0)
 COUNT = 3000
@@ -54,14 +59,8 @@ def pairs(brdf, kind: str) -> tuple[np.ndarray, np.ndarray]:
 def mitsubas(path: str, wi: np.ndarray, wo: np.ndarray, wavelengths) -> np.ndarray:
     """f·cosθo (n, channels)."""
     mi.set_variant("scalar_rgb" if wavelengths is None else "scalar_spectral")
-    bsdf, context, values = mi.load_dict({"type": "measured", "filename": path}), mi.BSDFContext(), []
-    for a, b in zip(wi.T.tolist(), wo.T.tolist(), strict=True):
-        si = mi.SurfaceInteraction3f()
-        si.wi = a
-        if wavelengths is not None:
-            si.wavelengths = wavelengths
-        values.append(np.array(bsdf.eval(context, si, b)))
-    return np.array(values)
+    bsdf = mi.load_dict({"type": "measured", "filename": path})
+    return f_cosine(bsdf, Direction(*wi), Direction(*wo), wavelengths)
 
 
 def image_is_sound(path: str, spectral: bool) -> bool:

@@ -8,12 +8,15 @@ own values of the written file (scalar_rgb, single precision) and what the error
 """
 
 import argparse
+import sys
 import time
 from pathlib import Path
 
 import jax
 import mitsuba as mi
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import gonio
 from gonio.data.subject import reference_materials
@@ -23,6 +26,7 @@ from gonio.exports.nearest import Nearest, nearest
 from gonio.exports.pairs import Pairs, polar_pairs
 from gonio.exports.reexpression import reexpression
 from gonio.exports.targets import TARGETS
+from support.mitsuba_client import f_cosine
 
 LOW = 0.035
 """Cosine of the directions beyond which single precision is worse."""
@@ -33,11 +37,7 @@ DARK = 1e-4
 def client_values(text: str, pairs: Pairs) -> np.ndarray:
     """f (n, 3) of Mitsuba's own BSDF."""
     bsdf = mi.load_string(text).shapes()[0].bsdf()
-    context, si, values = mi.BSDFContext(), mi.SurfaceInteraction3f(), []
-    for wi, wo in zip(np.stack(pairs.wi, axis=1), np.stack(pairs.wo, axis=1), strict=True):
-        si.wi = mi.ScalarVector3f(*map(float, wi))
-        values.append(np.array(bsdf.eval(context, si, mi.ScalarVector3f(*map(float, wo)))))
-    return np.array(values) / np.abs(pairs.wo.z[:, None])
+    return f_cosine(bsdf, pairs.wi, pairs.wo) / np.abs(pairs.wo.z[:, None])
 
 
 def off(text: str, expression: Nearest, pairs: Pairs) -> float:

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 jax.config.update("jax_enable_x64", True)
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[up]) for up in (0, 2)]
 from written_scenes import READ, F  # noqa: E402
 
 import gonio  # noqa: E402

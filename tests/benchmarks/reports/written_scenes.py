@@ -19,6 +19,7 @@ from gonio.exports.renderers import blender, gltf, openpbr
 from gonio.exports.renderers.glass import glass
 from gonio.exports.renderers.lobes import conductor, dielectric, f0_of, ggx_facets, schlick
 from gonio.exports.renderers.pbrt import under_coat
+from support.mitsuba_client import f_cosine
 
 F = Callable[[Pairs], np.ndarray]
 """f, (n, 1 or 3), of pairs on one side."""
@@ -27,11 +28,7 @@ mi.set_variant("scalar_rgb")
 
 def client_f(bsdf: Any, pairs: Pairs) -> np.ndarray:
     """f (n, 3) of a BSDF of Mitsuba's."""
-    context, si, values = mi.BSDFContext(), mi.SurfaceInteraction3f(), []
-    for wi, wo in zip(np.stack(pairs.wi, axis=1), np.stack(pairs.wo, axis=1), strict=True):
-        si.wi = mi.ScalarVector3f(*map(float, wi))
-        values.append(np.array(bsdf.eval(context, si, mi.ScalarVector3f(*map(float, wo)))))
-    return np.array(values) / np.abs(pairs.wo.z[:, None])
+    return f_cosine(bsdf, pairs.wi, pairs.wo) / np.abs(pairs.wo.z[:, None])
 
 
 def _behind(pairs: Pairs) -> bool:

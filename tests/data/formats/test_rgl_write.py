@@ -18,6 +18,7 @@ from gonio.data.tabulate import grid_values
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
+from support.mitsuba_client import f_cosine
 
 PAINT = "lambert(rho=[0.3, 0.1, 0.05]) + ggx(alpha=0.2, f0=0.04)"
 BRUSHED = "ggx(alpha_x=0.2, alpha_y=0.5, eta=0.2, k=3)"
@@ -50,14 +51,7 @@ def mitsubas(path, wi, wo, wavelengths=None):
     """f·cosθo by Mitsuba's `measured` plugin."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb" if wavelengths is None else "scalar_spectral")
-    bsdf, values = mi.load_dict({"type": "measured", "filename": str(path)}), []
-    for a, b in zip(np.stack(wi, axis=1), np.stack(wo, axis=1), strict=True):
-        si = mi.SurfaceInteraction3f()
-        si.wi = [float(c) for c in a]
-        if wavelengths is not None:
-            si.wavelengths = wavelengths
-        values.append(np.array(bsdf.eval(mi.BSDFContext(), si, [float(c) for c in b])))
-    return np.array(values)
+    return f_cosine(mi.load_dict({"type": "measured", "filename": str(path)}), wi, wo, wavelengths)
 
 
 @pytest.mark.parametrize("kind", ["paint", pytest.param("brushed", marks=pytest.mark.thorough)])

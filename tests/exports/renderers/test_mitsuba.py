@@ -15,6 +15,7 @@ from gonio.exports.renderers.mitsuba import forms
 from gonio.exports.renderers.mitsuba_file import scene
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction
+from support.mitsuba_client import f_cosine
 
 ROUNDING = 1e-5
 """Relative: it computes in single precision."""
@@ -27,11 +28,7 @@ def variant():
 
 def client_f(bsdf: "mi.BSDF", pairs: Pairs) -> np.ndarray:
     """f (n, 3) of a BSDF of Mitsuba's."""
-    context, si, values = mi.BSDFContext(), mi.SurfaceInteraction3f(), []
-    for wi, wo in zip(np.stack(pairs.wi, axis=1), np.stack(pairs.wo, axis=1), strict=True):
-        si.wi = mi.ScalarVector3f(*map(float, wi))
-        values.append(np.array(bsdf.eval(context, si, mi.ScalarVector3f(*map(float, wo)))))
-    return np.array(values) / np.abs(pairs.wo.z[:, None])
+    return f_cosine(bsdf, pairs.wi, pairs.wo) / np.abs(pairs.wo.z[:, None])
 
 
 def bsdf_of(scene_of_sphere: "mi.Scene") -> "mi.BSDF":
