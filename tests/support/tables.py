@@ -4,6 +4,7 @@ import numpy as np
 
 from gonio.data import layouts
 from gonio.data.flags import Flag
+from gonio.data.layouts import Layout
 from gonio.data.table import Channels, Table, whole_table_of_values
 
 LAYOUTS = {
@@ -33,6 +34,14 @@ def grey_table(rho: float = 0.25, step: float = 15.0, phi_step: float = 45.0, **
     polar = np.radians(np.arange(0, 86, step))
     layout = layouts.isotropic(polar, polar, np.radians(np.arange(0, 360, phi_step)))
     return whole_table_of_values(layout, np.full(layout.shape, rho / np.pi), **options)
+
+
+def list_in_planes() -> Layout:
+    """A list of readings in the plane of incidence, both ways from the normal, in a random order."""
+    polar = np.radians(np.arange(0, 86, 5))
+    theta_i, theta_o, phi = np.meshgrid(polar[::3], polar, np.radians([0.0, 180.0]), indexing="ij")
+    order = np.random.default_rng(2).permutation(theta_i.size)
+    return layouts.scattered(*(a.ravel()[order] for a in (theta_i, 0 * theta_i, theta_o, phi)))
 
 
 def assert_same(a: Table, b: Table):

@@ -11,6 +11,7 @@ from gonio.data.layouts import Layout
 from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty
 from gonio.data.table import Table, whole_table_of_values
 from gonio.fitting.common_errors import COMMON
+from support.tables import list_in_planes
 
 STATED = 0.015
 """Relative standard uncertainty of each reading."""
@@ -28,13 +29,7 @@ def read(
     return whole_table_of_values(layout, values, u_f=STATED * values)
 
 
-def in_planes() -> Layout:
-    theta_i, theta_o, phi = np.meshgrid(POLAR[::3], POLAR, np.radians([0.0, 180.0]), indexing="ij")
-    order = np.random.default_rng(2).permutation(theta_i.size)
-    return layouts.scattered(*(a.ravel()[order] for a in (theta_i, 0 * theta_i, theta_o, phi)))
-
-
-@pytest.mark.parametrize("layout", [GRID, in_planes()], ids=["grid", "list"])
+@pytest.mark.parametrize("layout", [GRID, list_in_planes()], ids=["grid", "list"])
 def test_what_scatter_does_not_explain_is_shared(layout):
     for scatter in (0.05, 0.3):
         known = correlated_uncertainty(read(layout, scatter, 0.0))

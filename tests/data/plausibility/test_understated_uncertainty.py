@@ -8,17 +8,12 @@ from gonio.data import layouts
 from gonio.data.layouts import Layout
 from gonio.data.plausibility.understated_uncertainty import as_scattered, understated_uncertainty
 from gonio.data.table import Table, whole_table_of_values
+from support.tables import list_in_planes
 
 POLAR = np.radians(np.arange(0, 86, 5))
 GRID = layouts.isotropic(POLAR, np.radians(np.arange(0, 86, 6)), np.radians(np.arange(0, 360, 20)))
 PLANE = layouts.in_plane(np.radians([0, 15, 30, 45, 60]), np.radians(np.arange(-85, 86, 2.0)))
 RELATIVE, FLOOR = 0.004, 1e-4
-
-
-def in_planes() -> Layout:
-    theta_i, theta_o, phi = np.meshgrid(POLAR[::3], POLAR, np.radians([0.0, 180.0]), indexing="ij")
-    order = np.random.default_rng(2).permutation(theta_i.size)
-    return layouts.scattered(*(a.ravel()[order] for a in (theta_i, 0 * theta_i, theta_o, phi)))
 
 
 def surface(theta_i, phi_i, theta_o, phi_o, width):
@@ -37,7 +32,7 @@ def read(layout: Layout, times: float, width: float, seed: int = 1) -> Table:
     return whole_table_of_values(layout, f, u_f=u_f)
 
 
-@pytest.mark.parametrize("layout", [GRID, PLANE, in_planes()], ids=["grid", "plane", "list"])
+@pytest.mark.parametrize("layout", [GRID, PLANE, list_in_planes()], ids=["grid", "plane", "list"])
 def test_scatter_beyond_what_is_stored_shows_in_its_channel(layout):
     factor = understated_uncertainty(read(layout, 3.0, 0.6))
     assert factor[0] == 1.0 and factor[1] == pytest.approx(3.0, rel=0.25)
@@ -47,7 +42,7 @@ def test_scatter_beyond_what_is_stored_shows_in_its_channel(layout):
 
 
 @pytest.mark.parametrize("width", [0.03, 0.1, 0.3])
-@pytest.mark.parametrize("layout", [GRID, PLANE, in_planes()], ids=["grid", "plane", "list"])
+@pytest.mark.parametrize("layout", [GRID, PLANE, list_in_planes()], ids=["grid", "plane", "list"])
 def test_what_a_lobe_bends_is_no_scatter(layout, width):
     for seed in range(3):
         assert understated_uncertainty(read(layout, 1.0, width, seed)) == pytest.approx(1.0)

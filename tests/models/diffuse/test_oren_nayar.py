@@ -1,6 +1,5 @@
 """Oren and Nayar's model against an independent implementation, the liars' table and its own limits."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -9,12 +8,7 @@ from gonio.models.diffuse.oren_nayar import OrenNayar
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import Direction, from_spherical
 from support import helpers
-
-
-def pairs(n, seed=1):
-    rng = np.random.default_rng(seed)
-    theta, phi = rng.uniform(0, 1.55, (2, n)), rng.uniform(0, 2 * np.pi, (2, n))
-    return theta, phi, *(from_spherical(jnp.asarray(t), jnp.asarray(p)) for t, p in zip(theta, phi, strict=True))
+from support.directions import random_angles
 
 
 def test_qualitative_form_against_an_independent_implementation():
@@ -28,7 +22,7 @@ def test_qualitative_form_against_an_independent_implementation():
 
 
 def test_full_form_as_printed():
-    theta, phi, wi, wo = pairs(400)
+    theta, phi, wi, wo = random_angles(400)
     rho, s2 = 0.7, 0.5**2
     alpha, beta, cos_phi = theta.max(0), theta.min(0), np.cos(phi[0] - phi[1])
     c1 = 1 - 0.5 * s2 / (s2 + 0.33)
@@ -40,7 +34,7 @@ def test_full_form_as_printed():
 
 
 def test_a_smooth_surface_is_lambert():
-    *_, wi, wo = pairs(50)
+    *_, wi, wo = random_angles(50)
     for form in ("full", "qualitative"):
         np.testing.assert_allclose(evaluate(OrenNayar(0.6, 0.0, form=form), wi, wo), 0.6 / np.pi, rtol=1e-15)
 

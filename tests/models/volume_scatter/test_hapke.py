@@ -10,12 +10,7 @@ from gonio.models.geometry.directions import from_spherical
 from gonio.models.geometry.phase_angle import henyey_greenstein
 from gonio.models.volume_scatter.half_space import Chandrasekhar
 from gonio.models.volume_scatter.hapke import Hapke
-
-
-def pairs(n, seed=1):
-    rng = np.random.default_rng(seed)
-    theta, phi = rng.uniform(0, 1.55, (2, n)), rng.uniform(0, 2 * np.pi, (2, n))
-    return theta, phi, *(from_spherical(jnp.asarray(t), jnp.asarray(p)) for t, p in zip(theta, phi, strict=True))
+from support.directions import random_angles
 
 
 def h_as_printed(which, mu, w):
@@ -29,7 +24,7 @@ def h_as_printed(which, mu, w):
 @pytest.mark.parametrize("which", ["1981", "2002"])
 def test_as_printed(which):
     w, b, c, b0, h = 0.8, 0.4, 0.3, 0.9, 0.05
-    theta, phi, wi, wo = pairs(300)
+    theta, phi, wi, wo = random_angles(300)
     mu_i, mu_o = np.cos(theta)
     cos_g = mu_i * mu_o + np.sin(theta[0]) * np.sin(theta[1]) * np.cos(phi[0] - phi[1])
     surge = b0 / (1 + np.tan(np.arccos(cos_g) / 2) / h)
@@ -42,7 +37,7 @@ def test_as_printed(which):
 
 
 def test_isotropic_scattering_is_chandrasekhar():
-    *_, wi, wo = pairs(300)
+    *_, wi, wo = random_angles(300)
     w = [0.4, 0.99, 1.0]
     found = evaluate(Hapke(w, 0.0, 0.0, 0.0, 0.1, h_function="exact"), wi, wo)
     np.testing.assert_allclose(found, evaluate(Chandrasekhar(w), wi, wo), rtol=1e-14)

@@ -8,18 +8,13 @@ from gonio.models.albedo import directional_albedo
 from gonio.models.evaluation import evaluate
 from gonio.models.geometry.directions import from_spherical
 from gonio.models.volume_scatter.rpv import RPV
-
-
-def pairs(n, seed=1):
-    rng = np.random.default_rng(seed)
-    theta, phi = rng.uniform(0, 1.55, (2, n)), rng.uniform(0, 2 * np.pi, (2, n))
-    return theta, phi, *(from_spherical(jnp.asarray(t), jnp.asarray(p)) for t, p in zip(theta, phi, strict=True))
+from support.directions import random_angles
 
 
 @pytest.mark.parametrize(("k", "asymmetry"), [(0.6, -0.2), (1.4, 0.3)])
 def test_as_printed(k, asymmetry):
     rho0, rho_c = 0.2, 0.1
-    theta, phi, wi, wo = pairs(300)
+    theta, phi, wi, wo = random_angles(300)
     (mu_i, mu_o), (tan_i, tan_o), cos_phi = np.cos(theta), np.tan(theta), np.cos(phi[0] - phi[1])
     cos_g = mu_i * mu_o + np.sin(theta[0]) * np.sin(theta[1]) * cos_phi
     phase = (1 - asymmetry**2) / (1 + 2 * asymmetry * cos_g + asymmetry**2) ** 1.5
@@ -29,7 +24,7 @@ def test_as_printed(k, asymmetry):
 
 
 def test_lambert_is_its_simplest_case():
-    *_, wi, wo = pairs(50)
+    *_, wi, wo = random_angles(50)
     np.testing.assert_allclose(evaluate(RPV(0.3, 1.0, 0.0, 1.0), wi, wo), 0.3 / np.pi, rtol=1e-15)
 
 
