@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from gonio.models.brdf import Channels, Direction, ParameterInfo, Sample, Scalar, parameter
+from gonio.models.exprel import exprel
 from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import mirrored_pdf
@@ -19,13 +20,6 @@ GAMMA = ParameterInfo(
 )
 
 EVERY_SLOPE = 1e17  # in units of the width
-
-
-def exprel(x: Scalar) -> Scalar:
-    """(eˣ − 1)/x for x ≤ 0, to full precision at 0."""
-    small = jnp.abs(x) < 1e-5
-    safe = jnp.where(small, -1.0, x)
-    return jnp.where(small, 1.0 + x / 2 + x * x / 6, jnp.expm1(safe) / safe)
 
 
 def log_exprel(x: Scalar) -> Scalar:

@@ -11,13 +11,7 @@ import numpy as np
 
 from gonio.models.arrays import Scalar
 from gonio.models.errors import GonioError
-
-
-def _exp_ratio(y: Scalar) -> Scalar:
-    """(eʸ − 1)/y, 1 at 0."""
-    small = jnp.abs(y) < 1e-4
-    safe = jnp.where(small, 1.0, y)
-    return jnp.where(small, 1.0 + 0.5 * y * (1.0 + y / 3.0), jnp.expm1(safe) / safe)
+from gonio.models.exprel import exprel
 
 
 def abc_density(f2: Scalar, a: Scalar, b: Scalar, c: Scalar) -> Scalar:
@@ -28,7 +22,7 @@ def abc_density(f2: Scalar, a: Scalar, b: Scalar, c: Scalar) -> Scalar:
 def abc_variance(f: Scalar, a: Scalar, b: Scalar, c: Scalar) -> Scalar:
     """(2πA/(B²(C−2)))[1 − (1+B²f²)^(−(C−2)/2)], and its limit at C = 2."""
     octaves = jnp.log1p((b * f) ** 2)
-    return jnp.pi * a / b**2 * octaves * _exp_ratio((1.0 - 0.5 * c) * octaves)
+    return jnp.pi * a / b**2 * octaves * exprel((1.0 - 0.5 * c) * octaves)
 
 
 def gaussian_density(f2: Scalar, sigma: Scalar, tau: Scalar) -> Scalar:
@@ -54,7 +48,7 @@ def fractal_variance(f: Scalar, strength: Scalar, power: Scalar, lowest: Scalar)
 def _power_law_variance(f: Scalar, lowest: Scalar, power: Scalar, level: Scalar) -> Scalar:
     core = jnp.minimum(f, lowest)
     octaves = jnp.log(jnp.maximum(f / lowest, 1.0))
-    return jnp.pi * level * (core**2 + 2.0 * lowest**2 * octaves * _exp_ratio((2.0 - power) * octaves))
+    return jnp.pi * level * (core**2 + 2.0 * lowest**2 * octaves * exprel((2.0 - power) * octaves))
 
 
 class TabulatedSpectrum:

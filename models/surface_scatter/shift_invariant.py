@@ -6,6 +6,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from gonio.models.brdf import AbstractBRDF, Direction, Sample, Scalar
+from gonio.models.exprel import exprel
 from gonio.models.warps.direction_cosines import (
     disc_direction,
     disc_jacobian,
@@ -14,13 +15,6 @@ from gonio.models.warps.direction_cosines import (
     rim_towards,
     uniform_ray,
 )
-
-
-def _exp_ratio(y: Scalar) -> Scalar:
-    """(eʸ − 1)/y, 1 at 0."""
-    small = jnp.abs(y) < 1e-4
-    safe = jnp.where(small, 1.0, y)
-    return jnp.where(small, 1.0 + 0.5 * y * (1.0 + y / 3.0), jnp.expm1(safe) / safe)
 
 
 class AbstractDiscLobe(AbstractBRDF):
@@ -70,6 +64,6 @@ class AbstractDiscLobe(AbstractBRDF):
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         width, fall = self.drawn_core(wi)
         log_max = jnp.log1p((rim_towards(wi, wo) / width) ** 2)
-        whole = jnp.maximum(log_max * _exp_ratio((1.0 - fall) * log_max), 1e-30)
+        whole = jnp.maximum(log_max * exprel((1.0 - fall) * log_max), 1e-30)
         shape = jnp.exp(-fall * jnp.log1p(projected_distance2(wi, wo) / width**2))
         return jnp.maximum(wo.z, 0.0) * shape / (jnp.pi * width**2 * whole)
