@@ -21,6 +21,12 @@ def jax_environment() -> dict[str, str]:
     }
 
 
+def prepare_jax() -> None:
+    """Sets these variables where the environment does not say otherwise; before JAX is imported."""
+    for name, value in jax_environment().items():
+        os.environ.setdefault(name, value)
+
+
 def one_thread() -> dict[str, str]:
     """Variables by which XLA and linear algebra keep to one thread, for processes that are as many as processors."""
     names = ("NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")

@@ -12,7 +12,7 @@ from typing import Any
 
 from distributed.diagnostics.plugin import WorkerPlugin
 
-from gonio.environment import jax_environment
+from gonio.environment import prepare_jax
 
 ENDING = 6.0
 """Seconds in which workers have to end."""
@@ -25,8 +25,7 @@ class Prepare(WorkerPlugin):
 
     def setup(self, worker: Any) -> None:
         """Sets what the environment does not say yet."""
-        for name, value in jax_environment().items():
-            os.environ.setdefault(name, value)
+        prepare_jax()
 
 
 async def serve(address: str, count: int) -> None:

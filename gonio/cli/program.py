@@ -19,7 +19,7 @@ from gonio.cli.arguments import JSON, OUTPUT, add_options, refuse_json
 from gonio.cli.encoding import print_what_can_be_encoded
 from gonio.cli.examples import EXAMPLES
 from gonio.cli.streams import refuse_stream, standard_streams
-from gonio.environment import jax_environment
+from gonio.environment import prepare_jax
 from gonio.models.errors import GonioError, nearest, one_line
 from gonio.text import printing, versions
 
@@ -165,7 +165,7 @@ def _module(args: argparse.Namespace) -> ModuleType:
 
 def _run(args: argparse.Namespace) -> int:
     verb = _module(args)
-    _prepare_jax()
+    prepare_jax()
     target = getattr(args, "json", None)
     if target not in (None, "-"):
         refuse_json(args)
@@ -250,9 +250,3 @@ def command() -> None:
 
 def _terminate(number: int, frame: FrameType | None) -> None:
     raise Terminated
-
-
-def _prepare_jax() -> None:
-    # Read by JAX when it is imported, which the verbs do only if they need it.
-    for name, value in jax_environment().items():
-        os.environ.setdefault(name, value)
