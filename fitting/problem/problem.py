@@ -14,7 +14,7 @@ import numpy as np
 
 from gonio.fitting.problem.averaged_sums import AveragedReadings, BoundAverages, bound_averages
 from gonio.fitting.problem.compiled_sums import BoundSums, Sums, bound_sums
-from gonio.fitting.problem.deferred_values import DeferredValues
+from gonio.fitting.problem.deferred_arrays import DeferredValues
 from gonio.fitting.problem.disc_averages import BlockRules, Lanes, Samples, block_rules, program_rules
 from gonio.fitting.problem.normal_equations import Evaluation, NormalEquations, summed, summed_pairs
 from gonio.fitting.problem.page_program import Request, page_program

@@ -27,7 +27,7 @@ from jaxtyping import Array
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout
 from gonio.data.table import Block, Table
-from gonio.fitting.problem.inverse_weights import InverseWeights
+from gonio.fitting.problem.deferred_arrays import InverseWeights
 from gonio.models.compiled.dispatch import usable
 from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.program import Program

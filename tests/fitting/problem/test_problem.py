@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gonio.fitting.problem.compiled_sums import compile_sums
-from gonio.fitting.problem.deferred_values import DeferredValues
+from gonio.fitting.problem.deferred_arrays import DeferredValues
 from gonio.fitting.problem.parameterisation import parameters
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import PAGE, Readings, block_of, coarse_cells, in_blocks, transform

@@ -9,7 +9,7 @@ import pytest
 from gonio.data import layouts
 from gonio.data.hdf5.reader import open_table
 from gonio.data.table import whole_table_of_values
-from gonio.fitting.problem.inverse_weights import InverseWeights
+from gonio.fitting.problem.deferred_arrays import InverseWeights
 from gonio.fitting.problem.readings import (
     LOSSES,
     floor_of,

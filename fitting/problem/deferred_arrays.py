@@ -1,5 +1,6 @@
-"""A model's values at many readings, computed where they are asked for: of a large table they take as much as f."""
+"""Arrays of a large table that are computed where they are asked for: each would take as much memory as f."""
 
+import abc
 from collections.abc import Callable
 from typing import Any
 
@@ -8,10 +9,20 @@ import numpy as np
 from gonio.models.geometry.directions import Direction
 
 
-class DeferredValues(np.lib.mixins.NDArrayOperatorsMixin):
-    """f (n, C) of a model at directions (n,): rows that are taken out of it are computed then, and nothing is kept."""
+class _Deferred(np.lib.mixins.NDArrayOperatorsMixin, abc.ABC):
+    """What stands for an array (n, C): it is one to NumPy's functions, which compute it whole."""
 
     __array_priority__ = 1.0
+
+    @abc.abstractmethod
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray: ...
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        return getattr(ufunc, method)(*(np.asarray(a) if a is self else a for a in inputs), **options)
+
+
+class DeferredValues(_Deferred):
+    """f (n, C) of a model at directions (n,): rows that are taken out of it are computed then, and nothing is kept."""
 
     def __init__(
         self, values: Callable[[Direction, Direction], np.ndarray], wi: Direction, wo: Direction, channels: int
@@ -33,9 +44,6 @@ class DeferredValues(np.lib.mixins.NDArrayOperatorsMixin):
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         return np.asarray(self._values(self._wi, self._wo), dtype)
 
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
-        return getattr(ufunc, method)(*(np.asarray(a) if a is self else a for a in inputs), **options)
-
     def __getitem__(self, key: Any) -> Any:
         both: tuple[Any, Any] = key if isinstance(key, tuple) and len(key) == 2 else (key, slice(None))
         rows, channels = both
@@ -55,3 +63,31 @@ class DeferredValues(np.lib.mixins.NDArrayOperatorsMixin):
 
     def __reduce__(self) -> Any:
         return np.array, (np.asarray(self),)
+
+
+class InverseWeights(_Deferred):
+    """The uncertainties u (n, C) of weights 1/u, none of which is 0: one array for both."""
+
+    def __init__(self, weight: np.ndarray) -> None:
+        """Of weights (n, C), which are not copied."""
+        self.weight = weight
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the weights."""
+        return self.weight.shape
+
+    @property
+    def strides(self) -> tuple[int, ...]:
+        """Of the weights."""
+        return self.weight.strides
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.asarray(1.0 / self.weight, dtype)
+
+    def __getitem__(self, key: Any) -> Any:
+        return 1.0 / self.weight[key]
+
+    def take(self, cells: np.ndarray, axis: int) -> np.ndarray:
+        """Some of the uncertainties, as of an array."""
+        return 1.0 / self.weight.take(cells, axis=axis)
