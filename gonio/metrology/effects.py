@@ -132,13 +132,23 @@ class Readings:
 
     def change(self, errors: Mapping[str, float]) -> np.ndarray:
         """Change of all readings (n, C) by systematic errors together, not only to first order."""
+        factor, offset, turned = self._parts(errors)
+        return factor * (self.f + turned) + offset - self.f
+
+    def correction(self, errors: Mapping[str, float]) -> np.ndarray:
+        """Change of all readings (n, C) that takes systematic errors out of them, not only to first order."""
+        factor, offset, turned = self._parts(errors)
+        return (self.f - offset) / factor - turned - self.f
+
+    def _parts(self, errors: Mapping[str, float]) -> tuple[float, np.ndarray, np.ndarray]:
+        """The factor of all readings, what is added to them (n, 1), and the change by the turned directions (n, C)."""
         factor = math.prod(1 + e for name, e in errors.items() if TERMS[name].acts == "factor")
         offset = sum(e for name, e in errors.items() if TERMS[name].acts == "offset")
         angles = {name: e for name, e in errors.items() if TERMS[name].acts == "angle"}
         turned = np.zeros_like(self.f)
         if self.model is not None and angles:
             turned = np.nan_to_num(self.read(Systematic(**angles)) - self.nominal)
-        return factor * (self.f + turned) + offset / (np.pi * self.lit[:, None]) - self.f
+        return factor, offset / (np.pi * self.lit[:, None]), turned
 
     def averaged_over_discs(self) -> np.ndarray | None:
         """By how much readings (n, C) are off by being averages over the discs of light and detector.

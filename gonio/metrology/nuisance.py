@@ -28,8 +28,10 @@ from gonio.metrology.fit_budget import FitBudget, Sums, fit_errors, inverse_of
 from gonio.metrology.sources import Source, Sources, sources_of
 from gonio.models.errors import GonioError, nearest
 
-ROUNDS, SETTLED = 6, 1e-2
-"""Corrections of the readings, and the change of all errors, in units of their uncertainties, at which they end."""
+ROUNDS, SETTLED = 12, 1e-2
+"""Corrections of the readings, and the change of all errors, in the uncertainties left to them, at which they end."""
+
+UNSETTLED = "nuisance: after {rounds} corrections an error still moves by {moved:.2g} of its standard uncertainty"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,14 +74,20 @@ def fit_with_nuisance(
         raise GonioError("nuisance numbers are weighed against the noise: this needs a table with uncertainties (u_f)")
     chosen, errors = Sources(priors, [], {}), np.zeros(len(priors))
     step = _step(errors, made := fit_errors(source, result, chosen), made.sums())
+    moved = math.inf
     for _ in range(ROUNDS):
         corrected = _corrected(source, result, priors, step.errors)
         result = fit(corrected, result.requested, **{**options, "starts": 0})
         before = step.errors
         step = _step(before, made := fit_errors(corrected, result, chosen), made.sums())
-        if np.all(np.abs(step.errors - before) < SETTLED):
+        # What readings tell of an error may be far closer than what was stated of it.
+        moved = float(np.max(np.abs(step.errors - before) / np.sqrt(np.diagonal(step.covariance))))
+        if moved < SETTLED:
             break
-    return _widened(result, priors, step)
+    widened = _widened(result, priors, step)
+    if moved >= SETTLED:
+        widened.notes.append(UNSETTLED.format(rounds=ROUNDS, moved=moved))
+    return widened
 
 
 def _priors(sources: Sources, nuisance: Sequence[str]) -> dict[str, Source]:
@@ -112,7 +120,7 @@ def _step(errors: np.ndarray, made: FitBudget, sums: Sums) -> Step:
 def _corrected(table: Table, result: FitResult, priors: Mapping[str, Source], errors: np.ndarray) -> Table:
     readings = Readings.of(table, result.brdf)
     sizes = {name: float(e) * s.stated.standard for (name, s), e in zip(priors.items(), errors, strict=True)}
-    return readings.moved(-readings.change(sizes))
+    return readings.moved(readings.correction(sizes))
 
 
 def _widened(result: FitResult, priors: Mapping[str, Source], step: Step) -> FitResult:

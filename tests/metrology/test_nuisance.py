@@ -72,3 +72,21 @@ def test_the_command_line_writes_them_into_the_material(table, tmp_path, capsys)
     for bad in (["--uncertainty", "gain=1 %"], ["--nuisance", "gain", "--per-channel"], ["--nuisance", "glare"]):
         assert main([*call, "--force", *bad]) == 2
         assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_large_errors_come_out_as_they_are_however_little_was_known_of_them():
+    """Exact readings of Lambert's laws on both sides, by hand: (1 + gain) f cosθi'/cosθi + dark/(π cosθi)."""
+    theta_i, theta_o, phi = (a.ravel() for a in np.meshgrid(np.arange(0, 71, 10), [10, 50, 130, 170], [0, 90, 200]))
+    f = np.where(theta_o < 90, 0.3, 0.4) / np.pi
+    tilt, gain, dark = -0.4, 0.05, 0.008  # the normal is turned by the tilt about y, so that light along x comes from
+    lit = [np.cos(np.radians(theta_i - turned)) for turned in (0, tilt)]
+    reading = (1 + gain) * f * lit[1] / lit[0] + dark / (np.pi * lit[0])
+    table = gonio.Table.from_arrays(theta_i, 0, theta_o, phi, reading, 1e-3 * f, degrees=True)
+    stated = {"tilt": "0.5 deg", "gain": "5 %", "dark": "1 %"}
+    result = gonio.fit(table, "lambert + lambert_transmission(tau=0.4)", nuisance=list(stated), uncertainty=stated)
+    rows = {row["name"]: row for row in result.nuisance}
+    for name, true in (("tilt_y", tilt), ("gain", 100 * gain), ("dark", 100 * dark)):
+        row = rows[name]
+        assert abs(row["value"] - true) < 0.2 * row["standard_uncertainty"] < 0.02 * row["stated"], row
+    rho = next(p for p in result.parameters if p.name == "lambert.rho")
+    assert abs(rho.value - 0.3) < 0.2 * rho.standard_uncertainty
