@@ -66,6 +66,18 @@ def test_the_readme_names_every_model():
     assert [name for name in MODELS if not re.search(rf"\b{name}\b", text)] == []
 
 
+def test_every_benchmark_is_listed_once_in_its_folders_table():
+    folder = ROOT / "tests" / "benchmarks"
+    _, *sections = re.split(r"^## .*`(\w+)/`$", (folder / "README.md").read_text(encoding="utf-8"), flags=re.M)
+    listed = [
+        f"{name}/{script}"
+        for name, text in zip(sections[::2], sections[1::2], strict=True)
+        for script in re.findall(r"^\| `(\w+\.py)", text, re.M)
+    ]
+    scripts = [p.relative_to(folder).as_posix() for p in folder.rglob("*.py")]
+    assert sorted(listed) == sorted(set(scripts) - {"reports/written_scenes.py"})
+
+
 def test_the_notebook_of_the_first_day_runs_with_public_names_alone(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
