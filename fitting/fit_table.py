@@ -2,10 +2,11 @@
 
 import dataclasses
 import time
-from typing import Any, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
+from gonio.data.scene import Scene
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table, index_of
 from gonio.fitting.apertures import aperture_notes, half_angles_of, wide_notes
@@ -28,7 +29,7 @@ from gonio.fitting.selection.scene_promise import promise
 from gonio.fitting.selection.scene_selection import SceneView, view_of
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import terms_to_expression
-from gonio.models.expression.parser import parse, with_defaults
+from gonio.models.expression.parser import Term, parse, with_defaults
 from gonio.models.expression.wavelengths import with_wavelengths
 
 SELECTED_STARTS = 2  # random ones after a selection, which knows where to begin
@@ -74,38 +75,42 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
         Moré 1978 (Levenberg–Marquardt); White 1980 (covariance); Schwarz 1978 (BIC); Wu 1986 (wild bootstrap).
     """
     settings = FitSettings.create(options)
-    source = resolve_subject(table, blockwise=True).require_table()
-    expressions = [model] if isinstance(model, str) else list(model or [])
-    if settings.scene is not None and (names := settings.scene.channels_of(source.channels.names)):
-        source = source.only(names)
-    expressions = [_at_wavelengths(m, source) for m in expressions]
-    parsed = [with_defaults(parse(m)) for m in expressions]
+    source = _source(table, settings)
+    requests = _requests(model, source)
     began = time.perf_counter()
-    if parsed:
+    if requests:
         loss = _usual_loss(settings, source.u_f is not None)
-        compile_ahead(parsed[0], loss, len(source.channels), settings.per_channel)
+        compile_ahead(requests[0].terms, loss, len(source.channels), settings.per_channel)
     task = _task(source, settings)
-    seconds, view, selection = {"read": time.perf_counter() - began}, None, None
-    searching = settings.scene is not None or not expressions
+    seconds = {"read": time.perf_counter() - began}
+    searching = settings.scene is not None or not requests
     anisotropic = searching and shows_anisotropy(task.layout, task.readings)
-    if settings.scene is not None:
-        settings.scene.require_sides(source.sides, source.name or "the table")
-        view = view_of(settings.scene, task.readings, anisotropic, index_of(source))
-    if not expressions:
-        began = time.perf_counter()
-        patches = Patches.of(source, task) if view is None else None
-        selection = selected_model(task, anisotropic, view, patches)
-        expressions, parsed, seconds["select"] = [selection.expression], [selection.terms], time.perf_counter() - began
-    if view is not None:
-        task = _in_scene(task, view)
-    if selection is not None:
-        few = min(settings.starts, SELECTED_STARTS)
-        task = dataclasses.replace(task, settings=dataclasses.replace(settings, starts=few))
-    tasks = [dataclasses.replace(task, requested=m, terms=t) for m, t in zip(expressions, parsed, strict=True)]
-    if len(tasks) > 1:
-        return _best(tasks, source, view, seconds)
-    result = _fit_one(tasks[0], source, view, selection, seconds)
-    return result if selection is None else dataclasses.replace(result, alternatives=selection.rows())
+    view = None if settings.scene is None else _view(settings.scene, source, task, anisotropic)
+    if not requests:
+        return _fit_selected(task, source, view, anisotropic, seconds)
+    task = task if view is None else _in_scene(task, view)
+    tasks = [dataclasses.replace(task, requested=m.expression, terms=m.terms) for m in requests]
+    return _best(tasks, source, view, seconds) if len(tasks) > 1 else _fit_one(tasks[0], source, view, None, seconds)
+
+
+class _Request(NamedTuple):
+    """A model that is to be fitted: its expression, and its terms with their defaults."""
+
+    expression: str
+    terms: tuple[Term, ...]
+
+
+def _source(table: SubjectLike, settings: FitSettings) -> Table:
+    """The table to fit, of the channels that the scene names, if it names some."""
+    source = resolve_subject(table, blockwise=True).require_table()
+    names = None if settings.scene is None else settings.scene.channels_of(source.channels.names)
+    return source.only(names) if names else source
+
+
+def _requests(model: str | list[str] | None, table: Table) -> list[_Request]:
+    """The models to fit to a table; none where one is to be selected."""
+    expressions = [_at_wavelengths(m, table) for m in ([model] if isinstance(model, str) else model or [])]
+    return [_Request(m, with_defaults(parse(m))) for m in expressions]
 
 
 def _at_wavelengths(expression: str, table: Table) -> str:
@@ -154,6 +159,27 @@ def _in_scene(task: FitTask, view: SceneView) -> FitTask:
     loss, sigma = ("linear", None) if task.settings.loss is None else _loss(task.settings, readings)
     readings = dataclasses.replace(readings, cell_weight=view.weight)
     return dataclasses.replace(task, readings=readings, loss=loss, sigma=sigma, weight="scene")
+
+
+def _view(scene: Scene, table: Table, task: FitTask, anisotropic: bool) -> SceneView:
+    """What a scene sees of the readings. Raises GonioError where the table lacks what it looks at."""
+    scene.require_sides(table.sides, table.name or "the table")
+    return view_of(scene, task.readings, anisotropic, index_of(table))
+
+
+def _fit_selected(
+    task: FitTask, table: Table, view: SceneView | None, anisotropic: bool, seconds: dict[str, float]
+) -> FitResult:
+    """A fit of the model that the readings ask for, with those that were tried as alternatives."""
+    began = time.perf_counter()
+    patches = Patches.of(table, task) if view is None else None
+    selection = selected_model(task, anisotropic, view, patches)
+    seconds = {**seconds, "select": time.perf_counter() - began}
+    task = task if view is None else _in_scene(task, view)
+    settings = dataclasses.replace(task.settings, starts=min(task.settings.starts, SELECTED_STARTS))
+    task = dataclasses.replace(task, requested=selection.expression, terms=selection.terms, settings=settings)
+    result = _fit_one(task, table, view, selection, seconds)
+    return dataclasses.replace(result, alternatives=selection.rows())
 
 
 def _best(tasks: list[FitTask], table: Table, view: SceneView | None, seconds: dict[str, float]) -> FitResult:
