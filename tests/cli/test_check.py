@@ -26,6 +26,16 @@ def test_json_alone_goes_to_standard_output(capsys):
     assert json.loads(capsys.readouterr().out)["properties"][1]["tolerance"] == 0.1
 
 
+def test_each_of_several_that_is_refused_is_named_once(tmp_path, capsys):
+    missing, text = tmp_path / "missing.h5", tmp_path / "text.h5"
+    text.write_text("no table")
+    subjects = [str(missing), "no_material", str(text), "lambert(rho=2)", "lambert(rho=0.5)"]
+    assert main(["check", *subjects, "-q"]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 4
+    assert all(line.count(subject) == 1 for line, subject in zip(lines, subjects[:3], strict=False))
+
+
 def test_a_file_is_checked_as_the_table_it_holds(tmp_path, capsys):
     d = np.radians
     layout = layouts.isotropic(d(np.arange(0, 81, 10)), d(np.arange(2.5, 89, 5)), d(np.arange(0, 360, 10)))

@@ -100,8 +100,10 @@ def _run_several(args: argparse.Namespace, options: dict[str, Any]) -> int:
         try:
             certificate = check(as_stated(subject, args), **options)
         except GonioError as error:
-            facts.append({"subject": subject, "refused": str(error), "exit_status": 2})
-            sys.stderr.write(f"gonio: {subject}: {error}\n")
+            why = str(error)
+            facts.append({"subject": subject, "refused": why, "exit_status": 2})
+            named = why.startswith(subject) or f"'{subject}'" in why
+            sys.stderr.write(f"gonio: {why}\n" if named else f"gonio: {subject}: {why}\n")
             continue
         facts.append(certificate.to_dict())
         others = [
