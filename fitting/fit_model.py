@@ -46,6 +46,7 @@ from gonio.models.errors import GonioError, nearest
 from gonio.models.expression.builder import build
 from gonio.models.expression.parser import Term, numbers
 from gonio.models.geometry.sides import Hemispheres, hemispheres_of, side_in_words
+from gonio.models.program_memory import free_programs
 
 MOST_REFITS = 100_000
 OLD_NAMES = {"say": "log"}
@@ -237,6 +238,7 @@ def compile_ahead(terms: tuple[Term, ...], loss: str, channels: int, per_channel
 
 def fit_model(task: FitTask) -> list[Optimum]:
     """The joint optimum of all channels, or one for each; GonioError where readings are too few for the model."""
+    free_programs()
     channels = len(task.channels)
     for n in (n for t in task.terms for n in numbers(t)):
         if isinstance(n.value.number, tuple) and len(n.value.number) != channels:

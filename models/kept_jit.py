@@ -4,6 +4,7 @@ import functools
 import pickle
 import re
 import threading
+import weakref
 from collections.abc import Callable, Hashable
 from typing import Any
 
@@ -18,6 +19,13 @@ MOST = 512
 """Programs of one function that a process has at hand."""
 MISSING: Any = object()
 _config: Any = jax.config
+_every: "weakref.WeakSet[KeptJit]" = weakref.WeakSet()
+
+
+def forget_programs() -> None:
+    """Let go of all programs at hand, of every function; those on disk stay there."""
+    for function in list(_every):
+        function.programs.clear()
 
 
 class KeptJit:
@@ -35,6 +43,7 @@ class KeptJit:
         self.name = f"{function.__module__}.{function.__qualname__}"
         self.programs: dict[tuple, Callable[[list[Any]], Any] | None] = {}
         self.lock = threading.RLock()
+        _every.add(self)
 
     def __call__(self, *args: Any) -> Any:
         leaves, tree = jax.tree.flatten(args)

@@ -23,6 +23,7 @@ from gonio.fitting.selection.term_spec import Terms
 from gonio.fitting.selection.warm_start import Fitted, carried, fit_candidates
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
+from gonio.models.program_memory import free_programs
 
 SAMPLE = 1024
 MAX_CHANNELS = 4  # of many wavelengths so many, evenly spaced, select the structure of all
@@ -216,6 +217,7 @@ def stepwise_selection(
     Raises:
         GonioError: too few readings, or no light in any.
     """
+    free_programs()
     if cells is None:
         cells = coarse_cells(readings, SAMPLE, seed)
     count = readings.f.shape[1]

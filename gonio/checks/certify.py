@@ -155,7 +155,9 @@ def _evidence(
 ) -> "ModelEvidence | TableEvidence":
     if judged.table is None:
         from gonio.checks.model.evidence import ModelEvidence
+        from gonio.models.program_memory import free_programs
 
+        free_programs()
         if settings.further is not None:
             raise GonioError(f"{judged.name} is a model; further readings join tables only: leave the option out")
         if settings.instrument is not None:
