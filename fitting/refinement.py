@@ -100,7 +100,9 @@ class Refinement:
             averaged = few.averaged(choose_rules(few, p, noise).rules)
             end = minimise(averaged, [p], NEAR)[0]
             p, noise = end.p, self._noise(averaged, end)
-            if _settled(before, p, louder, noise):
+            # Of known noise that little is beyond is no more to be told, however much the numbers before it left.
+            quiet = self.known_noise and noise - 1.0 < QUIETER
+            if _settled(before, p, noise if quiet else louder, noise):
                 break
         return p, noise
 

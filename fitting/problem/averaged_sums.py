@@ -2,7 +2,7 @@
 
 import copy
 import functools
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -93,6 +93,23 @@ class _Programs:
 
         self.rows = Rows(rows, leaves, s.size, (1,) * (2 + self.lobes) + (whole.channels,) * (2 * s.channels))
         self.averages, self.sums = functools.cache(self._averages), functools.cache(self._sums)
+        self._known: dict[tuple[bytes, ...], tuple[Callable[..., np.ndarray], ...]] = {}
+
+    def known(self, leaves: Sequence[np.ndarray]) -> tuple[Callable[..., np.ndarray], ...]:
+        """What loops are given of these numbers that are not free: of a program's rows and a part, and of more numbers.
+
+        Problems of the same numbers share it.
+        """
+        key = tuple(a.tobytes() for a in leaves)
+        known = self._known.get(key)
+        if known is None:
+            of_parts = [self.parts.leaves(leaves, m) for m in range(len(self.parts.channels))]
+            known = (
+                functools.cache(lambda rows, part: rows.parameters(of_parts[part], NOTHING)),
+                functools.lru_cache(LAST)(lambda rows, part, p: rows.parameters(of_parts[part], np.frombuffer(p))),
+            )
+            self._known = {key: known}
+        return known
 
     def _averages(self, cut: tuple[bool, bool] | None) -> AddingProgram:
         """Of lobes times weights over nodes, of discs that the horizon cuts or does not; None: over pairs of nodes."""
@@ -218,11 +235,7 @@ class BoundAverages:
     def __init__(self, programs: _Programs, leaves: list[np.ndarray], readings: AveragedReadings) -> None:
         """Of the programs, the numbers that they do not take as free, and the readings."""
         self._programs, self._readings = programs, readings
-        of_parts = [programs.parts.leaves(leaves, m) for m in range(len(programs.parts.channels))]
-        self._parameters = functools.cache(lambda rows, part: rows.parameters(of_parts[part], NOTHING))
-        self._prepared = functools.lru_cache(LAST)(
-            lambda rows, part, numbers: rows.parameters(of_parts[part], np.frombuffer(numbers))
-        )
+        self._parameters, self._prepared = programs.known(leaves)
         self._pieces = [
             piece
             for rule in np.unique(readings.rules).tolist()

@@ -68,10 +68,9 @@ class _Moves:
             cells: where the model changes.
             change: (k, C) of their weighted residuals, in units of the noise.
         """
-        residual, weight = np.zeros_like(self.compared), self.problem.weight
-        residual[cells] = change
-        target = self.compared - np.divide(residual, weight, out=np.zeros_like(residual), where=weight > 0)
-        gradient = self.problem.retargeted(target).normal_equations(self.p[None]).gradient[0]
+        weight = self.problem.weight[cells]
+        target = self.compared[cells] - np.divide(change, weight, out=np.zeros_like(change), where=weight > 0)
+        gradient = self.problem.compared_with(target, cells).normal_equations(self.p[None]).gradient[0]
         u = np.sqrt(np.maximum(np.diagonal(self.inverse), 1e-300))
         return float(np.max(np.abs(self.inverse @ gradient) / u))
 
@@ -248,7 +247,7 @@ def _multiplier(groups: list[tuple[np.ndarray, np.ndarray, np.ndarray]], budget:
         return total
 
     low, high = -20.0, 60.0
-    for _ in range(14):  # of some
+    for _ in range(10):  # of some
         middle = 0.5 * (low + high)
         low, high = (low, middle) if remaining(middle, EVERY) <= budget else (middle, high)
     while high < 60.0 and remaining(high, 1) > budget:
@@ -318,16 +317,16 @@ class _Probes(NamedTuple):
         s_i, s_o = problem.readings.half_angles
         # Of what goes through, to straight through.
         through = np.where(wi[2] * wo[2] < 0, -1.0, 1.0)
-        turned = np.stack([-np.ones_like(through), -np.ones_like(through), through])
-        angle = 2 * np.arcsin(np.minimum(0.5 * np.linalg.norm(turned * wi - wo, axis=0), 1.0))
-        reach = np.maximum(angle, max(s_i + s_o, 1e-30))
-        wi, wo = _unit(wi + s_i / reach * (turned * wo - wi)), _unit(wo + s_o / reach * (turned * wi - wo))
+        apart = (wi[0] + wo[0]) ** 2 + (wi[1] + wo[1]) ** 2 + (through * wi[2] - wo[2]) ** 2
         # A lobe that hides in a disc is narrower than it: farther off there is none.
-        cells = np.flatnonzero(angle < NEAR_MIRROR * (s_i + s_o))
-        f = problem.values_at(p, Direction(*wi[:, cells]), Direction(*wo[:, cells]))
+        cells = np.flatnonzero(apart < (2 * np.sin(min(0.5 * NEAR_MIRROR * (s_i + s_o), 0.5 * np.pi))) ** 2)
+        wi, wo, through = wi[:, cells], wo[:, cells], through[cells]
+        turned = np.stack([-np.ones_like(through), -np.ones_like(through), through])
+        reach = np.maximum(2 * np.arcsin(np.minimum(0.5 * np.sqrt(apart[cells]), 1.0)), max(s_i + s_o, 1e-30))
+        wi, wo = _unit(wi + s_i / reach * (turned * wo - wi)), _unit(wo + s_o / reach * (turned * wi - wo))
+        f = problem.values_at(p, Direction(*wi), Direction(*wo))
         high = (np.abs(f) > PEAK_MISSED * np.abs(values[cells])).any(axis=1)
-        cells, f = cells[high], f[high]
-        return cls(cells, f, _beside(problem, p, wi[:, cells], wo[:, cells]))
+        return cls(cells[high], f[high], _beside(problem, p, wi[:, high], wo[:, high]))
 
     def missed(self, step: int, cells: np.ndarray) -> np.ndarray:
         """f (len(cells), C) of lobes that a rule's nodes may all miss; 0 where they cannot."""
