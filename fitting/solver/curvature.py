@@ -82,14 +82,16 @@ def _curvature(problem: LeastSquares, p: np.ndarray) -> np.ndarray | None:
     lengths = np.sqrt(np.where(kept, np.diagonal(matrix), 1.0))
     reach = STEP * np.sqrt(2.0 * float(here.cost[0])) / lengths
     ends = [np.clip(p[order] + sign * reach, d.low, d.high) for sign in (1.0, -1.0)]
-    index = np.flatnonzero(kept)
+    index, spans = np.flatnonzero(kept), ends[0] - ends[1]
+    if not spans[kept].all():  # nothing is left to explain, or no room to look around
+        return None
     points = np.repeat(p[None], 2 * index.size, axis=0)
     for k, (place, changed) in enumerate((i, e[i]) for i in index for e in ends):
         points[k, order[place]] = changed
     parts = range(0, len(points), LANES)
     gradient = np.concatenate([problem.normal_equations(points[k : k + LANES]).gradient for k in parts])
     hessian = np.zeros_like(matrix)
-    hessian[index] = (gradient[::2] - gradient[1::2]) / (ends[0] - ends[1])[index, None]
+    hessian[index] = (gradient[::2] - gradient[1::2]) / spans[index, None]
     both = np.outer(kept, kept)
     curvature = np.where(both, (hessian + hessian.T) / 2 - matrix, 0.0)
     scale = np.outer(lengths, lengths)[both]

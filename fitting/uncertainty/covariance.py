@@ -80,14 +80,15 @@ class CovarianceEstimate:
         values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
         lost = values < lost_below(index.size)
         inverse = (vectors[:, ~lost] / values[~lost]) @ vectors[:, ~lost].T
-        inverse = inverse / np.outer(lengths, lengths)
-        if self.scores is not None:
-            small = self.residuals / max(self.residuals - int(index.size) - self.others, 1)
-            # By a root of the scores, so that no variance is negative by rounding.
-            sizes, axes = np.linalg.eigh(self.scores[np.ix_(index, index)])
-            half = inverse @ (axes * np.sqrt(np.maximum(sizes, 0.0)))
-            inverse = half @ half.T * small
-        touched = (np.abs(vectors[:, lost]) > 0.1).any(axis=1)
+        with np.errstate(all="ignore"):  # a variance too large for a number is not known
+            inverse = inverse / lengths / lengths[:, None]
+            if self.scores is not None:
+                small = self.residuals / max(self.residuals - int(index.size) - self.others, 1)
+                # By a root of the scores, so that no variance is negative by rounding.
+                sizes, axes = np.linalg.eigh(self.scores[np.ix_(index, index)])
+                half = inverse @ (axes * np.sqrt(np.maximum(sizes, 0.0)))
+                inverse = half @ half.T * small
+        touched = (np.abs(vectors[:, lost]) > 0.1).any(axis=1) | ~np.isfinite(np.diagonal(inverse))
         inverse[touched, :] = inverse[:, touched] = np.nan
         full[np.ix_(index, index)] = inverse
         combinations, reach = [], open_from(self.domains, self.p)

@@ -103,7 +103,7 @@ def _precision(e: Optimum, view: View) -> np.ndarray:
     matrix, moving = view.information, ~e.active_bound[view.index]
     free = np.outer(moving, moving)
     if e.exact:
-        # Without noise everything that is seen at all is determined: as much is taken as the further readings have.
+        # Without noise everything that is visible at all is determined: as much is taken as the further readings have.
         scale = LEAST_NOISE**2 * max(e.problem.target_norm_squared, 1e-300) / e.model_f.size
         return np.where(free, matrix, 0.0) / scale
     known = np.diagonal(view.covariance.matrix)
@@ -111,8 +111,11 @@ def _precision(e: Optimum, view: View) -> np.ndarray:
     # Where the covariance is not the inverse of the matrix (robust, or noise not known) their ratio is the variance.
     scale = 1.0
     if known_ones.any():
-        inverse = np.linalg.pinv(matrix[np.ix_(known_ones, known_ones)], rcond=1e-14, hermitian=True)
-        scale = float(np.median(known[known_ones] / np.maximum(np.diagonal(inverse), 1e-300)))
+        inverse = np.diagonal(np.linalg.pinv(matrix[np.ix_(known_ones, known_ones)], rcond=1e-14, hermitian=True))
+        visible = inverse > 0
+        if visible.any():
+            with np.errstate(over="ignore"):
+                scale = float(np.median(known[known_ones][visible] / inverse[visible]))
     return np.where(free, matrix, 0.0) / max(scale, 1e-300)
 
 

@@ -44,3 +44,16 @@ def test_what_is_no_minimum_stays_where_it_is():
     problem = Parabola(3.0)
     before = minimise(problem, [np.array([1e-3])], NEAR._replace(most=1))[0]
     assert completed(problem, before).cost <= before.cost
+
+
+def test_what_leaves_nothing_to_explain_is_at_its_end():
+    """Without residuals there is no curvature of them, and no step by which to look for it."""
+
+    class Exact(Parabola):
+        def normal_equations(self, p, active=None):
+            matrix = Arrow.dense(np.ones((p.shape[0], 1, 1)))
+            return NormalEquations(0.5 * p[:, 0] ** 2, p, matrix)
+
+    end = minimise(Exact(0.0), [np.array([0.0])], NEAR)[0]
+    stopped = dataclasses.replace(end, p=np.zeros(1), cost=0.0, successful=False)
+    assert completed(Exact(0.0), stopped) is stopped

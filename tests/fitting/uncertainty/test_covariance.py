@@ -1,6 +1,7 @@
 """Covariances with bounds."""
 
 import numpy as np
+import pytest
 
 from gonio.fitting.problem.parameterisation import LINEAR, Domains
 from gonio.fitting.uncertainty.covariance import CovarianceEstimate, at_bounds_covariance
@@ -18,3 +19,18 @@ def test_a_number_on_its_bound_that_rounding_sees_as_free_leaves_those_open_that
     assert bounded.covariance.undetermined.all() and not bounded.active_bound.any()
     ((variance, change),) = bounded.covariance.combinations
     assert np.isinf(variance) and np.isclose(change[0] / change[1], -s / f)
+
+
+@pytest.mark.parametrize("noise_known", [True, False])
+def test_a_variance_too_large_for_a_number_is_not_known_and_leaves_the_others(noise_known):
+    c = np.linspace(-1, 1, 50)
+    rows = np.stack([1 + c, 1e-159 * (1 - c)], axis=1) / 1e-3
+    domains = Domains(np.array([LINEAR, LINEAR]), np.zeros(2), np.array([1e3, 1.0]))
+    scores = None if noise_known else rows.T @ rows
+    covariance = CovarianceEstimate(rows.T @ rows, scores, 50, domains, np.array([1.0, 0.5])).covariance(
+        np.ones(2, bool)
+    )
+    assert list(covariance.undetermined) == [False, True]
+    np.testing.assert_allclose(
+        covariance.matrix[0, 0], np.linalg.inv(rows.T @ (rows * [1, 1e159]) * [[1], [1e159]])[0, 0], rtol=0.1
+    )
