@@ -17,6 +17,8 @@ from gonio.reports.subject import ReportSubject
 MOST_READINGS = 2_000_000
 LISTED = tuple(g for g in GROUPS if g not in ("albedo", "remote sensing", "scatter law"))
 """Groups on the page: albedos have a figure, and remote sensing's names are other names."""
+COMPUTED = tuple(g for g in GROUPS if g != "scatter law")
+"""Groups that are listed or that decide what is said: laws of scatter have a figure, of one channel."""
 MOST_REASONS = 6
 MOST_CHANNELS = 3
 """Of a profile, whose quantities are listed in several."""
@@ -29,10 +31,11 @@ def quantities_of(s: ReportSubject) -> dict[str, Any] | None:
         return None
     if s.profile is not None:
         return _of_profile(s, s.profile)
+    only = COMPUTED if len(s.channels) > 1 else ()  # one channel has no colour, which needs no remark
     if s.table is None:
-        made = quantities(s.material)
+        made = quantities(s.material, only=only)
     else:  # integrals over half vectors take seconds for each channel
-        made = quantities(s.table.only([s.channel]) if s.table.layout.in_half_vectors else s.table)
+        made = quantities(s.table.only([s.channel]) if s.table.layout.in_half_vectors else s.table, only=only)
     rows = [q for q in made.quantities if q.group in LISTED and q.channel in (s.channel, "")]
     rows = fewer_azimuths([q for q in rows if not (q.name in COORDINATES and "D65" not in q.place)])
     groups = [{"name": g, "rows": [_row(q) for q in rows if q.group == g]} for g in LISTED]
