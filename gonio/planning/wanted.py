@@ -74,16 +74,20 @@ def albedos(prior: Prior, p: np.ndarray) -> Quantities:
         every = (g(brdf, theta, 0.0, tolerance).value.reshape(theta.size, -1) for g in shares.values())
         return np.concatenate([np.broadcast_to(value, size).ravel() for value in every])
 
-    d, slopes = prior.parameterisation.domains, []
-    for k in range(p.size):
+    d, slopes = prior.parameterisation.domains, np.zeros((len(shares), *size, p.size))
+    step = DIFFERENCE * np.maximum(np.abs(p), 1e-3)
+    for g in prior.parameterisation.free:
+        # A channel depends on no other's numbers: those of all channels are moved at once.
+        moved = np.arange(p.size)[prior.parameterisation.of(g)]
         low, high = p.copy(), p.copy()
-        step = DIFFERENCE * max(abs(p[k]), 1e-3)
-        low[k], high[k] = max(p[k] - step, d.low[k]), min(p[k] + step, d.high[k])
+        low[moved], high[moved] = np.maximum(p - step, d.low)[moved], np.minimum(p + step, d.high)[moved]
         above, below = changed_terms(prior.brdf(high), prior.brdf(low))
-        slopes.append((values(above) - values(below)) / (high[k] - low[k]))
+        difference = (values(above) - values(below)).reshape(len(shares), *size)
+        for c, k in enumerate(moved) if g.per_channel else ((slice(None), moved[0]),):
+            slopes[:, :, c, k] = difference[:, :, c] / (high[k] - low[k])
     channels = [f" {c}" if len(prior.channels) > 1 else "" for c in prior.channels.names]
     names = [f"{share} at {t:g}°{c}" for share in shares for t in INCIDENCES for c in channels]
-    return Quantities(names, values(whole), np.stack(slopes, axis=1))
+    return Quantities(names, values(whole), slopes.reshape(-1, p.size))
 
 
 def _radiance(prior: Prior, p: np.ndarray, name: str) -> Quantities:
