@@ -2,6 +2,8 @@
 
 import copy
 import functools
+import json
+import math
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any, NamedTuple
 
@@ -19,17 +21,21 @@ from gonio.fitting.problem.compiled_sums import (
     kept,
     pairs_of_rows,
     rows_of_lobes,
+    shapes_of_part,
     squares_of_pairs,
+    taken,
 )
 from gonio.fitting.problem.disc_averages import CUT, KINDS, OPPOSED, disc_rules
 from gonio.fitting.problem.lobes import Lobes, lobes_at_sample
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
 from gonio.fitting.problem.readings import AnyArray
+from gonio.models.compiled import kept as files
 from gonio.models.compiled import workers
 from gonio.models.compiled.dispatch import usable
 from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.sums import AddingProgram, Rows, SumsProgram
 from gonio.models.expression.builder import prepared
+from gonio.models.fingerprint import program_name
 from gonio.models.geometry.directions import NORMAL, Direction
 from gonio.models.geometry.horizon import turned_over
 from gonio.models.warps.disc_frames import disc_frame, disc_ray, pair_normal, psi_of_horizon, ray_about
@@ -71,65 +77,82 @@ class _Programs:
 
     def __init__(self, whole: Parameterisation, loss: str, leaves: Sequence[np.ndarray], tree: Any) -> None:
         self.parts = channel_parts(whole)
-        s, leaves = self.parts.parameterisation, self.parts.leaves(leaves, 0)
-        self._s, self._leaves, self._tree, self.size, self.channels = s, leaves, tree, 1 + len(s.free), s.channels
-        up = Direction(*NORMAL)
-        fixed = jax.tree.unflatten(tree, leaves)[0]
-        self._shapes = jax.eval_shape(lambda p: lobes_at_sample(s, p, fixed, up, up), np.zeros(s.size))
-        self.lobes = sum(int(np.prod(a.shape)) for a in self._shapes)
+        s, shapes = self.parts.parameterisation, shapes_of_part(self.parts, leaves)
+        self._s, self._tree, self.size, self.channels = s, tree, 1 + len(s.free), s.channels
+        self._fixed, self._scalars = shapes, s.size + sum(math.prod(shape) for shape in shapes)
+        self._of = s.frames, s.free, s.channels, whole.channels, str(tree), shapes
+        self._shapes = self._kept_shapes()
+        values, slopes = self._shapes
+        self.lobes = math.prod(values) + math.prod(slopes)
         # Where no shape differs between channels, lobes are those of all parts.
-        self.averaged_parts = len(self.parts.channels) if self._shapes.values.shape[1] > 1 else 1
+        self.averaged_parts = len(self.parts.channels) if values[1] > 1 else 1
 
-        def rows(leaves: Sequence[Any], *elements: Array) -> Array:
-            p = jnp.stack(elements[: s.size]) if s.size else jnp.zeros(0)
-            fixed, floor, _ = jax.tree.unflatten(tree, leaves)
-            cosine, total, *rest = elements[s.size :]
-            split = int(np.prod(self._shapes.values.shape))
+        def rows(_: Sequence[Any], *elements: Array) -> Array:
+            p, (fixed, floor, _), others = taken(s, tree, shapes, elements)
+            cosine, total, *rest = others
+            split = math.prod(values)
             scaled = jnp.stack(rest[: self.lobes]) / jnp.where(total > 0, total, 1.0)
-            lobes = Lobes(
-                scaled[:split].reshape(self._shapes.values.shape), scaled[split:].reshape(self._shapes.slopes.shape)
-            )
+            lobes = Lobes(scaled[:split].reshape(values), scaled[split:].reshape(slopes))
             return rows_of_lobes(s, loss, p, (fixed, floor), lobes, (cosine, rest[self.lobes :]))
 
-        self.rows = Rows(rows, leaves, s.size, (1,) * (2 + self.lobes) + (whole.channels,) * (2 * s.channels))
+        steps = (1,) * (2 + self.lobes) + (whole.channels,) * (2 * s.channels)
+        self.rows = Rows(rows, [], self._scalars, steps, name=program_name("rows", loss, self._shapes, *self._of))
         self.averages, self.sums = functools.cache(self._averages), functools.cache(self._sums)
-        self._known: dict[tuple[bytes, ...], tuple[Callable[..., np.ndarray], ...]] = {}
+        self._prepared: dict[tuple[bytes, ...], Callable[..., np.ndarray]] = {}
 
-    def known(self, leaves: Sequence[np.ndarray]) -> tuple[Callable[..., np.ndarray], ...]:
-        """What loops are given of these numbers that are not free: of a program's rows and a part, and of more numbers.
+    def prepared(self, leaves: Sequence[np.ndarray]) -> Callable[..., np.ndarray]:
+        """What loops that are prepared are given, of a program's rows, a part, and its free numbers as bytes.
 
-        Problems of the same numbers share it.
+        Problems of the same numbers that are not free share it.
         """
         key = tuple(a.tobytes() for a in leaves)
-        known = self._known.get(key)
-        if known is None:
-            of_parts = [self.parts.leaves(leaves, m) for m in range(len(self.parts.channels))]
-            known = (
-                functools.cache(lambda rows, part: rows.parameters(of_parts[part], NOTHING)),
-                functools.lru_cache(LAST)(lambda rows, part, p: rows.parameters(of_parts[part], np.frombuffer(p))),
+        made = self._prepared.get(key)
+        if made is None:
+            of_parts = [
+                np.concatenate([a.ravel() for a in self.parts.leaves(leaves, m)])
+                for m in range(len(self.parts.channels))
+            ]
+            made = functools.lru_cache(LAST)(
+                lambda rows, part, p: rows.parameters([], np.append(np.frombuffer(p), of_parts[part]))
             )
-            self._known = {key: known}
-        return known
+            self._prepared = {key: made}
+        return made
+
+    def _kept_shapes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Shapes of the lobes and of their slopes, which a trace shows, or an earlier process has written down."""
+        name = program_name("lobes", *self._of) if files.keeping() else ""
+        if name and (data := files.read(name)):
+            values, slopes = json.loads(data)
+            return tuple(values), tuple(slopes)
+
+        def lobes(p: Array, known: list[Array]) -> Lobes:
+            return lobes_at_sample(self._s, p, jax.tree.unflatten(self._tree, known)[0], up, up)
+
+        up = Direction(*NORMAL)
+        made = jax.eval_shape(lobes, *(np.zeros(self._s.size), [np.zeros(shape) for shape in self._fixed]))
+        if name:
+            files.write(name, json.dumps([made.values.shape, made.slopes.shape]).encode())
+        return made.values.shape, made.slopes.shape
 
     def _averages(self, cut: tuple[bool, bool] | None) -> AddingProgram:
         """Of lobes times weights over nodes, of discs that the horizon cuts or does not; None: over pairs of nodes."""
         numbers, axes = (NODE, 9) if cut is None else (2 * NODE, 6)
 
-        def rows(leaves: Sequence[Any], *elements: Array) -> Array:
-            p = jnp.stack(elements[: self._s.size]) if self._s.size else jnp.zeros(0)
-            fixed, _, tan_s = jax.tree.unflatten(self._tree, leaves)
-            nodes, axes = elements[self._s.size :][:numbers], elements[self._s.size :][numbers:]
+        def rows(_: Sequence[Any], *elements: Array) -> Array:
+            p, (fixed, _, tan_s), others = taken(self._s, self._tree, self._fixed, elements)
+            nodes, axes = others[:numbers], others[numbers:]
             wi, wo, weight = _pair(axes, tan_s, nodes) if cut is None else _both(axes, tan_s, nodes, cut)
             lobes = lobes_at_sample(self._s, p, fixed, wi, wo)
             return jnp.concatenate([weight[None], *(weight * a.reshape(-1) for a in lobes)])
 
-        apart = any(map(prepared, self._s.frames))
+        apart, name = any(map(prepared, self._s.frames)), program_name("averages", cut, *self._of)
         with LOCK:
-            return AddingProgram(Rows(rows, self._leaves, self._s.size, (1,) * axes, numbers, prepared=apart))
+            formula = Rows(rows, [], self._scalars, (1,) * axes, numbers, name=name, prepared=apart)
+            return AddingProgram(formula, 1 + self.lobes)
 
     def moved(self, averages: np.ndarray, step: np.ndarray) -> np.ndarray:
         """Averages of a part's lobes, which change by their slopes where its numbers move by a step."""
-        moved, shape = averages.copy(), self._shapes.values.shape
+        moved, shape = averages.copy(), self._shapes[0]
         split = 1 + shape[0] * shape[1]
         values, slopes = moved[1:split].reshape(*shape, -1), averages[split:].reshape(-1, shape[1], averages.shape[1])
         shapes = [g for t in range(shape[0]) for g in self._s.free if g.term == t and not g.linear]
@@ -234,8 +257,9 @@ class BoundAverages:
 
     def __init__(self, programs: _Programs, leaves: list[np.ndarray], readings: AveragedReadings) -> None:
         """Of the programs, the numbers that they do not take as free, and the readings."""
-        self._programs, self._readings = programs, readings
-        self._parameters, self._prepared = programs.known(leaves)
+        self._programs, self._readings, self._leaves = programs, readings, leaves
+        self._places = np.hstack([programs.parts.addresses(a) for a in leaves])
+        self._prepared = programs.prepared(leaves)
         self._pieces = [
             piece
             for rule in np.unique(readings.rules).tolist()
@@ -314,10 +338,13 @@ class BoundAverages:
             if program.rows.prepared:
                 places, parameters = piece.averaged, self._prepared(program.rows, m, p[numbers].tobytes())
             else:
-                places = np.concatenate([p.ctypes.data + 8 * numbers, piece.averaged]).astype(np.uintp)
-                parameters = self._parameters(program.rows, m)
+                places, parameters = np.append(self._scalars(p, m), piece.averaged), NOTHING
             averages.append(program(parameters, places, sizes))
         return None if any(a is None for a in averages) else averages
+
+    def _scalars(self, p: np.ndarray, part: int) -> np.ndarray:
+        """Where the numbers of a part stand: free ones in p (P,), and the others."""
+        return np.append(p.ctypes.data + 8 * self._programs.parts.numbers[part], self._places[part]).astype(np.uintp)
 
     def _moved(self, averages: list[np.ndarray], step: np.ndarray) -> list[np.ndarray]:
         """The averages of lobes where numbers have moved by a step (P,), to first order."""
@@ -330,12 +357,12 @@ class BoundAverages:
         """Sums over the readings of a piece, of all parts; their values go to `f`."""
         parts, sums = self._programs.parts, []
         values = np.zeros((len(parts.channels), len(piece.target), self._programs.channels))
-        for m, numbers in enumerate(parts.numbers):
+        for m in range(len(parts.numbers)):
             lobes = averages[min(m, len(averages) - 1)]
             strided = [a.ctypes.data + 8 * parts.channels[m] for a in (piece.target, piece.weight)]
             places = [piece.cosine.ctypes.data], _rows_of(lobes), *strided, [values[m].ctypes.data] * (f is not None)
-            addresses = np.concatenate([p.ctypes.data + 8 * numbers, *places]).astype(np.uintp)
-            sums.append(program(self._parameters(program.rows, m), addresses[None], len(piece.target)))
+            addresses = np.concatenate([self._scalars(p, m), *places]).astype(np.uintp)
+            sums.append(program(NOTHING, addresses[None], len(piece.target)))
         if f is not None:
             f[piece.cells] = parts.joined_values(values)[: piece.cells.size]
         return None if any(a is None for a in sums) else np.concatenate(sums, axis=1)[0]
@@ -395,7 +422,7 @@ def bound_averages(
         return None
     tan_s = np.asarray(disc_rules(readings.half_angles).tan_s)
     leaves, tree = jax.tree.flatten((fixed, np.asarray(floor, float), tan_s))
-    leaves = [np.asarray(a) for a in leaves]
-    key = (s, loss, tree, tuple((a.shape, a.dtype.str) for a in leaves))
+    leaves = [np.asarray(a, float, order="C") for a in leaves]
+    key = (s, loss, tree, tuple(a.shape for a in leaves))
     programs = kept(_kept, key, lambda: _Programs(s, loss, leaves, tree))
     return None if programs is None else BoundAverages(programs, leaves, readings)

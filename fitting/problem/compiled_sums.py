@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from gonio.fitting.problem.channel_parts import channel_parts
+from gonio.fitting.problem.channel_parts import ChannelParts, channel_parts
 from gonio.fitting.problem.disc_averages import Samples
 from gonio.fitting.problem.lobes import Lobes, lobes_at_sample, rows_of, strengths_of, sum_of_lobes
 from gonio.fitting.problem.parameterisation import FixedValues, Parameterisation
@@ -54,16 +54,12 @@ class _Programs:
         self.parts = channel_parts(whole)
         s = self.parts.parameterisation
         self.size, self.channels = 1 + len(s.free), s.channels
-        shapes = [(s.channels,) if a.shape == (whole.channels,) else a.shape for a in leaves]
+        shapes = shapes_of_part(self.parts, leaves)
         steps, known = (1,) * 6 + (whole.channels,) * (2 * s.channels), sum(math.prod(shape) for shape in shapes)
 
         def rows(_: Sequence[Any], *elements: Array) -> Array:
-            p = jnp.stack(elements[: s.size]) if s.size else jnp.zeros(0)
-            numbers, rest = iter(elements[s.size :]), []
-            for shape in shapes:
-                of_leaf = [next(numbers) for _ in range(math.prod(shape))]
-                rest.append(jnp.stack(of_leaf).reshape(shape) if shape else of_leaf[0])
-            return _rows(s, loss, p, jax.tree.unflatten(tree, rest), list(numbers))
+            p, rest, others = taken(s, tree, shapes, elements)
+            return _rows(s, loss, p, rest, others)
 
         name = program_name("sums", s.frames, s.free, s.channels, whole.channels, loss, str(tree), shapes)
         self.rows = Rows(rows, [], s.size + known, steps, name=name, prepared=any(map(prepared, s.frames)))
@@ -95,6 +91,24 @@ class _Programs:
         first = 2 * self.channels * self.size
         with LOCK:
             return SumsProgram(self.rows, [], range(first, first + self.channels))
+
+
+def shapes_of_part(parts: ChannelParts, leaves: Sequence[np.ndarray]) -> list[tuple[int, ...]]:
+    """Shapes of the numbers that are not free, of one part of the channels."""
+    channels = (parts.parameterisation.channels,)
+    return [channels if a.shape == (parts.count,) else a.shape for a in leaves]
+
+
+def taken(
+    s: Parameterisation, tree: Any, shapes: Sequence[tuple[int, ...]], elements: Sequence[Array]
+) -> tuple[Array, Any, list[Array]]:
+    """(free numbers, those that are not free, the others) of the scalars that a formula takes one after another."""
+    p = jnp.stack(elements[: s.size]) if s.size else jnp.zeros(0)
+    numbers, rest = iter(elements[s.size :]), []
+    for shape in shapes:
+        of_leaf = [next(numbers) for _ in range(math.prod(shape))]
+        rest.append(jnp.stack(of_leaf).reshape(shape) if shape else of_leaf[0])
+    return p, jax.tree.unflatten(tree, rest), list(numbers)
 
 
 def _rows(s: Parameterisation, loss: str, p: Array, rest: Sequence[Any], elements: Sequence[Array]) -> Array:

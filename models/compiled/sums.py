@@ -162,14 +162,14 @@ def _address(a: np.ndarray) -> int:
 class AddingProgram:
     """Compiled sums of rows over an outer loop, for each element of the inner one."""
 
-    def __init__(self, rows: Rows):
-        """Compile the sums of all rows, which have an outer loop.
+    def __init__(self, rows: Rows, count: int):
+        """Compile the sums of all rows, so many, which have an outer loop.
 
         Raises:
             Unsupported: LLVM does not take the code.
         """
-        self.rows = rows
-        every = range(len(rows.nodes))
+        self.rows, self.count = rows, count
+        every = range(count)
         self.code = rows.compiled("added", lambda: adding_module(rows.kernel(every), rows.machine.attributes))
 
     def __call__(self, parameters: np.ndarray, addresses: np.ndarray, sizes: tuple[int, int]) -> np.ndarray | None:
@@ -180,6 +180,6 @@ class AddingProgram:
             addresses: where the scalars, the arrays of the outer loop, and those of the elements begin (arrays,).
             sizes: of the outer loop, and elements, a multiple of a vector's numbers.
         """
-        sums, lengths = np.zeros((len(self.rows.nodes), sizes[1])), np.array(sizes, np.int64)
+        sums, lengths = np.zeros((self.count, sizes[1])), np.array(sizes, np.int64)
         places = parameters.ctypes.data, addresses.ctypes.data, sums.ctypes.data
         return None if self.code.call(*places, 0, sizes[0], lengths.ctypes.data) else sums
