@@ -111,8 +111,10 @@ def drawing_beside() -> Iterator[None]:
 
 def serve() -> None:
     """The process: draws what comes on standard input until that ends."""
+    import gc
     import signal
 
+    gc.set_threshold(100_000, 50, 100)  # figures are many objects that go one by one: as `gonio.cli.program.main`
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent ends it
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
