@@ -73,11 +73,19 @@ class Material(Displayed):
     def sample(
         self, theta_i: ArrayLike, phi_i: ArrayLike, u1: ArrayLike, u2: ArrayLike, degrees: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(theta_o, phi_o) that the importance sampler draws for uniform numbers u1, u2 in [0, 1].
+        """Directions that the importance sampler draws, by two uniform random numbers each.
 
-        Angles come and go in radians, or in degrees; all arguments broadcast to the shape of both results. theta_o may
-        lie below the horizon, where f is 0; of light that does not leave the surface (total reflection below a coat)
-        it is π, and pdf is 0 there: count its weight f cosθ/pdf as 0; of a material that transmits it is not a number.
+        Args:
+            theta_i: polar angle of the light, as of `f`.
+            phi_i: its azimuth.
+            u1: uniform random numbers in [0, 1].
+            u2: others.
+            degrees: whether all angles, those of the result too, are degrees; else radians.
+
+        Returns:
+            (theta_o, phi_o), each of the arguments' broadcast shape. theta_o may lie below the horizon, where f is 0.
+            Of light that does not leave the surface (total reflection below a coat) it is π, and pdf is 0 there: count
+            its weight f cosθ/pdf as 0. Of a material that transmits it is then not a number.
 
         Raises:
             GonioError: as `f` does, for u1 or u2 out of range, and without a sampler.
@@ -101,7 +109,18 @@ class Material(Displayed):
     def pdf(
         self, theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike, degrees: bool = False
     ) -> np.ndarray:
-        """Density, per steradian, of the directions that `sample` draws; arguments and errors are those of `f`."""
+        """Density of the directions that `sample` draws, per steradian.
+
+        Args:
+            theta_i, phi_i, theta_o, phi_o: angles of light and detector, as of `f`.
+            degrees: whether they are degrees; else radians.
+
+        Returns:
+            Array of the angles' broadcast shape; all channels have one sampler.
+
+        Raises:
+            GonioError: as `f` does.
+        """
         from gonio.models.evaluation import sampling_density
 
         wi, wo = _pair(radian_arrays(degrees, True, theta_i=theta_i, phi_i=phi_i, theta_o=theta_o, phi_o=phi_o))
@@ -128,7 +147,14 @@ class Material(Displayed):
     def transmittance(
         self, theta_i: ArrayLike, phi_i: ArrayLike = 0.0, degrees: bool = False, tolerance: float = 1e-6
     ) -> "Estimate":
-        """Share of the light from (theta_i, phi_i) that leaves on the other side; else as `albedo`."""
+        """Share of the light from (theta_i, phi_i) that leaves on the other side, with a bound on the integral's error.
+
+        Args:
+            theta_i, phi_i, degrees, tolerance: as of `albedo`.
+
+        Returns:
+            `value`, `bound` and `evaluations` as of `albedo`.
+        """
         from gonio.models.albedo import directional_transmittance
 
         return self._share(directional_transmittance, theta_i, phi_i, degrees, tolerance)
@@ -156,11 +182,18 @@ class Material(Displayed):
     def gradient(
         self, theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike, degrees: bool = False
     ) -> dict[str, np.ndarray]:
-        """Derivatives of f by the model's parameters; arguments and errors are those of `f`.
+        """Derivatives of f by the model's parameters.
+
+        Args:
+            theta_i, phi_i, theta_o, phi_o: angles of light and detector, as of `f`.
+            degrees: whether they are degrees; else radians. No derivative is by an angle.
 
         Returns:
             Arrays of the shape of `f`, by the parameter's name, such as 'ggx.alpha'. Of a parameter with one value for
             each channel: each channel's derivative by its own value. Empty for an interpolated table.
+
+        Raises:
+            GonioError: as `f` does.
         """
         from gonio.models.expression.derivatives import parameter_derivatives
 

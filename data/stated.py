@@ -56,7 +56,7 @@ class StatedUncertainty(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The same as people write it, and `stated` reads it."""
+        """The same as people write it, and `stated_uncertainties` reads it."""
         angle = TERMS[self.name].acts == "angle"
         size = self.standard * SHAPES[self.shape]
         number = f"{math.degrees(size):.12g} deg" if angle else f"{100 * size:.12g} %"

@@ -16,8 +16,10 @@ from gonio.models.expression.parser import Call, Term, Value, parse
 
 SCHLICK = {"f0": Value(None, free=True)}
 FAMILIES = tuple(Term(None, Call(name, SCHLICK, {})) for name in ("gtr", "cook_torrance", "beckmann", "ggx"))
+"""What is tried: lobes with Schlick's Fresnel factor."""
 REPLACED = (*FACETS, "ggx", "gtr", "cook_torrance", "retro", "charlie", "harvey_shack")
 ROUNDS, STARTS = 3, 3
+"""How often the best one is grown again, and random starts of each fit."""
 CLEAR = 10.0
 """Of BIC, by which another model has to be better [Kass & Raftery 1995]."""
 

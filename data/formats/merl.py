@@ -43,12 +43,19 @@ def has_header(start: bytes, size: int) -> bool:
 
 
 def read_merl(path: str | os.PathLike[str], nodes: str = "lower") -> Table:
-    """The table of a MERL file; f in 1/sr, float64.
+    """The table of a MERL file.
 
-    Readers of the field disagree whether a node is the bin's "lower" edge (the original look-up; default) or
-    its "centre"; `nodes` says which, the provenance keeps it. A file with 360 phi_d covers the whole circle
-    (data that are not reciprocal), any other half of it. Raises GonioError where header and file size
-    disagree.
+    Args:
+        path: the file.
+        nodes: whether a node is its bin's "lower" edge, as in the original look-up, or its "centre": readers of the
+            field disagree. The provenance keeps it.
+
+    Returns:
+        f in 1/sr, float64. A file with 360 phi_d covers the whole circle (data that are not reciprocal), any other half
+        of it.
+
+    Raises:
+        GonioError: header and file size disagree.
     """
     size = whole_size(path)
     with open(path, "rb") as file:
@@ -83,13 +90,23 @@ def read_merl(path: str | os.PathLike[str], nodes: str = "lower") -> Table:
 def write_merl(
     path: str | os.PathLike[str], source: "Table | AbstractBRDF", force: bool = False, nodes: str = "lower"
 ) -> RoundTrip:
-    """Writes a table, or a model, as a MERL file, and returns what reading it again shows to be lost.
+    """Writes a table, or a model, as a MERL file.
 
-    A table on MERL's grid is written cell by cell; any other is interpolated onto 90 × 90 × 180 nodes, and
-    the round trip then compares the interpolated file with the table's own cells. One channel is repeated.
-    MERL has no sign for a negative reading: those become "no data" and are counted as lost. Raises GonioError
-    for other than one or three channels, for a table with readings about less than half of the directions, and where
-    `path` cannot be written.
+    A table on MERL's grid is written cell by cell; any other is interpolated onto 90 × 90 × 180 nodes. One channel is
+    repeated. MERL has no sign for a negative reading: those become "no data" and are counted as lost.
+
+    Args:
+        path: the file to write.
+        source: a table of one or three channels, or a model.
+        force: whether `path` may be replaced.
+        nodes: as of `read_merl`.
+
+    Returns:
+        What reading the file again shows to be lost; of an interpolated table, against the table's own cells.
+
+    Raises:
+        GonioError: other than one or three channels, a table with readings about less than half of the directions, or
+            `path` cannot be written.
     """
     require_reflection(source, getattr(source, "name", "") or "the model", "a MERL file")
     from gonio.models.evaluation import channel_count

@@ -185,7 +185,15 @@ class Layout(abc.ABC):
     @staticmethod
     @abc.abstractmethod
     def coordinates(wi: "Direction", wo: "Direction") -> dict[str, Any]:
-        """The angle on each axis of one pair of unit directions (JAX); azimuths in [0, 2π)."""
+        """The angles of one pair of unit directions, traced by JAX.
+
+        Args:
+            wi: direction of the light.
+            wo: direction of the detector.
+
+        Returns:
+            The angle on each axis, radians, by its name; azimuths in [0, 2π).
+        """
 
     @staticmethod
     def covers(wi: "Direction", wo: "Direction") -> Any:
@@ -267,9 +275,14 @@ class Layout(abc.ABC):
         return type(self)(axes), np.ix_(*nodes)
 
     def solid_angles(self, wi: "Direction", wo: "Direction") -> np.ndarray | None:
-        """dωi dωo of the cells at these directions (n,), up to a factor; None where cells have no extent.
+        """Sizes dωi dωo of cells, up to a common factor.
 
-        The rim of a grid counts half a step outwards.
+        Args:
+            wi: unit directions of the light with components of shape (n,).
+            wo: those of the detector.
+
+        Returns:
+            Array (n,), in which the rim of a grid counts half a step outwards; None where cells have no extent.
         """
         if not self.gridded:
             return None

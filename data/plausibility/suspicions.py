@@ -14,18 +14,18 @@ RADIANS_LIMIT = 3.15
 """Degrees: polar angles all below it are radians, or a scan of nothing but the normal."""
 FULL_TURN = 6.2833
 """Degrees: azimuths all below it may be radians."""
-HALF_TURN = 0.005
-FEWEST_AZIMUTHS = 4
-"""Different azimuths, or half a turn of radians among them, from which they may be so."""
+HALF_TURN, FEWEST_AZIMUTHS = 0.005, 4
+"""How near to π an azimuth has to be, or how many different ones there are, for them to be radians."""
 ZERO = 1e-3
+"""Degrees up to which an azimuth is 0, in either unit."""
 TOO_BRIGHT = 1.25
 """π f of most directions, from which readings cannot be f of anything that makes no light."""
 WIDE = math.pi / 4
 """Spread of the detector's polar angles from which directions stand for the hemisphere."""
-FEWEST_PAIRS = 6
-LEAST_RATIO = 0.1
-"""|log| of the ratio of cosines from which an exchanged pair tells f from f cos(theta)."""
+FEWEST_PAIRS, LEAST_RATIO = 6, 0.1
+"""Exchanged pairs from which they tell f from f cos(theta), each of at least this |log| of the ratio of cosines."""
 PAIR_CELL = math.radians(0.02)
+"""Angles that differ by less are one."""
 TURNED_RATIO = 3.0
 """Of the brightest readings back to the light and to the mirror side, from which their places may be exchanged."""
 USUAL = 0.75

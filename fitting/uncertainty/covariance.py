@@ -199,8 +199,8 @@ def beyond_bound(
     inside of it the number may lie with 95 % confidence.
 
     Without the bound the quadratic cost has its minimum a distance m beyond it: the limit is the 95 % point of that
-    normal law cut off at the bound. `spread` is the covariance (P, P) with the number `at` let free beside the `others`
-    (indices).
+    normal law cut off at the bound. `spread` is the covariance (P, P) with the number `index` let free beside the
+    `others` (indices).
     """
     free = np.append(others, index)
     u = float(np.sqrt(spread[index, index]))

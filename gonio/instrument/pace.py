@@ -57,7 +57,15 @@ class Pace:
                     raise GonioError(f"{name.replace('_', ' ')} is {value:g}; give a number above 0")
 
     def moving(self, start: Angles, end: Angles) -> np.ndarray:
-        """Seconds on the way from directions to others, without settling; four angles each, arrays that broadcast."""
+        """Seconds on the way from directions to others, without settling.
+
+        Args:
+            start: theta_i, phi_i, theta_o, phi_o, radians: arrays that broadcast.
+            end: the same of where the arms go.
+
+        Returns:
+            Seconds of the slowest axis, of the angles' broadcast shape; azimuths go the shorter way round.
+        """
         steps = [np.abs(np.asarray(a) - np.asarray(b)) for a, b in zip(start, end, strict=True)]
         steps = [np.minimum(s, 2 * np.pi - s) if k % 2 else s for k, s in enumerate(steps)]
         speeds = np.broadcast_to(np.asarray(self.axis_speed), len(AXES))

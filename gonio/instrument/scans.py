@@ -39,9 +39,16 @@ def isotropic(
     hemisphere: str = REFLECTION,
     lit: str = "front",
 ) -> Layout:
-    """Both polar angles from 0 to `theta_max` by `step`, delta_phi once round by `phi_step` (or `step`).
+    """A grid for isotropic surfaces: both polar angles, and the difference of the azimuths once round.
 
-    `hemisphere` and `lit` as of `scan`; behind the sample polar angles are counted from its other normal.
+    Args:
+        step: of the polar angles, from 0, radians.
+        theta_max: largest polar angle; behind the sample it is counted from the other normal.
+        phi_step: of delta_phi; by default `step`.
+        hemisphere, lit: as of `scan`.
+
+    Raises:
+        GonioError: steps or limits that make no grid, or one of more than `MAX_CELLS`.
     """
     light, detector = _sides(_polar(step, theta_max), hemisphere, lit)
     return _checked(layouts.isotropic(light, detector, _azimuth(phi_step or step)))
@@ -54,7 +61,17 @@ def spherical(
     hemisphere: str = REFLECTION,
     lit: str = "front",
 ) -> Layout:
-    """All four angles, polar ones by `step`, azimuths by `phi_step` (or `step`): for anisotropic surfaces too."""
+    """A grid over all four angles, for anisotropic surfaces too.
+
+    Args:
+        step: of the polar angles, from 0, radians.
+        theta_max: largest polar angle; behind the sample it is counted from the other normal.
+        phi_step: of both azimuths, once round; by default `step`.
+        hemisphere, lit: as of `scan`.
+
+    Raises:
+        GonioError: steps or limits that make no grid, or one of more than `MAX_CELLS`.
+    """
     light, detector = _sides(_polar(step, theta_max), hemisphere, lit)
     azimuth = _azimuth(phi_step or step)
     return _checked(layouts.spherical(light, azimuth, detector, azimuth))
@@ -82,7 +99,17 @@ def in_plane(
     hemisphere: str = REFLECTION,
     lit: str = "front",
 ) -> Layout:
-    """The plane of incidence: the incidences `theta_i`, the detector from −`theta_max` to `theta_max` by `step`."""
+    """The plane of incidence, in which the detector goes from −`theta_max` to `theta_max`.
+
+    Args:
+        step: of the detector, radians.
+        theta_max: its largest polar angle.
+        theta_i: polar angles of the light, at most π/2.
+        hemisphere, lit: as of `scan`.
+
+    Raises:
+        GonioError: incidences beyond π/2; steps or limits that make no grid, or one of more than `MAX_CELLS`.
+    """
     if max(theta_i, default=0.0) > math.pi / 2:
         raise GonioError(f"theta_i has {_angle(max(theta_i))}; give at most 90°, and lit back for light from behind")
     light, _ = _sides(np.array(sorted(theta_i)), hemisphere, lit)

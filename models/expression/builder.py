@@ -87,7 +87,7 @@ def prepared(of: Frame) -> bool:
 
 
 def assemble(of: Frame, values: dict[str, jnp.ndarray]) -> AbstractBRDF:
-    """One term of the given numbers by their paths (see `paths`), which may be traced by JAX."""
+    """One term of the given numbers by their paths, ``alpha`` or ``base.0.alpha`` inside; JAX may trace them."""
     fields: dict[str, Any] = {n: v for n, v in values.items() if "." not in n and n != FACTOR}
     for field, parts in of.inside:
         starts = [f"{field}.{index}." for index in range(len(parts))]

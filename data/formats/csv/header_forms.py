@@ -10,9 +10,8 @@ PAIR = re.compile(rf'"?{ANGLE}[/:]{ANGLE}"?')
 UNIT_AT_END = re.compile(r"(.*?\S)\s*(?:/\s*([^\s/\[(]+)|[\[(]\s*([^\[\]()]+?)\s*[\])])")
 FACTOR = re.compile(r"(?i)\b(?:radiance|luminance|reflectance)[ _-]factor|\bBRF\b")
 """Words above the header by which values are reflectance factors."""
-MOST_PAIRS = 2000
-PREAMBLE = 200
-MOST_LENGTH = 100_000
+MOST_PAIRS, PREAMBLE, MOST_LENGTH = 2000, 200, 100_000
+"""Columns of geometries; lines among which their header is looked for; characters of such a line."""
 
 
 def merged_names(above: Sequence[str], names: Sequence[str]) -> list[str] | None:
@@ -52,9 +51,7 @@ def without_turned_rows(lines: list[str]) -> list[str]:
                 if turned is None:
                     return lines
                 names, values = turned
-                rows = [
-                    delimiter.join([m[1], m[2], *(row[k] for row in values)]) for k, m in enumerate(pairs) if m
-                ]  # fmt: skip
+                rows = [delimiter.join([m[1], m[2], *(row[k] for row in values)]) for k, m in enumerate(pairs) if m]
                 return [*lines[:number], delimiter.join(["theta_i", "theta_o", *names]), *rows]
     return lines
 
@@ -73,7 +70,7 @@ def last_row(lines: Sequence[str], delimiter: str) -> int:
 
 def _turned(
     lines: Sequence[str], delimiter: str, quantity: tuple[str, str], count: int
-) -> tuple[list[str], list[list[str]]] | None:  # fmt: skip
+) -> tuple[list[str], list[list[str]]] | None:
     """(names of a column for each wavelength, its cells); None of rows that are no wavelength and `count` cells."""
     names, values = [], []
     name, unit = quantity

@@ -20,12 +20,12 @@ def ways_of(brdf: AbstractBRDF) -> list[tuple[int, int]]:
     return [way for one, way in WAYS.items() if one in brdf.hemispheres]
 
 
-def worst_of(judged: dict[tuple[int, int], Property], name: Callable[[int, int], str] = side_in_words) -> Property:
-    """The worst of the properties of several ways, its sentence led by which way that is."""
+def worst_of(judged: dict[tuple[int, int], Property], in_words: Callable[[int, int], str] = side_in_words) -> Property:
+    """The worst of the properties of several ways, its sentence led by the name of that way, `in_words`."""
     order = {FAIL: 0, UNDECIDED: 1, PASS: 2, NOT_APPLICABLE: 3}
     way, worst = min(judged.items(), key=lambda item: (order.get(item[1].verdict, 4), -(item[1].residual or 0.0)))
     if len(judged) > 1 or way != (1, 1):
-        words = name(*way)
+        words = in_words(*way)
         worst.detail = f"{words[0].upper()}{words[1:]}: {worst.detail[0].lower()}{worst.detail[1:]}"
         worst.where |= {name: 180 - worst.where[name] for name, side in zip(("theta_i", "theta_o"), way, strict=True)
                         if side < 0 and name in worst.where}  # fmt: skip
