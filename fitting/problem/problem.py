@@ -37,7 +37,7 @@ from gonio.fitting.problem.readings import (
 )
 from gonio.models.geometry.directions import NORMAL, Direction
 
-MANY = 1 << 22  # readings, channels counted apart
+MANY = 1 << 21  # readings, channels counted apart
 UNDER_WAY = 8  # pages whose results are waited for at a time
 
 
