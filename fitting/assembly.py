@@ -88,8 +88,11 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
 
 def _fitted_terms(task: FitTask, optima: list[Optimum]) -> tuple[Term, ...]:
     """Filled terms of as many channels as the table: of grey ones the first scale is written once for each."""
-    terms, count = optima[0].parameters.filled(task.terms, [e.p for e in optima]), len(task.channels)
-    if count == 1 or channel_count(build(terms)) not in (None, 1):
+    parameters, count = optima[0].parameters, len(task.channels)
+    terms = parameters.filled(task.terms, [e.p for e in optima])
+    # What was fitted to each channel has channels: to count those of a model traces it, as long as a small fit takes.
+    of_channels = any(g.per_channel or len(optima) > 1 for g in parameters.free)
+    if count == 1 or of_channels or channel_count(build(terms)) not in (None, 1):
         return terms
     first, *others = terms
     scale = 1.0 if first.scale is None or first.scale.number is None else float(np.ravel(first.scale.number)[0])

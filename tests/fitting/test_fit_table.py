@@ -1,5 +1,6 @@
 """Fits: truth recovered, uncertainties that mean something, and what cannot be known said out loud."""
 
+import jax
 import numpy as np
 import pytest
 import scipy.stats
@@ -32,6 +33,20 @@ def test_seven_numbers_without_noise_from_every_start(seven, loss):
     np.testing.assert_allclose(
         evaluate(result.brdf, *ISOTROPIC.directions()), seven.f.reshape(-1, 3), rtol=1e-9, equal_nan=True
     )
+
+
+def test_a_second_fit_traces_nothing(seven):
+    """A trace of a model takes as long as a small fit of it."""
+    first, events = fit(seven, "lambert + ggx(eta=1.5)", starts=2), []
+
+    def listen(event: str, duration_secs: float, **_: str | int) -> None:
+        events.append(event)
+
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    again = fit(seven, "lambert + ggx(eta=1.5)", starts=2)
+    jax.monitoring.unregister_event_duration_listener(listen)
+    np.testing.assert_array_equal(values(again), values(first))
+    assert not events
 
 
 def test_single_precision_tables_converge(seven):
