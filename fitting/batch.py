@@ -8,8 +8,8 @@ from typing import Unpack
 
 from gonio.data.subject import SubjectLike
 from gonio.data.table import Table
-from gonio.fitting.fit_model import FitOptions
 from gonio.fitting.fit_table import fit
+from gonio.fitting.options import FitOptions
 from gonio.fitting.result import FitResult
 from gonio.models.errors import GonioError
 

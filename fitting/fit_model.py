@@ -1,36 +1,18 @@
-"""One model fitted to readings: options, starts, descents, polish on all readings, and the statistics at the optimum.
+"""One model fitted to readings: starts, descents, polish on all readings, and the statistics at the optimum."""
 
-Programs are got ready beside other work: to trace and load them takes Python's time while a file is read and sorted.
-"""
-
-import contextlib
-import ctypes
 import dataclasses
-import math
-import os
-import threading
-from collections.abc import Callable, Hashable, Mapping
-from typing import Any, TypedDict
 
-import jax.numpy as jnp
 import numpy as np
 
 from gonio.data.layouts import Layout
-from gonio.data.scene import Scene, load_scene
 from gonio.data.table import Channels
+from gonio.fitting.options import FitSettings
 from gonio.fitting.problem.compiled_sums import compile_sums
 from gonio.fitting.problem.page_program import compile_page_program
 from gonio.fitting.problem.parameterisation import Parameterisation, of_channel, parameters, snapped
 from gonio.fitting.problem.problem import FitProblem
-from gonio.fitting.problem.readings import (
-    BRIGHTER,
-    LOSSES,
-    WEIGHTS,
-    Readings,
-    loss_floor,
-    relative_sigma,
-    residual_weights,
-)
+from gonio.fitting.problem.readings import BRIGHTER, Readings, loss_floor, relative_sigma, residual_weights
+from gonio.fitting.programs_ahead import ahead, finished
 from gonio.fitting.refinement import Refinement, noise_of
 from gonio.fitting.solver.compiled_steps import compile_steps
 from gonio.fitting.solver.curvature import completed
@@ -38,147 +20,12 @@ from gonio.fitting.solver.disc_choice import DiscAverages, choose_rules
 from gonio.fitting.solver.fixed_bounds import with_bounds_fixed
 from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, minimise
 from gonio.fitting.solver.multistart import search
-from gonio.fitting.solver.robust_weights import KINDS as ROBUST_KINDS
-from gonio.fitting.uncertainty.bootstrap import KINDS as BOOTSTRAP_KINDS
 from gonio.fitting.uncertainty.optimum import Optimum, optimum_at
-from gonio.models.deprecation import renamed, renamed_options
-from gonio.models.errors import GonioError, nearest
+from gonio.models.errors import GonioError
 from gonio.models.expression.builder import build
 from gonio.models.expression.parser import Term, numbers
 from gonio.models.geometry.sides import Hemispheres, hemispheres_of, side_in_words
 from gonio.models.program_memory import free_programs
-
-MOST_REFITS = 100_000
-OLD_NAMES = {"say": "log"}
-OLD_KINDS = {"residuals": "wild", "pairs": "block_pairs"}
-APERTURES = ("average", "ignore")
-
-_known: set[Hashable] = set()
-_running: list[threading.Thread] = []
-
-
-def ahead(key: Hashable, job: Callable[[], object]) -> None:
-    """Begin a job in a thread of its own; nothing where one of this key was begun before."""
-    precision = jnp.result_type(float)
-    if (key, precision) in _known:
-        return
-    _known.add((key, precision))
-
-    def run() -> None:
-        # A precision that only the caller's thread has is not known here. What goes wrong goes wrong again where it is
-        # needed, and is said there.
-        with contextlib.suppress(Exception):
-            if jnp.result_type(float) == precision:
-                job()
-
-    thread = threading.Thread(target=run, name="gonio-ahead")
-    _running.append(thread)
-    thread.start()
-
-
-def finished() -> None:
-    """Wait for what was begun, so that nothing is traced twice."""
-    waited = bool(_running)
-    while _running:
-        with contextlib.suppress(IndexError):
-            _running.pop().join()
-    if waited:
-        _give_back()
-
-
-def _give_back() -> None:
-    """Return what compilers have freed to the system: glibc keeps it, more than a hundred megabytes."""
-    with contextlib.suppress(OSError, AttributeError, TypeError):  # no glibc
-        ctypes.CDLL(None).malloc_trim(0)
-
-
-class FitOptions(TypedDict, total=False):
-    """Keywords of `gonio.fit`; `help(gonio.fit)` describes each."""
-
-    loss: str | None
-    theta_max: float | None
-    weight: str | None
-    relative_noise: float | None
-    robust: str | bool | None
-    bootstrap: int
-    bootstrap_kind: str
-    per_channel: bool
-    samples: int | None
-    starts: int
-    aperture: str
-    scene: str | os.PathLike[str] | Scene | None
-    seed: int
-    log: Callable[[str], None]
-
-
-@dataclasses.dataclass(frozen=True)
-class FitSettings:
-    """The options of a fit, complete and checked; see `gonio.fit`."""
-
-    loss: str | None = None
-    theta_max: float | None = None
-    weight: str | None = None
-    relative_noise: float | None = None
-    robust: str | None = None
-    bootstrap: int = 0
-    bootstrap_kind: str = "wild"
-    per_channel: bool = False
-    samples: int | None = None
-    starts: int = 8
-    aperture: str = "average"
-    scene: Scene | None = None
-    seed: int = 0
-    log: Callable[[str], None] = lambda line: None
-
-    def __post_init__(self) -> None:
-        _require_known("loss", self.loss, LOSSES)
-        _require_known("weight", self.weight, WEIGHTS)
-        _require_known("robust weights", self.robust, tuple(ROBUST_KINDS))
-        _require_known("aperture", self.aperture, APERTURES)
-        _require_known("bootstrap", self.bootstrap_kind, BOOTSTRAP_KINDS)
-        if self.theta_max is not None and not 0 < self.theta_max <= math.pi / 2 * (1 + 1e-12):
-            raise GonioError(
-                f"theta_max is {self.theta_max:g} radians; expected above 0 and up to π/2, such as math.radians(60)."
-            )
-        if self.relative_noise is not None and not 0 < self.relative_noise < 1:
-            raise GonioError(
-                f"A relative noise of {self.relative_noise:g} came; expected a share between 0 and 1, such as 0.05."
-            )
-        if self.relative_noise is not None and self.loss not in (None, "sigma"):
-            raise GonioError(
-                f"relative_noise weighs by the noise itself and excludes the loss '{self.loss}'; give one of them."
-            )
-        if self.bootstrap != 0 and not 2 <= self.bootstrap <= MOST_REFITS:
-            raise GonioError(
-                f"A bootstrap of {self.bootstrap} refits came; expected from 2 to {MOST_REFITS}, such as 200, or 0 for "
-                "none."
-            )
-        if self.starts < 0 or (self.samples is not None and self.samples < 1):
-            raise GonioError("starts takes 0 or more and samples 1 or more; give a larger number.")
-        if self.scene is not None and self.weight is not None:
-            raise GonioError(
-                f"A scene weighs readings itself and excludes the weight '{self.weight}'; give one of them."
-            )
-
-    @classmethod
-    def create(cls, options: Mapping[str, Any]) -> "FitSettings":
-        """The settings of keywords, old names too; GonioError for what is out of range, TypeError for other names."""
-        values = renamed_options(options, OLD_NAMES) if OLD_NAMES.keys() & options.keys() else dict(options)
-        known = [f.name for f in dataclasses.fields(cls)]
-        if unknown := [name for name in values if name not in known]:
-            raise TypeError(f"fit has no option '{unknown[0]}'; {nearest(unknown[0], known)}")
-        if (kind := values.get("bootstrap_kind")) in OLD_KINDS:
-            renamed(f"bootstrap_kind='{kind}'", f"'{OLD_KINDS[kind]}'")
-            values["bootstrap_kind"] = OLD_KINDS[kind]
-        values["robust"] = "tukey" if values.get("robust") is True else values.get("robust") or None
-        if values.get("scene") is not None:
-            values["scene"] = load_scene(values["scene"])
-        return cls(**values)
-
-
-def _require_known(what: str, value: str | None, known: tuple[str, ...]) -> None:
-    if value is not None and value not in known:
-        raise GonioError(f"Unknown {what} '{value}'; {nearest(value, known)}")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,7 +12,8 @@ from gonio.data.table import Table, index_of
 from gonio.fitting.apertures import aperture_notes, half_angles_of, wide_notes
 from gonio.fitting.assembly import assemble_result
 from gonio.fitting.common_errors import common_error_note, common_errors
-from gonio.fitting.fit_model import FitOptions, FitSettings, FitTask, compile_ahead
+from gonio.fitting.fit_model import FitTask, compile_ahead
+from gonio.fitting.options import FitOptions, FitSettings
 from gonio.fitting.patches import Patches, fit_at_middles, fit_patches
 from gonio.fitting.problem.readings import (
     NO_UNCERTAINTY,

@@ -33,7 +33,7 @@ from gonio.campaigns.entries import MOST, listed, numbers_of, seeds_of
 from gonio.checks.certify import CheckSettings
 from gonio.data.files import check_keys, read_toml
 from gonio.data.serialise import NUMBER, require_kind
-from gonio.fitting.fit_model import FitSettings
+from gonio.fitting.options import FitSettings
 from gonio.models.errors import GonioError, nearest
 from gonio.models.expression.parser import parse
 

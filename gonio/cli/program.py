@@ -24,7 +24,7 @@ from gonio.models.errors import GonioError, nearest, one_line
 from gonio.text import printing, versions
 
 AHEAD = "gonio-ahead"
-"""The name of the threads that `gonio.fitting.fit_model` begins; that module would bring JAX with it."""
+"""The name of the threads that `gonio.fitting.programs_ahead` begins; that module would bring JAX with it."""
 BATCH = "gonio-fit"
 """How the names of those begin that `gonio.fitting.batch` begins."""
 

@@ -6,7 +6,7 @@ from typing import Any, Unpack, cast
 
 from gonio.data.subject import SubjectLike
 from gonio.fitting import fit_table
-from gonio.fitting.fit_model import FitOptions
+from gonio.fitting.options import FitOptions
 from gonio.fitting.result import FitResult
 from gonio.instrument.instrument import Instrument
 from gonio.models.errors import GonioError

@@ -16,8 +16,8 @@ from gonio.data.stated import BOTH_TILTS, TERMS
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table
 from gonio.fitting.common_errors import common_error_note
-from gonio.fitting.fit_model import FitOptions
 from gonio.fitting.fit_table import fit
+from gonio.fitting.options import FitOptions
 from gonio.fitting.result import FitResult
 from gonio.fitting.uncertainty.covariance import NORMAL_95, Covariance
 from gonio.fitting.uncertainty.joint_covariance import JointCovariance, View

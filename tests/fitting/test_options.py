@@ -9,7 +9,7 @@ import pytest
 
 import gonio
 from gonio.data.hdf5.writer import write_table
-from gonio.fitting.fit_model import FitOptions, FitSettings
+from gonio.fitting.options import FitOptions, FitSettings
 from gonio.metrology.fit_with_errors import AllFitOptions
 from gonio.models.errors import GonioError
 from support.fit_tables import coarse_table_of

@@ -111,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _options(args: argparse.Namespace) -> dict[str, Any]:
-    from gonio.fitting.fit_model import OLD_KINDS, FitOptions
+    from gonio.fitting.options import OLD_KINDS, FitOptions
 
     options = {name: getattr(args, name) for name in FitOptions.__annotations__ if hasattr(args, name)}
     kind = options.pop("bootstrap_kind")
@@ -130,9 +130,9 @@ def _run_one(args: argparse.Namespace, file: str) -> int:
 
         return run_profile_fit(args, file, output)
     refuse_outputs([output, args.json], [file, args.scene, args.instrument, *(args.model or [])], args.force)
-    from gonio.fitting.fit_model import ahead
     from gonio.fitting.fit_table import fit
     from gonio.fitting.problem.arrow import Sizes
+    from gonio.fitting.programs_ahead import ahead
     from gonio.fitting.solver.compiled_steps import compile_steps
 
     # To load the program of a step takes as long as to read a large file; what goes into it is known already.

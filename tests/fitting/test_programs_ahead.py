@@ -5,7 +5,7 @@ import sys
 import threading
 
 from gonio.cli.program import AHEAD
-from gonio.fitting.fit_model import ahead, finished
+from gonio.fitting.programs_ahead import ahead, finished
 
 
 def test_a_job_is_begun_once_and_finished_before_it_is_needed():
@@ -27,7 +27,7 @@ def test_what_goes_wrong_ahead_is_left_to_where_it_is_needed():
 SLOW = """
 import sys, threading
 from gonio.__main__ import command
-from gonio.fitting.fit_model import ahead
+from gonio.fitting.programs_ahead import ahead
 begun, never = threading.Event(), threading.Event()
 ahead("slow", lambda: (begun.set(), never.wait()))
 begun.wait()
