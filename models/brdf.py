@@ -172,7 +172,7 @@ class AbstractBRDF(eqx.Module):
         wo, jacobian = self.lobe_map(wi, u1, u2)
         return self.f(wi, wo) * (jnp.maximum(side * wo.z, 0.0) * jacobian)
 
-    def specular(self, wi: Direction) -> Channels:
+    def mirror_reflectance(self, wi: Direction) -> Channels:
         """Share of the light from `wi` that leaves as an image of its source: a delta, which is no part of f."""
         return jnp.zeros_like(wi.z)
 
@@ -242,8 +242,8 @@ class Scaled(AbstractBRDF):
     def flux(self, wi: Direction, u1: Scalar, u2: Scalar, side: Scalar) -> Channels:
         return self.scale * self.base.flux(wi, u1, u2, side)
 
-    def specular(self, wi: Direction) -> Channels:
-        return self.scale * self.base.specular(wi)
+    def mirror_reflectance(self, wi: Direction) -> Channels:
+        return self.scale * self.base.mirror_reflectance(wi)
 
     def terms(self) -> tuple[AbstractBRDF, ...]:
         return tuple(Scaled(self.scale, part) for part in self.base.terms())
@@ -336,8 +336,8 @@ class Sum(AbstractBRDF):
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         raise TypeError("a sum has no lobe map of its own: integrate each of terms() with its own")
 
-    def specular(self, wi: Direction) -> Channels:
-        return functools.reduce(operator.add, (part.specular(wi) for part in self.parts))
+    def mirror_reflectance(self, wi: Direction) -> Channels:
+        return functools.reduce(operator.add, (part.mirror_reflectance(wi) for part in self.parts))
 
     def terms(self) -> tuple[AbstractBRDF, ...]:
         return tuple(s for part in self.parts for s in part.terms())
@@ -382,8 +382,8 @@ class AbstractComposite(AbstractBRDF):
     def lobe_map(self, wi: Direction, u1: Scalar, u2: Scalar) -> tuple[Direction, Scalar]:
         return Sum(self.terms()).lobe_map(wi, u1, u2)
 
-    def specular(self, wi: Direction) -> Channels:
-        return Sum(self.terms()).specular(wi)
+    def mirror_reflectance(self, wi: Direction) -> Channels:
+        return Sum(self.terms()).mirror_reflectance(wi)
 
 
 def terms(brdf: AbstractBRDF) -> tuple[AbstractBRDF, ...]:

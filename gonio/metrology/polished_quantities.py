@@ -29,7 +29,9 @@ def polished_quantities(material: Material) -> list[Quantity]:
     theta = np.radians(INCIDENCES)
     wi = Direction(*(jnp.asarray(c) for c in from_spherical(theta, np.zeros_like(theta), np)))
     shape = (theta.size, len(names))
-    specular = np.broadcast_to(np.asarray(jax.vmap(material.brdf.specular)(wi)).reshape(theta.size, -1), shape)
+    specular = np.broadcast_to(
+        np.asarray(jax.vmap(material.brdf.mirror_reflectance)(wi)).reshape(theta.size, -1), shape
+    )
     scattered = material.albedo(theta)
     for k, angle in enumerate(INCIDENCES):
         place, angles = f"θi {angle}°", {"theta_i": float(angle)}
@@ -47,7 +49,7 @@ def polished_quantities(material: Material) -> list[Quantity]:
 def _mirrors(material: Material) -> bool:
     """Whether a part of the light leaves as an image of its source, as of a polished surface under a coat."""
     normal = Direction(*(jnp.asarray(c) for c in (0.0, 0.0, 1.0)))
-    return bool(np.any(np.asarray(material.brdf.specular(normal)) > 0))
+    return bool(np.any(np.asarray(material.brdf.mirror_reflectance(normal)) > 0))
 
 
 def _of_small_roughness(surface: RayleighRice, names: Sequence[str]) -> list[Quantity]:

@@ -49,9 +49,9 @@ class UnderCoat(AbstractBRDF):
         base = self.base.formula(*(refracted(w, self.index) for w in (wi, wo)))
         return base * (self.passed(wi) * self.passed(wo) * (1.0 / self.index**2))
 
-    def specular(self, wi: Direction) -> Channels:
+    def mirror_reflectance(self, wi: Direction) -> Channels:
         """T(μi)² of what the base mirrors: the image leaves at the angle at which it came."""
-        return self.base.specular(refracted(wi, self.index)) * self.passed(wi) ** 2
+        return self.base.mirror_reflectance(refracted(wi, self.index)) * self.passed(wi) ** 2
 
     @property
     def costly(self) -> bool:

@@ -137,7 +137,7 @@ class RayleighRice(AbstractDiscLobe):
         bottom = jnp.asarray(low, self.wavelength.dtype)
         return jnp.sqrt(jnp.maximum(variance(top) - variance(bottom), 0.0))
 
-    def specular(self, wi: Direction) -> Channels:
+    def mirror_reflectance(self, wi: Direction) -> Channels:
         phase = 4 * jnp.pi * self.rms_height() * wi.z / self.wavelength
         return fresnel(wi.z, None, self.eta, self.k) * jnp.exp(-phase * phase)
 

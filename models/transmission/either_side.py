@@ -49,6 +49,6 @@ class AbstractEitherSide(AbstractBRDF):
         wo, jacobian = self.facing(wi).lobe_map(turned_over(wi, side), u1, u2)
         return turned_over(wo, beyond), jacobian
 
-    def specular(self, wi: Direction) -> Channels:
+    def mirror_reflectance(self, wi: Direction) -> Channels:
         """What the model mirrors beside its f: an image too where it goes straight through."""
-        return self.facing(wi).specular(turned_over(wi, self._sides(wi)[0]))
+        return self.facing(wi).mirror_reflectance(turned_over(wi, self._sides(wi)[0]))

@@ -5,11 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from gonio.models.brdf import Scaled, Sum, changed_terms, terms
+from gonio.models.brdf import AbstractBRDF, Scaled, Sum, changed_terms, terms
+from gonio.models.catalog import MODELS
 from gonio.models.diffuse.lambert import Lambert
 from gonio.models.evaluation import channel_count, evaluate
 from gonio.models.geometry.directions import Direction, from_spherical
 from gonio.models.microfacet.ggx import GGX
+from gonio.models.parameters import parameters_of
 
 
 def test_operators_build_sums_and_scalings():
@@ -67,3 +69,9 @@ def test_models_differ_by_their_changed_terms():
     pair = from_spherical(0.3, 0.0), from_spherical(0.5, 3.0)
     np.testing.assert_allclose(above.f(*pair) - below.f(*pair), b.f(*pair) - a.f(*pair), rtol=1e-12)
     assert changed_terms(a, Lambert(rho=0.1))[0] is a
+
+
+def test_no_parameter_of_a_model_hides_what_every_model_has():
+    members = {name for name in dir(AbstractBRDF) if not name.startswith("_")}
+    for name in MODELS:
+        assert not {*parameters_of(MODELS[name])} & members, name

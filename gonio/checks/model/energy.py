@@ -91,7 +91,7 @@ def _lit_from(evidence: ModelEvidence, light: int, tolerance: float) -> Property
 
 
 def _specular(brdf: AbstractBRDF, *components: Any) -> Any:
-    return brdf.specular(Direction(*components))
+    return brdf.mirror_reflectance(Direction(*components))
 
 
 SPECULAR = Formula(_specular, ((0,),) * 3)
@@ -102,7 +102,7 @@ def specular_share(brdf: AbstractBRDF, theta: np.ndarray, phi: np.ndarray) -> np
     wi, dtype = from_spherical(theta, phi, np), jax.dtypes.canonicalize_dtype(float)
     share = program_values(SPECULAR, brdf, [np.asarray(c, dtype) for c in wi], (theta.size,), dtype)
     if share is None:
-        share = jax.vmap(brdf.specular)(Direction(*(jnp.asarray(c) for c in wi)))
+        share = jax.vmap(brdf.mirror_reflectance)(Direction(*(jnp.asarray(c) for c in wi)))
     return np.asarray(share, float).reshape(theta.size, -1)
 
 

@@ -74,7 +74,7 @@ def _hemisphere(brdf: AbstractBRDF, integral: Hemisphere, channels: int) -> tupl
 
 def _image(brdf: AbstractBRDF, theta: float, channels: int) -> np.ndarray:
     wi = Direction(*(jnp.asarray(c) for c in from_spherical(np.array([theta]), np.zeros(1), np)))
-    return np.broadcast_to(np.asarray(jax.vmap(brdf.specular)(wi)).reshape(-1), channels)
+    return np.broadcast_to(np.asarray(jax.vmap(brdf.mirror_reflectance)(wi)).reshape(-1), channels)
 
 
 def _spread(integrals: Sequence[Integral], numbers: FitNumbers | None, by_number: np.ndarray | None) -> Spread:

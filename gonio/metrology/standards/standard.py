@@ -18,7 +18,8 @@ class Aperture:
     Attributes:
         fine: the integral.
         coarse: the same by fewer nodes, whose difference from it bounds its error; None of single directions.
-        images: polar angles of incidence, radians, and weights: what a mirrored image (`AbstractBRDF.specular`) adds.
+        images: polar angles of incidence, radians, and weights: what a mirrored image adds
+            (`AbstractBRDF.mirror_reflectance`).
         mirror: whether the mirror direction, or what goes straight through, lies within, where narrow lobes are.
         moves: whether it is so near to the mirror direction that a lobe moves along with it.
         back: whether it is so near to the light's own direction that a lobe back to it may hide.

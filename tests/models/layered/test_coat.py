@@ -138,15 +138,15 @@ def test_what_a_polished_base_mirrors_leaves_a_coat_but_for_what_the_coat_reflec
     silicon, coat, theta = build(base), f"coat(base={base}, alpha=0.1, eta=1.5)", 0.8
     wi, inside = (from_spherical(jnp.asarray(t), jnp.zeros(())) for t in (theta, np.arcsin(np.sin(theta) / 1.5)))
     passed = 1 - directional_albedo(build("ggx(alpha=0.1, eta=1.5)"), theta).value
-    coated = build(coat).specular(wi)
-    np.testing.assert_allclose(coated, passed**2 * silicon.specular(inside), rtol=1e-6)
-    np.testing.assert_allclose((0.5 * build(coat)).specular(wi), 0.5 * coated)
-    sent = build(f"transmitted(base={coat})").specular(wi._replace(z=-wi.z))
+    coated = build(coat).mirror_reflectance(wi)
+    np.testing.assert_allclose(coated, passed**2 * silicon.mirror_reflectance(inside), rtol=1e-6)
+    np.testing.assert_allclose((0.5 * build(coat)).mirror_reflectance(wi), 0.5 * coated)
+    sent = build(f"transmitted(base={coat})").mirror_reflectance(wi._replace(z=-wi.z))
     np.testing.assert_allclose(sent, coated)
-    assert build("coat(base=lambert(rho=1), alpha=0.1, eta=1.5)").specular(wi) == 0
+    assert build("coat(base=lambert(rho=1), alpha=0.1, eta=1.5)").mirror_reflectance(wi) == 0
     energy = property_of("energy", coat)
     assert energy.verdict == "pass" and "The specular share, no part of f, is counted" in energy.detail
     named = {(q.name, q.place): q.value for q in quantities(coat, only=("scatter",)).quantities}
     assert named["specular reflectance", "θi 0°"] == pytest.approx(
-        float(build(coat).specular(from_spherical(0.0, 0.0)))
+        float(build(coat).mirror_reflectance(from_spherical(0.0, 0.0)))
     )

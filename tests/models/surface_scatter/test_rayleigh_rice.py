@@ -93,7 +93,7 @@ def test_scattered_and_specular_light_are_what_a_smooth_surface_reflects():
     np.testing.assert_allclose(scattered / smooth, total_integrated_scatter(0.002, 0.5, np.cos(theta)), rtol=2e-4)
     rest = specular_share(model, theta, np.zeros(2))[:, 0]
     np.testing.assert_allclose(scattered + rest, smooth, rtol=1e-5)
-    assert float((0.5 * model).specular(Direction(0.0, 0.0, 1.0))) == pytest.approx(rest[0] / 2)
+    assert float((0.5 * model).mirror_reflectance(Direction(0.0, 0.0, 1.0))) == pytest.approx(rest[0] / 2)
 
 
 def test_limits_are_named_where_they_are_left():
