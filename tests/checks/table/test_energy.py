@@ -7,7 +7,7 @@ from gonio.checks.hidden_lobes import width_of
 from gonio.checks.table.energy import table_albedos, table_energy
 from gonio.checks.table.evidence import TableEvidence
 from gonio.data import layouts
-from gonio.data.table import Table, whole_table_of_values
+from gonio.data.table import Channels, Table, whole_table_of_values
 from gonio.data.tabulate import grid_values
 from gonio.models.albedo import directional_albedo
 from gonio.models.expression.builder import build
@@ -147,3 +147,11 @@ def test_what_an_instrument_states_of_itself_is_in_the_bounds(stated):
     assert all("states of its alignment" in energy.detail for energy in judged)
     bright = gonio.measure("lambert(rho=1) + lambert(rho=0.5)", gonio.Instrument(**stated), layout)
     assert table_energy(TableEvidence(bright), 0.01).verdict == "fail"
+
+
+def test_one_azimuth_about_the_half_vector_leaves_energy_open():
+    layout = layouts.half_difference(np.linspace(0, 1.5, 6), np.linspace(0, 1.4, 5), [0.5])
+    f = np.full((*layout.shape, 1), 0.2)
+    table = whole_table_of_values(layout, f, Channels.grey())
+    energy = table_energy(TableEvidence(table), 0.01)
+    assert energy.verdict == "undecided" and "one azimuth of the light about the half vector" in energy.detail

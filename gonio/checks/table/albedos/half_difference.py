@@ -119,6 +119,8 @@ def half_vector_grid(table: Table) -> HalfVectorGrid | str:
         return "it is too large to be integrated in memory"
     if axes["theta_h"].size < 4 or axes["theta_h"][-1] < np.radians(60) or axes["theta_d"].size < 4:
         return "its half vectors do not cover the hemisphere"
+    if axes["phi_d"].size < 2:
+        return "it holds one azimuth of the light about the half vector"
     return HalfVectorGrid(axes, table.layout.periods)
 
 
