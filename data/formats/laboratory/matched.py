@@ -8,6 +8,7 @@ from gonio.data.flags import Flag
 from gonio.data.material import Material
 from gonio.data.round_trip import RoundTrip, compare
 from gonio.data.table import Table
+from gonio.models.display import listed
 
 MOST_SAMPLES = 40_000
 """Pairs at which a resampled file is compared."""
@@ -19,8 +20,12 @@ SAME_COMPONENT = 1e-8
 def matched(written: Table, read: Table, note: str = "") -> RoundTrip:
     """The round trip of a table into one with other cells, or the same in another order, by its valid readings.
 
-    A reading whose directions and channel are not there again is lost; of repeats the first is the first.
+    A reading whose directions and channel are not there again is lost; of repeats the first is the first. Channels that
+    the file names otherwise are in the note.
     """
+    names = [t.channels.names for t in (written, read)]
+    if names[0] != names[1]:
+        note = "; ".join(filter(None, [note, f"{listed(names[0])} are named {listed(names[1])} there"]))
     (one, f), (two, again) = (_by_direction(table) for table in (written, read))
     _, first, second = np.intersect1d(one, two, assume_unique=True, return_indices=True)
     valid = np.ones(len(first), bool)

@@ -99,3 +99,11 @@ def test_written_and_read_again_it_is_the_same(tmp_path_factory, seed, channels)
     again = read(path)
     assert np.array_equal(again.f, table.f[1:]) and (again.flag == Flag.VALID).all()
     assert np.allclose(again.layout.angles(), [a[1:] for a in table.layout.angles()], rtol=0, atol=1e-15)
+
+
+def test_channels_that_the_file_names_otherwise_are_told(tmp_path):
+    names = ["é", "ü"]
+    table = Table.from_arrays(0.1, 0, [0.2, 0.3], 1, [[0.1, 0.2], [0.3, 0.4]], channels=names)
+    report = table.save(tmp_path / "a.astm")
+    assert read(tmp_path / "a.astm").channels.names == ("channel_1", "channel_2")
+    assert "é, ü are named channel_1, channel_2 there" in str(report)
