@@ -95,8 +95,7 @@ def check(subject: SubjectLike, **options: Unpack[CheckOptions]) -> Certificate:
     judged = resolve_subject(subject, blockwise=True)
     if judged.material is not None and (below := _below_the_surface(judged, settings, given)) is not None:
         return below
-    reference = None if settings.against is None else _compared_with(resolve_subject(settings.against))
-    evidence = _evidence(judged, settings, reference)
+    evidence = _evidence(judged, settings)
     every = (judged_property(key, judged.kind, evidence, given.get(key)) for key in PROPERTIES)
     return certificate_of(judged, settings, [p for p in every if p is not None])
 
@@ -150,9 +149,10 @@ def _compared_with(other: Subject) -> "AbstractBRDF | Table":
     return other.brdf if other.table is None else other.table
 
 
-def _evidence(
-    judged: Subject, settings: CheckSettings, reference: "AbstractBRDF | Table | None"
-) -> "ModelEvidence | TableEvidence":
+def _evidence(judged: Subject, settings: CheckSettings) -> "ModelEvidence | TableEvidence":
+    other = None if settings.against is None else resolve_subject(settings.against)
+    reference = None if other is None else _compared_with(other)
+    channels = None if other is None else other.channels
     if judged.table is None:
         from gonio.checks.model.evidence import ModelEvidence
         from gonio.models.program_memory import free_programs
@@ -165,7 +165,8 @@ def _evidence(
         if settings.model is not None:
             raise GonioError(f"{judged.name} is a model; another one helps tables only: leave the option out")
         if isinstance(reference, Table):
-            return ModelEvidence(judged.brdf, judged.channels.names, readings=reference, level=settings.level)
+            names = judged.channels.names
+            return ModelEvidence(judged.brdf, names, None, reference, settings.level, judged.channels)
         return ModelEvidence(judged.brdf, judged.channels.names, reference)
     if settings.model not in (None, "auto"):
         from gonio.models.expression.parser import parse, with_defaults
@@ -179,7 +180,9 @@ def _evidence(
         require_alike(table, further)
         if not table.layout.gridded:
             table, further = joined(table, further), None
-    return TableEvidence(table, settings.level, settings.feature_width, reference, settings.model, further)
+    return TableEvidence(
+        table, settings.level, settings.feature_width, reference, channels, settings.model, further
+    )  # fmt: skip
 
 
 def _refuse_options_of_tables(settings: CheckSettings, what: str) -> None:

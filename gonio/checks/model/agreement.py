@@ -18,7 +18,10 @@ def model_agreement(evidence: ModelEvidence, tolerance: float) -> Property:
     """
     if evidence.readings is None:
         return _agreement_with_model(evidence, tolerance)
-    return table_agreement(TableEvidence(evidence.readings, evidence.level, reference=evidence.brdf), tolerance)
+    beside = TableEvidence(
+        evidence.readings, evidence.level, reference=evidence.brdf, reference_channels=evidence.own_channels
+    )
+    return table_agreement(beside, tolerance)
 
 
 @on_every_side

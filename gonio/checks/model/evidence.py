@@ -7,6 +7,7 @@ import numpy as np
 
 from gonio.checks.direction_search import pair_angles
 from gonio.checks.table.evidence import LEVEL
+from gonio.data.channels import Channels
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 
@@ -22,6 +23,8 @@ class ModelEvidence:
     """Those of the same surface, beside which the model is judged in place of a truth."""
     level: float = LEVEL
     """Of the tests against the uncertainties of these."""
+    own_channels: Channels | None = None
+    """The channels with their wavelengths, where it is judged beside readings."""
 
     @functools.cached_property
     def angles(self) -> np.ndarray:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.checks.certificate import FAIL, NOT_APPLICABLE, PASS, UNDECIDED, Property, without_residual
+from gonio.checks.common_channels import common_channels, without_partner
 from gonio.checks.direction_search import refuse_other_channels, values
 from gonio.checks.table.comparison import MAY_BE_INTERPOLATION, compare, only_surely
 from gonio.checks.table.evidence import TableEvidence
@@ -19,7 +20,8 @@ from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
 from gonio.data.flags import Flag
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
-from gonio.models.display import percent
+from gonio.models.display import listed, percent
+from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
 
 MOST_READINGS = 200_000
@@ -52,6 +54,37 @@ def table_agreement(evidence: TableEvidence, tolerance: float) -> Property:
     """
     if evidence.reference is None:
         return without_residual("agreement", NOT_APPLICABLE, tolerance, "Not testable: no truth is stated.")
+    alike, lacking = _of_common_channels(evidence)
+    judged = _agreement(alike, tolerance)
+    if lacking:
+        judged.detail += lacking
+        judged.verdict = UNDECIDED if judged.verdict == PASS else judged.verdict
+    return judged
+
+
+def _of_common_channels(evidence: TableEvidence) -> tuple[TableEvidence, str]:
+    """The evidence of the channels that the table and its reference share, and what the reference lacks, in words."""
+    table, other = evidence.table, evidence.reference
+    channels = other.channels if isinstance(other, Table) else evidence.reference_channels
+    pairs = None if channels is None else common_channels(table.channels, channels)
+    if pairs is None or channels is None:
+        return evidence, ""
+    mine, theirs = zip(*pairs, strict=True)
+    lacking = without_partner(table.channels.names, {*mine})
+    if mine != tuple(range(len(table.channels))):
+        table = table.only([table.channels.names[k] for k in mine])
+    if theirs != tuple(range(len(channels))):
+        if not isinstance(other, Table):
+            raise GonioError(
+                f"the reference is of {listed(channels.names)}, the table of {listed(table.channels.names)}: a model is"
+                " compared in all of its channels; give readings of all of them"
+            )
+        other = other.only([channels.names[k] for k in theirs])
+    return dataclasses.replace(evidence, table=table, reference=other), lacking
+
+
+def _agreement(evidence: TableEvidence, tolerance: float) -> Property:
+    assert evidence.reference is not None
     block = evidence.table.samples(MOST_READINGS)
     f = np.where(block.flag == Flag.VALID, block.f, np.nan).astype(float)
     f[~evidence.table.layout.are_readable(block.wi.z, block.wo.z)] = np.nan

@@ -19,6 +19,7 @@ from gonio.checks.table.pairs.normal_incidence import normal_incidence_pairs
 from gonio.checks.table.pairs.pairs import Pairs, joined, without_radiance_factor
 from gonio.checks.table.pairs.places import places
 from gonio.checks.table.pairs.scattered_pairs import scattered_pairs
+from gonio.data.channels import Channels
 from gonio.data.interpolation.sheets import sheet_of
 from gonio.data.table import Table
 from gonio.models.geometry.sides import FRONT
@@ -85,6 +86,8 @@ class TableEvidence:
     feature_width: float = 0.0
     reference: "AbstractBRDF | Table | None" = None
     """What the table is compared with: the truth, or readings of the same surface."""
+    reference_channels: Channels | None = None
+    """Those of the reference, by which the same ones are compared; None: by place."""
     model: str | None = None
     further: Table | None = None
     """Readings of the same surface beside those of the table, which energy takes into account."""
