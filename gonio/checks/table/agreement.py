@@ -69,17 +69,17 @@ def _of_common_channels(evidence: TableEvidence) -> tuple[TableEvidence, str]:
     pairs = None if channels is None else common_channels(table.channels, channels)
     if pairs is None or channels is None:
         return evidence, ""
-    mine, theirs = zip(*pairs, strict=True)
-    lacking = without_partner(table.channels.names, {*mine})
-    if mine != tuple(range(len(table.channels))):
-        table = table.only([table.channels.names[k] for k in mine])
-    if theirs != tuple(range(len(channels))):
+    of_table, of_reference = zip(*pairs, strict=True)
+    lacking = without_partner(table.channels.names, {*of_table})
+    if of_table != tuple(range(len(table.channels))):
+        table = table.only([table.channels.names[k] for k in of_table])
+    if of_reference != tuple(range(len(channels))):
         if not isinstance(other, Table):
             raise GonioError(
                 f"the reference is of {listed(channels.names)}, the table of {listed(table.channels.names)}: a model is"
                 " compared in all of its channels; give readings of all of them"
             )
-        other = other.only([channels.names[k] for k in theirs])
+        other = other.only([channels.names[k] for k in of_reference])
     return dataclasses.replace(evidence, table=table, reference=other), lacking
 
 
