@@ -119,7 +119,10 @@ class PatchMeans:
         some, cost = np.ix_(known, known), self.cost(p)
         for _ in range(ROUNDS):
             step = step_towards(e.problem.retargeted(e.problem.compared(self.f - self.shift(p))), p)
-            step[known] = np.linalg.lstsq(np.eye(int(known.sum())) + self.follows(p)[some], step[known])[0]
+            turned = np.eye(int(known.sum())) + self.follows(p)[some]
+            if not (np.isfinite(turned).all() and np.isfinite(step[known]).all()):  # the model has no slopes there
+                break
+            step[known] = np.linalg.lstsq(turned, step[known])[0]
             step[~known] = 0.0
             before, most = p, FARTHEST * np.maximum(np.abs(p), FARTHEST)
             for share in SHARES:
@@ -139,14 +142,20 @@ class PatchMeans:
         return float(np.sum(np.where(problem.weight > 0, residuals, 0.0) ** 2))
 
     def widening(self) -> np.ndarray:
-        """By how much (P,) the uncertainties of the means, and of a fit of them, exceed those at the middles."""
+        """By how much (P,) the uncertainties of the means, and of a fit of them, exceed those at the middles.
+
+        NaN where the model has no slopes.
+        """
         e, known = self.e, _known(self.e)
         factor = np.ones(e.p.size)
         if not known.any():
             return factor
         some = np.ix_(known, known)
         spread = np.nan_to_num(e.covariance.matrix()[some])
-        turned = np.linalg.pinv(np.eye(int(known.sum())) + self.follows(e.p)[some])
+        follows = self.follows(e.p)[some]
+        if not np.isfinite(follows).all():
+            return np.full(e.p.size, np.nan)
+        turned = np.linalg.pinv(np.eye(int(known.sum())) + follows)
         parts = self.parts(e.p)
         off = [moved_by(e.problem, e.p, e.model_f, part - parts.mean(axis=0))[known] for part in parts]
         errors = np.square(turned @ np.transpose(off)).sum(axis=1) / (PARTS * (PARTS - 1))
@@ -174,7 +183,10 @@ def fit_patches(task: FitTask, patches: Patches) -> PatchFit:
         optima = fit_model(centred)
         expected = [dataclasses.replace(e, p=p) for e, p in zip(optima, near, strict=True)]
         if max(float(np.max(off, initial=0.0)) for off in _moves(expected, optima)) < SETTLED:
-            spread = [_stretched(m.e, m.widening()) for m in _means(task, optima, patches)]
+            factors = [m.widening() for m in _means(task, optima, patches)]
+            if not all(np.isfinite(each).all() for each in factors):
+                break
+            spread = [_stretched(e, each) for e, each in zip(optima, factors, strict=True)]
             return PatchFit(spread, centred, [_sentence(at_middles, spread)])
     off = _moves(at_middles, expected)
     note = (

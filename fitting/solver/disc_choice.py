@@ -126,11 +126,15 @@ def step_towards(problem: FitProblem, p: np.ndarray) -> np.ndarray:
 
 
 def moved_by(problem: FitProblem, p: np.ndarray, f: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """How far the numbers (P,) of a fit move, to first order, where its model's values f (n, C) change by so much."""
+    """How far the numbers (P,) of a fit move, to first order, where its model's values f (n, C) change by so much.
+
+    NaN where the model has no slopes.
+    """
     compared = problem.compared(f + change)
     gradient = problem.retargeted(2 * problem.compared(f) - compared).normal_equations(p[None]).gradient[0]
-    moved = np.empty_like(p)
-    moved[problem.order] = _inverse(problem.normal_equations(p[None]).matrix.whole()[0]) @ gradient
+    moved, matrix = np.full_like(p, np.nan), problem.normal_equations(p[None]).matrix.whole()[0]
+    if np.isfinite(matrix).all():
+        moved[problem.order] = _inverse(matrix) @ gradient
     return moved
 
 
