@@ -23,6 +23,7 @@ from jaxtyping import Array, Bool, Float
 from gonio.data.flags import Flag
 from gonio.data.interpolation.grid_coordinates import grid_coordinates
 from gonio.data.interpolation.two_sided import TwoSided
+from gonio.data.layouts.angle_layouts import isotropic as isotropic_grid
 from gonio.data.layouts.base import Layout
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
@@ -81,6 +82,8 @@ class InterpolationAxis(eqx.Module):
         return AxisNodes(self.nodes, self.period, self.step, self.warp, self.fold).bracket(x, xp)
 
 
+TINY = 1e-9
+"""Radians: azimuths as near below a whole turn are 0."""
 AT_NODE = 1e-9
 """Weight of a node below which directions lie at the others, but for rounding."""
 _Corner = tuple[tuple[np.ndarray, ...], np.ndarray]
@@ -186,6 +189,7 @@ def _interpolant(table: Table, reciprocal: bool) -> AbstractBRDF:
         from gonio.data.interpolation.scattered import scattered_material
 
         return scattered_material(table, reciprocal)
+    table = with_light_at_x(table)
     valid = np.asarray(table.flag[...]) == Flag.VALID
     values = np.where(valid, np.asarray(table.f[...]), 0.0)
     if (valid == valid[..., :1]).all():
@@ -195,6 +199,23 @@ def _interpolant(table: Table, reciprocal: bool) -> AbstractBRDF:
     axes = tuple(interpolation_axis(layout, name) for name in layout.axes)
     kind, isotropic = type(layout), not layout.has_azimuth_of_light
     return Tabulated(jnp.asarray(values, dtype), jnp.asarray(valid), axes, tuple(layout.axes), kind, isotropic)
+
+
+def with_light_at_x(table: Table) -> Table:
+    """The same readings by the azimuth from the light, where a grid has them for light of one azimuth alone.
+
+    That azimuth stands for all: the surface is taken as isotropic.
+    """
+    layout = table.layout
+    if not layout.one_light_azimuth or set(layout.axes) != {"theta_i", "phi_i", "theta_o", "phi_o"}:
+        return table
+    delta = np.mod(layout.axes["phi_o"] - layout.axes["phi_i"][0] + TINY, 2 * np.pi) - TINY
+    order = np.argsort(delta)
+    turned = isotropic_grid(layout.axes["theta_i"], layout.axes["theta_o"], np.maximum(delta[order], 0.0))
+    f, flag, u_f = (
+        None if a is None else np.asarray(a[...])[:, 0][:, :, order] for a in (table.f, table.flag, table.u_f)
+    )
+    return dataclasses.replace(table, layout=turned, f=f, flag=flag, u_f=u_f)
 
 
 def axis_nodes(layout: Layout, name: str) -> AxisNodes:

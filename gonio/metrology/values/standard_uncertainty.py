@@ -7,7 +7,7 @@ from gonio.checks.table.one_azimuth import azimuth_dependence
 from gonio.data.angles import radian_arrays
 from gonio.data.flags import Flag
 from gonio.data.interpolation.coverage import covered
-from gonio.data.interpolation.multilinear import as_material, coarsened
+from gonio.data.interpolation.multilinear import as_material, coarsened, with_light_at_x
 from gonio.data.interpolation.scattered import scattered_material
 from gonio.data.material import Material
 from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty, with_scatter
@@ -98,7 +98,9 @@ def table_uncertainty(table: Table, wi: Direction, wo: Direction) -> np.ndarray:
     u = np.full((wi.z.size, len(table.channels)), np.nan)
     if not table.valid_cells().size:
         return u
-    inside = np.flatnonzero(covered(table, wi, wo) & _same_azimuth(table, wi))
+    same = _same_azimuth(table, wi)
+    table = with_light_at_x(table)
+    inside = np.flatnonzero(covered(table, wi, wo) & same)
     if not inside.size:
         return u
     wi, wo = (Direction(*(np.asarray(c, float)[inside] for c in w)) for w in (wi, wo))

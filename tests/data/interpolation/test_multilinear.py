@@ -9,12 +9,12 @@ from gonio.data import layouts
 from gonio.data.flags import Flag
 from gonio.data.interpolation.inverse_distance import MAX_SAMPLES, scattered_material
 from gonio.data.interpolation.multilinear import as_material, coarsened, interpolation
-from gonio.data.table import whole_table_of_values
+from gonio.data.table import Channels, whole_table_of_values
 from gonio.data.tabulate import grid_values
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
 from gonio.models.evaluation import evaluate
-from gonio.models.geometry.directions import Direction
+from gonio.models.geometry.directions import Direction, from_spherical
 
 TURN = 2 * np.pi
 
@@ -169,3 +169,16 @@ def test_a_formats_own_interpolant_is_used():
     assert isinstance(as_material(table), Smooth) and "own rule" in interpolation(table)
     wi, wo = random_pairs()
     np.testing.assert_allclose(evaluate(as_material(coarsened(table)), wi, wo), 2 * evaluate(Smooth(), wi, wo))
+
+
+@pytest.mark.parametrize("light", [40.0, 137.0, 200.0])
+def test_light_of_one_azimuth_stands_for_all_whichever_it_is(light):
+    theta, phi = np.radians([0, 20, 40, 60]), np.radians(np.arange(0, 360, 30))
+    layout = layouts.spherical(theta, np.radians([light]), theta, phi)
+    delta = phi - np.radians(light)
+    sines = np.multiply.outer(np.sin(theta), np.sin(theta))
+    f = 0.2 + 0.1 * np.multiply.outer(sines, np.cos(delta))
+    table = whole_table_of_values(layout, f[:, None, ..., None], Channels.grey())
+    for azimuth in np.radians([0.0, 10.0, light]):  # of other light, at the same differences from it
+        wi, wo = from_spherical(theta[2], azimuth), from_spherical(theta[3], azimuth + delta[5])
+        assert float(evaluate(as_material(table), wi, wo)[..., 0]) == pytest.approx(f[2, 3, 5], rel=1e-6)
