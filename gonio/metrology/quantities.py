@@ -11,6 +11,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 
 from gonio.data.channels import Channels
+from gonio.data.interpolation.multilinear import with_light_at_x
 from gonio.data.material import Material
 from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty, with_scatter
 from gonio.data.plausibility.understated_uncertainty import as_scattered, understated_uncertainty
@@ -226,6 +227,9 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
         return _of_model(known.as_material(), name, settings, wanted)
     if known.table.interpolant is None and not known.table.valid_cells().size:
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
+    if not isinstance(settings.fit, FitResult):  # whose readings stand in the order of the table's cells
+        known = dataclasses.replace(known, table=with_light_at_x(known.table))
+        assert known.table is not None
     excess = understated_uncertainty(known.table)
     table = as_scattered(known.table, excess)
     entries, remarks = standard_quantities(table.channels, wanted, table.sides != FRONT)

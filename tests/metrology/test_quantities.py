@@ -9,8 +9,8 @@ import pytest
 
 import gonio
 from gonio.__main__ import main
-from gonio.data.layouts import isotropic
-from gonio.data.table import Table
+from gonio.data.layouts import isotropic, spherical
+from gonio.data.table import Channels, Table, whole_table_of_values
 from gonio.instrument import Instrument, measure, read_instrument
 from gonio.instrument.scans import scan
 from gonio.metrology.quantities import quantities
@@ -164,3 +164,16 @@ def test_bad_input_is_one_sentence_and_status_2(matt, tmp_path, capsys, words, s
     assert main(["quantities", str(tmp_path / "t.h5"), *words.split()]) == 2
     error = capsys.readouterr().err
     assert sentence in error and error.count("\n") == 1
+
+
+def test_the_azimuth_of_the_light_does_not_matter():
+    theta, phi = np.radians(np.arange(0, 76, 15)), np.radians(np.arange(0, 360, 30))
+    delta = np.multiply.outer(np.multiply.outer(np.sin(theta), np.sin(theta)), np.cos(phi))
+    f = (0.2 - 0.1 * delta)[:, None, ..., None]
+    values = []
+    for light in np.radians([0.0, 120.0]):
+        order = np.argsort((phi + light) % (2 * np.pi))
+        layout = spherical(theta, [light], theta, np.sort((phi + light) % (2 * np.pi)))
+        table = whole_table_of_values(layout, f[:, :, :, order], Channels.grey())
+        values.append([q.value for q in quantities(table, only="multi-angle").quantities])
+    assert values[0] == pytest.approx(values[1], rel=1e-9) and len(values[0]) >= 4
