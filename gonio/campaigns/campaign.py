@@ -12,7 +12,7 @@ from gonio.campaigns.engine import Executor, Run, Tally
 from gonio.campaigns.estimate import Estimate, estimate
 from gonio.campaigns.executors import ThisProcess, dask_cluster
 from gonio.campaigns.recipe import read_recipe
-from gonio.campaigns.store import CATALOGUE, RECORDS, Record, Store
+from gonio.campaigns.store import CATALOGUE, PART, RECORDS, Record, Store
 from gonio.campaigns.tasks import Task, tasks_of
 from gonio.models.deprecation import settings_of
 from gonio.models.display import Displayed
@@ -117,7 +117,7 @@ def campaign(recipe: RecipeLike, output: str | os.PathLike[str], **options: Unpa
     tasks = every if n == 1 else tasks_of(asked_for, (k - 1, n))
     store = Store(Path(output).absolute())
     store.prepare()
-    store.write_plan(asked_for.name, [task.key for task in every])
+    store.write_plan(asked_for.name, [task.key for task in every if task.kind != PART])
 
     def over(task: Task, record: Record) -> None:
         settings.over(task, record, len(run.ended) + 1, len(run.tasks))

@@ -36,14 +36,14 @@ LOOKS = {"good": "pass", "pass": "pass", "kept": "pass", "fair": "undecided", "u
 
 def write_page(store: Store, rows: list[Row]) -> Path:
     """Writes the page of a campaign's folder from the rows of its catalogue."""
-    text = page(store.plan()[0], rows)
+    text = page(store.plan()[0], rows, store.not_done())
     with new_file(store.folder / PAGE, force=True) as path:
         path.write_bytes(printable(text, kept="\n").encode(errors="backslashreplace"))
     return store.folder / PAGE
 
 
-def page(name: str, rows: list[Row]) -> str:
-    """The self-contained HTML of a campaign."""
+def page(name: str, rows: list[Row], not_done: int = 0) -> str:
+    """The self-contained HTML of a campaign, of whose tasks so many are not done."""
     import jinja2
 
     from gonio.reports.page import rules, themed
@@ -63,7 +63,8 @@ def page(name: str, rows: list[Row]) -> str:
     return environment.get_template("campaign.html.j2").render(
         name=name or "Campaign", version=__version__, dark=rules(used), panels=panels, look=_look, number=_number,
         made=datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        counts=_counts(current), other=len(rows) - len(current), hours=sum(r["cpu_seconds"] for r in current) / 3600,
+        counts=_counts(current), not_done=not_done, other=len(rows) - len(current),
+        hours=sum(r["cpu_seconds"] for r in current) / 3600,
         fits=fits_by_model(rows), scatter=scatter[:MOST_ROWS], more_scatter=max(0, len(scatter) - MOST_ROWS),
         checks=counts_of(rows, CHECK), reductions=counts_of(rows, REDUCE), bad=bad[:MOST_ROWS],
         more_bad=max(0, len(bad) - MOST_ROWS),

@@ -124,6 +124,10 @@ class Store:
             return set()
         return {name.removesuffix(".json") for name in names if name.endswith(".json") and name[0] != "."}
 
+    def not_done(self) -> int:
+        """How many tasks of the last recipe have no record."""
+        return len({*self.plan()[1]}.difference(self.keys()))
+
     def record(self, key: str) -> Record | None:
         """The record of a task; None where there is none that can be read, or its result is gone."""
         try:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gonio.campaigns.catalogue import rows_of
-from gonio.campaigns.page import number_panels, page
-from gonio.campaigns.store import DONE, REFUSED, Record
+from gonio.campaigns.page import number_panels, page, write_page
+from gonio.campaigns.store import DONE, REFUSED, Record, Store
 from gonio.campaigns.summary import failing, fits_by_model, noise_curves, number_scatter, quartiles
 from gonio.campaigns.tasks import LABELS
 
@@ -66,4 +66,13 @@ def test_a_page_is_self_contained_and_no_name_is_code(rows):
 
 
 def test_a_page_of_nothing_is_a_page():
-    assert "no task was refused" in page("", [])
+    assert "no task was refused" in page("", []) and "not done" not in page("", [])
+
+
+def test_a_page_says_how_many_tasks_are_not_done(tmp_path, rows):
+    store = Store(tmp_path)
+    store.prepare()
+    store.write_plan("half done", ["a" * 32, "b" * 32, "c" * 32])
+    store.write_record(Record("b" * 32, "fit", "refused", False, {}, {}, "no reading"))
+    assert store.not_done() == 2
+    assert "2 tasks are not done" in write_page(store, rows).read_text("utf-8")

@@ -132,10 +132,13 @@ def _catalogue(args: argparse.Namespace) -> int:
             f"{args.recipe} is a folder, whose catalogue is made anew; leave options out, or give a recipe"
         )
     from gonio.campaigns.campaign import catalogue
+    from gonio.campaigns.store import Store
 
-    count = catalogue(args.recipe)
+    count, not_done = catalogue(args.recipe), Store(Path(args.recipe)).not_done()
     show(f"written: {Path(args.recipe) / 'catalogue.parquet'}, {count:,} rows, and index.html")
-    return write_json(args, {"rows": count, "written": args.recipe})
+    if not_done:
+        show(f"{not_done:,} tasks of the recipe are not done; give the recipe again to go on")
+    return write_json(args, {"rows": count, "not_done": not_done, "written": args.recipe})
 
 
 def _dry_run(args: argparse.Namespace) -> int:
