@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.data.flags import Flag
-from gonio.data.interpolation.grid_coordinates import grid_coordinates
+from gonio.data.interpolation.grid_coordinates import layout_coordinates
 from gonio.data.interpolation.multilinear import interpolation_axis
 from gonio.data.layouts.base import Layout
 from gonio.data.table import Table
@@ -20,6 +20,8 @@ SAME = np.radians(1.0)
 """An angle this near to the only one that was read is that one."""
 WIDEST_TURN = np.pi / 2
 """Gap between azimuths beyond which what lies between them was not read."""
+AT_NODE = 1e-6
+"""Radians from a node at which f was read there, however wide the gap beside it: angles are of single precision."""
 KNOWN = 0.5
 """Weight of the cells with a value, of those that interpolation takes, from which on it interpolates."""
 FAR = 2.0
@@ -95,13 +97,13 @@ def _in_part(table: Table, wi: Direction, wo: Direction, beyond: float, reciproc
 
 
 def _on_grid(table: Table, wi: Direction, wo: Direction, beyond: float) -> np.ndarray:
-    return on_grid(table, *grid_coordinates(type(table.layout), wi, wo), beyond)
+    return on_grid(table, *layout_coordinates(table.layout, wi, wo), beyond)
 
 
 def on_grid(
     table: Table, coordinates: Mapping[str, np.ndarray], inside_layout: np.ndarray, beyond: float
 ) -> np.ndarray:
-    """`covered` of a grid of one side, by what `grid_coordinates` gives."""
+    """`covered` of a grid of one side, by what `layout_coordinates` gives."""
     layout, inside = table.layout, inside_layout.copy()
     for name, x in coordinates.items():
         if name in layout.axes:
@@ -131,15 +133,18 @@ def _between_nodes(layout: Layout, name: str, x: np.ndarray, beyond: float) -> n
         x = np.minimum(x, 2 * np.pi - x)
     steps = np.diff(nodes)
     if period is not None:
-        steps, x = np.append(steps, nodes[0] + period - nodes[-1]), nodes[0] + np.mod(x - nodes[0], period)
+        steps, x = (
+            np.append(steps, nodes[0] + period - nodes[-1]),
+            nodes[0] - AT_NODE + np.mod(x - nodes[0] + AT_NODE, period),
+        )
     first, last = (0.0, 0.0) if period is not None else (beyond * steps[0], beyond * steps[-1])
     end = nodes[-1] + (steps[-1] if period is not None else last)
-    inside = (x >= nodes[0] - first - 1e-9) & (x <= end + 1e-9)
+    inside = (x >= nodes[0] - first - AT_NODE) & (x <= end + AT_NODE)
     if period is None and name not in layout.mirrored_axes:
         return inside
-    return inside & (
-        steps[np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, steps.size - 1)] <= WIDEST_TURN + 1e-9
-    )
+    low = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, steps.size - 1)
+    read = np.minimum(np.abs(x - nodes[low]), np.abs(x - nodes[(low + 1) % nodes.size])) <= AT_NODE
+    return inside & (read | (steps[low] <= WIDEST_TURN + 1e-9))
 
 
 class ScatteredHull(NamedTuple):

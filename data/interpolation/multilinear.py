@@ -21,7 +21,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool, Float
 
 from gonio.data.flags import Flag
-from gonio.data.interpolation.grid_coordinates import grid_coordinates
+from gonio.data.interpolation.grid_coordinates import grid_coordinates, light_for_all
 from gonio.data.interpolation.two_sided import TwoSided
 from gonio.data.layouts.angle_layouts import isotropic as isotropic_grid
 from gonio.data.layouts.base import Layout
@@ -82,8 +82,6 @@ class InterpolationAxis(eqx.Module):
         return AxisNodes(self.nodes, self.period, self.step, self.warp, self.fold).bracket(x, xp)
 
 
-TINY = 1e-9
-"""Radians: azimuths as near below a whole turn are 0."""
 AT_NODE = 1e-9
 """Weight of a node below which directions lie at the others, but for rounding."""
 _Corner = tuple[tuple[np.ndarray, ...], np.ndarray]
@@ -207,11 +205,11 @@ def with_light_at_x(table: Table) -> Table:
     That azimuth stands for all: the surface is taken as isotropic.
     """
     layout = table.layout
-    if not layout.one_light_azimuth or set(layout.axes) != {"theta_i", "phi_i", "theta_o", "phi_o"}:
+    if (light := light_for_all(layout)) is None:
         return table
-    delta = np.mod(layout.axes["phi_o"] - layout.axes["phi_i"][0] + TINY, 2 * np.pi) - TINY
+    delta = light.delta_phi
     order = np.argsort(delta)
-    turned = isotropic_grid(layout.axes["theta_i"], layout.axes["theta_o"], np.maximum(delta[order], 0.0))
+    turned = isotropic_grid(layout.axes["theta_i"], layout.axes["theta_o"], delta[order])
     f, flag, u_f = (
         None if a is None else np.asarray(a[...])[:, 0][:, :, order] for a in (table.f, table.flag, table.u_f)
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from gonio.data import layouts
 from gonio.data.flags import Flag
-from gonio.data.interpolation.multilinear import as_material
+from gonio.data.interpolation.multilinear import as_material, with_light_at_x
 from gonio.data.layouts.base import Layout
 from gonio.data.reduction.judge import Judge
 from gonio.data.reduction.stacked_sides import StackedSides
@@ -200,7 +200,7 @@ def _within(judged: _Judged, start: Table, most: int, log: Callable[[str], None]
     parts, tolerance = judge.parts, judge.tolerance
     grids = [
         replace(g, f=np.asarray(g.f) * weight) if parts > 1 else g
-        for g in start_grids(start, as_material(start))
+        for g in start_grids(with_light_at_x(start), as_material(start))
         if parts == 1 or not g.layout.in_half_vectors
     ]
     pairs = judge.check.pairs

@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gonio.data.interpolation.grid_coordinates import grid_coordinates
+from gonio.data.interpolation.grid_coordinates import LightForAll, grid_coordinates, layout_coordinates, light_for_all
 from gonio.data.interpolation.multilinear import axis_nodes
 from gonio.data.layouts import Layout
+from gonio.data.layouts.angle_layouts import IsotropicGrid
 from gonio.data.reduction.stored_cells import Nodes, StoredCells, ValidCells
 from gonio.models.geometry.directions import Direction
 
@@ -59,13 +60,18 @@ class SubgridValues:
             rows = [a.reshape(layout.size, -1) for a in (valid[..., :1] if one_for_all else valid, f)]
             self._cells = lambda index: _rows(rows, np.ravel_multi_index(index, layout.shape))
         wi, wo = (Direction(*(np.asarray(c, float) for c in w)) for w in (wi, wo))
-        self.coordinates, self.covered = grid_coordinates(type(layout), wi, wo)
-        self._brackets: dict[tuple[str, bytes], Bracket] = {}
+        self.coordinates, self.covered = layout_coordinates(layout, wi, wo)
+        self._directions = wi, wo
+        self._brackets: dict[tuple[str, bytes, float | None], Bracket] = {}
         self._before: tuple[list[Bracket], np.ndarray] | None = None
 
     def of(self, kept: Nodes) -> np.ndarray:
         """f (n, C) of the table of these nodes, single precision; 0 where no cell has a value."""
-        brackets = [self._bracket(name, nodes) for name, nodes in zip(self.layout.axes, kept, strict=True)]
+        named = dict(zip(self.layout.axes, kept, strict=True))
+        light = None
+        if "phi_i" in named and named["phi_i"].size == 1:
+            light = light_for_all(self.layout.part(**named))
+        brackets = [self._bracket(name, nodes, light if name == "phi_o" else None) for name, nodes in named.items()]
         if self._before is None:
             values = self._interpolated(brackets)
         else:
@@ -91,14 +97,23 @@ class SubgridValues:
             weight += w
         return np.where(weight > 0, total / np.where(weight > 0, weight, 1.0), 0.0)
 
-    def _bracket(self, name: str, nodes: np.ndarray) -> Bracket:
+    @functools.cached_property
+    def _from_light(self) -> np.ndarray:
+        """Azimuths from the light, (n,)."""
+        return grid_coordinates(IsotropicGrid, *self._directions)[0]["delta_phi"]
+
+    def _bracket(self, name: str, nodes: np.ndarray, light: LightForAll | None) -> Bracket:
         # Trials change one axis at a time: the brackets of the others are those of the trial before.
-        key = (name, nodes.tobytes())
+        key = (name, nodes.tobytes(), None if light is None else light.azimuth)
         if key not in self._brackets:
             if len(self._brackets) > MAX_BRACKETS:
                 self._brackets.clear()
-            axis = axis_nodes(self.layout.part(**{name: nodes}), name)
-            (low, high), weights = axis.bracket(np.asarray(self.coordinates[name]))
+            layout, x = self.layout.part(**{name: nodes}), self.coordinates[name] if light is None else self._from_light
+            if light is not None:
+                order, name = np.argsort(light.delta_phi), "delta_phi"
+                nodes, azimuths = nodes[order], light.delta_phi[order]
+                layout = IsotropicGrid({k: layout.axes[k] for k in ("theta_i", "theta_o")} | {name: azimuths})
+            (low, high), weights = axis_nodes(layout, name).bracket(np.asarray(x))
             self._brackets[key] = Bracket(np.stack([nodes[low], nodes[high]]), np.stack(weights))
         return self._brackets[key]
 

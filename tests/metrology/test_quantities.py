@@ -176,4 +176,6 @@ def test_the_azimuth_of_the_light_does_not_matter():
         layout = spherical(theta, [light], theta, np.sort((phi + light) % (2 * np.pi)))
         table = whole_table_of_values(layout, f[:, :, :, order], Channels.grey())
         values.append([q.value for q in quantities(table, only="multi-angle").quantities])
+        fitted = quantities(table, only="multi-angle", fit=gonio.fit(table, "lambert")).quantities
+        assert [q.value for q in fitted[: len(values[0])]] == pytest.approx(values[0], rel=1e-6)
     assert values[0] == pytest.approx(values[1], rel=1e-9) and len(values[0]) >= 4

@@ -20,7 +20,7 @@ from gonio.checks.table.energy import STANDARD_UNCERTAINTIES, mirror_reach
 from gonio.data.flags import Flag
 from gonio.data.interpolation.coverage import on_grid
 from gonio.data.interpolation.grid_boxes import GridBoxes, interpolation_axes
-from gonio.data.interpolation.grid_coordinates import grid_coordinates
+from gonio.data.interpolation.grid_coordinates import layout_coordinates
 from gonio.data.interpolation.multilinear import InterpolationAxis
 from gonio.data.table import Table
 from gonio.metrology.standards.apertures import Rule, joined
@@ -329,7 +329,7 @@ class Part:
         if not rules:
             return []
         whole = joined(rules)
-        x, inside_layout = grid_coordinates(type(self.table.layout), whole.wi, whole.wo._replace(z=np.abs(whole.wo.z)))
+        x, inside_layout = layout_coordinates(self.table.layout, whole.wi, whole.wo._replace(z=np.abs(whole.wo.z)))
         inside = on_grid(self.table, x, inside_layout, BEYOND)
         for name in ("theta_i", "theta_o", "theta_h", "theta_d"):
             if name in x and self.table.layout.axes[name].size > 1:

@@ -8,7 +8,7 @@ import numpy as np
 from gonio.checks.grid_resolution import LARGEST
 from gonio.checks.table.energy import mirror_reach
 from gonio.data.interpolation.grid_boxes import GridBoxes
-from gonio.data.interpolation.grid_coordinates import grid_coordinates
+from gonio.data.interpolation.grid_coordinates import layout_coordinates
 from gonio.data.interpolation.multilinear import AT_NODE
 from gonio.data.table import COPIED, Table
 from gonio.metrology.standards.apertures import Rule
@@ -50,7 +50,7 @@ class NodeUncertainty:
 
     def _boxes(self, wi: Direction, wo: Direction) -> tuple[GridBoxes, Mapping[str, np.ndarray]]:
         layout = self.part.table.layout
-        x, _ = grid_coordinates(type(layout), wi, wo)
+        x, _ = layout_coordinates(layout, wi, wo)
         return GridBoxes.of(layout, self.part.axes, x), x
 
     def _filled(self, boxes: GridBoxes) -> FilledCells:

@@ -91,3 +91,31 @@ def test_beyond_counts_in_outermost_steps():
     wi, wo = pairs([75, 85], [20, 20], [0, 0])
     np.testing.assert_array_equal(covered(t, wi, wo, beyond=1.0), [True, False])
     assert not covered(dataclasses.replace(t, flag=np.full_like(t.flag, Flag.INVALID)), wi, wo).any()
+
+
+@pytest.mark.parametrize("first", [0.0, 90.0, 180.0])
+def test_light_of_one_azimuth_covers_as_light_at_any_other(first):
+    turns, light = np.radians(first + np.arange(0, 91, 15.0)), np.radians(137.0)
+    at_x, turned = (
+        table(layout)
+        for layout in (
+            layouts.isotropic(POLAR, POLAR, np.sort(turns if first < 180 else 2 * np.pi - turns)),
+            layouts.spherical(POLAR, [light], POLAR, np.sort((light + turns) % (2 * np.pi))),
+        )
+    )
+    theta, phi = np.random.default_rng(1).uniform(0, 1.3, (2, 200)), np.random.default_rng(2).uniform(0, 6.2, (2, 200))
+    wi, wo = (from_spherical(*w, np) for w in zip(theta, phi, strict=True))
+    inside = covered(turned, wi, wo)
+    np.testing.assert_array_equal(inside, covered(at_x, wi, wo))
+    assert 0.1 < inside.mean() < 0.9
+
+
+@pytest.mark.parametrize("light", [0.0, 137.0])
+def test_every_reading_is_covered_at_the_edges_too(light):
+    turns = np.radians((light + np.arange(0, 91, 10.0)) % 360)
+    for layout in (
+        layouts.isotropic(POLAR[1:], POLAR[1:], np.sort(turns)),
+        layouts.spherical(POLAR[1:], np.radians([light, light + 20]), POLAR[1:], np.sort(turns)),
+    ):
+        wi, wo = layout.directions()
+        assert covered(table(layout), wi, wo).all()

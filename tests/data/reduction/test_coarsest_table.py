@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from gonio.data import layouts
+from gonio.data.hdf5.reader import open_table
+from gonio.data.hdf5.writer import write_table
 from gonio.data.interpolation.multilinear import as_material
 from gonio.data.reduction import coarsest_table
 from gonio.data.reduction.coarsest_table import reduce_table
@@ -111,6 +113,27 @@ def test_isotropy_shows_from_any_azimuth():
     reduced = reduce_table(table, SUN, tolerance=0.1)
     assert reduced.error <= 0.1 and reduced.table.layout.name != "spherical"
     assert any("isotropy" in words for words in reduced.left_out)
+
+
+@pytest.mark.parametrize("stored", [False, True])
+def test_light_of_one_azimuth_is_reduced_as_light_at_any_other(stored, tmp_path):
+    whole = table_of("lambert(rho=.3) + 0.05*ggx(alpha=.6)", GRID, noise=0.0)
+    light, turns = np.radians(137.0), GRID.axes["delta_phi"]
+    phi = np.mod(light + turns, 2 * np.pi)
+    order = np.argsort(phi)
+    layout = layouts.spherical(THETA, [light], THETA, phi[order])
+    at_x = dataclasses.replace(whole, provenance={})
+    turned = dataclasses.replace(
+        at_x, layout=layout, f=whole.f[:, None][..., order, :], flag=whole.flag[:, None][..., order, :]
+    )
+    if stored:
+        write_table(tmp_path / "t.h5", turned)
+        turned = open_table(tmp_path / "t.h5", lazy_bytes=10)
+    expected, reduced = reduce_table(at_x, SUN, tolerance=0.1), reduce_table(turned, SUN, tolerance=0.1)
+    assert reduced.error == pytest.approx(expected.error, rel=1e-2)
+    assert expected.promised < 0.2 and reduced.promised == pytest.approx(expected.promised, rel=0.1)
+    assert (reduced.cells, reduced.left_out) == (expected.cells, expected.left_out)
+    assert error_of(reduced.table, at_x, SUN) <= 0.11
 
 
 def test_what_cannot_be_reduced_is_one_sentence(whole):
