@@ -72,12 +72,14 @@ def colour_matrix(channels: Channels) -> np.ndarray | None:
     if channels.wavelengths_nm is None:
         return LINEAR_SRGB if channels.names == ("R", "G", "B") else None
     wavelengths = np.asarray(channels.wavelengths_nm)
-    order = np.argsort(wavelengths)
-    visible = np.sort(wavelengths[(wavelengths >= 380) & (wavelengths <= 780)])
+    order = np.argsort(wavelengths, kind="stable")
+    # What lies beyond the visible says nothing of it, however far the gap to there.
+    order = order[(wavelengths[order] >= 380) & (wavelengths[order] <= 780)]
+    visible = wavelengths[order]
     if visible.size < 5 or visible[0] > 450 or visible[-1] < 640 or np.max(np.diff(visible)) > MAX_GAP:
         return None
     matrix = np.zeros((3, wavelengths.size))
-    matrix[:, order] = observer(wavelengths[order]) * np.gradient(wavelengths[order])
+    matrix[:, order] = observer(visible) * np.gradient(visible)
     return matrix / matrix[1].sum()
 
 

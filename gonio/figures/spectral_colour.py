@@ -37,7 +37,8 @@ class ChannelColour(NamedTuple):
 def channel_colour(channels: Channels) -> ChannelColour:
     """The colour of reflectances in these channels, white for a perfect diffuser.
 
-    A spectrum is linear between its wavelengths and constant beyond the outermost; one light is assumed, D65.
+    A spectrum is linear between its wavelengths and constant beyond the outermost and towards those that are
+    farther than `WIDEST` outside of the visible; one light is assumed, D65.
     """
     if channels.wavelengths_nm is None:
         if channels.names == ("R", "G", "B"):
@@ -47,6 +48,11 @@ def channel_colour(channels: Channels) -> ChannelColour:
     order = np.argsort(wavelengths, kind="stable")
     nodes = wavelengths[order]
     inside = nodes[(nodes >= VISIBLE[0]) & (nodes <= VISIBLE[-1])]
+    if np.unique(inside).size < inside.size:
+        return ChannelColour(None, "several channels of one wavelength tell no colour")
+    if inside.size:
+        near = (nodes >= inside[0] - WIDEST) & (nodes <= inside[-1] + WIDEST)
+        order, nodes = order[near], nodes[near]
     weight = observer(VISIBLE) * np.interp(VISIBLE, VISIBLE[0] + D65_STEP * np.arange(len(D65)), D65)
     weight /= weight[1].sum()
     outside = (nodes[0] > VISIBLE) | (nodes[-1] < VISIBLE)
@@ -55,7 +61,7 @@ def channel_colour(channels: Channels) -> ChannelColour:
     if np.unique(inside).size < FEWEST or gap > WIDEST or unseen > UNSEEN:
         return ChannelColour(None, f"{inside.size} wavelengths within the visible, {gap:.0f} nm apart, tell no colour")
     shares = np.stack([np.interp(VISIBLE, nodes, row) for row in np.eye(nodes.size)], axis=1)
-    matrix = np.empty((3, nodes.size))
+    matrix = np.zeros((3, wavelengths.size))
     matrix[:, order] = np.linalg.inv(LINEAR_SRGB) @ weight @ shares
     words = "colour of the spectrum: CIE 1931 2° observer, illuminant D65, sRGB"
     if unseen > 5e-4:

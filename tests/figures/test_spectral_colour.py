@@ -62,3 +62,15 @@ def test_too_few_wavelengths_have_no_colour(wavelengths):
 def test_channels_without_wavelengths():
     assert channel_colour(Channels.rgb()).matrix is not None
     assert channel_colour(Channels.grey()).matrix is None
+
+
+def test_what_lies_far_beyond_the_visible_has_no_part_in_a_colour():
+    visible = [450.0, 550.0, 640.0]
+    alone, beside = of(visible), of([*visible, 1064.0])
+    np.testing.assert_array_equal(beside.matrix[:, :3], alone.matrix)
+    assert beside.words == alone.words and not beside.matrix[:, 3].any()
+
+
+def test_several_channels_of_one_wavelength_have_no_colour():
+    two = Channels(("a", "b", "c", "d"), (450.0, 550.0, 550.0, 640.0))
+    assert channel_colour(two).matrix is None

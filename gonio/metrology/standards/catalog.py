@@ -3,7 +3,7 @@
 import dataclasses
 
 from gonio.data.channels import Channels
-from gonio.metrology.standards.colour import Reference, Viewing, colours, flop, no_colour, weights_of
+from gonio.metrology.standards.colour import Reference, Viewing, colours, flop, held_ends, no_colour, weights_of
 from gonio.metrology.standards.gloss import gloss
 from gonio.metrology.standards.haze import haze
 from gonio.metrology.standards.images import images
@@ -55,6 +55,7 @@ def standard_quantities(channels: Channels, wanted: Wanted, behind: bool) -> tup
         weights = [] if why else weights_of(channels, wanted.viewing)
         if why and "colour" in wanted and (len(channels) > 1 or wanted.groups):
             notes.append(f"There is no colour: {why}.")
+        notes += [] if why else filter(None, [held_ends(channels, wanted.viewing)])
         coloured = [f for f in factors if f.name in COLOURED]
         made += colours(coloured, weights, wanted.against) if "colour" in wanted else []
         if "multi-angle" in wanted:

@@ -11,12 +11,15 @@ import numpy as np
 from gonio.data.channels import Channels
 from gonio.fitting.residuals.colour_difference import LINEAR_SRGB, ciede2000, to_lab
 from gonio.metrology.standards.standard import StandardQuantity
+from gonio.models.display import percent
 from gonio.models.errors import GonioError
 
 OBSERVERS = {10: "CIE 1964 10 Degree Standard Observer", 2: "CIE 1931 2 Degree Standard Observer"}
 ILLUMINANTS = ("D65", "A")
 ENDS, WIDEST = (400.0, 700.0), 20.0
 """nm: the range that a spectrum has to cover, beyond which its ends are held [ASTM E308], and its widest step."""
+HELD = 1e-3
+"""Share of X, Y or Z of white beyond the ends of a spectrum, from which on that is said."""
 LAB = ("L*", "a*", "b*")
 NAMES, DIFFERENCE = ("X", "Y", "Z", *LAB), "ΔE00"
 COORDINATES = (*NAMES, DIFFERENCE)
@@ -60,10 +63,33 @@ def no_colour(channels: Channels, viewing: Viewing) -> str | None:
             return None if viewing.linear_srgb else "R, G, B are no spectrum; say --linear-srgb where they are that"
         return "it has no spectrum"
     nm = np.sort(channels.wavelengths_nm)
-    if nm[0] > ENDS[0] or nm[-1] < ENDS[1] or np.max(np.diff(nm), initial=0.0) > WIDEST:
+    if (steps := np.diff(nm)).size and steps.min() == 0:
+        return f"several of its channels are of {nm[:-1][steps == 0][0]:g} nm; give one of each wavelength"
+    if nm[0] > ENDS[0] or nm[-1] < ENDS[1] or np.max(steps, initial=0.0) > WIDEST:
         wanted = f"{ENDS[0]:g} to {ENDS[1]:g} nm in steps of at most {WIDEST:g} nm"
-        return f"its {nm.size} wavelengths, {nm[0]:g} to {nm[-1]:g} nm, are not {wanted}"
+        if nm.size == 1:
+            return f"its one wavelength, {nm[0]:g} nm, is not {wanted}"
+        read = f"{nm[0]:g} to {nm[-1]:g} nm in steps of up to {steps.max():g} nm"
+        return f"its {nm.size} wavelengths, {read}, are not {wanted}"
     return None if importlib.util.find_spec("colour") else PACKAGE
+
+
+def held_ends(channels: Channels, viewing: Viewing) -> str | None:
+    """What is to be said of a spectrum that ends within the visible; None where next to nothing of white is beyond."""
+    if channels.wavelengths_nm is None:
+        return None
+    first, last = min(channels.wavelengths_nm), max(channels.wavelengths_nm)
+    most = 0.0
+    for name in viewing.illuminants:
+        nodes, density = spectral_weights(name, viewing.observer)
+        beyond = (nodes < first) | (nodes > last)
+        most = max(most, float((density[:, beyond].sum(axis=1) / density.sum(axis=1)).max()))
+    if most < HELD:
+        return None
+    return (
+        f"Colours hold the spectrum at its ends beyond {first:g} to {last:g} nm [ASTM E308], of up to "
+        f"{percent(most)} of X, Y or Z of white; what it does there is in no uncertainty."
+    )
 
 
 def weights_of(channels: Channels, viewing: Viewing) -> list[Weights]:

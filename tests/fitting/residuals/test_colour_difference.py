@@ -38,6 +38,13 @@ def test_white_is_white():
     assert colour_matrix(Channels.of_wavelengths([532.0, 633.0])) is None and colour_matrix(Channels.grey()) is None
 
 
+def test_what_lies_beyond_the_visible_has_no_part_in_a_colour():
+    visible = [450.0, 500.0, 550.0, 600.0, 650.0]
+    beside = colour_matrix(Channels.of_wavelengths([355.0, *visible, 1064.0]))
+    np.testing.assert_array_equal(beside[:, 1:-1], colour_matrix(Channels.of_wavelengths(visible)))
+    assert not beside[:, [0, -1]].any()
+
+
 def test_the_observer_is_that_of_the_cie():
     """Equal energy has equal tristimulus values, 106.857 nm at 1 nm [CIE 015]; 555 nm and all peaks as tabulated."""
     waves = np.arange(360.0, 831.0)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib.util
+import re
 import warnings
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 import gonio
 from gonio.data.channels import Channels
 from gonio.fitting.residuals.colour_difference import ciede2000, to_lab
-from gonio.metrology.standards.colour import Reference, Viewing, colours, flop, no_colour, weights_of
+from gonio.metrology.standards.colour import Reference, Viewing, colours, flop, held_ends, no_colour, weights_of
 from gonio.metrology.standards.evaluation import Integrals, evaluated
 from gonio.metrology.standards.reflectance import multi_angle, reflectance
 
@@ -97,6 +98,11 @@ def test_what_has_no_colour_says_why(monkeypatch):
     assert "say --linear-srgb" in no_colour(rgb, Viewing())
     assert no_colour(rgb, Viewing(linear_srgb=True)) is None
     assert "steps of at most" in no_colour(Channels.of_wavelengths([450.0, 550.0, 650.0]), Viewing())
+    gap = np.append(np.arange(400.0, 501, 20), np.arange(580.0, 701, 20))
+    assert "in steps of up to 80 nm" in no_colour(Channels.of_wavelengths(gap), Viewing())
+    assert "one wavelength, 532 nm, is not" in no_colour(Channels.of_wavelengths([532.0]), Viewing())
+    twice = Channels((*CHANNELS.names, "again"), (*CHANNELS.wavelengths_nm, 550.0))
+    assert "several of its channels are of 550 nm" in no_colour(twice, Viewing())
     assert no_colour(CHANNELS, Viewing()) is None
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert "pip install 'gonio[colour]'" in no_colour(CHANNELS, Viewing())
@@ -109,3 +115,16 @@ def test_a_white_diffuser_in_linear_srgb_is_white():
     }
     place = "45°a:0° D65/2°, from linear sRGB"
     assert [rows[n, place] for n in ("L*", "a*", "b*")] == pytest.approx([100, 0, 0], abs=1e-3)
+
+
+def test_what_lies_beyond_the_ends_of_a_spectrum_is_said_and_bounds_what_it_does(science):
+    short, whole = (Channels.of_wavelengths(np.arange(first, last, 10.0)) for first, last in ((400, 701), (360, 781)))
+    assert held_ends(whole, Viewing()) is None and held_ends(Channels.rgb(), Viewing(linear_srgb=True)) is None
+    said = held_ends(short, Viewing())
+    assert "400 to 700 nm" in said
+    share = float(re.search(r"up to ([\d.]+) %", said)[1]) / 100
+    for bright in (np.array(whole.wavelengths_nm) > 700, np.array(whole.wavelengths_nm) < 400):
+        for w in weights_of(whole, Viewing()):
+            beyond = (w.rough @ bright) / w.white
+            assert (beyond <= 1.2 * share).all()
+    assert share > 0.001
