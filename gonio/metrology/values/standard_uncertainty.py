@@ -104,14 +104,15 @@ def table_uncertainty(table: Table, wi: Direction, wo: Direction) -> np.ndarray:
     if not inside.size:
         return u
     wi, wo = (Direction(*(np.asarray(c, float)[inside] for c in w)) for w in (wi, wo))
-    f = np.asarray(evaluate(as_material(table), wi, wo), float).reshape(inside.size, -1)
+    value = np.asarray(evaluate(as_material(table), wi, wo)).reshape(inside.size, -1)
+    f, rounding = np.asarray(value, float), np.finfo(value.dtype).eps * np.abs(value)
     common = correlated_uncertainty(table)
     read = as_scattered(with_scatter(table, common), understated_uncertainty(table))
     noise, between = _by_part(read, wi, wo, f)
     combined = np.sqrt(noise**2 + between**2 + (common.relative * f) ** 2)
     # Where a reading is nothing lies between: without its own uncertainty none is known there.
     known = np.isfinite(combined) & (states_uncertainties(table) | (combined > NOTHING * np.abs(f)))
-    u[inside] = np.where(known, combined, np.nan)
+    u[inside] = np.where(known, np.hypot(combined, rounding), np.nan)
     return u
 
 

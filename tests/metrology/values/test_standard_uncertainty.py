@@ -1,5 +1,6 @@
 """Standard uncertainties of f between readings, and of fits, against functions that are known everywhere."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -83,6 +84,19 @@ def test_readings_that_scatter_more_than_they_state_are_as_uncertain_as_they_sca
     u = gonio.standard_uncertainty(table, 20, 0, [25, 40], 45, degrees=True)
     stated = gonio.standard_uncertainty(grid, 20, 0, [25, 40], 45, degrees=True)
     np.testing.assert_allclose(u, stated, rtol=0.3)
+
+
+def test_the_rounding_of_a_value_is_in_its_uncertainty():
+    """Of a matte surface next to nothing else is left; values are of single precision unless JAX is told otherwise."""
+    true = 0.0971 / np.pi
+    polar = np.radians(np.linspace(0, 85, 7))
+    layout = layouts.half_difference(polar**2 / polar[-1], polar, np.radians(np.arange(0, 180, 10.0)))
+    noise = 1e-8 * np.random.default_rng(0).standard_normal(layout.shape)
+    table, angles = whole_table_of_values(layout, true * (1 + noise)), some_directions(3)
+    with jax.enable_x64(False):
+        off = np.abs(gonio.material(table).f(*angles) - true)
+        u = gonio.standard_uncertainty(table, *angles)
+    assert held(off, u, 0.0, off) > 0.99
 
 
 def test_what_was_not_read_has_none(grid):
