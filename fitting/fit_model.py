@@ -21,11 +21,11 @@ from gonio.fitting.solver.fixed_bounds import with_bounds_fixed
 from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, minimise
 from gonio.fitting.solver.multistart import search
 from gonio.fitting.uncertainty.optimum import Optimum, optimum_at
+from gonio.models.compiled.program_memory import free_programs
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import build
 from gonio.models.expression.parser import Term, numbers
 from gonio.models.geometry.sides import Hemispheres, hemispheres_of, side_in_words
-from gonio.models.program_memory import free_programs
 
 
 @dataclasses.dataclass(frozen=True)

@@ -21,9 +21,9 @@ from gonio.fitting.selection.candidate_model import CandidateProblem, SelectionD
 from gonio.fitting.selection.moves import TRANSMITTING, Moves, moves_for
 from gonio.fitting.selection.term_spec import Terms
 from gonio.fitting.selection.warm_start import Fitted, carried, fit_candidates
+from gonio.models.compiled.program_memory import free_programs
 from gonio.models.errors import GonioError
 from gonio.models.geometry.directions import Direction
-from gonio.models.program_memory import free_programs
 
 SAMPLE = 1024
 MAX_CHANNELS = 4  # of many wavelengths so many, evenly spaced, select the structure of all

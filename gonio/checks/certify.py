@@ -155,7 +155,7 @@ def _evidence(judged: Subject, settings: CheckSettings) -> "ModelEvidence | Tabl
     channels = None if other is None else other.channels
     if judged.table is None:
         from gonio.checks.model.evidence import ModelEvidence
-        from gonio.models.program_memory import free_programs
+        from gonio.models.compiled.program_memory import free_programs
 
         free_programs()
         if settings.further is not None:

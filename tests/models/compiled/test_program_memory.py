@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from gonio.models.compiled.program_memory import free_programs, mappings
 from gonio.models.geometry.directions import Direction, dot
 from gonio.models.kept_jit import kept_jit
-from gonio.models.program_memory import free_programs, mappings
 
 SIZES = range(3, 43)
 
