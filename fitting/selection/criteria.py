@@ -17,6 +17,7 @@ MAX_GROUPS = 24
 TIED = 6
 """Readings that are looked at for the nearest ones, itself among them: as many are equally near on usual grids."""
 SAME = 1e-9
+"""Relative difference of distances, and of sizes, that are the same but for rounding."""
 FEW_GROUPS, CLUSTERS = 6, 10  # fewer incidences than these are no sample of directions: clusters of pairs are
 
 
@@ -95,8 +96,9 @@ def noise_deviation(residual: np.ndarray, size: np.ndarray, used: np.ndarray, ne
     order = np.argsort(mean_size, kind="stable")
     bins = [k for k in np.array_split(order, min(BINS, step2.size // 4)) if k.size]
     # Bins of one size are one bin: a perfect diffuser has no others.
-    centre = np.round([np.mean(mean_size[k]) for k in bins], int(6 - np.floor(np.log10(max(mean_size.max(), 1e-300)))))
-    centre, same = np.unique(centre, return_inverse=True)
+    centre = np.array([np.mean(mean_size[k]) for k in bins])
+    first = np.append(True, np.diff(centre) > SAME * centre[1:])
+    centre, same = centre[first], np.cumsum(first) - 1
     level = np.sqrt(np.bincount(same, [np.sum(step2[k]) for k in bins]) / np.bincount(same, [k.size for k in bins]))
     return np.maximum(np.interp(size, centre, level), least)
 

@@ -5,6 +5,7 @@ import pytest
 
 from gonio.data import layouts
 from gonio.fitting.selection.criteria import (
+    Neighbourhood,
     design_effect,
     holdout_chi2,
     improves_holdout,
@@ -61,3 +62,13 @@ def test_the_order_of_the_readings_does_not_choose_among_equally_near_ones():
             wi, wo = (type(w)(*(np.asarray(c)[k] for c in w)) for w in directions)
             levels.append(noise_deviation(f[k], size[k], np.ones(shape, bool), neighbourhood(wi, wo)).mean())
         np.testing.assert_allclose(levels, levels[0], rtol=1e-12)
+
+
+def test_the_noise_of_dark_readings_is_their_own_however_bright_the_highlight():
+    size, noise = (np.repeat(a, [1600, 1600, 800])[:, None] for a in ([0.1, 0.4, 1e6], [0.01, 0.1, 1e4]))
+    every = np.arange(size.size)
+    near = Neighbourhood(every.reshape(-1, 2), every // 8, every)
+    residual = noise * np.random.default_rng(6).standard_normal(size.shape)
+    levels = noise_deviation(residual, size, np.ones(size.shape, bool), near)
+    # Each level from at least 400 differences: four standard errors.
+    np.testing.assert_allclose(levels, noise, rtol=4 / np.sqrt(2 * 400))
