@@ -10,8 +10,8 @@ from gonio.models.errors import GonioError
 
 MOST_TURNS = 2
 """Whole turns of an azimuth, either way; more are taken for degrees."""
-SLACK = 1e-9
-"""Radians by which rounding may carry an angle over its limit."""
+SLACK = 5e-7
+"""Radians by which rounding, of single precision too, may carry an angle over its limit."""
 
 
 def radian_arrays(degrees: bool, lower: bool = False, **angles: ArrayLike) -> list[np.ndarray]:
@@ -38,7 +38,8 @@ def radian_arrays(degrees: bool, lower: bool = False, **angles: ArrayLike) -> li
             unit = "degrees" if degrees else "radians"
             remedy = "give angles in there" if degrees else "give radians in there, or pass degrees=True"
             raise GonioError(f"{name} has the angle {values[outside].flat[0]:g} {unit}, outside {domain}; {remedy}")
-        arrays[name] = radians
+        rounded = radians.size and (radians.min() < low or radians.max() > high)
+        arrays[name] = np.clip(radians, low, high) if rounded else radians
     return broadcast(**arrays)
 
 

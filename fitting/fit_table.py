@@ -28,6 +28,7 @@ from gonio.fitting.selected_model import selected_model
 from gonio.fitting.selection.automatic import Selection, shows_anisotropy
 from gonio.fitting.selection.scene_promise import promise
 from gonio.fitting.selection.scene_selection import SceneView, view_of
+from gonio.fitting.surface_azimuth import azimuth_notes
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import terms_to_expression
 from gonio.models.expression.parser import Term, parse, with_defaults
@@ -207,6 +208,7 @@ def _fit_one(
     r = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
     r.notes[:0] = notes
     r.notes.extend([*table.provenance.get("warnings", []), *aperture_notes(r.apertures), *wide_notes(table)])
+    r.notes.extend(azimuth_notes(table, r.brdf))
     if rows := common_errors(table, optima, [p for p in r.parameters if p.status != "fixed"]):
         r = dataclasses.replace(r, common_errors=rows)
         r.notes.extend([] if rows[0]["stated"] is not None else [common_error_note(rows)])

@@ -57,7 +57,7 @@ def recognised(angles: Angles, rounding: float = 0.0, front: bool = False) -> Pl
 
 
 def _in_plane(angles: Angles, tolerance: float) -> Iterator[Placement | None]:
-    turn = _light_azimuth(angles, tolerance)
+    turn = _light_along_x(angles, tolerance)
     if turn is None:
         return
     theta_i, theta_o = _polar_nodes(angles, tolerance)
@@ -69,9 +69,8 @@ def _in_plane(angles: Angles, tolerance: float) -> Iterator[Placement | None]:
 
 
 def _isotropic(angles: Angles, tolerance: float) -> Iterator[Placement | None]:
-    turn = _light_azimuth(angles, tolerance)
-    # Turned by any other angle, axes of an anisotropic sample would no longer be where they were.
-    if turn is not None and abs(math.sin(turn)) <= tolerance:
+    turn = _light_along_x(angles, tolerance)
+    if turn is not None:
         theta_i, theta_o = _polar_nodes(angles, tolerance)
         away = _off_pole(theta_i) & _off_pole(theta_o)
         delta = _azimuth_nodes(_on_near_side(angles[3] - turn, away, tolerance), tolerance, away)
@@ -93,7 +92,7 @@ def _half_difference(angles: Angles, tolerance: float) -> Iterator[Placement | N
     theta_h, phi_h, theta_d, phi_d = half_difference_angles(angles)
     error_h = tolerance / np.maximum(np.cos(theta_d), 1e-3)
     error_phi_h = error_h / np.maximum(np.sin(theta_h), 1e-9)
-    turn = _light_azimuth(angles, tolerance)
+    turn = _light_along_x(angles, tolerance)
     if turn is None:
         if (np.abs(_wrapped(phi_h)) > 4 * error_phi_h).any():
             return
@@ -112,8 +111,8 @@ def _half_difference(angles: Angles, tolerance: float) -> Iterator[Placement | N
 
 
 def _mirror(angles: Angles, tolerance: float) -> Iterator[Placement | None]:
-    turn = _light_azimuth(angles, tolerance)
-    if turn is None or abs(math.sin(turn)) > tolerance:
+    turn = _light_along_x(angles, tolerance)
+    if turn is None:
         return
     incidence = _clusters(angles[0], tolerance)
     theta_i, phi = incidence[0][incidence[1]], angles[3] - turn
@@ -162,12 +161,15 @@ def _off_pole(theta: np.ndarray) -> np.ndarray:
     return (theta > 0) & (theta < math.pi - SAME)
 
 
-def _light_azimuth(angles: Angles, tolerance: float) -> float | None:
-    """The one azimuth that the light has wherever it is off the normal; None where it has several."""
+def _light_along_x(angles: Angles, tolerance: float) -> float | None:
+    """The one azimuth, 0 or π, that the light has wherever it is off the normal; None where it has others.
+
+    Turned by any other angle, axes of an anisotropic sample would no longer be where they were.
+    """
     azimuths = angles[1][(angles[0] > tolerance) & (angles[0] < math.pi - tolerance)]
-    if azimuths.size == 0:
-        return float(angles[1][0])
-    return float(azimuths[0]) if (np.abs(_wrapped(azimuths - azimuths[0])) <= tolerance).all() else None
+    one = float(azimuths[0]) if azimuths.size else float(angles[1][0])
+    same = (np.abs(_wrapped(azimuths - one)) <= tolerance).all()
+    return one if same and abs(math.sin(one)) <= tolerance else None
 
 
 def _polar_nodes(angles: Angles, tolerance: float) -> tuple[np.ndarray, np.ndarray]:

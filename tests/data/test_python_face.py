@@ -101,6 +101,14 @@ def test_what_cannot_be_is_refused_elsewhere_too():
         m.albedo(HALF_PI)
 
 
+@pytest.mark.parametrize("kind", ["<f4", ">f4", ">f8"])
+def test_half_a_turn_in_single_precision_is_behind_the_sample(kind):
+    """Single precision rounds π up."""
+    table = gonio.Table.from_arrays(np.zeros(1, kind), 0, np.array([np.pi], kind), 0, np.array([0.25], kind))
+    assert table.layout.angles()[2] == math.pi and table.f[0, 0] == 0.25
+    assert gonio.material("thin_sheet(rho=0.3, tau=0.4)").f(0, 0, np.array([np.pi], kind), 0) > 0
+
+
 def test_a_material_is_saved_and_read_again(tmp_path):
     m = gonio.material(COLOURED)
     assert gonio.material(m.save(tmp_path / "m.toml")).expression == m.expression

@@ -25,6 +25,8 @@ POLAR = ("theta_i", "theta_o")
 """Angles that go on behind the sample."""
 MOST_DIGITS = 10
 HALF_TURN = {"degrees": 180.0, "radians": math.pi}
+SINGLE = 2.0**-22
+"""Share of an angle by which single precision, or the last of many digits, may have moved it."""
 
 
 class Directions(NamedTuple):
@@ -232,7 +234,7 @@ def _inside(text: CsvText, name: str, role: str, angle: np.ndarray, unit: str) -
     half = HALF_TURN[unit]
     polar = role in POLAR
     # What is printed with few digits may lie beyond a quarter, a half or a whole turn by half of the last one.
-    slack = min(printed_rounding([angle]), half * 1e-3)
+    slack = min(max(printed_rounding([angle]), half * SINGLE), half * 1e-3)
     limit = half / 2 if role.startswith("theta") and not polar else half if polar else 2 * half
     outside = np.abs(angle) > limit + slack
     if outside.any():

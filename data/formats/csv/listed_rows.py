@@ -164,6 +164,10 @@ def _of_grid(placed: Placement, repeats: Repeats | None) -> list[str]:
         sentences.append(repeats.sentence())
     if layout.mirrored_axes:
         sentences.append("azimuths are of one side only: the other is taken as its mirror image")
+    if layout.in_half_vectors:
+        sentences.append(
+            "half and difference angles without the half vector's azimuth: the surface is taken as isotropic"
+        )
     if placed.turned > SAME_DIRECTION:
         sentences.append(f"the light's azimuth, {np.degrees(placed.turned):.6g}° in all rows, is 0 in the grid")
     return sentences

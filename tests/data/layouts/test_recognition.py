@@ -105,6 +105,19 @@ def test_light_from_the_other_side_is_the_same_grid_turned():
     assert placed is not None and placed.layout == GRIDS["isotropic"] and placed.turned == pytest.approx(np.pi)
 
 
+@pytest.mark.parametrize("name", ["in plane", "isotropic", "half/difference"])
+@pytest.mark.parametrize("azimuth", [90, 137, 347.5])
+def test_light_across_the_sample_stays_where_it_was(name, azimuth):
+    """Axes of a brushed sample are where the azimuths say: a grid turned below another light would exchange them."""
+    theta_i, phi_i, theta_o, phi_o = listed(GRIDS[name])[0]
+    turn = DEGREES(azimuth) - phi_i
+    angles = theta_i, (phi_i + turn) % (2 * np.pi), theta_o, (phi_o + turn) % (2 * np.pi)
+    placed = recognised(angles)
+    if placed is not None:
+        kept = np.array(placed.layout.angles())[:, placed.cells]
+        np.testing.assert_allclose(vectors(kept), vectors(angles), atol=1e-7)
+
+
 def test_half_and_difference_angles_are_those_of_the_models():
     angles = tuple(np.random.default_rng(0).uniform(0.1, 1.4, (4, 50)))
     wi, wo = layouts.scattered(*angles).directions()

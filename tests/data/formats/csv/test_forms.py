@@ -414,3 +414,10 @@ def test_readings_repeated_with_other_values_are_averaged_and_contradictions_sai
     np.testing.assert_allclose(read, F[again] * (1 + factor) / 2, rtol=1e-8)
     assert any("differ by" in sentence for sentence in table.provenance["understood"])
     assert any("read again" in sentence for sentence in table.provenance.get("warnings", [])) is warned
+
+
+@pytest.mark.parametrize("pi", ["3.14159265359", "3.141592741", "3.1415926535897936"])
+def test_half_a_turn_in_radians_may_end_above_its_last_digit(path, pi):
+    """As many digits round π up, or single precision does."""
+    path.write_text(f"theta_i [rad],phi_i [rad],theta_o [rad],phi_o [rad],f\n0.1,0,{pi},0,0.3\n", encoding="utf-8")
+    assert read_csv(path).layout.angles()[2] == np.pi
