@@ -40,7 +40,7 @@ class FitTask:
         sigma: standard uncertainties (n, C) of the loss `sigma`, or None.
         weight: name of the weights of the cells, or None.
         channels, layout, table: of the table that was read, and its name.
-        counts: readings of the table by what became of them.
+        counts: readings of the table by what became of them; `copies`: of those used, how many repeat others.
         settings: the options.
     """
 

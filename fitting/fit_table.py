@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
+from gonio.data.interpolation.sheets import sheet_of
 from gonio.data.scene import Scene
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table, index_of
@@ -15,6 +16,7 @@ from gonio.fitting.common_errors import common_error_note, common_errors
 from gonio.fitting.fit_model import FitTask, compile_ahead
 from gonio.fitting.options import FitOptions, FitSettings
 from gonio.fitting.patches import Patches, fit_at_middles, fit_patches
+from gonio.fitting.problem.copies import Symmetry, distinct_readings, symmetry_of, weighted_as_read
 from gonio.fitting.problem.readings import (
     NO_UNCERTAINTY,
     Readings,
@@ -34,6 +36,7 @@ from gonio.models.expression.builder import terms_to_expression
 from gonio.models.expression.parser import Term, parse, with_defaults
 from gonio.models.expression.wavelengths import with_wavelengths
 
+IDEAL = "ideal"  # an instrument without errors, in the provenance of a simulation; of others a dict describes them
 SELECTED_STARTS = 2  # random ones after a selection, which knows where to begin
 
 
@@ -83,7 +86,7 @@ def fit(table: SubjectLike, model: str | list[str] | None = None, **options: Unp
     if requests:
         loss = _usual_loss(settings, source.u_f is not None)
         compile_ahead(requests[0].terms, loss, len(source.channels), settings.per_channel)
-    task = _task(source, settings)
+    task = _task(source, settings, [m.terms for m in requests])
     seconds = {"read": time.perf_counter() - began}
     searching = settings.scene is not None or not requests
     anisotropic = searching and shows_anisotropy(task.layout, task.readings)
@@ -122,22 +125,44 @@ def _at_wavelengths(expression: str, table: Table) -> str:
     return expression if complete == terms else terms_to_expression(complete)
 
 
-def _task(table: Table, settings: FitSettings) -> FitTask:
-    """The readings of a table with their loss and weights, as yet without a model."""
+def _task(table: Table, settings: FitSettings, models: list[tuple[Term, ...]]) -> FitTask:
+    """The readings of a table with their loss and weights, as yet without a model; `models` are those to come."""
     readings = readings_of(table, settings.samples, settings.theta_max, settings.seed)
     if not readings.count:
         limit = settings.theta_max
         below = f" with both polar angles below {np.degrees(limit):g}°; raise --theta-max." if limit else "."
         raise GonioError(f"{table.name or 'The table'} has no valid reading{below}")
+    counts = count_readings(table, readings)
+    readings, counts["copies"] = _without_copies(readings, table, settings, models)
     readings = dataclasses.replace(readings, half_angles=half_angles_of(table))
     loss, sigma = _loss(settings, readings)
-    counts = count_readings(table, readings)
     if settings.weight is not None:
         cells = cell_weights(settings.weight, table.layout, readings.wi, readings.wo)
-        readings = dataclasses.replace(readings, cell_weight=cells)
+        times = 1.0 if readings.cell_weight is None else readings.cell_weight
+        readings = dataclasses.replace(readings, cell_weight=cells * times)
     return FitTask(
         "", (), readings, loss, sigma, settings.weight, table.channels, table.layout, table.name, counts, settings
     )
+
+
+def _without_copies(
+    readings: Readings, table: Table, settings: FitSettings, models: list[tuple[Term, ...]]
+) -> tuple[Readings, int]:
+    """The readings that repeat no others, and how many did.
+
+    All of them for a scene or patches, which weigh each, and of a simulation without noise, which none can share.
+    """
+    instrument = table.provenance.get("instrument")
+    exact = table.u_f is None and (instrument == IDEAL or isinstance(instrument, dict))
+    if exact or settings.scene is not None or sheet_of(table) is not None:
+        return readings, 0
+    # A selection tries reciprocal lobes, and brushed ones where the light came from several azimuths.
+    selected = Symmetry(not models and not shows_anisotropy(table.layout, readings), True)
+    distinct = distinct_readings(readings, symmetry_of(models, table.channels) if models else selected)
+    if distinct is None:
+        return readings, 0
+    known = _usual_loss(settings, table.u_f is not None) == "sigma"
+    return weighted_as_read(distinct, known), readings.count - distinct.readings.count
 
 
 def _usual_loss(settings: FitSettings, has_uncertainty: bool) -> str:
@@ -207,8 +232,8 @@ def _fit_one(
     optima, task, notes = fit_at_middles(task, table) if patches is None else fit_patches(task, patches)
     r = assemble_result(task, optima, {**seconds, "fit": time.perf_counter() - began})
     r.notes[:0] = notes
-    r.notes.extend([*table.provenance.get("warnings", []), *aperture_notes(r.apertures), *wide_notes(table)])
-    r.notes.extend(azimuth_notes(table, r.brdf))
+    r.notes.extend([*_copies_note(task.counts), *table.provenance.get("warnings", [])])
+    r.notes.extend([*aperture_notes(r.apertures), *wide_notes(table), *azimuth_notes(table, r.brdf)])
     if rows := common_errors(table, optima, [p for p in r.parameters if p.status != "fixed"]):
         r = dataclasses.replace(r, common_errors=rows)
         r.notes.extend([] if rows[0]["stated"] is not None else [common_error_note(rows)])
@@ -223,6 +248,15 @@ def _fit_one(
         f"{r.starts_agreed} of {r.starts} starts agree, {r.seconds['fit']:.2f} s"
     )
     return r
+
+
+def _copies_note(counts: dict[str, int]) -> list[str]:
+    """A sentence on readings that repeat others, if there are some."""
+    copies = counts["copies"]
+    return [
+        f"{copies} of {counts['used']} readings repeat others (the same directions, or turned, mirrored or exchanged "
+        "ones, with equal values): they count once in uncertainties and tests"
+    ] * (copies > 0)
 
 
 def _alternative(r: FitResult, best: float) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """Tables of spelled models on small grids, for tests of fits."""
 
+import dataclasses
+
 import numpy as np
 
 from gonio.data import layouts
@@ -20,7 +22,8 @@ ONE_LOBE = "lambert(rho=[.1,.2,.4]) + [.9,.7,.8]*ggx(alpha=.25, f0=0.04)"
 def table_of(expression, layout=ISOTROPIC, noise=0.0, seed=1, **fields):
     f = np.asarray(evaluate(build(expression), *layout.directions())).reshape(*layout.shape, -1)
     f = f * (1 + noise * np.random.default_rng(seed).standard_normal(f.shape))
-    return whole_table_of_values(layout, f, **fields)
+    provenance = {} if noise else {"instrument": "ideal"}
+    return dataclasses.replace(whole_table_of_values(layout, f, **fields), provenance=provenance)
 
 
 def coarse_table_of(expression, layout=COARSE_ISOTROPIC, noise=0.02, seed=1):

@@ -43,6 +43,7 @@ def table_of_problem(problem: RecoveryProblem, seed: int) -> Table:
     y = np.where(rng.random(f.shape) < problem.spikes, 100 * y, y)
     u = sigma if problem.known and problem.noise else None
     table = whole_table_of_values(layout, y, Channels.of_count(f.shape[-1]), u_f=u, name=problem.name)
+    table.provenance.update({} if problem.noise else {"instrument": "ideal"})
     if problem.missing:
         gone = (rng.random(f.shape) < problem.missing) & (table.flag == Flag.VALID)
         table.flag[gone], table.f[gone] = Flag.NOT_MEASURED, np.nan

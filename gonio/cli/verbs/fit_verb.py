@@ -74,7 +74,12 @@ METRIC_NAMES = {
     "largest_albedo": "largest albedo",
     "reduced_chi2": "reduced χ²",
 }
-COUNT_NAMES = {"negative": "negative (used as they are)", "missing": "missing", "left_out": "left out as asked"}
+COUNT_NAMES = {
+    "negative": "negative (used as they are)",
+    "missing": "missing",
+    "copies": "copies of others among them",
+    "left_out": "left out as asked",
+}
 CANDIDATE_COLUMNS: tuple[tuple[str, str, Callable[[Any], str]], ...] = (
     ("free", "free numbers", lambda v: str(v)),
     ("bic_above_best", "BIC above best", lambda v: number(v, 5)),
