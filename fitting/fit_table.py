@@ -17,6 +17,7 @@ from gonio.fitting.fit_model import FitTask, compile_ahead
 from gonio.fitting.options import FitOptions, FitSettings
 from gonio.fitting.patches import Patches, fit_at_middles, fit_patches
 from gonio.fitting.problem.copies import Symmetry, distinct_readings, symmetry_of, weighted_as_read
+from gonio.fitting.problem.deferred_arrays import InverseWeights
 from gonio.fitting.problem.readings import (
     NO_UNCERTAINTY,
     Readings,
@@ -153,7 +154,8 @@ def _without_copies(
     All of them for a scene or patches, which weigh each, and of a simulation without noise, which none can share.
     """
     instrument = table.provenance.get("instrument")
-    exact = table.u_f is None and (instrument == IDEAL or isinstance(instrument, dict))
+    noisy = isinstance(readings.u_f, InverseWeights) or bool((readings.u_f > 0).any())
+    exact = not noisy and (instrument == IDEAL or isinstance(instrument, dict))
     if exact or settings.scene is not None or sheet_of(table) is not None:
         return readings, 0
     # A selection tries reciprocal lobes, and brushed ones where the light came from several azimuths.
@@ -161,7 +163,7 @@ def _without_copies(
     distinct = distinct_readings(readings, symmetry_of(models, table.channels) if models else selected)
     if distinct is None:
         return readings, 0
-    known = _usual_loss(settings, table.u_f is not None) == "sigma"
+    known = _usual_loss(settings, noisy) == "sigma"
     return weighted_as_read(distinct, known), readings.count - distinct.readings.count
 
 
