@@ -355,7 +355,8 @@ def sheet_balance_and_slopes(*values: Scalar) -> tuple[Balance, Balance]:
     near = Faces(
         *(jnp.asarray(v)[None] + jnp.multiply.outer(e, h) for v, e, h in zip(faces, ends.T, steps, strict=True))
     )
-    every, scales = jax.vmap(sheet_balance)(*near), grazing_scale(near.alpha, near.behind, near.eta)
+    every = jax.vmap(sheet_balance)(*near)
+    scales = jax.vmap(grazing_scale)(near.alpha, near.behind, near.eta)  # one may have channels where another has none
     spans = jnp.stack(jnp.broadcast_arrays(*steps))
 
     def slope(a: Scalar) -> Scalar:

@@ -1,5 +1,7 @@
 """A sheet with rough sides beside a flat one, and beside rays that bounce between two rough faces."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -9,14 +11,17 @@ from gonio.models.expression.builder import build
 from gonio.models.geometry.directions import Direction
 from gonio.models.transmission.sheet_balance import (
     TERMS,
+    Faces,
     balance_and_slopes_of_values,
     balance_of_values,
     basis_of,
     grazing_scale,
+    sheet_light,
     stretched,
 )
 from support.marks import thorough
-from support.rough_faces import Sheet, fresnel, sheet_light
+from support.rough_faces import Sheet, fresnel
+from support.rough_faces import sheet_light as light_of_rays
 
 RAYS = 15_000
 
@@ -64,7 +69,7 @@ def test_light_is_that_of_rays_between_two_rough_faces(sheet, theta, within):
     angle = np.radians(theta)
     degrees = np.array([theta, theta + 6.0]) if theta < 60 else np.array([])
     views = [(-np.sin(v), 0.0, side * np.cos(v)) for v in np.radians(degrees) for side in (1, -1)]
-    r, t, f = sheet_light(sheet, angle, RAYS, 7, views)
+    r, t, f = light_of_rays(sheet, angle, RAYS, 7, views)
     np.testing.assert_allclose([r, t], np.ravel(reflected_and_passed(model, angle)), atol=within)
     if theta < 60:
         wi = Direction(np.sin(angle), 0.0, np.cos(angle))
@@ -107,3 +112,14 @@ def test_slopes_are_those_of_what_is_computed():
         low, high = (at(balance_of_values(*(np.asarray(v) for v in end)), end) for end in ends)
         ours = at([np.asarray(a)[k] for a in slopes], values)
         np.testing.assert_allclose(ours, (high - low) / 2e-6, atol=2e-4)
+
+
+def test_one_number_may_have_channels_where_others_have_none():
+    """As in a fit that holds eta, or that frees the transmittance of each channel."""
+
+    def slope(*values):
+        return jax.jvp(lambda *v: sheet_light(Faces(*v)), values, values)
+
+    for shapes in (((), (), (1,), ()), ((3,), (), (), (3,))):
+        series, slopes = jax.eval_shape(slope, *(jnp.ones(s) for s in shapes))
+        assert jax.tree.map(jnp.shape, series) == jax.tree.map(jnp.shape, slopes)
