@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, Unpack
 import numpy as np
 
 from gonio.data.interpolation.sheets import sheet_of
+from gonio.data.plausibility.copies import Symmetry
 from gonio.data.scene import Scene
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import Table, index_of
@@ -16,7 +17,7 @@ from gonio.fitting.common_errors import common_error_note, common_errors
 from gonio.fitting.fit_model import FitTask, compile_ahead
 from gonio.fitting.options import FitOptions, FitSettings
 from gonio.fitting.patches import Patches, fit_at_middles, fit_patches
-from gonio.fitting.problem.copies import Symmetry, distinct_readings, symmetry_of, weighted_as_read
+from gonio.fitting.problem.copies import distinct_readings, symmetry_of, weighted_as_read
 from gonio.fitting.problem.deferred_arrays import InverseWeights
 from gonio.fitting.problem.readings import (
     NO_UNCERTAINTY,

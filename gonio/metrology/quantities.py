@@ -13,6 +13,7 @@ import numpy as np
 from gonio.data.channels import Channels
 from gonio.data.interpolation.multilinear import with_light_at_x
 from gonio.data.material import Material
+from gonio.data.plausibility.copies import repeated, with_noise_of_copies
 from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty, with_scatter
 from gonio.data.plausibility.understated_uncertainty import as_scattered, understated_uncertainty
 from gonio.data.profile import Profile
@@ -35,7 +36,15 @@ from gonio.metrology.monte_carlo import Simulation, require_draws, simulated
 from gonio.metrology.polished_quantities import polished_quantities
 from gonio.metrology.profile_quantities import fit_of_profile, profile_quantities, quantities_of_fits
 from gonio.metrology.quantity import Quantity, to_row
-from gonio.metrology.remarks import of_common, of_numbers, of_reach, of_scatter, of_symmetry, of_uncertainties
+from gonio.metrology.remarks import (
+    of_common,
+    of_copies,
+    of_numbers,
+    of_reach,
+    of_scatter,
+    of_symmetry,
+    of_uncertainties,
+)
 from gonio.metrology.sources import sources_of
 from gonio.metrology.standards import scatter_law
 from gonio.metrology.standards.catalog import Wanted, standard_quantities
@@ -231,15 +240,15 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
         known = dataclasses.replace(known, table=with_light_at_x(known.table))
         assert known.table is not None
     excess = understated_uncertainty(known.table)
-    table = as_scattered(known.table, excess)
+    table, times = as_scattered(known.table, excess), repeated(known.table)
     entries, remarks = standard_quantities(table.channels, wanted, table.sides != FRONT)
     correlated = correlated_uncertainty(table)
-    read = with_scatter(table, correlated)
+    read = with_noise_of_copies(with_scatter(table, correlated), times)
     measurands = TableMeasurands.of(read, settings.geometries, entries, math.radians(settings.feature_width))
     notes = [*table.provenance.get("warnings", []), *measurands.notes, *remarks]
     undecided = _without_albedo(measurands, wanted) + measurands.standards.undecided
     notes += of_common(correlated) if settings.budget or correlated.relative else of_uncertainties(table)
-    notes += of_scatter(excess) + of_symmetry(table)
+    notes += of_scatter(excess) + of_copies(times) + of_symmetry(table)
     notes += of_reach(undecided) if settings.fit is None else []
     fitted = None if settings.fit is None else _fitted(known.table, settings.fit)
     if not settings.budget:
@@ -248,12 +257,13 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
         known_to = _with_common(measurands, correlated.relative)
         return Quantities(name, "table", known_to + rows + laws[0], None, notes, fitted, undecided)
     _require_readings(table)
-    sources = sources_of(table, settings.instrument, settings.uncertainty)
+    of_readings = sources_of(table, settings.instrument, settings.uncertainty)
+    sources = of_readings if times is None else of_readings.of_copies(times)
     model = None if fitted is None else fitted.brdf
     readings = Readings.of(table, model)
     budget, rows, of_fit = table_budget(measurands, readings, sources), measurands.quantities, None
     if fitted is not None:
-        of_fit = fit_errors(table, fitted, sources)
+        of_fit = fit_errors(table, fitted, of_readings)
         budget, rows = joined(budget, fit_budget(of_fit, sources)), rows + of_fit.outputs[0]
     if settings.monte_carlo:
         draws = simulated(

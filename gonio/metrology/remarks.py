@@ -31,6 +31,10 @@ SCATTERED = (
     "Readings scatter about their neighbours by {times} times what their stored uncertainties say: U is of this "
     "scatter."
 )
+COPIED = (
+    "{copies} of {cells} readings repeat others (turned or mirrored directions with equal values): U counts their "
+    "noise as one."
+)
 INDEPENDENT_IN_FIT = (
     "U is of the fit's covariance: what all readings share, such as a calibration, is not in it; of the fit's "
     "numbers and albedos it is with gonio quantities TABLE --budget --fit FIT.toml --uncertainty 'gain=0.5 %'."
@@ -71,6 +75,13 @@ def of_scatter(excess: np.ndarray) -> list[str]:
     """That readings scatter more than the uncertainties that they store; `excess`: by how much, of each channel."""
     more = [f"{e:.2g}" for e in (excess[excess > 1].min(), excess.max())] if (excess > 1).any() else []
     return [SCATTERED.format(times=" to ".join(dict.fromkeys(more)))] if more else []
+
+
+def of_copies(times: np.ndarray | None) -> list[str]:
+    """That readings repeat others; `times`: how often (n,) each stands, or None."""
+    if times is None:
+        return []
+    return [COPIED.format(copies=round(times.size - float(np.sum(1.0 / times))), cells=times.size)]
 
 
 def of_symmetry(table: Table) -> list[str]:

@@ -16,6 +16,7 @@ from gonio.checks.table.pairs.columns import readings_of
 from gonio.checks.table.pairs.places import angles_of
 from gonio.checks.table.pairs.scattered_pairs import merged
 from gonio.data.flags import Flag
+from gonio.data.plausibility.copies import noise_of_copies
 from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty, with_scatter
 from gonio.data.stated import StatedUncertainty, stated_uncertainties
 from gonio.data.table import Table
@@ -65,6 +66,10 @@ class Sources:
     def acting(self) -> dict[str, Source]:
         """The systematic terms that are not exactly known."""
         return {name: source for name, source in self.systematic.items() if source.stated.standard > 0}
+
+    def of_copies(self, times: np.ndarray) -> "Sources":
+        """The same with the noise of cells of which each stands so many `times` (n,)."""
+        return dataclasses.replace(self, noise=[n._replace(u_f=noise_of_copies(n.u_f, times)) for n in self.noise])
 
 
 def sources_of(table: Table, instrument: Instrument | None, stated: Mapping[str, object]) -> Sources:
