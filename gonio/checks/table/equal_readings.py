@@ -32,6 +32,7 @@ from gonio.checks.table.pairs.places import pair_angles
 from gonio.checks.table.polarisations import is_polarised, unmatched, with_exchanged_states
 from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
 from gonio.data.interpolation.sheets import sheet_of
+from gonio.data.plausibility.copies import EQUAL, MOSTLY
 from gonio.models.display import listed, percent
 from gonio.models.errors import GonioError
 from gonio.models.geometry.sides import Sides
@@ -50,6 +51,14 @@ BEYOND = 1.0
 """Degrees that views are steeper than the last incidence, from which on it is said which light is missing."""
 LEAST_FACTOR = 0.05
 """|log| of a factor between transmission from the front and from behind that is worth a word."""
+
+
+MADE_EQUAL = (
+    " Exchanged readings are equal to the last digit, although their uncertainties are larger: the table was made"
+    " reciprocal, which tells nothing about the surface."
+)
+
+MADE_RECIPROCAL = "the surface is as reciprocal as its readings were made"
 
 
 def table_reciprocity(evidence: TableEvidence, tolerance: float) -> Property:
@@ -132,9 +141,29 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
     if (share > MOST_UNCOVERED or alone) and judged.verdict == PASS:
         judged.verdict = UNDECIDED
     judged.detail += _of_states(alone) if alone else ""
+    _say_what_was_made(judged, pairs)
     if share > 0:
         judged.detail += f" Nothing exchanged was read for {percent(share)} of the readings, {where}: undecided there."
     return judged
+
+
+def _say_what_was_made(judged: Property, pairs: Pairs) -> None:
+    """Say of a table that was made reciprocal that it tells nothing about the surface."""
+    if judged.verdict != FAIL and _made_equal(pairs):
+        judged.detail += MADE_EQUAL
+        judged.assumes = MADE_RECIPROCAL if judged.verdict == PASS else judged.assumes
+
+
+def _made_equal(pairs: Pairs) -> bool:
+    """Whether exchanged readings are equal to rounding although their uncertainties are larger: they were made so."""
+    measured = np.arange(len(pairs) - len(pairs.around))
+    for column in (c.rows(measured) for c in pairs.columns()):
+        a, b = np.asarray(column.a), np.asarray(column.b)
+        noisy = (np.hypot(column.u_a, column.u_b) > 2 * EQUAL * np.abs(a)) & (a != 0)
+        equal = np.abs(a - b)[noisy] <= EQUAL * np.abs(a)[noisy]
+        if equal.size < FEWEST or np.mean(equal) < MOSTLY:
+            return False
+    return measured.size > 0
 
 
 def _of_states(alone: list[str]) -> str:
