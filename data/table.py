@@ -380,17 +380,21 @@ class Table(Displayed):
         return np.concatenate(cells) if cells else np.zeros(0, int)
 
     def _valid(self, theta_max: float | None) -> Iterator[tuple[int, np.ndarray]]:
-        """Block by block the first cell, and which cells are valid in any channel, nearer to a normal than so."""
+        """Block by block the first cell, and which are among the `valid_cells`."""
         for start, stop in self.blocks():
-            # Channel by channel: NumPy goes along a short last axis one number at a time.
-            first, *others = self._flat("flag", start, stop).T
-            valid = first == Flag.VALID
-            for of_channel in others:
-                valid |= of_channel == Flag.VALID
-            if theta_max is not None:
-                for cosine in self.layout.cosines(start, stop):
-                    valid &= np.abs(cosine) > math.cos(theta_max)
-            yield start, valid
+            yield start, self.are_valid(self._flat("flag", start, stop), start, theta_max)
+
+    def are_valid(self, flag: np.ndarray, start: int, theta_max: float | None = None) -> np.ndarray:
+        """Which of the cells from `start` on, with these flags (n, values), are among the `valid_cells`, (n,)."""
+        # Channel by channel: NumPy goes along a short last axis one number at a time.
+        first, *others = flag.T
+        valid = first == Flag.VALID
+        for of_channel in others:
+            valid |= of_channel == Flag.VALID
+        if theta_max is not None:
+            for cosine in self.layout.cosines(start, start + len(flag)):
+                valid &= np.abs(cosine) > math.cos(theta_max)
+        return valid
 
     def samples(self, limit: int | None = None, theta_max: float | None = None, seed: int = 0) -> Block:
         """The cells valid in any channel, in C order; at most `limit` of them, drawn by `seed` without bias.

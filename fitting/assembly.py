@@ -11,7 +11,7 @@ from gonio.fitting.apertures import aperture_facts
 from gonio.fitting.fit_model import FitTask
 from gonio.fitting.judgement import ALBEDO_TOLERANCE
 from gonio.fitting.problem.parameterisation import of_channel
-from gonio.fitting.problem.readings import chunks, evenly_spaced, transform_slope, transformed, uses_cosine
+from gonio.fitting.problem.readings import evenly_spaced, transform_slope, transformed, uses_cosine
 from gonio.fitting.residuals.energy import LargestAlbedo, bounded_largest_albedo, confirmed, largest_albedo
 from gonio.fitting.residuals.metrics import metrics
 from gonio.fitting.residuals.summary import Evidence
@@ -74,7 +74,7 @@ def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, flo
         reason=_reason(optima), stationarity=max(e.projected_gradient for e in optima),
         exact=all(e.exact for e in optima), loss=task.loss, weight=task.weight, cost=cost, metrics=measures,
         samples=readings.count, cells=readings.f.shape[0],
-        negative_readings=int(np.count_nonzero(readings.valid & (readings.f < 0))),
+        negative_readings=readings.negative,
         starts=sum(e.starts for e in optima), starts_agreed=sum(e.agreed for e in optima),
         bic=_bic(task, optima, cost, len(free)),
         undetermined=_undetermined(optima, estimates),
@@ -126,18 +126,18 @@ def _unexplained(optima: list[Optimum]) -> float:
         some = slice(None) if channels.size == number else channels
         loss, floor, targets = e.problem.loss, e.problem.floor, e.problem.targets
         # Where no cosine is compared, neither is one multiplied, and a Lambertian has one level.
-        cosines = e.readings.cos_i[:, None] if uses_cosine(loss) else None
+        cosines = e.readings.cos_i if uses_cosine(loss) else None
         shares = np.zeros((2, channels.size))
-        for rows in chunks(n, channels.size):
-            weight, cosine = e.problem.weight[rows, some], 1.0 if cosines is None else cosines[rows]
+        for rows in e.readings.chunks(channels.size):
+            weight, cosine = e.problem.weight[rows, some], 1.0 if cosines is None else cosines[rows, None]
             y = np.where(weight > 0, e.readings.f[rows, some], 0.0)
             with np.errstate(all="ignore"):
                 share = np.nan_to_num((weight * transform_slope(loss, y * cosine, floor) * cosine) ** 2, posinf=0.0)
             shares += np.sum(share * y, axis=0), np.sum(share, axis=0)
         mean = shares[0] / np.maximum(shares[1], 1e-300)
-        for rows in chunks(n, channels.size):
+        for rows in e.readings.chunks(channels.size):
             weight, target = e.problem.weight[rows, some], targets[rows, some]
-            cosine = 1.0 if cosines is None else cosines[rows]
+            cosine = 1.0 if cosines is None else cosines[rows, None]
             level = transformed(loss, mean * cosine, floor)
             total += float(np.sum(np.where(weight > 0, weight * (level - target), 0.0) ** 2))
             if channels.size < number:

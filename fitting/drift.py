@@ -81,7 +81,7 @@ def _compared(e: Optimum) -> _Residuals | None:
         slope = np.nan_to_num(transform_slope(whole.loss, compared, whole.floor) * cosine * f, posinf=0.0)
     compared = transformed(whole.loss, compared, whole.floor)
     problem = whole.compared_with(compared, cells)
-    used, places = problem.weight > 0, (np.arange(cells.size), -np.asarray(whole.readings.wo.z)[cells])
+    used, places = problem.weight > 0, (np.arange(cells.size), -np.asarray(whole.readings.wo.z[cells]))
     weighted = np.where(used, problem.weight * (rows_of(whole.targets, cells) - compared), 0.0)
     number, noise = np.count_nonzero(used), float(np.sum(weighted**2))
     if number < max(FEWEST, 2 * e.p.size) or not noise > 0 or not all(np.ptp(p) > 0 for p in places):

@@ -152,10 +152,10 @@ def _require_hemispheres(task: FitTask, scattered: Hemispheres) -> None:
         if hemispheres_of(frozenset({(light, detector)})) & scattered:
             continue
         if readings.brightness(light, detector) > BRIGHTER:
-            here = readings.on_sides(light, detector)
+            number = sum(part.count for part in readings.on_sides(light, detector))
             raise GonioError(
                 f"'{requested}' scatters nothing in {side_in_words(light, detector)}, where the table has "
-                f"{int(readings.valid[here].sum())} readings above 0; add a term that does, such as "
+                f"{number} readings above 0; add a term that does, such as "
                 "lambert_transmission (gonio models), or give a table of the other readings alone"
             )
 
@@ -172,9 +172,8 @@ def _without_free_numbers(problem: FitProblem, p: np.ndarray, likelihood: bool, 
 
 
 def _require_enough(task: FitTask, s: Parameterisation) -> None:
-    for c, name in enumerate(task.channels.names):
+    for c, (name, have) in enumerate(zip(task.channels.names, task.readings.counts.tolist(), strict=True)):
         wanted = [n for n, channel in s.labels if channel in (c, None)]
-        have = int(np.count_nonzero(task.readings.valid[:, c]))
         if have < len(wanted):
             raise GonioError(
                 f"'{task.requested}' has {len(wanted)} free numbers in channel {name} ({', '.join(wanted)}), and the "

@@ -1,6 +1,7 @@
 """From a table to a model: the one public function, `fit`."""
 
 import dataclasses
+import functools
 import time
 from typing import Any, NamedTuple, Unpack
 
@@ -18,7 +19,6 @@ from gonio.fitting.fit_model import FitTask, compile_ahead
 from gonio.fitting.options import FitOptions, FitSettings
 from gonio.fitting.patches import Patches, fit_at_middles, fit_patches
 from gonio.fitting.problem.copies import distinct_readings, symmetry_of, weighted_as_read
-from gonio.fitting.problem.deferred_arrays import InverseWeights
 from gonio.fitting.problem.readings import (
     NO_UNCERTAINTY,
     Readings,
@@ -26,6 +26,7 @@ from gonio.fitting.problem.readings import (
     count_readings,
     readings_of,
     sigma_of,
+    stored_readings,
 )
 from gonio.fitting.result import FitResult
 from gonio.fitting.selected_model import selected_model
@@ -129,7 +130,7 @@ def _at_wavelengths(expression: str, table: Table) -> str:
 
 def _task(table: Table, settings: FitSettings, models: list[tuple[Term, ...]]) -> FitTask:
     """The readings of a table with their loss and weights, as yet without a model; `models` are those to come."""
-    readings = readings_of(table, settings.samples, settings.theta_max, settings.seed)
+    readings = _readings(table, settings)
     if not readings.count:
         limit = settings.theta_max
         below = f" with both polar angles below {np.degrees(limit):g}°; raise --theta-max." if limit else "."
@@ -139,12 +140,23 @@ def _task(table: Table, settings: FitSettings, models: list[tuple[Term, ...]]) -
     readings = dataclasses.replace(readings, half_angles=half_angles_of(table))
     loss, sigma = _loss(settings, readings)
     if settings.weight is not None:
-        cells = cell_weights(settings.weight, table.layout, readings.wi, readings.wo)
-        times = 1.0 if readings.cell_weight is None else readings.cell_weight
-        readings = dataclasses.replace(readings, cell_weight=cells * times)
+        cells = readings.by_cell(functools.partial(cell_weights, settings.weight, table.layout))
+        times = readings.cell_weight
+        readings = dataclasses.replace(readings, cell_weight=cells if times is None else cells * times)
     return FitTask(
         "", (), readings, loss, sigma, settings.weight, table.channels, table.layout, table.name, counts, settings
     )
+
+
+def _readings(table: Table, settings: FitSettings) -> Readings:
+    """The readings of a table; those of a large one stay in it where a fit goes through them once or twice."""
+    often = settings.relative_noise is not None or settings.robust is not None or settings.bootstrap
+    averaged = any(half_angles_of(table)) or sheet_of(table) is not None
+    if settings.samples is None and settings.scene is None and not often and not averaged:
+        stored = stored_readings(table, settings.theta_max)
+        if stored is not None:
+            return stored
+    return readings_of(table, settings.samples, settings.theta_max, settings.seed)
 
 
 def _without_copies(
@@ -155,7 +167,7 @@ def _without_copies(
     All of them for a scene or patches, which weigh each, and of a simulation without noise, which none can share.
     """
     instrument = table.provenance.get("instrument")
-    noisy = isinstance(readings.u_f, InverseWeights) or bool((readings.u_f > 0).any())
+    noisy = readings.noisy
     exact = not noisy and (instrument == IDEAL or isinstance(instrument, dict))
     if exact or settings.scene is not None or sheet_of(table) is not None:
         return readings, 0

@@ -42,7 +42,9 @@ def selected_model(
             correction = _correction(task, plain, with_defaults(parse(plain)), np.zeros(1), patches)
     averaged = correction.change > SAME
     for _ in range(SELECTIONS):
-        readings = dataclasses.replace(task.readings, f=task.readings.f - correction.shift)
+        readings = task.readings
+        if correction.shift.any():
+            readings = dataclasses.replace(readings.in_memory, f=readings.f - correction.shift)
         selection = select_model(readings, task.loss, task.sigma, anisotropic, settings.seed, settings.log, view)
         if not averaged or selection.expression == before:
             break

@@ -53,7 +53,7 @@ def first_copies(wi: Direction, wo: Direction, values: Values, symmetry: Symmetr
     `MOST` none are looked for.
     """
     number = values.f.shape[0]
-    if number > MOST or not _values_repeat(values.f[:, 0]):
+    if number > MOST or not values_repeat(values.f[:, 0]):
         return None
     key = _places(wi, wo, symmetry)
     order = np.lexsort((values.f[:, 0], key))
@@ -101,7 +101,7 @@ def _either(pairs: np.ndarray) -> np.ndarray:
     return np.concatenate([pairs, [False]]) | np.concatenate([[False], pairs])
 
 
-def _values_repeat(values: np.ndarray) -> bool:
+def values_repeat(values: np.ndarray) -> bool:
     """Whether many values stand more than once. Of a large table those are compared whose bits say so by chance."""
     bits = np.asarray(values, np.float32).view(np.uint32)
     few = max(1, bits.size // LOOKED_AT)

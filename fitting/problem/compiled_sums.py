@@ -287,11 +287,17 @@ class BoundSums:
         return sums, f[:, : self._number]
 
 
-def bound_sums(s: Parameterisation, loss: str, fixed: FixedValues, samples: Samples, number: int) -> BoundSums | None:
-    """The sums over a problem's samples, at points, so many in use; None where XLA has to compute them."""
+def sums_of_samples(
+    s: Parameterisation, loss: str, fixed: FixedValues, floor: AnyArray
+) -> Callable[[Samples, int], BoundSums] | None:
+    """What makes the sums over samples, at points, so many in use; None where XLA has to compute them."""
     if not usable():
         return None
-    leaves, programs = _programs_of(s, loss, fixed, samples.floor)
-    if programs is None:
-        return None
-    return BoundSums(programs, leaves, samples, number)
+    leaves, programs = _programs_of(s, loss, fixed, floor)
+    return None if programs is None else functools.partial(BoundSums, programs, leaves)
+
+
+def bound_sums(s: Parameterisation, loss: str, fixed: FixedValues, samples: Samples, number: int) -> BoundSums | None:
+    """The sums over a problem's samples, at points, so many in use; None where XLA has to compute them."""
+    make = sums_of_samples(s, loss, fixed, samples.floor)
+    return None if make is None else make(samples, number)

@@ -1,12 +1,11 @@
 """Arrays of a large table that are computed where they are asked for: each would take as much memory as f."""
 
 import abc
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-
-from gonio.models.geometry.directions import Direction
 
 
 class _Deferred(np.lib.mixins.NDArrayOperatorsMixin, abc.ABC):
@@ -22,44 +21,42 @@ class _Deferred(np.lib.mixins.NDArrayOperatorsMixin, abc.ABC):
 
 
 class DeferredValues(_Deferred):
-    """f (n, C) of a model at directions (n,): rows that are taken out of it are computed then, and nothing is kept."""
+    """Values of n rows, (n,) or (n, C): rows that are taken out of it are computed then, and nothing is kept."""
 
-    def __init__(
-        self, values: Callable[[Direction, Direction], np.ndarray], wi: Direction, wo: Direction, channels: int
-    ):
-        """Of a function that gives f (m, C) at m directions."""
-        self._values, self._wi, self._wo = values, wi, wo
-        self.shape = (np.size(wi.z), channels)
+    def __init__(self, rows: Callable[[slice | np.ndarray], np.ndarray], shape: tuple[int, ...], kind: Any = float):
+        """Of a function that gives some of the rows: a range, those of these numbers, or where booleans are true."""
+        self._rows, self.shape, self.dtype = rows, shape, np.dtype(kind)
 
     @property
     def size(self) -> int:
         """Number of values."""
-        return self.shape[0] * self.shape[1]
+        return math.prod(self.shape)
 
     @property
-    def strides(self) -> tuple[int, int]:
+    def ndim(self) -> int:
+        """Number of axes."""
+        return len(self.shape)
+
+    @property
+    def strides(self) -> tuple[int, ...]:
         """Of the array that it stands for."""
-        return 8 * self.shape[1], 8
+        return tuple(self.dtype.itemsize * math.prod(self.shape[k + 1 :]) for k in range(self.ndim))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        return np.asarray(self._values(self._wi, self._wo), dtype)
+        return np.asarray(self._rows(slice(None)), dtype)
 
     def __getitem__(self, key: Any) -> Any:
-        both: tuple[Any, Any] = key if isinstance(key, tuple) and len(key) == 2 else (key, slice(None))
-        rows, channels = both
-        if isinstance(rows, np.ndarray) and rows.ndim == 2 and rows.shape[1] == 1:  # by `np.ix_`
-            return self._of(rows[:, 0])[:, np.ravel(channels)]
+        rows, *rest = key if isinstance(key, tuple) else (key,)
+        if rest and isinstance(rows, np.ndarray) and rows.ndim == 2 and rows.shape[1] == 1:  # by `np.ix_`
+            return self._rows(rows[:, 0])[:, np.ravel(rest[0])]
         if isinstance(rows, slice) or (isinstance(rows, np.ndarray) and rows.ndim == 1):
-            return self._of(rows)[:, channels]
+            return self._rows(rows)[(slice(None), *rest)]
         return np.asarray(self)[key]
 
     def take(self, cells: np.ndarray, axis: int) -> np.ndarray:
         """Some of the rows (axis 0), as of an array."""
         assert axis == 0
-        return self._of(cells)
-
-    def _of(self, rows: slice | np.ndarray) -> np.ndarray:
-        return self._values(*(Direction(*(np.asarray(c)[rows] for c in w)) for w in (self._wi, self._wo)))
+        return self._rows(cells)
 
     def __reduce__(self) -> Any:
         return np.array, (np.asarray(self),)

@@ -7,13 +7,14 @@ square matrix of (free parameters a channel sees)², whatever the number of chan
 import collections
 import dataclasses
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import jax
 import numpy as np
 
 from gonio.fitting.problem.averaged_sums import AveragedReadings, BoundAverages, bound_averages
-from gonio.fitting.problem.compiled_sums import BoundSums, Sums, bound_sums
+from gonio.fitting.problem.compiled_sums import BoundSums, Sums, bound_sums, sums_of_samples
 from gonio.fitting.problem.deferred_arrays import DeferredValues
 from gonio.fitting.problem.disc_averages import BlockRules, Lanes, Samples, block_rules, program_rules
 from gonio.fitting.problem.normal_equations import Evaluation, NormalEquations, summed, summed_pairs
@@ -23,6 +24,7 @@ from gonio.fitting.problem.readings import (
     IDENTITIES,
     LANES,
     PAGE,
+    POINTS,
     AnyArray,
     Readings,
     block_of,
@@ -35,9 +37,12 @@ from gonio.fitting.problem.readings import (
     transformed,
     uses_cosine,
 )
+from gonio.fitting.problem.stored_sums import Pieces, StoredSums
+from gonio.fitting.problem.table_rows import Rows
 from gonio.models.geometry.directions import NORMAL, Direction
 
 MANY = 1 << 21  # readings, channels counted apart
+NONE = np.zeros((0, 0))
 UNDER_WAY = 8  # pages whose results are waited for at a time
 
 
@@ -58,6 +63,7 @@ class FitProblem:
         rules: number of the rule (n,) by which the model is averaged over the discs of each reading, see
             `disc_averages`; None: at their centres.
         alike: sums of averages of a problem that differs in targets and weights alone.
+        pieces: of readings that stay in their table, whose weights and targets are deferred; None of others.
     """
 
     parameters: Parameterisation
@@ -71,6 +77,7 @@ class FitProblem:
     target_norm_squared: float
     rules: np.ndarray | None = None
     alike: BoundAverages | None = None
+    pieces: Pieces | None = None
 
     @classmethod
     def create(
@@ -84,6 +91,9 @@ class FitProblem:
         rules: np.ndarray | None = None,
     ) -> "FitProblem":
         """The problem of some readings with weights (n, C) and a loss with this floor."""
+        if readings.rows is not None and isinstance(weight, DeferredValues) and rules is None:
+            return cls._stored(parameters, fixed, loss, readings, weight, floor)
+        readings = readings.in_memory
         n, channels = readings.f.shape
         targets, weight = _laid(readings.f, fresh=loss not in IDENTITIES), _laid(weight)
         cosine = np.abs(np.asarray(readings.wi.z))[:, None] if uses_cosine(loss) else None
@@ -98,6 +108,29 @@ class FitProblem:
         return cls(
             parameters, fixed, loss, parameters.domains, readings, weight, targets, float(floor), norm_squared, rules
         )
+
+    @classmethod
+    def _stored(
+        cls, s: Parameterisation, fixed: FixedValues, loss: str, readings: Readings, weight: np.ndarray, floor: float
+    ) -> "FitProblem":
+        """The problem of readings that stay in their table."""
+
+        def targets(some: Rows) -> np.ndarray:
+            part = readings.part(some)
+            return part.f if loss in IDENTITIES else compared(part, loss, floor, part.f)
+
+        deferred: Any = DeferredValues(targets, readings.f.shape)
+        pieces = Pieces(readings, deferred, weight, float(floor))
+        norm_squared = sum(float(np.sum((p.samples.weight * p.samples.target) ** 2)) for p in pieces)
+        return cls(s, fixed, loss, s.domains, readings, weight, deferred, float(floor), norm_squared, pieces=pieces)
+
+    @property
+    def in_memory(self) -> "FitProblem":
+        """The same problem with its readings as arrays."""
+        if self.pieces is None:
+            return self
+        weight = np.asarray(self.weight)
+        return FitProblem.create(self.parameters, self.fixed, self.loss, self.readings.in_memory, weight, self.floor)
 
     @property
     def linear(self) -> np.ndarray:
@@ -138,15 +171,20 @@ class FitProblem:
 
     @functools.cached_property
     def _pages(self) -> list[Samples]:
-        """The pages in use, each as `Samples` of `PAGE` blocks, without copies."""
-        whole, used, parts = self.samples, int(self.samples.blocks), []
-        for first in range(0, used, PAGE):
-            cut = slice(first, first + PAGE)
-            wi, wo = (Direction(*(c[cut] for c in w)) for w in (whole.wi, whole.wo))
-            blocks = np.asarray(min(PAGE, used - first))
-            rules = BlockRules(*(a[cut] for a in whole.rules))
-            parts.append(Samples(wi, wo, whole.target[cut], whole.weight[cut], blocks, whole.floor, rules, whole.discs))
-        return parts
+        return list(_pages_of(self.samples))
+
+    @property
+    def pages(self) -> Iterable[Samples]:
+        """The pages in use, each as `Samples` of `PAGE` blocks."""
+        if self.pieces is None:
+            return self._pages
+        return (page for piece in self.pieces for page in _pages_of(piece.samples))
+
+    def weights(self) -> Iterator[np.ndarray]:
+        """The weights of all residuals in turn, (m, C) each or (B, m, C)."""
+        if self.pieces is not None:
+            return (np.asarray(piece.samples.weight) for piece in self.pieces)
+        return (self.weight[some] for some in chunks(*self.weight.shape))
 
     def subset(self, cells: np.ndarray) -> "FitProblem":
         """The same problem on some of the cells."""
@@ -160,7 +198,7 @@ class FitProblem:
             return self.retargeted(target)
         rules = None if self.rules is None else self.rules[cells]
         readings, weight = self.readings.part(cells), rows_of(self.weight, cells)
-        part = dataclasses.replace(self, readings=readings, weight=weight, rules=rules, alike=None)
+        part = dataclasses.replace(self, readings=readings, weight=weight, rules=rules, alike=None, pieces=None)
         return part.retargeted(target)
 
     def averaged(self, rules: np.ndarray | None, cells: np.ndarray | None = None) -> "FitProblem":
@@ -172,29 +210,32 @@ class FitProblem:
         if rules is None:
             return FitProblem.create(self.parameters, self.fixed, self.loss, readings, weight, self.floor)
         if cells is None:
-            return dataclasses.replace(self, rules=rules, alike=None)
+            return dataclasses.replace(self.in_memory, rules=rules, alike=None)
         targets = self.targets[cells]
         norm_squared = float(np.sum((weight * targets) ** 2))
         return dataclasses.replace(
             self, readings=readings, weight=weight, targets=targets, target_norm_squared=norm_squared, rules=rules,
-            alike=None,
+            alike=None, pieces=None,
         )  # fmt: skip
 
     def reweighted(self, weight: np.ndarray) -> "FitProblem":
         """The same problem with other weights (n, C); no array changes its shape, and nothing compiles again."""
-        return self._compared_anew(_laid(weight), self.targets)
+        return self.in_memory._compared_anew(_laid(weight), None)
 
     def retargeted(self, target: np.ndarray) -> "FitProblem":
         """The same problem with other targets T(y c), (n, C)."""
-        return self._compared_anew(self.weight, _laid(target))
+        return self.in_memory._compared_anew(None, _laid(target))
 
-    def _compared_anew(self, weight: np.ndarray, targets: np.ndarray) -> "FitProblem":
+    def _compared_anew(self, weight: np.ndarray | None, targets: np.ndarray | None) -> "FitProblem":
+        weight, targets = self.weight if weight is None else weight, self.targets if targets is None else targets
         alike, norm_squared = self._loop if self._averages else None, float(np.sum((weight * targets) ** 2))
         other = dataclasses.replace(self, weight=weight, targets=targets, target_norm_squared=norm_squared)
         return dataclasses.replace(other, alike=alike if isinstance(alike, BoundAverages) else None)
 
     def linearised(self) -> "FitProblem":
         """The problem of f itself, its residuals to first order in f − y: for `normal_equations(plain=True)`."""
+        if self.pieces is not None:
+            return self.in_memory.linearised()
         cosine = self.readings.cos_i[:, None] if uses_cosine(self.loss) else 1.0
         with np.errstate(all="ignore"):
             slope = transform(self.loss, self.readings.f * cosine, self.floor, np)[1]
@@ -215,7 +256,9 @@ class FitProblem:
         """
         bound, number = self._loop_of_f if plain else self._loop, len(p)
         use = None if active is None or active.all() else np.flatnonzero(active)
-        pairs = bound.pairs(p if use is None else p[use]) if isinstance(bound, BoundSums) else None
+        pairs = None
+        if isinstance(bound, BoundSums | StoredSums):
+            pairs = bound.pairs(p if use is None else p[use])
         if pairs is None:
             return summed(self.parameters, self._squares(p, active, plain)[:, 0])
         if use is not None:
@@ -232,13 +275,18 @@ class FitProblem:
 
         The values at more than `MANY` readings are computed where they are asked for.
         """
-        p = np.asarray(p, float)
-        total = self._loop.scored(p[None]) if self.weight.size > MANY and isinstance(self._loop, BoundSums) else None
+        p, loop = np.asarray(p, float), self._loop
+        total = None
+        if self.weight.size > MANY and isinstance(loop, BoundSums | StoredSums):
+            total = loop.scored(p[None])
+        if total is None and self.pieces is not None:
+            total = _total([page[0] for page in self._run(p[None], scores=scores)], 1)
         if total is None:
             total, f = self._squares_and_values(p[None], scores)
         else:
-            wi, wo = self.readings.wi, self.readings.wo
-            f = DeferredValues(functools.partial(self.values_at, p), wi, wo, self.parameters.channels)
+            # What computes values later holds no samples.
+            bare = dataclasses.replace(self, weight=NONE, targets=NONE, rules=None, alike=None, pieces=None)
+            f = DeferredValues(functools.partial(_values, bare, self.readings, p), self.weight.shape)
         equations, outer = (summed(self.parameters, total[:, k]) for k in range(2))
         one, spread = (jax.tree.map(lambda a: a[0], e) for e in (equations, outer.matrix))
         return Evaluation(one, spread if scores else None, f)
@@ -258,10 +306,24 @@ class FitProblem:
 
         They are read where they are, if they are laid out (`laid_directions`).
         """
-        none = _laid(np.broadcast_to(0.0, (wi.z.size, self.parameters.channels)))
-        wi, wo = (laid_directions(w, self.parameters.channels) for w in (wi, wo))
+        n, channels = wi.z.size, self.parameters.channels
+        wi, wo = (laid_directions(w, channels) for w in (wi, wo))
+        if (make := sums_of_samples(self.parameters, self.loss, self.fixed, np.asarray(self.floor))) is not None:
+            # Values depend on no targets and no weights, which no program of theirs reads.
+            few, blocks = np.zeros((1, 1, channels)), block_rules(None, 0)
+            samples = Samples(wi, wo, few, few, np.asarray(0), np.asarray(self.floor), blocks, program_rules(POINTS))
+            values = make(samples, n).values(p)
+            if values is not None:
+                return values
+        none = _laid(np.broadcast_to(0.0, (n, channels)))
         elsewhere = dataclasses.replace(
-            self, readings=Readings(wi, wo, none, none, none > 0), weight=none, targets=none, rules=None, alike=None
+            self,
+            readings=Readings(wi, wo, none, none, none > 0),
+            weight=none,
+            targets=none,
+            rules=None,
+            alike=None,
+            pieces=None,
         )
         return elsewhere.model_values(p)
 
@@ -296,11 +358,11 @@ class FitProblem:
         return None if bound is None else bound(p, full)
 
     @functools.cached_property
-    def _loop(self) -> BoundSums | BoundAverages | None:
+    def _loop(self) -> BoundSums | StoredSums | BoundAverages | None:
         return self._bound(self.loss)
 
     @functools.cached_property
-    def _loop_of_f(self) -> BoundSums | BoundAverages | None:
+    def _loop_of_f(self) -> BoundSums | StoredSums | BoundAverages | None:
         return self._bound("linear")
 
     @property
@@ -308,7 +370,10 @@ class FitProblem:
         """Whether the model is averaged over discs."""
         return self.rules is not None and bool(self.rules.any())
 
-    def _bound(self, loss: str) -> BoundSums | BoundAverages | None:
+    def _bound(self, loss: str) -> BoundSums | StoredSums | BoundAverages | None:
+        if self.pieces is not None:
+            make = sums_of_samples(self.parameters, loss, self.fixed, np.asarray(self.floor))
+            return None if make is None else StoredSums(make, self.pieces)
         if self.rules is None or not self._averages:
             return bound_sums(self.parameters, loss, self.fixed, self.samples, self.weight.shape[0])
         if self.alike is not None and loss == self.loss:
@@ -328,11 +393,26 @@ class FitProblem:
         order[: use.size] = use
         request = Request(np.asarray(use.size, np.int32), np.asarray(scores), np.asarray(plain))
         waiting = collections.deque()
-        for page in self._pages:
+        for page in self.pages:
             waiting.append(program(lanes, order, request, self.fixed, page))
             if len(waiting) == UNDER_WAY:
                 yield waiting.popleft()
         yield from waiting
+
+
+def _pages_of(whole: Samples) -> Iterator[Samples]:
+    """The pages in use of some samples, without copies."""
+    used = int(whole.blocks)
+    for first in range(0, used, PAGE):
+        cut = slice(first, first + PAGE)
+        wi, wo = (Direction(*(c[cut] for c in w)) for w in (whole.wi, whole.wo))
+        blocks, rules = np.asarray(min(PAGE, used - first)), BlockRules(*(a[cut] for a in whole.rules))
+        yield Samples(wi, wo, whole.target[cut], whole.weight[cut], blocks, whole.floor, rules, whole.discs)
+
+
+def _values(problem: FitProblem, readings: Readings, p: np.ndarray, rows: Rows) -> np.ndarray:
+    """The model's f (m, C) at some of the readings."""
+    return problem.values_at(p, *readings.directions(rows))
 
 
 def _laid(a: np.ndarray, fresh: bool = False) -> np.ndarray:

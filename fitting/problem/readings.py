@@ -15,7 +15,7 @@ The floor ε is the noise where the table knows it (see `loss_floor`).
 import dataclasses
 import functools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from types import ModuleType
 from typing import Any
 
@@ -27,7 +27,9 @@ from jaxtyping import Array
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout
 from gonio.data.table import Block, Table
-from gonio.fitting.problem.deferred_arrays import InverseWeights
+from gonio.fitting.problem.deferred_arrays import DeferredValues, InverseWeights
+from gonio.fitting.problem.median import median_of_parts
+from gonio.fitting.problem.table_rows import Rows, TableRows, rows_of
 from gonio.models.compiled.dispatch import usable
 from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.program import Program
@@ -51,12 +53,17 @@ MASKED = ("below_horizon", "shadowed", "saturated", "invalid")
 BRIGHTER = 5.0  # standard uncertainties from 0 of a sum of readings from which they are no noise about 0
 BANDS = (-20, 12)  # exponents of tan²θh from 1e-6 to 4e3
 MANY = 1 << 12  # values from which on a loop of their own is faster than NumPy's function
+STORED = 1 << 21  # readings, channels counted apart, from which on they stay in their table
+FEWEST_STORED = 1 << 14  # cells below which they do not: so few are searched as a whole
 RARE = 2  # bands of fewer cells than this many times those wanted are taken whole
 
 
 @dataclasses.dataclass(frozen=True)
 class Readings:
-    """The usable readings of a table: directions (n,), values, standard uncertainties and validity (n, C)."""
+    """The usable readings of a table: directions (n,), values, standard uncertainties and validity (n, C).
+
+    Those that stay in their table, `rows` of it, are `DeferredValues`.
+    """
 
     wi: Direction
     wo: Direction
@@ -65,41 +72,138 @@ class Readings:
     valid: np.ndarray
     cell_weight: np.ndarray | None = None  # (n,) weight of each cell's squared residuals, up to a factor
     half_angles: tuple[float, float] = POINTS  # of the discs of light and detector, radians
+    rows: TableRows | None = None
+
+    def __post_init__(self) -> None:
+        # Other values than the table's would be forgotten where parts are read.
+        assert self.rows is None or isinstance(self.f, DeferredValues)
+
+    @classmethod
+    def stored(cls, rows: TableRows) -> "Readings":
+        """The readings of a table that stay in it."""
+
+        def deferred(read: Callable[[Rows], np.ndarray], shape: tuple[int, ...], kind: Any = float) -> Any:
+            return DeferredValues(read, shape, kind)
+
+        wi, wo = (
+            Direction(
+                *(
+                    deferred(lambda some, w=w, c=c: np.asarray(rows.directions(some)[w][c]), rows.shape[:1])
+                    for c in range(3)
+                )
+            )
+            for w in range(2)
+        )
+        kinds = (float, float, bool)
+        f, u_f, valid = (deferred(lambda some, k=k: rows.values(some)[k], rows.shape, t) for k, t in enumerate(kinds))
+        return cls(wi, wo, f, u_f, valid, rows=rows)
+
+    @property
+    def in_memory(self) -> "Readings":
+        """The same readings as arrays, laid out where a fit on all of them wants them."""
+        if self.rows is None:
+            return self
+        part, (n, channels) = self.part(slice(None)), self.rows.shape
+        wi, wo = (laid_directions(w, channels) for w in (part.wi, part.wo))
+        f = in_blocks(part.f, (*block_shape(n, channels), channels)).reshape(-1, channels)[:n]
+        return dataclasses.replace(part, wi=wi, wo=wo, f=f)
 
     @property
     def cos_i(self) -> np.ndarray:
         """|cosθi| of each cell (n,), of light from either side."""
+        if self.rows is not None:
+            deferred: Any = DeferredValues(lambda some: np.abs(self.wi.z[some]), self.rows.shape[:1])
+            return deferred
         return np.abs(np.asarray(self.wi.z))
 
     @property
     def sides(self) -> list[tuple[int, int]]:
         """The sides of the sample, 1 in front and −1 behind, of (light, detector) in its cells."""
-        light, detector = (np.asarray(w.z) < 0 for w in (self.wi, self.wo))
-        number = np.bincount(2 * light + detector, minlength=4)  # of cells with each of the four pairs
+        if self.rows is not None:
+            number = self.rows.tally.sides
+        else:
+            light, detector = (np.asarray(w.z) < 0 for w in (self.wi, self.wo))
+            number = np.bincount(2 * light + detector, minlength=4)  # of cells with each of the four pairs
         return [(1 - 2 * (k // 2), 1 - 2 * (k % 2)) for k in np.flatnonzero(number).tolist()]
 
-    def on_sides(self, light: int, detector: int) -> np.ndarray:
-        """Which readings (n,) have light and detector on these sides."""
-        return (light * np.asarray(self.wi.z) > 0) & (detector * np.asarray(self.wo.z) > 0)
+    def on_sides(self, light: int, detector: int) -> "Iterator[Readings]":
+        """The readings with light and detector on these sides, in parts."""
+        for part in self.parts():
+            here = (light * np.asarray(part.wi.z) > 0) & (detector * np.asarray(part.wo.z) > 0)
+            yield part.part(np.flatnonzero(here))
 
     def brightness(self, light: int, detector: int) -> float:
         """Sum of the valid readings there in units of its standard uncertainty; infinite where that is 0."""
-        here = self.on_sides(light, detector)
-        f, u = (a[here][self.valid[here]] for a in (self.f, np.nan_to_num(self.u_f)))
-        total, noise = float(f.sum()), float(np.sqrt(np.sum(u**2)))
+        total = variance = 0.0
+        for part in self.on_sides(light, detector):
+            f, u = (a[part.valid] for a in (part.f, np.nan_to_num(part.u_f)))
+            total, variance = total + float(f.sum()), variance + float(np.sum(u**2))
+        noise = math.sqrt(variance)
         return total / noise if noise else math.copysign(math.inf, total) if total else 0.0
 
     @property
     def count(self) -> int:
         """Number of valid readings, channels counted apart."""
-        return int(np.count_nonzero(self.valid))
+        return int(np.count_nonzero(self.valid)) if self.rows is None else int(self.rows.tally.valid.sum())
 
-    def part(self, cells: np.ndarray) -> "Readings":
+    @property
+    def counts(self) -> np.ndarray:
+        """Number of valid readings of each channel (C,)."""
+        return np.count_nonzero(self.valid, axis=0) if self.rows is None else self.rows.tally.valid
+
+    @property
+    def complete(self) -> bool:
+        """Whether all are valid."""
+        return bool(self.valid.all()) if self.rows is None else self.count == math.prod(self.rows.shape)
+
+    @property
+    def negative(self) -> int:
+        """Number of valid readings below 0."""
+        if self.rows is not None:
+            return self.rows.tally.negative
+        return int(np.count_nonzero(self.valid & (self.f < 0)))
+
+    @property
+    def noisy(self) -> bool:
+        """Whether any has a standard uncertainty above 0."""
+        if self.rows is not None:
+            return self.rows.tally.known > 0
+        return isinstance(self.u_f, InverseWeights) or bool((self.u_f > 0).any())
+
+    def directions(self, rows: Rows) -> tuple[Direction, Direction]:
+        """(wi, wo) of some of the cells."""
+        if self.rows is not None:
+            return self.rows.directions(rows)
+        wi, wo = (Direction(*(np.asarray(c)[rows] for c in w)) for w in (self.wi, self.wo))
+        return wi, wo
+
+    def by_cell(self, of_pairs: Callable[[Direction, Direction], np.ndarray]) -> np.ndarray:
+        """A function of the directions, for each of the cells (n,)."""
+        if self.rows is None:
+            return of_pairs(self.wi, self.wo)
+        of_pairs(*self.directions(slice(0, 1)))  # what it refuses it refuses now
+        deferred: Any = DeferredValues(lambda some: of_pairs(*self.directions(some)), self.rows.shape[:1])
+        return deferred
+
+    def part(self, cells: Rows) -> "Readings":
         """The readings of some of the cells."""
-        wi, wo = (Direction(*(np.asarray(c)[cells] for c in w)) for w in (self.wi, self.wo))
+        wi, wo = self.directions(cells)
         cell_weight = None if self.cell_weight is None else self.cell_weight[cells]
+        if self.rows is not None:
+            return Readings(wi, wo, *self.rows.values(cells), cell_weight, self.half_angles)
         f, u_f, valid = (rows_of(a, cells) for a in (self.f, self.u_f, self.valid))
         return Readings(wi, wo, f, u_f, valid, cell_weight, self.half_angles)
+
+    def parts(self) -> "Iterator[Readings]":
+        """All readings in turn: together, or as many at a time as are read from their table."""
+        return iter([self]) if self.rows is None else map(self.part, self.rows.spans)
+
+    def chunks(self, channels: int) -> Iterator[slice]:
+        """Slices of the cells whose values in so many channels stay in a cache; what is read together is not parted."""
+        spans = [slice(0, self.f.shape[0])] if self.rows is None else self.rows.spans
+        for span in spans:
+            for some in chunks(span.stop - span.start, channels):
+                yield slice(span.start + some.start, span.start + some.stop)
 
     def channel(self, c: int) -> "Readings":
         """The readings of one channel."""
@@ -109,15 +213,15 @@ class Readings:
         """The readings of some channels."""
         if not isinstance(these, slice) and np.array_equal(these, np.arange(self.f.shape[1])):
             return self
+        if self.rows is not None:
+            other = Readings.stored(self.rows.of_channels(these))
+            return dataclasses.replace(other, cell_weight=self.cell_weight, half_angles=self.half_angles)
         return dataclasses.replace(self, f=self.f[:, these], u_f=self.u_f[:, these], valid=self.valid[:, these])
 
-
-def rows_of(a: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Some rows, by number or as booleans, of values (n, C); one number that stands for all takes no memory."""
-    if not any(a.strides):
-        number = int(np.count_nonzero(cells)) if cells.dtype == bool else cells.size
-        return np.broadcast_to(a[:1, :1], (number, a.shape[1]))
-    return a[cells] if cells.dtype == bool else a.take(cells, axis=0)
+    def __reduce__(self) -> Any:
+        # A table may be an open file: what goes to another process are the readings.
+        values = dataclasses.replace(self.in_memory, rows=None)
+        return Readings, tuple(getattr(values, field.name) for field in dataclasses.fields(self))
 
 
 def evenly_spaced(channels: int, most: int) -> np.ndarray:
@@ -126,6 +230,15 @@ def evenly_spaced(channels: int, most: int) -> np.ndarray:
         return np.arange(channels)
     numbers = np.linspace(0, channels - 1, most).astype(int)
     return numbers[np.diff(numbers, prepend=-1) > 0]
+
+
+def stored_readings(table: Table, theta_max: float | None = None) -> Readings | None:
+    """The same of all cells of a large table, which stay in it; None for others."""
+    if table.layout.size * len(table.channels) < STORED:
+        return None
+    rows = TableRows(table, theta_max)
+    n, channels = rows.shape
+    return Readings.stored(rows) if n >= FEWEST_STORED and n * channels >= STORED else None
 
 
 def readings_of(table: Table, limit: int | None = None, theta_max: float | None = None, seed: int = 0) -> Readings:
@@ -179,10 +292,11 @@ def count_readings(table: Table, readings: Readings) -> dict[str, int]:
     `used`; `negative` of those used, which count as they are; `missing`: never measured; `below_horizon`, `shadowed`,
     `saturated`, `invalid`: masked for that reason; `left_out`: valid, but beyond the angle or the number asked for.
     """
-    of_table, used = table.counts(), readings.count
+    of_table = table.counts() if readings.rows is None else readings.rows.flags
+    used = readings.count
     return {
         "used": used,
-        "negative": int(np.count_nonzero(readings.valid & (readings.f < 0))),
+        "negative": readings.negative,
         "missing": of_table["not_measured"],
         **{flag: of_table[flag] for flag in MASKED},
         "left_out": max(0, of_table["valid"] - used),
@@ -199,7 +313,7 @@ def coarse_cells(readings: Readings, limit: int, seed: int) -> np.ndarray:
     if n <= limit:
         return np.arange(n)
     rng = np.random.default_rng(seed)
-    band = np.concatenate([_bands(readings, some) for some in chunks(n, 1)])
+    band = np.concatenate([_bands(readings, some) for some in readings.chunks(1)])
     rare = np.bincount(band, minlength=BANDS[1] - BANDS[0] + 1) < RARE * limit
     # All cells of rare bands and some of the others are enough to choose from.
     sample = rng.choice(n, min(n, 8 * limit), replace=False)
@@ -218,7 +332,7 @@ def coarse_cells(readings: Readings, limit: int, seed: int) -> np.ndarray:
 def _bands(readings: Readings, some: slice) -> np.ndarray:
     """Of some cells, how often tan²θh doubles from the first of `BANDS` on."""
     tiny = np.finfo(float).tiny
-    wi, wo = (Direction(*(np.asarray(c)[some] for c in w)) for w in (readings.wi, readings.wo))
+    wi, wo = readings.directions(some)
     # What goes straight through is as narrow as what is mirrored: both directions in front.
     i, o = (turned_over(w, np.sign(w.z)) for w in (wi, wo))
     h = [np.asarray(a) + np.asarray(b) for a, b in zip(i, o, strict=True)]
@@ -358,12 +472,33 @@ def sigma_of(readings: Readings) -> np.ndarray | None:
     """
     if isinstance(readings.u_f, InverseWeights):
         return readings.u_f  # all are known
+    if readings.rows is not None:
+        return _stored_sigma(readings)
     known = readings.valid & np.isfinite(readings.u_f) & (readings.u_f > 0)
     if not known.any():
         return None
     if known.all():
         return readings.u_f
     return np.where(known, readings.u_f, np.median(readings.u_f[known]))
+
+
+def _stored_sigma(readings: Readings) -> np.ndarray | None:
+    """The same of readings that stay in their table."""
+    number = 0 if readings.rows is None else readings.rows.tally.known
+    if number in (0, readings.f.size):
+        return readings.u_f if number else None
+
+    def known(part: Readings) -> np.ndarray:
+        return part.valid & np.isfinite(part.u_f) & (part.u_f > 0)
+
+    typical = median_of_parts(lambda: (part.u_f[known(part)] for part in readings.parts()))
+
+    def sigma(some: Rows) -> np.ndarray:
+        part = readings.part(some)
+        return np.where(known(part), part.u_f, typical)
+
+    deferred: Any = DeferredValues(sigma, readings.f.shape)
+    return deferred
 
 
 def relative_sigma(readings: Readings, f: np.ndarray, share: float) -> np.ndarray:
@@ -378,6 +513,8 @@ def residual_weights(readings: Readings, loss: str, sigma: np.ndarray | None) ->
         raise GonioError(NO_UNCERTAINTY)
     if isinstance(sigma, InverseWeights) and loss == "sigma" and readings.cell_weight is None:
         return sigma.weight  # the same array
+    if readings.rows is not None:
+        return _stored_weights(readings, loss, sigma)
     n, channels = readings.valid.shape
     # Laid out at once where the problem wants them.
     weight = in_blocks(np.ones((1, channels)), (*block_shape(n, channels), channels)).reshape(-1, channels)[:n]
@@ -393,20 +530,55 @@ def residual_weights(readings: Readings, loss: str, sigma: np.ndarray | None) ->
     return weight
 
 
+def _stored_weights(readings: Readings, loss: str, sigma: np.ndarray | None) -> np.ndarray:
+    """The same of readings that stay in their table."""
+    of_cells, mean = readings.cell_weight, 1.0
+    if of_cells is not None:
+        total = sum(float(np.sum(of_cells[some])) for some in readings.chunks(1))
+        mean = total / readings.f.shape[0]
+
+    def weights(some: Rows) -> np.ndarray:
+        part = readings.part(some)
+        weight = 1.0 / sigma[some] if loss == "sigma" and sigma is not None else np.ones(part.f.shape)
+        if not part.valid.all():
+            weight[~part.valid] = 0.0
+        return weight if part.cell_weight is None else weight * np.sqrt(part.cell_weight / mean)[:, None]
+
+    deferred: Any = DeferredValues(weights, readings.f.shape)
+    return deferred
+
+
 def loss_floor(readings: Readings, loss: str) -> float:
     """The floor ε of a loss, in the units of what it compares.
 
     The median standard uncertainty of the readings (times cosθi where the loss has it) for `cbrt` and `log`; without
     one, a hundredth of the median reading for `cbrt`, and 1 for the others.
     """
-    cosine = readings.cos_i[:, None] if uses_cosine(loss) else 1.0
     sigma = sigma_of(readings) if uses_cosine(loss) else None
+    if readings.rows is not None and (sigma is not None or loss == "cbrt"):
+        return _stored_floor(readings, loss, sigma)
+    cosine = readings.cos_i[:, None] if uses_cosine(loss) else 1.0
     if sigma is not None:
         return float(np.median((sigma * cosine)[readings.valid]))
     if loss != "cbrt":
-        return floor_of(loss, readings.f)
+        return 1.0
     compared = readings.f * cosine
     return floor_of(loss, compared if readings.valid.all() else compared[readings.valid])
+
+
+def _stored_floor(readings: Readings, loss: str, sigma: np.ndarray | None) -> float:
+    """The same of readings that stay in their table."""
+    values = readings.f if sigma is None else sigma
+
+    def compared() -> Iterator[np.ndarray]:
+        channels = readings.f.shape[1]
+        return (np.abs(values[s] * readings.cos_i[s, None])[readings.valid[s]] for s in readings.chunks(channels))
+
+    typical = median_of_parts(compared)
+    if sigma is not None:
+        return typical
+    typical = typical or max(float(part.max(initial=0.0)) for part in compared())
+    return 0.01 * typical if typical > 0 else 1.0
 
 
 def cell_weights(weight: str, layout: Layout, wi: Direction, wo: Direction) -> np.ndarray:

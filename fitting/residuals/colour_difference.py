@@ -42,9 +42,11 @@ def sphere_difference(
     to_xyz = colour_matrix(channels)
     if to_xyz is None:
         return None
-    cos_phase = sum(np.asarray(i) * np.asarray(o) for i, o in zip(readings.wi, readings.wo, strict=True))
-    near, far = np.cos(np.radians(PHASES))
-    pixels = np.flatnonzero((cos_phase <= near) & (cos_phase >= far) & readings.valid.all(axis=1))
+    pixels, first = list[np.ndarray](), 0
+    for part in readings.parts():
+        pixels.append(first + _pixels(part))
+        first += part.f.shape[0]
+    pixels = np.concatenate(pixels)
     if pixels.size > MAX_PIXELS:
         pixels = np.sort(np.random.default_rng(seed).choice(pixels, MAX_PIXELS, replace=False))
     shown = readings.part(pixels)
@@ -65,6 +67,13 @@ def sphere_difference(
         "p95": float(difference[order[min(int(np.searchsorted(quantile, 0.95)), pixels.size - 1)]]),
         "pixels": int(pixels.size),
     }
+
+
+def _pixels(readings: Readings) -> np.ndarray:
+    """Numbers of the readings that are seen on the spheres, in all channels."""
+    cos_phase = sum(np.asarray(i) * np.asarray(o) for i, o in zip(readings.wi, readings.wo, strict=True))
+    near, far = np.cos(np.radians(PHASES))
+    return np.flatnonzero((cos_phase <= near) & (cos_phase >= far) & readings.valid.all(axis=1))
 
 
 def colour_matrix(channels: Channels) -> np.ndarray | None:

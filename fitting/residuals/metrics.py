@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from gonio.fitting.problem.readings import Readings, chunks, inverse_cube_root
+from gonio.fitting.problem.readings import Readings, inverse_cube_root
 from gonio.models.compiled.dispatch import usable
 from gonio.models.compiled.graph import Unsupported
 from gonio.models.compiled.sums import Rows, SumsProgram
@@ -38,8 +38,8 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
     """
     bracket = _bracket(model_f, readings) if readings.f.size > BRACKETED else None
     sums, median = np.zeros(7), _Median(bracket, np.float32 if readings.f.size > MANY else np.float64)
-    complete, buffer = bool(readings.valid.all()), np.zeros(0)
-    for chunk in chunks(*readings.f.shape):
+    complete, buffer = readings.complete, np.zeros(0)
+    for chunk in readings.chunks(readings.f.shape[1]):
         rows = readings.f[chunk].shape
         count = -(-rows[0] * rows[1] // PADDED) * PADDED
         if buffer.shape != (5, count):
@@ -49,8 +49,8 @@ def metrics(model_f: np.ndarray, readings: Readings) -> dict[str, float]:
         if not complete:
             for a in (y, m):
                 a[~readings.valid[chunk].T] = 0.0
-        cos_i[:] = np.abs(np.asarray(readings.wi.z)[chunk])
-        np.multiply(cos_i, np.abs(np.asarray(readings.wo.z)[chunk]), out=cosines)
+        cos_i[:] = readings.cos_i[chunk]
+        np.multiply(cos_i, np.abs(np.asarray(readings.wo.z[chunk])), out=cosines)
         added, share = _sums(buffer, y.size)
         share = share if complete and y.all() else share[y.ravel() != 0]
         sums += added
@@ -120,7 +120,7 @@ def _bracket(model_f: np.ndarray, readings: Readings) -> tuple[float, float]:
 
 def _median_of_all(model_f: np.ndarray, readings: Readings, kind: type[np.floating]) -> float:
     every = _Median(None, kind)
-    for chunk in chunks(*readings.f.shape):
+    for chunk in readings.chunks(readings.f.shape[1]):
         y, m = readings.f[chunk], model_f[chunk]
         used = readings.valid[chunk] & (y != 0)
         every.add((np.abs(m[used] - y[used]) / np.abs(y[used])).astype(every.kind))

@@ -19,9 +19,14 @@ def shows_anisotropy(layout: Layout, readings: Readings) -> bool:
     """Whether readings can show that a surface is anisotropic: the light comes from more than one azimuth."""
     if not layout.has_azimuth_of_light:
         return False
-    x, y = (np.asarray(c, float) for c in (readings.wi.x, readings.wi.y))
-    oblique = np.hypot(x, y) > 1e-6
-    return bool(oblique.any()) and np.unique(np.round(np.arctan2(y[oblique], x[oblique]), 4)).size > 1
+    azimuths = set[float]()
+    for part in readings.parts():
+        x, y = (np.asarray(c, float) for c in (part.wi.x, part.wi.y))
+        oblique = np.hypot(x, y) > 1e-6
+        azimuths.update(np.unique(np.round(np.arctan2(y[oblique], x[oblique]), 4)).tolist())
+        if len(azimuths) > 1:
+            return True
+    return False
 
 
 @dataclasses.dataclass(frozen=True)

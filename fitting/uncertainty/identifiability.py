@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from gonio.fitting.problem.lobes import sensitivities
-from gonio.fitting.problem.readings import Readings
+from gonio.fitting.problem.readings import Readings, evenly_spaced
+from gonio.fitting.problem.table_rows import rows_of
 from gonio.fitting.solver.robust_weights import NORMAL_MAD
 from gonio.fitting.uncertainty.covariance import LOST, open_from
 from gonio.fitting.uncertainty.joint_covariance import Combination, View
@@ -22,6 +23,7 @@ ALIKE = 0.1  # difference of two relative changes, or of an exponent from ±1, t
 STEP = 5.0  # degrees
 HIGHEST = 85.0
 INCIDENCES = 16
+MOST_CELLS = 1 << 16  # of a large table whose residuals tell its noise
 EACH = 128  # directions of each incidence
 LEAST_NOISE = 1e-3  # of f: what readings without noise are taken to have
 SEPARATED = 1 / 16  # variance of what counts as separated: a quarter of the uncertainty that counts as open
@@ -45,14 +47,15 @@ def advice(e: Optimum, combination: Combination) -> str:
     variance falls below what counts as open is the answer.
     """
     view, variance = combination.view, combination.variance
-    wi, wo, channels = e.readings.wi, e.readings.wo, _channels(e, view)
+    channels = _channels(e, view)
     columns = np.searchsorted(view.index, e.parameters.columns[channels], sorter=np.argsort(view.index))
     columns = np.argsort(view.index)[columns]
     probes = _probes(e)
     sigma = _noise(e.readings, e.model_f, probes.f)[:, channels]
     rows = probes.rows[:, :, channels]
     known, reach, change = _precision(e, view), open_from(e.domains, e.p)[view.index], combination.change[view.index]
-    top = float(np.degrees(np.max(np.arccos(np.clip(np.minimum(np.abs(wi.z), np.abs(wo.z)), 0, 1)))))
+    lowest = min(float(np.min(np.abs(np.asarray(w.z)))) for part in e.readings.parts() for w in (part.wi, part.wo))
+    top = float(np.degrees(np.arccos(min(lowest, 1.0))))
     outer = np.degrees(np.max([np.minimum(t, np.pi - t) for t in (probes.theta_i, probes.theta_o)], axis=0))
 
     def separated(cells: np.ndarray) -> bool:
@@ -148,7 +151,13 @@ def _information(columns: np.ndarray, rows: np.ndarray, sigma: np.ndarray, size:
 
 
 def _noise(readings: Readings, model: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """Standard deviation of readings as bright as f, (n, C), from the residuals of 16 classes of brightness."""
+    """Standard deviation of readings as bright as f, (n, C), from the residuals of 16 classes of brightness.
+
+    Of readings that stay in their table, evenly spaced cells tell.
+    """
+    if readings.rows is not None:
+        cells = evenly_spaced(readings.rows.shape[0], MOST_CELLS)
+        readings, model = readings.part(cells), rows_of(model, cells)
     valid = readings.valid & (np.abs(model) > 0)
     level, deviation = np.abs(model[valid]), np.abs((readings.f - model)[valid])
     if level.size < 2:

@@ -10,7 +10,7 @@ from gonio.fitting.problem.arrow import Arrow
 from gonio.fitting.problem.normal_equations import Evaluation
 from gonio.fitting.problem.parameterisation import Domains, Parameterisation, at_bounds
 from gonio.fitting.problem.problem import FitProblem
-from gonio.fitting.problem.readings import Readings, chunks
+from gonio.fitting.problem.readings import Readings
 from gonio.fitting.solver.disc_choice import DiscAverages
 from gonio.fitting.solver.lm_step import EXACT, eps, is_exact, stationarity, stationary_limit
 from gonio.fitting.solver.robust_weights import DownweightedReadings
@@ -175,7 +175,7 @@ def optimum_at(
         spread = known.covariance(~active & ~silent).scaled(rounding, d, p)
     if downweighted is not None:
         spread = spread.scaled(downweighted.widening**2, d, p)
-    log_weight = _log_weight(problem.weight) if likelihood else 0.0
+    log_weight = _log_weight(problem) if likelihood else 0.0
     return Optimum(
         problem, problem.parameters, d, p, evaluation.f, cost, spread, active, reach,
         float(measure.projected_gradient), limit, exact, log_weight, *agreement, notes,
@@ -183,9 +183,9 @@ def optimum_at(
     )  # fmt: skip
 
 
-def _log_weight(weight: np.ndarray) -> float:
-    """Sum of the logarithms of those weights (n, C) that are not 0."""
+def _log_weight(problem: FitProblem) -> float:
+    """Sum of the logarithms of those weights that are not 0."""
     total = 0.0
-    for some in chunks(*weight.shape):
-        total += float(np.sum(np.log(weight[some], where=weight[some] > 0, out=np.zeros(weight[some].shape))))
+    for weight in problem.weights():
+        total += float(np.sum(np.log(weight, where=weight > 0, out=np.zeros(weight.shape))))
     return total
