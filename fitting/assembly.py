@@ -22,6 +22,7 @@ from gonio.fitting.uncertainty.clusters import with_clusters
 from gonio.fitting.uncertainty.identifiability import MOST_ALIKE, listed, undetermined_sentences
 from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
 from gonio.fitting.uncertainty.profile_likelihood import with_profiles
+from gonio.fitting.uncertainty.rounding import with_rounding
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.catalog import MODELS
 from gonio.models.evaluation import channel_count
@@ -41,9 +42,7 @@ BRUSHED_CHANNELS = 32  # the same of brushed lobes, whose brightest channel a ro
 def assemble_result(task: FitTask, optima: list[Optimum], seconds: dict[str, float]) -> FitResult:
     """The result of one joint optimum, or of one optimum for each channel."""
     settings, readings, channels = task.settings, task.readings, task.channels
-    optima, notes = _widened(task, optima)
-    clustered = [with_clusters(e, settings.seed, task.likelihood) for e in optima]
-    optima, notes = [e for e, _ in clustered], [*notes, *dict.fromkeys(note for _, note in clustered if note)]
+    optima, notes = _beyond_noise(task, *_widened(task, optima))
     optima = [with_profiles(e, vague) if (vague := e.vague_numbers()) else e for e in optima]
     only = [None] if len(optima) == 1 else list(channels.names)
     estimates = [e.estimates(channels, name) for e, name in zip(optima, only, strict=True)]
@@ -223,6 +222,14 @@ def _widened(task: FitTask, optima: list[Optimum]) -> tuple[list[Optimum], list[
         f"the residuals exceed the known noise (reduced χ² {chi2:.3g}): the model leaves something out; the standard "
         f"uncertainties are widened by {np.sqrt(chi2):.3g}"
     ]
+
+
+def _beyond_noise(task: FitTask, optima: list[Optimum], notes: list[str]) -> tuple[list[Optimum], list[str]]:
+    """Uncertainties that hold what neighbouring readings share, and what rounding moves, with notes."""
+    clustered = [with_clusters(e, task.settings.seed, task.likelihood) for e in optima]
+    rounded = [with_rounding(e, task.likelihood) for e, _ in clustered]
+    more = dict.fromkeys(note for _, note in [*clustered, *rounded] if note)
+    return [e for e, _ in rounded], [*notes, *more]
 
 
 def _reason(optima: list[Optimum]) -> str:
