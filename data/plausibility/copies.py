@@ -5,6 +5,7 @@ all copies alike, so that they tell no more than one of them.
 """
 
 import dataclasses
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,14 +54,10 @@ def first_copies(wi: Direction, wo: Direction, values: Values, symmetry: Symmetr
     `MOST` none are looked for.
     """
     number = values.f.shape[0]
-    if number > MOST or not values_repeat(values.f[:, 0]):
+    if number > MOST or not _values_repeat(values.f[:, 0]):
         return None
-    key = _places(wi, wo, symmetry)
-    order = np.lexsort((values.f[:, 0], key))
-    same_place = key[order[1:]] == key[order[:-1]]
-    copied = same_place & _equal(values, order[1:], order[:-1])
-    judged = _either(same_place) & np.any(values.valid & (values.f != 0), axis=1)[order]
-    if not judged.any() or np.mean(_either(copied)[judged]) < MOSTLY:
+    order, copied, share = _ordered(places(wi, wo, symmetry), values)
+    if share < MOSTLY:
         return None
     begins = np.flatnonzero(np.concatenate([[True], ~copied]))
     first = np.empty(number, np.intp)
@@ -96,12 +93,42 @@ def noise_of_copies(u_f: Any, times: np.ndarray) -> np.ndarray:
     return (u.reshape(times.size, -1) * np.sqrt(times)[:, None]).reshape(u.shape)
 
 
+def may_hold_copies(places_and_values: Iterable[tuple[np.ndarray, Values]], number: int) -> bool:
+    """Whether `first_copies` may find any, told by the readings of some places: all those of a place are looked at.
+
+    Args:
+        places_and_values: of so many readings in turn, of each as `places` gives them.
+        number: of readings.
+    """
+    if number > MOST:
+        return False
+    keys, f, valid, few = list[np.ndarray](), list[np.ndarray](), list[np.ndarray](), max(1, number // LOOKED_AT)
+    for key, values in places_and_values:
+        some = np.flatnonzero((key >> np.uint64(20)) % np.uint64(few) == 0)
+        for chosen, a in zip((keys, f, valid), (key, *values), strict=True):
+            chosen.append(a[some])
+    share = _ordered(np.concatenate(keys), Values(np.concatenate(f), np.concatenate(valid)))[2]
+    return share >= (MOSTLY if few == 1 else MOSTLY / 2)
+
+
+def _ordered(key: np.ndarray, values: Values) -> tuple[np.ndarray, np.ndarray, float]:
+    """The order (n,) of readings by place and value, which repeat the one before, and the share that are copies.
+
+    The share is that of readings beside others of the same place which tell anything; 0 where there are none.
+    """
+    order = np.lexsort((values.f[:, 0], key))
+    same_place = key[order[1:]] == key[order[:-1]]
+    copied = same_place & _equal(values, order[1:], order[:-1])
+    judged = _either(same_place) & np.any(values.valid & (values.f != 0), axis=1)[order]
+    return order, copied, float(np.mean(_either(copied)[judged])) if judged.any() else 0.0
+
+
 def _either(pairs: np.ndarray) -> np.ndarray:
     """Which of n ordered readings are in one of the pairs (n − 1,) of each with the next."""
     return np.concatenate([pairs, [False]]) | np.concatenate([[False], pairs])
 
 
-def values_repeat(values: np.ndarray) -> bool:
+def _values_repeat(values: np.ndarray) -> bool:
     """Whether many values stand more than once. Of a large table those are compared whose bits say so by chance."""
     bits = np.asarray(values, np.float32).view(np.uint32)
     few = max(1, bits.size // LOOKED_AT)
@@ -114,7 +141,7 @@ def values_repeat(values: np.ndarray) -> bool:
     return repeated > (RARE if few > 1 else 0.0)
 
 
-def _places(wi: Direction, wo: Direction, symmetry: Symmetry) -> np.ndarray:
+def places(wi: Direction, wo: Direction, symmetry: Symmetry) -> np.ndarray:
     """A number (n,) for each pair of directions, equal for those that cannot be told apart."""
     i, o = (np.stack([np.asarray(c, float) for c in w]) for w in (wi, wo))
     between: Any = np.uint64(0)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.data.channels import Channels
-from gonio.data.plausibility.copies import MOST, Symmetry, Values, first_copies, values_repeat
+from gonio.data.plausibility.copies import Symmetry, Values, first_copies, may_hold_copies, places
 from gonio.fitting.problem.parameterisation import parameters
 from gonio.fitting.problem.readings import Readings
 from gonio.models.expression.builder import build
@@ -39,8 +39,8 @@ def symmetry_of(models: Sequence[tuple[Term, ...]], channels: Channels) -> Symme
 def distinct_readings(readings: Readings, symmetry: Symmetry) -> DistinctReadings | None:
     """The readings without those that repeat others; None where they are no copies, see `first_copies`."""
     if readings.rows is not None:
-        # Only where many values stand more than once all are held, to be sorted.
-        if readings.rows.shape[0] > MOST or not values_repeat(np.concatenate([r.f[:, 0] for r in readings.parts()])):
+        each = ((places(r.wi, r.wo, symmetry), Values(r.f, r.valid)) for r in readings.parts())
+        if not may_hold_copies(each, readings.rows.shape[0]):
             return None
         readings = readings.in_memory
     first = first_copies(readings.wi, readings.wo, Values(readings.f, readings.valid), symmetry)

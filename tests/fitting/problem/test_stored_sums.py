@@ -85,6 +85,18 @@ def test_a_large_table_is_fitted_as_a_small_one(request, known, options):
     np.testing.assert_allclose(*([p.value for p in r.parameters] for r in (pieces, whole)), rtol=RTOL)
 
 
+def test_readings_that_repeat_others_count_once_in_large_tables_too(request):
+    table = table_of(4)
+    mirrored = -np.arange(12) % 12
+    for values in (table.f, table.u_f, table.flag):
+        values[:, :, 7:] = values[:, :, mirrored[7:]]
+    whole = fit(table, MODEL, starts=1)
+    request.getfixturevalue("large")
+    pieces = fit(table, MODEL, starts=1)
+    assert pieces.counts == whole.counts and whole.counts["copies"] > 500
+    np.testing.assert_allclose(numbers(pieces), numbers(whole), rtol=1e-6, atol=1e-12)
+
+
 @pytest.mark.parametrize("known", ["all", "some", "none"])
 def test_readings_that_stay_in_a_file_are_those_of_the_table(tmp_path, large, known):
     table = table_of(5, known)
