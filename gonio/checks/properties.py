@@ -13,7 +13,7 @@ class PropertySpec(NamedTuple):
     model: str | None
     """Check of a model, ``(ModelEvidence, tolerance) -> Property``."""
     table: str | None
-    """Check of a table, ``(TableEvidence, tolerance) -> Property``."""
+    """Check of a table, ``(TableEvidence, tolerance) -> Property``; None where a table holds nothing of the kind."""
     model_tolerance: float
     table_tolerance: float
     unit: str
@@ -37,6 +37,9 @@ PROPERTIES = {
     ),
     "energy": PropertySpec(
         "model.energy:model_energy", "table.energy:table_energy", 1e-6, 0.01, "albedo above 1", "always"
+    ),
+    "realisability": PropertySpec(
+        None, "table.realisability:table_realisability", 1e-9, 0.02, "negative part of m00", "always"
     ),
     "positivity": PropertySpec(
         "model.positivity:model_positivity", "table.positivity:table_positivity", 1e-9, 0.01, "negative part"

@@ -11,9 +11,9 @@ from gonio.checks.certificate import Certificate
 from gonio.checks.repairs.albedo_rows import albedo_rows
 from gonio.checks.repairs.projection import Projection, nearest
 from gonio.checks.table.evidence import LEVEL
-from gonio.checks.table.polarisations import is_polarised
 from gonio.data import layouts
 from gonio.data.flags import Flag
+from gonio.data.polarisation import is_polarised
 from gonio.data.reflection_only import require_reflection
 from gonio.data.subject import SubjectLike, resolve_subject
 from gonio.data.table import MEDIA, Table, whole_table_of_values

@@ -14,9 +14,18 @@ from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.further_readings import FurtherBySide
 from gonio.checks.table.one_azimuth import ISOTROPIC, isotropy_at_normal_incidence, taken_as_mirrored
 from gonio.checks.table.pairs.displacement import cosine_error, misalignment, miscalibration
-from gonio.checks.table.polarisations import by_state_of_light, is_polarised, light_of_states, not_all_of_the_light
+from gonio.checks.table.states_of_light import (
+    LightOfState,
+    light_of_states,
+    lit_by_states,
+    not_all_of_the_light,
+    states_not_looked_at,
+    with_brightest_states,
+)
 from gonio.checks.table.statistics.counts import critical, sidak
+from gonio.data.channels import Channels
 from gonio.data.interpolation.sheets import sheet_of
+from gonio.data.polarisation import is_polarised
 from gonio.data.table import Table
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
@@ -111,12 +120,29 @@ def table_energy(evidence: TableEvidence, tolerance: float) -> Property:
     The level of the evidence: chance that the readings' stored noise alone exceeds its share of the bounds at any
     incidence.
     """
-    judged = _by_readings_or_model(evidence, tolerance)
-    lacking = not_all_of_the_light(evidence.table.channels.names)
+    names = evidence.table.channels.names
+    judged = _by_readings_or_model(_of_states(evidence) if is_polarised(names) else evidence, tolerance)
+    judged.detail += states_not_looked_at(names)
+    lacking = not_all_of_the_light(names)
     if lacking and judged.verdict != FAIL and judged.residual is not None:
         judged.verdict = UNDECIDED
         judged.detail += lacking
     return _of_both_sides(judged, evidence) if taken_as_mirrored(evidence.table) else judged
+
+
+def _of_states(evidence: TableEvidence) -> TableEvidence:
+    """The same with what becomes of light of each state in place of polarised channels."""
+    table, further = evidence.table, evidence.further
+    states = _states(table, table.channels)
+    further = None if further is None else lit_by_states(further, states)
+    return dataclasses.replace(
+        evidence, table=lit_by_states(table, states), further=further, albedos=None, made=None, polarised=table.channels
+    )
+
+
+def _states(table: Table, channels: Channels) -> list[LightOfState]:
+    """The states of light of channels; of 45° and circular light mirror images cancel."""
+    return light_of_states(channels.names, (1,) if taken_as_mirrored(table) else (1, 2, 3))
 
 
 def _of_both_sides(judged: Property, evidence: TableEvidence) -> Property:
@@ -236,11 +262,12 @@ def _judged(albedos: Albedos, evidence: TableEvidence, tolerance: float) -> Prop
     more = more + stated
     names = evidence.table.channels.names if len(evidence.table.channels) > 1 else ()
     albedos = dataclasses.replace(albedos, above=albedos.above + more, below=albedos.below + more, channels=names)
-    if is_polarised(names):
-        albedos = by_state_of_light(albedos, light_of_states(names))
+    if evidence.polarised is not None:
+        groups = _states(evidence.table, evidence.polarised)
+        albedos = with_brightest_states(albedos, groups, evidence.polarised.names)
     judged = with_hemispherical(energy_property(albedos, tolerance), albedos)
     judged.series = series_of(albedos)
-    if is_polarised(names):
+    if evidence.polarised is not None:
         judged.facts["of_channels"] = list(albedos.channels)
     with np.errstate(invalid="ignore"):
         refused = ~np.all(albedos.value + albedos.above <= 1 + tolerance, axis=1)

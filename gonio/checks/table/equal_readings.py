@@ -29,10 +29,17 @@ from gonio.checks.table.pairs.displacement import displaced, displacement
 from gonio.checks.table.pairs.equal_pairs import some_of
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import pair_angles
-from gonio.checks.table.polarisations import is_polarised, unmatched, with_exchanged_states
+from gonio.checks.table.polarisations import (
+    mirrored_states,
+    same_states,
+    signs_in_words,
+    unmatched,
+    with_exchanged_states,
+)
 from gonio.checks.table.regions import MOST_UNCOVERED, uncovered
 from gonio.data.interpolation.sheets import sheet_of
 from gonio.data.plausibility.copies import EQUAL, MOSTLY
+from gonio.data.polarisation import is_polarised
 from gonio.models.display import listed, percent
 from gonio.models.errors import GonioError
 from gonio.models.geometry.sides import Sides
@@ -105,9 +112,12 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
     if isinstance(pairs, str):
         return _equal("reciprocity", evidence, pairs, None, tolerance, what)
     names = evidence.table.channels.names
-    pairs, alone = with_exchanged_states(pairs, names), unmatched(names)
+    signs, alone = signs_in_words(pairs, names), unmatched(names)
+    pairs = with_exchanged_states(pairs, names)
     if len(alone) == len(names):
-        return without_residual("reciprocity", NOT_TESTABLE, tolerance, f"Not testable:{_of_states(alone)}", pairs=0)
+        return without_residual(
+            "reciprocity", NOT_TESTABLE, tolerance, f"Not testable: the {_of_states(alone)}", pairs=0
+        )
     if is_polarised(names):
         what += " of exchanged polarisations"
     untestable = _lit_from_one_side(evidence.table.sides)
@@ -137,14 +147,20 @@ def _reciprocity(evidence: TableEvidence, pairs: Pairs | str, tolerance: float) 
         judged.detail += untestable
         judged.verdict = NOT_TESTABLE if judged.verdict == PASS else judged.verdict
     share, where = uncovered(readings, pairs.angles[compared.differences.comparable])
+    _say_what_was_not_compared(judged, share, where, alone)
+    judged.detail += signs
+    _say_what_was_made(judged, pairs)
+    return judged
+
+
+def _say_what_was_not_compared(judged: Property, share: float, where: str, alone: list[str]) -> None:
+    """What leaves a pass undecided: readings, and channels, that no exchanged ones stand beside."""
     judged.facts["share_not_compared"] = share
     if (share > MOST_UNCOVERED or alone) and judged.verdict == PASS:
         judged.verdict = UNDECIDED
-    judged.detail += _of_states(alone) if alone else ""
-    _say_what_was_made(judged, pairs)
+    judged.detail += f" The {_of_states(alone)}" if alone else ""
     if share > 0:
         judged.detail += f" Nothing exchanged was read for {percent(share)} of the readings, {where}: undecided there."
-    return judged
 
 
 def _say_what_was_made(judged: Property, pairs: Pairs) -> None:
@@ -168,7 +184,7 @@ def _made_equal(pairs: Pairs) -> bool:
 
 def _of_states(alone: list[str]) -> str:
     """Which channels were compared with nothing."""
-    return f" the exchanged polarisations of {listed(alone)} were not read."
+    return f"exchanged polarisations of {listed(alone)} were not read."
 
 
 def _of_incidences(evidence: TableEvidence) -> str:
@@ -260,6 +276,8 @@ def _all_angles(evidence: TableEvidence) -> np.ndarray:
 def table_symmetry(evidence: TableEvidence, tolerance: float) -> Property:
     """f(Δφ) = f(−Δφ), where the grid has both."""
     pairs = evidence.pairs("mirrored")
+    if not isinstance(pairs, str):
+        pairs = mirrored_states(pairs, evidence.table.channels.names)
     sign = None if isinstance(pairs, str) else np.sin(pairs.angles[:, 3] - pairs.angles[:, 1])
     return _equal("symmetry", evidence, pairs, sign, tolerance, "f(Δφ) and f(−Δφ)")
 
@@ -276,13 +294,19 @@ def table_isotropy(evidence: TableEvidence, tolerance: float) -> Property:
         most = percent((judged.residual or 0.0) + (judged.bound or 0.0), 2)
         reason = f"Not testable: the light has one azimuth only. At normal incidence f is isotropic to {most}."
         return without_residual("isotropy", NOT_APPLICABLE, tolerance, reason, **judged.facts)
-    return _equal("isotropy", evidence, evidence.pairs("turned"), None, tolerance, "f, and f turned about the normal")
+    pairs = evidence.pairs("turned")
+    if not isinstance(pairs, str):
+        pairs = same_states(pairs, evidence.table.channels.names)
+    return _equal("isotropy", evidence, pairs, None, tolerance, "f, and f turned about the normal")
 
 
 def table_pole(evidence: TableEvidence, tolerance: float) -> Property:
     """At the normal a direction has no azimuth: readings there must not depend on it, where a grid has the normal."""
     what = "f at the normal, by one azimuth and by another"
-    return _equal("pole", evidence, evidence.pairs("pole"), None, tolerance, what)
+    pairs = evidence.pairs("pole")
+    if not isinstance(pairs, str):
+        pairs = same_states(pairs, evidence.table.channels.names, of_light=False, of_detector=False)
+    return _equal("pole", evidence, pairs, None, tolerance, what)
 
 
 def _equal(
@@ -294,6 +318,9 @@ def _equal(
     """
     if isinstance(pairs, str):
         return without_residual(name, NOT_APPLICABLE, tolerance, f"Not testable: {pairs}.")
+    if is_polarised(evidence.table.channels.names) and not any(np.isfinite(c.a).any() for c in pairs.columns()):
+        reason = "Not testable: no two of these readings are of one state of polarisation."
+        return without_residual(name, NOT_APPLICABLE, tolerance, reason)
     signs = np.zeros(len(pairs)) if sign is None else np.sign(np.round(sign, 9))
     judged = _judged(name, evidence, compare(evidence, pairs, signs), tolerance, what)
     return _surely(judged, evidence, pairs, signs, what) if judged.verdict == FAIL else judged

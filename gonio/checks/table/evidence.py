@@ -93,6 +93,9 @@ class TableEvidence:
     """Readings of the same surface beside those of the table, which energy takes into account."""
     made: "FitResult | None" = None
     """The fit of the model to the table, where it was made before."""
+    polarised: Channels | None = None
+    """The polarised channels of which those of the table are sums, by the state of the light; None: the table's are
+    those that were read."""
     albedos: "Albedos | str | None" = None
     """What `table_albedos` of energy gives, where that was integrated before."""
 

@@ -9,6 +9,7 @@ from gonio.checks.table.pairs.displacement import displaced, displacement
 from gonio.checks.table.pairs.pair_points import isotropic_light, one_sided
 from gonio.checks.table.pairs.pairs import FEWEST, Pairs
 from gonio.checks.table.pairs.places import SAME_POLAR
+from gonio.checks.table.polarisations import same_states
 from gonio.data.table import Table
 from gonio.models.display import percent
 
@@ -56,6 +57,7 @@ def isotropy_at_normal_incidence(evidence: TableEvidence, tolerance: float) -> P
     if isinstance(pairs, str):
         reason = f"Not testable: the light has one azimuth only, and {pairs}."
         return without_residual("isotropy", NOT_APPLICABLE, tolerance, reason)
+    pairs = same_states(pairs, evidence.table.channels.names, of_light=False)
     angle = displacement(evidence.table)
     if angle:
         pairs = displaced(evidence.table, pairs, angle)

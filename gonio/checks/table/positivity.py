@@ -5,8 +5,8 @@ import numpy as np
 from gonio.checks.certificate import UNDECIDED, Property, place_of, verdict_of, without_residual
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs.places import angles_of
-from gonio.checks.table.polarisations import are_radiances
 from gonio.data.flags import Flag
+from gonio.data.polarisation import are_radiances
 
 FEW_SIGMA = 3.0
 """A negative reading within this many standard uncertainties of 0 may be noise about a value that is not negative."""

@@ -8,6 +8,7 @@ from gonio.checks.table.pairs.columns import readings_of
 from gonio.checks.table.pairs.pair_points import EXACT, LEAF, isotropic_light, one_sided, pair_points
 from gonio.checks.table.pairs.pairs import Pairs
 from gonio.checks.table.pairs.places import angles_of
+from gonio.data.polarisation import is_polarised
 from gonio.data.table import Table
 from gonio.models.display import percent
 
@@ -34,6 +35,10 @@ FEWEST_REPEATS = 12
 """Repeated readings, less their means, from which the noise is taken where none is stored."""
 
 
+TILT = 1e-3
+"""Polar angle, radians, that stands for the normal where its azimuth matters; far more than `EXACT`."""
+
+
 class Readings(NamedTuple):
     """Readings at different pairs of directions, repeats merged: angles (n, 4), f and u (n, channels)."""
 
@@ -46,8 +51,13 @@ class Readings(NamedTuple):
     """Relative standard deviation of repeats; NaN where there are too few."""
 
 
-def merged(angles: np.ndarray, f: np.ndarray, u: np.ndarray, points: np.ndarray) -> Readings:
-    """The means of readings whose points, (n, k), agree to `EXACT`; their scatter is the noise where none is stored."""
+def merged(
+    angles: np.ndarray, f: np.ndarray, u: np.ndarray, points: np.ndarray, *, of_brightest: bool = False
+) -> Readings:
+    """The means of readings whose points, (n, k), agree to `EXACT`; their scatter is the noise where none is stored.
+
+    `of_brightest`: the noise of all channels is a share of the brightest one, as of elements that may be 0.
+    """
     _, first, group, count = np.unique(
         np.round(points / EXACT), axis=0, return_index=True, return_inverse=True, return_counts=True
     )
@@ -61,11 +71,19 @@ def merged(angles: np.ndarray, f: np.ndarray, u: np.ndarray, points: np.ndarray)
     n = count[:, None]
     mean, uncertainty = total(f) / n, np.sqrt(total(u**2)) / n
     freedom = int(np.sum(count - 1))
-    size = np.maximum(np.abs(mean[group]), 1e-300)
-    scatter = float(np.sqrt(np.sum(((f - mean[group]) / size) ** 2) / (freedom * f.shape[1])))
+    size = np.max(np.abs(mean), axis=1, keepdims=True) if of_brightest else np.abs(mean)
+    size = np.broadcast_to(np.maximum(size, 1e-300), mean.shape)
+    scatter = float(np.sqrt(np.sum(((f - mean[group]) / size[group]) ** 2) / (freedom * f.shape[1])))
     if freedom >= FEWEST_REPEATS and scatter > ROUNDING and not np.isfinite(uncertainty).any():
-        uncertainty = scatter * np.abs(mean) / np.sqrt(n)
+        uncertainty = scatter * size / np.sqrt(n)
     return Readings(angles[first], mean, uncertainty, freedom, scatter if freedom >= FEWEST_REPEATS else np.nan)
+
+
+def _with_azimuths(table: Table) -> np.ndarray:
+    """The angles of a list, (n, 4), the normal tilted by next to nothing: s and p there are of the written azimuth."""
+    angles = np.stack(table.layout.angles(), axis=-1)
+    angles[:, [0, 2]] = np.clip(angles[:, [0, 2]], TILT, np.pi - TILT)
+    return angles
 
 
 def scattered_pairs(table: Table) -> Pairs:
@@ -81,7 +99,9 @@ def scattered_pairs(table: Table) -> Pairs:
     f, u = readings_of(table, cells)
     use = table.layout.readable() & np.isfinite(f).all(axis=1)
     mirrored = isotropic and one_sided(angles[use])
-    readings = merged(angles[use], f[use], u[use], pair_points(angles[use], isotropic, False))
+    polarised = is_polarised(table.channels.names)
+    tilted = _with_azimuths(table)[use] if polarised else angles[use]
+    readings = merged(tilted, f[use], u[use], pair_points(tilted, isotropic, False), of_brightest=polarised)
     angles, f, u, repeated, scatter = readings
     how = "readings whose exchanged directions were read" + (", taking the surface as isotropic" if isotropic else "")
     how += " and mirror symmetric, as azimuth differences are on one side" if mirrored else ""
