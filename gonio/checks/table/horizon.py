@@ -9,6 +9,7 @@ from gonio.checks.certificate import NOT_APPLICABLE, Property, verdict_of, witho
 from gonio.checks.table.evidence import TableEvidence
 from gonio.checks.table.pairs.pairs import FEWEST
 from gonio.checks.table.statistics.quantiles import median
+from gonio.data.angles import SLACK
 from gonio.data.flags import Flag
 from gonio.data.table import Table
 from gonio.models.geometry.sides import side_in_words
@@ -58,7 +59,7 @@ def _rim(table: Table, tolerance: float, evidence: TableEvidence) -> Property:
         )
     theta_o, theta_i = grid.theta_o, grid.theta_i
     rings = np.flatnonzero(theta_o < np.pi / 2 - 1e-9)[-RINGS:]
-    lit = int(np.count_nonzero(theta_i < LIGHT_MAX))
+    lit = int(np.count_nonzero(theta_i < LIGHT_MAX - SLACK))
     if rings.size < RINGS:
         detail = f"Not testable: the grid has fewer than {RINGS} rings above the horizon."
         return without_residual("horizon", NOT_APPLICABLE, tolerance, detail)
@@ -69,7 +70,7 @@ def _rim(table: Table, tolerance: float, evidence: TableEvidence) -> Property:
     blocks = [_jumps(table, part, rings, steps) for part in parts]
     jump, bend, noise = (np.concatenate(v) for v in zip(*blocks, strict=True)) if blocks else np.zeros((3, 0))
     number = np.count_nonzero(np.isfinite(jump))
-    if number < FEWEST or theta_o[rings[-1]] < RIM:
+    if number < FEWEST or theta_o[rings[-1]] < RIM - SLACK:
         detail = "Not testable: too few positive readings beyond 75°."
         return without_residual("horizon", NOT_APPLICABLE, tolerance, detail)
     residual, bound = median(jump), BENDS * median(bend)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gonio.data.angles import SLACK
 from gonio.data.channels import Channels
 from gonio.data.flags import Flag
 from gonio.data.table import Table
@@ -101,7 +102,8 @@ def of_table(table: Table) -> Profile:
     use = (block["flag"] == Flag.VALID).all(axis=1)
     cells, f = cells[use], np.asarray(block["f"], float)[use]
     along, beside = (np.sin(theta_o[cells]) * side(turn[cells]) for side in (np.cos, np.sin))
-    return Profile(theta_i[cells], np.hypot(along + np.sin(theta_i[cells]), beside), f)
+    offset = np.hypot(along + np.sin(theta_i[cells]), beside)
+    return Profile(theta_i[cells], np.where(offset < SLACK, 0.0, offset), f)
 
 
 def scatter_laws(profile: Profile, channels: Channels) -> tuple[list[Quantity], list[Undecided]]:
@@ -139,7 +141,7 @@ def scatter_laws(profile: Profile, channels: Channels) -> tuple[list[Quantity], 
 
 
 def _range(profile: Profile) -> str:
-    positive = profile.offset[profile.offset > 1e-9]
+    positive = profile.offset[profile.offset > SLACK]
     theta = np.unique(np.round(np.degrees(profile.theta_i), 3))
     if not positive.size:
         return ""
@@ -252,9 +254,12 @@ def _between_incidences(theta: np.ndarray, x: np.ndarray, logs: np.ndarray) -> f
     nodes = np.unique(np.round(theta, 6))
     differences = []
     first = np.abs(theta - nodes[0]) < 1e-6
-    order = np.argsort(x[first])
+    # Both sides of one light have the same offsets, to the rounding of angles: the mean stands for them.
+    _, place, count = np.unique(np.round(x[first], 6), return_inverse=True, return_counts=True)
+    level = logs[first][0]  # equal readings have their own mean
+    offsets, means = (np.bincount(place, v) / count for v in (x[first], logs[first] - level))
     for node in nodes[1:]:
-        here = (np.abs(theta - node) < 1e-6) & (x >= x[first].min()) & (x <= x[first].max())
-        differences.append(logs[here] - np.interp(x[here], x[first][order], logs[first][order]))
+        here = (np.abs(theta - node) < 1e-6) & (x >= offsets[0] - SLACK) & (x <= offsets[-1] + SLACK)
+        differences.append(logs[here] - level - np.interp(x[here], offsets, means))
     every = np.concatenate(differences) if differences else np.zeros(0)
     return 100 * float(np.sqrt(np.mean(every**2))) if every.size else None

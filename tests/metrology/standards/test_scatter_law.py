@@ -1,5 +1,7 @@
 """Laws of scatter of tables: exact ones come out whatever the layout, and what a law misses is in its uncertainties."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -50,3 +52,20 @@ def test_an_exact_diffuser_follows_no_law_whatever_its_level() -> None:
         rows, undecided = scatter_laws(profile, Channels.grey())
         assert [q.name for q in rows] == ["difference of incidences"] and rows[0].value == 0
         assert {u.name for u in undecided} == {"ABg", "Harvey–Shack"}
+
+
+def test_the_difference_of_incidences_knows_no_order_of_readings_and_no_rounding_of_angles() -> None:
+    """Light at the normal has two readings at each offset: their mean stands for them, and the largest counts."""
+    rng = np.random.default_rng(1)
+    layout = isotropic(POLAR[::2], POLAR, TURNS)
+    noise = np.exp(0.1 * rng.normal(size=layout.shape))
+    profile = of_table(dataclasses.replace(table(layout), f=table(layout).f * noise[..., None]))
+
+    def spread(order: np.ndarray, by: float) -> float:
+        theta, offset = profile.theta_i[order], profile.offset[order] + by * rng.normal(size=order.size)
+        rows, _ = scatter_laws(profile._replace(theta_i=theta, offset=offset, f=profile.f[order]), Channels.grey())
+        return next(q.value for q in rows if q.name == "difference of incidences")
+
+    ordered = np.arange(profile.offset.size)
+    for by in (0.0, 1e-12):
+        assert spread(rng.permutation(ordered), by) == pytest.approx(spread(ordered, 0.0), rel=1e-9)

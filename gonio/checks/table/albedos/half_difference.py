@@ -13,6 +13,7 @@ from gonio.checks.albedos import Albedos, Incidence, albedos_of
 from gonio.checks.grid_resolution import LARGEST, excess, hat_weights, log_values, prediction_error
 from gonio.checks.hidden_lobes import Features, NearMirror, credible, hidden_energy
 from gonio.checks.table.albedos.on_grid import MOST_MISSING, floor_of
+from gonio.data.angles import SLACK
 from gonio.data.flags import Flag
 from gonio.data.interpolation.multilinear import InterpolationAxis
 from gonio.data.table import Table
@@ -117,7 +118,7 @@ def half_vector_grid(table: Table) -> HalfVectorGrid | str:
     axes = table.layout.axes
     if table.layout.size * len(table.channels) > MOST_VALUES:
         return "it is too large to be integrated in memory"
-    if axes["theta_h"].size < 4 or axes["theta_h"][-1] < np.radians(60) or axes["theta_d"].size < 4:
+    if axes["theta_h"].size < 4 or axes["theta_h"][-1] < np.radians(60) - SLACK or axes["theta_d"].size < 4:
         return "its half vectors do not cover the hemisphere"
     if axes["phi_d"].size < 2:
         return "it holds one azimuth of the light about the half vector"

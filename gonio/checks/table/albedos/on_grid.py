@@ -26,6 +26,7 @@ from gonio.checks.grid_resolution import (
     with_rim,
 )
 from gonio.checks.hidden_lobes import REFLECTED, Features, NearMirror, credible, hidden_energy, refracted
+from gonio.data.angles import SLACK
 from gonio.data.flags import Flag
 from gonio.data.layouts import Layout
 from gonio.data.table import Table
@@ -143,9 +144,10 @@ def hemisphere_grid(layout: Layout) -> HemisphereGrid | str:
     rows = np.flatnonzero(grid.theta_o < np.pi / 2 - 1e-9)
     azimuth, source = _once_around(grid.azimuth, mirrored)
     theta_o = grid.theta_o[rows]
-    if theta_o.size < 3 or theta_o[-1] < LEAST_RIM or np.ptp(azimuth) == 0:
+    if theta_o.size < 3 or theta_o[-1] < LEAST_RIM - SLACK or np.ptp(azimuth) == 0:
         return "its directions do not cover the hemisphere"
-    if np.diff(np.append(azimuth, azimuth[0] + 2 * np.pi)).max() > WIDEST_GAP or theta_o[0] > WIDEST_CAP:
+    gap = np.diff(np.append(azimuth, azimuth[0] + 2 * np.pi)).max()
+    if gap > WIDEST_GAP + SLACK or theta_o[0] > WIDEST_CAP + SLACK:
         return "its directions leave a gap in the hemisphere"
     every = enumerate(itertools.product(grid.theta_i, grid.phi_i))
     incidences = [(k, t, p) for k, (t, p) in every if t < np.pi / 2 - 1e-9]

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gonio.data.angles import SLACK
 from gonio.data.layouts import Layout, spherical_angles
 from gonio.models.geometry.directions import Direction
 
@@ -31,7 +32,7 @@ def bands(angles: np.ndarray) -> np.ndarray:
 
 def _bands(angles: np.ndarray) -> np.ndarray:
     polar = angles[:, [0, 2]]
-    number = (np.degrees(polar) / BAND + 1e-9).astype(np.int16)
+    number = (np.degrees(polar + SLACK) / BAND).astype(np.int16)
     number = np.minimum(number, np.where(polar < np.pi / 2, SIDE // 2, SIDE).astype(np.int16) - 1)
     return np.stack([number.min(axis=1), number.max(axis=1)], axis=1)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from gonio.checks.table.pairs.pairs import Column, Pairs
 from gonio.checks.table.statistics.quantiles import median, quantiles
+from gonio.data.angles import SLACK
 
 FEWEST_KNOWN = 0.5
 """Share of the pairs that must have stored uncertainties for them to decide."""
@@ -105,7 +106,7 @@ class Differences:
     def by_band(self) -> dict[str, list[float]]:
         """Median difference over bands of `STEP` degrees of the larger polar angle."""
         angles = self._pairs.angles
-        band = (np.degrees(np.maximum(angles[:, 0], angles[:, 2])) // STEP).astype(np.int16)
+        band = (np.degrees(np.maximum(angles[:, 0], angles[:, 2]) + SLACK) // STEP).astype(np.int16)
         order = np.argsort(band, kind="stable")
         ends = np.searchsorted(band[order], np.arange(180 // STEP + 1))
         medians = [median(self._relative[:, order[low:high]]) for low, high in itertools.pairwise(ends)]
