@@ -21,6 +21,8 @@ FAR_BELOW_NOISE = 0.25
 """Reduced χ² below which the residuals are less than half of what is stored, as with what all readings share."""
 NO_FIT = 100.0
 """Reduced χ² above which a fit has failed: the residuals are ten times the noise."""
+DECIDING = 2.0
+"""Standard uncertainties that readings which stand out may move a mean by, from which on that is said."""
 UNTESTED = "untested"
 """Of residuals: there are no more readings than free numbers."""
 GOOD, FAIR, POOR, FAILED = "good", "fair", "poor", "failed"
@@ -66,6 +68,8 @@ def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
     if structure == "structure":
         region = residuals.get("worst_region")
         fair.append("its residuals are structure, not noise" + (f", most of all at {region}" if region else ""))
+    elif outliers := _outliers(residuals, _finite(fit.get("samples")) or 0.0):
+        fair.append(outliers)
     if open_numbers := len(fit.get("undetermined") or []):
         plural = "combination" if open_numbers == 1 else "combinations"
         fair.append(f"the readings leave {open_numbers} {plural} of its numbers open")
@@ -86,6 +90,17 @@ def judge_fit(fit: Mapping[str, Any]) -> FitJudgement:
         good.append(f"largest albedo about {albedo:.2g}")
     reasons = "; ".join([*([*failed, *poor, *fair] or ["it converged"]), *filter(None, [shared])])
     return FitJudgement(verdict, f"{OPENINGS[verdict]}: {reasons}" + (f" ({', '.join(good)})" if good else "") + ".")
+
+
+def _outliers(residuals: Mapping[str, Any], count: float) -> str:
+    """That readings which stand out may have moved the fit; nothing where a robust fit was made.
+
+    Where m readings with a share c of the cost are all off to one side, a mean is off by √(c m) of its uncertainties.
+    """
+    share, cost = (_finite(residuals.get(k)) or 0.0 for k in ("standing_out", "share_of_cost"))
+    if cost * share * count < DECIDING**2 or residuals.get("down_weighted"):
+        return ""
+    return f"{percent(share)} of the readings stand out, with {percent(cost)} of the cost (--robust counts them less)"
 
 
 def _finite(value: Any) -> float | None:

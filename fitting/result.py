@@ -28,7 +28,7 @@ from gonio.models.errors import printable
 CORRELATED = 0.95  # from which on a correlation is reported
 MOST_CORRELATED = 5
 MOST_IN_FULL = 64  # free numbers whose covariance files keep in full
-JUDGED = ("converged", "reason", "metrics", "undetermined", "common_errors")  # attributes
+JUDGED = ("samples", "converged", "reason", "metrics", "undetermined", "common_errors")  # attributes
 MOST_SHOWN = 7  # numbers in a repr
 
 
