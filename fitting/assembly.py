@@ -23,6 +23,7 @@ from gonio.fitting.uncertainty.identifiability import MOST_ALIKE, listed, undete
 from gonio.fitting.uncertainty.optimum import Optimum, ParameterEstimate
 from gonio.fitting.uncertainty.profile_likelihood import with_profiles
 from gonio.fitting.uncertainty.rounding import with_rounding
+from gonio.fitting.uncertainty.scatter_pattern import with_scatter_pattern
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.catalog import MODELS
 from gonio.models.evaluation import channel_count
@@ -226,9 +227,11 @@ def _widened(task: FitTask, optima: list[Optimum]) -> tuple[list[Optimum], list[
 
 def _beyond_noise(task: FitTask, optima: list[Optimum], notes: list[str]) -> tuple[list[Optimum], list[str]]:
     """Uncertainties that hold what neighbouring readings share, and what rounding moves, with notes."""
-    clustered = [with_clusters(e, task.settings.seed, task.likelihood) for e in optima]
+    seed = task.settings.seed
+    patterned = [with_scatter_pattern(e, seed) if task.likelihood else (e, None) for e in optima]
+    clustered = [with_clusters(e, seed, task.likelihood) for e, _ in patterned]
     rounded = [with_rounding(e, task.likelihood) for e, _ in clustered]
-    more = dict.fromkeys(note for _, note in [*clustered, *rounded] if note)
+    more = dict.fromkeys(note for _, note in [*patterned, *clustered, *rounded] if note)
     return [e for e, _ in rounded], [*notes, *more]
 
 
