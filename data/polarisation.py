@@ -97,3 +97,14 @@ def matrices_of(names: Sequence[str]) -> dict[str, dict[tuple[int, int], int]]:
         if isinstance(state, Element):
             made.setdefault(state.rest, {})[state.row, state.column] = channel
     return {rest: elements for rest, elements in made.items() if (0, 0) in elements}
+
+
+def are_their_own_exchange(names: Sequence[str]) -> bool:
+    """Whether exchanged directions have the same reading in every channel, as of s to s, and not of s to p."""
+    states = [state for state in states_of(names) if state is not None]
+    return all(s.row == s.column if isinstance(s, Element) else s.light == s.detector for s in states)
+
+
+def change_sign_mirrored(names: Sequence[str]) -> list[bool]:
+    """Of each channel whether its mirror image at the plane of incidence is its negative: m02, m03, m12, ... are."""
+    return [isinstance(s, Element) and (s.row >= 2) != (s.column >= 2) for s in states_of(names)]

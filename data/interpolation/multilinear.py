@@ -22,9 +22,11 @@ from jaxtyping import Array, Bool, Float
 
 from gonio.data.flags import Flag
 from gonio.data.interpolation.grid_coordinates import grid_coordinates, light_for_all
+from gonio.data.interpolation.mirror_signs import on_one_side, with_signs
 from gonio.data.interpolation.two_sided import TwoSided
 from gonio.data.layouts.angle_layouts import isotropic as isotropic_grid
 from gonio.data.layouts.base import Layout
+from gonio.data.polarisation import are_their_own_exchange
 from gonio.data.table import Table
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.errors import GonioError
@@ -183,6 +185,21 @@ def as_material(table: Table) -> AbstractBRDF:
 
 def _interpolant(table: Table, reciprocal: bool) -> AbstractBRDF:
     """The interpolant of one part of a table; `reciprocal`: whether scattered samples stand for swapped directions."""
+    if not are_their_own_exchange(table.channels.names) and takes_mirror_images(table.layout):
+        return with_signs(_of_part(on_one_side(table), reciprocal), table)
+    return _of_part(table, reciprocal)
+
+
+def takes_mirror_images(layout: Layout) -> bool:
+    """Whether readings on one side of the plane of incidence stand for the other side too."""
+    if layout.gridded:
+        return bool(layout.mirrored_axes)
+    from gonio.data.interpolation.inverse_distance import one_azimuth
+
+    return one_azimuth(layout.directions(0, layout.size)[0])
+
+
+def _of_part(table: Table, reciprocal: bool) -> AbstractBRDF:
     if not table.layout.gridded:
         from gonio.data.interpolation.scattered import scattered_material
 

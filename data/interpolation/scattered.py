@@ -25,6 +25,7 @@ from gonio.data.interpolation.kriging import (
     likeliest,
     places,
 )
+from gonio.data.polarisation import are_their_own_exchange
 from gonio.data.table import Table, index_of, part_sides
 from gonio.models.brdf import AbstractBRDF
 from gonio.models.geometry.directions import Direction
@@ -89,6 +90,7 @@ def scattered_material(table: Table, reciprocal: bool = True) -> AbstractBRDF:
 
     `reciprocal`: whether a sample stands for its directions swapped too.
     """
+    reciprocal = reciprocal and are_their_own_exchange(table.channels.names)
     kriging = kriging_of(table, reciprocal)
     if kriging is None:
         return inverse_distance.scattered_material(table, reciprocal)
@@ -103,6 +105,7 @@ def scattered_material(table: Table, reciprocal: bool = True) -> AbstractBRDF:
 
 def description(table: Table, reciprocal: bool = True) -> str:
     """One sentence on how a scattered table is interpolated."""
+    reciprocal = reciprocal and are_their_own_exchange(table.channels.names)
     kriging = kriging_of(table, reciprocal)
     if kriging is None:
         return inverse_distance.DESCRIPTION.format(inverse_distance.SWAPPED if reciprocal else "")
@@ -143,6 +146,7 @@ def kriging_of(table: Table, reciprocal: bool = True) -> FlooredKriging | None:
 
     `reciprocal`: whether a sample stands for its directions swapped too.
     """
+    reciprocal = reciprocal and are_their_own_exchange(table.channels.names)
     stated, valid = _stated(table.provenance.get(KEY), part_sides(table)), table.valid_cells().size
     if not FEWEST <= valid <= MOST:
         return None
