@@ -17,6 +17,7 @@ FACTOR_OPEN = 2.0  # a number is open where its 95 % interval spans its domain, 
 PUSHED = 2.0  # standard uncertainties beyond its bound, from which on a number belongs there
 WIDE_OPEN = 2.0 * math.tanh(FACTOR_OPEN / 2)  # length of the interval [p(1 − t), p(1 + t)] over p, with that ratio
 FOLLOWS = 0.9  # share of a number's variance that comes from an open combination, from which on it is open with it
+CARRIED = 1 / 3  # standard uncertainties by which what is open may carry a number that counts as known
 VAGUE = 0.15  # where it also has at least this relative uncertainty
 
 
@@ -88,14 +89,17 @@ class CovarianceEstimate:
                 sizes, axes = np.linalg.eigh(self.scores[np.ix_(index, index)])
                 half = inverse @ (axes * np.sqrt(np.maximum(sizes, 0.0)))
                 inverse = half @ half.T * small
-        touched = (np.abs(vectors[:, lost]) > 0.1).any(axis=1) | ~np.isfinite(np.diagonal(inverse))
-        inverse[touched, :] = inverse[:, touched] = np.nan
-        full[np.ix_(index, index)] = inverse
         combinations, reach = [], open_from(self.domains, self.p)
         for vector in _sparse(vectors[:, lost]).T:
             change = np.zeros(size)
             change[index] = vector / lengths
             combinations.append((np.inf, change / np.max(np.abs(change) / reach)))
+        touched = (np.abs(vectors[:, lost]) > 0.1).any(axis=1) | ~np.isfinite(np.diagonal(inverse))
+        for _, change in combinations:
+            with np.errstate(invalid="ignore"):
+                touched |= np.abs(change[index]) > CARRIED * np.sqrt(np.diagonal(inverse))
+        inverse[touched, :] = inverse[:, touched] = np.nan
+        full[np.ix_(index, index)] = inverse
         unseen = silent.copy()
         unseen[index[touched]] = True
         return judged(full, unseen, combinations, self.domains, self.p)

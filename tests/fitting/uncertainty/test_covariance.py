@@ -34,3 +34,22 @@ def test_a_variance_too_large_for_a_number_is_not_known_and_leaves_the_others(no
     np.testing.assert_allclose(
         covariance.matrix[0, 0], np.linalg.inv(rows.T @ (rows * [1, 1e159]) * [[1], [1e159]])[0, 0], rtol=0.1
     )
+
+
+@pytest.mark.parametrize("noise_known", [True, False])
+@pytest.mark.parametrize("small", [0.5, 0.05, 0.005])
+def test_what_an_open_combination_carries_by_much_more_than_its_uncertainty_is_open_with_it(noise_known, small):
+    """s·(a x + b y)ⁿ of readings that know the products alone, by logarithms: a is known if s is, and is not, however
+    little it is beside b."""
+    n, x, y = 6.0, *np.random.default_rng(0).random((2, 200))
+    s, a, b = 1.0, small, 1.0
+    rows = np.stack([np.full(x.size, 1 / s), n * x / (a * x + b * y), n * y / (a * x + b * y)], axis=1) / 1e-4
+    domains = Domains(np.array([LINEAR] * 3), np.array([0.0, -10.0, -10.0]), np.array([1e3, 10.0, 10.0]))
+    scores = None if noise_known else rows.T @ rows
+    covariance = CovarianceEstimate(rows.T @ rows, scores, 200, domains, np.array([s, a, b])).covariance(
+        np.ones(3, bool)
+    )
+    assert covariance.undetermined.all()
+    ((variance, change),) = covariance.combinations
+    np.testing.assert_allclose(change / change[0], [1.0, -a / n, -b / n], rtol=1e-3)
+    assert np.isinf(variance)
