@@ -44,12 +44,13 @@ def radian_arrays(degrees: bool, lower: bool = False, **angles: ArrayLike) -> li
 
 
 def as_numbers(name: str, values: ArrayLike) -> np.ndarray:
-    """Values as a float64 array. Raises GonioError for what is none."""
+    """Values as a float64 array, NaN where a mask hides them. Raises GonioError for what is none."""
     try:
         array = np.asarray(values)
         if array.dtype.kind not in "biuf":
             raise TypeError
-        return array.astype(np.float64)
+        numbers = array.astype(np.float64)
+        return np.where(np.ma.getmaskarray(values), np.nan, numbers) if np.ma.isMaskedArray(values) else numbers
     except (TypeError, ValueError):
         raise GonioError(f"{name} is no array of numbers; give numbers, or lists of one shape") from None
 

@@ -139,8 +139,8 @@ class Table(Displayed):
             theta_i, phi_i: polar angle in [0, π], beyond π/2 behind the sample, and azimuth of the direction to the
                 light.
             theta_o, phi_o: those of the direction to the detector; all four broadcast to one shape S.
-            f: BRDF, 1/sr, without the cosine, of shape S, or S + (channels,). NaN and infinite values become INVALID,
-                readings at the horizon BELOW_HORIZON.
+            f: BRDF, 1/sr, without the cosine, of shape S, or S + (channels,). NaN, infinite and masked values become
+                INVALID, readings at the horizon BELOW_HORIZON.
             u_f: standard uncertainties, 1/sr, of the shape of `f` (NaN unknown, 0 exact).
             options: see `ArrayOptions`.
 

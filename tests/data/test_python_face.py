@@ -182,3 +182,15 @@ def test_a_table_is_saved_in_the_format_of_the_name(tmp_path):
             table.save(tmp_path / f"t.{suffix}")
     with pytest.raises(GonioError, match=r"ends in '\.xyz'; give \.h5 \(HDF5\), .* or \.csv \(CSV\)"):
         table.save(tmp_path / "t.xyz")
+
+
+def test_what_a_mask_hides_is_no_number():
+    hidden, angles = np.array([False, True, False]), np.array([0.1, 0.2, 0.3])
+    f, u = np.ma.array([0.1, 0.2, 0.3], mask=hidden), np.ma.array([0.1, 0.2, 0.3], mask=hidden[::-1] | hidden)
+    table = gonio.Table.from_arrays(angles, 0, angles, 0, f, u_f=u)
+    np.testing.assert_array_equal(table.flag[...].ravel() != Flag.VALID, hidden)
+    np.testing.assert_array_equal(np.isnan(table.u_f[...].ravel()), hidden)
+    with pytest.raises(GonioError, match="theta_i has the angle nan"):
+        gonio.material(GREY).f(np.ma.array(angles, mask=hidden), 0, 0.1, 0)
+    unmasked = gonio.material(GREY).f(np.ma.array(angles), 0, 0.1, 0)
+    np.testing.assert_array_equal(unmasked, gonio.material(GREY).f(angles, 0, 0.1, 0))
