@@ -18,6 +18,7 @@ from gonio.fitting.common_errors import common_error_note, common_errors
 from gonio.fitting.fit_model import FitTask, compile_ahead
 from gonio.fitting.options import FitOptions, FitSettings
 from gonio.fitting.patches import Patches, fit_at_middles, fit_patches
+from gonio.fitting.polarised import polarisation_notes, why_no_radiances
 from gonio.fitting.problem.copies import distinct_readings, symmetry_of, weighted_as_read
 from gonio.fitting.problem.readings import (
     NO_UNCERTAINTY,
@@ -112,7 +113,10 @@ def _source(table: SubjectLike, settings: FitSettings) -> Table:
     """The table to fit, of the channels that the scene names, if it names some."""
     source = resolve_subject(table, blockwise=True).require_table()
     names = None if settings.scene is None else settings.scene.channels_of(source.channels.names)
-    return source.only(names) if names else source
+    source = source.only(names) if names else source
+    if (reason := why_no_radiances(source.channels.names)) is not None:
+        raise GonioError(f"{source.name or 'the table'}: {reason}")
+    return source
 
 
 def _requests(model: str | list[str] | None, table: Table) -> list[_Request]:
@@ -249,6 +253,7 @@ def _fit_one(
     r.notes[:0] = notes
     r.notes.extend([*_copies_note(task.counts), *table.provenance.get("warnings", [])])
     r.notes.extend([*aperture_notes(r.apertures), *wide_notes(table), *azimuth_notes(table, r.brdf)])
+    r.notes.extend(polarisation_notes(table.channels.names))
     if rows := common_errors(table, optima, [p for p in r.parameters if p.status != "fixed"]):
         r = dataclasses.replace(r, common_errors=rows)
         r.notes.extend([] if rows[0]["stated"] is not None else [common_error_note(rows)])

@@ -16,6 +16,7 @@ from gonio.data.material import Material
 from gonio.data.plausibility.copies import repeated, with_noise_of_copies
 from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty, with_scatter
 from gonio.data.plausibility.understated_uncertainty import as_scattered, understated_uncertainty
+from gonio.data.polarisation import are_radiances
 from gonio.data.profile import Profile
 from gonio.data.profile_files import profile_of
 from gonio.data.serialise import finite
@@ -40,6 +41,7 @@ from gonio.metrology.remarks import (
     of_common,
     of_copies,
     of_numbers,
+    of_polarisation,
     of_reach,
     of_scatter,
     of_symmetry,
@@ -228,6 +230,14 @@ def _listed(value: object) -> object:
     return [name.strip() for name in value.split(",")] if isinstance(value, str) else value
 
 
+def _radiances(table: Table) -> Table:
+    """The table without channels that are no radiances, as elements of Mueller matrices."""
+    radiances = are_radiances(table.channels.names)
+    if radiances.all():
+        return table
+    return table.only([name for name, is_one in zip(table.channels.names, radiances, strict=True) if is_one])
+
+
 def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) -> Quantities:
     name = settings.name or known.name
     if known.table is None:
@@ -236,16 +246,18 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
         return _of_model(known.as_material(), name, settings, wanted)
     if known.table.interpolant is None and not known.table.valid_cells().size:
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
-    if not isinstance(settings.fit, FitResult):  # whose readings stand in the order of the table's cells
-        known = dataclasses.replace(known, table=with_light_at_x(known.table))
-        assert known.table is not None
+    names = known.table.channels.names
+    read = _radiances(known.table)
+    # A fit's readings stand in the order of the table's cells.
+    known = dataclasses.replace(known, table=read if isinstance(settings.fit, FitResult) else with_light_at_x(read))
+    assert known.table is not None
     excess = understated_uncertainty(known.table)
     table, times = as_scattered(known.table, excess), repeated(known.table)
     entries, remarks = standard_quantities(table.channels, wanted, table.sides != FRONT)
     correlated = correlated_uncertainty(table)
     read = with_noise_of_copies(with_scatter(table, correlated), times)
     measurands = TableMeasurands.of(read, settings.geometries, entries, math.radians(settings.feature_width))
-    notes = [*table.provenance.get("warnings", []), *measurands.notes, *remarks]
+    notes = [*table.provenance.get("warnings", []), *measurands.notes, *remarks, *of_polarisation(names)]
     undecided = _without_albedo(measurands, wanted) + measurands.standards.undecided
     notes += of_common(correlated) if settings.budget or correlated.relative else of_uncertainties(table)
     notes += of_scatter(excess) + of_copies(times) + of_symmetry(table)

@@ -13,10 +13,11 @@ from gonio.checks.table.one_azimuth import (
     taken_as_mirrored,
 )
 from gonio.data.plausibility.correlated_uncertainty import CorrelatedUncertainty
+from gonio.data.polarisation import are_radiances, is_polarised
 from gonio.data.table import Table
 from gonio.metrology.fit_numbers import FitNumbers
 from gonio.metrology.standards.evaluation import Undecided
-from gonio.models.display import percent
+from gonio.models.display import listed, percent
 
 NO_UNCERTAINTY = "No uncertainties are stored: U is of the integral alone, and a single reading has none."
 INDEPENDENT = (
@@ -51,9 +52,22 @@ ONE_SIDE = (
     "The detector was on one side of the plane of incidence: the other is taken as its mirror image, and no readings "
     "at normal incidence say that the surface is isotropic."
 )
+ELEMENTS = (
+    "{others} are elements of Mueller matrices or Stokes parameters, which are no radiances: quantities are of"
+    " unpolarised light."
+)
+STATES = "Channels are states of polarised light, each by itself: with unpolarised light they are not what is read."
 INTEGRALS = ("albedo", "reflectance", "gloss")
 SAMPLE = 1000
 """Readings that are looked at for uncertainties."""
+
+
+def of_polarisation(names: Sequence[str]) -> list[str]:
+    """What light quantities are of, where channels are of polarised light."""
+    others = [name for name, is_radiance in zip(names, are_radiances(names), strict=True) if not is_radiance]
+    if others:
+        return [ELEMENTS.format(others=listed(others))]
+    return [STATES] if is_polarised(names) else []
 
 
 def of_uncertainties(table: Table) -> list[str]:

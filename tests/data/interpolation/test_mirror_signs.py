@@ -26,7 +26,8 @@ def values(table, theta_i, theta_o, phi, turn=0.0):
 
 def somewhere(n, seed, most):
     rng = np.random.default_rng(seed)
-    return *np.arccos(rng.uniform(0.3, 1, (2, n))), rng.uniform(0, most, n)
+    theta_i, theta_o = np.arccos(rng.uniform(0.3, 1, (2, n)))
+    return theta_i, theta_o, rng.uniform(0, most, n)
 
 
 def test_grids_of_one_side_have_the_negative_on_the_other():
@@ -39,11 +40,11 @@ def test_grids_of_one_side_have_the_negative_on_the_other():
 
 @pytest.mark.parametrize("most", [np.pi, 2 * np.pi], ids=["one side", "both"])
 def test_lists_change_the_sign_too(most):
-    a, b, phi = somewhere(200, 0, most)
+    a, b, phi = somewhere(80, 0, most)
     table = gonio.Table.from_arrays(a, 0.4, b, phi + 0.4, mueller(a, b, phi), channels=["m00", "m02"])
     where = somewhere(200, 1, 2 * np.pi)
     error = values(table, *where, turn=0.4) - mueller(*where)
-    assert np.median(np.abs(error[:, 1])) < 0.004
+    assert np.median(np.abs(error[:, 1])) < 0.006
 
 
 @pytest.mark.parametrize("most", [np.pi, 2 * np.pi], ids=["one side", "both"])
@@ -51,7 +52,7 @@ def test_light_in_another_state_stands_for_no_exchanged_reading(most):
     def f(a, b):
         return 0.1 * np.stack([np.cos(a), np.cos(b)], axis=-1)
 
-    a, b, phi = somewhere(200, 2, most)
+    a, b, phi = somewhere(80, 2, most)
     table = gonio.Table.from_arrays(a, 0, b, phi, f(a, b), channels=["s to p", "p to s"])
     x, y, z = somewhere(200, 3, 2 * np.pi)
     assert np.median(np.abs(values(table, x, y, z) / f(x, y) - 1)) < 0.03
