@@ -13,8 +13,8 @@ from gonio.fitting.problem.readings import AnyArray, Readings, rows_of
 from gonio.fitting.solver.disc_choice import moved_by
 from gonio.fitting.uncertainty.optimum import Optimum
 
-LOOKED_AT = 20_000
-"""Readings by which a step is looked for; of more, a random choice."""
+FIRST, LOOKED_AT = 500, 20_000
+"""Readings by which a step is looked for at first, and then; of more, a random choice."""
 FEWEST_STEPS = 8
 """Different values below which their differences tell no step."""
 COARSE = 1000.0
@@ -53,8 +53,15 @@ def with_rounding(e: Optimum, noise_known: bool) -> tuple[Optimum, str | None]:
 
 def rounding_step(readings: Readings) -> float:
     """The step that all values of one channel are multiples of, 1/sr; 0 where there is none that matters."""
-    n = readings.f.shape[0]
-    some = np.arange(n) if n <= LOOKED_AT else np.random.default_rng(0).integers(n, size=LOOKED_AT)
+    n, rng = readings.f.shape[0], np.random.default_rng(0)
+    # A few show most tables to have none.
+    if n > FIRST and not _step_of(readings, rng.integers(n, size=FIRST)):
+        return 0.0
+    return _step_of(readings, np.arange(n) if n <= LOOKED_AT else rng.integers(n, size=LOOKED_AT))
+
+
+def _step_of(readings: Readings, some: np.ndarray) -> float:
+    """The step of some of the readings of one channel; 0 where there is none that matters."""
     f = np.abs(rows_of(readings.f, some))[rows_of(readings.valid, some) & (rows_of(readings.f, some) != 0)]
     values = np.unique(f)
     if values.size < FEWEST_STEPS:
