@@ -11,6 +11,7 @@ from gonio.fitting.problem.readings import Readings, evenly_spaced
 from gonio.fitting.residuals.maps import AXES, ResidualMap, map_cells, residual_map
 from gonio.fitting.residuals.noise_tests import SIGNIFICANT, NoiseTests, least_noise_like, noise_tests
 from gonio.fitting.residuals.pair_angles import PairAngles, neighbour_order, pair_angles
+from gonio.fitting.residuals.rare_counts import of_rare_counts
 from gonio.fitting.solver.robust_weights import NORMAL_MAD, DownweightedReadings, scales
 from gonio.models.display import percent
 
@@ -96,8 +97,10 @@ def summarise(e: Evidence) -> ResidualSummary:
     maps = {name: residual_map(angles, relative, lit, axes) for name, axes in AXES.items()}
     orders = (np.arange(cells.size), neighbour_order(subset.wi, subset.wo, by_incidence=True))
     freedom = e.readings.count - e.free
-    tests = [noise_tests(scaled[o], (used & ~light)[o], e.chi2, freedom, e.exact) for o in orders]
-    far = used & (np.abs(scaled) > OUTLYING) & (not e.exact)
+    rare = of_rare_counts(subset.f, f, weight, used) if e.likelihood else np.zeros(f.shape, bool)
+    tested = used & ~light & ~rare
+    tests = [noise_tests(scaled[o], tested[o], e.chi2, freedom, e.exact) for o in orders]
+    far = used & ~rare & (np.abs(scaled) > OUTLYING) & (not e.exact)
     cost = float(np.sum(residual[used] ** 2))
     summary = ResidualSummary(
         least_noise_like(tests), maps,
