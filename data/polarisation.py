@@ -108,3 +108,9 @@ def are_their_own_exchange(names: Sequence[str]) -> bool:
 def change_sign_mirrored(names: Sequence[str]) -> list[bool]:
     """Of each channel whether its mirror image at the plane of incidence is its negative: m02, m03, m12, ... are."""
     return [isinstance(s, Element) and (s.row >= 2) != (s.column >= 2) for s in states_of(names)]
+
+
+def shown_channel(names: Sequence[str]) -> int:
+    """Number of the channel that pictures show: the middle one of those that are radiances."""
+    radiances = np.flatnonzero(are_radiances(names))
+    return int(radiances[radiances.size // 2])

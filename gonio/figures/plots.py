@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from gonio.data.files import new_file, refuse_existing
 from gonio.data.flags import Flag
 from gonio.data.interpolation.coverage import covered
+from gonio.data.polarisation import shown_channel
 from gonio.data.subject import Subject, SubjectLike, resolve_subject
 from gonio.data.table import Table
 from gonio.figures import diagnostics, maps, readings, sampling, spheres, style
@@ -200,7 +201,7 @@ def draw_on(
 def _channel(s: Subject, channel: str | int | None) -> int:
     names = s.channels.names
     if channel is None:
-        return len(names) // 2
+        return shown_channel(names)
     if channel in names:
         return names.index(str(channel))
     if isinstance(channel, int | np.integer) and 0 <= channel < len(names):

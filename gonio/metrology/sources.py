@@ -14,10 +14,11 @@ import numpy as np
 from gonio.checks.direction_search import directions
 from gonio.checks.table.pairs.columns import readings_of
 from gonio.checks.table.pairs.places import angles_of
-from gonio.checks.table.pairs.scattered_pairs import merged
+from gonio.checks.table.pairs.scattered_pairs import ROUNDING, merged, with_azimuths
 from gonio.data.flags import Flag
 from gonio.data.plausibility.copies import noise_of_copies
 from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty, with_scatter
+from gonio.data.polarisation import is_polarised
 from gonio.data.stated import StatedUncertainty, stated_uncertainties
 from gonio.data.table import Table
 from gonio.instrument.description import instrument_of
@@ -128,12 +129,14 @@ def _repeats(table: Table) -> Noise | None:
     if table.layout.gridded or not table.layout.size:
         return None
     cells = np.arange(table.layout.size)
-    angles = angles_of(table.layout, cells)
+    # s and p at the normal are of the azimuth that is written there: other azimuths are no repeats.
+    polarised = is_polarised(table.channels.names)
+    angles = with_azimuths(table) if polarised else angles_of(table.layout, cells)
     f, u = readings_of(table, cells)
     use = np.isfinite(f).all(axis=1)
     points = np.stack([*directions(*angles[use, :2].T), *directions(*angles[use, 2:].T)], -1)
     readings = merged(angles[use], f[use], u[use], points)
-    if not (np.isfinite(readings.scatter) and readings.scatter > 0):
+    if not (np.isfinite(readings.scatter) and readings.scatter > ROUNDING):
         return None
     size = np.abs(np.nan_to_num(f)).reshape(table.shape)
     dof = float(readings.repeated * f.shape[1])

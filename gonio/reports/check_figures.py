@@ -30,6 +30,7 @@ def few_pairs(s: ReportSubject) -> dict[str, Any] | None:
     """The reciprocal pairs of a table that has too few to be judged, one by one; None where it has none, or many."""
     from gonio.checks.table.evidence import reciprocal_pairs
     from gonio.checks.table.pairs.pairs import FEWEST
+    from gonio.checks.table.polarisations import with_exchanged_states
 
     verdict = property_of(s, "reciprocity")
     if s.table is None or verdict is None or verdict.verdict not in (UNDECIDED, NOT_TESTABLE):
@@ -37,7 +38,7 @@ def few_pairs(s: ReportSubject) -> dict[str, Any] | None:
     pairs = reciprocal_pairs(s.table)
     if isinstance(pairs, str) or not 0 < len(pairs) < FEWEST:
         return None
-    a, b, u_a, u_b, _ = pairs.column(s.shown)
+    a, b, u_a, u_b, _ = with_exchanged_states(pairs, s.channels.names).column(s.shown)
     u = np.hypot(u_a, u_b)
     with np.errstate(divide="ignore", invalid="ignore"):
         over_u = np.where(u > 0, (a - b) / u, np.nan)
@@ -135,10 +136,14 @@ def _p_values(s: ReportSubject, verdict: Property) -> list[ReportFigure]:
 def _pairs(s: ReportSubject) -> ReciprocityPairs | None:
     from gonio.checks.table.evidence import reciprocal_pairs
     from gonio.checks.table.pairs.warped_pairs import both_ways, random_angles
+    from gonio.checks.table.polarisations import with_exchanged_states
 
     if s.table is not None:
         pairs = reciprocal_pairs(s.table)
-        return None if isinstance(pairs, str) else ReciprocityPairs(*pairs.column(s.shown)[:2], pairs.how)
+        if isinstance(pairs, str):
+            return None
+        a, b = with_exchanged_states(pairs, s.channels.names).column(s.shown)[:2]
+        return None if len(pairs) and np.isnan(a).all() else ReciprocityPairs(a, b, pairs.how)
     angles = random_angles(np.radians(85.0), 2 * MOST_PAIRS)
     # Every second pair about the mirror direction, where lobes are.
     turn = np.random.default_rng(0).standard_normal((MOST_PAIRS, 2)) * np.radians(6.0)
@@ -189,7 +194,7 @@ def _compared_albedos(subjects: Sequence[ReportSubject]) -> ReportFigure | None:
     for s in subjects:
         series = _albedo_of(s)
         if series is not None:
-            k = s.shown if len(series.names) == len(s.channels) else len(series.names) // 2
+            k = series.names.index(s.channel) if s.channel in series.names else len(series.names) // 2
             x, albedo, bound = series.theta_i, series.albedo[k], series.bound[k]
             curves.append(AlbedoCurve(x, albedo, bound, shortened(s.name), s.look.colour, dash=s.look.dash))
             numbers = {"theta_i_deg": rounded(x), "albedo": rounded(albedo), "bound": rounded(bound)}

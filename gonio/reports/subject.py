@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gonio.checks.certificate import Certificate
 from gonio.data.material import Material
+from gonio.data.polarisation import shown_channel
 from gonio.data.profile import Profile
 from gonio.data.profile_files import profile_of
 from gonio.data.subject import Subject, SubjectLike, load_material, resolve_subject
@@ -73,8 +74,8 @@ class ReportSubject:
 
     @property
     def shown(self) -> int:
-        """Number of the channel that the pictures show: the middle one."""
-        return len(self.channels) // 2
+        """Number of the channel that the pictures show: the middle one that is a radiance."""
+        return shown_channel(self.channels.names)
 
     @property
     def channel(self) -> str:

@@ -79,7 +79,7 @@ def merged(
     return Readings(angles[first], mean, uncertainty, freedom, scatter if freedom >= FEWEST_REPEATS else np.nan)
 
 
-def _with_azimuths(table: Table) -> np.ndarray:
+def with_azimuths(table: Table) -> np.ndarray:
     """The angles of a list, (n, 4), the normal tilted by next to nothing: s and p there are of the written azimuth."""
     angles = np.stack(table.layout.angles(), axis=-1)
     angles[:, [0, 2]] = np.clip(angles[:, [0, 2]], TILT, np.pi - TILT)
@@ -100,7 +100,7 @@ def scattered_pairs(table: Table) -> Pairs:
     use = table.layout.readable() & np.isfinite(f).all(axis=1)
     mirrored = isotropic and one_sided(angles[use])
     polarised = is_polarised(table.channels.names)
-    tilted = _with_azimuths(table)[use] if polarised else angles[use]
+    tilted = with_azimuths(table)[use] if polarised else angles[use]
     readings = merged(tilted, f[use], u[use], pair_points(tilted, isotropic, False), of_brightest=polarised)
     angles, f, u, repeated, scatter = readings
     how = "readings whose exchanged directions were read" + (", taking the surface as isotropic" if isotropic else "")
