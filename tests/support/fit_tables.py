@@ -22,8 +22,9 @@ ONE_LOBE = "lambert(rho=[.1,.2,.4]) + [.9,.7,.8]*ggx(alpha=.25, f0=0.04)"
 def table_of(expression, layout=ISOTROPIC, noise=0.0, seed=1, **fields):
     f = np.asarray(evaluate(build(expression), *layout.directions())).reshape(*layout.shape, -1)
     f = f * (1 + noise * np.random.default_rng(seed).standard_normal(f.shape))
-    provenance = {} if noise else {"instrument": "ideal"}
-    return dataclasses.replace(whole_table_of_values(layout, f, **fields), provenance=provenance)
+    ideal = {} if noise else {"instrument": "ideal"}
+    table = whole_table_of_values(layout, f, **fields)
+    return dataclasses.replace(table, provenance={**ideal, **table.provenance})
 
 
 def coarse_table_of(expression, layout=COARSE_ISOTROPIC, noise=0.02, seed=1):
