@@ -15,6 +15,8 @@ SENTENCE = {
     UNDECIDED: "The error of the albedo is too large for a verdict",
 }
 CLOSER = "Readings alone bound {n} of the albedos more closely: there the model is left out."
+MOST_NAMED = 8
+"""Channels whose albedos are told each."""
 DOES = {"reflectance": "reflects", "transmittance": "transmits"}
 
 
@@ -177,9 +179,21 @@ def with_hemispherical(judged: Property, albedos: Albedos) -> Property:
     value, bound = hemispherical(albedos.theta_i[lit], albedos.value[lit], bound[lit])
     judged.facts |= {"hemispherical_albedo": value.tolist(), "hemispherical_bound": bound.tolist()}
     if np.isfinite(bound).all():
-        numbers = ", ".join(_with_bound(float(v), float(b)) for v, b in zip(value, bound, strict=True))
-        judged.detail += f" Under uniform light its albedo is {numbers}."
+        judged.detail += f" Under uniform light its albedo is {_of_channels(value, bound)}."
     return judged
+
+
+def _of_channels(value: np.ndarray, bound: np.ndarray) -> str:
+    """Albedos (channels,) with their bounds; of many channels the least and the largest, and how many have which."""
+    each = [_with_bound(float(v), float(b)) for v, b in zip(value, bound, strict=True)]
+    if len(each) <= MOST_NAMED:
+        return ", ".join(each)
+    known = [k for k, text in enumerate(each) if not text.startswith("not")]
+    if not known:
+        return f"not known in any of {len(each)} channels (±{bound.min():.1g} at the least)"
+    low, high = min(known, key=lambda k: value[k]), max(known, key=lambda k: value[k])
+    others = f", and not known in {len(each) - len(known)}" if len(known) < len(each) else ""
+    return f"{each[low]} to {each[high]} in {len(known)} of {len(each)} channels{others}"
 
 
 def _with_bound(value: float, bound: float) -> str:

@@ -45,6 +45,8 @@ STANDARDS = {
     THROUGH_FACTOR: "CIE S 017, single directions",
 }
 """Who names them so."""
+AT_NORMAL = 1e-6
+"""Polar angle, degrees, up to which a direction is the normal, which has no azimuth."""
 DIRECTIONAL = (ALBEDO, TRANSMITTANCE, ABSORPTANCE)
 """Quantities that are listed for each incidence."""
 
@@ -275,7 +277,7 @@ def _of_share(known: Albedos, share: Share) -> tuple[np.ndarray, np.ndarray, np.
 
 def _incidences(name: str, known: Albedos, whole: np.ndarray, light: int, channels: Sequence[str]) -> list[Label]:
     theta, phi = (np.degrees(a[whole]).round(9).tolist() for a in (known.theta_i, known.phi_i))
-    turned, labels = len(set(phi)) > 1, []
+    turned, labels = len({p for t, p in zip(theta, phi, strict=True) if t > AT_NORMAL}) > 1, []
     for t, p in zip(theta, phi, strict=True):
         t = t if light > 0 else 180.0 - t
         place = f"θi {t:.4g}°" + (f", φi {p:.4g}°" if turned else "")

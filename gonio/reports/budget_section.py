@@ -76,9 +76,10 @@ def _listed(made: Quantities, q: Quantity) -> bool:
         return False
     if q.name != ALBEDO:
         return True
-    thetas = {other.angles["theta_i"] for other in made.quantities if other.name == ALBEDO}
+    albedos = [other.angles for other in made.quantities if other.name == ALBEDO]
+    thetas, first = {a["theta_i"] for a in albedos}, min(a.get("phi_i", 0.0) for a in albedos)
     near = {min(thetas, key=lambda t: abs(t - wanted)) for wanted in INCIDENCES}
-    return q.angles["theta_i"] in near and q.angles.get("phi_i", 0.0) == 0.0
+    return q.angles["theta_i"] in near and q.angles.get("phi_i", 0.0) == first
 
 
 def _row(q: Quantity, b: Budget, columns: list[Contribution], k: int) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from gonio.checks.albedos import Albedos, energy_property, hemispherical
+from gonio.checks.albedos import Albedos, energy_property, hemispherical, with_hemispherical
 from gonio.checks.model.energy import incidences
 from support.check_tables import property_of
 
@@ -78,3 +78,13 @@ def test_each_albedo_is_taken_from_the_way_that_bounds_it_more_closely():
     assert readings.with_closer(readings) is readings
     elsewhere = Albedos(theta + 0.1, *(getattr(readings, n) for n in ("phi_i", "value", "above", "below", "method")))
     assert model.with_closer(elsewhere) is model
+
+
+def test_of_many_channels_the_certificate_states_the_ends():
+    theta = incidences()
+    e = np.linspace(0.2, 0.6, 300) + 0 * theta[:, None]
+    known = Albedos(theta, 0 * theta, e, 0 * e, 0 * e, "closed form")
+    detail = with_hemispherical(energy_property(known, 0.01), known).detail
+    assert "0.2 (±" in detail and " to 0.6 (±" in detail and "in 300 of 300 channels" in detail and len(detail) < 500
+    unknown = Albedos(theta, 0 * theta, e, 9 + 0 * e, 0 * e, "closed form")
+    assert "not known in any of 300" in with_hemispherical(energy_property(unknown, 0.01), unknown).detail

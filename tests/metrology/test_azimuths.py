@@ -1,7 +1,9 @@
 """Rows of many azimuths of the light: all that is said is of the quantities that were given."""
 
+import numpy as np
 import pytest
 
+import gonio
 from gonio.metrology.azimuths import fewer_azimuths
 from gonio.metrology.quantity import Quantity
 
@@ -30,3 +32,14 @@ def test_alike_azimuths_are_one_row_and_others_are_the_least_and_the_most():
 def test_few_azimuths_are_listed_each(azimuths):
     rows = albedos(30.0, dict.fromkeys(azimuths, (0.5,)))
     assert fewer_azimuths(rows) == rows
+
+
+@pytest.mark.parametrize("phi", [0.0, 137.0])
+def test_albedos_of_light_from_one_azimuth_are_told_without_it(phi):
+    """The normal among the incidences has none, whatever is written there."""
+    theta, turn = np.radians(np.arange(0, 81, 10)), np.radians(np.arange(0, 360, 30))
+    theta_i, theta_o, delta = (a.ravel() for a in np.meshgrid(theta, theta, turn, indexing="ij"))
+    light = np.radians(phi)
+    table = gonio.Table.from_arrays(theta_i, light, theta_o, (delta + light) % (2 * np.pi), 0.1 + 0 * delta)
+    albedos = [q for q in gonio.quantities(table).quantities if q.name == "albedo"]
+    assert [q.place for q in albedos] == [f"θi {t}°" for t in range(0, 81, 10)]
