@@ -130,10 +130,10 @@ def _either(pairs: np.ndarray) -> np.ndarray:
 
 def _values_repeat(values: np.ndarray) -> bool:
     """Whether many values stand more than once. Of a large table those are compared whose bits say so by chance."""
-    bits = np.asarray(values, np.float32).view(np.uint32)
+    bits = np.ascontiguousarray(values, np.float64).view(np.uint64)
     few = max(1, bits.size // LOOKED_AT)
     if few > 1:
-        bits = bits[(bits * np.uint32(MIXED[0] & np.uint64(0xFFFFFFFF)) >> np.uint32(16)) % np.uint32(few) == 0]
+        bits = bits[(bits * MIXED[0] >> np.uint64(40)) % np.uint64(few) == 0]
     if bits.size < 2:
         return False
     ordered = np.sort(bits)

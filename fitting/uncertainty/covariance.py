@@ -78,6 +78,10 @@ class CovarianceEstimate:
             return Covariance(full, silent, [])
         lengths = np.sqrt(np.diagonal(matrix)[index])
         scaled = matrix[np.ix_(index, index)] / np.outer(lengths, lengths)
+        if not (np.isfinite(scaled).all() and self._scatter_is_finite(index)):  # nothing is known of any
+            unseen = silent.copy()
+            unseen[index] = True
+            return judged(full, unseen, [], self.domains, self.p)
         values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
         lost = values < lost_below(index.size)
         inverse = (vectors[:, ~lost] / values[~lost]) @ vectors[:, ~lost].T
@@ -103,6 +107,10 @@ class CovarianceEstimate:
         unseen = silent.copy()
         unseen[index[touched]] = True
         return judged(full, unseen, combinations, self.domains, self.p)
+
+    def _scatter_is_finite(self, index: np.ndarray) -> bool:
+        """Whether the covariance of scores of these numbers is known, where it is asked for."""
+        return self.scores is None or bool(np.isfinite(self.scores[np.ix_(index, index)]).all())
 
 
 def lost_below(size: int) -> float:

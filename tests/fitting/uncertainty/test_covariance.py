@@ -53,3 +53,12 @@ def test_what_an_open_combination_carries_by_much_more_than_its_uncertainty_is_o
     ((variance, change),) = covariance.combinations
     np.testing.assert_allclose(change / change[0], [1.0, -a / n, -b / n], rtol=1e-3)
     assert np.isinf(variance)
+
+
+@pytest.mark.parametrize("size", [2, 4, 7])
+def test_without_a_scatter_nothing_is_known(size):
+    """As many numbers as readings: no residual tells of noise, whatever the linear algebra makes of that."""
+    domains = Domains(np.full(size, LINEAR), np.zeros(size), np.ones(size))
+    estimate = CovarianceEstimate(np.eye(size), np.full((size, size), np.nan), size, domains, np.full(size, 0.5))
+    covariance = estimate.covariance(np.ones(size, bool))
+    assert covariance.undetermined.all() and np.isnan(covariance.standard).all()
