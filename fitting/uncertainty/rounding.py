@@ -13,7 +13,7 @@ from gonio.fitting.problem.readings import AnyArray, Readings, rows_of
 from gonio.fitting.solver.disc_choice import moved_by
 from gonio.fitting.uncertainty.optimum import Optimum
 
-FIRST, LOOKED_AT = 500, 20_000
+FIRST, LOOKED_AT = 500, 1 << 14
 """Readings by which a step is looked for at first, and then; of more, a random choice."""
 FEWEST_STEPS = 8
 """Different values below which their differences tell no step."""
@@ -33,11 +33,15 @@ def with_rounding(e: Optimum, noise_known: bool) -> tuple[Optimum, str | None]:
     """The optimum with uncertainties that hold what the rounding of its readings moves, and a note; else the same."""
     if e.exact or not e.p.size or not np.isfinite(e.cost):
         return e, None
-    steps = np.array([rounding_step(e.readings.of_channels(slice(c, c + 1))) for c in range(e.readings.f.shape[1])])
+    n, channels = e.readings.f.shape
+    cells = np.arange(n) if n <= LOOKED_AT else np.sort(np.random.default_rng(0).integers(n, size=LOOKED_AT))
+    readings = e.readings if n <= LOOKED_AT else e.readings.part(cells)
+    steps = np.array([rounding_step(readings.channel(c)) for c in range(channels)])
     if not steps.any():
         return e, None
-    f, u = np.asarray(e.model_f), e.covariance.standard
-    moved = moved_by(e.problem, e.p, f, _expected(e.readings, f, steps, noise_known))
+    problem = e.problem if n <= LOOKED_AT else e.problem.subset(cells)
+    f, u = rows_of(e.model_f, cells), e.covariance.standard
+    moved = moved_by(problem, e.p, f, _expected(readings, f, steps, noise_known))
     with np.errstate(invalid="ignore", divide="ignore"):
         factor = np.sqrt(1.0 + np.nan_to_num(moved / u, posinf=0.0, neginf=0.0) ** 2)
     factor = np.where(e.active_bound, 1.0, factor)
@@ -53,16 +57,13 @@ def with_rounding(e: Optimum, noise_known: bool) -> tuple[Optimum, str | None]:
 
 def rounding_step(readings: Readings) -> float:
     """The step that all values of one channel are multiples of, 1/sr; 0 where there is none that matters."""
-    n, rng = readings.f.shape[0], np.random.default_rng(0)
+    f = np.abs(readings.f[readings.valid & (readings.f != 0)])
     # A few show most tables to have none.
-    if n > FIRST and not _step_of(readings, rng.integers(n, size=FIRST)):
-        return 0.0
-    return _step_of(readings, np.arange(n) if n <= LOOKED_AT else rng.integers(n, size=LOOKED_AT))
+    return _step_of(f) if f.size <= FIRST or _step_of(f[:: f.size // FIRST]) else 0.0
 
 
-def _step_of(readings: Readings, some: np.ndarray) -> float:
-    """The step of some of the readings of one channel; 0 where there is none that matters."""
-    f = np.abs(rows_of(readings.f, some))[rows_of(readings.valid, some) & (rows_of(readings.f, some) != 0)]
+def _step_of(f: np.ndarray) -> float:
+    """The step of values above 0; 0 where there is none that matters."""
     values = np.unique(f)
     if values.size < FEWEST_STEPS:
         return 0.0
