@@ -59,7 +59,8 @@ class FitResult(Displayed):
         cost: ½Σr² of the loss; `bic`: compares models on the same readings and loss; `metrics`: differences by
             name; `unexplained`, Σr² over that of the best Lambertian; `largest_albedo` of incidences up to 85°, to 2 %
             below 0.95 and to 1e-4 above and for brushed models; `reduced_chi2` where the noise is known.
-        samples, cells, negative_readings: what was fitted; `counts`: readings by what became of them.
+        samples, cells, negative_readings: what was fitted, without readings that repeat others; `counts`: readings by
+            what became of them.
         starts, starts_agreed: descents, and how many ended at the best cost.
         undetermined, active_bounds, notes: sentences and labels.
         alternatives: the other models, as plain data; `bootstrap`: what the refits gave.
@@ -116,9 +117,15 @@ class FitResult(Displayed):
         numbers = {p.label: f"{p.value:.6g} ± {p.standard_uncertainty:.2g}, {p.status}" for p in free[:MOST_SHOWN]}
         more = {"…": f"{len(free) - MOST_SHOWN} more"} if len(free) > MOST_SHOWN else {}
         metrics = (
-            f"relative rms {self.metrics['relative_rms']:.3g}, {self.samples:,} readings of {self.table or 'a table'}"
+            f"relative rms {self.metrics['relative_rms']:.3g}, {self.readings_in_words} of {self.table or 'a table'}"
         )
         return {"verdict": self.judgement.sentence, "model": self.requested, **numbers, **more, "fit": metrics}
+
+    @property
+    def readings_in_words(self) -> str:
+        """How many readings were fitted, and how many more only repeat them."""
+        copies = self.counts.get("copies", 0)
+        return f"{self.samples:,} readings" + f" (and {copies:,} that repeat them)" * (copies > 0)
 
     @functools.cached_property
     def covariance(self) -> np.ndarray:

@@ -31,7 +31,7 @@ def screen(r: "FitResult", file: str, output: str) -> list[str]:
         output: where the fitted material is.
     """
     verdict = "converged" if r.converged else "NOT converged"
-    of = f"{r.requested} on {r.table}: {r.samples:,} readings, loss {r.loss}"
+    of = f"{r.requested} on {r.table}: {r.readings_in_words}, loss {r.loss}"
     of += "".join(f", {name} {kind}" for name, kind in (("weight", r.weight), ("robust", r.robust)) if kind)
     words = {"relative_rms": "relative rms", "bias": "bias (1/sr)", "reduced_chi2": "reduced χ²"}
     words["largest_albedo"] = "largest albedo"

@@ -94,7 +94,9 @@ def test_fit_writes_a_material(here, capsys):
     assert "converged" in out and "lambert.rho" in out and "written: f.toml" in out
     fitted = tomllib.loads((here / "f.toml").read_text())
     assert fitted["fit"]["converged"] and float(fitted["model"].split("=")[1].rstrip(")")) == pytest.approx(0.25)
-    assert json.loads((here / "f.json").read_text())["samples"] == 6 * 6 * 8
+    fit = json.loads((here / "f.json").read_text())
+    assert fit["samples"] + fit["counts"]["copies"] == fit["counts"]["used"] == 6 * 6 * 8
+    assert f"{fit['samples']} readings (and {fit['counts']['copies']} that repeat them)" in out
     assert main(["info", "f.toml"]) == 0
     out = capsys.readouterr().out
     assert "fit converged" in out and fitted["fit"]["judgement"]["sentence"] in out

@@ -185,7 +185,7 @@ def summary(r: "FitResult") -> list[str]:
     counts = [f"{n} {COUNT_NAMES.get(k, f'masked as {k}')}" for k, n in unusual.items()]
     return [
         r.judgement.sentence,
-        f"{r.requested} on {r.table}: {r.samples} readings, {', '.join([f'loss {r.loss}{floor}', *weighting])}",
+        f"{r.requested} on {r.table}: {r.readings_in_words}, {', '.join([f'loss {r.loss}{floor}', *weighting])}",
         f"{verdict}: {r.reason}; {r.starts_agreed} of {r.starts} starts agree",
         *_free_numbers(r),
         "; ".join(f"{METRIC_NAMES.get(k, k)} {number(v, 3)}" for k, v in r.metrics.items()),
