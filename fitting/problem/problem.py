@@ -16,7 +16,7 @@ import numpy as np
 from gonio.fitting.problem.averaged_sums import AveragedReadings, BoundAverages, bound_averages
 from gonio.fitting.problem.compiled_sums import BoundSums, Sums, bound_sums, sums_of_samples
 from gonio.fitting.problem.deferred_arrays import DeferredValues
-from gonio.fitting.problem.disc_averages import BlockRules, Lanes, Samples, block_rules, program_rules
+from gonio.fitting.problem.disc_averages import BlockRules, Lanes, Samples, block_rules, disc_rules, program_rules
 from gonio.fitting.problem.normal_equations import Evaluation, NormalEquations, summed, summed_pairs
 from gonio.fitting.problem.page_program import Request, page_program
 from gonio.fitting.problem.parameterisation import Domains, FixedValues, Parameterisation
@@ -116,8 +116,7 @@ class FitProblem:
         """The problem of readings that stay in their table."""
 
         def targets(some: Rows) -> np.ndarray:
-            part = readings.part(some)
-            return part.f if loss in IDENTITIES else compared(part, loss, floor, part.f)
+            return readings.f[some] if loss in IDENTITIES else _compared_values(readings, loss, floor, some)
 
         deferred: Any = DeferredValues(targets, readings.f.shape)
         pieces = Pieces(readings, deferred, weight, float(floor))
@@ -166,7 +165,7 @@ class FitProblem:
             in_blocks(a if lanes is None else lanes.values(a), (*shape, channels)) for a in (self.targets, self.weight)
         )
         blocks, used = block_rules(lanes, shape[0]), self.size // shape[1]
-        discs = program_rules(readings.half_angles)
+        discs = disc_rules(readings.half_angles)
         return Samples(wi, wo, target, weight, np.asarray(used), np.asarray(self.floor), blocks, discs)
 
     @functools.cached_property
@@ -311,7 +310,7 @@ class FitProblem:
         if (make := sums_of_samples(self.parameters, self.loss, self.fixed, np.asarray(self.floor))) is not None:
             # Values depend on no targets and no weights, which no program of theirs reads.
             few, blocks = np.zeros((1, 1, channels)), block_rules(None, 0)
-            samples = Samples(wi, wo, few, few, np.asarray(0), np.asarray(self.floor), blocks, program_rules(POINTS))
+            samples = Samples(wi, wo, few, few, np.asarray(0), np.asarray(self.floor), blocks, disc_rules(POINTS))
             values = make(samples, n).values(p)
             if values is not None:
                 return values
@@ -392,9 +391,10 @@ class FitProblem:
         use = np.flatnonzero(np.broadcast_to(True if active is None else active, (number,)))
         order[: use.size] = use
         request = Request(np.asarray(use.size, np.int32), np.asarray(scores), np.asarray(plain))
-        waiting = collections.deque()
+        # Loops look at no rules: as XLA takes them they are there where it is asked, for they are many numbers.
+        waiting, discs = collections.deque(), program_rules(self.readings.half_angles)
         for page in self.pages:
-            waiting.append(program(lanes, order, request, self.fixed, page))
+            waiting.append(program(lanes, order, request, self.fixed, page._replace(discs=discs)))
             if len(waiting) == UNDER_WAY:
                 yield waiting.popleft()
         yield from waiting
@@ -430,6 +430,12 @@ def _in_blocks(w: Direction, lanes: Lanes | None, shape: tuple[int, int]) -> Dir
 
 def _total(squares: list[np.ndarray], number: int) -> np.ndarray:
     return np.sum([np.asarray(s) for s in squares], axis=0, dtype=float)[:number]
+
+
+def _compared_values(readings: Readings, loss: str, floor: float, rows: Rows) -> np.ndarray:
+    """T(y c) of some of the readings; their directions are not looked at where the loss has no cosine."""
+    f = readings.f[rows]
+    return transformed(loss, f * readings.cos_i[rows, None] if uses_cosine(loss) else f, floor)
 
 
 def compared(readings: Readings, loss: str, floor: float | AnyArray, f: np.ndarray) -> np.ndarray:

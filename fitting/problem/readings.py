@@ -357,21 +357,26 @@ def block_shape(n: int, channels: int) -> tuple[int, int]:
     return max(1, -(-n // (block * PAGE))) * PAGE, block
 
 
-def in_blocks(a: np.ndarray, shape: tuple[int, ...], fill: float = 0.0, fresh: bool = False) -> np.ndarray:
+def in_blocks(
+    a: np.ndarray, shape: tuple[int, ...], fill: float = 0.0, fresh: bool = False, into: np.ndarray | None = None
+) -> np.ndarray:
     """Values (n, ...) laid out in blocks (B, block, ...), padded with `fill`, where XLA reads them without a copy.
 
-    What is laid out already, as by `readings_of`, is taken as it stands, unless a `fresh` array is asked for.
+    What is laid out already, as by `readings_of`, is taken as it stands, unless a `fresh` array is asked for or numbers
+    that they are written `into`, as many as the shape has.
     """
     number = math.prod(shape)
-    base = None if fresh else a.base
+    base = None if fresh or into is not None else a.base
     if isinstance(base, np.ndarray) and base.size == number * 8 + ALIGNED and base.dtype == np.uint8:
         start = -base.ctypes.data % ALIGNED
         laid = a.shape[1:] == shape[2:] and a.flags.c_contiguous and a.dtype == np.float64
         if laid and a.ctypes.data == base.ctypes.data + start:
             return base[start : start + 8 * number].view(np.float64).reshape(shape)
-    raw = np.empty(8 * number + ALIGNED, np.uint8)
-    start = -raw.ctypes.data % ALIGNED
-    whole = raw[start : start + 8 * number].view(np.float64).reshape(shape)
+    if into is None:
+        raw = np.empty(8 * number + ALIGNED, np.uint8)
+        start = -raw.ctypes.data % ALIGNED
+        into = raw[start : start + 8 * number].view(np.float64)
+    whole = into.reshape(shape)
     flat = whole.reshape(-1, *shape[2:])
     flat[: a.shape[0]] = a
     flat[a.shape[0] :] = fill
@@ -538,11 +543,11 @@ def _stored_weights(readings: Readings, loss: str, sigma: np.ndarray | None) -> 
         mean = total / readings.f.shape[0]
 
     def weights(some: Rows) -> np.ndarray:
-        part = readings.part(some)
-        weight = 1.0 / sigma[some] if loss == "sigma" and sigma is not None else np.ones(part.f.shape)
-        if not part.valid.all():
-            weight[~part.valid] = 0.0
-        return weight if part.cell_weight is None else weight * np.sqrt(part.cell_weight / mean)[:, None]
+        valid = readings.valid[some]
+        weight = 1.0 / sigma[some] if loss == "sigma" and sigma is not None else np.ones(valid.shape)
+        if not valid.all():
+            weight[~valid] = 0.0
+        return weight if of_cells is None else weight * np.sqrt(of_cells[some] / mean)[:, None]
 
     deferred: Any = DeferredValues(weights, readings.f.shape)
     return deferred

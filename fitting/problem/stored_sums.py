@@ -1,14 +1,15 @@
 """Normal equations over the readings of a large table, which stay in it: the sums of one piece after another."""
 
+import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from gonio.fitting.problem.compiled_sums import BoundSums, Sums
-from gonio.fitting.problem.disc_averages import Samples, block_rules, program_rules
-from gonio.fitting.problem.readings import POINTS, Readings, block_shape, in_blocks
+from gonio.fitting.problem.disc_averages import Samples, block_rules, disc_rules
+from gonio.fitting.problem.readings import ALIGNED, POINTS, Readings, block_shape, in_blocks
 from gonio.models.geometry.directions import NORMAL, Direction
 
 KEPT = 96 << 20
@@ -23,6 +24,29 @@ class Piece(NamedTuple):
     kept: bool
 
 
+class _Store:
+    """Memory for what is kept, in one piece: between arrays that stay, those that are forgotten would leave holes."""
+
+    def __init__(self, size: int) -> None:
+        """Of so many bytes, which take no memory before they are used."""
+        raw = np.empty(size + ALIGNED, np.uint8)
+        start = -raw.ctypes.data % ALIGNED
+        self._all, self._next = raw[start : start + size].view(np.float64), 0
+
+    def taken(self, sizes: Sequence[int]) -> list[np.ndarray] | None:
+        """Arrays of so many numbers, aligned; None where there is no room for them."""
+        rounded = [-(-n // ALIGNED) * ALIGNED for n in sizes]
+        ends = [*itertools.accumulate(rounded, initial=self._next)]
+        if ends[-1] > self._all.size:
+            return None
+        self._next = ends[-1]
+        return [self._all[first : first + n] for first, n in zip(ends, sizes, strict=False)]
+
+    def holds(self, a: np.ndarray) -> bool:
+        """Whether an array is one of those."""
+        return np.may_share_memory(a, self._all)
+
+
 class Pieces:
     """The samples of readings that stay in their table, block by block; those that come first are kept."""
 
@@ -31,7 +55,7 @@ class Pieces:
         assert readings.rows is not None
         self._rows = readings.rows
         self._readings, self._targets, self._weight, self._floor = readings, targets, weight, np.asarray(floor)
-        self._spans, self._kept, self._room = list(readings.rows.spans), dict[int, Piece](), KEPT
+        self._spans, self._kept, self._store = list(readings.rows.spans), dict[int, Piece](), _Store(KEPT)
         self._ones = np.zeros(0)
 
     def __iter__(self) -> Iterator[Piece]:
@@ -40,12 +64,8 @@ class Pieces:
             piece = self._kept.get(k)
             if piece is None:
                 piece = self._piece(span)
-                target, weight = np.asarray(piece.samples.target), np.asarray(piece.samples.weight)
-                size = 6 * piece.samples.wi.z.nbytes + target.nbytes
-                size += 0 if weight.base is self._ones else weight.nbytes
-                if size <= self._room:
-                    self._room -= size
-                    piece = self._kept[k] = piece._replace(kept=True)
+                if piece.kept:
+                    self._kept[k] = piece
                     wi, wo = (Direction(*(c.reshape(-1)[: piece.number] for c in w)) for w in piece.samples[:2])
                     self._rows.keep_directions(span, wi, wo)
             yield piece
@@ -53,17 +73,20 @@ class Pieces:
     def _piece(self, span: slice) -> Piece:
         n, channels = span.stop - span.start, self._weight.shape[1]
         shape = block_shape(n, channels)
+        cells, values, weight = (*shape,), (*shape, channels), self._weight[span]
+        ones = weight[0, 0] == 1.0 and bool((weight == 1.0).all())
+        sizes = [math.prod(cells)] * 6 + [math.prod(values)] * (1 if ones else 2)
+        laid = iter(self._store.taken(sizes) or [None] * len(sizes))
         wi, wo = (
-            Direction(*(in_blocks(np.asarray(c), shape, e) for c, e in zip(w, NORMAL, strict=True)))
+            Direction(*(in_blocks(np.asarray(c), cells, e, into=next(laid)) for c, e in zip(w, NORMAL, strict=True)))
             for w in self._readings.directions(span)
         )
-        target, weight = in_blocks(self._targets[span], (*shape, channels)), self._weight[span]
-        ones = weight[0, 0] == 1.0 and bool((weight == 1.0).all())
-        weight = self._one_each(n, (*shape, channels)) if ones else in_blocks(weight, (*shape, channels))
+        target = in_blocks(self._targets[span], values, into=next(laid))
+        weight = self._one_each(n, values) if ones else in_blocks(weight, values, into=next(laid))
         used = np.asarray(-(-n // shape[1]))
-        discs = program_rules(POINTS)
-        samples = Samples(wi, wo, target, weight, used, self._floor, block_rules(None, shape[0]), discs)
-        return Piece(samples, n, False)
+        blocks = block_rules(None, shape[0])
+        samples = Samples(wi, wo, target, weight, used, self._floor, blocks, disc_rules(POINTS))
+        return Piece(samples, n, self._store.holds(target))
 
     def _one_each(self, n: int, shape: tuple[int, int, int]) -> np.ndarray:
         """Weights of 1 for n samples, and 0 beyond them: a part of an array that serves all pieces."""

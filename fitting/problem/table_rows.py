@@ -1,5 +1,6 @@
 """The readings of a large table where they are: what a fit looks at is taken out of it block by block, and not kept."""
 
+import bisect
 import copy
 import dataclasses
 import functools
@@ -16,6 +17,8 @@ from gonio.models.geometry.sides import FRONT
 
 BLOCK = 1 << 18
 """Readings of a block, channels counted apart."""
+NUMBERED = 16 << 20
+"""Bytes of the used cells' numbers in their blocks that are kept; those of other blocks are unpacked from bits."""
 Rows = slice | np.ndarray
 """Which rows: a range, their numbers in any order, or booleans of all."""
 
@@ -42,7 +45,8 @@ class Tally:
 
     def add(self, v: Values, pair: tuple[Direction, Direction] | None) -> None:
         """Count some readings; without directions, light and detector are in front."""
-        self.valid += np.count_nonzero(v.valid, axis=0)
+        # Channel by channel: NumPy goes along a short last axis one number at a time.
+        self.valid += len(v.valid) if v.valid.all() else [np.count_nonzero(c) for c in v.valid.T]
         self.negative += int(np.count_nonzero(v.f < 0))
         if any(v.u_f.strides) or np.isfinite(v.u_f[:1]).any():
             self.known += int(np.count_nonzero(v.valid & np.isfinite(v.u_f) & (v.u_f > 0)))
@@ -73,19 +77,21 @@ class TableRows:
         self._table, self._blocks, first = table, list[_Block](), 0
         self._channels: slice | np.ndarray = slice(None)
         self._directions, self._values = dict[int, tuple[Direction, Direction]](), dict[int, Values]()
-        self._used_cells = dict[int, np.ndarray]()
+        self._used_cells, self._numbered, self._room = dict[int, np.ndarray](), dict[int, np.ndarray](), NUMBERED
         self._lasting = dict[int, tuple[Direction, Direction]]()
         self._last_choice: tuple[np.ndarray, Values] | None = None
+        self._last_places: tuple[np.ndarray, tuple[Direction, Direction]] | None = None
         self._by_flag, tally = np.zeros(256, np.int64), Tally(np.zeros(len(table.channels), np.int64))
         for k, (start, stop) in enumerate(table.blocks(BLOCK)):
             values = table.read_values(start, stop)
             valid = table.are_valid(values["flag"], start, theta_max)
-            self._by_flag += np.bincount(values["flag"].ravel(), minlength=256)
+            for flag in Flag:
+                self._by_flag[flag] += np.count_nonzero(values["flag"] == flag)
             self._blocks.append(_Block(start, stop, None if valid.all() else np.packbits(valid), first))
             first += int(np.count_nonzero(valid))
             tally.add(self._taken(k, values), None if table.layout.sides == FRONT else self._directions_of(k))
         self.shape = (first, len(table.channels))
-        self._ends = np.array([*(b.first for b in self._blocks), first])
+        self._ends = [*(b.first for b in self._blocks), first]
         self._whole = all(b.bits is None for b in self._blocks)
         vars(self)["tally"] = tally
 
@@ -106,12 +112,13 @@ class TableRows:
     @property
     def spans(self) -> Iterator[slice]:
         """The rows of each block that has any."""
-        pairs = zip(self._ends[:-1].tolist(), self._ends[1:].tolist(), strict=True)
-        return (slice(a, b) for a, b in pairs if a < b)
+        return (slice(a, b) for a, b in itertools.pairwise(self._ends) if a < b)
 
     def keep_directions(self, span: slice, wi: Direction, wo: Direction) -> None:
         """Take these as the directions of a block, which somebody keeps anyway, and compute them no more."""
-        self._lasting[self._parts(span)[0][0]] = wi, wo
+        k = self._parts(span)[0][0]
+        self._lasting[k] = wi, wo
+        self._directions.pop(k, None)
 
     @functools.cached_property
     def tally(self) -> Tally:
@@ -124,7 +131,10 @@ class TableRows:
     def directions(self, rows: Rows) -> tuple[Direction, Direction]:
         """(wi, wo) of some rows."""
         if not isinstance(rows, slice):
-            return self._table.layout.directions_at(self._cells(_numbers(rows)))
+            rows = _numbers(rows)
+            if self._last_places is None or not np.array_equal(self._last_places[0], rows):
+                self._last_places = rows, self._table.layout.directions_at(self._cells(rows))
+            return self._last_places[1]
         parts = [[c[some] for w in self._directions_of(k) for c in w] for k, some in self._parts(rows)]
         x_i, y_i, z_i, x_o, y_o, z_o = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
         return Direction(x_i, y_i, z_i), Direction(x_o, y_o, z_o)
@@ -148,12 +158,12 @@ class TableRows:
     def _parts(self, rows: slice) -> list[tuple[int, slice]]:
         """The blocks in which a range of rows lies, and which of a block's rows are in it; at least one."""
         first, last, _ = rows.indices(self.shape[0])
-        from_block, to_block = np.searchsorted(self._ends, (first, max(first, last - 1)), "right") - 1
+        from_block, to_block = (bisect.bisect_right(self._ends, row) - 1 for row in (first, max(first, last - 1)))
         parts = []
         for k in range(from_block, to_block + 1):
             start, stop = max(first, self._ends[k]) - self._ends[k], min(last, self._ends[k + 1]) - self._ends[k]
             if start < stop or from_block == to_block:
-                parts.append((k, slice(int(start), max(int(start), int(stop)))))
+                parts.append((k, slice(start, max(start, stop))))
         return parts
 
     def _directions_of(self, k: int) -> tuple[Direction, Direction]:
@@ -182,8 +192,14 @@ class TableRows:
         block = self._blocks[k]
         if block.bits is None:
             return None
+        if (numbered := self._numbered.get(k)) is not None:
+            return numbered
         if k not in self._used_cells:
-            used = np.flatnonzero(np.unpackbits(block.bits, count=block.stop - block.start))
+            used = np.flatnonzero(np.unpackbits(block.bits, count=block.stop - block.start).view(bool))
+            if used.size * 4 <= self._room:
+                self._room -= used.size * 4
+                self._numbered[k] = used.astype(np.int32)
+                return used
             _remember(self._used_cells, k, used)
         return self._used_cells[k]
 
@@ -205,7 +221,7 @@ class TableRows:
             if first < last:
                 block, used = self._blocks[k], self._used_of(k)
                 inside = rising[first:last] - block.first
-                cells[order[first:last]] = block.start + (inside if used is None else used[inside])
+                cells[order[first:last]] = np.add(inside if used is None else used[inside], block.start, dtype=np.int64)
         return cells
 
 
