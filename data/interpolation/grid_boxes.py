@@ -1,6 +1,6 @@
 """Pairs of directions by the boxes of a grid that they lie in: many pairs of few boxes share the work at corners."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -74,6 +74,17 @@ class GridBoxes(NamedTuple):
         for b, these in enumerate(self._slices()):
             np.matmul(self.weight[:, these].T, values[:, b], out=made[these])
         return made
+
+    def pieces(self, most: int) -> "Iterator[tuple[slice, slice, GridBoxes]]":
+        """Boxes side by side that hold no more pairs than `most`, or one box: their slice, and that of the pairs."""
+        first = 0
+        while first < len(self.starts) - 1:
+            last = max(first + 1, int(np.searchsorted(self.starts, self.starts[first] + most, "right")) - 1)
+            boxes, these = slice(first, last), slice(int(self.starts[first]), int(self.starts[last]))
+            sides = tuple(((a[these], b[these]), (c[these], d[these])) for (a, b), (c, d) in self.sides)
+            starts = self.starts[first : last + 1] - self.starts[first]
+            yield boxes, these, GridBoxes(self.order[these], starts, self.cells[:, boxes], self.weight[:, these], sides)
+            first = last
 
     def _slices(self) -> list[slice]:
         return [slice(a, b) for a, b in zip(self.starts[:-1].tolist(), self.starts[1:].tolist(), strict=True)]

@@ -42,6 +42,8 @@ UNSEEN = (
     "the mirror direction was not read, where a lobe narrower than the grid may hide; read it, or state the narrowest "
     "feature (--feature-width)"
 )
+PIECE = 4096
+"""Nodes of a rule whose errors are computed at once: they stay in the processor's cache."""
 NO_GRID = "the readings are on no grid: a fit of them has it (gonio fit, then gonio quantities FIT.toml)"
 ONE_AZIMUTH = (
     "the light had one azimuth, and at normal incidence f depends on the detector's by {size}: the surface is not "
@@ -301,7 +303,8 @@ class Part:
         places = iter(self._places([r for of_one in rules for r in of_one]))
         for integral, of_one in zip(between, rules, strict=True):
             first, *others = [next(places) for _ in of_one]
-            gathered = [self._gathered(first, integral.mirror, integral.back), *map(self._gathered, others)]
+            # What lies between the nodes is bounded once: other ways show by how much their sums differ.
+            gathered = [self._bounded(first, integral.mirror, integral.back), *map(self._weighted, others)]
             failed = next((r for r in gathered[: 1 if integral.coarse is None else 2] if isinstance(r, str)), None)
             usable, moves = [r for r in gathered if isinstance(r, Row)], integral.mirror or integral.moves
             made[integral] = self._joined(usable, -1 if moves else 0) if failed is None else failed
@@ -351,8 +354,15 @@ class Part:
         cells = np.flatnonzero(here & (off * np.minimum(np.sin(i), np.sin(o)) < SAME))
         return cells[np.isfinite(self.f[cells]).all(axis=1)]
 
-    def _gathered(self, rule: "Places", mirror: bool = False, back: bool = False) -> Row | str:
-        """The weights of the part's cells by multilinear interpolation, with the bound on what it may be off by."""
+    def _weighted(self, rule: "Places") -> Row | str:
+        """The weights of the part's cells by multilinear interpolation, without a bound."""
+        gathered = self._gathered(rule)
+        if isinstance(gathered, str):
+            return gathered
+        return Row(gathered.cells, gathered.weight, np.zeros(len(self.table.channels)))
+
+    def _gathered(self, rule: "Places") -> "Gathered | str":
+        """The cells about a rule's nodes, with what the nodes weigh there."""
         layout = self.table.layout
         if not rule.inside[rule.weight != 0].all():
             return self._unread(rule)
@@ -362,25 +372,26 @@ class Part:
         place = place.reshape(boxes.cells.shape)
         sums = boxes.summed(share[:, None] * np.stack([np.ones_like(share), *curved], axis=1))
         weight, *bent_by = (np.bincount(place.ravel(), a.ravel(), cells.size) for a in np.moveaxis(sums, -1, 0))
-        if mirror and not self._reads(cells, -1.0):
+        return Gathered(boxes, share, curved, cells, place, weight, bent_by)
+
+    def _bounded(self, rule: "Places", mirror: bool, back: bool) -> Row | str:
+        """The weights of the part's cells by multilinear interpolation, with the bound on what it may be off by."""
+        g = self._gathered(rule)
+        if isinstance(g, str):
+            return g
+        if mirror and not self._reads(g.cells, -1.0):
             return UNSEEN
-        if back and not self._reads(cells, 1.0):
+        if back and not self._reads(g.cells, 1.0):
             return "the light's own direction was not read, where a lobe back to it may hide"
-        f = np.nan_to_num(self.f[cells])
-        floor = np.maximum(FLOOR * np.abs(weight @ f) / max(float(np.sum(np.abs(rule.weight))), 1e-300), 1e-300)
-        made, errors = Bends.of(layout, self.f, self.u), [np.maximum(f, floor)]
-        for k, of_axis in enumerate(bent_by):
-            bent = made.along(k, cells, floor)
+        f = np.nan_to_num(self.f[g.cells])
+        floor = np.maximum(FLOOR * np.abs(g.weight @ f) / max(float(np.sum(np.abs(rule.weight))), 1e-300), 1e-300)
+        made, errors = Bends.of(self.table.layout, self.f, self.u), [np.maximum(f, floor)]
+        for k, of_axis in enumerate(g.bent_by):
+            bent = made.along(k, g.cells, floor)
             errors += bent.beyond_noise()
             made.add(bent, of_axis)
-        shown, *of_axes = np.split(boxes.interpolated(np.concatenate(errors, axis=1)[place]), len(errors), axis=1)
-        by_slope, by_share = (
-            sum((c[:, None] * error for c, error in zip(curved, of_axes[kind::2], strict=True)), np.zeros(shown.shape))
-            for kind in (0, 1)
-        )
-        # What is bent between its nodes, and what may be a narrow peak there, as log f tells it.
-        missed = np.maximum(by_slope, shown * np.expm1(np.minimum(by_share, LARGEST)))
-        return Row(cells, weight, WITHIN * np.abs(share) @ missed + made.within_noise())
+        missed = g.missed(np.concatenate(errors, axis=1)[g.place], f.shape[1])
+        return Row(g.cells, g.weight, WITHIN * np.abs(g.share) @ missed + made.within_noise())
 
     def _unread(self, rule: "Places") -> str:
         if rule.weight.size == 1:
@@ -403,3 +414,36 @@ class Places(NamedTuple):
     weight: np.ndarray
     inside: np.ndarray
     angles: dict[str, np.ndarray]
+
+
+class Gathered(NamedTuple):
+    """The cells (N,) about n nodes of a rule: their weights, and those of what is bent along each axis (N,).
+
+    `boxes` of the grid hold the nodes, in whose order `share` (n,) are their weights and `curved` the factors by which
+    curvatures along each axis make errors; `place` (corners, B) of the boxes' corners among the cells.
+    """
+
+    boxes: GridBoxes
+    share: np.ndarray
+    curved: list[np.ndarray]
+    cells: np.ndarray
+    place: np.ndarray
+    weight: np.ndarray
+    bent_by: list[np.ndarray]
+
+    def missed(self, errors: np.ndarray, channels: int) -> np.ndarray:
+        """What lies between the cells at each node (n, C), by f and its bends along axes at corners (corners, B, m)."""
+        missed = np.empty((self.share.size, channels))
+        for of_boxes, these, boxes in self.boxes.pieces(PIECE):
+            shown, *of_axes = np.split(boxes.interpolated(errors[:, of_boxes]), 1 + 2 * len(self.curved), axis=1)
+            by_slope, by_share = (
+                functools.reduce(
+                    lambda total, term: np.add(total, term, out=total),
+                    (c[these, None] * error for c, error in zip(self.curved, of_axes[kind::2], strict=True)),
+                )
+                for kind in (0, 1)
+            )
+            # What is bent between its nodes, and what may be a narrow peak there, as log f tells it.
+            peaks = np.expm1(np.minimum(by_share, LARGEST, out=by_share), out=by_share)
+            np.maximum(by_slope, np.multiply(shown, peaks, out=peaks), out=missed[these])
+        return missed
