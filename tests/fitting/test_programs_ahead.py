@@ -4,8 +4,9 @@ import subprocess
 import sys
 import threading
 
-from gonio.cli.program import AHEAD
 from gonio.fitting.programs_ahead import ahead, finished
+
+AHEAD = "gonio-ahead"
 
 
 def test_a_job_is_begun_once_and_finished_before_it_is_needed():
