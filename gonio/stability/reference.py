@@ -97,7 +97,9 @@ class Reference:
         step = (TABLED_STEP if self.tabled else STEP) * (size if size else 1) / finer
         # Beside an index of nearly 1 the finest step is less than forty digits tell apart.
         step = max(step, LEAST_STEP * abs(center))
-        up, down = min(center + step, mpf(info.high)), max(center - step, mpf(info.low))
+        # In single precision a bound may lie a rounding inside of the number that stands for it.
+        low, high = min(mpf(info.low), center), max(mpf(info.high), center)
+        up, down = min(center + step, high), max(center - step, low)
         if up <= down:
             up, down = center + step, center - step
 

@@ -21,8 +21,8 @@ from gonio.models.microfacet.chebyshev import chebyshev_basis, clenshaw
 Series = Float[Array, "..."]  # the coefficients on the first axis, channels on the second where there are some
 
 TABLES = pathlib.Path(__file__).with_name("albedos.npz")
-LOG_ALPHA_LEAST = -9.210340371976182  # ln 1e-4
 ALPHA_LEAST = 1e-4
+ALPHA_BELOW = 6e-5  # a series has its worst slopes at its ends: of what is known by little of 1, α = 1e-4 lies inside
 LOG_G = tuple(0.5 * math.log((eta - 1.0) * (eta + 1.0)) for eta in (1.01, 4.0))  # of √(η² − 1), the coat's indices
 QUANTUM = 1e-11  # the file holds multiples of it
 SLACK = 1e-6
@@ -60,12 +60,13 @@ class Cosines(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """How a table is laid out: its cosines, whether by ln α or α, and the bound (1 + μ/(reach α))^−fall."""
+    """How a table is laid out: its cosines, whether by ln α or α from `least` on, and the bound (1 + μ/(reach α))^−fall."""
 
     cosines: Cosines
     log_alpha: bool
     reach: float
     fall: int
+    least: float = ALPHA_LEAST
 
 
 _GGX = Kind(Cosines(True, 3.0, 3), True, 1.0, 2)
@@ -75,8 +76,8 @@ KINDS = {
     "ggx_separable": _GGX,
     "beckmann_correlated": _BECKMANN,
     "beckmann_separable": _BECKMANN,
-    "kelemen_white": Kind(Cosines(True, 3.0, 2), True, 1.0, 2),
-    "kelemen_grazing": Kind(Cosines(True, 3.0, 2), True, 1.0, 0),
+    "kelemen_white": Kind(Cosines(True, 3.0, 2), True, 1.0, 2, ALPHA_BELOW),
+    "kelemen_grazing": Kind(Cosines(True, 3.0, 2), True, 1.0, 0, ALPHA_BELOW),
     "coat": Kind(Cosines(True, 3.0, 2), True, 1.0, 0),
 }
 
@@ -87,7 +88,7 @@ def _within(x: Scalar) -> Scalar:
 
 
 def _width_coordinate(kind: Kind, alpha: Scalar) -> Scalar:
-    share = jnp.log(alpha) / LOG_ALPHA_LEAST if kind.log_alpha else (1.0 - alpha) / (1.0 - ALPHA_LEAST)
+    share = jnp.log(alpha) / math.log(kind.least) if kind.log_alpha else (1.0 - alpha) / (1.0 - kind.least)
     return _within(1.0 - 2.0 * share)
 
 

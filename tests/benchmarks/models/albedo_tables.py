@@ -15,6 +15,7 @@ from scipy.special import erfc, erfcx
 
 SQRT_PI = np.sqrt(np.pi)
 ALPHA_LEAST = 1e-4
+ALPHA_BELOW = 6e-5  # of the tables whose slopes count at ALPHA_LEAST, see albedo_tables
 ETA_LEAST, ETA_MOST = 1.01, 4.0
 LAST_GAUSSIAN = 7.0  # exp(−49) = 5e-22
 NODES = 72  # of each of the two panels along s and of each of the two along ψ
@@ -178,8 +179,8 @@ def ratio_cosines(s, alpha):
     return np.clip(c * s**2 / (1 + c - s**2), 1e-300, 1)
 
 
-def log_widths(n):
-    return ALPHA_LEAST ** ((1 - chebyshev_nodes(n)) / 2)
+def log_widths(n, least=ALPHA_LEAST):
+    return least ** ((1 - chebyshev_nodes(n)) / 2)
 
 
 def linear_widths(n):
@@ -209,7 +210,7 @@ def make():
     white, grazing = (
         table(
             76,
-            log_widths(60),
+            log_widths(64, ALPHA_BELOW),
             lambda s, a: log_cosines(s, a, 2),
             lambda mu, a, k=k: kelemen_missing(mu, a)[k] * ((1 + mu / a) ** 2 if k == 0 else 1),
         )
