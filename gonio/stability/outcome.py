@@ -2,8 +2,6 @@
 
 import dataclasses
 
-from gonio.stability.known_failures import KNOWN
-
 RIGHT, SAYS_SO, SILENT = "right", "says so", "silently wrong"
 VERDICTS = (RIGHT, SAYS_SO, SILENT)
 METHODS = ("value", "gradient", "sampler", "integral", "fit")
@@ -34,13 +32,6 @@ class Cell:
     def key(self) -> str:
         """The name by which ``gonio stress --cell`` computes this cell again."""
         return "/".join((self.method, self.row, self.column, self.precision))
-
-    @property
-    def reason(self) -> str:
-        """The known reason of a failure, or nothing."""
-        regime = f"{self.row} {self.column} {self.precision}"
-        known = (k for k in KNOWN if (k.method, k.model) == (self.method, self.model) and k.where in regime)
-        return next((k.reason for k in known), "")
 
     def recipe(self, quick: bool) -> str:
         """The command that computes this cell again."""

@@ -67,4 +67,4 @@ def page(atlas: Atlas, svg: dict[str, str]) -> str:
 
 def _row(c: Cell, quick: bool) -> dict[str, str]:
     where = f"{c.column}, {c.precision}"
-    return {"setting": c.row, "where": where, "detail": c.detail, "recipe": c.recipe(quick), "reason": c.reason}
+    return {"setting": c.row, "where": where, "detail": c.detail, "recipe": c.recipe(quick)}

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 from gonio.stability.outcome import METHODS, SILENT, VERDICTS, Cell, worst
 
-FIELDS = ("method", "model", "setting", "regime", "precision", "verdict", "error", "allowed", "detail", "recipe",
-          "reason")  # fmt: skip
+FIELDS = ("method", "model", "setting", "regime", "precision", "verdict", "error", "allowed", "detail", "recipe")  # fmt: skip
 
 
 class VerdictGrid(NamedTuple):
@@ -48,8 +47,8 @@ class Atlas:
 
     def last_line(self) -> str:
         """The number of silent failures in words."""
-        n, known = len(self.silent), sum(bool(c.reason) for c in self.silent)
-        return f"{n} silent failure{'s' * (n != 1)}" + (f", {known} with a known reason" if known else "")
+        n = len(self.silent)
+        return f"{n} silent failure{'s' * (n != 1)}"
 
     def summary(self) -> list[list[str]]:
         """Rows of (method, number of cells, right, says so, silently wrong)."""
@@ -74,7 +73,6 @@ class Atlas:
         writer.writerow(FIELDS)
         for c in self.cells:
             regime = (c.method, c.model, c.row, c.column, c.precision)
-            reason = c.reason if c.verdict == SILENT else ""
             errors = f"{c.error:.3g}", f"{c.allowed:.3g}"
-            writer.writerow([*regime, c.verdict, *errors, c.detail, c.recipe(self.quick), reason])
+            writer.writerow([*regime, c.verdict, *errors, c.detail, c.recipe(self.quick)])
         return text.getvalue()

@@ -41,13 +41,11 @@ def run(args: argparse.Namespace) -> int:
     for c in atlas.silent:
         show(f"\nsilently wrong: {c.method} of {c.row} at {c.column}, {c.precision}")
         show(f"  {c.detail}\n  error {c.error:.3g}, allowed {c.allowed:.3g}; again: {c.recipe(atlas.quick)}")
-        if c.reason:
-            show(f"  reason: {c.reason}")
     if args.output:
         show(f"\nwritten: {args.output}/index.html and stress.csv")
     show(atlas.last_line())
     counts = {method: atlas.counts(method) for method in METHODS if atlas.of_method(method)}
-    silent = [dataclasses.asdict(c) | {"recipe": c.recipe(atlas.quick), "reason": c.reason} for c in atlas.silent]
+    silent = [dataclasses.asdict(c) | {"recipe": c.recipe(atlas.quick)} for c in atlas.silent]
     facts = {"quick": atlas.quick, "seconds": atlas.seconds, "counts": counts, "silently_wrong": silent}
     return write_json(args, facts | {"written": args.output}, atlas.exit_status)
 
