@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from gonio.stability.outcome import METHODS, SILENT, VERDICTS, Cell, worst
 
-FIELDS = ("method", "model", "setting", "regime", "precision", "verdict", "error", "allowed", "detail", "recipe")  # fmt: skip
+FIELDS = ("method", "model", "setting", "regime", "precision", "verdict", "error", "allowed", "detail", "recipe")
 
 
 class VerdictGrid(NamedTuple):

@@ -60,7 +60,7 @@ class Cosines(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """How a table is laid out: its cosines, whether by ln α or α from `least` on, and the bound (1 + μ/(reach α))^−fall."""
+    """Layout of a table: cosines, whether by ln α or α, from `least` on, and the bound (1 + μ/(reach α))^−fall."""
 
     cosines: Cosines
     log_alpha: bool
