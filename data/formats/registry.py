@@ -292,6 +292,9 @@ def load(path: str | os.PathLike[str], *, blockwise: bool = False, **options: An
 
 def read(path: str | os.PathLike[str], **options: Any) -> Table:
     """The table of a file; options and errors are those of `load`. Raises GonioError for a model, with the remedy."""
+    text = os.fspath(path)
+    if (text.endswith(")") or not _suffix(text)) and not is_there(text):
+        raise GonioError(f"'{text[:80]}' is no file; gonio.material(...) opens models and reference materials by name")
     table = load(path, **options)
     if not isinstance(table, Table):
         raise GonioError(f"{path} is a model, not a table; measure it first: gonio measure '{path}' -o T.h5")

@@ -98,3 +98,9 @@ def test_a_file_of_blanks_is_refused_at_once(tmp_path, word):
         with pytest.raises(GonioError):
             sniff(tmp_path / "t.txt")
         assert time.process_time() - began < 2
+
+
+@pytest.mark.parametrize("subject", ["lambert(rho=0.2)", "gold"])
+def test_what_is_no_file_is_told_who_opens_it(subject):
+    with pytest.raises(GonioError, match=r"is no file; gonio\.material"):
+        read(subject)
