@@ -1,4 +1,4 @@
-"""The median of numbers that come in parts and are too many to be kept, exactly and in little memory."""
+"""The median of numbers: sorted; or of such as come in parts and are too many to be kept, exactly in little memory."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
@@ -10,6 +10,14 @@ KEPT = 1 << 20
 """Numbers that are kept and sorted, at most."""
 Parts = Callable[[], Iterable[np.ndarray]]
 """Gives all numbers in turn, each time that it is called."""
+
+
+def sorted_median(numbers: np.ndarray) -> float:
+    """`np.median` of at least one number, faster: processors sort vectors sooner than NumPy finds the middle."""
+    ordered, middle = np.sort(numbers, axis=None), numbers.size // 2
+    if np.isnan(ordered[-1]):
+        return float("nan")
+    return float(ordered[middle] if numbers.size % 2 else (ordered[middle - 1] + ordered[middle]) / 2.0)
 
 
 def median_of_parts(parts: Parts) -> float:

@@ -197,6 +197,9 @@ class FitProblem:
             return self.retargeted(target)
         rules = None if self.rules is None else self.rules[cells]
         readings, weight = self.readings.part(cells), rows_of(self.weight, cells)
+        # Laid out once for all targets that they are compared with.
+        wi, wo = (laid_directions(w, weight.shape[1]) for w in (readings.wi, readings.wo))
+        readings, weight = dataclasses.replace(readings, wi=wi, wo=wo), _laid(weight)
         part = dataclasses.replace(self, readings=readings, weight=weight, rules=rules, alike=None, pieces=None)
         return part.retargeted(target)
 

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from gonio.fitting.problem.median import sorted_median
 from gonio.fitting.problem.readings import Readings, inverse_cube_root
 from gonio.models.compiled.dispatch import usable
 from gonio.models.compiled.graph import Unsupported
@@ -91,7 +92,7 @@ class _Median:
             return float("nan")
         kept = np.concatenate(self.kept)
         if self.bracket is None:
-            return float(np.median(kept, overwrite_input=True))
+            return sorted_median(kept)
         return float(np.mean(np.partition(kept, self.ranks)[self.ranks]))
 
     @property

@@ -68,7 +68,14 @@ def least_noise_like(tests: list[NoiseTests]) -> NoiseTests:
     return dataclasses.replace(least, runs_p=p, shared_p=shared_p)
 
 
-def noise_tests(scaled: np.ndarray, valid: np.ndarray, chi2: float | None, freedom: int, exact: bool) -> NoiseTests:
+def noise_tests(
+    scaled: np.ndarray,
+    valid: np.ndarray,
+    chi2: float | None,
+    freedom: int,
+    exact: bool,
+    effect: float | None = None,
+) -> NoiseTests:
     """Tests of residuals in the order given.
 
     Args:
@@ -77,9 +84,11 @@ def noise_tests(scaled: np.ndarray, valid: np.ndarray, chi2: float | None, freed
         chi2: Σr² where the noise is known, else None.
         freedom: degrees of freedom of the fit.
         exact: the residuals are rounding, and are not tested.
+        effect: their `channel_effect`, which is the same in every order; computed where it is not given.
     """
     reduced = math.nan if chi2 is None else chi2 / max(freedom, 1)
-    effect = 1.0 if exact else channel_effect(scaled, valid)
+    if exact or effect is None:
+        effect = 1.0 if exact else channel_effect(scaled, valid)
     # Channels of correlation r are fewer independent squares, by 1 + (C - 1) r² where their sum varies 1 + (C - 1) r.
     fewer = 1.0 + (effect - 1.0) ** 2 / max(scaled.shape[1] - 1, 1)
     chi2_p = math.nan if chi2 is None or freedom < 1 else _exceeded(freedom / fewer, chi2 / fewer)

@@ -1,5 +1,6 @@
 """Angles of pairs of directions, and an order of pairs in which neighbours follow each other."""
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -44,13 +45,19 @@ def neighbour_order(wi: Direction, wo: Direction, by_incidence: bool = False) ->
     """
     code = np.zeros(np.asarray(wi.x).size, np.uint64)
     for k, c in enumerate((wi.x, wi.y, wo.x, wo.y)):
-        level = np.clip((np.asarray(c, float) + 1.0) * (1 << (BITS - 1)), 0, (1 << BITS) - 1).astype(np.uint64)
+        level = np.clip((np.asarray(c, float) + 1.0) * (1 << (BITS - 1)), 0, (1 << BITS) - 1).astype(np.intp)
         position = k % 2 + (2 * BITS if k < 2 else 0) if by_incidence else k
-        code |= _spread(level, 2 if by_incidence else 4) << np.uint64(position)
+        code |= _spreads(2 if by_incidence else 4).take(level) << np.uint64(position)
     behind_i, behind_o = (np.asarray(w.z) < 0 for w in (wi, wo))
     if not (behind_i.any() or behind_o.any()):
         return np.argsort(code, kind="stable")
     return np.lexsort((code, 2 * behind_i + behind_o))
+
+
+@functools.cache
+def _spreads(step: int) -> np.ndarray:
+    """Of each number of so many `BITS`."""
+    return _spread(np.arange(1 << BITS, dtype=np.uint64), step)
 
 
 def _spread(level: np.ndarray, step: int) -> np.ndarray:

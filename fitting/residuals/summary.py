@@ -9,7 +9,7 @@ from gonio.data.layouts import Layout
 from gonio.fitting.problem.problem import weighted_residuals
 from gonio.fitting.problem.readings import Readings, evenly_spaced
 from gonio.fitting.residuals.maps import AXES, ResidualMap, map_cells, residual_map
-from gonio.fitting.residuals.noise_tests import SIGNIFICANT, NoiseTests, least_noise_like, noise_tests
+from gonio.fitting.residuals.noise_tests import SIGNIFICANT, NoiseTests, channel_effect, least_noise_like, noise_tests
 from gonio.fitting.residuals.pair_angles import PairAngles, neighbour_order, pair_angles
 from gonio.fitting.residuals.rare_counts import of_rare_counts
 from gonio.fitting.solver.robust_weights import NORMAL_MAD, DownweightedReadings, scales
@@ -99,7 +99,8 @@ def summarise(e: Evidence) -> ResidualSummary:
     freedom = e.readings.count - e.free
     rare = of_rare_counts(subset.f, f, weight, used) if e.likelihood else np.zeros(f.shape, bool)
     tested = used & ~light & ~rare
-    tests = [noise_tests(scaled[o], tested[o], e.chi2, freedom, e.exact) for o in orders]
+    effect = channel_effect(scaled, tested)
+    tests = [noise_tests(scaled[o], tested[o], e.chi2, freedom, e.exact, effect) for o in orders]
     far = used & ~rare & (np.abs(scaled) > OUTLYING) & (not e.exact)
     cost = float(np.sum(residual[used] ** 2))
     summary = ResidualSummary(

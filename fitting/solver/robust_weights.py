@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gonio.fitting.problem.median import sorted_median
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.solver.levenberg_marquardt import NEAR, Descent, minimise
 
@@ -81,23 +82,27 @@ def scales(residual: np.ndarray, model: np.ndarray, valid: np.ndarray, least: fl
     Classes halve from the darkest half upwards, so that a highlight is not held to the noise of what is dark; none is
     smaller than `CLASS`. `least`: a lower limit; one hundredth of the scale of all is another.
     """
-    scale = np.ones_like(residual)
-    size, level = np.abs(residual[valid]), np.abs(model[valid])
+    whole = bool(valid.all())
+    size, level = (np.abs(a.ravel() if whole else a[valid]) for a in (residual, model))
     if not size.size:
-        return scale
+        return np.ones_like(residual)
     edges = [0]
     while size.size - edges[-1] >= 2 * CLASS:
         edges.append(edges[-1] + (size.size - edges[-1]) // 2)
     ordered = np.sort(level)
     starts = np.searchsorted(ordered, ordered[edges])  # what is equally bright stays together
     starts = starts[1:][np.diff(starts) >= CLASS]
-    floor = max(least, 0.01 * NORMAL_MAD * float(np.median(size)), np.finfo(float).tiny ** 0.5)
+    floor = max(least, 0.01 * NORMAL_MAD * sorted_median(size), np.finfo(float).tiny ** 0.5)
     number = np.zeros(size.size, np.int8)
     for threshold in ordered[starts]:
         number += ~(level < threshold)
     by_class = size[np.argsort(number, kind="stable")]
     spans = itertools.pairwise([0, *starts.tolist(), size.size])
-    scale[valid] = np.array([max(NORMAL_MAD * float(np.median(by_class[a:b])), floor) for a, b in spans])[number]
+    each = np.array([max(NORMAL_MAD * sorted_median(by_class[a:b]), floor) for a, b in spans])[number]
+    if whole:
+        return each.reshape(residual.shape)
+    scale = np.ones_like(residual)
+    scale[valid] = each
     return scale
 
 

@@ -14,7 +14,7 @@ from gonio.fitting.problem.arrow import Arrow
 from gonio.fitting.problem.normal_equations import NormalEquations
 from gonio.fitting.problem.problem import FitProblem, weighted_residuals
 from gonio.fitting.problem.readings import Readings, evenly_spaced, rows_of
-from gonio.fitting.residuals.noise_tests import noise_tests
+from gonio.fitting.residuals.noise_tests import channel_effect, noise_tests
 from gonio.fitting.residuals.pair_angles import neighbour_order
 from gonio.fitting.residuals.rare_counts import of_rare_counts
 from gonio.fitting.solver.robust_weights import scales
@@ -60,9 +60,10 @@ def with_clusters(e: Optimum, seed: int, noise_known: bool) -> tuple[Optimum, st
     scaled, wi, wo = residual / scales(residual, f, used), readings.wi, readings.wo
     orders = (neighbour_order(wi, wo), neighbour_order(wi, wo, by_incidence=True))
     tested = used & ~of_rare_counts(readings.f, f, weight, used) if noise_known else used
-    tests = [noise_tests(rows_of(scaled, o), rows_of(tested, o), None, n, False) for o in orders]
+    effect = channel_effect(scaled, tested)
+    tests = [noise_tests(rows_of(scaled, o), rows_of(tested, o), None, n, False, effect) for o in orders]
     if few or all(t.verdict != "structure" for t in tests):
-        if tests[0].channel_effect < FEWER_CHANNELS or all(g.per_channel for g in e.parameters.free):
+        if effect < FEWER_CHANNELS or all(g.per_channel for g in e.parameters.free):
             return e, None
         wide, widest = _with_cells(e, some, cells)
         return wide, widest and (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gonio.fitting.problem import median
-from gonio.fitting.problem.median import median_of_parts
+from gonio.fitting.problem.median import median_of_parts, sorted_median
 
 
 @pytest.mark.parametrize("kept", [0, 50, 1 << 20])
@@ -22,3 +22,10 @@ def test_it_is_that_of_all_together(monkeypatch, seed, kept):
 
 def test_of_nothing_there_is_none():
     assert np.isnan(median_of_parts(lambda: [np.zeros(0)]))
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+def test_of_sorted_numbers_it_is_numpys(kind):
+    rng = np.random.default_rng(1)
+    for numbers in (rng.random((3, 7)), rng.random(8), np.ones(1), np.array([0.0, np.inf]), np.array([1.0, np.nan])):
+        assert np.array_equal(sorted_median(numbers.astype(kind)), np.median(numbers.astype(kind)), equal_nan=True)
