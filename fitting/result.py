@@ -255,7 +255,8 @@ class FitResult(Displayed):
         return difference / np.array([by.get(name, np.inf) for name in self.channels.names])
 
     def _of(self, quantity: Callable[[Material], np.ndarray], brdf: AbstractBRDF) -> np.ndarray:
-        return quantity(dataclasses.replace(self.material, brdf=brdf))
+        # Without what a file holds of the fit: to sum its residuals up takes longer than the quantity.
+        return quantity(Material(self.table or "fit", brdf, self.expression, self.channels))
 
     def _with_numbers(self, moved: list[ParameterEstimate], values: dict[str, float]) -> AbstractBRDF:
         """The model with one of its numbers changed, in one or several channels: values by label."""

@@ -18,6 +18,7 @@ from gonio.data.flags import Flag
 from gonio.data.table import COPIED, Table
 from gonio.metrology.quantity import Quantity
 from gonio.metrology.standards.reflectance import stated
+from gonio.metrology.standards.shared import once
 from gonio.metrology.standards.standard import StandardQuantity
 from gonio.metrology.standards.table_standards import TableStandards
 from gonio.models.errors import GonioError
@@ -158,11 +159,11 @@ class TableMeasurands:
         Of geometries that were not read a grid gives an interpolated value with a bound. Raises GonioError for such a
         one with the light behind the sample.
         """
-        albedos = albedos_by_side(table, feature_width)
+        albedos = once(table, ("albedos", feature_width), lambda: albedos_by_side(table, feature_width))
         shares, notes = _shares(albedos)
         (factors, between), nothing = _factors(table, geometries), np.zeros(0)
         entries = [*[g.between() for g in between], *entries]
-        turned = azimuth_dependence(table)
+        turned = once(table, "turned", lambda: azimuth_dependence(table))
         standards = TableStandards.of(table, entries, albedos, feature_width, turned)
         standards = standards.with_reasons({g.text: _nearest(table, g) for g in between})
         empty = Readout(nothing, nothing, nothing)

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
@@ -14,7 +14,11 @@ from gonio.data.channels import Channels
 from gonio.data.interpolation.multilinear import with_light_at_x
 from gonio.data.material import Material
 from gonio.data.plausibility.copies import repeated, with_noise_of_copies
-from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty, with_scatter
+from gonio.data.plausibility.correlated_uncertainty import (
+    CorrelatedUncertainty,
+    correlated_uncertainty,
+    with_scatter,
+)
 from gonio.data.plausibility.understated_uncertainty import as_scattered, understated_uncertainty
 from gonio.data.polarisation import are_radiances
 from gonio.data.profile import Profile
@@ -54,6 +58,7 @@ from gonio.metrology.standards.colour import ILLUMINANTS, LAB, Reference, Viewin
 from gonio.metrology.standards.evaluation import Undecided
 from gonio.metrology.standards.of_models import of_model
 from gonio.metrology.standards.reflectance import PORT
+from gonio.metrology.standards.shared import once
 from gonio.metrology.subsurface_quantities import subsurface_quantities
 from gonio.metrology.table_budget import table_budget
 from gonio.models.brdf import AbstractBRDF
@@ -238,6 +243,29 @@ def _radiances(table: Table) -> Table:
     return table.only([name for name, is_one in zip(table.channels.names, radiances, strict=True) if is_one])
 
 
+class _Read(NamedTuple):
+    """A table as it is integrated: without what is no radiance (`given`), with uncertainties as large as readings
+    scatter (`table`), less what all of them share, and more for copies (`read`); and what was found of these."""
+
+    given: Table
+    table: Table
+    read: Table
+    excess: np.ndarray
+    times: np.ndarray | None
+    correlated: CorrelatedUncertainty
+
+
+def _as_read(table: Table, ordered: bool) -> _Read:
+    """`ordered`: its cells stay in their order, in place of that by the azimuth from the light."""
+    given = _radiances(table)
+    given = given if ordered else with_light_at_x(given)
+    excess = understated_uncertainty(given)
+    scattered, times = as_scattered(given, excess), repeated(given)
+    correlated = correlated_uncertainty(scattered)
+    read = with_noise_of_copies(with_scatter(scattered, correlated), times)
+    return _Read(given, scattered, read, excess, times, correlated)
+
+
 def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) -> Quantities:
     name = settings.name or known.name
     if known.table is None:
@@ -247,22 +275,17 @@ def _quantities(known: Subject, settings: QuantitiesSettings, wanted: Wanted) ->
     if known.table.interpolant is None and not known.table.valid_cells().size:
         raise GonioError(f"{name} holds no valid reading; there is nothing to integrate")
     names = known.table.channels.names
-    read = _radiances(known.table)
     # A fit's readings stand in the order of the table's cells.
-    known = dataclasses.replace(known, table=read if isinstance(settings.fit, FitResult) else with_light_at_x(read))
-    assert known.table is not None
-    excess = understated_uncertainty(known.table)
-    table, times = as_scattered(known.table, excess), repeated(known.table)
+    ordered, whole = isinstance(settings.fit, FitResult), known.table
+    given, table, read, excess, times, correlated = once(whole, ("read", ordered), lambda: _as_read(whole, ordered))
     entries, remarks = standard_quantities(table.channels, wanted, table.sides != FRONT)
-    correlated = correlated_uncertainty(table)
-    read = with_noise_of_copies(with_scatter(table, correlated), times)
     measurands = TableMeasurands.of(read, settings.geometries, entries, math.radians(settings.feature_width))
     notes = [*table.provenance.get("warnings", []), *measurands.notes, *remarks, *of_polarisation(names)]
     undecided = _without_albedo(measurands, wanted) + measurands.standards.undecided
     notes += of_common(correlated) if settings.budget or correlated.relative else of_uncertainties(table)
-    notes += of_scatter(excess) + of_copies(times) + of_symmetry(table)
+    notes += of_scatter(excess) + of_copies(times) + once(table, "symmetry", lambda: of_symmetry(table))
     notes += of_reach(undecided) if settings.fit is None else []
-    fitted = None if settings.fit is None else _fitted(known.table, settings.fit)
+    fitted = None if settings.fit is None else _fitted(given, settings.fit)
     if not settings.budget:
         laws = _laws(table, table.channels, wanted)
         rows, undecided = [] if fitted is None else outputs_of(fitted)[0], undecided + laws[1]

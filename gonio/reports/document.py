@@ -16,7 +16,7 @@ from gonio.data.serialise import plain
 from gonio.figures.sampling import LEAST_KNOWN
 from gonio.fitting.judgement import judge_fit
 from gonio.fitting.residuals.energy import bounded_largest_albedo
-from gonio.metrology.standards.of_tables import shared_integrals
+from gonio.metrology.standards.shared import shared_integrals
 from gonio.models.display import percent
 from gonio.models.errors import GonioError
 from gonio.models.expression.builder import to_expression

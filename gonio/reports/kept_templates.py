@@ -1,5 +1,6 @@
 """Compiled templates, kept beside compiled programs: to compile those of a page takes as long as to fill them."""
 
+import functools
 import sys
 from importlib.metadata import version
 
@@ -21,5 +22,10 @@ class KeptTemplates(BytecodeCache):
         kept.write(_name(bucket), bucket.bytecode_to_string())
 
 
+@functools.cache
+def _jinja() -> str:
+    return version("jinja2")
+
+
 def _name(bucket: Bucket) -> str:
-    return kept.key("template", version("jinja2"), sys.version, bucket.key, bucket.checksum)
+    return kept.key("template", _jinja(), sys.version, bucket.key, bucket.checksum)

@@ -3,6 +3,7 @@
 The light is at azimuth 0: it leans towards +x, its mirror direction towards −x.
 """
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -116,9 +117,15 @@ def joined(rules: list[Rule]) -> Rule:
 
 def gauss(edges: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights of Gauss–Legendre in panels between edges."""
-    x, w = np.polynomial.legendre.leggauss(order)
+    x, w = _gauss(order)
     half = np.diff(edges)[:, None] / 2
     return (edges[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
+
+
+@functools.cache
+def _gauss(order: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights of Gauss–Legendre from −1 to 1."""
+    return np.polynomial.legendre.leggauss(order)
 
 
 def graded(length: float) -> np.ndarray:

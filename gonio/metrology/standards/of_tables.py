@@ -4,12 +4,10 @@ Each integral is a sum of readings with fixed weights, so that other readings of
 with other noise, give it again at no cost.
 """
 
-import contextlib
-import contextvars
 import dataclasses
 import functools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +24,7 @@ from gonio.data.table import Table
 from gonio.metrology.standards.apertures import Rule, joined
 from gonio.metrology.standards.bends import Bends, curvatures
 from gonio.metrology.standards.evaluation import Integrals
+from gonio.metrology.standards.shared import once
 from gonio.metrology.standards.standard import Aperture, Hemisphere, Integral
 from gonio.models.display import percent
 from gonio.models.geometry.directions import Direction
@@ -67,21 +66,6 @@ class Incidences(NamedTuple):
     numbers: np.ndarray
     weight: np.ndarray
     bend: np.ndarray
-
-
-_shared: contextvars.ContextVar["dict[tuple, tuple[Table, dict]] | None"] = contextvars.ContextVar(
-    "shared_integrals", default=None
-)
-
-
-@contextlib.contextmanager
-def shared_integrals() -> Iterator[None]:
-    """Meanwhile, rows of integrals of the same table are found once; its readings must not be changed."""
-    token = _shared.set({})
-    try:
-        yield
-    finally:
-        _shared.reset(token)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -186,10 +170,7 @@ def _rows(
     table: Table, detector: int, integrals: list[Aperture], feature_width: float
 ) -> dict[Integral, Row | Incidences | str]:
     """Rows of integrals over apertures on one side, or why there are none."""
-    memory = _shared.get()
-    key = (id(table), detector, feature_width)
-    # The table is held along with its rows: another one could have its identity else.
-    rows: dict[tuple, Row | Incidences | str] = {} if memory is None else memory.setdefault(key, (table, {}))[1]
+    rows: dict[tuple, Row | Incidences | str] = once(table, ("rows", detector, feature_width), dict)
     names = {i: _content(i) for i in integrals}
     missing = [i for i in integrals if names[i] not in rows]
     if missing:

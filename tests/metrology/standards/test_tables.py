@@ -10,8 +10,8 @@ import gonio
 from gonio.data.layouts import in_plane, isotropic
 from gonio.instrument import measure
 from gonio.instrument.scans import scan
-from gonio.metrology.standards.of_tables import shared_integrals
 from gonio.metrology.standards.reflectance import SUN
+from gonio.metrology.standards.shared import shared_integrals
 from gonio.models.errors import GonioError
 from support.marks import thorough
 
