@@ -16,7 +16,7 @@ import numpy as np
 
 from gonio.fitting.problem.arrow import Sizes, module_of
 from gonio.fitting.problem.readings import AnyArray
-from gonio.models.expression.builder import Frame, frame, number_label
+from gonio.models.expression.builder import Frame, frame, in_double, number_label
 from gonio.models.expression.parser import FACTOR, ParameterRef, Term, Value, changed, numbers
 from gonio.models.parameters import ParameterInfo
 
@@ -268,7 +268,7 @@ def parameters(terms: tuple[Term, ...], channels: int) -> Parameters:
             if several and n.path != FACTOR:  # f is a sum of what is proportional to each
                 info = dataclasses.replace(info, linear=False)
             if not value.free:
-                values[n.path] = np.asarray(value.number, float)
+                values[n.path] = in_double(value.number)
                 continue
             usual = info.per_channel if value.each is None else value.each
             per_channel = channels > 1 and (usual or isinstance(value.number, tuple))
@@ -280,10 +280,11 @@ def parameters(terms: tuple[Term, ...], channels: int) -> Parameters:
         fixed.append(values)
     flat = np.concatenate(start) if start else np.empty(0)
     each = [(g, c) for g in free for c in range(channels if g.per_channel else 1)]
+    largest = float(jnp.finfo(jnp.result_type(float)).max) / 2  # of single precision, where JAX computes in it
     domains = Domains(
         np.array([domain_kind(g.info.low, g.info.log) for g, _ in each], int),
-        np.array([g.info.low for g, _ in each], float),
-        np.array([g.info.high for g, _ in each], float),
+        np.array([max(g.info.low, -largest) for g, _ in each], float),
+        np.array([min(g.info.high, largest) for g, _ in each], float),
     )
     columns = np.array([[g.first + (c if g.per_channel else 0) for g in free] for c in range(channels)], int)
     linear = np.array([g.linear for g, _ in each], bool)

@@ -105,7 +105,19 @@ def together(parts: list[AbstractBRDF]) -> AbstractBRDF:
 def as_array(number: float | tuple[float, ...]) -> jnp.ndarray:
     """A spelled number, or list of them, in the caller's precision."""
     # By way of NumPy: JAX would compile the conversion.
-    return jnp.asarray(np.asarray(number, dtype=jnp.result_type(float)))
+    return jnp.asarray(in_double(number).astype(jnp.result_type(float)))
+
+
+def in_double(number: float | tuple[float, ...] | None) -> np.ndarray:
+    """A number or a list of them in double precision, NaN for none; GonioError where JAX's precision cannot hold it."""
+    values, kind = np.asarray(number, float), jnp.result_type(float)
+    beyond = np.abs(values) > jnp.finfo(kind).max
+    if beyond.any() and np.isfinite(values[beyond]).all():
+        raise GonioError(
+            f"{values[beyond].flat[0]:g} is more than single precision holds ({jnp.finfo(kind).max:.3g}); switch on "
+            'double precision first: jax.config.update("jax_enable_x64", True)'
+        )
+    return values
 
 
 def example(name: str) -> str:

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -12,9 +13,13 @@ from gonio.fitting.problem.parameterisation import (
     LOG1P,
     Domains,
     near_origin,
+    parameters,
     to_parameters,
     to_unconstrained,
 )
+from gonio.models.errors import GonioError
+from gonio.models.expression.builder import build
+from gonio.models.expression.parser import parse, with_defaults
 
 D = Domains(np.array([LINEAR, LOG, LOG1P]), np.array([0.0, 1e-4, 0.0]), np.array([1.0, 1.0, 1e6]))
 
@@ -54,3 +59,14 @@ def test_slope_and_curvature_are_the_derivatives():
         one = lambda t, k=k: to_parameters(D, x.at[k].set(t))[0][k]  # noqa: E731
         np.testing.assert_allclose(slope[k], jax.grad(one)(x[k]), rtol=1e-12)
         np.testing.assert_allclose(curvature[k], jax.grad(jax.grad(one))(x[k]), rtol=1e-10)
+
+
+def test_in_single_precision_domains_and_numbers_are_what_it_holds():
+    """Published rates of `sgd` reach 1e109; of JAX in single precision only smaller ones are tried or taken."""
+    with jax.enable_x64(False):
+        domains = parameters(with_defaults(parse("sgd")), 1).parameterisation.domains
+        assert np.isfinite(domains.high.astype(np.float32)).all() and (domains.low < domains.high).all()
+        for take in (build, lambda e: parameters(with_defaults(parse(e)), 1)):
+            with pytest.raises(GonioError, match="1e\\+109 is more than single precision holds"):
+                take("sgd(alpha=0.1, p=1, kappa=1, f0=0, f1=0, lam=1, c=1e109, k=1, theta_0=0)")
+    assert parameters(with_defaults(parse("sgd")), 1).parameterisation.domains.high.max() == 1e120
