@@ -14,7 +14,7 @@ import numpy as np
 from gonio.checks.direction_search import directions
 from gonio.checks.table.pairs.columns import readings_of
 from gonio.checks.table.pairs.places import angles_of
-from gonio.checks.table.pairs.scattered_pairs import ROUNDING, merged, with_azimuths
+from gonio.checks.table.pairs.scattered_pairs import merged, with_azimuths
 from gonio.data.flags import Flag
 from gonio.data.plausibility.copies import noise_of_copies
 from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty, with_scatter
@@ -125,7 +125,7 @@ def _noise(
 
 
 def _repeats(table: Table) -> Noise | None:
-    """The relative scatter of readings of the same directions; None of grids, and where there are too few."""
+    """The scatter of readings of the same directions; None of grids, and where there are too few."""
     if table.layout.gridded or not table.layout.size:
         return None
     cells = np.arange(table.layout.size)
@@ -136,8 +136,8 @@ def _repeats(table: Table) -> Noise | None:
     use = np.isfinite(f).all(axis=1)
     points = np.stack([*directions(*angles[use, :2].T), *directions(*angles[use, 2:].T)], -1)
     readings = merged(angles[use], f[use], u[use], points)
-    if not (np.isfinite(readings.scatter) and readings.scatter > ROUNDING):
+    if readings.law is None:
         return None
     size = np.abs(np.nan_to_num(f)).reshape(table.shape)
     dof = float(readings.repeated * f.shape[1])
-    return Noise(REPEATABILITY, "scatter of repeated readings", readings.scatter * size, dof, ESTIMATED)
+    return Noise(REPEATABILITY, "scatter of repeated readings", readings.noise(size), dof, ESTIMATED)

@@ -34,6 +34,8 @@ STEEPEST = 0.2
 FEWEST_REPEATS = 12
 """Repeated readings, less their means, from which the noise is taken where none is stored."""
 
+LAW_STEPS, DARK = 100, 0.2
+"""Of a fit of the noise's law, and the share of readings whose scatter is that of dark ones where it begins."""
 
 TILT = 1e-3
 """Polar angle, radians, that stands for the normal where its azimuth matters; far more than `EXACT`."""
@@ -47,8 +49,22 @@ class Readings(NamedTuple):
     u: np.ndarray
     repeated: int
     """Readings that were merged into others."""
-    scatter: float
-    """Relative standard deviation of repeats; NaN where there are too few."""
+    law: tuple[float, float] | None = None
+    """(r, a) of the standard deviation √((r f)² + a²) of repeats, a in 1/sr; None of copies and where they are few."""
+
+    def noise(self, size: np.ndarray) -> np.ndarray:
+        """Standard deviation, 1/sr, of single readings of about these sizes, where repeats show it."""
+        assert self.law is not None
+        return np.hypot(self.law[0] * size, self.law[1])
+
+    def in_words(self) -> str:
+        """By how much repeats scatter; nothing where that is not known."""
+        if self.law is None:
+            return ""
+        share, level = self.law
+        usual = float(np.max(np.abs(self.f)))
+        parts = [percent(share)] * (share * usual > level / 100) + [f"{level:.2g} 1/sr"] * (level > share * usual / 1e4)
+        return f" (they scatter by {' and '.join(parts)})"
 
 
 def merged(
@@ -63,7 +79,7 @@ def merged(
     )
     group = group.ravel()
     if count.max(initial=1) == 1:
-        return Readings(angles, f, u, 0, np.nan)
+        return Readings(angles, f, u, 0)
 
     def total(v: np.ndarray) -> np.ndarray:
         return np.stack([np.bincount(group, c, count.size) for c in v.T], -1)
@@ -72,11 +88,36 @@ def merged(
     mean, uncertainty = total(f) / n, np.sqrt(total(u**2)) / n
     freedom = int(np.sum(count - 1))
     size = np.max(np.abs(mean), axis=1, keepdims=True) if of_brightest else np.abs(mean)
-    size = np.broadcast_to(np.maximum(size, 1e-300), mean.shape)
-    scatter = float(np.sqrt(np.sum(((f - mean[group]) / size[group]) ** 2) / (freedom * f.shape[1])))
-    if freedom >= FEWEST_REPEATS and scatter > ROUNDING and not np.isfinite(uncertainty).any():
-        uncertainty = scatter * size / np.sqrt(n)
-    return Readings(angles[first], mean, uncertainty, freedom, scatter if freedom >= FEWEST_REPEATS else np.nan)
+    size = np.broadcast_to(size, mean.shape)
+    squares, readings = total((f - mean[group]) ** 2), Readings(angles[first], mean, uncertainty, freedom)
+    if freedom < FEWEST_REPEATS or np.sum(squares) <= ROUNDING**2 * freedom * np.mean(size[count > 1] ** 2):
+        return readings
+    readings = readings._replace(law=_noise_law(squares, size, n - 1))
+    if not np.isfinite(uncertainty).any():
+        readings = readings._replace(u=readings.noise(size) / np.sqrt(n))
+    return readings
+
+
+def _noise_law(squares: np.ndarray, size: np.ndarray, freedom: np.ndarray) -> tuple[float, float]:
+    """(r, a) of the variance (r size)² + a² of readings, by sums of squared deviations from their means (m, channels).
+
+    Of the greatest likelihood, by multiplicative steps that keep both parts positive [Févotte, Bertin & Durrieu 2009,
+    of the Itakura–Saito divergence, which is that of normal deviations], from what bright and dark readings scatter by
+    themselves. A mean of about 0 tells of the absolute part: a share of it would be no scale of its noise.
+    """
+    use = np.broadcast_to(freedom > 0, size.shape)
+    weight, y, terms = (np.broadcast_to(a, size.shape)[use] for a in (freedom, squares / np.maximum(freedom, 1), size))
+    terms = np.stack([terms**2, np.ones(terms.size)])
+    bright, dark = terms[0] >= np.median(terms[0]), terms[0] <= np.quantile(terms[0], DARK)
+    least = 1e-300
+    share = np.sum((weight * y)[bright] / np.maximum(terms[0][bright], least)) / np.sum(weight[bright])
+    parts = np.maximum([share, np.sum((weight * y)[dark]) / np.sum(weight[dark])], least)
+    for _ in range(LAW_STEPS):
+        expected = np.maximum(parts @ terms, least)
+        rise, fall = terms @ (weight * (y / expected) / expected), terms @ (weight / expected)
+        parts *= np.sqrt(rise / np.maximum(fall, least))
+    share, level = np.sqrt(parts).tolist()
+    return share, level
 
 
 def with_azimuths(table: Table) -> np.ndarray:
@@ -102,12 +143,11 @@ def scattered_pairs(table: Table) -> Pairs:
     polarised = is_polarised(table.channels.names)
     tilted = with_azimuths(table)[use] if polarised else angles[use]
     readings = merged(tilted, f[use], u[use], pair_points(tilted, isotropic, False), of_brightest=polarised)
-    angles, f, u, repeated, scatter = readings
+    angles, f, u, repeated, _ = readings
     how = "readings whose exchanged directions were read" + (", taking the surface as isotropic" if isotropic else "")
     how += " and mirror symmetric, as azimuth differences are on one side" if mirrored else ""
     if repeated:
-        how += f", {repeated:,} repeats merged"
-        how += f" (they scatter by {percent(scatter)})" if np.isfinite(scatter) else ""
+        how += f", {repeated:,} repeats merged{readings.in_words()}"
     if len(f) < 2:
         return Pairs.of_arrays((f[:0], f[:0], u[:0], u[:0]), angles[:0], len(f), how, merged=angles)
     here = pair_points(angles, isotropic, mirrored)
