@@ -9,6 +9,7 @@ import dataclasses
 import numpy as np
 
 from gonio.models.geometry.directions import Direction
+from gonio.models.scipy_parts import parts
 
 BINS = 10
 LEAF = 8  # readings of one cluster; what farther ones share, cross-validation judges
@@ -35,13 +36,12 @@ def neighbourhood(wi: Direction, wo: Direction) -> Neighbourhood:
 
     Where there are few incident directions the groups are clusters of neighbouring pairs.
     """
-    from scipy.spatial import KDTree
-
     points = np.stack([np.asarray(c, float) for c in (*wi, *wo)], axis=1)
     n = points.shape[0]
     if n < 3:
         return Neighbourhood(np.empty((0, 2), int), np.zeros(n, int), np.arange(n))
-    distance, near = (np.asarray(a) for a in KDTree(points, leafsize=16).query(points, k=min(n, TIED)))
+    (tree,) = parts("scipy.spatial", "_ckdtree", "cKDTree")
+    distance, near = (np.asarray(a) for a in tree(points, leafsize=16).query(points, k=min(n, TIED)))
     # On a grid several are equally near: all of them count, lest the order of the readings choose. Of those in one
     # place, as on a pole, one does: they would outnumber the others.
     equal = distance <= (1 + SAME) * distance[:, 1:2]

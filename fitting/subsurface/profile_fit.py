@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from scipy.special import chdtrc
 
 from gonio.data.material import Material
 from gonio.data.profile import Profile
@@ -28,6 +27,7 @@ from gonio.models.errors import GonioError
 from gonio.models.expression.builder import bssrdf_expression
 from gonio.models.expression.parser import Call, Value, parse_bssrdf
 from gonio.models.parameters import ParameterInfo, parameters_of
+from gonio.models.special_functions import chdtrc
 from gonio.models.subsurface.base import ABSORPTION, MOST, SCATTERING
 from gonio.models.subsurface.catalog import BSSRDFS
 from gonio.models.subsurface.evaluation import totals

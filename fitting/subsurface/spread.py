@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-from scipy.special import chdtrc, stdtrit
 
 from gonio.fitting.problem.parameterisation import LOG, LOG1P, Domains
 from gonio.fitting.subsurface.problem import LeastSquares, ProfileOptimum
@@ -11,6 +10,7 @@ from gonio.fitting.subsurface.profile_intervals import Interval, profile_interva
 from gonio.fitting.uncertainty.covariance import NORMAL_95, CovarianceEstimate
 from gonio.fitting.uncertainty.identifiability import describe_combination
 from gonio.fitting.uncertainty.profile_likelihood import is_open
+from gonio.models.special_functions import chdtrc, stdtrit
 from gonio.models.subsurface.base import MOST
 
 LEVEL = 0.01

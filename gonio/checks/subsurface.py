@@ -5,7 +5,6 @@ from collections.abc import Mapping
 import equinox as eqx
 import jax
 import numpy as np
-from scipy.special import ndtri
 
 from gonio.checks.certificate import FAIL, NOT_TESTABLE, Certificate, Property, verdict_of, without_residual
 from gonio.checks.profile_light import by_distance, light_of_profile
@@ -14,6 +13,7 @@ from gonio.data.channels import Channels
 from gonio.data.profile import Profile
 from gonio.models.display import percent
 from gonio.models.geometry.directions import from_spherical
+from gonio.models.special_functions import ndtri
 from gonio.models.subsurface.base import AbstractBSSRDF, Position
 from gonio.models.subsurface.evaluation import evaluated, totals
 

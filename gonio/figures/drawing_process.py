@@ -120,9 +120,13 @@ def serve() -> None:
     os.dup2(2, 1)
     pictures: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_take_pictures, args=(pictures,), daemon=True).start()
-    # Matplotlib is loaded before the first picture comes.
+    # Matplotlib is loaded before the first picture comes; half of its time would go to a text on the properties of each
+    # class, which nobody reads here.
+    import matplotlib.artist
+
+    matplotlib.artist.kwdoc = lambda artist: ""
     import matplotlib.backends.backend_svg
-    import matplotlib.figure  # noqa: F401
+    import matplotlib.figure
 
     from gonio.figures import style  # noqa: F401
 

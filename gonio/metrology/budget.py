@@ -5,7 +5,8 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
+
+from gonio.models.special_functions import stdtrit
 
 COVERAGE = 2.0
 """k of the expanded uncertainty: 95.45 % of a normal distribution."""

@@ -9,7 +9,6 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtri
 
 from gonio.data.table import Table
 from gonio.metrology.budget import LEVEL, Budget
@@ -19,6 +18,7 @@ from gonio.metrology.measurands import TableMeasurands
 from gonio.metrology.sources import Noise, Sources
 from gonio.metrology.table_budget import aperture_shift
 from gonio.models.errors import GonioError
+from gonio.models.special_functions import ndtri
 
 FEWEST, MOST = 100, 1_000_000
 TAIL = (1 - LEVEL) / 2

@@ -4,7 +4,6 @@ import os
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import ndtri
 
 from gonio.checks.profile_light import ProfileLight, by_distance, light_of_profile
 from gonio.data.material import Material
@@ -26,6 +25,7 @@ from gonio.metrology.subsurface_quantities import (
     subsurface_quantities,
 )
 from gonio.models.errors import GonioError
+from gonio.models.special_functions import ndtri
 
 LEVEL = 0.01
 """Chance of counting noise as light."""

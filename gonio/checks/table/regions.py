@@ -12,7 +12,6 @@ import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
 from gonio.checks.certificate import FAIL, PASS, UNDECIDED, Property, place_in_words, place_of
 from gonio.checks.table.evidence import TableEvidence
@@ -23,6 +22,7 @@ from gonio.checks.table.statistics.pair_noise import Regions, noise_of_pairs
 from gonio.checks.table.statistics.quantiles import median
 from gonio.checks.table.statistics.shared_differences import least_shared
 from gonio.models.display import percent
+from gonio.models.special_functions import stdtrit
 
 ENOUGH = 0.1
 MOST_UNCOVERED = 0.05

@@ -1,7 +1,8 @@
 """Cumulant generating functions of sums of counts, and the tilts at which they have given means."""
 
 import numpy as np
-from scipy.special import exprel
+
+from gonio.models.special_functions import exprel
 
 STEPS = 100
 """Five or six are usual, 50 the most that are needed."""

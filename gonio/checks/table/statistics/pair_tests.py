@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.special import ndtr
 
 from gonio.checks.table.pairs.pairs import Pairs
 from gonio.checks.table.pairs.places import SIDE, bands
@@ -16,6 +15,7 @@ from gonio.checks.table.statistics.counts import (
     family_p,
     sidak,
 )
+from gonio.models.special_functions import ndtr
 
 SizesOfPairs = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """What one count adds to readings a and b, 1/sr, of pairs of these numbers."""

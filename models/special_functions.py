@@ -1,0 +1,7 @@
+"""SciPy's special functions of NumPy arrays."""
+
+from gonio.models.scipy_parts import parts
+
+NAMES = ("chdtrc", "exprel", "gammainc", "log_ndtr", "ndtr", "ndtri", "stdtrit")
+
+chdtrc, exprel, gammainc, log_ndtr, ndtr, ndtri, stdtrit = parts("scipy.special", "_ufuncs", *NAMES)
