@@ -29,6 +29,12 @@ SEARCHED = 10.0
 """Below this expectation the count is found by searching the distribution; above it by rejection."""
 SEARCH_END = 120
 """P(count ≥ 120) is below 1e-80 for an expectation of `SEARCHED`."""
+MANY_READINGS = 10_000
+"""Readings without a count that tell no less than one count among them: fewer counts are expected of none of them.
+
+The law itself states 1e-153 where 1e-306 counts are expected, and one such reading outweighs all others. One count of
+each reading would be too much: of readings of 0.06 counts each uncertainties of fits would be four times too large.
+"""
 
 
 def standard_uncertainty(
@@ -41,8 +47,8 @@ def standard_uncertainty(
     """Standard uncertainty, 1/sr, of readings whose expectation is `expected`, 1/sr; 0 for an ideal instrument.
 
     Shapes: `expected` (n, channels), `irradiance` (n,) relative to normal incidence, `exposure` (n,): the counting
-    times over the instrument's own. It is the standard deviation of
-    the law above, exactly; systematic errors are not in it.
+    times over the instrument's own. It is the standard deviation of the law above, exactly, down to what one count in
+    `MANY_READINGS` would be; systematic errors are not in it.
     """
     variance = (instrument.noise * expected) ** 2
     if instrument.photons is not None:
@@ -50,7 +56,8 @@ def standard_uncertainty(
         scale = instrument.photons * exposure * np.pi * irradiance[:, None] / gain
         signal = np.abs(expected) * scale * _mean_magnitude(instrument.noise)
         background = (instrument.ambient * instrument.photons + instrument.dark) * exposure
-        variance = variance + (signal + 2 * background + 2 * instrument.read_noise**2) / scale**2
+        counted = np.maximum(signal + 2 * background + 2 * instrument.read_noise**2, 1.0 / MANY_READINGS)
+        variance = variance + counted / scale**2
     return np.sqrt(variance)
 
 

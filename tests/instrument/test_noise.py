@@ -50,6 +50,16 @@ def test_an_ideal_reading_is_its_expectation_and_exact():
     assert not standard_uncertainty(Instrument(), BRIGHT, COS).any()
 
 
+def test_where_no_count_is_expected_the_uncertainty_is_that_of_one_in_many_readings():
+    """1e-153 was stated; an ideal reading stays exact, and a source's own noise is a share of f."""
+    dark = 10.0 ** np.arange(-300, -5)[:, None]
+    lit = np.ones(dark.shape[0])
+    counts = 1e4 * math.pi
+    u_f = standard_uncertainty(Instrument(photons=1e4), dark, lit)
+    assert u_f == pytest.approx(np.maximum(0.01, np.sqrt(counts * dark)) / counts)
+    assert standard_uncertainty(Instrument(noise=0.1), dark, lit) == pytest.approx(0.1 * dark)
+
+
 @pytest.mark.parametrize("source", ["all", "source"])
 def test_the_cut_into_blocks_changes_no_bit_and_the_seed_every_reading(source):
     instrument, expected = SOURCES[source]
