@@ -26,6 +26,7 @@ from gonio.fitting.result import FitResult
 from gonio.models.evaluation import evaluate
 from gonio.models.expression.builder import build
 from gonio.models.expression.parser import parse, with_defaults
+from support.marks import thorough
 
 MODEL = "lambert + ggx(f0=0.04)"
 RTOL = 1e-9  # of the numbers: an end is stationary to 1e-9 of their standard uncertainties
@@ -66,12 +67,14 @@ def numbers(r: FitResult) -> np.ndarray:
 @pytest.mark.parametrize(
     ("known", "options"),
     [
-        ("all", {}),
         ("some", {}),
         ("none", {"theta_max": np.radians(70)}),
-        ("some", {"loss": "log", "weight": "solid-angle"}),
-        ("all", {"loss": "log1p", "per_channel": True}),
-        ("all", {"robust": "tukey"}),
+        *thorough(
+            ("all", {}),
+            ("some", {"loss": "log", "weight": "solid-angle"}),
+            ("all", {"loss": "log1p", "per_channel": True}),
+            ("all", {"robust": "tukey"}),
+        ),
     ],
 )
 def test_a_large_table_is_fitted_as_a_small_one(request, known, options):
