@@ -179,7 +179,7 @@ def _by_readings_or_model(evidence: TableEvidence, tolerance: float) -> Property
         judged = _judged(albedos, evidence, tolerance)
     if judged.verdict != UNDECIDED or evidence.model is None:
         return judged
-    assisted = _assisted(evidence)
+    assisted = _assisted(evidence, albedos)
     if isinstance(assisted, str):
         judged.detail += f" A model does not help: {assisted}."
         return judged
@@ -210,14 +210,17 @@ def deciding_by_side(evidence: TableEvidence) -> dict[tuple[int, int], Albedos |
     )
 
 
-def _assisted(evidence: TableEvidence) -> Albedos | str:
-    by_side = _assisted_by_side(evidence)
+def _assisted(evidence: TableEvidence, alone: Albedos | str) -> Albedos | str:
+    """The albedos with the help of the model; `alone`: those of the table without it."""
+    by_side = _assisted_by_side(evidence, alone)
     if isinstance(by_side, str):
         return by_side
     return by_side[1, 1] if evidence.table.sides == FRONT else summed(by_side)
 
 
-def _assisted_by_side(evidence: TableEvidence) -> dict[tuple[int, int], Albedos | str] | str:
+def _assisted_by_side(
+    evidence: TableEvidence, alone: Albedos | str | None = None
+) -> dict[tuple[int, int], Albedos | str] | str:
     table, features = evidence.table, features_of(evidence.table, evidence.feature_width)
     if table.interpolant is not None:
         return "the table brings its own interpolation between the readings"
@@ -230,14 +233,18 @@ def _assisted_by_side(evidence: TableEvidence) -> dict[tuple[int, int], Albedos 
     assert fitted is not None
     beside = FurtherBySide(evidence.further)
     if table.sides == FRONT:
-        return {(1, 1): _assisted_front(Part(table), fitted, beside.added(features))}
+        return {(1, 1): _assisted_front(Part(table), fitted, beside.added(features), alone)}
     return albedos_of_parts(table, lambda p: _assisted_front(p, fitted, beside.added(features, p.light, p.detector)))
 
 
-def _assisted_front(part: Part, fitted: "FitResult", features: Features) -> Albedos | str:
+def _assisted_front(
+    part: Part, fitted: "FitResult", features: Features, alone: Albedos | str | None = None
+) -> Albedos | str:
     """Those of one pair of sides; `fitted` was made to all of the table. Where readings alone bound them more closely
-    than the model does, which may be badly determined, it is left out."""
-    assisted, alone = _by_model(part, fitted, features), _albedos(part.table, features, part.bend)
+    than the model does, which may be badly determined, it is left out. `alone`: by readings, where known before."""
+    assisted = _by_model(part, fitted, features)
+    if alone is None:
+        alone = _albedos(part.table, features, part.bend)
     return assisted if isinstance(assisted, str) or isinstance(alone, str) else assisted.with_closer(alone)
 
 

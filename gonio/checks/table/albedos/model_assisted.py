@@ -52,10 +52,12 @@ def _shares(brdf: AbstractBRDF, grid: HemisphereGrid, wi: Direction, channels: i
         rows, columns = _hats(grid.theta_o, theta), _hats_around(grid.azimuth, phi)
         for (i, a), (j, b) in ((r, c) for r in rows for c in columns):
             nodes, share = i * size[1] + j, a * b
+            far = nodes[outside]
             for c in range(channels):
                 part = share * light[:, c]
                 near[:, c] += np.bincount(nodes, part, near.shape[0])
-                beyond[:, c] += np.bincount(nodes[outside], part[outside], near.shape[0])
+                if far.size:
+                    beyond[:, c] += np.bincount(far, part[outside], near.shape[0])
     return _Shares(*(a.reshape(*size, channels) for a in (near, beyond)))
 
 
