@@ -73,7 +73,12 @@ def repeated(table: Table) -> np.ndarray | None:
     """
     if table.u_f is None or table.interpolant is not None or table.layout.size > MOST:
         return None
-    block = table.values_at(np.arange(table.layout.size))
+    cells = np.arange(table.layout.size)
+    blocks = (cells[k : k + LOOKED_AT] for k in range(0, cells.size, LOOKED_AT))  # of a large table all is much memory
+    values = np.concatenate([np.asarray(table.values_at(b)["f"]).reshape(b.size, -1)[:, 0] for b in blocks])
+    if not _values_repeat(values):
+        return None
+    block = table.values_at(cells)
     f, u, flag = (np.asarray(block[name]).reshape(table.layout.size, -1) for name in ("f", "u_f", "flag"))
     valid = (flag == Flag.VALID) & np.isfinite(f)
     if not (valid & (u > 0)).any():

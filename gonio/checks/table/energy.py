@@ -171,7 +171,7 @@ def _of_both_sides(judged: Property, evidence: TableEvidence) -> Property:
 def _by_readings_or_model(evidence: TableEvidence, tolerance: float) -> Property:
     albedos = evidence.albedos
     if albedos is None:
-        albedos = table_albedos(evidence.table, evidence.feature_width, evidence.further)
+        albedos = table_albedos(evidence.with_copies_as_one, evidence.feature_width, evidence.further)
     if isinstance(albedos, str):
         detail = f"The albedo of this table cannot be integrated: {albedos}."
         judged = without_residual("energy", UNDECIDED, tolerance, detail, incidences=0)
@@ -204,7 +204,7 @@ def deciding_by_side(evidence: TableEvidence) -> dict[tuple[int, int], Albedos |
     assisted = "no model" if evidence.model is None else _assisted_by_side(evidence)
     if not isinstance(assisted, str) and not any(isinstance(of_side, str) for of_side in assisted.values()):
         return assisted
-    alone = albedos_by_side(evidence.table, evidence.feature_width)
+    alone = albedos_by_side(evidence.with_copies_as_one, evidence.feature_width)
     return (
         alone if isinstance(assisted, str) else {k: alone[k] if isinstance(a, str) else a for k, a in assisted.items()}
     )

@@ -21,6 +21,7 @@ from gonio.checks.table.pairs.places import places
 from gonio.checks.table.pairs.scattered_pairs import scattered_pairs
 from gonio.data.channels import Channels
 from gonio.data.interpolation.sheets import sheet_of
+from gonio.data.plausibility.copies import repeated, with_noise_of_copies
 from gonio.data.table import Table
 from gonio.models.geometry.sides import FRONT
 
@@ -125,7 +126,12 @@ class TableEvidence:
 
     def pairs(self, kind: str) -> Pairs | str:
         """Pairs of one of the kinds of `PAIRS`; or why there are none."""
-        return PAIRS[kind](self.table)
+        return PAIRS[kind](self.with_copies_as_one)
+
+    @functools.cached_property
+    def with_copies_as_one(self) -> Table:
+        """The table with so much larger uncertainties of readings that repeat others that sums know no more by them."""
+        return with_noise_of_copies(self.table, repeated(self.table))
 
     def channel(self, number: int) -> str | None:
         """What a place calls a channel: its name, or None for the only one."""

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.stats import binom
@@ -155,3 +157,18 @@ def test_one_azimuth_about_the_half_vector_leaves_energy_open():
     table = whole_table_of_values(layout, f, Channels.grey())
     energy = table_energy(TableEvidence(table), 0.01)
     assert energy.verdict == "undecided" and "one azimuth of the light about the half vector" in energy.detail
+
+
+def test_readings_that_repeat_others_make_albedos_no_better_known():
+    """One side was copied to the other; beside it the same values but for 1e-5, which are readings of their own."""
+    polar, azimuths = np.radians(np.arange(0, 81, 10)), np.radians(np.arange(0, 360, 15))
+    layout, rng = layouts.isotropic(polar, polar, azimuths), np.random.default_rng(3)
+    f = grid_values(build("lambert(rho=0.6)"), layout)
+    y = f * (1 + 0.05 * rng.standard_normal(f.shape))
+    y = y[:, :, np.minimum(np.arange(azimuths.size), -np.arange(azimuths.size) % azimuths.size)]
+    apart = y * (1 + 1e-5 * rng.standard_normal(f.shape))
+    # Of a simulated instrument: of another one readings that agree so well would share an error.
+    tables = [whole_table_of_values(layout, a, u_f=0.05 * f) for a in (y, apart)]
+    tables = [dataclasses.replace(t, provenance={"instrument": {"photons": 1e4}}) for t in tables]
+    bound, of_more = (np.array(table_energy(TableEvidence(t), 0.01).series["bound"]) for t in tables)
+    assert (bound > 1.1 * of_more).all()
