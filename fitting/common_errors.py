@@ -14,6 +14,7 @@ from gonio.data.plausibility.correlated_uncertainty import correlated_uncertaint
 from gonio.data.stated import TERMS, StatedUncertainty, stated_uncertainties
 from gonio.data.table import Table
 from gonio.fitting.drift import drift
+from gonio.fitting.judgement import COMMON, common_error_words
 from gonio.fitting.problem.problem import FitProblem
 from gonio.fitting.problem.readings import evenly_spaced, rows_of, transform_slope, transformed, uses_cosine
 from gonio.fitting.solver.disc_choice import step_towards
@@ -24,9 +25,6 @@ NOTEWORTHY = 0.5
 """Standard uncertainties of a number that a stated error moves it by, from which on it is named."""
 USUAL = {"gain": 0.01, "dark": 0.001}
 """What good instruments reach, as a share of a white diffuser's signal: what nothing states may be as large."""
-COMMON = "part of the stored uncertainties that all readings share, as they scatter less"
-NEEDED = {"name", "meaning", "number", "equal"}
-"""Of each row."""
 MOST_COMPARED = 1 << 14
 """Readings that are looked at; of more, evenly spaced ones."""
 
@@ -76,31 +74,6 @@ def left_out(
     # What is stated is a fault of the fit, however little it is beside what nothing states.
     return sorted(
         rows, key=lambda row: (row["stated"] is None, row["equal"] / (row["stated"] or USUAL.get(row["name"], 1.0)))
-    )
-
-
-def common_error_words(rows: Sequence[Mapping[str, Any]]) -> str:
-    """What is left out, in words; nothing for none, and where a row of a file lacks what it should hold.
-
-    Files leave out a `stated` of None.
-    """
-    if not rows or not all(row.keys() >= NEEDED and (row["equal"] or 0.0) > 0 for row in rows):
-        return ""
-    worst = rows[0]
-    if worst.get("stated") is not None:
-        names = ",".join(row["name"] for row in rows if row.get("stated") is not None and row.get("fitted"))
-        size, moved = 100 * worst["stated"], worst["stated"] / worst["equal"]
-        remedy = f"; --nuisance {names} takes it in" if worst.get("fitted") else ""
-        shown = worst["meaning"] == COMMON or worst["name"] == "drift"  # by the readings themselves
-        return (
-            f"its standard uncertainties leave out the {'' if shown else 'stated '}"
-            f"{worst['meaning']}: ± {size:.3g} % moves "
-            f"{worst['number']} by {moved:.2g} of them{remedy}"
-        )
-    sizes = " or ".join(f"{100 * row['equal']:.2g} % ({row['name']}, {row['number']})" for row in rows)
-    return (
-        "its standard uncertainties hold the noise alone; an error that all readings share, which nothing states, "
-        f"moves a number by one of them where it is {sizes}"
     )
 
 

@@ -1,11 +1,10 @@
 """Whether a fit is good, in one sentence: its faults with the worst first, or what makes it a good one."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gonio.fitting.common_errors import common_error_words
 from gonio.models.display import percent
 
 ALBEDO_TOLERANCE = 1e-3
@@ -26,6 +25,9 @@ DECIDING = 2.0
 UNTESTED = "untested"
 """Of residuals: there are no more readings than free numbers."""
 GOOD, FAIR, POOR, FAILED = "good", "fair", "poor", "failed"
+COMMON = "part of the stored uncertainties that all readings share, as they scatter less"
+NEEDED = {"name", "meaning", "number", "equal"}
+"""Of each row of common errors."""
 OPENINGS = {
     GOOD: "A good fit", FAIR: "A fair fit", POOR: "A POOR FIT", FAILED: "A FAILED FIT, do not use it",
 }  # fmt: skip
@@ -105,3 +107,28 @@ def _outliers(residuals: Mapping[str, Any], count: float) -> str:
 
 def _finite(value: Any) -> float | None:
     return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
+
+
+def common_error_words(rows: Sequence[Mapping[str, Any]]) -> str:
+    """What the uncertainties of a fit leave out (see `common_errors`), in words.
+
+    Nothing for none, and where a row of a file lacks what it should hold. Files leave out a `stated` of None.
+    """
+    if not rows or not all(row.keys() >= NEEDED and (row["equal"] or 0.0) > 0 for row in rows):
+        return ""
+    worst = rows[0]
+    if worst.get("stated") is not None:
+        names = ",".join(row["name"] for row in rows if row.get("stated") is not None and row.get("fitted"))
+        size, moved = 100 * worst["stated"], worst["stated"] / worst["equal"]
+        remedy = f"; --nuisance {names} takes it in" if worst.get("fitted") else ""
+        shown = worst["meaning"] == COMMON or worst["name"] == "drift"  # by the readings themselves
+        return (
+            f"its standard uncertainties leave out the {'' if shown else 'stated '}"
+            f"{worst['meaning']}: ± {size:.3g} % moves "
+            f"{worst['number']} by {moved:.2g} of them{remedy}"
+        )
+    sizes = " or ".join(f"{100 * row['equal']:.2g} % ({row['name']}, {row['number']})" for row in rows)
+    return (
+        "its standard uncertainties hold the noise alone; an error that all readings share, which nothing states, "
+        f"moves a number by one of them where it is {sizes}"
+    )

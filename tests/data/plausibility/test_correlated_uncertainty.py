@@ -10,7 +10,7 @@ from gonio.data import layouts
 from gonio.data.layouts import Layout
 from gonio.data.plausibility.correlated_uncertainty import correlated_uncertainty
 from gonio.data.table import Table, whole_table_of_values
-from gonio.fitting.common_errors import COMMON
+from gonio.fitting.judgement import COMMON
 from support.tables import list_in_planes
 
 STATED = 0.015
