@@ -1,5 +1,6 @@
 """f in the plane of incidence against |sinθs − sinθi|, fitted in log f by ABg and Harvey–Shack's law [Harvey 1976]."""
 
+import dataclasses
 import functools
 import math
 from collections.abc import Callable
@@ -43,11 +44,13 @@ Law = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 class Profile(NamedTuple):
-    """Readings in the plane of incidence: θi (n,), radians, offsets |sinθs − sinθi| (n,), f (n, C)."""
+    """Readings in the plane of incidence: θi (n,), radians, offsets |sinθs − sinθi| (n,), f and u(f) (n, C)."""
 
     theta_i: np.ndarray
     offset: np.ndarray
     f: np.ndarray
+    u_f: np.ndarray | None = None
+    """Of no stated uncertainty 0; None of a model."""
 
 
 def abg(p: np.ndarray, log_x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -101,9 +104,10 @@ def of_table(table: Table) -> Profile:
     block = table.values_at(cells)
     use = (block["flag"] == Flag.VALID).all(axis=1)
     cells, f = cells[use], np.asarray(block["f"], float)[use]
+    u_f = None if table.u_f is None else np.nan_to_num(np.asarray(block["u_f"], float)[use])
     along, beside = (np.sin(theta_o[cells]) * side(turn[cells]) for side in (np.cos, np.sin))
     offset = np.hypot(along + np.sin(theta_i[cells]), beside)
-    return Profile(theta_i[cells], np.where(offset < SLACK, 0.0, offset), f)
+    return Profile(theta_i[cells], np.where(offset < SLACK, 0.0, offset), f, u_f)
 
 
 def scatter_laws(profile: Profile, channels: Channels) -> tuple[list[Quantity], list[Undecided]]:
@@ -125,19 +129,33 @@ def scatter_laws(profile: Profile, channels: Channels) -> tuple[list[Quantity], 
                 rows += made
             else:
                 undecided[name] = Undecided(name, "", GROUP, "f follows no such law, or does not fall far enough")
-        spread = _between_incidences(profile.theta_i[use], x[use], logs)
-        if spread is not None:
-            verdict = "holds" if spread <= HOLDS else "does not hold"
-            rows.append(
-                Quantity(
-                    "difference of incidences", f"shift invariance {verdict}", channel, spread, 0.0, {}, "%",
-                    "Harvey 1976", "rms difference of f at one |sinθs − sinθi|; " + range_text, GROUP,
-                )
-            )  # fmt: skip
+        u = np.zeros(logs.size) if profile.u_f is None else profile.u_f[use, c] / profile.f[use, c]
+        spread = _between_incidences(profile.theta_i[use], x[use], logs, u)
+        rows += [] if spread is None else [_difference(spread, channel, range_text)]
     if some.size < count:
         reason = f"fitted to {some.size} of {count} channels alone; Table.only takes others"
         undecided["channels"] = Undecided("ABg, Harvey–Shack", "", GROUP, reason)
     return rows, list(undecided.values())
+
+
+class Spread(NamedTuple):
+    """Rms difference between incidences, per cent, its standard uncertainty, and how far it may be off."""
+
+    value: float
+    u: float
+    bound: float
+
+
+def _difference(spread: Spread, channel: str, range_text: str) -> Quantity:
+    """By how much incidences differ, and whether f depends on the offset alone."""
+    row = Quantity(
+        "difference of incidences", "shift invariance not decided", channel, spread.value, spread.bound, {}, "%",
+        "Harvey 1976", "rms difference of f at one |sinθs − sinθi|; " + range_text, GROUP, spread.u,
+    )  # fmt: skip
+    if spread.value + 2 * row.u <= HOLDS:  # what may be too much of it makes it smaller
+        return dataclasses.replace(row, place="shift invariance holds")
+    sure = spread.value - spread.bound - 2 * row.u > HOLDS
+    return dataclasses.replace(row, place="shift invariance does not hold") if sure else row
 
 
 def _range(profile: Profile) -> str:
@@ -249,17 +267,51 @@ def descended(
     return p, sums[0]
 
 
-def _between_incidences(theta: np.ndarray, x: np.ndarray, logs: np.ndarray) -> float | None:
-    """Rms difference, per cent, of f between incidences at one offset; None of one incidence."""
+def _between_incidences(theta: np.ndarray, x: np.ndarray, logs: np.ndarray, u: np.ndarray) -> Spread | None:
+    """Rms difference of f between incidences at one offset; None of one incidence.
+
+    Its bound is what the noise u (n,) of log f adds to it by itself, and what log f bends between the first
+    incidence's offsets: as much as it changes where every second of these is left out.
+    """
     nodes = np.unique(np.round(theta, 6))
-    differences = []
     first = np.abs(theta - nodes[0]) < 1e-6
     # Both sides of one light have the same offsets, to the rounding of angles: the mean stands for them.
     _, place, count = np.unique(np.round(x[first], 6), return_inverse=True, return_counts=True)
     level = logs[first][0]  # equal readings have their own mean
     offsets, means = (np.bincount(place, v) / count for v in (x[first], logs[first] - level))
-    for node in nodes[1:]:
-        here = (np.abs(theta - node) < 1e-6) & (x >= offsets[0] - SLACK) & (x <= offsets[-1] + SLACK)
-        differences.append(logs[here] - level - np.interp(x[here], offsets, means))
-    every = np.concatenate(differences) if differences else np.zeros(0)
-    return 100 * float(np.sqrt(np.mean(every**2))) if every.size else None
+    here = ~first & (x >= offsets[0] - SLACK) & (x <= offsets[-1] + SLACK)
+    if not here.any():
+        return None
+    at_node = np.min(np.abs(x[here, None] - offsets), axis=1) < 1e-6
+    difference = logs[here] - level - np.interp(x[here], offsets, means)
+    some = np.unique(np.append(np.arange(0, offsets.size, 2), offsets.size - 1))
+    bends = np.interp(x[here], offsets[some], means[some]) - np.interp(x[here], offsets, means)
+    bend = float(np.sqrt(np.mean(np.where(at_node, 0.0, bends) ** 2)))
+    noise, u_rms = _noise_of_rms(difference, u[here], (place, count, u[first]), (x[here], offsets))
+    rms = float(np.sqrt(np.mean(difference**2)))
+    return Spread(100 * rms, 100 * u_rms, 100 * (rms - math.sqrt(max(rms**2 - noise, 0.0)) + bend))
+
+
+def _noise_of_rms(
+    difference: np.ndarray,
+    u: np.ndarray,
+    first: tuple[np.ndarray, np.ndarray, np.ndarray],
+    between: tuple[np.ndarray, np.ndarray],
+) -> tuple[float, float]:
+    """(the mean variance of differences (m,), the standard uncertainty of their rms).
+
+    Args:
+        difference: of readings of uncertainty u (m,) from what is interpolated between means.
+        first: (which mean, readings of each mean, uncertainties) of the readings that are averaged.
+        between: (offsets of the differences (m,), offsets of the means).
+    """
+    (place, count, u_first), (x, offsets) = first, between
+    variance = np.bincount(place, u_first**2) / count**2
+    right = np.clip(np.searchsorted(offsets, x), min(1, offsets.size - 1), offsets.size - 1)
+    before = np.maximum(right - 1, 0)
+    share = np.clip((x - offsets[before]) / np.maximum(offsets[right] - offsets[before], SLACK), 0.0, 1.0)
+    of_each = u**2 + (1 - share) ** 2 * variance[before] + share**2 * variance[right]
+    pull = sum(np.bincount(n, difference * w, offsets.size) for n, w in ((before, 1 - share), (right, share)))
+    of_square = 4 * (np.sum((difference * u) ** 2) + np.sum(pull**2 * variance)) + 2 * np.sum(of_each**2)
+    square, noise = float(np.sum(difference**2)), float(np.mean(of_each))
+    return noise, float(np.sqrt(of_square / (4 * square * difference.size))) if square > 0 else math.sqrt(noise)
