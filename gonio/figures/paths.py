@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gonio.data.files import new_file, refuse_existing
+from gonio.figures.legible import make_legible
 from gonio.figures.plots import PICTURES
 from gonio.figures.style import FAINT, HEIGHT, PALETTE, WIDTH, styled
 from gonio.models.errors import GonioError
@@ -38,7 +39,7 @@ def write_path(
         for ax, k, name in zip(panels, (0, 2), ("light", "detector"), strict=True):
             draw_path(ax, angles[k], angles[k + 1], seconds, name)
         fig.suptitle(title, fontsize=10)
-        fig.savefig(temporary, format=Path(output).suffix.lower()[1:])
+        make_legible(fig).savefig(temporary, format=Path(output).suffix.lower()[1:])
 
 
 def require_picture(output: str | os.PathLike[str], force: bool) -> None:

@@ -24,6 +24,7 @@ from gonio.data.subject import Subject, SubjectLike, resolve_subject
 from gonio.data.table import Table
 from gonio.figures import diagnostics, maps, readings, sampling, spheres, style
 from gonio.figures.diagnostics import AlbedoCurve, draw_albedo, draw_residual_histogram, draw_residual_map
+from gonio.figures.legible import make_legible
 from gonio.figures.lobes import Curve, draw_in_plane, draw_polar
 from gonio.figures.sampling import INCIDENCES, of_channel, plane_angles, plane_values
 from gonio.figures.style import HEIGHT, PALETTE, WIDTH, shades, styled
@@ -168,7 +169,7 @@ def write_lobe(expression: str, output: str | os.PathLike[str], force: bool = Fa
             draw_polar(ax, curves, log)
             ax.text(1.0, -0.06, scale, transform=ax.transAxes, va="top", ha="right", fontsize=9)
         fig.suptitle(expression, fontsize=10)
-        fig.savefig(temporary, format=ending[1:])
+        make_legible(fig).savefig(temporary, format=ending[1:])
 
 
 def thumbnail_svg(subject: SubjectLike) -> str:

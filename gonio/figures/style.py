@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gonio.figures.drawing_process import DRAWING
+from gonio.figures.legible import make_legible
 from gonio.models.deferred import deferred
 from gonio.text import sr_label
 
@@ -230,7 +231,7 @@ def _panel(
 
     fig = Figure(figsize=size, layout=PanelLayout(w_pad=0.03, h_pad=0.03), facecolor="none")
     draw(fig.add_subplot(facecolor="none"), *args, **options)
-    return fig
+    return make_legible(fig)
 
 
 def svg(fig: Figure, label: str) -> str:
