@@ -231,7 +231,7 @@ def command() -> NoReturn:
             f"gonio: this is a fault of gonio ({type(error).__name__}: {why}); please report it with the"
             " command and its files. GONIO_DEBUG=1 shows where it is.\n"
         )
-        raise SystemExit(INTERNAL_ERROR) from None
+        status = INTERNAL_ERROR
     _end(status)
 
 
@@ -244,13 +244,16 @@ def _end(status: int) -> NoReturn:
     if os.environ.get("GONIO_DEBUG"):
         raise SystemExit(status)
     try:
-        sys.stdout.flush()
+        if sys.stdout is not None:  # as it is where the caller closed it
+            sys.stdout.flush()
     except BrokenPipeError:
         status = CUT_OFF
     except OSError as error:
         with contextlib.suppress(OSError):
             sys.stderr.write(f"gonio: standard output: {error.strerror or error}.\n")
         status = 2
+    with contextlib.suppress(OSError, AttributeError):
+        sys.stderr.flush()
     os._exit(status)
 
 

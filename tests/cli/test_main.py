@@ -124,7 +124,11 @@ def test_a_fault_of_the_program_is_no_verdict(monkeypatch, capsys):
     def broken(argv=None):
         raise TypeError("two\nlines")
 
+    def leave(status):
+        raise SystemExit(status)
+
     monkeypatch.setattr(program, "main", broken)
+    monkeypatch.setattr(program.os, "_exit", leave)
     with pytest.raises(SystemExit) as left:
         program.command()
     assert left.value.code == 70
