@@ -52,6 +52,11 @@ def as_numbers(name: str, values: ArrayLike) -> np.ndarray:
         numbers = array.astype(np.float64)
         return np.where(np.ma.getmaskarray(values), np.nan, numbers) if np.ma.isMaskedArray(values) else numbers
     except (TypeError, ValueError):
+        if type(values).__module__.startswith("jax"):
+            raise GonioError(
+                f"{name} is traced by JAX, which can follow no NumPy array; inside jit, grad or vmap call "
+                "material.brdf.f with two of gonio.models.geometry.directions.Direction"
+            ) from None
         raise GonioError(f"{name} is no array of numbers; give numbers, or lists of one shape") from None
 
 

@@ -44,6 +44,9 @@ class Material(Displayed):
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", printable(self.name))
 
+    def __hash__(self) -> int:
+        return hash((self.name, self.expression))
+
     spelling = renamed_attribute("spelling", "expression")
 
     def f(

@@ -63,9 +63,9 @@ class Block(NamedTuple):
     """uint8, see `Flag`."""
 
 
-@dataclasses.dataclass(repr=False)
+@dataclasses.dataclass(repr=False, eq=False)
 class Table(Displayed):
-    """BRDF readings on a layout.
+    """BRDF readings on a layout; two tables are equal where they are the same object, as arrays have no one answer.
 
     Attributes:
         layout: where the cells are.

@@ -1,8 +1,11 @@
 """Materials: the reference set keeps its promises, files are read strictly and written back, names are found."""
 
+import copy
+import pickle
 import re
 import tomllib
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -213,3 +216,14 @@ def test_reference_files_are_plain_toml_without_surprises():
         data = tomllib.loads((REFERENCE_FOLDER / f"{name}.toml").read_text())
         assert data["gonio_material"] == 1
         assert data["source"]["text"]
+
+
+def test_copies_of_a_material_are_one_key():
+    material = load_material("lambert(rho=[0.1, 0.2]) + ggx(alpha=0.2)")
+    assert {material: 1}[copy.deepcopy(material)] == {material: 1}[pickle.loads(pickle.dumps(material))] == 1
+
+
+def test_a_traced_angle_is_told_how_to_trace():
+    material = load_material("lambert(rho=0.2)")
+    with pytest.raises(GonioError, match="traced by JAX"):
+        jax.grad(lambda theta: material.f(theta, 0.0, 0.4, 3.0)[0])(0.3)

@@ -1,5 +1,6 @@
 """The table: any range of its cells, counts and samples against plain NumPy on the whole arrays."""
 
+import copy
 import itertools
 
 import numpy as np
@@ -121,3 +122,8 @@ def test_a_table_shows_what_is_known_of_its_uncertainties(u_f, words):
     grid = layouts.isotropic([0.1], [0.2, 0.3], [0.0])
     uncertainty = None if u_f is None else np.full((*grid.shape, 1), u_f)
     assert words in repr(whole_table_of_values(grid, np.ones(grid.shape), u_f=uncertainty))
+
+
+def test_comparing_tables_has_one_answer():
+    table = random_table()
+    assert table == table and table != copy.deepcopy(table) and table in [copy.deepcopy(table), table]
