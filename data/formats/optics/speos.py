@@ -17,9 +17,9 @@ from gonio.data.files import stem
 from gonio.data.flags import Flag
 from gonio.data.formats.optics.angle_nodes import DIGITS, on_nodes
 from gonio.data.formats.optics.grid_words import all_zero_in_words, copied_pole
+from gonio.data.formats.optics.hemispherical_totals import grid_totals
 from gonio.data.formats.optics.speos_text import MOST_BLOCKS, SpeosBlock, SpeosText, read_speos_text
 from gonio.data.formats.optics.text_lines import MOST_VALUES
-from gonio.data.hemispherical_totals import grid_totals
 from gonio.data.layouts import Layout
 from gonio.data.table import COPIED, Table
 from gonio.models.errors import GonioError, one_line

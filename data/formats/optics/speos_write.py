@@ -9,9 +9,9 @@ from gonio.data.channels import Channels
 from gonio.data.files import new_file
 from gonio.data.flags import Flag
 from gonio.data.formats.optics.grid_source import FINE, GridSource
+from gonio.data.formats.optics.hemispherical_totals import grid_totals
 from gonio.data.formats.optics.speos import read_speos
 from gonio.data.formats.optics.zemax_write import checked_step, degrees, numbers
-from gonio.data.hemispherical_totals import grid_totals
 from gonio.data.layouts import Layout
 from gonio.data.material import Material
 from gonio.data.round_trip import RoundTrip

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gonio.data.formats.optics.grid_words import totals_in_words
-from gonio.data.hemispherical_totals import grid_totals
+from gonio.data.formats.optics.hemispherical_totals import grid_totals
 from gonio.data.table import Table
 from gonio.models.errors import GonioError
 

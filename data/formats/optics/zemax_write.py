@@ -8,8 +8,8 @@ from gonio.data.channels import Channels
 from gonio.data.files import new_file
 from gonio.data.flags import Flag
 from gonio.data.formats.optics.grid_source import GridSource, mirror_layout
+from gonio.data.formats.optics.hemispherical_totals import grid_totals
 from gonio.data.formats.optics.zemax import read_zemax
-from gonio.data.hemispherical_totals import grid_totals
 from gonio.data.material import Material
 from gonio.data.round_trip import RoundTrip
 from gonio.data.table import Table

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gonio.data.hemispherical_totals import grid_totals
+from gonio.data.formats.optics.hemispherical_totals import grid_totals
 
 POLAR, AZIMUTH = np.radians(np.arange(0, 91, 5.0)), np.radians(np.arange(0, 360, 20.0))
 
