@@ -124,6 +124,6 @@ def _below(z: float) -> float:
 
 def _exceeded(freedom: float, chi2: float) -> float:
     """Probability of a χ² above this one."""
-    from gonio.models.special_functions import chdtrc
+    from gonio.models.special.scipy_functions import chdtrc
 
     return float(chdtrc(freedom, chi2))

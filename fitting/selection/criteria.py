@@ -9,7 +9,7 @@ import dataclasses
 import numpy as np
 
 from gonio.models.geometry.directions import Direction
-from gonio.models.scipy_parts import parts
+from gonio.models.special.scipy_parts import parts
 
 BINS = 10
 LEAF = 8  # readings of one cluster; what farther ones share, cross-validation judges

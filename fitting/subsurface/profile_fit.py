@@ -27,7 +27,7 @@ from gonio.models.errors import GonioError
 from gonio.models.expression.builder import bssrdf_expression
 from gonio.models.expression.parser import Call, Value, parse_bssrdf
 from gonio.models.parameters import ParameterInfo, parameters_of
-from gonio.models.special_functions import chdtrc
+from gonio.models.special.scipy_functions import chdtrc
 from gonio.models.subsurface.base import ABSORPTION, MOST, SCATTERING
 from gonio.models.subsurface.catalog import BSSRDFS
 from gonio.models.subsurface.evaluation import totals

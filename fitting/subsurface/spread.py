@@ -10,7 +10,7 @@ from gonio.fitting.subsurface.profile_intervals import Interval, profile_interva
 from gonio.fitting.uncertainty.covariance import NORMAL_95, CovarianceEstimate
 from gonio.fitting.uncertainty.identifiability import describe_combination
 from gonio.fitting.uncertainty.profile_likelihood import is_open
-from gonio.models.special_functions import chdtrc, stdtrit
+from gonio.models.special.scipy_functions import chdtrc, stdtrit
 from gonio.models.subsurface.base import MOST
 
 LEVEL = 0.01

@@ -114,7 +114,7 @@ def _widened(e: Optimum, step: np.ndarray, freedom: int, within: float) -> tuple
         freedom: degrees of freedom of Student's quantile.
         within: variances for independent noise, so many times, that the jackknife holds beside its own.
     """
-    from gonio.models.special_functions import stdtrit
+    from gonio.models.special.scipy_functions import stdtrit
 
     number, lost = step.shape[0], ~np.isfinite(step).all(axis=0)
     step = np.where(lost, 0.0, step)

@@ -13,7 +13,7 @@ from gonio.data.channels import Channels
 from gonio.data.profile import Profile
 from gonio.models.display import percent
 from gonio.models.geometry.directions import from_spherical
-from gonio.models.special_functions import ndtri
+from gonio.models.special.scipy_functions import ndtri
 from gonio.models.subsurface.base import AbstractBSSRDF, Position
 from gonio.models.subsurface.evaluation import evaluated, totals
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gonio.models.special_functions import stdtrit
+from gonio.models.special.scipy_functions import stdtrit
 
 COVERAGE = 2.0
 """k of the expanded uncertainty: 95.45 % of a normal distribution."""

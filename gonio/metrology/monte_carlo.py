@@ -18,7 +18,7 @@ from gonio.metrology.measurands import TableMeasurands
 from gonio.metrology.sources import Noise, Sources
 from gonio.metrology.table_budget import aperture_shift
 from gonio.models.errors import GonioError
-from gonio.models.special_functions import ndtri
+from gonio.models.special.scipy_functions import ndtri
 
 FEWEST, MOST = 100, 1_000_000
 TAIL = (1 - LEVEL) / 2

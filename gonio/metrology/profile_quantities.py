@@ -25,7 +25,7 @@ from gonio.metrology.subsurface_quantities import (
     subsurface_quantities,
 )
 from gonio.models.errors import GonioError
-from gonio.models.special_functions import ndtri
+from gonio.models.special.scipy_functions import ndtri
 
 LEVEL = 0.01
 """Chance of counting noise as light."""

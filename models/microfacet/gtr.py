@@ -7,12 +7,12 @@ import jax
 import jax.numpy as jnp
 
 from gonio.models.brdf import Channels, Direction, ParameterInfo, Sample, Scalar, parameter
-from gonio.models.exprel import exprel
 from gonio.models.geometry.directions import reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import mirrored_pdf
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet.distributions import ggx_cos_1_plus_2_lambda, ggx_cos_over_g1
+from gonio.models.special.exprel import exprel
 from gonio.models.warps.radial_laws import horizon_law
 
 GAMMA = ParameterInfo(

@@ -11,7 +11,7 @@ import numpy as np
 
 from gonio.models.arrays import Scalar
 from gonio.models.errors import GonioError
-from gonio.models.exprel import exprel
+from gonio.models.special.exprel import exprel
 
 
 def abc_density(f2: Scalar, a: Scalar, b: Scalar, c: Scalar) -> Scalar:

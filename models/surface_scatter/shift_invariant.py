@@ -6,7 +6,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from gonio.models.brdf import AbstractBRDF, Direction, Sample, Scalar
-from gonio.models.exprel import exprel
+from gonio.models.special.exprel import exprel
 from gonio.models.warps.direction_cosines import (
     disc_direction,
     disc_jacobian,

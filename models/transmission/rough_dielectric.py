@@ -25,12 +25,12 @@ from gonio.models.geometry.directions import dot, reflect
 from gonio.models.geometry.guards import positive
 from gonio.models.geometry.half_vector import half_angles
 from gonio.models.geometry.horizon import EVERYWHERE, TWO_SIDED, Hemispheres, same_side, turned_over
-from gonio.models.log_beta import log_beta
 from gonio.models.microfacet import base as mf
 from gonio.models.microfacet import distributions as slopes
 from gonio.models.microfacet.beckmann import Beckmann
 from gonio.models.microfacet.ggx import GGX
 from gonio.models.microfacet.widths import LAST_SLOPE, along_axes
+from gonio.models.special.log_beta import log_beta
 from gonio.models.warps.refraction import refraction_ray
 
 ETA = ParameterInfo(

@@ -22,7 +22,7 @@ from gonio.checks.table.statistics.pair_noise import Regions, noise_of_pairs
 from gonio.checks.table.statistics.quantiles import median
 from gonio.checks.table.statistics.shared_differences import least_shared
 from gonio.models.display import percent
-from gonio.models.special_functions import stdtrit
+from gonio.models.special.scipy_functions import stdtrit
 
 ENOUGH = 0.1
 MOST_UNCOVERED = 0.05

@@ -16,7 +16,7 @@ from gonio.models.evaluation import evaluate, evaluate_in_blocks
 from gonio.models.expression.builder import build
 from gonio.models.fresnel import fresnel_dielectric_inside
 from gonio.models.geometry.directions import from_spherical
-from gonio.models.log_beta import log_beta
+from gonio.models.special.log_beta import log_beta
 from gonio.models.transmission.rough_dielectric import RoughDielectric, RoughReflection, RoughRefraction
 from gonio.stability.samplers import count_and_expect, p_value
 from gonio.stability.values_and_gradients import value_cells

@@ -9,7 +9,7 @@ correction of Daniels 1987].
 import numpy as np
 
 from gonio.checks.table.statistics.cumulants import Generating, standard_counts, tilts
-from gonio.models.special_functions import exprel, gammainc, log_ndtr, ndtr, ndtri
+from gonio.models.special.scipy_functions import exprel, gammainc, log_ndtr, ndtr, ndtri
 
 LIKELY = 2.5
 """Differences of fewer standard deviations take the normal tail."""

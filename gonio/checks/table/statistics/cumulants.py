@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gonio.models.special_functions import exprel
+from gonio.models.special.scipy_functions import exprel
 
 STEPS = 100
 """Five or six are usual, 50 the most that are needed."""

@@ -15,7 +15,7 @@ from gonio.checks.table.statistics.counts import (
     family_p,
     sidak,
 )
-from gonio.models.special_functions import ndtr
+from gonio.models.special.scipy_functions import ndtr
 
 SizesOfPairs = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """What one count adds to readings a and b, 1/sr, of pairs of these numbers."""

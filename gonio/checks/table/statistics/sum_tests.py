@@ -6,7 +6,7 @@ import numpy as np
 
 from gonio.checks.table.statistics.counts import FARTHEST, normal_p
 from gonio.checks.table.statistics.cumulants import Generating, standard_counts, tilts
-from gonio.models.special_functions import ndtr
+from gonio.models.special.scipy_functions import ndtr
 
 COARSE = 0.1
 """Standard deviations of a sum that one count makes, above which its tail has steps."""

@@ -1,6 +1,6 @@
 """SciPy's special functions of NumPy arrays."""
 
-from gonio.models.scipy_parts import parts
+from gonio.models.special.scipy_parts import parts
 
 NAMES = ("chdtrc", "exprel", "gammainc", "log_ndtr", "ndtr", "ndtri", "stdtrit")
 

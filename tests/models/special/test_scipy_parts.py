@@ -5,8 +5,8 @@ import sys
 
 ALONE = """
 import sys
-from gonio.models import special_functions as part
-from gonio.models.scipy_parts import parts
+from gonio.models.special import scipy_functions as part
+from gonio.models.special.scipy_parts import parts
 assert "scipy.special" not in sys.modules
 import scipy.special as whole
 assert all(getattr(part, name) is getattr(whole, name) for name in part.NAMES)

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 from scipy import special
 
-from gonio.models.exprel import exprel
+from gonio.models.special.exprel import exprel
 
 
 def test_it_and_its_slope_are_those_of_the_function_everywhere():
